@@ -1,0 +1,76 @@
+# Needs Python 3.11 or later and make; with cargo present the inner loops are compiled.
+
+PYTHON ?= python3
+PYTEST_FLAGS ?= -n auto
+
+VENV := .venv
+BIN := $(VENV)/bin
+# Without the build backend's warnings about editable installs.
+INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+CARGO := $(shell command -v cargo 2>/dev/null)
+MANIFEST := --manifest-path kernels/Cargo.toml
+SOURCES := pyproject.toml constraints.txt kernels/Cargo.toml kernels/Cargo.lock $(wildcard kernels/src/*.rs)
+SAY_KERNEL := $(BIN)/python -c "import pricing_core; print('kernel:', pricing_core.kernel_name())"
+
+# cargo and the build backend must agree on the interpreter, or each would recompile the other's work.
+export PYO3_PYTHON := $(abspath $(BIN)/python)
+
+.PHONY: help demo test lint nightly lock clean
+.DEFAULT_GOAL := help
+
+help:  ## show this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+demo: $(VENV)/.installed  ## price the example book and draw an exercise boundary
+	$(BIN)/python examples/demo.py
+
+test: $(VENV)/.installed-for-tests  ## run the Rust tests (with cargo), the Python tests and the doctests
+ifneq ($(CARGO),)
+	cargo test --quiet --locked $(MANIFEST)
+endif
+	$(BIN)/python -m pytest $(PYTEST_FLAGS)
+
+lint: $(VENV)/.installed-for-tests  ## check style, types and the import contract
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+ifneq ($(CARGO),)
+	cargo fmt $(MANIFEST) --check
+	cargo clippy --quiet --locked $(MANIFEST) --all-targets -- --deny warnings
+	cargo clippy --quiet --locked $(MANIFEST) --all-targets --features python -- --deny warnings
+endif
+
+nightly: $(VENV)/.installed-for-tests  ## run the long accuracy tests
+	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m nightly
+
+lock:  ## write constraints.txt anew: the newest versions that pyproject.toml allows
+	scratch=$$(mktemp -d) && trap 'rm -rf "$$scratch"' EXIT && \
+	$(PYTHON) -m venv "$$scratch" && \
+	"$$scratch/bin/python" -m pip install --quiet --upgrade pip && \
+	"$$scratch/bin/python" -m pip install --quiet --editable '.[test]' 'setuptools>=77,<84' 'setuptools-rust>=1.11,<2' && \
+	{ echo '# Exact versions of everything that is installed; written by `make lock`.'; \
+	  "$$scratch/bin/python" -m pip freeze --all --exclude-editable; } > "$$scratch/constraints.txt" && \
+	mv "$$scratch/constraints.txt" constraints.txt
+
+clean:  ## remove the virtual environment and everything that was built or written
+	rm -rf $(VENV) build dist *.egg-info kernels/target examples/out
+	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -f pricing_core/_kernels*.so
+	find app benchmarks examples pricing_core tests -name __pycache__ -prune -exec rm -rf {} +
+
+# The build tools are pinned too: hence no build isolation.
+$(VENV)/.build-tools: constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(INSTALL) pip setuptools setuptools-rust
+	touch $@
+
+$(VENV)/.installed: $(VENV)/.build-tools $(SOURCES)
+	$(INSTALL) --no-build-isolation --editable .
+	@$(SAY_KERNEL)
+	touch $@
+
+$(VENV)/.installed-for-tests: $(VENV)/.build-tools $(SOURCES)
+	$(INSTALL) --no-build-isolation --editable '.[test]'
+	@$(SAY_KERNEL)
+	touch $(VENV)/.installed $@

@@ -1,0 +1,6 @@
+"""American options and the linear complementarity systems beneath them."""
+
+from pricing_core.kernel import kernel_name
+from pricing_core.version import ENGINE_VERSION as __version__
+
+__all__ = ["__version__", "kernel_name"]
