@@ -1,0 +1,87 @@
+"""The kernel's functions in plain Python and NumPy: the readable reference and the oracle of its tests."""
+
+import numpy as np
+
+from pricing_core.arrays import Vector
+
+
+def brennan_schwartz(
+    lower: Vector, diagonal: Vector, upper: Vector, q: Vector, contact_first: bool
+) -> Vector:
+    """Return z from one elimination and one projected substitution of 0 <= z _|_ Mz + q >= 0.
+
+    M is tridiagonal with bands `lower` (n - 1,), `diagonal` (n,), `upper` (n - 1,). With
+    `contact_first`, elimination runs from the last row to the first and substitution with
+    max(0, .) from the first to the last: exact for an M-matrix iff z = 0 on one run of indices
+    that starts at index 0 (or nowhere). Otherwise the mirror image. Never above the solution.
+
+    Raises
+    ------
+    ZeroDivisionError
+        A pivot is zero; it cannot be for an M-matrix.
+
+    Examples
+    --------
+    >>> minus_one, two = np.array([-1.0]), np.array([2.0, 2.0])
+    >>> brennan_schwartz(minus_one, two, minus_one, np.array([1.0, -1.0]), True)
+    array([0. , 0.5])
+    """
+    if not contact_first:
+        return brennan_schwartz(upper[::-1], diagonal[::-1], lower[::-1], q[::-1], True)[::-1].copy()
+    # Lists of Python floats: a sequential loop over NumPy scalars is several times slower.
+    below, d, above, c = lower.tolist(), diagonal.tolist(), upper.tolist(), q.tolist()
+    n = len(d)
+    for i in range(n - 2, -1, -1):
+        m = above[i] / d[i + 1]
+        d[i] -= m * below[i]
+        c[i] -= m * c[i + 1]
+    z = [0.0] * n
+    for i in range(n):
+        residual = c[i] + below[i - 1] * z[i - 1] if i else c[i]
+        z[i] = max(-residual / d[i], 0.0)  # in this order NaN stays NaN
+    return np.array(z)
+
+
+def projected_sor(
+    lower: Vector,
+    diagonal: Vector,
+    upper: Vector,
+    q: Vector,
+    z: Vector,
+    relaxation: float,
+    tolerance: float,
+    max_sweeps: int,
+) -> tuple[Vector, int]:
+    """Return (z, sweeps): Gauss-Seidel sweeps with projection inside until |change|_inf <= tolerance.
+
+    sweeps is max_sweeps + 1 where the limit was reached without convergence.
+
+    Raises
+    ------
+    ZeroDivisionError
+        A diagonal entry is zero.
+
+    Examples
+    --------
+    >>> one = np.array([1.0])
+    >>> projected_sor(one[:0], 2.0 * one, one[:0], -4.0 * one, 0.0 * one, 1.0, 1e-12, 9)
+    (array([2.]), 2)
+    """
+    below, d, above, c = lower.tolist(), diagonal.tolist(), upper.tolist(), q.tolist()
+    x = z.tolist()
+    n = len(d)
+    for sweep in range(1, max_sweeps + 1):
+        settled = True
+        for i in range(n):
+            row = c[i]
+            if i > 0:
+                row += below[i - 1] * x[i - 1]
+            row += d[i] * x[i]
+            if i < n - 1:
+                row += above[i] * x[i + 1]
+            new = max(x[i] - relaxation * (row / d[i]), 0.0)
+            settled &= abs(new - x[i]) <= tolerance  # False for NaN
+            x[i] = new
+        if settled:
+            return np.array(x), sweep
+    return np.array(x), max_sweeps + 1
