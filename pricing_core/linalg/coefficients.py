@@ -1,0 +1,73 @@
+"""A square matrix in any of three storages: dense array, sparse rows, tridiagonal bands."""
+
+from typing import TypeAlias, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_array, issparse
+
+from pricing_core.arrays import Matrix, Vector, as_square_matrix
+from pricing_core.errors import InvalidInputError
+from pricing_core.linalg.tridiagonal import Tridiagonal
+
+Coefficients: TypeAlias = Matrix | csr_array | Tridiagonal
+
+
+def as_coefficients(field: str, M: object) -> Coefficients:
+    """Return M as a read-only array, as a `csr_array` of its own, or the Tridiagonal it is.
+
+    Parameters
+    ----------
+    field : str
+        Name of the argument in the error.
+    M : array_like (n, n), scipy.sparse matrix or array (n, n), or Tridiagonal
+
+    Raises
+    ------
+    InvalidInputError
+        M is not square, or an entry is not a finite real number.
+    """
+    if isinstance(M, Tridiagonal):
+        return M
+    if not issparse(M):
+        return as_square_matrix(field, cast(ArrayLike, M))
+    sparse = cast(csr_array, M)
+    if sparse.dtype.kind not in "fiu" or sparse.ndim != 2 or sparse.shape[0] != sparse.shape[1]:
+        raise InvalidInputError(
+            field, f"a {sparse.dtype} matrix of shape {sparse.shape}", "square, of real numbers"
+        )
+    own: csr_array = sparse.tocsr().astype(np.float64, copy=True)
+    own = csr_array(own)
+    own.sum_duplicates()
+    if not np.isfinite(own.data).all():
+        raise InvalidInputError(field, M, "finite")
+    return own
+
+
+def dense(M: Coefficients) -> Matrix:
+    """Return the matrix as an array, shape (n, n)."""
+    if isinstance(M, Tridiagonal):
+        return M.dense()
+    return np.asarray(M.toarray()) if isinstance(M, csr_array) else M
+
+
+def absolute(M: Coefficients) -> Coefficients:
+    """Return the entrywise absolute value, in the same storage."""
+    if isinstance(M, Tridiagonal):
+        return Tridiagonal(np.abs(M.lower), np.abs(M.diagonal), np.abs(M.upper))
+    return csr_array(abs(M)) if isinstance(M, csr_array) else np.abs(M)
+
+
+def diagonal_of(M: Coefficients) -> Vector:
+    """Return the diagonal, shape (n,)."""
+    return M.diagonal if isinstance(M, Tridiagonal) else np.asarray(M.diagonal())
+
+
+def off_diagonal_entries(M: Coefficients) -> Vector:
+    """Return the stored entries off the diagonal, in no particular order, shape (m,)."""
+    if isinstance(M, Tridiagonal):
+        return np.concatenate([M.lower, M.upper])
+    if isinstance(M, csr_array):
+        rows = np.repeat(np.arange(M.shape[0]), np.diff(M.indptr))
+        return np.asarray(M.data[rows != M.indices])
+    return M[~np.eye(M.shape[0], dtype=np.bool_)]

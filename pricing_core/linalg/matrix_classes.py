@@ -1,0 +1,241 @@
+"""Matrix classes of complementarity theory: Z, M, H+, positive definite and P, with certificates.
+
+Source of the definitions: Cottle, Pang, Stone 1992, chapter 3; Berman and Plemmons 1994, chapter 6.
+"""
+
+from fractions import Fraction
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import splu
+
+from pricing_core.arrays import IndexSet, Matrix, Vector
+from pricing_core.errors import IterationLimitError, NumericalError
+from pricing_core.linalg.coefficients import (
+    Coefficients,
+    absolute,
+    as_coefficients,
+    dense,
+    diagonal_of,
+    off_diagonal_entries,
+)
+from pricing_core.linalg.tridiagonal import Tridiagonal
+
+LARGEST_P_ORDER = 20  # 2**n Schur complements are formed beyond the quick tests
+EPSILON = float(np.finfo(np.float64).eps)
+DOUBTFUL = 1e-10  # pivots this small relative to 1 are decided in rational arithmetic
+
+
+def is_z_matrix(M: object) -> bool:
+    """Tell whether no entry off the diagonal is positive."""
+    return not (off_diagonal_entries(as_coefficients("M", M)) > 0.0).any()
+
+
+def is_m_matrix(M: object) -> bool:
+    """Tell whether M is a nonsingular M-matrix: a Z-matrix with an x > 0 for which M x > 0.
+
+    Parameters
+    ----------
+    M : array_like (n, n), sparse (n, n) or Tridiagonal
+        Cost: one linear system in its storage. A matrix singular to within rounding counts as no M-matrix.
+
+    Examples
+    --------
+    >>> is_m_matrix([[2.0, -1.0], [-1.0, 2.0]]), is_m_matrix([[1.0, -1.0], [-1.0, 1.0]])
+    (True, False)
+    """
+    A = as_coefficients("M", M)
+    return is_z_matrix(A) and semipositivity_vector(A) is not None
+
+
+def is_h_plus_matrix(M: object) -> bool:
+    """Tell whether the diagonal is positive and 2 diag(M) - |M| is a nonsingular M-matrix.
+
+    Examples
+    --------
+    >>> is_h_plus_matrix([[2.0, 1.0], [-1.0, 2.0]]), is_h_plus_matrix([[1.0, 2.0], [-1.0, 1.0]])
+    (True, False)
+    """
+    A = as_coefficients("M", M)
+    return bool((diagonal_of(A) > 0.0).all()) and semipositivity_vector(_comparison(A)) is not None
+
+
+def semipositivity_vector(M: object) -> Vector | None:
+    """Return x > 0 with M x > 0, found as M^-1 diag(M) for a Z-matrix with positive diagonal, or None.
+
+    For a Z-matrix such an x exists iff M is a nonsingular M-matrix. M x > 0 is accepted only beyond the
+    rounding error of the product.
+
+    Examples
+    --------
+    >>> semipositivity_vector([[2.0, -1.0], [-1.0, 2.0]])
+    array([2., 2.])
+    """
+    A = as_coefficients("M", M)
+    diagonal = diagonal_of(A)
+    if not (diagonal > 0.0).all():
+        return None
+    x = _solution(A, diagonal)
+    if x is None or not (np.isfinite(x) & (x > 0.0)).all():
+        return None
+    rounding = 8.0 * EPSILON * np.asarray(absolute(A) @ x)
+    return x if (np.asarray(A @ x) > rounding).all() else None
+
+
+def is_positive_definite(M: object) -> bool:
+    """Tell whether x^T M x > 0 for all x != 0: M need not be symmetric.
+
+    The symmetric part, scaled to a unit diagonal, must have its smallest eigenvalue above n eps. Cost:
+    O(n**3).
+
+    Examples
+    --------
+    >>> is_positive_definite([[1.0, -1.0], [1.0, 1.0]]), is_positive_definite([[1.0, 2.0], [2.0, 1.0]])
+    (True, False)
+    """
+    A = dense(as_coefficients("M", M))
+    diagonal = np.diagonal(A)
+    if not (diagonal > 0.0).all():
+        return False
+    scale = 1.0 / np.sqrt(diagonal)
+    symmetric = 0.5 * scale[:, None] * (A + A.T) * scale
+    smallest = float(np.min(np.linalg.eigvalsh(symmetric), initial=1.0))
+    return smallest > 4.0 * len(A) * EPSILON
+
+
+def is_p_matrix(M: object) -> bool:
+    """Tell whether every principal minor is positive; then M z + q has exactly one LCP solution for every q.
+
+    Raises
+    ------
+    IterationLimitError
+        n > 20 and none of the quick tests decides.
+
+    Notes
+    -----
+    Cost and source: see `p_matrix_violation`.
+
+    Examples
+    --------
+    >>> is_p_matrix([[1.0, -2.0], [2.0, 1.0]]), is_p_matrix([[1.0, 2.0], [2.0, 1.0]])
+    (True, False)
+    """
+    return p_matrix_violation(M) is None
+
+
+def p_matrix_violation(M: object) -> IndexSet | None:
+    """Return indices of a principal minor that is not positive, or None where M is a P-matrix.
+
+    Quick answers come from the diagonal, the minors of order 2, and the positive definite and H+ classes (all
+    P). The rest is decided by the recursion "A is P iff a_11 > 0, and A without its first row and column and
+    A / a_11 (Schur complement) are P", on all branches of one level at a time.
+
+    Parameters
+    ----------
+    M : array_like (n, n), sparse (n, n) or Tridiagonal
+        The recursion forms 2**n pivots; n <= 20 (about a second). Pivots below 1e-10 of the diagonal are
+        decided by an exact determinant.
+
+    Raises
+    ------
+    IterationLimitError
+        n > 20 and none of the quick tests decides.
+
+    Notes
+    -----
+    Source: Tsatsomeros and Li 2000, A recursive test for P-matrices.
+
+    Examples
+    --------
+    >>> p_matrix_violation([[1.0, 2.0, 0.0], [0.0, 1.0, 2.0], [2.0, 0.0, 1.0]]) is None
+    True
+    >>> p_matrix_violation([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 1.0, 1.0]])
+    (1, 2)
+    """
+    A = dense(as_coefficients("M", M))
+    small = _small_violation(A)
+    if small is not None:
+        return small
+    if is_positive_definite(A) or is_h_plus_matrix(A):
+        return None
+    if len(A) > LARGEST_P_ORDER:
+        raise IterationLimitError(
+            f"no quick test decides whether this matrix is P, and 2**{len(A)} minors are too many: "
+            f"the largest order for that is {LARGEST_P_ORDER}"
+        )
+    return _violation_by_schur_complements(A)
+
+
+def _small_violation(A: Matrix) -> IndexSet | None:
+    """Return a minor of order 1 or 2 that is not positive."""
+    diagonal = np.diagonal(A)
+    if (diagonal <= 0.0).any():
+        return (int(np.argmax(diagonal <= 0.0)),)
+    scaled = _unit_diagonal(A)
+    rows, columns = np.nonzero(np.triu(scaled * scaled.T >= 1.0 - DOUBTFUL, 1))
+    for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
+        if _exact_determinant(A[np.ix_((i, j), (i, j))]) <= 0:
+            return i, j
+    return None
+
+
+def _violation_by_schur_complements(A: Matrix) -> IndexSet | None:
+    n = len(A)
+    complements = _unit_diagonal(A)[None]  # (branches, n - k, n - k): A / A_SS without the rows before k
+    chosen = np.zeros((1, n), dtype=np.bool_)  # the index set S of each branch
+    for k in range(n):
+        # The pivot of j in the branch of S is det A_{S+j} / det A_SS.
+        pivots = np.diagonal(complements, axis1=1, axis2=2)
+        for branch, j in np.argwhere(pivots <= DOUBTFUL).tolist():
+            minor = (*np.flatnonzero(chosen[branch]).tolist(), k + j)
+            if pivots[branch, j] < -DOUBTFUL or _exact_determinant(A[np.ix_(minor, minor)]) <= 0:
+                return minor
+        column, row = complements[:, 1:, :1], complements[:, :1, 1:]
+        rest = complements[:, 1:, 1:]
+        complements = np.concatenate([rest, rest - column / pivots[:, :1, None] * row])
+        with_k = chosen.copy()
+        with_k[:, k] = True
+        chosen = np.concatenate([chosen, with_k])
+    return None
+
+
+def _unit_diagonal(A: Matrix) -> Matrix:
+    """Return D A D with D = diag(A)^(-1/2): the same signs of all principal minors."""
+    scale = 1.0 / np.sqrt(np.diagonal(A))
+    return np.asarray(scale[:, None] * A * scale)
+
+
+def _exact_determinant(A: Matrix) -> Fraction:
+    """Return the determinant of the floating-point matrix in rational arithmetic."""
+    rows = [[Fraction(v) for v in row] for row in A.tolist()]
+    determinant = Fraction(1)
+    while rows:
+        pivot = next((i for i, row in enumerate(rows) if row[0]), None)
+        if pivot is None:
+            return Fraction()
+        first = rows.pop(pivot)
+        determinant *= first[0] if pivot % 2 == 0 else -first[0]
+        rows = [[v - row[0] / first[0] * u for u, v in zip(first[1:], row[1:], strict=True)] for row in rows]
+    return determinant
+
+
+def _comparison(A: Coefficients) -> Coefficients:
+    """Return 2 diag(A) - |A| for a matrix with positive diagonal."""
+    if isinstance(A, Tridiagonal):
+        return Tridiagonal(-np.abs(A.lower), A.diagonal, -np.abs(A.upper))
+    if isinstance(A, csr_array):
+        comparison = -abs(A)
+        comparison.setdiag(A.diagonal())
+        return csr_array(comparison)
+    return np.where(np.eye(len(A), dtype=np.bool_), A, -np.abs(A))
+
+
+def _solution(A: Coefficients, b: Vector) -> Vector | None:
+    try:
+        if isinstance(A, Tridiagonal):
+            return A.solve(b)
+        if isinstance(A, csr_array):
+            return np.asarray(splu(A.tocsc()).solve(b))
+        return np.asarray(np.linalg.solve(A, b))
+    except (np.linalg.LinAlgError, NumericalError, RuntimeError):
+        return None
