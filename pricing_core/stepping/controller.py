@@ -1,0 +1,157 @@
+"""Step-size controllers: from the error of the last steps to the size of the next.
+
+Source: Hairer and Wanner, Solving ODEs II, IV.2; the PI exponents are Gustafsson's, (0.7, 0.4)/(p + 1).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pricing_core.arrays import Vector
+from pricing_core.errors import InvalidInputError, NumericalError
+
+SAFETY = 0.9
+LARGEST_GROWTH = 4.0
+LARGEST_CUT = 0.1
+PI_INTEGRAL, PI_PROPORTIONAL = 0.7, 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """Whether to keep a step, the size of the next one, and the scaled error (1 is the limit)."""
+
+    accept: bool
+    next_h: float
+    scaled_error: float
+
+
+class StepSizeController(Protocol):
+    """Chooses step sizes."""
+
+    def first_h(self, span: float) -> float:
+        """Return the first step for an interval of length `span`."""
+        ...
+
+    def decide(self, value: Vector, error: Vector | None, h: float, order: int, previous: float) -> Decision:
+        """Judge a step of size h; `previous` is the scaled error of the last accepted step."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class FixedStep:
+    """Always h; with h = inf the stop times alone are the steps."""
+
+    h: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not self.h > 0:
+            raise InvalidInputError("h", self.h, "a number > 0")
+
+    def first_h(self, span: float) -> float:
+        """Return h."""
+        return self.h
+
+    def decide(self, value: Vector, error: Vector | None, h: float, order: int, previous: float) -> Decision:
+        """Accept."""
+        return Decision(True, self.h, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class IController:
+    """The elementary controller: h_next = h * safety * error**(-1/(p + 1)).
+
+    The error is scaled by atol + rtol |value|, in the largest component.
+
+    Parameters
+    ----------
+    rtol, atol : float or Vector
+        Relative and absolute tolerance per step.
+    start : float
+        First step as a fraction of the interval.
+    """
+
+    rtol: float = 1e-4
+    atol: ArrayLike = 1e-7
+    start: float = 1e-4
+
+    def __post_init__(self) -> None:
+        check_tolerances(self.rtol, self.atol, self.start)
+
+    def first_h(self, span: float) -> float:
+        """Return the first step."""
+        return self.start * span
+
+    def decide(self, value: Vector, error: Vector | None, h: float, order: int, previous: float) -> Decision:
+        """Accept where the scaled error is at most 1."""
+        scaled = scaled_error(value, error, self.rtol, self.atol)
+        return Decision(
+            scaled <= 1.0, h * limited(scaled ** (-1.0 / (order + 1)) if scaled else math.inf), scaled
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PIController:
+    """The proportional-integral controller: smoother step sizes, fewer rejections.
+
+    h_next = h * safety * error**(-0.7/(p + 1)) * previous_error**(0.4/(p + 1)); after a rejection as
+    `IController`.
+    """
+
+    rtol: float = 1e-4
+    atol: ArrayLike = 1e-7
+    start: float = 1e-4
+
+    def __post_init__(self) -> None:
+        check_tolerances(self.rtol, self.atol, self.start)
+
+    def first_h(self, span: float) -> float:
+        """Return the first step."""
+        return self.start * span
+
+    def decide(self, value: Vector, error: Vector | None, h: float, order: int, previous: float) -> Decision:
+        """Accept where the scaled error is at most 1."""
+        scaled = scaled_error(value, error, self.rtol, self.atol)
+        accept = scaled <= 1.0
+        if scaled == 0.0:
+            factor = math.inf
+        elif accept and previous > 0.0:
+            factor = (scaled**-PI_INTEGRAL * previous**PI_PROPORTIONAL) ** (1.0 / (order + 1))
+        else:
+            factor = scaled ** (-1.0 / (order + 1))
+        return Decision(accept, h * limited(factor), scaled)
+
+
+def scaled_error(value: Vector, error: Vector | None, rtol: float, atol: ArrayLike) -> float:
+    """Return max |error| / (atol + rtol |value|).
+
+    Raises
+    ------
+    NumericalError
+        The method gives no error estimate: wrap it in `StepDoubling`.
+    """
+    if error is None:
+        raise NumericalError(
+            "an adaptive controller needs an error estimate: wrap the method in StepDoubling"
+        )
+    if error.size == 0:
+        return 0.0
+    scaled = float(np.max(np.abs(error) / (np.asarray(atol) + rtol * np.abs(value))))
+    return scaled if math.isfinite(scaled) else 1e30  # an overflowing step is rejected, not accepted
+
+
+def limited(factor: float) -> float:
+    """Return the growth factor with the safety factor applied, between a tenth and four."""
+    return min(LARGEST_GROWTH, max(LARGEST_CUT, SAFETY * factor))
+
+
+def check_tolerances(rtol: float, atol: ArrayLike, start: float) -> None:
+    """Raise InvalidInputError unless rtol >= 0, atol > 0 and 0 < start <= 1."""
+    if not 0 <= rtol < math.inf:
+        raise InvalidInputError("rtol", rtol, "a finite number >= 0")
+    if not np.all(np.asarray(atol) > 0):
+        raise InvalidInputError("atol", atol, "> 0")
+    if not 0 < start <= 1:
+        raise InvalidInputError("start", start, "a fraction of the interval, > 0 and <= 1")

@@ -1,0 +1,74 @@
+"""One-step methods built on one implicit stage, value = base + h F(t, value), whatever solves it."""
+
+import math
+from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from pricing_core.arrays import Vector
+from pricing_core.stepping.method import Step
+
+SDIRK2_THETA = 1.0 - math.sqrt(0.5)
+
+
+class HasValue(Protocol):
+    """A state whose differential part is an array."""
+
+    @property
+    def value(self) -> Vector:
+        """The differential part; linear combinations of it make sense."""
+        ...
+
+
+ImplicitState = TypeVar("ImplicitState", bound=HasValue)
+
+
+class ImplicitStage(Protocol[ImplicitState]):
+    """Solves value = base + h F(t, value), constraints at t included."""
+
+    def solve(self, t: float, base: Vector, h: float, near: ImplicitState) -> ImplicitState:
+        """Return the state at t; `near` is a recent one, for warm starts."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ImplicitEuler(Generic[ImplicitState]):
+    """y+ = y + h F(t + h, y+): order 1, L-stable; a state off the constraints is carried onto them."""
+
+    stage: ImplicitStage[ImplicitState]
+
+    @property
+    def order(self) -> int:
+        """1."""
+        return 1
+
+    def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
+        """Go from t to t + h."""
+        end = self.stage.solve(t + h, state.value, h, state)
+        return Step(end, np.ravel(end.value))
+
+
+@dataclass(frozen=True, slots=True)
+class Sdirk2(Generic[ImplicitState]):
+    """The two-stage singly diagonally implicit Runge-Kutta method of order 2 (Alexander 1977).
+
+    theta = 1 - 1/sqrt(2): y1 = y + theta h F(y1), y+ = y + (1 - theta) h F(y1) + theta h F(y+). L-stable and
+    stiffly accurate: the new state satisfies the constraints at t + h. h F(y1) is (y1 - y)/theta, so F is
+    never evaluated. It must start on the constraints: the first stage would carry a jump 2.4 times too far
+    into the second.
+    """
+
+    stage: ImplicitStage[ImplicitState]
+
+    @property
+    def order(self) -> int:
+        """2."""
+        return 2
+
+    def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
+        """Go from t to t + h."""
+        first = self.stage.solve(t + SDIRK2_THETA * h, state.value, SDIRK2_THETA * h, state)
+        base = state.value + (1.0 - SDIRK2_THETA) / SDIRK2_THETA * (first.value - state.value)
+        end = self.stage.solve(t + h, base, SDIRK2_THETA * h, first)
+        return Step(end, np.ravel(end.value))
