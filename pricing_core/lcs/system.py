@@ -1,0 +1,124 @@
+"""The linear complementarity system and its piecewise constant inputs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pricing_core.arrays import Matrix, Vector, as_matrix, as_square_matrix, as_vector
+from pricing_core.errors import InvalidInputError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PiecewiseConstant:
+    """A vector that changes only at given times: values[i] holds up to times[i], the last one for ever.
+
+    Parameters
+    ----------
+    times : array_like, shape (m,)
+        Increasing.
+    values : array_like, shape (m, n) or (m,)
+
+    Examples
+    --------
+    >>> step = PiecewiseConstant([1.0, 2.0], [[0.0], [5.0]])
+    >>> step.after(0.5), step.after(1.0), step.after(9.0)
+    (array([0.]), array([5.]), array([5.]))
+    """
+
+    times: Vector  # (m,)
+    values: Matrix  # (m, n)
+
+    def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
+        knots = as_vector("times", times)
+        if knots.size == 0 or np.any(np.diff(knots) <= 0):
+            raise InvalidInputError("times", times, "a non-empty increasing vector")
+        rows = np.asarray(values)
+        table = as_matrix("values", rows[:, None] if rows.ndim == 1 else rows)
+        if table.shape[0] != knots.size:
+            raise InvalidInputError(
+                "values", f"{table.shape[0]} rows", f"one row for each of the {knots.size} times"
+            )
+        object.__setattr__(self, "times", knots)
+        object.__setattr__(self, "values", table)
+
+    def after(self, t: float) -> Vector:
+        """Return the value that holds just after t, shape (n,)."""
+        index = min(int(np.searchsorted(self.times, t, side="right")), self.times.size - 1)
+        return np.asarray(self.values[index])
+
+    def before(self, t: float) -> Vector:
+        """Return the value that holds just before t, shape (n,)."""
+        index = min(int(np.searchsorted(self.times, t, side="left")), self.times.size - 1)
+        return np.asarray(self.values[index])
+
+    @property
+    def jumps(self) -> Vector:
+        """The times at which the value changes."""
+        return self.times[:-1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LCS:
+    """x' = Ax + Bu + f, y = Cx + Du + g, 0 <= y _|_ u >= 0 (11.69), with inputs f and g.
+
+    Parameters
+    ----------
+    A : array_like, shape (n, n)
+    B : array_like, shape (n, k)
+    C : array_like, shape (k, n)
+    D : array_like, shape (k, k), optional
+        Zero where missing.
+    f, g : array_like of shape (n,) and (k,), or PiecewiseConstant, optional
+        Zero where missing.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes that do not fit, entries that are not finite.
+
+    Examples
+    --------
+    >>> LCS([[-1.0]], [[1.0]], [[1.0]]).shape
+    (1, 1)
+    """
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    f: PiecewiseConstant
+    g: PiecewiseConstant
+
+    def __init__(
+        self,
+        A: ArrayLike,
+        B: ArrayLike,
+        C: ArrayLike,
+        D: ArrayLike | None = None,
+        f: ArrayLike | PiecewiseConstant | None = None,
+        g: ArrayLike | PiecewiseConstant | None = None,
+    ) -> None:
+        state = as_square_matrix("A", A)
+        n = state.shape[0]
+        k = as_matrix("B", B).shape[1]
+        object.__setattr__(self, "A", state)
+        object.__setattr__(self, "B", as_matrix("B", B, (n, k)))
+        object.__setattr__(self, "C", as_matrix("C", C, (k, n)))
+        object.__setattr__(self, "D", as_matrix("D", np.zeros((k, k)) if D is None else D, (k, k)))
+        object.__setattr__(self, "f", _as_input("f", f, n))
+        object.__setattr__(self, "g", _as_input("g", g, k))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(n, k): the number of states and of complementary pairs."""
+        return self.B.shape[0], self.B.shape[1]
+
+
+def _as_input(field: str, value: ArrayLike | PiecewiseConstant | None, size: int) -> PiecewiseConstant:
+    if isinstance(value, PiecewiseConstant):
+        if value.values.shape[1] != size:
+            raise InvalidInputError(field, f"{value.values.shape[1]} columns", f"{size} columns")
+        return value
+    constant = as_vector(field, np.zeros(size) if value is None else value, size)
+    return PiecewiseConstant([0.0], constant[None, :])

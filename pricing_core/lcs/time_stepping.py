@@ -1,0 +1,83 @@
+"""The implicit stage of a linear complementarity system, and its way onto the constraints at the start."""
+
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from pricing_core.arrays import Vector
+from pricing_core.errors import InfeasibleError, NumericalError
+from pricing_core.lcp import LCP, Method, solve
+from pricing_core.lcs.one_step_problem import OneStepProblem, one_step_problem
+from pricing_core.lcs.system import LCS
+
+Scheme: TypeAlias = Literal["implicit-euler", "sdirk2"]
+REMEMBERED_STEP_SIZES = 16
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LCSState:
+    """State x, multiplier u and slack y at one instant."""
+
+    value: Vector  # x, (n,)
+    multiplier: Vector  # (k,)
+    slack: Vector  # (k,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LCSStage:
+    """Solves x = base + h (Ax + Bu + f), 0 <= y = Cx + Du + g _|_ u >= 0: the step (11.65).
+
+    Factorisations of I - hA are kept for the last few step sizes.
+    """
+
+    system: LCS
+    lcp_method: Method = "auto"
+    _problems: dict[float, OneStepProblem] = field(default_factory=dict, init=False, repr=False)
+
+    def solve(self, t: float, base: Vector, h: float, near: LCSState) -> LCSState:
+        """Return the state at t.
+
+        Raises
+        ------
+        InfeasibleError, RayTerminationError, IterationLimitError
+            The LCP of the step has no solution, or its solver found none.
+        """
+        problem = self._problem(h)
+        free = problem.free_state(base, t)
+        solution = solve(problem.lcp(free, t), method=self.lcp_method)
+        return LCSState(free + problem.response @ solution.z, solution.z, solution.w)
+
+    def _problem(self, h: float) -> OneStepProblem:
+        if h not in self._problems:
+            if len(self._problems) == REMEMBERED_STEP_SIZES:
+                del self._problems[next(iter(self._problems))]
+            self._problems[h] = one_step_problem(self.system, h)
+        return self._problems[h]
+
+
+def continue_from(system: LCS, x: Vector, t: float, tolerance: float) -> LCSState | None:
+    """Return the state at t+ with x unchanged where 0 <= y = Cx + Du + g _|_ u >= 0 has a solution, else None.
+
+    None means that x must jump. Slacks down to -tolerance count as zero.
+    """
+    q = system.C @ x + system.g.after(t)
+    q = np.where(np.abs(q) <= tolerance, 0.0, q)
+    try:
+        solution = solve(LCP(system.D, q))
+    except NumericalError:
+        return None
+    return LCSState(x, solution.z, solution.w)
+
+
+def jump(system: LCS, x: Vector, t: float, h: float) -> LCSState:
+    """Return the state after the jump at t, one implicit Euler step of a very small h: u is impulse / h."""
+    problem = one_step_problem(system, h)
+    base = x + h * (system.f.after(t) - system.f.before(t))
+    free = problem.free_state(base, t)
+    q = system.C @ free + system.g.after(t)
+    try:
+        solution = solve(LCP(problem.M, q))
+    except InfeasibleError as error:
+        raise InfeasibleError(f"no admissible jump at t = {t:g} from this state: {error}") from error
+    return LCSState(free + problem.response @ solution.z, solution.z, solution.w)
