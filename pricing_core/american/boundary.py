@@ -1,0 +1,170 @@
+"""The early exercise boundary as a function of time."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pricing_core.american.contract import Option, real_number
+from pricing_core.american.engine import coarsest_resolution, make_solver, region_of
+from pricing_core.american.exercise_region import ExerciseRegion, region_at_expiry
+from pricing_core.american.limits import deterministic_error
+from pricing_core.american.market import Market
+from pricing_core.american.resolution import Solution
+from pricing_core.american.valuation import (
+    DEFAULT_TOLERANCE,
+    LARGEST_TOLERANCE,
+    SMALLEST_TOLERANCE,
+)
+from pricing_core.arrays import Matrix, Vector, as_vector
+from pricing_core.errors import InvalidInputError, NumericalError
+
+DEFAULT_POINTS = 101
+DOUBLINGS = 4  # of the coarsest resolution; one less for tolerances above 1e-4
+NEIGHBOURS = 4  # nodes of the local interpolation in sqrt(tau)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExerciseBoundary:
+    """S* at increasing times; entries are NaN where the option is not exercised at any spot.
+
+    Parameters
+    ----------
+    time, time_to_expiry : Vector, shape (m,)
+        Years from now, and to expiry.
+    boundary : Vector, shape (m,)
+        Money; where there are two boundaries, the one nearer the strike.
+    other_boundary : Vector, shape (m,), or None
+        The one further from the strike; None where the exercise region has one end only.
+    """
+
+    time: Vector
+    time_to_expiry: Vector
+    boundary: Vector
+    other_boundary: Vector | None
+
+
+def exercise_boundary(
+    option: Option,
+    market: Market,
+    times: ArrayLike | None = None,
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    interrupt: Callable[[], bool] | None = None,
+) -> ExerciseBoundary:
+    """Return the exercise boundary; measured within 1e-3 of itself for time to expiry >= expiry/10.
+
+    Closer to expiry the boundary moves like a square root and fewer grid cells lie between it and its limit:
+    expect ten times less accuracy at expiry/100.
+
+    Parameters
+    ----------
+    times : array_like, shape (m,), optional
+        Years from now, increasing, 0 to expiry; by default 101 times, equally spaced in the square root of
+        the time to expiry, with both ends. At expiry the value is the limit just before it.
+    tolerance : float
+        As in `price`; it sets the grid.
+    interrupt : callable, optional
+        Asked before every time step.
+
+    Raises
+    ------
+    InvalidInputError
+    NumericalError
+        The interrupt came before the end.
+
+    Examples
+    --------
+    >>> market = Market(spot=100.0, rate=0.05, volatility=0.2)
+    >>> found = exercise_boundary(Option("put", 100.0, 1.0), market, times=[0.0, 1.0])
+    >>> found.boundary.round(1), found.other_boundary
+    (array([ 80.9, 100. ]), None)
+    """
+    tolerance = real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+    chosen = _default_times(option) if times is None else _checked_times(option, times)
+    tau = np.maximum(option.expiry - chosen, 0.0)
+    market = replace(market, spot=option.strike)  # the boundary does not depend on the spot
+    limit = region_at_expiry(option, market)
+    if option.exercise == "european":
+        ends = np.full((tau.size, 2), math.nan)
+    elif limit.lower > limit.upper or option.expiry == 0.0 or _is_deterministic(option, market, tolerance):
+        ends = np.tile(limit.boundaries(option), (tau.size, 1))
+    else:
+        ends = _solve(option, market, tau, limit, tolerance, interrupt)
+    other = None if math.isnan(limit.boundaries(option)[1]) else ends[:, 1]
+    return ExerciseBoundary(chosen, tau, ends[:, 0], other)
+
+
+def _solve(
+    option: Option,
+    market: Market,
+    tau: Vector,
+    limit: ExerciseRegion,
+    tolerance: float,
+    interrupt: Callable[[], bool] | None,
+) -> Matrix:
+    resolution = coarsest_resolution(option, market, "sdirk2")
+    for _ in range(DOUBLINGS if tolerance < 1e-4 else DOUBLINGS - 1):
+        resolution = resolution.refined()
+    solver = make_solver(
+        option, market, tolerance, resolution, lcp_method="tridiagonal", tangents=False, interrupt=interrupt
+    )
+    level = solver.solve(resolution)
+    if level is None:
+        raise NumericalError("interrupted before the boundary was found: allow more time")
+    return boundaries_at(level.solution, tau, limit)
+
+
+def boundaries_at(solution: Solution, tau: Vector, limit: ExerciseRegion) -> Matrix:
+    """Return (near, far) boundary in money at times to expiry tau, shape (m, 2).
+
+    Cubic interpolation in sqrt(tau) between the solve's own times, among those at which the boundary exists.
+    """
+    option = solution.form.option
+    count = solution.tau.size
+    ends = np.array(
+        [limit.boundaries(option), *(region_of(solution, k).boundaries(option) for k in range(1, count))]
+    )
+    root = np.sqrt(solution.tau)
+    result = np.full((tau.size, 2), math.nan)
+    for column in range(2):
+        exists = np.flatnonzero(~np.isnan(ends[:, column]))
+        if exists.size:
+            known = exists[-1] + 1  # the region, once gone, does not come back
+            inside = tau <= solution.tau[exists[-1]]
+            result[inside, column] = _interpolate(root[:known], ends[:known, column], np.sqrt(tau[inside]))
+    return result
+
+
+def _interpolate(nodes: Vector, values: Vector, wanted: Vector) -> Vector:
+    """Return the cubic Lagrange interpolant through the four nearest nodes; linear next to expiry."""
+    result = np.interp(wanted, nodes, values)
+    if nodes.size <= NEIGHBOURS:
+        return result
+    # The first nodes are left out: the boundary leaves its limit with infinite slope, times a logarithm.
+    for i in np.flatnonzero(wanted >= nodes[1]):
+        first = min(max(int(np.searchsorted(nodes, wanted[i])) - NEIGHBOURS // 2, 1), nodes.size - NEIGHBOURS)
+        local = nodes[first : first + NEIGHBOURS] - wanted[i]
+        scale = local[-1] - local[0]
+        powers = np.vander(local / scale, increasing=True)
+        result[i] = np.linalg.solve(powers, values[first : first + NEIGHBOURS])[0]
+    return result
+
+
+def _is_deterministic(option: Option, market: Market, tolerance: float) -> bool:
+    return deterministic_error(option, market) <= 0.1 * tolerance * option.strike
+
+
+def _default_times(option: Option) -> Vector:
+    if option.expiry == 0.0:
+        return np.zeros(1)
+    return option.expiry * (1.0 - np.linspace(1.0, 0.0, DEFAULT_POINTS) ** 2)
+
+
+def _checked_times(option: Option, times: ArrayLike) -> Vector:
+    chosen = as_vector("times", times)
+    if np.any(chosen < 0.0) or np.any(chosen > option.expiry) or np.any(np.diff(chosen) <= 0.0):
+        raise InvalidInputError("times", times, f"increasing, from 0 to the expiry, {option.expiry:g}")
+    return chosen

@@ -1,0 +1,99 @@
+"""The option contract: what the holder may do and what it pays."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from pricing_core.errors import InvalidInputError
+
+OptionType: TypeAlias = Literal["put", "call"]
+Exercise: TypeAlias = Literal["american", "european"]
+OPTION_TYPES = ("put", "call")
+EXERCISES = ("american", "european")
+LARGEST_EXPIRY = 200.0  # years
+LARGEST_MONEY = 1e100  # for strike and spot
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """The right to sell (put) or buy (call) one unit of the underlying for the strike.
+
+    Parameters
+    ----------
+    option_type : {"put", "call"}
+    strike : float
+        Money per unit of underlying, > 0 and at most 1e100.
+    expiry : float
+        Time to expiry in years, 0 to 200.
+    exercise : {"american", "european"}
+
+    Raises
+    ------
+    InvalidInputError
+        A field lies outside what is allowed.
+
+    Examples
+    --------
+    >>> Option("put", strike=100.0, expiry=1.0).payoff(90.0)
+    10.0
+    """
+
+    option_type: OptionType
+    strike: float
+    expiry: float
+    exercise: Exercise = "american"
+
+    def __post_init__(self) -> None:
+        if self.option_type not in OPTION_TYPES:
+            raise InvalidInputError("option_type", self.option_type, '"put" or "call"')
+        if self.exercise not in EXERCISES:
+            raise InvalidInputError("exercise", self.exercise, '"american" or "european"')
+        object.__setattr__(self, "strike", real_number("strike", self.strike, most=LARGEST_MONEY, above=0.0))
+        object.__setattr__(self, "expiry", real_number("expiry", self.expiry, 0.0, LARGEST_EXPIRY))
+
+    @property
+    def is_put(self) -> bool:
+        """Whether the holder may sell."""
+        return self.option_type == "put"
+
+    def payoff(self, spot: float) -> float:
+        """Return what exercise brings at `spot`, in money per unit of underlying (11.47)."""
+        return max(self.strike - spot if self.is_put else spot - self.strike, 0.0)
+
+
+def real_number(
+    field: str,
+    value: object,
+    least: float = -math.inf,
+    most: float = math.inf,
+    *,
+    above: float = -math.inf,
+) -> float:
+    """Return `value` as a float if it is a finite number with least <= value <= most and value > above.
+
+    Raises
+    ------
+    InvalidInputError
+        It is not; the message names `field` and the range.
+    """
+    allowed = _range_in_words(least, most, above)
+    if isinstance(value, (str, bytes, bool)) or value is None:
+        raise InvalidInputError(field, value, allowed)
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidInputError(field, value, allowed) from None
+    if not (math.isfinite(number) and least <= number <= most and number > above):
+        raise InvalidInputError(field, value, allowed)
+    return number
+
+
+def _range_in_words(least: float, most: float, above: float) -> str:
+    if math.isfinite(above):
+        upper = f" and <= {most:g}" if math.isfinite(most) else ""
+        return f"a finite number > {above:g}{upper}"
+    if math.isfinite(least) and math.isfinite(most):
+        return f"a number from {least:g} to {most:g}"
+    if math.isfinite(least):
+        return f"a finite number >= {least:g}"
+    return "a finite number"

@@ -1,0 +1,257 @@
+"""From a tolerance to a price: refine, extrapolate, estimate the error, stop when it is small enough.
+
+Value and derivatives at the spot have errors that fall like c (dx**2 + dtau**2), so (4 b - a)/3 from two
+resolutions, each cell and step of a halved in b, removes the leading term (Richardson). What remains is
+irregular (the exercise boundary moves through the cells), so the error of the last extrapolant is judged by
+how far it moved from the one before and from the plain value: max(|e2 - e1|, |e2 - c|/8).
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pricing_core.american.closed_form import LARGEST_EXPONENT, european_values
+from pricing_core.american.contract import Option
+from pricing_core.american.exercise_region import ExerciseRegion, exercise_region
+from pricing_core.american.grid import Domain, exercise_domain
+from pricing_core.american.interpolation import local_derivatives, run_around
+from pricing_core.american.market import Market
+from pricing_core.american.resolution import Resolution, Scheme, Solution, align, solve_at
+from pricing_core.american.tridiagonal_step import LCPMethod
+from pricing_core.arrays import Matrix
+
+FINEST_INTERVALS = 768  # about 0.1 s; twice as many below the default tolerance
+TIGHT_TOLERANCE = 1e-6
+TRUNCATION_SHARE = 0.01  # of the tolerance, for cutting off the domain
+WIDENINGS = 8
+COARSEST_INTERVALS, COARSEST_STEPS = 48, 12
+LEAST_SOLVES = 3  # two may agree by chance
+ROUNDING = 1e-14  # of the strike (or the spot where that is larger)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """The option at the spot, in units of the strike, with an error estimate.
+
+    Parameters
+    ----------
+    values : Matrix, shape (m, 3)
+        Row 0: v, v_x, v_xx; rows 1-3, where present, begin with dv/dsigma, dv/dr, dv/dq.
+    error : float
+        Fraction of the strike; inf where fewer than two resolutions were solved.
+    region : ExerciseRegion
+        Now, from the finest solve.
+    solution : Solution
+        The finest solve.
+    exercised : bool
+        Whether the spot lies in that region.
+    solves : int
+    interrupted : bool
+    """
+
+    values: Matrix
+    error: float
+    region: ExerciseRegion
+    exercised: bool
+    solution: Solution
+    solves: int
+    interrupted: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Solver:
+    """One option's solves at different resolutions, all on the same domain."""
+
+    option: Option
+    market: Market
+    domain: Domain
+    x: float
+    lcp_method: LCPMethod
+    tangents: bool
+    interrupt: Callable[[], bool] | None
+
+    def solve(self, resolution: Resolution) -> "Level | None":
+        """Return the solve at this resolution, None where it was interrupted."""
+        solution = solve_at(
+            self.option,
+            self.market,
+            self.domain,
+            resolution,
+            lcp_method=self.lcp_method,
+            tangents=self.tangents and resolution.formulation == "premium",
+            interrupt=self.interrupt,
+        )
+        if not solution.finished:
+            return None
+        region = region_of(solution)
+        return Level(solution, region, values_at(solution, region, self.x), region.contains(self.x))
+
+    def noise(self, level: "Level", tolerance: float) -> float:
+        """Return what no refinement removes: truncation, residual, rounding; fraction of the strike."""
+        rounding = 0.0 if level.exercised else ROUNDING * max(1.0, math.exp(min(self.x, LARGEST_EXPONENT)))
+        neglected = 0.0 if level.exercised else self.domain.neglected
+        return neglected + level.solution.last.residual + rounding
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Level:
+    """What one solve says at the spot."""
+
+    solution: Solution
+    region: ExerciseRegion
+    values: Matrix
+    exercised: bool
+
+
+def make_solver(
+    option: Option,
+    market: Market,
+    tolerance: float,
+    coarsest: Resolution,
+    *,
+    lcp_method: LCPMethod,
+    tangents: bool,
+    interrupt: Callable[[], bool] | None,
+) -> Solver:
+    """Choose the domain and return the solver."""
+    domain = settled_domain(option, market, tolerance, coarsest)
+    x = math.log(market.spot) - math.log(option.strike)
+    return Solver(option, market, domain, x, lcp_method, tangents, interrupt)
+
+
+def estimate_to_tolerance(solver: Solver, tolerance: float, coarsest: Resolution) -> Estimate | None:
+    """Refine from `coarsest` until the estimated error meets the tolerance, or to the finest resolution.
+
+    Parameters
+    ----------
+    tolerance : float
+        Fraction of the strike.
+
+    Returns
+    -------
+    Estimate, or None where the interrupt came before two resolutions were solved.
+    """
+    best: Estimate | None = None
+    coarse = solver.solve(coarsest)
+    resolution, extrapolated, solves = coarsest, None, 1
+    finest = FINEST_INTERVALS if tolerance >= TIGHT_TOLERANCE else 2 * FINEST_INTERVALS
+    while coarse is not None and resolution.intervals < finest:
+        resolution = resolution.refined()
+        fine = solver.solve(resolution)
+        if fine is None:
+            return None if best is None else replace(best, interrupted=True)
+        solves += 1
+        values, error = _extrapolate(coarse, fine, extrapolated)
+        error += solver.noise(fine, tolerance)
+        best = Estimate(values, error, fine.region, fine.exercised, fine.solution, solves, False)
+        if error <= tolerance and solves >= LEAST_SOLVES:
+            break
+        coarse, extrapolated = fine, values
+    return best
+
+
+def _extrapolate(coarse: Level, fine: Level, before: Matrix | None) -> tuple[Matrix, float]:
+    """Return the extrapolant of two levels and its error; `before` is that of the two levels before."""
+    if fine.solution.form.operators.fitted:  # first order
+        return fine.values, 2.0 * _distance(fine.values, coarse.values)
+    values = (4.0 * fine.values - coarse.values) / 3.0
+    error = _distance(values, fine.values)
+    if before is None:
+        return values, error
+    return values, max(_distance(values, before), error / 8.0)
+
+
+def _distance(values: Matrix, others: Matrix) -> float:
+    return float(abs(values[0, 0] - others[0, 0]))
+
+
+def estimate_at_resolution(solver: Solver, tolerance: float, resolution: Resolution) -> Estimate | None:
+    """Solve at `resolution`, not extrapolated; a solve with half the cells and steps gives the error."""
+    coarse, fine = solver.solve(resolution.coarsened()), solver.solve(resolution)
+    if coarse is None or fine is None:
+        return None
+    error = _distance(fine.values, coarse.values) + solver.noise(fine, tolerance)
+    return Estimate(fine.values, error, fine.region, fine.exercised, fine.solution, 2, False)
+
+
+def coarsest_resolution(option: Option, market: Market, scheme: Scheme) -> Resolution:
+    """Return the first of the doubling resolutions.
+
+    With a negative rate the value grows on its way from expiry: 1 + h r, the row sum of the stage's matrix,
+    must stay positive by a good margin, and the longest step is 2 T/M.
+    """
+    steps = max(COARSEST_STEPS, math.ceil(2.0 * option.expiry * max(-market.rate, 0.0)))
+    return Resolution(COARSEST_INTERVALS, steps, scheme=scheme)
+
+
+def settled_domain(option: Option, market: Market, tolerance: float, coarsest: Resolution) -> Domain:
+    """Return a domain that a cheap solve shows to reach into the exercise region at all times."""
+    truncation = min(TRUNCATION_SHARE * tolerance, 1e-6)
+    probe = replace(coarsest, intervals=64, formulation="premium", scheme="sdirk2", time_mesh="square-root")
+    widening = 1.0
+    for _ in range(WIDENINGS):
+        domain = exercise_domain(option, market, truncation, widening)
+        if not (domain.contact_at_left or domain.contact_at_right):
+            break
+        solution = solve_at(option, market, domain, probe)
+        end = 0 if domain.contact_at_left else -1
+        if all(state.contact[end] for state in solution.integration.states[1:]):
+            break
+        widening *= 1.5
+    return align(domain, coarsest.intervals, coarsest.stretching)
+
+
+def region_of(solution: Solution, index: int = -1) -> ExerciseRegion:
+    """Return the exercise region of one of the solution's states."""
+    domain = solution.form.domain
+    return exercise_region(
+        solution.integration.states[index],
+        solution.form.grid.interior,
+        domain.contact_at_left,
+        domain.contact_at_right,
+    )
+
+
+def values_at(solution: Solution, region: ExerciseRegion, x: float) -> Matrix:
+    """Return v and its derivatives at x now, shape (m, 3): see `Estimate.values`."""
+    form, state = solution.form, solution.last
+    nodes, interior = form.grid.nodes, form.grid.interior
+    beyond_left, beyond_right = x <= nodes[0], x >= nodes[-1]
+    if (
+        region.contains(x)
+        or (beyond_left and form.domain.contact_at_left)
+        or (beyond_right and form.domain.contact_at_right)
+    ):
+        return exercised_values(solution, x)
+    european = european_rows(solution, x)
+    if beyond_left or beyond_right:  # the premium is below the truncation there
+        return european
+    free = ~state.contact
+    nearest = int(np.argmin(np.abs(interior - x)))
+    if not free[nearest]:  # between the boundary and the first free node
+        nearest = min(max(nearest + (1 if x > region.upper else -1), 0), free.size - 1)
+    if not free[nearest]:
+        return exercised_values(solution, x)
+    on_grid = local_derivatives(interior, state.value, run_around(free, nearest), x)
+    return on_grid if solution.resolution.formulation == "value" else on_grid + european
+
+
+def exercised_values(solution: Solution, x: float) -> Matrix:
+    """Return the payoff at x in the form of `Estimate.values`; it depends on no market parameter."""
+    rows = np.zeros((solution.last.value.shape[0], 3))
+    sign = -1.0 if solution.form.option.is_put else 1.0
+    moneyness = math.exp(min(x, LARGEST_EXPONENT))
+    rows[0] = sign * (moneyness - 1.0), sign * moneyness, sign * moneyness
+    return rows
+
+
+def european_rows(solution: Solution, x: float) -> Matrix:
+    """Return the European option at x in the form of `Estimate.values`."""
+    form = solution.form
+    european = european_values(form.option.option_type, np.array([x]), form.option.expiry, form.market)
+    rows = np.zeros((4, 3))
+    rows[0] = european.value[0], european.slope[0], european.curvature[0] + european.slope[0]
+    rows[1:, 0] = european.by_volatility[0], european.by_rate[0], european.by_yield[0]
+    return rows[: solution.last.value.shape[0]]

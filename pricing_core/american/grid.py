@@ -1,0 +1,124 @@
+"""Grids in log-moneyness x = ln(S/K) and the interval they must cover."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pricing_core.american.closed_form import perpetual_boundary
+from pricing_core.american.contract import Option
+from pricing_core.american.market import Market
+from pricing_core.arrays import Vector
+from pricing_core.errors import InvalidInputError
+
+FURTHEST = 100.0  # ln(S/K)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """Nodes x_0 < x_1 < ... < x_{N+1}: boundary values at the two ends, N unknowns between."""
+
+    nodes: Vector  # (N + 2,)
+
+    def __post_init__(self) -> None:
+        if self.nodes.size < 3 or not np.all(np.diff(self.nodes) > 0):
+            raise InvalidInputError("nodes", self.nodes, "at least 3 increasing numbers")
+
+    @property
+    def interior(self) -> Vector:
+        """The unknowns' nodes, shape (N,)."""
+        return self.nodes[1:-1]
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """The interval of log-moneyness outside of which the early exercise premium is known or negligible.
+
+    Parameters
+    ----------
+    left, right : float
+        ln(S/K) of the ends.
+    contact_at_left, contact_at_right : bool
+        The option is exercised at that end at all times before expiry.
+    neglected : float
+        Bound on the premium, as a fraction of the strike, at an end where it is set to zero.
+    """
+
+    left: float
+    right: float
+    contact_at_left: bool
+    contact_at_right: bool
+    neglected: float
+
+
+def make_grid(domain: Domain, intervals: int, stretching: float = 0.0) -> Grid:
+    """Return a grid of `intervals` cells on `domain`.
+
+    Parameters
+    ----------
+    stretching : float
+        0: uniform, as in (11.60)-(11.61). s > 0: x = center + c sinh(s u), u uniform, about exp(s)/s times
+        finer around x = 0 (the strike) than at the far end.
+    """
+    if intervals < 2:
+        raise InvalidInputError("intervals", intervals, "an integer >= 2")
+    if not 0.0 <= stretching <= 10.0:
+        raise InvalidInputError("stretching", stretching, "a number from 0 to 10")
+    if stretching == 0.0:
+        return Grid(np.linspace(domain.left, domain.right, intervals + 1))
+    center = min(max(0.0, domain.left), domain.right)
+    scale = max(center - domain.left, domain.right - center) / math.sinh(stretching)
+    ends = np.arcsinh((np.array([domain.left, domain.right]) - center) / scale)
+    nodes = center + scale * np.sinh(np.linspace(ends[0], ends[1], intervals + 1))
+    nodes[[0, -1]] = domain.left, domain.right
+    return Grid(nodes)
+
+
+def exercise_domain(option: Option, market: Market, truncation: float, widening: float = 1.0) -> Domain:
+    """Return the interval on which an option with volatility and expiry > 0 must be solved.
+
+    Outside, on the side of the payoff, the option is exercised (or, with two boundaries, the premium
+    vanishes); on the other side the premium is below about `truncation` of the strike: ln S would have to
+    move c standard deviations with c = sqrt(2 ln(20/truncation)), or the perpetual option's premium, which
+    decays as a power of S, is smaller still. No end lies more than 100 from the strike: e^x must stay in the
+    range of floating-point numbers, and what is neglected there is bounded by the perpetual option.
+
+    Parameters
+    ----------
+    truncation : float
+        Fraction of the strike.
+    widening : float
+        Multiplies the distance allowed to the exercise boundary, >= 1.
+    """
+    if option.is_put:
+        return _put_domain(market, option.expiry, truncation, widening)
+    # S*/K of the call is the reciprocal of that of the put with r and q exchanged.
+    mirrored = replace(market, rate=market.dividend_yield, dividend_yield=market.rate)
+    put = _put_domain(mirrored, option.expiry, truncation, widening)
+    neglected = truncation
+    if put.neglected > truncation:  # a call is worth at most the spot
+        neglected = max(truncation, math.exp(-put.right))
+    return Domain(-put.right, -put.left, put.contact_at_right, put.contact_at_left, neglected)
+
+
+def _put_domain(market: Market, expiry: float, truncation: float, widening: float) -> Domain:
+    rate, dividend_yield, volatility = market.rate, market.dividend_yield, market.volatility
+    spread = math.sqrt(2.0 * math.log(20.0 / truncation)) * volatility * math.sqrt(expiry)
+    drift = (rate - dividend_yield - 0.5 * volatility**2) * expiry
+    right = spread + max(-drift, 0.0)
+    if rate < 0.0:  # two boundaries: the exercise region just before expiry is [ln(r/q), 0]
+        left = math.log(rate / dividend_yield) - spread - max(drift, 0.0)
+        ends = max(left, -FURTHEST), min(right, FURTHEST)
+        return Domain(*ends, False, False, truncation if ends == (left, right) else 1.0)
+    at_expiry = math.log(rate / dividend_yield) if 0.0 < rate < dividend_yield else 0.0
+    left = at_expiry - widening * (spread + max(drift, 0.0))
+    neglected = truncation
+    perpetual = perpetual_boundary(market, "put")
+    decay = (1.0 - perpetual) / perpetual if perpetual > 0.0 else math.inf
+    if perpetual > 0.0:
+        left = max(left, math.log(perpetual) - 0.02 * spread)
+        right = min(right, math.log(1.0 / truncation) * decay)  # its premium: exp(-x / decay)
+    right = max(right, 0.1 * spread)
+    if right > FURTHEST:
+        right, neglected = FURTHEST, max(truncation, math.exp(-FURTHEST / decay))
+    return Domain(max(left, -FURTHEST), right, True, False, neglected)

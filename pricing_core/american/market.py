@@ -1,0 +1,45 @@
+"""The market the option is valued in: flat rate, yield and volatility."""
+
+from dataclasses import dataclass
+
+from pricing_core.american.contract import LARGEST_MONEY, real_number
+
+SMALLEST_RATE, LARGEST_RATE = -0.5, 2.0  # 1/year, for rate and dividend_yield
+LARGEST_VOLATILITY = 15.0  # 1/sqrt(year)
+
+
+@dataclass(frozen=True, slots=True)
+class Market:
+    """Spot, continuously compounded rate and yield, and the volatility of ln(spot).
+
+    Parameters
+    ----------
+    spot : float
+        Money per unit of underlying, 0 to 1e100.
+    rate, dividend_yield : float
+        1/year, continuously compounded, -0.5 to 2; the cost of borrowing the stock adds to the yield.
+    volatility : float
+        1/sqrt(year), 0 to 15.
+
+    Raises
+    ------
+    InvalidInputError
+        A field lies outside what is allowed.
+    """
+
+    spot: float
+    rate: float
+    volatility: float
+    dividend_yield: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "spot", real_number("spot", self.spot, 0.0, LARGEST_MONEY))
+        object.__setattr__(self, "rate", real_number("rate", self.rate, SMALLEST_RATE, LARGEST_RATE))
+        object.__setattr__(
+            self, "volatility", real_number("volatility", self.volatility, 0.0, LARGEST_VOLATILITY)
+        )
+        object.__setattr__(
+            self,
+            "dividend_yield",
+            real_number("dividend_yield", self.dividend_yield, SMALLEST_RATE, LARGEST_RATE),
+        )

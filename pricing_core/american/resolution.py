@@ -1,0 +1,164 @@
+"""How finely an option is solved, and one solve at that resolution."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from pricing_core.american.contract import Option
+from pricing_core.american.crank_nicolson import CrankNicolson, damped_until
+from pricing_core.american.grid import Domain, make_grid
+from pricing_core.american.market import Market
+from pricing_core.american.semidiscrete import SemidiscreteForm, premium_form, value_form
+from pricing_core.american.time_mesh import square_root_mesh, uniform_mesh
+from pricing_core.american.tridiagonal_step import LCPMethod, OptionState, TridiagonalStage, start_state
+from pricing_core.arrays import Vector
+from pricing_core.errors import InvalidInputError
+from pricing_core.stepping import (
+    FixedStep,
+    ImplicitEuler,
+    Integration,
+    OneStepMethod,
+    PIController,
+    Sdirk2,
+    StepDoubling,
+    integrate,
+)
+
+TimeMesh: TypeAlias = Literal["square-root", "uniform", "adaptive"]
+Formulation: TypeAlias = Literal["premium", "value"]
+Scheme: TypeAlias = Literal["sdirk2", "implicit-euler", "crank-nicolson"]
+
+LOCAL_TOLERANCE = 0.02  # adaptive steps: local error of v per step, times steps**3
+
+
+@dataclass(frozen=True, slots=True)
+class Resolution:
+    """Grid cells and time steps of one solve.
+
+    Parameters
+    ----------
+    intervals : int
+        Cells of the grid, 4 to 20,000.
+    steps : int
+        Time steps, 2 to 20,000; with "adaptive" the size of the local tolerance, 0.02/steps**3 of the strike,
+        which leads to about as many.
+    time_mesh : {"square-root", "uniform", "adaptive"}
+        Equal steps in sqrt(tau), equal steps in tau, or step-size control by step doubling and a PI
+        controller.
+    scheme : {"sdirk2", "implicit-euler", "crank-nicolson"}
+    formulation : {"premium", "value"}
+        Solve for the early exercise premium, or for the value as in (11.63).
+    stretching : float
+        0: uniform grid; see `pricing_core.american.grid.make_grid`.
+    """
+
+    intervals: int = 400
+    steps: int = 100
+    time_mesh: TimeMesh = "square-root"
+    scheme: Scheme = "sdirk2"
+    formulation: Formulation = "premium"
+    stretching: float = 0.0
+
+    def __post_init__(self) -> None:
+        for field, least in (("intervals", 4), ("steps", 2)):
+            value = getattr(self, field)
+            if not isinstance(value, int) or not least <= value <= 20_000:
+                raise InvalidInputError(field, value, f"an integer from {least} to 20000")
+        choices = {
+            "time_mesh": ("square-root", "uniform", "adaptive"),
+            "scheme": ("sdirk2", "implicit-euler", "crank-nicolson"),
+            "formulation": ("premium", "value"),
+        }
+        for field, allowed in choices.items():
+            if getattr(self, field) not in allowed:
+                raise InvalidInputError(field, getattr(self, field), "one of " + ", ".join(allowed))
+
+    def refined(self) -> "Resolution":
+        """Return twice the cells and twice the steps."""
+        return replace(self, intervals=2 * self.intervals, steps=2 * self.steps)
+
+    def coarsened(self) -> "Resolution":
+        """Return half the cells and half the steps."""
+        return replace(self, intervals=max(4, self.intervals // 2), steps=max(2, self.steps // 2))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solution:
+    """The semidiscrete option and its states at increasing times to expiry tau."""
+
+    resolution: Resolution
+    form: SemidiscreteForm
+    integration: Integration[OptionState]
+
+    @property
+    def tau(self) -> Vector:
+        """Times to expiry, from 0, shape (m + 1,)."""
+        return self.integration.t
+
+    @property
+    def last(self) -> OptionState:
+        """The state now, tau = expiry."""
+        return self.integration.states[-1]
+
+    @property
+    def finished(self) -> bool:
+        """False where the run was interrupted."""
+        return self.integration.status == "finished"
+
+
+def solve_at(
+    option: Option,
+    market: Market,
+    domain: Domain,
+    resolution: Resolution,
+    *,
+    lcp_method: LCPMethod = "tridiagonal",
+    tangents: bool = False,
+    interrupt: Callable[[], bool] | None = None,
+) -> Solution:
+    """Solve the semidiscrete option from expiry to now.
+
+    Parameters
+    ----------
+    tangents : bool
+        Carry the derivatives by volatility, rate and yield along (premium formulation only).
+    """
+    grid = make_grid(domain, resolution.intervals, resolution.stretching)
+    make_form = premium_form if resolution.formulation == "premium" else value_form
+    form: SemidiscreteForm = make_form(option, market, domain, grid)
+    mesh = (square_root_mesh if resolution.time_mesh == "square-root" else uniform_mesh)(
+        option.expiry, resolution.steps
+    )
+    stage = TridiagonalStage(form, lcp_method)
+    methods: dict[Scheme, OneStepMethod[OptionState]] = {
+        "sdirk2": Sdirk2(stage),
+        "implicit-euler": ImplicitEuler(stage),
+        "crank-nicolson": CrankNicolson(stage, damped_until(mesh.tolist())),
+    }
+    method = methods[resolution.scheme]
+    adaptive = resolution.time_mesh == "adaptive"
+    local = LOCAL_TOLERANCE / resolution.steps ** (method.order + 1)
+    integration = integrate(
+        StepDoubling(method) if adaptive else method,
+        start_state(form, tangents=tangents),
+        (0.0, option.expiry),
+        controller=PIController(0.0, local, start=1.0 / resolution.steps**2) if adaptive else FixedStep(),
+        stop_times=() if adaptive else mesh[1:],
+        interrupt=interrupt,
+    )
+    return Solution(resolution, form, integration)
+
+
+def align(domain: Domain, intervals: int, stretching: float) -> Domain:
+    """Widen the domain by less than a cell so that x = 0, the strike, is a node of every uniform grid on it."""
+    width = (domain.right - domain.left) / intervals
+    if stretching or not domain.left < 0.0 < domain.right:
+        return domain
+    left_cells = int(np.ceil(-domain.left / width))
+    right_cells = intervals - left_cells
+    if right_cells < 1:
+        return domain
+    width = max(-domain.left / left_cells, domain.right / right_cells)
+    return replace(domain, left=-left_cells * width, right=right_cells * width)

@@ -1,0 +1,131 @@
+"""The implicit stage of the semidiscrete option in O(N): the LCP of (11.65) after a full principal pivot.
+
+The stage (I - hL) v = base + h e + h u, 0 <= u _|_ v - g >= 0 is an LCP for u with the dense matrix h (I -
+hL)^-1. Exchanging u and z = v - g gives M z + q = h u with the tridiagonal M = I - hL and q = M g - base - h
+e: an M-matrix, so elimination solves it exactly.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from pricing_core.american.operators import ThreePointOperator
+from pricing_core.american.semidiscrete import SemidiscreteForm
+from pricing_core.american.tangents import parameter_source, solve_tangents
+from pricing_core.arrays import BoolVector, Matrix, Vector
+from pricing_core.kernel import brennan_schwartz
+from pricing_core.lcp import LCP, solve, solve_psor
+from pricing_core.linalg import Tridiagonal
+
+LCPMethod: TypeAlias = Literal["tridiagonal", "policy", "psor", "lemke"]
+NEGLIGIBLE = 1e-13  # residual of an exact elimination, relative to the largest diagonal entry times v
+NEGLIGIBLE_ROW = 1e-14  # size of q, relative to its largest entry
+PSOR_TOLERANCE = 1e-13  # change in the last sweep, relative to the largest entry of q
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OptionState:
+    """One instant of the semidiscrete option at the N interior nodes.
+
+    Parameters
+    ----------
+    value : Matrix, shape (m, N)
+        Row 0: v or p; rows 1-3, where present: derivatives by volatility, rate and yield.
+    slack : Vector, shape (N,)
+        z = v - g >= 0.
+    contact : BoolVector, shape (N,)
+        The nodes in the exercise region: z = 0 where the payoff is positive. (Far out of the money z
+        underflows to 0 as well.)
+    multiplier : Vector, shape (N,)
+        u >= 0.
+    residual : float
+        Natural residual of the LCP of the last stage.
+    """
+
+    value: Matrix
+    slack: Vector
+    contact: BoolVector
+    multiplier: Vector
+    residual: float
+
+
+def start_state(form: SemidiscreteForm, *, tangents: bool = False) -> OptionState:
+    """Return the state at expiry."""
+    value = form.start(4 if tangents else 1)
+    nothing = np.zeros(value.shape[1])
+    return OptionState(value, nothing, nothing > 0.0, nothing, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class TridiagonalStage:
+    """Solves the stage by one tridiagonal LCP; the tangents by linear solves with its contact set frozen.
+
+    Parameters
+    ----------
+    form : SemidiscreteForm
+    lcp_method : {"tridiagonal", "policy", "psor", "lemke"}
+        See `pricing_core.lcp.solve`.
+    """
+
+    form: SemidiscreteForm
+    lcp_method: LCPMethod = "tridiagonal"
+
+    def solve(self, t: float, base: Matrix, h: float, near: OptionState) -> OptionState:
+        """Return the state at time to expiry t, at the end of an implicit stage of size h from `base`."""
+        constraint = self.form.constraint(t, base.shape[0])
+        operator = self.form.operators.operator
+        M = ThreePointOperator(-h * operator.lower, 1.0 - h * operator.diagonal, -h * operator.upper)
+        obstacle = constraint.obstacle[0, 1:-1]
+        q = M.times(obstacle) - base[0] - h * self._forcing(constraint.ends[0])
+        z, w = self._solve_lcp(M, q, near.slack)
+        value = obstacle + z
+        contact = (z == 0.0) & (self.form.payoff[1:-1] > 0.0)
+        if base.shape[0] > 1:
+            everywhere = np.concatenate([constraint.ends[0, :1], value, constraint.ends[0, 1:]])
+            source = parameter_source(self.form.operators, everywhere)
+            forcing = np.stack([self._forcing(ends) for ends in constraint.ends[1:]])
+            rhs = base[1:] + h * (source + forcing)
+            value = np.vstack([value, solve_tangents(M, rhs, constraint.obstacle[1:, 1:-1], z, contact)])
+        residual = float(np.max(np.abs(np.minimum(z, w))))
+        return OptionState(np.atleast_2d(value), z, contact, np.maximum(w, 0.0) / h, residual)
+
+    def _solve_lcp(self, M: ThreePointOperator, q: Vector, near: Vector) -> tuple[Vector, Vector]:
+        """Return (z, w) with w = Mz + q and 0 <= z _|_ w >= 0."""
+        if self.lcp_method == "tridiagonal":
+            z = self._eliminate(M, q)
+            w = M.times(z) + q
+            scale = float(np.max(M.diagonal)) * (float(np.max(z)) + 1.0)
+            if float(np.max(np.abs(np.minimum(z, w)))) <= NEGLIGIBLE * scale:
+                return z, w
+        # Rows at the far ends with negligible terms are left out, z = 0: which of them are in
+        # contact is decided by rounding, and the library judges every row on its own scale.
+        felt = np.flatnonzero(np.abs(q) > NEGLIGIBLE_ROW * np.max(np.abs(q)))
+        rows = slice(felt[0], felt[-1] + 1) if felt.size else slice(0, q.size)
+        bands = M.lower[rows][1:], M.diagonal[rows], M.upper[rows][:-1]
+        problem = LCP(Tridiagonal(*bands), q[rows])
+        if self.lcp_method == "psor":
+            solution = solve_psor(problem, tolerance=PSOR_TOLERANCE, start=near[rows])
+        else:
+            solution = solve(problem, method=self.lcp_method)
+        z = np.zeros(q.size)
+        z[rows] = solution.z
+        return z, M.times(z) + q
+
+    def _eliminate(self, M: ThreePointOperator, q: Vector) -> Vector:
+        """Return the sweep that the ends of the grid suggest; exact iff it leaves no w < 0.
+
+        One sweep where the exercise region reaches one end, else the larger of both (`solve_double_sweep`).
+        """
+        domain = self.form.domain
+        bands = M.lower[1:], M.diagonal, M.upper[:-1], q
+        if domain.contact_at_left != domain.contact_at_right:
+            return np.asarray(brennan_schwartz(*bands, domain.contact_at_left))
+        return np.maximum(brennan_schwartz(*bands, True), brennan_schwartz(*bands, False))
+
+    def _forcing(self, ends: Vector) -> Vector:
+        operator = self.form.operators.operator
+        forcing = np.zeros(operator.diagonal.size)
+        forcing[0] += operator.lower[0] * ends[0]
+        forcing[-1] += operator.upper[-1] * ends[1]
+        return forcing

@@ -1,0 +1,203 @@
+"""Price one option: value, Greeks, exercise boundary and an honest error estimate."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal, TypeAlias
+
+from pricing_core.american.contract import Option, real_number
+from pricing_core.american.engine import (
+    Estimate,
+    coarsest_resolution,
+    estimate_at_resolution,
+    estimate_to_tolerance,
+    make_solver,
+)
+from pricing_core.american.exercise_region import EMPTY_REGION, ExerciseRegion, region_at_expiry
+from pricing_core.american.limits import (
+    ClosedValue,
+    deterministic_error,
+    deterministic_value,
+    european_value,
+    expired_value,
+    holding_theta,
+    is_closed_form,
+)
+from pricing_core.american.market import Market
+from pricing_core.american.resolution import Resolution, Scheme
+from pricing_core.american.results import Diagnostics, Status, Valuation, assemble, without_price
+from pricing_core.american.tridiagonal_step import LCPMethod
+from pricing_core.errors import InvalidInputError
+
+Method: TypeAlias = Literal["auto", "lcs", "crank-nicolson"]
+SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-8, 1e-2  # fractions of the strike
+DEFAULT_TOLERANCE = 1e-6
+LARGEST_RATIO = 1e100  # of spot and strike, either way
+
+
+def price(
+    option: Option,
+    market: Market,
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    method: Method = "auto",
+    lcp_method: LCPMethod = "tridiagonal",
+    greeks: bool = True,
+    resolution: Resolution | None = None,
+    interrupt: Callable[[], bool] | None = None,
+) -> Valuation:
+    """Price an option to a tolerance.
+
+    American options are solved by the method of lines as a linear complementarity system (11.59)-(11.65) for
+    the early exercise premium, at two or more resolutions, and extrapolated; European ones, and those never
+    exercised early, by the closed formula.
+
+    Parameters
+    ----------
+    option : Option
+    market : Market
+    tolerance : float
+        Absolute error of the price as a fraction of the strike, 1e-8 to 1e-2.
+    method : {"auto", "lcs", "crank-nicolson"}
+        "auto" is "lcs": SDIRK2, an L-stable method. "crank-nicolson" replaces the time stepping by the peer's.
+    lcp_method : {"tridiagonal", "policy", "psor", "lemke"}
+        The solver of each step's complementarity problem.
+    greeks : bool
+        False leaves out vega, rho and dividend rho, which cost about as much again as the price.
+    resolution : Resolution, optional
+        Solve at exactly this grid and these steps, once, without extrapolation; the error is estimated from a
+        second solve with half as many of each.
+    interrupt : callable, optional
+        Asked before every time step; True ends the work with status "deadline".
+
+    Returns
+    -------
+    Valuation
+        With status "tolerance_not_met" where the estimated error exceeds the tolerance at the finest
+        resolution.
+
+    Raises
+    ------
+    InvalidInputError
+        An argument lies outside what is allowed.
+
+    Examples
+    --------
+    >>> valuation = price(Option("put", strike=100.0, expiry=1.0), Market(100.0, rate=0.05, volatility=0.2))
+    >>> round(valuation.price, 3), round(valuation.exercise_boundary, 1), valuation.status
+    (6.09, 80.9, 'ok')
+    """
+    tolerance = real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+    _check_choice("method", method, ("auto", "lcs", "crank-nicolson"))
+    _check_choice("lcp_method", lcp_method, ("tridiagonal", "policy", "psor", "lemke"))
+    check_moneyness(option, market)
+    if option.expiry == 0.0:
+        return _from_closed(option, market, expired_value(option, market), "expired", tolerance)
+    if is_closed_form(option, market):
+        return _from_closed(option, market, european_value(option, market), "closed form", tolerance)
+    deterministic = replace(
+        deterministic_value(option, market),
+        error=0.0 if market.spot == 0.0 else deterministic_error(option, market),
+    )
+    if deterministic.error <= 0.1 * tolerance * option.strike:
+        return _from_closed(option, market, deterministic, "zero volatility", tolerance)
+    scheme: Scheme = "crank-nicolson" if method == "crank-nicolson" else "sdirk2"
+    first = coarsest_resolution(option, market, scheme) if resolution is None else resolution
+    solver = make_solver(
+        option, market, tolerance, first, lcp_method=lcp_method, tangents=greeks, interrupt=interrupt
+    )
+    estimating = estimate_to_tolerance if resolution is None else estimate_at_resolution
+    estimate = estimating(solver, tolerance, first)
+    if estimate is None:
+        return without_price(option, market)
+    if deterministic.error <= estimate.error * option.strike:
+        return _from_closed(option, market, deterministic, "zero volatility", tolerance)
+    return _from_estimate(option, market, estimate, tolerance, lcp_method, greeks)
+
+
+def _from_estimate(
+    option: Option, market: Market, estimate: Estimate, tolerance: float, lcp_method: str, greeks: bool
+) -> Valuation:
+    resolution = estimate.solution.resolution
+    states = estimate.solution.integration.states
+    error = option.strike * estimate.error
+    if estimate.exercised:
+        closed = replace(expired_value(option, market), error=error)
+    else:
+        closed = _held(option, market, estimate, error)
+    if not greeks or resolution.formulation == "value":
+        closed = replace(closed, vega=math.nan, rho=math.nan, dividend_rho=math.nan)
+    diagnostics = Diagnostics(
+        solved_by="method of lines",
+        resolution=resolution,
+        solves=estimate.solves,
+        steps_taken=estimate.solution.integration.accepted,
+        lcp_method=lcp_method,
+        lcp_residual=max(state.residual for state in states),
+        fitted=estimate.solution.form.operators.fitted,
+    )
+    status: Status = "ok" if estimate.error <= tolerance else "tolerance_not_met"
+    return assemble(
+        option,
+        market,
+        closed,
+        estimate.region,
+        exercise_now=estimate.exercised and option.payoff(market.spot) > 0.0,
+        status="deadline" if estimate.interrupted else status,
+        method=resolution.scheme,
+        diagnostics=diagnostics,
+    )
+
+
+def _held(option: Option, market: Market, estimate: Estimate, error: float) -> ClosedValue:
+    """Return value and derivatives in money where the option is not exercised now."""
+    K, S = option.strike, market.spot
+    (value, slope, second), *tangents = estimate.values.tolist()
+    vega, rho, dividend_rho = (K * row[0] for row in tangents) if tangents else [math.nan] * 3
+    return ClosedValue(
+        value=K * value,
+        delta=K / S * slope,
+        gamma=K / S * ((second - slope) / S),
+        theta=K * holding_theta(market, value, slope, second - slope),
+        vega=vega,
+        rho=rho,
+        dividend_rho=dividend_rho,
+        error=error,
+    )
+
+
+def _from_closed(
+    option: Option, market: Market, closed: ClosedValue, solved_by: str, tolerance: float
+) -> Valuation:
+    intrinsic = option.payoff(market.spot)
+    american = option.exercise == "american"
+    if option.expiry == 0.0:
+        region = ExerciseRegion(-math.inf, 0.0) if option.is_put else ExerciseRegion(0.0, math.inf)
+        exercise_now = intrinsic > 0.0
+    else:
+        region = region_at_expiry(option, market) if american else EMPTY_REGION
+        exercise_now = solved_by == "zero volatility" and intrinsic > 0.0 and closed.value == intrinsic
+    return assemble(
+        option,
+        market,
+        closed,
+        region,
+        exercise_now=exercise_now,
+        status="ok" if closed.error <= tolerance * option.strike else "tolerance_not_met",
+        method=solved_by.replace(" ", "-"),
+        diagnostics=Diagnostics(solved_by),
+    )
+
+
+def check_moneyness(option: Option, market: Market) -> None:
+    """Raise InvalidInputError where spot and strike are so far apart that their ratio's powers overflow."""
+    if market.spot > 0.0 and not 1.0 / LARGEST_RATIO <= market.spot / option.strike <= LARGEST_RATIO:
+        allowed = (
+            f"0, or between {1.0 / LARGEST_RATIO:g} and {LARGEST_RATIO:g} times the strike, {option.strike:g}"
+        )
+        raise InvalidInputError("spot", market.spot, allowed)
+
+
+def _check_choice(field: str, value: object, allowed: tuple[str, ...]) -> None:
+    if value not in allowed:
+        raise InvalidInputError(field, value, "one of " + ", ".join(f'"{choice}"' for choice in allowed))

@@ -1,0 +1,101 @@
+import math
+
+import numpy as np
+import pytest
+
+from pricing_core.american import Market, Option, exercise_boundary, price
+from pricing_core.american.closed_form import perpetual_boundary
+from pricing_core.errors import InvalidInputError, NumericalError
+from tests.problems.true_values import true_boundaries
+
+
+@pytest.mark.parametrize("case", true_boundaries(), ids=lambda case: case.name)
+def test_boundary_is_within_1e_3_of_the_true_one(case):
+    times = [case.option.expiry - tau for tau in reversed(case.time_to_expiry)]
+    found = exercise_boundary(case.option, case.market, times).boundary
+    expected = np.array(case.boundary[::-1])
+    assert np.max(np.abs(found / expected - 1.0)) <= 1e-3 + case.reference_error / expected.min()
+    assert np.max(np.abs(found / expected - 1.0)) <= 5e-4 + case.reference_error / expected.min()
+
+
+@pytest.mark.parametrize(("rate", "dividend_yield"), [(0.05, 0.0), (0.05, 0.02), (0.03, 0.07), (0.05, -0.02)])
+@pytest.mark.parametrize("option_type", ["put", "call"])
+def test_boundary_starts_at_its_limit_and_stays_beyond_the_perpetual_level(option_type, rate, dividend_yield):
+    """Limits K min(1, r/q) and K max(1, r/q); K where the other rate is not positive."""
+    if option_type == "call":
+        rate, dividend_yield = dividend_yield, rate
+    option, market = Option(option_type, 100.0, 2.0), Market(100.0, rate, 0.25, dividend_yield)
+    found = exercise_boundary(option, market)
+    ratio = rate / dividend_yield if rate > 0 and dividend_yield > 0 else 1.0
+    limit = 100.0 * (min(1.0, ratio) if option_type == "put" else max(1.0, ratio))
+    assert found.time[0] == 0.0
+    assert found.time[-1] == option.expiry
+    assert found.boundary[-1] == pytest.approx(limit, rel=1e-12)
+    direction = 1.0 if option_type == "put" else -1.0
+    assert np.all(direction * np.diff(found.boundary) > -1e-4 * limit)
+    assert np.all(direction * (found.boundary - 100.0 * perpetual_boundary(market, option_type)) > 0)
+    assert found.other_boundary is None
+
+
+def test_put_and_call_boundaries_are_reciprocal():
+    """S*_call(r, q) S*_put(q, r) = K**2: McDonald and Schroder 1998."""
+    put = exercise_boundary(Option("put", 100.0, 1.0), Market(100.0, 0.06, 0.3, 0.02), [0.0, 0.5])
+    call = exercise_boundary(Option("call", 100.0, 1.0), Market(100.0, 0.02, 0.3, 0.06), [0.0, 0.5])
+    assert put.boundary * call.boundary == pytest.approx([1e4, 1e4], rel=5e-4)
+
+
+def test_two_boundaries_leave_their_limits_and_meet():
+    """Put with q < r < 0: exercise region [K r/q, K] just before expiry (Battauz, De Donno, Sbuelz 2015)."""
+    option, market = Option("put", 100.0, 5.0), Market(100.0, -0.005, 0.2, -0.01)
+    found = exercise_boundary(option, market)
+    assert found.boundary[-1] == pytest.approx(100.0)
+    assert found.other_boundary[-1] == pytest.approx(50.0)
+    exists = ~np.isnan(found.boundary)
+    assert 10 < np.count_nonzero(exists) < exists.size  # they met before today
+    assert np.all(np.diff(exists.astype(int)) >= 0)
+    assert np.all(found.boundary[exists] >= found.other_boundary[exists])
+    assert np.all(np.diff(found.other_boundary[exists]) < 1e-2)
+
+
+def test_two_boundaries_of_a_call_mirror_those_of_a_put():
+    put = exercise_boundary(Option("put", 100.0, 1.0), Market(100.0, -0.02, 0.2, -0.05), [0.0, 0.5])
+    call = exercise_boundary(Option("call", 100.0, 1.0), Market(100.0, -0.05, 0.2, -0.02), [0.0, 0.5])
+    assert put.boundary * call.boundary == pytest.approx([1e4, 1e4], rel=2e-3)
+    assert put.other_boundary * call.other_boundary == pytest.approx([1e4, 1e4], rel=4e-3)
+
+
+def test_next_to_the_boundary_the_value_leaves_the_payoff_as_the_equation_says():
+    """V - payoff = (r K - q S*)/(sigma S*)**2 (S - S*)**2 + ..., from smooth pasting and (11.46)."""
+    option, market = Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2)
+    boundary = price(option, market, tolerance=1e-7).exercise_boundary
+    distance = 0.005 * boundary
+    above = price(option, Market(boundary + distance, 0.05, 0.2), tolerance=1e-7)
+    curvature = 2 * 0.05 * 100.0 / (0.2 * boundary) ** 2
+    assert above.delta + 1.0 == pytest.approx(curvature * distance, rel=0.05)
+    assert above.price - above.intrinsic_value == pytest.approx(0.5 * curvature * distance**2, rel=0.05)
+
+
+def test_european_and_never_exercised_options_have_none():
+    european = exercise_boundary(Option("put", 100.0, 1.0, "european"), Market(100.0, 0.05, 0.2))
+    never = exercise_boundary(Option("call", 100.0, 1.0), Market(100.0, 0.05, 0.2))
+    assert np.isnan(european.boundary).all()
+    assert np.isnan(never.boundary).all()
+
+
+def test_at_zero_volatility_and_at_expiry_the_boundary_is_its_limit():
+    flat = exercise_boundary(Option("put", 100.0, 1.0), Market(100.0, 0.03, 0.0, 0.06), [0.0, 0.5])
+    expired = exercise_boundary(Option("put", 100.0, 0.0), Market(100.0, 0.05, 0.2))
+    assert flat.boundary == pytest.approx([50.0, 50.0])
+    assert expired.boundary == pytest.approx([100.0])
+    assert expired.time_to_expiry == pytest.approx([0.0])
+
+
+@pytest.mark.parametrize("times", [[-0.1], [1.1], [0.5, 0.5], [0.5, 0.2], [math.nan], "soon"])
+def test_bad_times_are_refused(put, market, times):
+    with pytest.raises(InvalidInputError, match="times"):
+        exercise_boundary(put, market, times)
+
+
+def test_an_interrupt_is_an_error_since_no_boundary_is_known(put, market):
+    with pytest.raises(NumericalError, match="interrupted"):
+        exercise_boundary(put, market, interrupt=lambda: True)
