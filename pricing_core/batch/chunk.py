@@ -1,0 +1,35 @@
+"""Consecutive rows of a table, as they were read."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import pyarrow as pa
+
+from pricing_core.errors import InvalidInputError
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Rows with the place of each in its file.
+
+    Parameters
+    ----------
+    lines : Sequence[int]
+        Where each row starts: its line in a CSV file (the header is line 1), its number in a Parquet file
+        (the first is 1).
+    table : pa.RecordBatch
+        The cells as they were read: text in a CSV file.
+    malformed : Mapping[int, InvalidInputError]
+        Rows that do not fit the header, by index in the chunk.
+    """
+
+    lines: Sequence[int]
+    table: pa.RecordBatch
+    malformed: Mapping[int, InvalidInputError] = field(default_factory=dict)
+
+    def cell(self, index: int, name: str) -> str | None:
+        """Return a cell as text, "" if it is missing; None where there is no such column."""
+        if name not in self.table.schema.names:
+            return None
+        value = self.table.column(name)[index].as_py()
+        return "" if value is None else str(value)

@@ -1,0 +1,71 @@
+"""The sound rows of a chunk priced, and what the others lack."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from pricing_core.american import price_many
+from pricing_core.arrays import Vector
+from pricing_core.batch.contracts import Contracts, explain
+from pricing_core.batch.schema import RESULT_FLAG, RESULT_NUMBERS, RESULT_SCHEMA, RESULT_TEXTS
+from pricing_core.errors import InvalidInputError
+
+INVALID = "invalid_input"
+Reasons = Mapping[int, InvalidInputError]
+
+
+def price_contracts(contracts: Contracts, threads: int | None) -> tuple[pa.RecordBatch, Reasons]:
+    """Price the sound rows; return one row of results per contract and, by index, why a row has no price.
+
+    Parameters
+    ----------
+    threads : int, optional
+        Passed to `price_many`.
+    """
+    rows = len(contracts.columns["tolerance"])
+    numbers = {name: np.full(rows, np.nan) for name in RESULT_NUMBERS}
+    flag = np.zeros(rows, dtype=bool)
+    texts: dict[str, NDArray[np.object_]] = {name: np.full(rows, "", dtype=object) for name in RESULT_TEXTS}
+    texts["status"][list(contracts.faults)] = INVALID
+    reasons = dict(contracts.faults)
+    sound = [index for index in range(rows) if index not in contracts.faults]
+    if sound:
+        table = price_many(_columns(contracts, sound), threads=threads)
+        for name in RESULT_NUMBERS:
+            numbers[name][sound] = table[name]
+        flag[sound] = table[RESULT_FLAG]
+        for name in RESULT_TEXTS:
+            texts[name][sound] = table[name]
+        reasons.update(_unpriced(contracts, sound, table))
+    return _result_table(numbers, flag, texts, reasons), reasons
+
+
+def _columns(contracts: Contracts, sound: Sequence[int]) -> dict[str, NDArray[Any]]:
+    return {name: np.asarray([values[i] for i in sound]) for name, values in contracts.columns.items()}
+
+
+def _unpriced(contracts: Contracts, sound: Sequence[int], table: Mapping[str, NDArray[Any]]) -> Reasons:
+    reasons: dict[int, InvalidInputError] = {}
+    for position in np.flatnonzero(np.isnan(table["price"])).tolist():
+        index = sound[position]
+        status, message = str(table["status"][position]), str(table["message"][position])
+        fault = InvalidInputError("", status, f"within reach of the method ({message or status})")
+        reasons[index] = explain(contracts.row(index)) or fault
+    return reasons
+
+
+def _result_table(
+    numbers: Mapping[str, Vector],
+    flag: NDArray[np.bool_],
+    texts: Mapping[str, NDArray[np.object_]],
+    reasons: Reasons,
+) -> pa.RecordBatch:
+    unknown = np.zeros(flag.size, dtype=bool)
+    unknown[list(reasons)] = True
+    arrays = [pa.array(numbers[name]) for name in RESULT_NUMBERS]
+    arrays.append(pa.array(flag, mask=unknown))
+    arrays.extend(pa.array([str(text) for text in texts[name]]) for name in RESULT_TEXTS)
+    return pa.RecordBatch.from_arrays(arrays, schema=RESULT_SCHEMA)

@@ -1,0 +1,167 @@
+"""A table of contracts priced chunk by chunk, with its rejects; the file is never held as a whole."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+
+from pricing_core.american.contract import real_number
+from pricing_core.american.valuation import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
+from pricing_core.batch.chunk import Chunk
+from pricing_core.batch.contracts import Contracts, read_contracts
+from pricing_core.batch.reader import TableReader, open_table
+from pricing_core.batch.replacement import replacement
+from pricing_core.batch.results import Reasons, price_contracts
+from pricing_core.batch.schema import NUMBER_COLUMNS, RESULT_SCHEMA
+from pricing_core.batch.writer import RejectsWriter, check_ending, table_writer
+from pricing_core.errors import InvalidInputError
+
+ROWS_PER_CHUNK = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class BatchSummary:
+    """What became of the rows: rows = priced + rejected.
+
+    Parameters
+    ----------
+    below_tolerance : int
+        Priced rows whose error estimate is wider than asked for.
+    """
+
+    rows: int = 0
+    priced: int = 0
+    rejected: int = 0
+    below_tolerance: int = 0
+
+    def plus(self, results: pa.RecordBatch, rejected: int) -> "BatchSummary":
+        """Return the summary with one more chunk counted in."""
+        statuses = results.column("status").to_pylist()
+        return BatchSummary(
+            rows=self.rows + len(statuses),
+            priced=self.priced + len(statuses) - rejected,
+            rejected=self.rejected + rejected,
+            below_tolerance=self.below_tolerance + statuses.count("tolerance_not_met"),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a run has come: the counters so far and the fraction of the input read, 0 to 1."""
+
+    summary: BatchSummary
+    fraction_read: float
+
+
+def run_batch(
+    source: Path,
+    target: Path,
+    *,
+    rejects: Path | None = None,
+    tolerance: float = DEFAULT_TOLERANCE,
+    threads: int | None = None,
+    chunk_rows: int = ROWS_PER_CHUNK,
+    progress: Callable[[Progress], None] | None = None,
+) -> BatchSummary:
+    """Price every row of `source` into `target`: same rows, same order, the results appended as columns.
+
+    A row that cannot be priced keeps its place, with a status and empty numbers, and is explained in
+    `rejects`. Both files appear under their names complete or not at all.
+
+    Parameters
+    ----------
+    source, target : Path
+        Files ending in .csv or .parquet.
+    rejects : Path, optional
+        CSV with line, field, value, reason; beside `target` as NAME.rejects.csv unless stated. It is written
+        even when it holds no row, so that the one of an earlier run does not stay.
+    tolerance : float
+        Fraction of the strike, for rows that state none.
+    threads : int, optional
+        Passed to `price_many`.
+    progress : callable, optional
+        Called after every chunk.
+
+    Raises
+    ------
+    InvalidInputError
+        The tolerance is out of range, the table as a whole cannot be read, or two of the files are the same.
+    OSError
+        A file cannot be read or written.
+    """
+    rejects = rejects_path(target) if rejects is None else rejects
+    tolerance = real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+    check_ending(target)
+    _check_distinct(source, target, rejects)
+    summary = BatchSummary()
+    with ExitStack() as stack:
+        reader = stack.enter_context(open_table(source))
+        # Entered first, renamed last: where the output is, its rejects are.
+        output = stack.enter_context(replacement(target))
+        explained = stack.enter_context(replacement(rejects))
+        typed = target.suffix.lower() == ".parquet"
+        rows = stack.enter_context(table_writer(target, output, output_schema(reader, typed)))
+        faults = stack.enter_context(RejectsWriter(explained))
+        for chunk in reader.chunks(chunk_rows):
+            contracts = read_contracts(chunk, tolerance)
+            results, reasons = price_contracts(contracts, threads)
+            rows.write(_joined(typed_table(chunk.table, contracts) if typed else chunk.table, results))
+            _write_rejects(faults, chunk, reasons)
+            summary = summary.plus(results, len(reasons))
+            if progress is not None:
+                progress(Progress(summary, reader.fraction_read))
+    return summary
+
+
+def rejects_path(target: Path) -> Path:
+    """Return where the rejects go unless it is stated: beside the output.
+
+    Examples
+    --------
+    >>> rejects_path(Path("priced.parquet")).name
+    'priced.rejects.csv'
+    """
+    return target.with_name(f"{target.stem}.rejects.csv")
+
+
+def output_schema(reader: TableReader, typed: bool) -> pa.Schema:
+    """Return the columns of the output: those of the input, as numbers where `typed`, then the results."""
+    fields = [
+        pa.field(field.name, pa.float64()) if typed and _is_number_as_text(field) else field
+        for field in reader.schema
+    ]
+    return pa.schema([*fields, *RESULT_SCHEMA])
+
+
+def typed_table(table: pa.RecordBatch, contracts: Contracts) -> pa.RecordBatch:
+    """Return the table with the numbers that CSV holds as text as numbers; null where there is none."""
+    columns = dict(zip(table.schema.names, table.columns, strict=True))
+    for field in filter(_is_number_as_text, table.schema):
+        columns[field.name] = pa.array(contracts.columns[field.name], pa.float64())
+    return pa.RecordBatch.from_pydict(columns)
+
+
+def _is_number_as_text(field: pa.Field) -> bool:
+    return field.name in NUMBER_COLUMNS and bool(pa.types.is_string(field.type))
+
+
+def _joined(table: pa.RecordBatch, results: pa.RecordBatch) -> pa.RecordBatch:
+    schema = pa.schema([*table.schema, *results.schema])
+    return pa.RecordBatch.from_arrays([*table.columns, *results.columns], schema=schema)
+
+
+def _write_rejects(faults: RejectsWriter, chunk: Chunk, reasons: Reasons) -> None:
+    for index, fault in sorted(reasons.items()):
+        cell = chunk.cell(index, fault.field)  # as it stands in the file, not as it was read
+        value = str(fault.value) if cell is None else cell
+        faults.write(chunk.lines[index], fault.field, value, f"must be {fault.allowed}")
+
+
+def _check_distinct(source: Path, target: Path, rejects: Path) -> None:
+    seen: dict[Path, str] = {}
+    for name, path in {"input": source, "output": target, "rejects": rejects}.items():
+        other = seen.setdefault(path.resolve(), name)
+        if other != name:
+            raise InvalidInputError(name, str(path), f"another file than the {other}")

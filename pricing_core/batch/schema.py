@@ -1,0 +1,126 @@
+"""The columns of a table of contracts: what must be there, of what type, and which names are taken."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import pyarrow as pa
+
+from pricing_core.american.price_many import NUMBERS
+from pricing_core.errors import InvalidInputError
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One input column.
+
+    Parameters
+    ----------
+    name : str
+        In the vocabulary of the public interface.
+    kind : {"number", "text"}
+    meaning : str
+        Unit or choice, for the message that asks for the column.
+    required : bool
+        Whether a table without it is refused.
+    """
+
+    name: str
+    kind: Literal["number", "text"]
+    meaning: str
+    required: bool = True
+
+
+COLUMNS = (
+    Column("option_type", "text", "put or call"),
+    Column("spot", "number", "money"),
+    Column("strike", "number", "money"),
+    Column("expiry", "number", "years"),
+    Column("rate", "number", "1/year"),
+    Column("volatility", "number", "1/sqrt(year)"),
+    Column("exercise", "text", "american or european", required=False),
+    Column("dividend_yield", "number", "1/year", required=False),
+    Column("tolerance", "number", "fraction of the strike", required=False),
+)
+NUMBER_COLUMNS = tuple(column.name for column in COLUMNS if column.kind == "number")
+
+# Words of the vocabulary that change the contract and that this version cannot price: never ignored.
+UNSUPPORTED_COLUMNS = (
+    "cash_dividends",
+    "proportional_dividends",
+    "valuation_date",
+    "expiration_date",
+    "dividend_model",
+    "exercise_times",
+    "exercise_start",
+)
+
+RESULT_NUMBERS = NUMBERS
+RESULT_FLAG = "exercise_now"
+RESULT_TEXTS = ("status", "method", "engine_version")
+RESULT_SCHEMA = pa.schema(
+    [(name, pa.float64()) for name in RESULT_NUMBERS]
+    + [(RESULT_FLAG, pa.bool_())]
+    + [(name, pa.string()) for name in RESULT_TEXTS]
+)
+
+
+def check_names(names: Sequence[str]) -> None:
+    """Accept the column names of a table, or say in one sentence what is wrong with them.
+
+    Raises
+    ------
+    InvalidInputError
+        A name appears twice, a required column is missing, or a name is that of a result.
+
+    Examples
+    --------
+    >>> check_names(["option_type", "spot", "strike", "expiry", "rate"])
+    Traceback (most recent call last):
+    ...
+    pricing_core.errors.InvalidInputError: column volatility = 'missing': must be present (1/sqrt(year))
+    """
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise InvalidInputError(f"column {name}", f"{count} columns of this name", "one column")
+    missing = [column for column in COLUMNS if column.required and column.name not in names]
+    if missing:
+        wanted = "; ".join(f"column {c.name} must be present ({c.meaning})" for c in missing[1:])
+        allowed = f"present ({missing[0].meaning})" + (f"; {wanted}" if wanted else "")
+        raise InvalidInputError(f"column {missing[0].name}", "missing", allowed)
+    for name in names:
+        if name in RESULT_SCHEMA.names:
+            raise InvalidInputError(
+                f"column {name}", "an input column", "renamed: it is the name of a result"
+            )
+
+
+def check_types(schema: pa.Schema) -> None:
+    """Accept the column types of a Parquet table; an all-null column counts as empty cells.
+
+    Raises
+    ------
+    InvalidInputError
+        A column of the vocabulary has a type that cannot hold its values.
+    """
+    for column in COLUMNS:
+        if column.name not in schema.names:
+            continue
+        found = schema.field(column.name).type
+        if column.kind == "number" and not (_is_number(found) or pa.types.is_null(found)):
+            raise InvalidInputError(f"column {column.name}", str(found), "a column of numbers (double)")
+        if column.kind == "text" and not (_is_text(found) or pa.types.is_null(found)):
+            raise InvalidInputError(f"column {column.name}", str(found), "a column of text (string)")
+
+
+def _is_number(found: pa.DataType) -> bool:
+    return bool(pa.types.is_integer(found) or pa.types.is_floating(found) or pa.types.is_decimal(found))
+
+
+def _is_text(found: pa.DataType) -> bool:
+    if pa.types.is_dictionary(found):
+        found = found.value_type
+    return bool(
+        pa.types.is_string(found) or pa.types.is_large_string(found) or pa.types.is_string_view(found)
+    )

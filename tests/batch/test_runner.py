@@ -1,0 +1,290 @@
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from pricing_core.american import price_many
+from pricing_core.batch import BatchSummary, Progress, run_batch
+from pricing_core.batch.runner import ROWS_PER_CHUNK
+from pricing_core.batch.schema import RESULT_NUMBERS, RESULT_SCHEMA
+from pricing_core.errors import InvalidInputError
+
+Row = Callable[..., list[str]]
+Write = Callable[..., Path]
+Read = Callable[[Path], list[dict[str, str]]]
+COARSE = 1e-3
+
+
+@pytest.fixture
+def target(tmp_path: Path) -> Path:
+    return tmp_path / "out.csv"
+
+
+def many_contracts(count: int, row: Row) -> list[list[str]]:
+    """Return contracts that differ in every number."""
+    return [
+        row(
+            id=f"c{k}",
+            option_type=("put", "call")[k % 2],
+            spot=str(80 + k % 41),
+            strike=str(100 + k % 7),
+            expiry=str(round(0.1 + (k % 13) / 8, 4)),
+            volatility=str(0.1 + (k % 5) / 20),
+        )
+        for k in range(count)
+    ]
+
+
+def test_a_thousand_contracts_with_three_bad_rows_give_997_prices_and_three_explanations(
+    write_table: Write, read_table: Read, row: Row, target: Path
+) -> None:
+    rows = many_contracts(1_000, row)
+    rows[16] = row(id="c16", strike="abc")
+    rows[500] = row(id="c500", volatility="-0.2")
+    rows[999] = row(id="c999", option_type="straddle")
+    source = write_table(rows)
+    summary = run_batch(source, target, tolerance=COARSE, chunk_rows=300)
+    assert summary == BatchSummary(
+        rows=1_000, priced=997, rejected=3, below_tolerance=summary.below_tolerance
+    )
+    output = read_table(target)
+    assert [line["id"] for line in output] == [f"c{k}" for k in range(1_000)]
+    assert [k for k, line in enumerate(output) if line["price"] == ""] == [16, 500, 999]
+    assert {output[k]["status"] for k in (16, 500, 999)} == {"invalid_input"}
+    assert read_table(target.with_name("out.rejects.csv")) == [
+        {"line": "18", "field": "strike", "value": "abc", "reason": "must be a number such as 0.05 or 5e-2"},
+        {"line": "502", "field": "volatility", "value": "-0.2", "reason": "must be a number from 0 to 15"},
+        {"line": "1001", "field": "option_type", "value": "straddle", "reason": 'must be "put" or "call"'},
+    ]
+
+
+def test_a_price_does_not_depend_on_the_rows_around_it(
+    write_table: Write, read_table: Read, row: Row, target: Path
+) -> None:
+    rows = many_contracts(12, row)
+    run_batch(write_table(rows), target, tolerance=COARSE, chunk_rows=5, threads=2)
+    together = read_table(target)
+    for index in (0, 4, 5, 11):
+        run_batch(write_table([rows[index]]), target, tolerance=COARSE)
+        assert read_table(target) == [together[index]]
+
+
+def test_the_numbers_are_those_of_price_many_to_the_last_digit(
+    write_table: Write, read_table: Read, row: Row, target: Path
+) -> None:
+    run_batch(write_table([row()]), target, tolerance=COARSE)
+    columns = {"option_type": ["put"], "spot": [100.0], "strike": [100.0], "expiry": [1.0], "rate": [0.05]}
+    expected = price_many(columns | {"volatility": [0.2]}, tolerance=COARSE)
+    (line,) = read_table(target)
+    for name in RESULT_NUMBERS:
+        found = math.nan if line[name] == "" else float(line[name])
+        np.testing.assert_equal(found, expected[name][0])
+    assert line["exercise_now"] == "false"
+
+
+def test_each_row_may_state_its_tolerance(
+    write_table: Write, read_table: Read, row: Row, target: Path
+) -> None:
+    header = ["id", "option_type", "spot", "strike", "expiry", "rate", "volatility", "tolerance"]
+    source = write_table([[*row(), "1e-2"], [*row(), "1e-6"], [*row(), ""], [*row(), "1"]], header)
+    run_batch(source, target, tolerance=1e-6)
+    coarse, fine, default, wrong = read_table(target)
+    assert float(coarse["price"]) != float(fine["price"])
+    assert float(coarse["error_estimate"]) > float(fine["error_estimate"])
+    assert (fine["price"], fine["error_estimate"]) == (default["price"], default["error_estimate"])
+    assert wrong["status"] == "invalid_input"
+
+
+@pytest.mark.parametrize("cell", ["", "abc", "nan", "inf", "1e999", "1,5", "1_000", "\uff11", "TRUE", "-1"])
+@pytest.mark.parametrize("field", ["strike", "volatility", "expiry", "spot"])
+def test_a_bad_cell_rejects_its_row_alone_and_is_shown(
+    write_table: Write, read_table: Read, row: Row, target: Path, field: str, cell: str
+) -> None:
+    summary = run_batch(write_table([row(), row(**{field: cell})]), target, tolerance=COARSE)
+    assert (summary.priced, summary.rejected) == (1, 1)
+    (reject,) = read_table(target.with_name("out.rejects.csv"))
+    assert (reject["line"], reject["field"], reject["value"]) == ("3", field, cell)
+    assert reject["reason"].startswith("must be ")
+
+
+def test_a_long_value_is_cut_at_40_characters(
+    write_table: Write, read_table: Read, row: Row, target: Path
+) -> None:
+    run_batch(write_table([row(strike="9" * 500 + "x")]), target)
+    (reject,) = read_table(target.with_name("out.rejects.csv"))
+    assert reject["value"] == "9" * 37 + "..."
+
+
+def test_a_malformed_line_keeps_its_place_and_its_first_cells(
+    write_table: Write, read_table: Read, row: Row, target: Path
+) -> None:
+    summary = run_batch(
+        write_table([row(id="first"), ["second", "put"], row(id="third")]), target, tolerance=COARSE
+    )
+    assert (summary.priced, summary.rejected) == (2, 1)
+    output = read_table(target)
+    assert [(line["id"], line["status"]) for line in output] == [
+        ("first", "ok"),
+        ("second", "invalid_input"),
+        ("third", "ok"),
+    ]
+    (reject,) = read_table(target.with_name("out.rejects.csv"))
+    assert (reject["line"], reject["field"], reject["value"]) == ("3", "", "second,put")
+
+
+def test_unknown_columns_pass_through_unchanged(
+    write_table: Write, read_table: Read, row: Row, target: Path
+) -> None:
+    notes = ["  padded ", 'with "quotes", commas', "two\nlines", "007", "1e5", "\u00e9t\u00e9"]
+    header = ["id", "option_type", "spot", "strike", "expiry", "rate", "volatility", "note"]
+    source = write_table([[*row(), note] for note in notes], header)
+    run_batch(source, target, tolerance=COARSE)
+    output = read_table(target)
+    assert [line["note"] for line in output] == notes
+    assert list(output[0]) == [*header, *RESULT_SCHEMA.names]
+
+
+def test_a_header_alone_gives_a_header_alone(write_table: Write, read_table: Read, target: Path) -> None:
+    assert run_batch(write_table([]), target) == BatchSummary()
+    assert read_table(target) == []
+    assert target.read_text().startswith("id,option_type,")
+    parquet = target.with_suffix(".parquet")
+    run_batch(write_table([]), parquet)
+    assert pq.read_table(parquet).num_rows == 0
+
+
+def test_csv_to_parquet_has_numbers_as_numbers_and_missing_ones_as_nan(
+    write_table: Write, row: Row, target: Path
+) -> None:
+    parquet = target.with_suffix(".parquet")
+    run_batch(write_table([row(), row(strike="abc")]), parquet, tolerance=COARSE)
+    table = pq.read_table(parquet)
+    assert table.schema.field("strike").type == pa.float64()
+    assert table.schema.field("id").type == pa.string()
+    assert table["strike"].to_pylist() == [100.0, None]
+    assert np.isnan(table["price"].to_numpy()).tolist() == [False, True]
+    assert table["exercise_now"].to_pylist() == [False, None]
+
+
+@pytest.fixture
+def parquet_source(tmp_path: Path) -> Path:
+    """A Parquet table with types of its own, in small row groups, one row in error."""
+    path = tmp_path / "in.parquet"
+    table = pa.table(
+        {
+            "id": pa.array([1, 2, 3, 4], pa.int32()),
+            "option_type": pa.array(["put", "call", "put", "put"]).dictionary_encode(),
+            "spot": pa.array([90, 100, 110, 100], pa.int64()),
+            "strike": [100.0, 100.0, math.nan, 100.0],
+            "expiry": pa.array([1.0, 1.0, 1.0, None], pa.float32()),
+            "rate": [0.05] * 4,
+            "volatility": [0.2] * 4,
+            "tags": [["x"], [], ["y", "z"], None],
+        }
+    )
+    pq.write_table(table, path, row_group_size=2)
+    return path
+
+
+def test_parquet_to_parquet_keeps_the_types_of_the_input(
+    parquet_source: Path, target: Path, read_table: Read
+) -> None:
+    parquet = target.with_suffix(".parquet")
+    summary = run_batch(parquet_source, parquet, tolerance=COARSE, chunk_rows=3)
+    before, after = pq.read_table(parquet_source), pq.read_table(parquet)
+    assert (summary.priced, summary.rejected) == (2, 2)
+    assert after.schema == pa.schema([*before.schema, *RESULT_SCHEMA])
+    assert after["tags"].to_pylist() == before["tags"].to_pylist()
+    rejects = read_table(target.with_name("out.rejects.csv"))
+    assert [(reject["line"], reject["field"], reject["value"]) for reject in rejects] == [
+        ("3", "strike", "nan"),
+        ("4", "expiry", ""),
+    ]
+
+
+def test_parquet_to_csv_gives_the_same_prices(parquet_source: Path, target: Path, read_table: Read) -> None:
+    parquet = target.with_suffix(".parquet")
+    run_batch(parquet_source, parquet, tolerance=COARSE)
+    run_batch(parquet_source, target, tolerance=COARSE)
+    prices = [float(line["price"] or "nan") for line in read_table(target)]
+    np.testing.assert_array_equal(prices, pq.read_table(parquet)["price"].to_numpy())
+    assert read_table(target)[0]["tags"] == "['x']"
+
+
+def test_a_parquet_column_of_the_wrong_type_refuses_the_file(tmp_path: Path, target: Path) -> None:
+    source = tmp_path / "in.parquet"
+    names = ("option_type", "spot", "strike", "expiry", "rate", "volatility")
+    pq.write_table(pa.table({name: ["100"] for name in names}), source)
+    with pytest.raises(InvalidInputError, match="column spot = 'string': must be a column of numbers"):
+        run_batch(source, target)
+
+
+def test_a_damaged_parquet_file_leaves_nothing(parquet_source: Path, target: Path) -> None:
+    content = bytearray(parquet_source.read_bytes())
+    content[4:40] = b"\xff" * 36
+    parquet_source.write_bytes(content)
+    with pytest.raises(InvalidInputError, match="Parquet"):
+        run_batch(parquet_source, target)
+    parquet_source.write_bytes(b"no parquet")
+    with pytest.raises(InvalidInputError, match="Parquet"):
+        run_batch(parquet_source, target)
+    assert list(target.parent.iterdir()) == [parquet_source]
+
+
+def test_progress_is_told_after_every_chunk(write_table: Write, row: Row, target: Path) -> None:
+    told: list[Progress] = []
+    source = write_table([row(strike="bad")] * 5)
+    summary = run_batch(source, target, chunk_rows=2, progress=told.append)
+    assert [progress.summary.rows for progress in told] == [2, 4, 5]
+    assert (told[-1].summary, told[-1].fraction_read) == (summary, 1.0)
+
+
+def test_an_interruption_leaves_the_old_output_and_no_half_of_a_new_one(
+    write_table: Write, row: Row, target: Path
+) -> None:
+    def interrupt(_: Progress) -> None:
+        raise KeyboardInterrupt
+
+    source = write_table([row()] * 4)
+    target.write_text("old")
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(source, target, tolerance=COARSE, chunk_rows=2, progress=interrupt)
+    assert target.read_text() == "old"
+    assert sorted(path.name for path in target.parent.iterdir()) == ["in.csv", "out.csv"]
+
+
+@pytest.mark.parametrize(
+    ("source", "target"), [("in.txt", "out.csv"), ("in.csv", "out.xlsx"), ("in", "out.csv")]
+)
+def test_another_ending_is_refused(
+    write_table: Write, row: Row, tmp_path: Path, source: str, target: str
+) -> None:
+    write_table([row()], name=source)
+    with pytest.raises(InvalidInputError, match=r"\.csv or \.parquet"):
+        run_batch(tmp_path / source, tmp_path / target)
+
+
+def test_no_file_may_play_two_parts(write_table: Write, row: Row, target: Path) -> None:
+    source = write_table([row()])
+    for output, rejects in [(source, None), (target, source), (target, target)]:
+        with pytest.raises(InvalidInputError, match="another file than"):
+            run_batch(source, output, rejects=rejects)
+    assert source.read_text().startswith("id,")
+
+
+def test_the_whole_file_is_never_held(
+    write_table: Write, row: Row, target: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes: list[int] = []
+
+    def counted(columns: dict[str, object], **options: object) -> object:
+        sizes.append(len(columns["spot"]))  # type: ignore[arg-type]
+        return price_many(columns, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr("pricing_core.batch.results.price_many", counted)
+    run_batch(write_table([row(expiry="0")] * (ROWS_PER_CHUNK + 1)), target, tolerance=COARSE)
+    assert sizes == [ROWS_PER_CHUNK, 1]

@@ -1,0 +1,62 @@
+import pyarrow as pa
+import pytest
+
+from app.schemas import PriceResponse
+from pricing_core.batch.schema import COLUMNS, RESULT_SCHEMA, check_names, check_types
+from pricing_core.errors import InvalidInputError
+
+REQUIRED = [column.name for column in COLUMNS if column.required]
+
+
+def test_the_required_columns_are_enough_and_others_may_stand_between() -> None:
+    check_names(REQUIRED)
+    check_names(["id", *reversed(REQUIRED), "desk", ""])
+
+
+@pytest.mark.parametrize("missing", REQUIRED)
+def test_a_missing_column_is_named_with_its_unit(missing: str) -> None:
+    with pytest.raises(InvalidInputError, match=rf"^column {missing} = 'missing': must be present \("):
+        check_names([name for name in REQUIRED if name != missing])
+
+
+def test_every_missing_column_is_named_in_one_message() -> None:
+    with pytest.raises(InvalidInputError) as caught:
+        check_names(["option_type", "spot", "rate"])
+    assert all(f"column {name}" in str(caught.value) for name in ("strike", "expiry", "volatility"))
+    assert "column rate" not in str(caught.value)
+
+
+def test_a_name_that_appears_twice_is_refused() -> None:
+    with pytest.raises(InvalidInputError, match="column spot"):
+        check_names([*REQUIRED, "spot"])
+
+
+@pytest.mark.parametrize("name", RESULT_SCHEMA.names)
+def test_an_input_column_may_not_have_the_name_of_a_result(name: str) -> None:
+    with pytest.raises(InvalidInputError, match=f"column {name} .* renamed"):
+        check_names([*REQUIRED, name])
+
+
+def test_the_results_are_those_of_the_service() -> None:
+    assert set(RESULT_SCHEMA.names) == set(PriceResponse.model_fields)
+
+
+@pytest.mark.parametrize("found", [pa.int32(), pa.float32(), pa.decimal128(10, 2), pa.null()])
+def test_every_numeric_type_holds_a_number(found: pa.DataType) -> None:
+    check_types(pa.schema([("spot", found)]))
+
+
+@pytest.mark.parametrize("found", [pa.string(), pa.bool_(), pa.date32(), pa.list_(pa.float64())])
+def test_a_column_of_another_type_is_named_with_its_type(found: pa.DataType) -> None:
+    with pytest.raises(InvalidInputError, match=r"column spot = .*: must be a column of numbers"):
+        check_types(pa.schema([("id", pa.string()), ("spot", found)]))
+
+
+@pytest.mark.parametrize("found", [pa.string(), pa.large_string(), pa.dictionary(pa.int8(), pa.string())])
+def test_text_may_be_stored_in_every_way(found: pa.DataType) -> None:
+    check_types(pa.schema([("option_type", found)]))
+
+
+def test_text_may_not_be_a_number() -> None:
+    with pytest.raises(InvalidInputError, match=r"column option_type = 'int64': must be a column of text"):
+        check_types(pa.schema([("option_type", pa.int64())]))
