@@ -1,0 +1,172 @@
+"""The `pricing` command; heavy imports wait inside the commands, so that help and errors are quick."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.reporting import FAILED, SOME_REJECTED, interrupted_by_sigterm, one_line_errors, print_failure
+
+app = typer.Typer(
+    help="American options solved as linear complementarity systems.",
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+
+OptionTypeArgument = Annotated[str, typer.Option("--option-type", help="put or call")]
+SpotArgument = Annotated[float, typer.Option("--spot", help="money per unit of underlying")]
+StrikeArgument = Annotated[float, typer.Option("--strike", help="money per unit of underlying")]
+ExpiryArgument = Annotated[float, typer.Option("--expiry", help="time to expiry, years")]
+RateArgument = Annotated[float, typer.Option("--rate", help="1/year, continuously compounded")]
+VolatilityArgument = Annotated[float, typer.Option("--volatility", help="1/sqrt(year)")]
+YieldArgument = Annotated[float, typer.Option("--dividend-yield", help="1/year, continuous")]
+ExerciseArgument = Annotated[str, typer.Option("--exercise", help="american or european")]
+ToleranceArgument = Annotated[
+    float, typer.Option("--tolerance", help="absolute error of the price as a fraction of the strike")
+]
+JsonArgument = Annotated[bool, typer.Option("--json", help="print one JSON object")]
+
+
+def main() -> None:
+    """Run the command line: status 0 all done, 1 some rows rejected, 2 nothing done and one line says why."""
+    try:
+        status = app(standalone_mode=False)
+    except Exception as error:
+        # The parser's own errors know how to put themselves in one sentence.
+        sentence = (
+            error.format_message() if hasattr(error, "format_message") else f"unexpected error: {error!r}"
+        )
+        print_failure(sentence)
+        status = FAILED
+    sys.exit(status)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from pricing_core import __version__, kernel_name  # noqa: PLC0415
+
+        typer.echo(f"pricing {__version__} (kernel: {kernel_name()})")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="print version and kernel"),
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command("price")
+def price_command(
+    option_type: OptionTypeArgument,
+    spot: SpotArgument,
+    strike: StrikeArgument,
+    expiry: ExpiryArgument,
+    rate: RateArgument,
+    volatility: VolatilityArgument,
+    dividend_yield: YieldArgument = 0.0,
+    exercise: ExerciseArgument = "american",
+    tolerance: ToleranceArgument = 1e-6,
+    as_json: JsonArgument = False,
+) -> None:
+    """Value one option and its sensitivities."""
+    with one_line_errors():
+        from app.tables import print_valuation, valuation_json  # noqa: PLC0415
+        from pricing_core.american import Market, Option, price  # noqa: PLC0415
+
+        option = Option(option_type, strike, expiry, exercise)  # type: ignore[arg-type]  # checked inside
+        valuation = price(option, Market(spot, rate, volatility, dividend_yield), tolerance=tolerance)
+        if as_json:
+            typer.echo(valuation_json(valuation))
+        else:
+            print_valuation(valuation)
+        if valuation.price is None:
+            print_failure(f"there is no price: {valuation.status}")
+            raise typer.Exit(FAILED)
+
+
+@app.command("boundary")
+def boundary_command(
+    option_type: OptionTypeArgument,
+    strike: StrikeArgument,
+    expiry: ExpiryArgument,
+    rate: RateArgument,
+    volatility: VolatilityArgument,
+    dividend_yield: YieldArgument = 0.0,
+    spot: Annotated[
+        float | None, typer.Option("--spot", help="checked; the boundary does not depend on it")
+    ] = None,
+    exercise: ExerciseArgument = "american",
+    tolerance: ToleranceArgument = 1e-6,
+    time: Annotated[
+        list[float] | None, typer.Option("--time", help="calendar time, years from now; may be repeated")
+    ] = None,
+    as_json: JsonArgument = False,
+    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="write a CSV table")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="draw a picture")] = None,
+) -> None:
+    """Find the spot at which to exercise, over the life of the option."""
+    with one_line_errors():
+        from app.tables import boundary_json, print_boundary, write_boundary_csv, write_boundary_plot  # noqa: PLC0415
+        from pricing_core.american import Market, Option, exercise_boundary  # noqa: PLC0415
+
+        option = Option(option_type, strike, expiry, exercise)  # type: ignore[arg-type]  # checked inside
+        market = Market(strike if spot is None else spot, rate, volatility, dividend_yield)
+        found = exercise_boundary(option, market, time or None, tolerance=tolerance)
+        if csv is not None:
+            write_boundary_csv(csv, found)
+        if plot is not None:
+            write_boundary_plot(plot, found, option, market)
+        if as_json:
+            typer.echo(boundary_json(found))
+        elif csv is None and plot is None:
+            print_boundary(found)
+
+
+@app.command("batch")
+def batch_command(
+    source: Annotated[Path, typer.Argument(metavar="INPUT", help=".csv or .parquet")],
+    target: Annotated[Path, typer.Argument(metavar="OUTPUT", help=".csv or .parquet")],
+    tolerance: ToleranceArgument = 1e-6,
+    threads: Annotated[int | None, typer.Option("--threads", min=1, help="rows priced at a time")] = None,
+    rejects: Annotated[
+        Path | None,
+        typer.Option("--rejects", metavar="FILE", help="default: beside OUTPUT, NAME.rejects.csv"),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="no progress, no summary")] = False,
+) -> None:
+    """Price every row of a table; rows that cannot be priced are explained in the rejects file."""
+    with one_line_errors():
+        from app.progress import shown_progress  # noqa: PLC0415
+        from app.tables import print_summary  # noqa: PLC0415
+        from pricing_core.batch import rejects_path, run_batch  # noqa: PLC0415
+
+        explained = rejects_path(target) if rejects is None else rejects
+        with interrupted_by_sigterm(), shown_progress(quiet) as progress:
+            summary = run_batch(
+                source, target, rejects=explained, tolerance=tolerance, threads=threads, progress=progress
+            )
+        if not quiet:
+            print_summary(summary, target, explained)
+        raise typer.Exit(SOME_REJECTED if summary.rejected else 0)
+
+
+@app.command("serve")
+def serve_command(
+    host: Annotated[str, typer.Option("--host")] = "127.0.0.1",
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0 takes a free one")] = 8000,
+) -> None:
+    """Serve the HTTP interface until SIGTERM; its limits are PRICING_... environment variables."""
+    with one_line_errors():
+        from app.server import serve  # noqa: PLC0415
+
+        serve(host, port)
+
+
+if __name__ == "__main__":
+    main()

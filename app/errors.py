@@ -1,0 +1,149 @@
+"""From exception to answer: one table of problem types, one body (RFC 9457), the input never repeated."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fastapi import FastAPI, Request
+from fastapi.responses import Response
+from starlette.exceptions import HTTPException
+
+from app.schemas import FieldError, Problem
+from app.strict_json import InvalidJsonError
+from pricing_core.errors import InvalidInputError, NumericalError
+
+SHOWN_ERRORS = 10
+
+
+class ServiceError(Exception):
+    """A request that the service does not answer; the message is safe to send."""
+
+
+class InvalidRequestError(ServiceError):
+    """Fields are not what they must be."""
+
+    def __init__(self, errors: list[FieldError]) -> None:
+        self.errors = errors[:SHOWN_ERRORS]
+        super().__init__("; ".join(f"{error.field} must be {error.allowed}" for error in self.errors))
+
+
+class UnsupportedMediaTypeError(ServiceError):
+    """The body is not declared as plain JSON."""
+
+
+class BodyTooLargeError(ServiceError):
+    """The body is larger than the service reads."""
+
+
+class BodyTimeoutError(ServiceError):
+    """The body did not arrive in time."""
+
+
+class OverloadedError(ServiceError):
+    """Every thread is busy and the queue is full."""
+
+
+class DeadlineError(ServiceError):
+    """The deadline passed before there was anything to answer."""
+
+
+class NotReadyError(ServiceError):
+    """The process is shutting down."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProblemType:
+    """Status, the fragment of the type's address in /docs, and its title."""
+
+    status: int
+    name: str
+    title: str
+
+
+PROBLEM_TYPES: Mapping[type[Exception], ProblemType] = {
+    InvalidInputError: ProblemType(422, "invalid-input", "A field is not what it must be"),
+    InvalidRequestError: ProblemType(422, "invalid-input", "A field is not what it must be"),
+    InvalidJsonError: ProblemType(422, "invalid-json", "The body is not one valid JSON object"),
+    UnsupportedMediaTypeError: ProblemType(
+        415, "unsupported-media-type", "The body must be application/json"
+    ),
+    BodyTooLargeError: ProblemType(413, "body-too-large", "The body is too large"),
+    BodyTimeoutError: ProblemType(408, "body-timeout", "The body did not arrive in time"),
+    OverloadedError: ProblemType(503, "overloaded", "The service is at its capacity"),
+    DeadlineError: ProblemType(503, "deadline", "The deadline passed without an estimate"),
+    NotReadyError: ProblemType(503, "not-ready", "The service is not taking requests"),
+    NumericalError: ProblemType(422, "out-of-domain", "The method cannot answer this question"),
+    Exception: ProblemType(500, "internal-error", "Something is wrong on our side"),
+}
+HTTP_TYPES: Mapping[int, ProblemType] = {
+    404: ProblemType(404, "not-found", "There is nothing at this address"),
+    405: ProblemType(405, "method-not-allowed", "This address does not know this method"),
+}
+
+
+def problem_type(error: Exception) -> ProblemType:
+    """Return the row of the nearest class in the table."""
+    if isinstance(error, HTTPException):
+        other = ProblemType(error.status_code, "http-error", "The request cannot be answered")
+        return HTTP_TYPES.get(error.status_code, other)
+    return next(PROBLEM_TYPES[kind] for kind in type(error).__mro__ if kind in PROBLEM_TYPES)
+
+
+def problem_response(error: Exception, request_id: str, retry_after: int) -> Response:
+    """Build the answer to a failed request.
+
+    Parameters
+    ----------
+    request_id : str
+        Under which the log holds what the answer does not say.
+    retry_after : int
+        Seconds, sent with status 503.
+    """
+    kind = problem_type(error)
+    problem = Problem(
+        type=f"/docs#{kind.name}",
+        title=kind.title,
+        status=kind.status,
+        detail=_detail(error, kind),
+        errors=_field_errors(error),
+        request_id=request_id,
+    )
+    headers = dict(error.headers or {}) if isinstance(error, HTTPException) else {}
+    if kind.status == 503:
+        headers["Retry-After"] = str(retry_after)
+    if kind.status in (408, 413):
+        headers["Connection"] = "close"  # the rest of the body is not read
+    return Response(
+        problem.model_dump_json(),
+        status_code=kind.status,
+        headers=headers,
+        media_type="application/problem+json",
+    )
+
+
+def install_handlers(app: FastAPI, retry_after: int) -> None:
+    """Answer every exception of the table; the envelope around the application answers the others."""
+
+    async def answer(request: Request, error: Exception) -> Response:
+        return problem_response(error, request.state.request_id, retry_after)
+
+    for kind in (*PROBLEM_TYPES, HTTPException):
+        if kind is not Exception:
+            app.add_exception_handler(kind, answer)
+
+
+def _detail(error: Exception, kind: ProblemType) -> str:
+    if isinstance(error, InvalidInputError):
+        return error.message_without_value
+    if isinstance(error, (ServiceError, InvalidJsonError)):
+        return str(error)
+    if isinstance(error, NumericalError):
+        return "the numbers lie where the method does not reach: an extreme rate, volatility, expiry or price"
+    if kind.status >= 500:
+        return "the log holds the reason under this request id"
+    return kind.title
+
+
+def _field_errors(error: Exception) -> list[FieldError]:
+    if isinstance(error, InvalidInputError):
+        return [FieldError(field=error.field, allowed=error.allowed)]
+    return error.errors if isinstance(error, InvalidRequestError) else []

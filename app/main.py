@@ -1,0 +1,57 @@
+"""The application: routes, handlers, limits, put together."""
+
+import threading
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+
+from app import docs_page
+from app.envelope import Envelope
+from app.errors import install_handlers
+from app.pool import PricingPool
+from app.routes import boundary, health, price
+from app.settings import Settings
+from pricing_core import __version__
+
+
+def create_app(settings: Settings | None = None) -> FastAPI:
+    """Build the service.
+
+    Parameters
+    ----------
+    settings : Settings, optional
+        From the environment unless given.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        An environment variable does not hold what its setting must be.
+    """
+    settings = Settings() if settings is None else settings
+    app = FastAPI(
+        title="Pricing of American options",
+        description="American options solved as linear complementarity systems.",
+        version=__version__,
+        docs_url=None,  # the default pages load scripts from elsewhere
+        redoc_url=None,
+        redirect_slashes=False,
+        lifespan=_lifespan,
+    )
+    app.state.settings = settings
+    app.state.draining = threading.Event()
+    for module in (price, boundary, health, docs_page):
+        app.include_router(module.router)
+    install_handlers(app, settings.retry_after_seconds)
+    app.add_middleware(Envelope, retry_after=settings.retry_after_seconds)
+    return app
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    app.state.pool = PricingPool(app.state.settings)
+    try:
+        yield
+    finally:
+        app.state.draining.set()
+        app.state.pool.close()

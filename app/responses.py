@@ -1,0 +1,28 @@
+"""How the OpenAPI description names the problems that an operation may answer with."""
+
+from typing import Any
+
+from app.schemas import FieldError, Problem
+
+MEANINGS = {
+    408: "The body did not arrive in time.",
+    413: "The body is too large.",
+    415: "The body is not declared as application/json.",
+    422: "The body is not one JSON object, a field is not what it must be, or the method does not reach.",
+    500: "Something is wrong on our side; the log holds the reason under the request id.",
+    503: "At capacity, shutting down, or out of time without an estimate; see Retry-After.",
+}
+
+
+def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Return the `responses` of a route for these statuses."""
+    content = {"application/problem+json": {"schema": _problem_schema()}}
+    return {status: {"description": MEANINGS[status], "content": content} for status in statuses}
+
+
+def _problem_schema() -> dict[str, Any]:
+    """Return the schema of a problem in one piece: the description has no component to refer to."""
+    schema = Problem.model_json_schema()
+    del schema["$defs"]
+    schema["properties"]["errors"]["items"] = FieldError.model_json_schema()
+    return schema

@@ -1,0 +1,40 @@
+"""POST /v1/price: one option in one market."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Request
+
+from app.body import json_body, request_body
+from app.errors import DeadlineError
+from app.pool import Interrupt
+from app.responses import problem_responses
+from app.schemas import PriceRequest, PriceResponse
+from pricing_core.american import Market, Option, Valuation, price
+
+router = APIRouter(tags=["pricing"])
+
+
+@router.post(
+    "/v1/price",
+    openapi_extra=request_body(PriceRequest),
+    responses=problem_responses(408, 413, 415, 422, 500, 503),
+)
+async def post_price(
+    question: Annotated[PriceRequest, Depends(json_body(PriceRequest))], request: Request
+) -> PriceResponse:
+    """Value one option and its sensitivities.
+
+    Where the deadline passes first, the answer is 200 with status `deadline` if it holds an estimate of the
+    price, else 503 with Retry-After. Where the method does not reach, the answer is 422 with type
+    out-of-domain. Unknown keys are refused.
+    """
+    option = Option(question.option_type, question.strike, question.expiry, question.exercise)
+    market = Market(question.spot, question.rate, question.volatility, question.dividend_yield)
+
+    def work(interrupt: Interrupt) -> Valuation:
+        return price(option, market, tolerance=question.tolerance, interrupt=interrupt)
+
+    valuation = await request.app.state.pool.run(work)
+    if valuation.status == "deadline" and valuation.price is None:
+        raise DeadlineError("the deadline passed before there was an estimate; a wider tolerance is faster")
+    return PriceResponse(**{name: getattr(valuation, name) for name in PriceResponse.model_fields})

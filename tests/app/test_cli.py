@@ -1,0 +1,165 @@
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from app.cli import app, main
+from app.tables import UNITS
+from pricing_core import __version__, kernel_name
+from pricing_core.american import Market, Option, exercise_boundary, price
+
+PUT = ["--option-type", "put", "--spot", "100", "--strike", "100", "--expiry", "1", "--rate", "0.05"]
+PUT += ["--volatility", "0.2", "--tolerance", "1e-3"]
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def run(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run the command in a process of its own, as a shell does."""
+    command = [sys.executable, "-m", "app.cli", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **options)
+
+
+@pytest.fixture
+def pricing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
+    """Run the console entry point in this process; return status, standard output, standard error."""
+
+    def run_here(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["pricing", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        output = capsys.readouterr()
+        return int(ended.value.code or 0), output.out, output.err
+
+    return run_here
+
+
+def test_version_names_the_distribution_and_the_kernel() -> None:
+    found = run("--version")
+    assert (found.returncode, found.stdout) == (0, f"pricing {__version__} (kernel: {kernel_name()})\n")
+
+
+def test_price_prints_every_result_with_its_unit() -> None:
+    found = run("price", *PUT)
+    assert (found.returncode, found.stderr) == (0, "")
+    first_words = [line.split()[0] for line in found.stdout.splitlines()]
+    assert first_words == ["result", *UNITS]
+    assert "money per 0.01 of volatility" in found.stdout
+
+
+def test_price_as_json_is_the_library_s_valuation(pricing: Any) -> None:
+    status, output, errors = pricing(
+        "price", *PUT, "--dividend-yield", "0.02", "--exercise", "american", "--json"
+    )
+    valuation = price(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2, 0.02), tolerance=1e-3)
+    assert (status, errors) == (0, "")
+    assert json.loads(output) == {name: getattr(valuation, name) for name in UNITS}
+
+
+def test_the_default_tolerance_is_the_library_s(pricing: Any) -> None:
+    without = [word for word in PUT if word not in ("--tolerance", "1e-3")]
+    found = json.loads(pricing("price", *without, "--json")[1])
+    assert found["price"] == price(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2)).price
+
+
+def test_a_missing_number_is_null_in_json_and_a_dash_in_the_table(pricing: Any) -> None:
+    european = [*PUT, "--exercise", "european"]
+    assert json.loads(pricing("price", *european, "--json")[1])["exercise_boundary"] is None
+    line = next(
+        line for line in pricing("price", *european)[1].splitlines() if line.startswith("exercise_boundary")
+    )
+    assert line.split()[1] == "-"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "command"),
+        (["nonsense"], "nonsense"),
+        (["price"], "--option-type"),
+        (["price", *PUT, "--volatility", "-0.2"], "volatility = -0.2: must be a number from 0 to 15"),
+        (["price", *PUT, "--spot", "nan"], "spot"),
+        (["price", *PUT, "--spot", "inf"], "spot"),
+        (["price", *PUT, "--strike", "0"], "strike"),
+        (["price", *PUT, "--expiry", "-1"], "expiry"),
+        (["price", *PUT, "--strike", "abc"], "--strike"),
+        (["price", *PUT, "--option-type", "straddle"], 'must be "put" or "call"'),
+        (["price", *PUT, "--exercise", "bermudan"], "exercise"),
+        (["price", *PUT, "--tolerance", "1"], "tolerance"),
+        (["price", *PUT, "--cash-dividend", "0.25:1.0"], "--cash-dividend"),
+        (["price", *PUT, "--option-type", "put\nor\ncall"], "option_type"),
+        (["boundary", *PUT, "--plot", "boundary.svg"], ".png"),
+        (["boundary", *PUT, "--time", "2"], "times"),
+        (["boundary", *PUT, "--csv", "/nowhere/at/all.csv"], "/nowhere/at"),
+        (["batch"], "INPUT"),
+        (["batch", "/nowhere/in.csv", "out.csv"], "/nowhere/in.csv"),
+        (["batch", "in.csv", "out.csv", "--threads", "0"], "--threads"),
+        (["serve", "--port", "70000"], "--port"),
+        (["serve", "--host", "256.0.0.1", "--port", "0"], ""),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_status_2(
+    pricing: Any, arguments: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    status, output, errors = pricing(*arguments)
+    assert (status, output) == (2, "")
+    assert len(errors.splitlines()) == 1
+    assert errors.startswith("pricing: ")
+    assert words in errors
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bad_setting_is_one_line_and_status_2(pricing: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PRICING_WORKERS", "none")
+    status, _, errors = pricing("serve", "--port", "0")
+    assert status == 2
+    assert len(errors.splitlines()) == 1
+    assert "workers" in errors
+
+
+def test_a_defect_is_one_line_too(pricing: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def price(*_: object, **__: object) -> None:
+        raise RuntimeError("two\nlines")
+
+    monkeypatch.setattr("pricing_core.american.price", price)
+    status, _, errors = pricing("price", *PUT)
+    assert (status, len(errors.splitlines())) == (2, 1)
+
+
+def test_help_is_quick_because_numerical_libraries_wait() -> None:
+    heavy = ("numpy", "scipy", "pyarrow", "fastapi")
+    code = f"import app.cli, sys; print([name for name in {heavy} if name in sys.modules])"
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert found.stdout == "[]\n"
+
+
+def test_boundary_in_its_three_forms_agrees_with_the_library(tmp_path: Path) -> None:
+    picture, table = tmp_path / "boundary.png", tmp_path / "boundary.csv"
+    arguments = ["boundary", *PUT, "--time", "0", "--time", "0.5"]
+    found = CliRunner().invoke(app, [*arguments, "--csv", str(table), "--plot", str(picture), "--json"])
+    expected = exercise_boundary(
+        Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2), [0.0, 0.5], tolerance=1e-3
+    )
+    assert found.exit_code == 0
+    body = json.loads(found.stdout)
+    assert body["boundary"] == expected.boundary.tolist()
+    assert (body["time"], body["other_boundary"]) == ([0.0, 0.5], None)
+    rows = list(csv.DictReader(table.read_text().splitlines()))
+    assert [float(row["boundary"]) for row in rows] == expected.boundary.tolist()
+    assert [row["other_boundary"] for row in rows] == ["", ""]
+    assert picture.read_bytes().startswith(PNG)
+
+
+def test_boundary_prints_a_table_with_units_where_no_form_is_asked_for(pricing: Any) -> None:
+    status, output, _ = pricing("boundary", *PUT, "--exercise", "european", "--time", "0.25")
+    lines = output.splitlines()
+    assert status == 0
+    assert "boundary (money)" in lines[0]
+    assert lines[1].split() == ["0.25", "0.75", "-"]

@@ -1,0 +1,199 @@
+"""A real server in a process of its own, spoken to over a socket."""
+
+import http.client
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+QUESTION = {"option_type": "put", "spot": 100, "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
+SETTINGS = {"PRICING_BODY_SECONDS": "1", "PRICING_DRAIN_SECONDS": "1", "PRICING_WORKERS": "2"}
+
+
+class Server:
+    """A `pricing serve` process on a free port."""
+
+    def __init__(self, **settings: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "app.cli", "serve", "--port", "0"],
+            stderr=subprocess.PIPE,
+            text=True,
+            env=os.environ | SETTINGS | settings,
+        )
+        assert self.process.stderr is not None
+        self.log: list[dict[str, Any]] = [json.loads(self.process.stderr.readline())]
+        self.port: int = self.log[0]["port"]
+        self._reader = threading.Thread(target=self._read_log, daemon=True)
+        self._reader.start()
+
+    def _read_log(self) -> None:
+        assert self.process.stderr is not None
+        self.log.extend(json.loads(line) for line in self.process.stderr)
+
+    def request(self, method: str, path: str, body: object = None, **headers: str) -> tuple[int, Any, Any]:
+        """Return status, headers and parsed body of one request on a connection of its own."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        try:
+            raw = None if body is None else json.dumps(body)
+            connection.request(method, path, raw, {"Content-Type": "application/json"} | headers)
+            answer = connection.getresponse()
+            return answer.status, answer.headers, json.loads(answer.read())
+        finally:
+            connection.close()
+
+    def stop(self) -> int:
+        """Send SIGTERM and return the exit status."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+        status = self.process.wait(30)
+        self._reader.join(10)
+        assert self.process.stderr is not None
+        self.process.stderr.close()
+        return status
+
+
+@contextmanager
+def running(**settings: str) -> Iterator[Server]:
+    server = Server(**settings)
+    try:
+        yield server
+    finally:
+        server.stop()
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Server]:
+    with running() as server:
+        yield server
+
+
+def answer_to(server: Server, *parts: bytes, pause: float = 0.0) -> bytes:
+    """Send raw bytes and return all that comes back until the server closes or has been silent for 1 s."""
+    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as connection:
+        for part in parts:
+            connection.sendall(part)
+            time.sleep(pause)
+        received = b""
+        try:
+            while block := connection.recv(65_536):
+                received += block
+                connection.settimeout(1.0)
+        except (TimeoutError, ConnectionResetError):
+            pass
+        return received
+
+
+JSON = "Content-Type: application/json"
+
+
+def head(length: str) -> bytes:
+    return f"POST /v1/price HTTP/1.1\r\nHost: x\r\nConnection: close\r\n{length}\r\n{JSON}\r\n\r\n".encode()
+
+
+def test_a_price_over_a_socket(server: Server) -> None:
+    status, headers, body = server.request("POST", "/v1/price", QUESTION | {"tolerance": 1e-4})
+    assert (status, body["status"]) == (200, "ok")
+    assert body["price"] == pytest.approx(6.0904, abs=1e-2)
+    assert len(headers["X-Request-ID"]) == 32
+    assert "Server" not in headers
+
+
+def test_health_over_a_socket(server: Server) -> None:
+    for path in ("/livez", "/readyz", "/version"):
+        assert server.request("GET", path)[0] == 200
+
+
+def test_a_slow_body_times_out_with_a_problem(server: Server) -> None:
+    received = answer_to(server, head("Content-Length: 100"), b'{"spot"', pause=0.1)
+    assert received.startswith(b"HTTP/1.1 408 ")
+    assert b"application/problem+json" in received
+
+
+def test_a_huge_declared_body_is_refused_before_it_is_sent(server: Server) -> None:
+    received = answer_to(server, head("Content-Length: 10000000000"))
+    assert received.startswith(b"HTTP/1.1 413 ")
+    assert b"application/problem+json" in received
+
+
+def test_a_huge_chunked_body_is_cut_off(server: Server) -> None:
+    block = b"4000\r\n" + b"[" * 0x4000 + b"\r\n"
+    received = answer_to(server, head("Transfer-Encoding: chunked"), *[block] * 5, pause=0.02)
+    assert received.startswith(b"HTTP/1.1 413 ")
+
+
+def test_hostile_json_leaves_the_server_answering(server: Server) -> None:
+    for body in (b"[" * 50_000, b'{"spot": NaN}', b'{"spot": ' + b"9" * 5_000 + b"}", b'{"\\ud800": 1}'):
+        received = answer_to(server, head(f"Content-Length: {len(body)}"), body)
+        assert received.startswith(b"HTTP/1.1 422 ")
+    assert server.request("GET", "/livez")[0] == 200
+
+
+def test_a_client_that_goes_away_does_no_harm(server: Server) -> None:
+    with socket.create_connection(("127.0.0.1", server.port)) as connection:
+        connection.sendall(head("Content-Length: 100"))
+    assert server.request("GET", "/livez")[0] == 200
+
+
+def test_many_requests_at_once_are_each_answered_or_told_to_come_back(server: Server) -> None:
+    answers: list[tuple[int, Any, Any]] = []
+
+    def ask() -> None:
+        answers.append(server.request("POST", "/v1/price", QUESTION | {"tolerance": 1e-3}))
+
+    threads = [threading.Thread(target=ask) for _ in range(24)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(answers) == 24
+    assert {status for status, _, _ in answers} <= {200, 503}
+    assert all(headers["Retry-After"] for status, headers, _ in answers if status == 503)
+    assert len({body["price"] for status, _, body in answers if status == 200}) == 1
+
+
+def test_sigterm_turns_readiness_503_finishes_requests_in_flight_and_ends_with_status_0() -> None:
+    with running(PRICING_BODY_SECONDS="10") as server:
+        body = json.dumps(QUESTION | {"tolerance": 1e-3}).encode()
+        with socket.create_connection(("127.0.0.1", server.port), timeout=10) as in_flight:
+            in_flight.sendall(head(f"Content-Length: {len(body)}") + body[:10])
+            time.sleep(0.2)
+            server.process.send_signal(signal.SIGTERM)
+            time.sleep(0.3)
+            assert server.request("GET", "/readyz")[0] == 503
+            assert server.request("GET", "/livez")[0] == 200
+            time.sleep(1.2)  # the drain is over: no new connections, the one in flight still lives
+            with pytest.raises(ConnectionRefusedError):
+                socket.create_connection(("127.0.0.1", server.port), timeout=5)
+            in_flight.sendall(body[10:])
+            assert in_flight.recv(65_536).startswith(b"HTTP/1.1 200 ")
+        assert server.stop() == 0
+
+
+def test_the_log_is_one_json_line_per_request() -> None:
+    with running(PRICING_DRAIN_SECONDS="0") as server:
+        server.request("GET", "/livez", **{"X-Request-ID": "the-first"})
+        server.request("GET", "/nowhere", **{"X-Request-ID": "the-second"})
+        assert server.stop() == 0
+    requests = [line for line in server.log if line["message"] == "request"]
+    assert [(line["request_id"], line["path"], line["status"]) for line in requests] == [
+        ("the-first", "/livez", 200),
+        ("the-second", "/nowhere", 404),
+    ]
+
+
+def test_a_port_in_use_is_one_line_and_status_2(server: Server) -> None:
+    command = [sys.executable, "-m", "app.cli", "serve", "--port", str(server.port)]
+    found = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    lines = [line for line in found.stderr.splitlines() if line.startswith("pricing: ")]
+    assert found.returncode == 2
+    assert lines == found.stderr.splitlines()
+    assert len(lines) == 1
