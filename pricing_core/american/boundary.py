@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core.american.contract import Option, real_number
-from pricing_core.american.engine import coarsest_resolution, make_solver, region_of
+from pricing_core.american.engine import coarsest_resolution, make_solver
 from pricing_core.american.exercise_region import ExerciseRegion, region_at_expiry
 from pricing_core.american.limits import deterministic_error
 from pricing_core.american.market import Market
 from pricing_core.american.resolution import Solution
+from pricing_core.american.spot_values import region_of
 from pricing_core.american.valuation import (
     DEFAULT_TOLERANCE,
     LARGEST_TOLERANCE,

@@ -10,7 +10,7 @@ from pricing_core.american.contract import Option
 from pricing_core.american.crank_nicolson import CrankNicolson, damped_until
 from pricing_core.american.grid import Domain, make_grid
 from pricing_core.american.market import Market
-from pricing_core.american.semidiscrete import SemidiscreteForm, premium_form, value_form
+from pricing_core.american.semidiscrete import PremiumForm, SemidiscreteForm, ValueForm
 from pricing_core.american.time_mesh import square_root_mesh, uniform_mesh
 from pricing_core.american.tridiagonal_step import LCPMethod, OptionState, TridiagonalStage, start_state
 from pricing_core.arrays import Vector
@@ -126,8 +126,8 @@ def solve_at(
         Carry the derivatives by volatility, rate and yield along (premium formulation only).
     """
     grid = make_grid(domain, resolution.intervals, resolution.stretching)
-    make_form = premium_form if resolution.formulation == "premium" else value_form
-    form: SemidiscreteForm = make_form(option, market, domain, grid)
+    form_class = PremiumForm if resolution.formulation == "premium" else ValueForm
+    form = form_class.discretise(option, market, domain, grid)
     mesh = (square_root_mesh if resolution.time_mesh == "square-root" else uniform_mesh)(
         option.expiry, resolution.steps
     )

@@ -5,8 +5,9 @@ x = ln(S/K). The multiplier u is K times smaller than the income lost by holding
 """
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Self
 
 import numpy as np
 
@@ -31,55 +32,9 @@ class Constraint:
     ends: Matrix  # (m, 2)
 
 
-class SemidiscreteForm(Protocol):
-    """The data of the differential complementarity system."""
-
-    @property
-    def grid(self) -> Grid:
-        """The nodes."""
-        ...
-
-    @property
-    def domain(self) -> Domain:
-        """The interval and where it ends in the exercise region."""
-        ...
-
-    @property
-    def operators(self) -> BlackScholesOperator:
-        """L and its derivatives."""
-        ...
-
-    @property
-    def payoff(self) -> Vector:
-        """G at all nodes, shape (N + 2,)."""
-        ...
-
-    @property
-    def option(self) -> Option:
-        """The contract."""
-        ...
-
-    @property
-    def market(self) -> Market:
-        """The market."""
-        ...
-
-    def start(self, rows: int) -> Matrix:
-        """Return the state at expiry, shape (rows, N)."""
-        ...
-
-    def constraint(self, tau: float, rows: int) -> Constraint:
-        """Return obstacle and end values at tau > 0."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class ValueForm:
-    """The option's value itself: the system (11.63)-(11.64), with g the payoff.
-
-    The boundary conditions (11.55)-(11.56) give the end rows: v = g where the end lies in the exercise
-    region, v = 0 out of the money, and the discounted forward where a deep option is not exercised.
-    """
+class SemidiscreteForm(ABC):
+    """The data of the differential complementarity system: contract, market, grid, L and the payoff on the grid."""
 
     option: Option
     market: Market
@@ -87,6 +42,29 @@ class ValueForm:
     grid: Grid
     operators: BlackScholesOperator
     payoff: Vector  # (N + 2,)
+
+    @classmethod
+    def discretise(cls, option: Option, market: Market, domain: Domain, grid: Grid) -> Self:
+        """Discretise the option in space."""
+        payoff = payoff_obstacle(option, grid.nodes)
+        return cls(option, market, domain, grid, black_scholes_operator(grid, market), payoff)
+
+    @abstractmethod
+    def start(self, rows: int) -> Matrix:
+        """Return the state at expiry, shape (rows, N)."""
+
+    @abstractmethod
+    def constraint(self, tau: float, rows: int) -> Constraint:
+        """Return obstacle and end values at tau > 0."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ValueForm(SemidiscreteForm):
+    """The option's value itself: the system (11.63)-(11.64), with g the payoff.
+
+    The boundary conditions (11.55)-(11.56) give the end rows: v = g where the end lies in the exercise
+    region, v = 0 out of the money, and the discounted forward where a deep option is not exercised.
+    """
 
     def start(self, rows: int) -> Matrix:
         """Return the payoff (11.64), shape (1, N)."""
@@ -143,19 +121,12 @@ class ValueForm:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PremiumForm:
+class PremiumForm(SemidiscreteForm):
     """The early exercise premium p = v - v_European: the same equation, start 0, obstacle g - v_European.
 
     Subtracting the closed formula removes the kink at the strike. At the ends p is its obstacle in the
     exercise region, else 0.
     """
-
-    option: Option
-    market: Market
-    domain: Domain
-    grid: Grid
-    operators: BlackScholesOperator
-    payoff: Vector  # (N + 2,)
 
     def start(self, rows: int) -> Matrix:
         """Return zeros, shape (rows, N)."""
@@ -170,18 +141,6 @@ class PremiumForm:
         obstacle[0] += self.payoff
         ends = obstacle[:, [0, -1]] * [self.domain.contact_at_left, self.domain.contact_at_right]
         return Constraint(obstacle, ends)
-
-
-def value_form(option: Option, market: Market, domain: Domain, grid: Grid) -> ValueForm:
-    """Discretise the option in space, as its value."""
-    payoff = payoff_obstacle(option, grid.nodes)
-    return ValueForm(option, market, domain, grid, black_scholes_operator(grid, market), payoff)
-
-
-def premium_form(option: Option, market: Market, domain: Domain, grid: Grid) -> PremiumForm:
-    """Discretise the option in space, as its early exercise premium."""
-    payoff = payoff_obstacle(option, grid.nodes)
-    return PremiumForm(option, market, domain, grid, black_scholes_operator(grid, market), payoff)
 
 
 def _require_single_row(rows: int) -> None:

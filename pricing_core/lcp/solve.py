@@ -26,12 +26,19 @@ Method: TypeAlias = Literal["auto", "lemke", "murty", "psor", "policy", "tridiag
 METHODS = ("auto", "lemke", "murty", "psor", "policy", "tridiagonal", "enumeration")
 Attempt: TypeAlias = Callable[[LCP], LCPSolution]
 
+WARM_TOLERANCE = 1e-13  # scaled residual at which a basic set from elsewhere is taken for the solution
 LARGEST_DENSE = 3000  # sparse problems up to this order may be made dense for Lemke's method
 LARGEST_PIVOT_TRIALS = 8
 GOLDEN = 0.6180339887498949
 
 
-def solve(problem: LCP, *, method: Method = "auto", tolerance: float = DEFAULT_TOLERANCE) -> LCPSolution:
+def solve(
+    problem: LCP,
+    *,
+    method: Method = "auto",
+    tolerance: float = DEFAULT_TOLERANCE,
+    start: BoolVector | None = None,
+) -> LCPSolution:
     """Solve an LCP, or say what is known about why not.
 
     method="auto" takes the first of these that gives a point with a small residual, and names it in `solution.method`:
@@ -89,8 +96,21 @@ def solve(problem: LCP, *, method: Method = "auto", tolerance: float = DEFAULT_T
         raise InvalidInputError("tolerance", tolerance, "> 0 and < 1")
     if problem.size == 0:
         return solution_of(problem, np.zeros(0), 0, method)
+    if start is not None and (known := _at_basic_set(problem, start)) is not None:
+        return known
     found = _first_success(problem, _attempts(problem, method, tolerance))
     return verified(problem, found.z, found.iterations, found.method, tolerance, "raise the tolerance")
+
+
+def _at_basic_set(problem: LCP, basic_set: BoolVector) -> LCPSolution | None:
+    if basic_set.shape != (problem.size,):
+        raise InvalidInputError("start", f"shape {basic_set.shape}", f"a vector of length {problem.size}")
+    try:
+        return verified(
+            problem, basic_point(problem, basic_set), 1, "start", WARM_TOLERANCE, "not a solution"
+        )
+    except NumericalError:
+        return None
 
 
 def _attempts(problem: LCP, method: Method, tolerance: float) -> Iterator[Attempt]:

@@ -45,7 +45,7 @@ class LCSStage:
         """
         problem = self._problem(h)
         free = problem.free_state(base, t)
-        solution = solve(problem.lcp(free, t), method=self.lcp_method)
+        solution = solve(problem.lcp(free, t), method=self.lcp_method, start=near.multiplier > near.slack)
         return LCSState(free + problem.response @ solution.z, solution.z, solution.w)
 
     def _problem(self, h: float) -> OneStepProblem:

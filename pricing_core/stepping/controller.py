@@ -87,41 +87,26 @@ class IController:
     def decide(self, value: Vector, error: Vector | None, h: float, order: int, previous: float) -> Decision:
         """Accept where the scaled error is at most 1."""
         scaled = scaled_error(value, error, self.rtol, self.atol)
-        return Decision(
-            scaled <= 1.0, h * limited(scaled ** (-1.0 / (order + 1)) if scaled else math.inf), scaled
-        )
+        growth = self._growth(scaled, previous) if scaled else math.inf
+        return Decision(scaled <= 1.0, h * limited(growth ** (1.0 / (order + 1))), scaled)
+
+    def _growth(self, scaled: float, previous: float) -> float:
+        """Return (next_h / h)**(p + 1), before the safety factor."""
+        return 1.0 / scaled
 
 
 @dataclass(frozen=True, slots=True)
-class PIController:
+class PIController(IController):
     """The proportional-integral controller: smoother step sizes, fewer rejections.
 
     h_next = h * safety * error**(-0.7/(p + 1)) * previous_error**(0.4/(p + 1)); after a rejection as
     `IController`.
     """
 
-    rtol: float = 1e-4
-    atol: ArrayLike = 1e-7
-    start: float = 1e-4
-
-    def __post_init__(self) -> None:
-        check_tolerances(self.rtol, self.atol, self.start)
-
-    def first_h(self, span: float) -> float:
-        """Return the first step."""
-        return self.start * span
-
-    def decide(self, value: Vector, error: Vector | None, h: float, order: int, previous: float) -> Decision:
-        """Accept where the scaled error is at most 1."""
-        scaled = scaled_error(value, error, self.rtol, self.atol)
-        accept = scaled <= 1.0
-        if scaled == 0.0:
-            factor = math.inf
-        elif accept and previous > 0.0:
-            factor = (scaled**-PI_INTEGRAL * previous**PI_PROPORTIONAL) ** (1.0 / (order + 1))
-        else:
-            factor = scaled ** (-1.0 / (order + 1))
-        return Decision(accept, h * limited(factor), scaled)
+    def _growth(self, scaled: float, previous: float) -> float:
+        if scaled > 1.0 or previous == 0.0:
+            return 1.0 / scaled
+        return math.pow(scaled, -PI_INTEGRAL) * math.pow(previous, PI_PROPORTIONAL)
 
 
 def scaled_error(value: Vector, error: Vector | None, rtol: float, atol: ArrayLike) -> float:

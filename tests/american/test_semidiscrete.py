@@ -7,7 +7,7 @@ import pytest
 from pricing_core.american import Market, Option
 from pricing_core.american.grid import Domain, Grid, exercise_domain, make_grid
 from pricing_core.american.operators import black_scholes_operator
-from pricing_core.american.semidiscrete import premium_form, value_form
+from pricing_core.american.semidiscrete import PremiumForm, ValueForm
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import simulate
 
@@ -31,7 +31,7 @@ def test_interior_rows_are_those_of_the_chapter():
 
 def test_lcs_has_the_block_structure_and_the_start_of_the_chapter():
     """(11.63)-(11.64): A with a zero last row, B = [I; 0], C = [I, -g], x(0) = (g, 1)."""
-    form = value_form(PUT, MARKET, PLAIN, make_grid(PLAIN, 12))
+    form = ValueForm.discretise(PUT, MARKET, PLAIN, make_grid(PLAIN, 12))
     system, x0 = form.as_lcs()
     g = np.maximum(1 - np.exp(form.grid.interior), 0)
     assert system.shape == (12, 11)
@@ -49,7 +49,7 @@ def test_lcs_has_the_block_structure_and_the_start_of_the_chapter():
 def test_the_general_simulator_prices_the_option():
     """`simulate` knows nothing of options: 6.090371 is the true value, 5e-3 the error of this coarse grid."""
     domain = exercise_domain(PUT, MARKET, 1e-6)
-    form = value_form(PUT, MARKET, domain, make_grid(domain, 80))
+    form = ValueForm.discretise(PUT, MARKET, domain, make_grid(domain, 80))
     system, x0 = form.as_lcs()
     trajectory = simulate(system, x0, (0.0, 1.0), rtol=0.0, atol=1e-5, t_eval=[1.0])
     value = 100 * np.interp(0.0, form.grid.interior, trajectory.x[-1, :-1])
@@ -93,7 +93,7 @@ def test_coarse_cells_are_fitted_so_that_the_step_keeps_an_m_matrix(volatility):
 
 def test_premium_obstacle_and_its_derivatives_are_the_payoff_less_the_european_option():
     domain = exercise_domain(PUT, MARKET, 1e-6)
-    form = premium_form(PUT, MARKET, domain, make_grid(domain, 16))
+    form = PremiumForm.discretise(PUT, MARKET, domain, make_grid(domain, 16))
     constraint = form.constraint(0.5, 4)
     assert constraint.obstacle.shape == (4, 17)
     assert constraint.ends[0, 1] == 0.0

@@ -3,7 +3,7 @@ import pytest
 
 from pricing_core.american import Market, Option
 from pricing_core.american.grid import exercise_domain, make_grid
-from pricing_core.american.semidiscrete import value_form
+from pricing_core.american.semidiscrete import ValueForm
 from pricing_core.american.tridiagonal_step import TridiagonalStage, start_state
 from pricing_core.lcs import LCSStage, LCSState
 from pricing_core.stepping import ImplicitEuler, Sdirk2
@@ -25,7 +25,7 @@ def test_the_tridiagonal_step_equals_the_general_lcs_step(case, method, stretchi
     """(11.65) for the system (11.63), solved as an LCP for u by the general library, three steps in a row."""
     option, market = CASES[case]
     domain = exercise_domain(option, market, 1e-8)
-    form = value_form(option, market, domain, make_grid(domain, 60, stretching))
+    form = ValueForm.discretise(option, market, domain, make_grid(domain, 60, stretching))
     system, x = form.as_lcs()
     unknowns = form.grid.interior.size
     general = LCSState(x, np.zeros(unknowns), np.zeros(unknowns))
@@ -46,7 +46,7 @@ def test_the_tridiagonal_step_equals_the_general_lcs_step(case, method, stretchi
 def test_complementarity_holds_after_a_step(case):
     option, market = CASES[case]
     domain = exercise_domain(option, market, 1e-8)
-    form = value_form(option, market, domain, make_grid(domain, 200))
+    form = ValueForm.discretise(option, market, domain, make_grid(domain, 200))
     state = Sdirk2(TridiagonalStage(form)).step(0.0, start_state(form), 1e-2).state
     assert np.all(state.slack >= 0)
     assert np.all(state.multiplier >= 0)

@@ -182,3 +182,13 @@ def test_a_large_sparse_problem_outside_every_class_is_declined() -> None:
     M = csr_array((np.ones(n), (np.arange(n), (np.arange(n) + 5) % n)), shape=(n, n))
     with pytest.raises(NumericalError, match="3001"):
         solve(LCP(M, -np.ones(n)))
+
+
+def test_a_start_that_solves_the_problem_is_the_answer_and_any_other_is_ignored():
+    problem = LCP([[2.0, 1.0], [1.0, 2.0]], [-4.0, 1.0])
+    right, wrong = np.array([True, False]), np.array([False, True])
+    assert solve(problem, start=right).method == "start"
+    assert solve(problem, start=wrong).method == "lemke"
+    assert solve(problem, start=right).z.tolist() == solve(problem, start=wrong).z.tolist() == [2.0, 0.0]
+    with pytest.raises(InvalidInputError, match="start"):
+        solve(problem, start=np.array([True]))

@@ -3,7 +3,7 @@ import pytest
 
 from pricing_core.american import Market, Option
 from pricing_core.american.grid import exercise_domain, make_grid
-from pricing_core.american.semidiscrete import value_form
+from pricing_core.american.semidiscrete import ValueForm
 from pricing_core.lcs import LCS, relative_degree
 from tests.problems.lcs_problems import problems
 
@@ -34,7 +34,7 @@ def test_a_mode_can_have_a_higher_degree_than_its_parts():
 def test_hundreds_of_pairs_are_settled_by_the_leading_markov_parameter():
     option, market = Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2)
     domain = exercise_domain(option, market, 1e-6)
-    system, _ = value_form(option, market, domain, make_grid(domain, 301)).as_lcs()
+    system, _ = ValueForm.discretise(option, market, domain, make_grid(domain, 301)).as_lcs()
     assert system.shape[1] == 300
     assert relative_degree(system) == 1
 
