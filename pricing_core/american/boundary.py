@@ -106,41 +106,57 @@ def _solve(
     tolerance: float,
     interrupt: Callable[[], bool] | None,
 ) -> Matrix:
+    """Return (near, far) boundary in money at times to expiry tau, shape (m, 2)."""
     resolution = coarsest_resolution(option, market, "sdirk2")
     for _ in range(DOUBLINGS if tolerance < 1e-4 else DOUBLINGS - 1):
         resolution = resolution.refined()
-    solver = make_solver(
-        option, market, tolerance, resolution, lcp_method="tridiagonal", tangents=False, interrupt=interrupt
-    )
-    level = solver.solve(resolution)
-    if level is None:
-        raise NumericalError("interrupted before the boundary was found: allow more time")
-    return boundaries_at(level.solution, tau, limit)
+    ends = np.full((tau.size, 2), math.nan)
+    far_limit = limit.boundaries(option)[1]
+    for spot in (option.strike, far_limit):
+        if math.isnan(spot) or not np.isnan(ends[:, 1]).all():
+            continue  # there is one boundary only, or both were found on one domain
+        solver = make_solver(
+            option,
+            replace(market, spot=spot),
+            tolerance,
+            resolution,
+            lcp_method="tridiagonal",
+            tangents=False,
+            interrupt=interrupt,
+        )
+        level = solver.solve(resolution)
+        if level is None:
+            raise NumericalError("interrupted before the boundary was found: allow more time")
+        found = boundaries_at(level.solution, tau, limit)
+        ends = np.where(np.isnan(ends), found, ends)
+    return ends
 
 
 def boundaries_at(solution: Solution, tau: Vector, limit: ExerciseRegion) -> Matrix:
-    """Return (near, far) boundary in money at times to expiry tau, shape (m, 2).
+    """Return the (near, far) boundary that this solve saw, shape (m, 2), NaN where it saw none.
 
-    Cubic interpolation in sqrt(tau) between the solve's own times, among those at which the boundary exists.
+    The solve's own values are made monotone in time, as the boundary is (Jaillet, Lamberton, Lapeyre 1990), and
+    interpolated by cubics in sqrt(tau) between their neighbours.
     """
     option = solution.form.option
     count = solution.tau.size
-    ends = np.array(
-        [limit.boundaries(option), *(region_of(solution, k).boundaries(option) for k in range(1, count))]
-    )
+    ends = np.array([region_of(solution, k).boundaries(option) for k in range(1, count)])
     root = np.sqrt(solution.tau)
     result = np.full((tau.size, 2), math.nan)
-    for column in range(2):
+    for column, start in enumerate(limit.boundaries(option)):
         exists = np.flatnonzero(~np.isnan(ends[:, column]))
-        if exists.size:
+        if exists.size and exists[0] == 0:
             known = exists[-1] + 1  # the region, once gone, does not come back
-            inside = tau <= solution.tau[exists[-1]]
-            result[inside, column] = _interpolate(root[:known], ends[:known, column], np.sqrt(tau[inside]))
+            falls = option.is_put == (column == 0)
+            running = np.minimum if falls else np.maximum
+            values = running.accumulate(np.concatenate([[start], ends[:known, column]]))
+            inside = tau <= solution.tau[known]
+            result[inside, column] = _interpolate(root[: known + 1], values, np.sqrt(tau[inside]))
     return result
 
 
 def _interpolate(nodes: Vector, values: Vector, wanted: Vector) -> Vector:
-    """Return the cubic Lagrange interpolant through the four nearest nodes; linear next to expiry."""
+    """Return the cubic through the four nearest nodes, between its two neighbours; linear next to expiry."""
     result = np.interp(wanted, nodes, values)
     if nodes.size <= NEIGHBOURS:
         return result
@@ -150,7 +166,9 @@ def _interpolate(nodes: Vector, values: Vector, wanted: Vector) -> Vector:
         local = nodes[first : first + NEIGHBOURS] - wanted[i]
         scale = local[-1] - local[0]
         powers = np.vander(local / scale, increasing=True)
-        result[i] = np.linalg.solve(powers, values[first : first + NEIGHBOURS])[0]
+        cubic = np.linalg.solve(powers, values[first : first + NEIGHBOURS])[0]
+        bracket = values[max(0, int(np.searchsorted(nodes, wanted[i])) - 1) :][:2]
+        result[i] = min(max(cubic, bracket.min()), bracket.max())
     return result
 
 
@@ -167,5 +185,5 @@ def _default_times(option: Option) -> Vector:
 def _checked_times(option: Option, times: ArrayLike) -> Vector:
     chosen = as_vector("times", times)
     if np.any(chosen < 0.0) or np.any(chosen > option.expiry) or np.any(np.diff(chosen) <= 0.0):
-        raise InvalidInputError("times", times, f"increasing, from 0 to the expiry, {option.expiry:g}")
+        raise InvalidInputError("times", times, "increasing, from 0 to the expiry")
     return chosen

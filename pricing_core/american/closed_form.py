@@ -118,11 +118,8 @@ def zero_volatility_value(option: Option, market: Market) -> tuple[float, float]
     times = [option.expiry]
     if option.exercise == "american":
         times.insert(0, 0.0)
-        ratio = (
-            dividend_yield * market.spot / (rate * option.strike)
-            if rate != 0.0 and market.spot > 0.0
-            else 0.0
-        )
+        costs = rate * option.strike  # of waiting, at once; it can underflow
+        ratio = dividend_yield * market.spot / costs if costs != 0.0 else 0.0
         if ratio > 0.0 and rate != dividend_yield:
             stationary = math.log(ratio) / (dividend_yield - rate)
             if 0.0 < stationary < option.expiry:

@@ -11,7 +11,7 @@ Exercise: TypeAlias = Literal["american", "european"]
 OPTION_TYPES = ("put", "call")
 EXERCISES = ("american", "european")
 LARGEST_EXPIRY = 200.0  # years
-LARGEST_MONEY = 1e100  # for strike and spot
+SMALLEST_MONEY, LARGEST_MONEY = 1e-30, 1e30  # for strike and, unless it is 0, spot
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Option:
     ----------
     option_type : {"put", "call"}
     strike : float
-        Money per unit of underlying, > 0 and at most 1e100.
+        Money per unit of underlying, 1e-30 to 1e30.
     expiry : float
         Time to expiry in years, 0 to 200.
     exercise : {"american", "european"}
@@ -48,7 +48,7 @@ class Option:
             raise InvalidInputError("option_type", self.option_type, '"put" or "call"')
         if self.exercise not in EXERCISES:
             raise InvalidInputError("exercise", self.exercise, '"american" or "european"')
-        object.__setattr__(self, "strike", real_number("strike", self.strike, most=LARGEST_MONEY, above=0.0))
+        object.__setattr__(self, "strike", real_number("strike", self.strike, SMALLEST_MONEY, LARGEST_MONEY))
         object.__setattr__(self, "expiry", real_number("expiry", self.expiry, 0.0, LARGEST_EXPIRY))
 
     @property

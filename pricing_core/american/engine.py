@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from pricing_core.american.closed_form import LARGEST_EXPONENT
 from pricing_core.american.contract import Option
-from pricing_core.american.exercise_region import ExerciseRegion
+from pricing_core.american.exercise_region import EMPTY_REGION, ExerciseRegion
 from pricing_core.american.grid import Domain, exercise_domain
 from pricing_core.american.market import Market
 from pricing_core.american.resolution import Resolution, Scheme, Solution, align, solve_at
@@ -23,9 +23,12 @@ from pricing_core.arrays import Matrix
 FINEST_INTERVALS = 768  # about 0.1 s; twice as many below the default tolerance
 TIGHT_TOLERANCE = 1e-6
 TRUNCATION_SHARE = 0.01  # of the tolerance, for cutting off the domain
+MOST_STEPS = 800
 WIDENINGS = 8
 COARSEST_INTERVALS, COARSEST_STEPS = 48, 12
+STRETCHED_FROM = 0.5  # volatility * sqrt(expiry)
 LEAST_SOLVES = 3  # two may agree by chance
+ERROR_SHARE = 1.5  # of the distance of two solves a factor of two apart: 1/3 or 4/3 at order 2, 1 or 2 at 1
 ROUNDING = 1e-14  # of the strike (or the spot where that is larger)
 
 
@@ -89,8 +92,7 @@ class Solver:
     def noise(self, level: "Level", tolerance: float) -> float:
         """Return what no refinement removes: truncation, residual, rounding; fraction of the strike."""
         rounding = 0.0 if level.exercised else ROUNDING * max(1.0, math.exp(min(self.x, LARGEST_EXPONENT)))
-        neglected = 0.0 if level.exercised else self.domain.neglected
-        return neglected + level.solution.last.residual + rounding
+        return self.domain.neglected + level.solution.last.residual + rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +116,7 @@ def make_solver(
     interrupt: Callable[[], bool] | None,
 ) -> Solver:
     """Choose the domain and return the solver."""
-    domain = settled_domain(option, market, tolerance, coarsest)
+    domain = settled_domain(option, market, tolerance, coarsest, interrupt)
     x = math.log(market.spot) - math.log(option.strike)
     return Solver(option, market, domain, x, lcp_method, tangents, interrupt)
 
@@ -135,7 +137,7 @@ def estimate_to_tolerance(solver: Solver, tolerance: float, coarsest: Resolution
     coarse = solver.solve(coarsest)
     resolution, extrapolated, solves = coarsest, None, 1
     finest = FINEST_INTERVALS if tolerance >= TIGHT_TOLERANCE else 2 * FINEST_INTERVALS
-    while coarse is not None and resolution.intervals < finest:
+    while coarse is not None and resolution.intervals < finest and resolution.steps < MOST_STEPS:
         resolution = resolution.refined()
         fine = solver.solve(resolution)
         if fine is None:
@@ -166,12 +168,37 @@ def _distance(values: Matrix, others: Matrix) -> float:
 
 
 def estimate_at_resolution(solver: Solver, tolerance: float, resolution: Resolution) -> Estimate | None:
-    """Solve at `resolution`, not extrapolated; a solve with half the cells and steps gives the error."""
-    coarse, fine = solver.solve(resolution.coarsened()), solver.solve(resolution)
-    if coarse is None or fine is None:
+    """Solve at `resolution`, not extrapolated; a second solve gives the error.
+
+    The second has half the cells and steps, or twice as many where those are too few to be halved.
+    """
+    second = resolution.coarsened()
+    level, other = solver.solve(resolution), solver.solve(resolution.refined() if second is None else second)
+    if level is None or other is None:
         return None
-    error = _distance(fine.values, coarse.values) + solver.noise(fine, tolerance)
-    return Estimate(fine.values, error, fine.region, fine.exercised, fine.solution, 2, False)
+    error = ERROR_SHARE * _distance(level.values, other.values) + solver.noise(level, tolerance)
+    return Estimate(level.values, error, level.region, level.exercised, level.solution, 2, False)
+
+
+def region_near_strike(
+    option: Option,
+    market: Market,
+    tolerance: float,
+    resolution: Resolution,
+    interrupt: Callable[[], bool] | None,
+) -> ExerciseRegion:
+    """Return the exercise region now as seen from a spot at the strike; empty where interrupted."""
+    solver = make_solver(
+        option,
+        replace(market, spot=option.strike),
+        tolerance,
+        resolution,
+        lcp_method="tridiagonal",
+        tangents=False,
+        interrupt=interrupt,
+    )
+    level = solver.solve(resolution)
+    return EMPTY_REGION if level is None else level.region
 
 
 def coarsest_resolution(option: Option, market: Market, scheme: Scheme) -> Resolution:
@@ -180,11 +207,19 @@ def coarsest_resolution(option: Option, market: Market, scheme: Scheme) -> Resol
     With a negative rate the value grows on its way from expiry: 1 + h r, the row sum of the stage's matrix,
     must stay positive by a good margin, and the longest step is 2 T/M.
     """
-    steps = max(COARSEST_STEPS, math.ceil(2.0 * option.expiry * max(-market.rate, 0.0)))
-    return Resolution(COARSEST_INTERVALS, steps, scheme=scheme)
+    steps = max(COARSEST_STEPS, math.ceil(option.expiry * max(-market.rate, 0.0)))
+    spread = market.volatility * math.sqrt(option.expiry)
+    stretching = math.log1p(spread / STRETCHED_FROM) if spread > STRETCHED_FROM else 0.0
+    return Resolution(COARSEST_INTERVALS, steps, scheme=scheme, stretching=stretching)
 
 
-def settled_domain(option: Option, market: Market, tolerance: float, coarsest: Resolution) -> Domain:
+def settled_domain(
+    option: Option,
+    market: Market,
+    tolerance: float,
+    coarsest: Resolution,
+    interrupt: Callable[[], bool] | None,
+) -> Domain:
     """Return a domain that a cheap solve shows to reach into the exercise region at all times."""
     truncation = min(TRUNCATION_SHARE * tolerance, 1e-6)
     probe = replace(coarsest, intervals=64, formulation="premium", scheme="sdirk2", time_mesh="square-root")
@@ -193,7 +228,7 @@ def settled_domain(option: Option, market: Market, tolerance: float, coarsest: R
         domain = exercise_domain(option, market, truncation, widening)
         if not (domain.contact_at_left or domain.contact_at_right):
             break
-        solution = solve_at(option, market, domain, probe)
+        solution = solve_at(option, market, domain, probe, interrupt=interrupt)
         end = 0 if domain.contact_at_left else -1
         if all(state.contact[end] for state in solution.integration.states[1:]):
             break

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pricing_core.american.contract import Option
+from pricing_core.american.closed_form import LARGEST_EXPONENT
+from pricing_core.american.contract import LARGEST_MONEY, Option
 from pricing_core.american.market import Market
 from pricing_core.american.tridiagonal_step import OptionState
 from pricing_core.arrays import Vector
@@ -36,14 +37,21 @@ class ExerciseRegion:
         """Whether x lies in the closed region."""
         return self.lower <= x <= self.upper
 
+    def is_open_at_strike(self, option: Option) -> bool:
+        """Whether the end nearer the strike is not known: it lies on a domain of its own."""
+        return self.lower <= self.upper and math.isinf(self.upper if option.is_put else self.lower)
+
+    def completed_by(self, near: "ExerciseRegion") -> "ExerciseRegion":
+        """Return this region with its unknown end taken from another."""
+        return ExerciseRegion(max(self.lower, near.lower), min(self.upper, near.upper))
+
     def boundaries(self, option: Option) -> tuple[float, float]:
         """Return S*, the boundary nearer the strike, and the other one, in money; NaN where there is none."""
         if self.lower > self.upper:
             return math.nan, math.nan
-        near, far = (self.upper, self.lower) if option.is_put else (self.lower, self.upper)
-        return option.strike * math.exp(near), option.strike * math.exp(far) if math.isfinite(
-            far
-        ) else math.nan
+        ends = (self.upper, self.lower) if option.is_put else (self.lower, self.upper)
+        near, far = (option.strike * math.exp(min(end, LARGEST_EXPONENT)) for end in ends)
+        return near if near <= LARGEST_MONEY else math.nan, far if 0.0 < far <= LARGEST_MONEY else math.nan
 
 
 EMPTY_REGION = ExerciseRegion(math.inf, -math.inf)

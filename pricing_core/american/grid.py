@@ -1,7 +1,7 @@
 """Grids in log-moneyness x = ln(S/K) and the interval they must cover."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +11,9 @@ from pricing_core.american.market import Market
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError
 
+LARGEST_STRETCHING = 10.0
 FURTHEST = 100.0  # ln(S/K)
+SPLIT = 4.0  # width of a two-sided exercise region, in spreads, from which its ends are solved apart
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,13 +59,11 @@ def make_grid(domain: Domain, intervals: int, stretching: float = 0.0) -> Grid:
     Parameters
     ----------
     stretching : float
-        0: uniform, as in (11.60)-(11.61). s > 0: x = center + c sinh(s u), u uniform, about exp(s)/s times
+        0 to 10. 0: uniform, as in (11.60)-(11.61). s > 0: x = center + c sinh(s u), u uniform, about exp(s)/s times
         finer around x = 0 (the strike) than at the far end.
     """
     if intervals < 2:
         raise InvalidInputError("intervals", intervals, "an integer >= 2")
-    if not 0.0 <= stretching <= 10.0:
-        raise InvalidInputError("stretching", stretching, "a number from 0 to 10")
     if stretching == 0.0:
         return Grid(np.linspace(domain.left, domain.right, intervals + 1))
     center = min(max(0.0, domain.left), domain.right)
@@ -77,48 +77,68 @@ def make_grid(domain: Domain, intervals: int, stretching: float = 0.0) -> Grid:
 def exercise_domain(option: Option, market: Market, truncation: float, widening: float = 1.0) -> Domain:
     """Return the interval on which an option with volatility and expiry > 0 must be solved.
 
-    Outside, on the side of the payoff, the option is exercised (or, with two boundaries, the premium
-    vanishes); on the other side the premium is below about `truncation` of the strike: ln S would have to
-    move c standard deviations with c = sqrt(2 ln(20/truncation)), or the perpetual option's premium, which
-    decays as a power of S, is smaller still. No end lies more than 100 from the strike: e^x must stay in the
-    range of floating-point numbers, and what is neglected there is bounded by the perpetual option.
+    Outside, on the side of the payoff, the option is exercised (or, with two boundaries, the premium vanishes);
+    on the other side the premium is below about `truncation` of the strike: ln S would have to move
+    c standard deviations with c = sqrt(2 ln(20/truncation)), or the perpetual option's premium, which decays
+    as a power of S, is smaller still. No end lies more than 100 from the strike: e^x must stay in the range of
+    floating-point numbers, and what is neglected there is bounded by the perpetual option.
+
+    Where an exercise region with two ends is so wide that they cannot meet before today, each has a domain of its
+    own, from the middle of the region outwards: that on the spot's side is returned.
 
     Parameters
     ----------
     truncation : float
         Fraction of the strike.
     widening : float
-        Multiplies the distance allowed to the exercise boundary, >= 1.
+        Multiplies the distance allowed to the exercise boundary, >= 1; above 1 no region is split.
     """
     if option.is_put:
-        return _put_domain(market, option.expiry, truncation, widening)
+        return _put_domain(option, market, truncation, widening)
     # S*/K of the call is the reciprocal of that of the put with r and q exchanged.
-    mirrored = replace(market, rate=market.dividend_yield, dividend_yield=market.rate)
-    put = _put_domain(mirrored, option.expiry, truncation, widening)
+    mirrored = Market(option.strike / market.spot, market.dividend_yield, market.volatility, market.rate)
+    put = _put_domain(Option("put", 1.0, option.expiry), mirrored, truncation, widening)
     neglected = truncation
     if put.neglected > truncation:  # a call is worth at most the spot
         neglected = max(truncation, math.exp(-put.right))
     return Domain(-put.right, -put.left, put.contact_at_right, put.contact_at_left, neglected)
 
 
-def _put_domain(market: Market, expiry: float, truncation: float, widening: float) -> Domain:
-    rate, dividend_yield, volatility = market.rate, market.dividend_yield, market.volatility
+def _put_domain(option: Option, market: Market, truncation: float, widening: float) -> Domain:
+    volatility, expiry = market.volatility, option.expiry
     spread = math.sqrt(2.0 * math.log(20.0 / truncation)) * volatility * math.sqrt(expiry)
-    drift = (rate - dividend_yield - 0.5 * volatility**2) * expiry
-    right = spread + max(-drift, 0.0)
-    if rate < 0.0:  # two boundaries: the exercise region just before expiry is [ln(r/q), 0]
-        left = math.log(rate / dividend_yield) - spread - max(drift, 0.0)
-        ends = max(left, -FURTHEST), min(right, FURTHEST)
-        return Domain(*ends, False, False, truncation if ends == (left, right) else 1.0)
-    at_expiry = math.log(rate / dividend_yield) if 0.0 < rate < dividend_yield else 0.0
+    drift = (market.rate - market.dividend_yield - 0.5 * volatility**2) * expiry
+    if market.rate < 0.0:
+        return _two_sided_domain(option, market, truncation, spread, drift, split=widening == 1.0)
+    at_expiry = 0.0
+    if 0.0 < market.rate < market.dividend_yield:
+        at_expiry = math.log(market.rate / market.dividend_yield)
     left = at_expiry - widening * (spread + max(drift, 0.0))
-    neglected = truncation
+    right = at_expiry + spread + max(-drift, 0.0)
     perpetual = perpetual_boundary(market, "put")
     decay = (1.0 - perpetual) / perpetual if perpetual > 0.0 else math.inf
     if perpetual > 0.0:
         left = max(left, math.log(perpetual) - 0.02 * spread)
         right = min(right, math.log(1.0 / truncation) * decay)  # its premium: exp(-x / decay)
-    right = max(right, 0.1 * spread)
-    if right > FURTHEST:
-        right, neglected = FURTHEST, max(truncation, math.exp(-FURTHEST / decay))
-    return Domain(max(left, -FURTHEST), right, True, False, neglected)
+    right = max(right, at_expiry + 0.1 * spread)
+    if right <= FURTHEST:
+        return Domain(max(left, -FURTHEST), right, True, False, truncation)
+    return Domain(max(left, -FURTHEST), FURTHEST, True, False, max(truncation, math.exp(-FURTHEST / decay)))
+
+
+def _two_sided_domain(
+    option: Option, market: Market, truncation: float, spread: float, drift: float, *, split: bool
+) -> Domain:
+    """Put with q < r < 0: the exercise region just before expiry is [ln(r/q), 0]."""
+    lowest = math.log(market.rate / market.dividend_yield)
+    left, right = lowest - spread - max(drift, 0.0), spread + max(-drift, 0.0)
+    middle = 0.5 * lowest
+    apart = split and -lowest > SPLIT * (spread + abs(drift))
+    upper_half = market.spot >= option.strike * math.exp(middle)
+    ends = max(left, -FURTHEST), min(right, FURTHEST)
+    neglected = truncation if ends == (left, right) else 1.0
+    if apart and upper_half:
+        return Domain(max(middle, -spread - abs(drift)), ends[1], True, False, neglected)
+    if apart:
+        return Domain(ends[0], min(middle, lowest + spread + abs(drift)), False, True, neglected)
+    return Domain(*ends, False, False, neglected)

@@ -1,7 +1,7 @@
 """Options that need no grid: at expiry, without uncertainty, European, never exercised early."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,6 +9,8 @@ from pricing_core.american.closed_form import european_values, zero_volatility_v
 from pricing_core.american.contract import Option
 from pricing_core.american.exercise_region import never_exercised
 from pricing_core.american.market import Market
+
+SMALLEST_SPREAD = 1e-12  # volatility * sqrt(expiry) below which chance makes no difference
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +46,9 @@ def european_value(option: Option, market: Market) -> ClosedValue:
     """Return the European option with its Greeks; spot, volatility and expiry may be 0."""
     if option.expiry == 0.0:
         return expired_value(option, market)
-    if market.spot == 0.0 or market.volatility == 0.0:
+    if market.spot == 0.0 or market.volatility * math.sqrt(option.expiry) < SMALLEST_SPREAD:
         european = Option(option.option_type, option.strike, option.expiry, "european")
-        return deterministic_value(european, market)
+        return replace(deterministic_value(european, market), error=deterministic_error(option, market))
     x = np.array([math.log(market.spot) - math.log(option.strike)])
     rows = european_values(option.option_type, x, option.expiry, market)
     K, S = option.strike, market.spot

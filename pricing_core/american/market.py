@@ -15,7 +15,7 @@ class Market:
     Parameters
     ----------
     spot : float
-        Money per unit of underlying, 0 to 1e100.
+        Money per unit of underlying, 0 to 1e30.
     rate, dividend_yield : float
         1/year, continuously compounded, -0.5 to 2; the cost of borrowing the stock adds to the yield.
     volatility : float

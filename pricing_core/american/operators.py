@@ -38,6 +38,10 @@ class ThreePointOperator:
         result: Vector = self.lower * v[:-2] + self.diagonal * v[1:-1] + self.upper * v[2:]
         return result
 
+    def scaled(self, rows: Vector) -> "ThreePointOperator":
+        """Return the operator with row i multiplied by rows[i]."""
+        return ThreePointOperator(rows * self.lower, rows * self.diagonal, rows * self.upper)
+
     def combine(
         self, weight: float, other: "ThreePointOperator", other_weight: float
     ) -> "ThreePointOperator":
@@ -82,12 +86,15 @@ def black_scholes_operator(grid: Grid, market: Market) -> BlackScholesOperator:
     identity = ThreePointOperator(np.zeros(left.size), np.ones(left.size), np.zeros(left.size))
     diffusion = 0.5 * market.volatility**2
     drift = market.rate - market.dividend_yield - diffusion
-    widest = float(np.max(np.diff(grid.nodes)))
-    fitted = abs(drift) * widest > 2.0 * diffusion
-    if fitted:
-        peclet = abs(drift) * widest / (2.0 * diffusion)
-        diffusion *= (1.0 + 1e-12) * peclet / np.tanh(peclet)  # above rounding
-    operator = second.combine(diffusion, first, drift).combine(1.0, identity, -market.rate)
+    peclet = abs(drift) * np.maximum(left, right) / (2.0 * diffusion)
+    coarse = peclet > 1.0
+    at_strike = int(np.argmin(np.abs(grid.interior)))
+    fitted = bool(coarse[at_strike])
+    # 1e-12 keeps rounding from a negative entry
+    factor = np.where(coarse, (1.0 + 1e-12) * peclet / np.tanh(np.where(coarse, peclet, 1.0)), 1.0)
+    operator = (
+        second.scaled(diffusion * factor).combine(1.0, first, drift).combine(1.0, identity, -market.rate)
+    )
     return BlackScholesOperator(
         operator,
         by_volatility=second.combine(market.volatility, first, -market.volatility),

@@ -78,7 +78,7 @@ def price_many(
     >>> book = {"option_type": "put", "spot": [90.0, -1.0], "strike": 100.0, "expiry": 1.0}
     >>> table = price_many({**book, "rate": 0.05, "volatility": 0.2}, tolerance=1e-4)
     >>> table["status"].tolist(), table["message"][1]
-    (['ok', 'invalid_input'], 'spot = -1.0: must be a number from 0 to 1e+100')
+    (['ok', 'invalid_input'], 'spot = -1.0: must be a number from 0 to 1e+30')
     """
     real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
     if threads is not None and (not isinstance(threads, int) or threads < 1):

@@ -8,7 +8,7 @@ import numpy as np
 
 from pricing_core.american.contract import Option
 from pricing_core.american.crank_nicolson import CrankNicolson, damped_until
-from pricing_core.american.grid import Domain, make_grid
+from pricing_core.american.grid import LARGEST_STRETCHING, Domain, make_grid
 from pricing_core.american.market import Market
 from pricing_core.american.semidiscrete import PremiumForm, SemidiscreteForm, ValueForm
 from pricing_core.american.time_mesh import square_root_mesh, uniform_mesh
@@ -30,6 +30,7 @@ TimeMesh: TypeAlias = Literal["square-root", "uniform", "adaptive"]
 Formulation: TypeAlias = Literal["premium", "value"]
 Scheme: TypeAlias = Literal["sdirk2", "implicit-euler", "crank-nicolson"]
 
+LEAST_INTERVALS, LEAST_STEPS, MOST = 8, 4, 20_000
 LOCAL_TOLERANCE = 0.02  # adaptive steps: local error of v per step, times steps**3
 
 
@@ -40,14 +41,15 @@ class Resolution:
     Parameters
     ----------
     intervals : int
-        Cells of the grid, 4 to 20,000.
+        Cells of the grid, 8 to 20,000.
     steps : int
-        Time steps, 2 to 20,000; with "adaptive" the size of the local tolerance, 0.02/steps**3 of the strike,
+        Time steps, 4 to 20,000; with "adaptive" the size of the local tolerance, 0.02/steps**3 of the strike,
         which leads to about as many.
     time_mesh : {"square-root", "uniform", "adaptive"}
         Equal steps in sqrt(tau), equal steps in tau, or step-size control by step doubling and a PI
         controller.
-    scheme : {"sdirk2", "implicit-euler", "crank-nicolson"}
+    scheme : {"sdirk2", "implicit-euler", "crank-nicolson"}, optional
+        The one-step method; by default "sdirk2".
     formulation : {"premium", "value"}
         Solve for the early exercise premium, or for the value as in (11.63).
     stretching : float
@@ -57,31 +59,37 @@ class Resolution:
     intervals: int = 400
     steps: int = 100
     time_mesh: TimeMesh = "square-root"
-    scheme: Scheme = "sdirk2"
+    scheme: Scheme | None = None
     formulation: Formulation = "premium"
     stretching: float = 0.0
 
     def __post_init__(self) -> None:
-        for field, least in (("intervals", 4), ("steps", 2)):
+        for field, least in (("intervals", LEAST_INTERVALS), ("steps", LEAST_STEPS)):
             value = getattr(self, field)
-            if not isinstance(value, int) or not least <= value <= 20_000:
-                raise InvalidInputError(field, value, f"an integer from {least} to 20000")
+            if not isinstance(value, int) or not least <= value <= MOST:
+                raise InvalidInputError(field, value, f"an integer from {least} to {MOST}")
+        if not 0.0 <= self.stretching <= LARGEST_STRETCHING:
+            raise InvalidInputError(
+                "stretching", self.stretching, f"a number from 0 to {LARGEST_STRETCHING:g}"
+            )
         choices = {
             "time_mesh": ("square-root", "uniform", "adaptive"),
-            "scheme": ("sdirk2", "implicit-euler", "crank-nicolson"),
+            "scheme": (None, "sdirk2", "implicit-euler", "crank-nicolson"),
             "formulation": ("premium", "value"),
         }
         for field, allowed in choices.items():
             if getattr(self, field) not in allowed:
-                raise InvalidInputError(field, getattr(self, field), "one of " + ", ".join(allowed))
+                raise InvalidInputError(field, getattr(self, field), "one of " + ", ".join(map(str, allowed)))
 
     def refined(self) -> "Resolution":
         """Return twice the cells and twice the steps."""
         return replace(self, intervals=2 * self.intervals, steps=2 * self.steps)
 
-    def coarsened(self) -> "Resolution":
-        """Return half the cells and half the steps."""
-        return replace(self, intervals=max(4, self.intervals // 2), steps=max(2, self.steps // 2))
+    def coarsened(self) -> "Resolution | None":
+        """Return half the cells and half the steps, None where there are too few."""
+        if self.intervals < 2 * LEAST_INTERVALS or self.steps < 2 * LEAST_STEPS:
+            return None
+        return replace(self, intervals=self.intervals // 2, steps=self.steps // 2)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +145,7 @@ def solve_at(
         "implicit-euler": ImplicitEuler(stage),
         "crank-nicolson": CrankNicolson(stage, damped_until(mesh.tolist())),
     }
-    method = methods[resolution.scheme]
+    method = methods[resolution.scheme or "sdirk2"]
     adaptive = resolution.time_mesh == "adaptive"
     local = LOCAL_TOLERANCE / resolution.steps ** (method.order + 1)
     integration = integrate(

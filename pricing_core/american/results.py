@@ -22,7 +22,7 @@ class Diagnostics:
     Parameters
     ----------
     solved_by : str
-        "closed form", "zero volatility", "expired", or "method of lines".
+        "method of lines", "closed form", "zero volatility", "worthless underlying" (spot 0), "expired", or "nothing".
     resolution : Resolution or None
         The finest grid and steps.
     solves : int
@@ -146,4 +146,4 @@ def without_price(option: Option, market: Market) -> Valuation:
 
 
 def _present(number: float) -> float | None:
-    return None if math.isnan(number) else number
+    return None if math.isnan(number) else number + 0.0  # no -0.0

@@ -44,7 +44,7 @@ def values_at(solution: Solution, region: ExerciseRegion, x: float) -> Matrix:
     if not free[nearest]:  # between the boundary and the first free node
         nearest = min(max(nearest + (1 if x > region.upper else -1), 0), free.size - 1)
     if not free[nearest]:
-        return exercised_values(solution, x)
+        return european
     on_grid = local_derivatives(interior, state.value, run_around(free, nearest), x)
     return on_grid if solution.resolution.formulation == "value" else on_grid + european
 

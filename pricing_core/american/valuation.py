@@ -12,6 +12,7 @@ from pricing_core.american.engine import (
     estimate_at_resolution,
     estimate_to_tolerance,
     make_solver,
+    region_near_strike,
 )
 from pricing_core.american.exercise_region import EMPTY_REGION, ExerciseRegion, region_at_expiry
 from pricing_core.american.limits import (
@@ -32,7 +33,7 @@ from pricing_core.errors import InvalidInputError
 Method: TypeAlias = Literal["auto", "lcs", "crank-nicolson"]
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-8, 1e-2  # fractions of the strike
 DEFAULT_TOLERANCE = 1e-6
-LARGEST_RATIO = 1e100  # of spot and strike, either way
+LARGEST_RATIO = 1e30  # of spot and strike, either way
 
 
 def price(
@@ -91,18 +92,20 @@ def price(
     _check_choice("method", method, ("auto", "lcs", "crank-nicolson"))
     _check_choice("lcp_method", lcp_method, ("tridiagonal", "policy", "psor", "lemke"))
     check_moneyness(option, market)
-    if option.expiry == 0.0:
-        return _from_closed(option, market, expired_value(option, market), "expired", tolerance)
-    if is_closed_form(option, market):
-        return _from_closed(option, market, european_value(option, market), "closed form", tolerance)
+    if option.expiry == 0.0 or is_closed_form(option, market):
+        solved_by = "expired" if option.expiry == 0.0 else "closed form"
+        return _from_closed(option, market, european_value(option, market), solved_by, tolerance)
     deterministic = replace(
         deterministic_value(option, market),
         error=0.0 if market.spot == 0.0 else deterministic_error(option, market),
     )
-    if deterministic.error <= 0.1 * tolerance * option.strike:
+    at_strike = replace(market, spot=max(market.spot, option.strike))  # a spot of 0 has no chance to show
+    if deterministic_error(option, at_strike) <= 0.1 * tolerance * option.strike:
         return _from_closed(option, market, deterministic, "zero volatility", tolerance)
-    scheme: Scheme = "crank-nicolson" if method == "crank-nicolson" else "sdirk2"
-    first = coarsest_resolution(option, market, scheme) if resolution is None else resolution
+    first = _first_resolution(option, market, method, resolution)
+    if market.spot == 0.0:
+        region = region_near_strike(option, market, tolerance, first.refined().refined(), interrupt)
+        return _from_closed(option, market, deterministic, "worthless underlying", tolerance, region)
     solver = make_solver(
         option, market, tolerance, first, lcp_method=lcp_method, tangents=greeks, interrupt=interrupt
     )
@@ -112,7 +115,29 @@ def price(
         return without_price(option, market)
     if deterministic.error <= estimate.error * option.strike:
         return _from_closed(option, market, deterministic, "zero volatility", tolerance)
+    if estimate.region.is_open_at_strike(option):
+        near = region_near_strike(option, market, tolerance, estimate.solution.resolution, interrupt)
+        estimate = replace(estimate, region=estimate.region.completed_by(near))
     return _from_estimate(option, market, estimate, tolerance, lcp_method, greeks)
+
+
+def _first_resolution(
+    option: Option, market: Market, method: Method, resolution: Resolution | None
+) -> Resolution:
+    """Return the resolution to begin with, its scheme settled between `method` and `resolution`."""
+    wanted = None if resolution is None else resolution.scheme
+    if (
+        method != "auto"
+        and wanted is not None
+        and (wanted == "crank-nicolson") != (method == "crank-nicolson")
+    ):
+        raise InvalidInputError(
+            "method", method, f'"auto" where the resolution asks for the scheme "{wanted}"'
+        )
+    scheme: Scheme = wanted or ("crank-nicolson" if method == "crank-nicolson" else "sdirk2")
+    if resolution is None:
+        return coarsest_resolution(option, market, scheme)
+    return replace(resolution, scheme=scheme)
 
 
 def _from_estimate(
@@ -124,7 +149,10 @@ def _from_estimate(
     if estimate.exercised:
         closed = replace(expired_value(option, market), error=error)
     else:
-        closed = _held(option, market, estimate, error)
+        closed = _not_below(
+            max(option.payoff(market.spot), european_value(option, market).value),
+            _held(option, market, estimate, error),
+        )
     if not greeks or resolution.formulation == "value":
         closed = replace(closed, vega=math.nan, rho=math.nan, dividend_rho=math.nan)
     diagnostics = Diagnostics(
@@ -136,7 +164,7 @@ def _from_estimate(
         lcp_residual=max(state.residual for state in states),
         fitted=estimate.solution.form.operators.fitted,
     )
-    status: Status = "ok" if estimate.error <= tolerance else "tolerance_not_met"
+    status: Status = "ok" if closed.error <= tolerance * option.strike else "tolerance_not_met"
     return assemble(
         option,
         market,
@@ -144,9 +172,15 @@ def _from_estimate(
         estimate.region,
         exercise_now=estimate.exercised and option.payoff(market.spot) > 0.0,
         status="deadline" if estimate.interrupted else status,
-        method=resolution.scheme,
+        method=resolution.scheme or "",
         diagnostics=diagnostics,
     )
+
+
+def _not_below(bound: float, closed: ClosedValue) -> ClosedValue:
+    """Lift the value to what it cannot be less than; what was missing counts as error."""
+    missing = bound - closed.value
+    return closed if missing <= 0.0 else replace(closed, value=bound, error=max(closed.error, missing))
 
 
 def _held(option: Option, market: Market, estimate: Estimate, error: float) -> ClosedValue:
@@ -167,16 +201,21 @@ def _held(option: Option, market: Market, estimate: Estimate, error: float) -> C
 
 
 def _from_closed(
-    option: Option, market: Market, closed: ClosedValue, solved_by: str, tolerance: float
+    option: Option,
+    market: Market,
+    closed: ClosedValue,
+    solved_by: str,
+    tolerance: float,
+    region: ExerciseRegion | None = None,
 ) -> Valuation:
     intrinsic = option.payoff(market.spot)
-    american = option.exercise == "american"
     if option.expiry == 0.0:
         region = ExerciseRegion(-math.inf, 0.0) if option.is_put else ExerciseRegion(0.0, math.inf)
         exercise_now = intrinsic > 0.0
     else:
-        region = region_at_expiry(option, market) if american else EMPTY_REGION
-        exercise_now = solved_by == "zero volatility" and intrinsic > 0.0 and closed.value == intrinsic
+        exercise_now = not is_closed_form(option, market) and intrinsic > 0.0 and closed.value == intrinsic
+    if region is None:
+        region = region_at_expiry(option, market) if option.exercise == "american" else EMPTY_REGION
     return assemble(
         option,
         market,
@@ -192,9 +231,7 @@ def _from_closed(
 def check_moneyness(option: Option, market: Market) -> None:
     """Raise InvalidInputError where spot and strike are so far apart that their ratio's powers overflow."""
     if market.spot > 0.0 and not 1.0 / LARGEST_RATIO <= market.spot / option.strike <= LARGEST_RATIO:
-        allowed = (
-            f"0, or between {1.0 / LARGEST_RATIO:g} and {LARGEST_RATIO:g} times the strike, {option.strike:g}"
-        )
+        allowed = f"0, or between {1.0 / LARGEST_RATIO:g} and {LARGEST_RATIO:g} times the strike"
         raise InvalidInputError("spot", market.spot, allowed)
 
 

@@ -99,3 +99,34 @@ def test_bad_times_are_refused(put, market, times):
 def test_an_interrupt_is_an_error_since_no_boundary_is_known(put, market):
     with pytest.raises(NumericalError, match="interrupted"):
         exercise_boundary(put, market, interrupt=lambda: True)
+
+
+# (rate, dividend_yield, volatility, expiry): r < q, where the boundary starts far below the strike
+FLAT = [
+    (0.00968, 0.04384, 0.252, 0.1417),
+    (0.0569, 0.1036, 0.0618, 0.0598),
+    (0.00082167, 0.1073, 0.5775, 0.00063),
+    (0.000928, 0.0968, 0.03665, 5.371),
+]
+
+
+@pytest.mark.parametrize(("rate", "dividend_yield", "volatility", "expiry"), FLAT)
+def test_boundary_is_monotone_above_the_perpetual_level_and_that_of_the_price(
+    rate, dividend_yield, volatility, expiry
+):
+    option, market = Option("put", 100.0, expiry), Market(100.0, rate, volatility, dividend_yield)
+    found = exercise_boundary(option, market).boundary
+    assert np.all(np.diff(found) >= 0.0)
+    assert found[0] >= 100.0 * perpetual_boundary(market, "put") * (1 - 1e-4)
+    assert price(option, market).exercise_boundary == pytest.approx(found[0], rel=2e-3)
+
+
+def test_two_boundaries_solved_apart_meet_their_limits():
+    option, market = Option("put", 100.0, 0.1), Market(100.0, -0.01, 0.02, -0.04)
+    found = exercise_boundary(option, market)
+    assert found.boundary[-1] == pytest.approx(100.0)
+    assert found.other_boundary[-1] == pytest.approx(25.0)
+    assert np.all(np.diff(found.boundary) >= 0)
+    assert np.all(np.diff(found.other_boundary) <= 0)
+    assert 95.0 < found.boundary[0] < 100.0
+    assert 25.0 < found.other_boundary[0] < 26.0

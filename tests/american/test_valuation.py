@@ -92,7 +92,7 @@ def test_value_form_of_the_chapter_agrees_with_the_premium_form(option_type):
     ids=["put", "put with r < q", "call", "put with two boundaries"],
 )
 def test_greeks_are_the_derivatives_of_the_price(option, market):
-    valuation = price(option, market, tolerance=1e-7)
+    valuation = price(option, market, tolerance=1e-8)
 
     def value(**changes):
         contract = replace(option, **{k: v for k, v in changes.items() if hasattr(option, k)})
@@ -307,3 +307,75 @@ def test_price_is_monotone_and_convex_in_spot(option_type):
     sign = -1.0 if option_type == "put" else 1.0
     assert np.all(sign * np.diff(values) >= -2 * slack)
     assert np.all(np.diff(values, 2) >= -4 * slack)
+
+
+# (option, market, a lower bound for the price): short or nearly flat contracts whose boundaries lie many grid widths apart
+SEPARATED = [
+    (Option("put", 100.0, 0.01), Market(100.1, -1e-6, 0.05, -0.05), 0.13349996),
+    (Option("put", 100.0, 1e-5), Market(100.0, -1e-9, 0.2, -0.001), 0.02523082),
+    (Option("put", 100.0, 1e-9), Market(100.0001, 1e-16, 5.0, 1e-9), 0.0062579605),
+    (Option("call", 100.0, 0.01), Market(99.9, -0.05, 0.05, -1e-6), 0.133),
+]
+
+
+@pytest.mark.parametrize(("option", "market", "least"), SEPARATED)
+def test_boundaries_far_apart_are_solved_apart(option, market, least):
+    valuation = price(option, market)
+    assert valuation.price >= max(least, valuation.european_price, valuation.intrinsic_value)
+    fine = price(option, market, tolerance=1e-8)
+    assert valuation.price == pytest.approx(fine.price, abs=valuation.error_estimate + fine.error_estimate)
+
+
+def test_the_boundary_near_the_strike_is_reported_from_the_other_side_of_a_wide_region():
+    option = Option("put", 100.0, 0.1)
+    near, far = (price(option, Market(spot, -0.01, 0.02, -0.04)) for spot in (101.0, 20.0))
+    assert near.exercise_boundary == pytest.approx(far.exercise_boundary, rel=2e-3)
+    assert price(option, Market(50.0, -0.01, 0.02, -0.04)).exercise_now
+
+
+def test_a_wide_distribution_has_an_honest_estimate():
+    """Long expiry and large volatility; 83.9688 by QuantLib 1.44, QdFp, both fixed-point systems within 3e-6."""
+    market = Market(16.860180971975815, 0.12917097857694498, 1.3476298693377604, 0.03256487335717871)
+    valuation = price(Option("put", 100.0, 19.75435340204466), market)
+    assert abs(valuation.price - 83.9688) <= valuation.error_estimate
+    assert abs(valuation.price - 83.9688) <= 1e-3
+
+
+def test_a_price_at_a_very_coarse_resolution_is_never_called_good(put, market):
+    for resolution in (
+        Resolution(8, 4),
+        Resolution(400, 4),
+        Resolution(8, 100),
+        Resolution(400, 4, formulation="value"),
+    ):
+        valuation = price(put, market, resolution=resolution)
+        assert valuation.status == "tolerance_not_met"
+        assert valuation.price >= valuation.european_price
+        assert abs(valuation.price - 6.090371) < 1.0
+
+
+def test_method_and_scheme_must_agree(put, market):
+    peer = Resolution(100, 50, scheme="crank-nicolson")
+    assert price(put, market, resolution=peer).method == "crank-nicolson"
+    assert (
+        price(put, market, method="crank-nicolson", resolution=Resolution(100, 50)).method == "crank-nicolson"
+    )
+    with pytest.raises(InvalidInputError, match="method"):
+        price(put, market, method="lcs", resolution=peer)
+    with pytest.raises(InvalidInputError, match="method"):
+        price(put, market, method="crank-nicolson", resolution=Resolution(100, 50, scheme="sdirk2"))
+
+
+@pytest.mark.parametrize(("option_type", "dividend_yield"), [("put", 0.0), ("call", 0.03)])
+def test_a_worthless_underlying_leaves_the_boundary_where_it_is(option_type, dividend_yield):
+    option = Option(option_type, 100.0, 1.0)
+    zero, other = (price(option, Market(s, 0.05, 0.2, dividend_yield)) for s in (0.0, 95.0))
+    assert zero.price == option.payoff(0.0)
+    assert zero.exercise_boundary == pytest.approx(other.exercise_boundary, rel=1e-3)
+    assert str(zero.rho) == "0.0"
+
+
+@pytest.mark.parametrize("ratio", [1e-31, 1e31])
+def test_spots_out_of_all_proportion_are_refused(ratio):
+    with pytest.raises(InvalidInputError, match="spot"):
+        price(Option("put", 1e-5, 1.0), Market(1e-5 * ratio if ratio < 1 else 1e26, 0.05, 0.2))
