@@ -13,9 +13,7 @@ from rich.table import Table
 
 HERE = Path(os.path.relpath(Path(__file__).parent))
 BOOK, PRICED, PLOT = HERE / "book.csv", HERE / "out" / "book.csv", HERE / "out" / "boundary.png"
-PUT = (
-    "--option-type put --spot 100 --strike 100 --expiry 1 --rate 0.05 --volatility 0.2 --dividend-yield 0.02"
-)
+PUT = "--option-type put --spot 100 --strike 100 --expiry 1 --rate 0.05 --volatility 0.2"
 SHOWN_ROWS = 12
 SHOWN_COLUMNS = {  # column of the file: heading and format; 80 characters in all
     "option_type": ("type", "s"),

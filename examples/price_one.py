@@ -1,6 +1,6 @@
 """Price one American put, see what early exercise is worth, and find when to exercise.
 
-Run it from the root of the project: python examples/price_one.py
+Run it from the root of the project: .venv/bin/python examples/price_one.py
 """
 
 from pricing_core.american import Market, Option, exercise_boundary, price

@@ -62,6 +62,9 @@ def exercise_boundary(
 
     Parameters
     ----------
+    option : Option
+    market : Market
+        The spot is not used.
     times : array_like, shape (m,), optional
         Years from now, increasing, 0 to expiry; by default 101 times, equally spaced in the square root of
         the time to expiry, with both ends. At expiry the value is the limit just before it.
@@ -70,9 +73,15 @@ def exercise_boundary(
     interrupt : callable, optional
         Asked before every time step.
 
+    Returns
+    -------
+    ExerciseBoundary
+        All NaN where early exercise is never optimal.
+
     Raises
     ------
     InvalidInputError
+        An argument lies outside what is allowed.
     NumericalError
         The interrupt came before the end.
 

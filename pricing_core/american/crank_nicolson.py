@@ -1,4 +1,4 @@
-"""The peer: Crank-Nicolson with a Rannacher start, an exact LCP at every step."""
+"""Crank-Nicolson with a Rannacher start and an exact LCP at every step: the common method, to compare with."""
 
 from dataclasses import dataclass
 

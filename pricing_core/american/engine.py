@@ -92,7 +92,8 @@ class Solver:
     def noise(self, level: "Level", tolerance: float) -> float:
         """Return what no refinement removes: truncation, residual, rounding; fraction of the strike."""
         rounding = 0.0 if level.exercised else ROUNDING * max(1.0, math.exp(min(self.x, LARGEST_EXPONENT)))
-        return self.domain.neglected + level.solution.last.residual + rounding
+        residual = max(state.residual for state in level.solution.integration.states)
+        return self.domain.neglected + residual + rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -102,7 +102,7 @@ def deterministic_error(option: Option, market: Market) -> float:
     and by Doob's inequality E sup |...| <= 2 sqrt(e^{sigma**2 T} - 1).
     """
     variance = market.volatility**2 * option.expiry
-    if variance == 0.0:
+    if variance == 0.0 or market.spot == 0.0:
         return 0.0
     if variance > 1.0:
         return math.inf

@@ -51,7 +51,7 @@ class Resolution:
     scheme : {"sdirk2", "implicit-euler", "crank-nicolson"}, optional
         The one-step method; by default "sdirk2".
     formulation : {"premium", "value"}
-        Solve for the early exercise premium, or for the value as in (11.63).
+        Solve for the early exercise premium, or for the value as in (11.63), which carries no vega and rhos.
     stretching : float
         0: uniform grid; see `pricing_core.american.grid.make_grid`.
     """

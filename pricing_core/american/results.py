@@ -62,12 +62,16 @@ class Valuation:
     exercise_now : bool
         The intrinsic value is positive and the spot lies in the closed exercise region.
     exercise_boundary : float or None
-        S* now; None where exercise is never optimal.
+        S* now, where there are two the one nearer the strike (see `exercise_boundary` for both); None where
+        exercise is never optimal.
     error_estimate : float
         Of the price, absolute, money.
     status : str
         "ok", "tolerance_not_met" or "deadline".
-    method, engine_version : str
+    method : str
+        The time stepping, or what took its place: "closed-form", "zero-volatility", "worthless-underlying",
+        "expired", "none".
+    engine_version : str
     diagnostics : Diagnostics
     """
 

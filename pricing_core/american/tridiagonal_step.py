@@ -14,6 +14,7 @@ from pricing_core.american.operators import ThreePointOperator
 from pricing_core.american.semidiscrete import SemidiscreteForm
 from pricing_core.american.tangents import parameter_source, solve_tangents
 from pricing_core.arrays import BoolVector, Matrix, Vector
+from pricing_core.errors import NumericalError
 from pricing_core.kernel import brennan_schwartz
 from pricing_core.lcp import LCP, solve, solve_psor
 from pricing_core.linalg import Tridiagonal
@@ -104,10 +105,15 @@ class TridiagonalStage:
         rows = slice(felt[0], felt[-1] + 1) if felt.size else slice(0, q.size)
         bands = M.lower[rows][1:], M.diagonal[rows], M.upper[rows][:-1]
         problem = LCP(Tridiagonal(*bands), q[rows])
-        if self.lcp_method == "psor":
-            solution = solve_psor(problem, tolerance=PSOR_TOLERANCE, start=near[rows])
-        else:
-            solution = solve(problem, method=self.lcp_method)
+        try:
+            if self.lcp_method == "psor":
+                solution = solve_psor(problem, tolerance=PSOR_TOLERANCE, start=near[rows])
+            else:
+                solution = solve(problem, method=self.lcp_method)
+        except NumericalError:
+            if self.lcp_method != "tridiagonal":
+                raise
+            return z, w  # the residual tells, and counts as error
         z = np.zeros(q.size)
         z[rows] = solution.z
         return z, M.times(z) + q

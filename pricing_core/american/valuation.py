@@ -49,7 +49,8 @@ def price(
 ) -> Valuation:
     """Price an option to a tolerance.
 
-    American options are solved by the method of lines as a linear complementarity system (11.59)-(11.65) for
+    American options are solved by the method of lines as a linear complementarity system, (11.59)-(11.65) of
+    Schumacher's chapter on complementarity systems, for
     the early exercise premium, at two or more resolutions, and extrapolated; European ones, and those never
     exercised early, by the closed formula.
 
@@ -60,7 +61,7 @@ def price(
     tolerance : float
         Absolute error of the price as a fraction of the strike, 1e-8 to 1e-2.
     method : {"auto", "lcs", "crank-nicolson"}
-        "auto" is "lcs": SDIRK2, an L-stable method. "crank-nicolson" replaces the time stepping by the peer's.
+        "auto" is "lcs", stepped by SDIRK2; "crank-nicolson" is stepped by Crank and Nicolson's method.
     lcp_method : {"tridiagonal", "policy", "psor", "lemke"}
         The solver of each step's complementarity problem.
     greeks : bool
@@ -95,10 +96,7 @@ def price(
     if option.expiry == 0.0 or is_closed_form(option, market):
         solved_by = "expired" if option.expiry == 0.0 else "closed form"
         return _from_closed(option, market, european_value(option, market), solved_by, tolerance)
-    deterministic = replace(
-        deterministic_value(option, market),
-        error=0.0 if market.spot == 0.0 else deterministic_error(option, market),
-    )
+    deterministic = replace(deterministic_value(option, market), error=deterministic_error(option, market))
     at_strike = replace(market, spot=max(market.spot, option.strike))  # a spot of 0 has no chance to show
     if deterministic_error(option, at_strike) <= 0.1 * tolerance * option.strike:
         return _from_closed(option, market, deterministic, "zero volatility", tolerance)

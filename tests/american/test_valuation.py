@@ -309,7 +309,7 @@ def test_price_is_monotone_and_convex_in_spot(option_type):
     assert np.all(np.diff(values, 2) >= -4 * slack)
 
 
-# (option, market, a lower bound for the price): short or nearly flat contracts whose boundaries lie many grid widths apart
+# (option, market, a lower bound for the price): boundaries many standard deviations apart
 SEPARATED = [
     (Option("put", 100.0, 0.01), Market(100.1, -1e-6, 0.05, -0.05), 0.13349996),
     (Option("put", 100.0, 1e-5), Market(100.0, -1e-9, 0.2, -0.001), 0.02523082),
