@@ -9,7 +9,7 @@ from fastapi import Request
 from pydantic import BaseModel, ValidationError
 
 from app.errors import BodyTimeoutError, BodyTooLargeError, InvalidRequestError, UnsupportedMediaTypeError
-from app.schemas import FieldError
+from app.schemas import LARGEST_TIMES, FieldError
 from app.settings import Settings
 from app.strict_json import parse_object
 from pricing_core.batch.schema import UNSUPPORTED_COLUMNS
@@ -85,6 +85,8 @@ def _allowed(kind: str, message: str) -> str:
     """Return what completes "must be ..." from a message such as "Input should be less than 15"."""
     if kind == "missing":
         return "given"
+    if kind in ("too_short", "too_long"):
+        return f"a list of 1 to {LARGEST_TIMES} numbers"
     return message.removeprefix("Input should be ")
 
 

@@ -1,12 +1,21 @@
 """The `pricing` command; heavy imports wait inside the commands, so that help and errors are quick."""
 
+import io
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from app.reporting import FAILED, SOME_REJECTED, interrupted_by_sigterm, one_line_errors, print_failure
+from app.reporting import (
+    FAILED,
+    SOME_REJECTED,
+    interrupted_by_signals,
+    one_line_errors,
+    print_failure,
+    standard_output,
+)
 
 app = typer.Typer(
     help="American options solved as linear complementarity systems.",
@@ -15,22 +24,54 @@ app = typer.Typer(
     add_completion=False,
 )
 
+
+def _number(text: str | float) -> float:
+    """Read a number as the tables of a batch are read: 1_0 is none."""
+    from pricing_core.batch.contracts import read_number  # noqa: PLC0415
+    from pricing_core.errors import InvalidInputError  # noqa: PLC0415
+
+    try:
+        return read_number("", text)
+    except InvalidInputError as fault:
+        raise typer.BadParameter(f"{fault.value!r} must be {fault.allowed}") from None
+
+
 OptionTypeArgument = Annotated[str, typer.Option("--option-type", help="put or call")]
-SpotArgument = Annotated[float, typer.Option("--spot", help="money per unit of underlying")]
-StrikeArgument = Annotated[float, typer.Option("--strike", help="money per unit of underlying")]
-ExpiryArgument = Annotated[float, typer.Option("--expiry", help="time to expiry, years")]
-RateArgument = Annotated[float, typer.Option("--rate", help="1/year, continuously compounded")]
-VolatilityArgument = Annotated[float, typer.Option("--volatility", help="1/sqrt(year)")]
-YieldArgument = Annotated[float, typer.Option("--dividend-yield", help="1/year, continuous")]
+SpotArgument = Annotated[
+    float, typer.Option("--spot", parser=_number, metavar="FLOAT", help="money per unit of underlying")
+]
+StrikeArgument = Annotated[
+    float, typer.Option("--strike", parser=_number, metavar="FLOAT", help="money per unit of underlying")
+]
+ExpiryArgument = Annotated[
+    float, typer.Option("--expiry", parser=_number, metavar="FLOAT", help="time to expiry, years")
+]
+RateArgument = Annotated[
+    float, typer.Option("--rate", parser=_number, metavar="FLOAT", help="1/year, continuously compounded")
+]
+VolatilityArgument = Annotated[
+    float, typer.Option("--volatility", parser=_number, metavar="FLOAT", help="1/sqrt(year)")
+]
+YieldArgument = Annotated[
+    float, typer.Option("--dividend-yield", parser=_number, metavar="FLOAT", help="1/year, continuous")
+]
 ExerciseArgument = Annotated[str, typer.Option("--exercise", help="american or european")]
 ToleranceArgument = Annotated[
-    float, typer.Option("--tolerance", help="absolute error of the price as a fraction of the strike")
+    float,
+    typer.Option(
+        "--tolerance",
+        parser=_number,
+        metavar="FLOAT",
+        help="absolute error of the price as a fraction of the strike",
+    ),
 ]
 JsonArgument = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 
 
 def main() -> None:
     """Run the command line: status 0 all done, 1 some rows rejected, 2 nothing done and one line says why."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a path may hold what no encoding has
     try:
         status = app(standalone_mode=False)
     except Exception as error:
@@ -81,10 +122,11 @@ def price_command(
 
         option = Option(option_type, strike, expiry, exercise)  # type: ignore[arg-type]  # checked inside
         valuation = price(option, Market(spot, rate, volatility, dividend_yield), tolerance=tolerance)
-        if as_json:
-            typer.echo(valuation_json(valuation))
-        else:
-            print_valuation(valuation)
+        with standard_output():
+            if as_json:
+                print(valuation_json(valuation))
+            else:
+                print_valuation(valuation)
         if valuation.price is None:
             print_failure(f"there is no price: {valuation.status}")
             raise typer.Exit(FAILED)
@@ -99,12 +141,18 @@ def boundary_command(
     volatility: VolatilityArgument,
     dividend_yield: YieldArgument = 0.0,
     spot: Annotated[
-        float | None, typer.Option("--spot", help="checked; the boundary does not depend on it")
+        float | None,
+        typer.Option(
+            "--spot", parser=_number, metavar="FLOAT", help="checked; the boundary does not depend on it"
+        ),
     ] = None,
     exercise: ExerciseArgument = "american",
     tolerance: ToleranceArgument = 1e-6,
     time: Annotated[
-        list[float] | None, typer.Option("--time", help="calendar time, years from now; may be repeated")
+        list[float] | None,
+        typer.Option(
+            "--time", parser=_number, metavar="FLOAT", help="calendar time, years from now; may be repeated"
+        ),
     ] = None,
     as_json: JsonArgument = False,
     csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="write a CSV table")] = None,
@@ -112,20 +160,23 @@ def boundary_command(
 ) -> None:
     """Find the spot at which to exercise, over the life of the option."""
     with one_line_errors():
-        from app.tables import boundary_json, print_boundary, write_boundary_csv, write_boundary_plot  # noqa: PLC0415
+        from app.boundary_files import check_boundary_files, write_boundary_csv, write_boundary_plot  # noqa: PLC0415
+        from app.tables import boundary_json, print_boundary  # noqa: PLC0415
         from pricing_core.american import Market, Option, exercise_boundary  # noqa: PLC0415
 
         option = Option(option_type, strike, expiry, exercise)  # type: ignore[arg-type]  # checked inside
         market = Market(strike if spot is None else spot, rate, volatility, dividend_yield)
+        check_boundary_files(csv, plot)
         found = exercise_boundary(option, market, time or None, tolerance=tolerance)
         if csv is not None:
             write_boundary_csv(csv, found)
         if plot is not None:
             write_boundary_plot(plot, found, option, market)
-        if as_json:
-            typer.echo(boundary_json(found))
-        elif csv is None and plot is None:
-            print_boundary(found)
+        with standard_output():
+            if as_json:
+                print(boundary_json(found))
+            elif csv is None and plot is None:
+                print_boundary(found)
 
 
 @app.command("batch")
@@ -147,12 +198,13 @@ def batch_command(
         from pricing_core.batch import rejects_path, run_batch  # noqa: PLC0415
 
         explained = rejects_path(target) if rejects is None else rejects
-        with interrupted_by_sigterm(), shown_progress(quiet) as progress:
+        with interrupted_by_signals(), shown_progress(quiet) as progress:
             summary = run_batch(
                 source, target, rejects=explained, tolerance=tolerance, threads=threads, progress=progress
             )
         if not quiet:
-            print_summary(summary, target, explained)
+            with suppress(typer.Exit, OSError), standard_output():  # the files are there, whoever reads this
+                print_summary(summary, target, explained)
         raise typer.Exit(SOME_REJECTED if summary.rejected else 0)
 
 

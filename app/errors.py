@@ -34,12 +34,20 @@ class BodyTooLargeError(ServiceError):
     """The body is larger than the service reads."""
 
 
+class ProtocolError(ServiceError):
+    """What arrived is not HTTP."""
+
+
 class BodyTimeoutError(ServiceError):
     """The body did not arrive in time."""
 
 
 class OverloadedError(ServiceError):
     """Every thread is busy and the queue is full."""
+
+
+class ConnectionLimitError(ServiceError):
+    """As many connections are open as the service holds."""
 
 
 class DeadlineError(ServiceError):
@@ -66,9 +74,11 @@ PROBLEM_TYPES: Mapping[type[Exception], ProblemType] = {
     UnsupportedMediaTypeError: ProblemType(
         415, "unsupported-media-type", "The body must be application/json"
     ),
+    ProtocolError: ProblemType(400, "bad-request", "The request is not well-formed HTTP"),
     BodyTooLargeError: ProblemType(413, "body-too-large", "The body is too large"),
     BodyTimeoutError: ProblemType(408, "body-timeout", "The body did not arrive in time"),
     OverloadedError: ProblemType(503, "overloaded", "The service is at its capacity"),
+    ConnectionLimitError: ProblemType(503, "too-many-connections", "The service is at its capacity"),
     DeadlineError: ProblemType(503, "deadline", "The deadline passed without an estimate"),
     NotReadyError: ProblemType(503, "not-ready", "The service is not taking requests"),
     NumericalError: ProblemType(422, "out-of-domain", "The method cannot answer this question"),

@@ -9,9 +9,10 @@ from fastapi import FastAPI
 from app import docs_page
 from app.envelope import Envelope
 from app.errors import install_handlers
+from app.head import HeadAsGet
 from app.pool import PricingPool
 from app.routes import boundary, health, price
-from app.settings import Settings
+from app.settings import Settings, settings_from_environment
 from pricing_core import __version__
 
 
@@ -25,10 +26,10 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     Raises
     ------
-    pydantic.ValidationError
-        An environment variable does not hold what its setting must be.
+    InvalidInputError
+        Read from the environment, a setting is not what it must be.
     """
-    settings = Settings() if settings is None else settings
+    settings = settings_from_environment() if settings is None else settings
     app = FastAPI(
         title="Pricing of American options",
         description="American options solved as linear complementarity systems.",
@@ -43,6 +44,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     for module in (price, boundary, health, docs_page):
         app.include_router(module.router)
     install_handlers(app, settings.retry_after_seconds)
+    app.add_middleware(HeadAsGet)
     app.add_middleware(Envelope, retry_after=settings.retry_after_seconds)
     return app
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from app.errors import OverloadedError
+from app.errors import DeadlineError, OverloadedError
 from app.settings import Settings
 
 Answer = TypeVar("Answer")
@@ -30,6 +30,8 @@ class PricingPool:
         ------
         OverloadedError
             Every thread is busy and the queue is full.
+        DeadlineError
+            The deadline passed while the work was waiting; it is not begun.
         """
         if not self._admission.acquire(blocking=False):
             raise OverloadedError("every pricing thread is busy and the queue is full")
@@ -41,7 +43,14 @@ class PricingPool:
             raise OverloadedError("the service is shutting down") from None
         # When the thread is done, not when the client has gone: the place in the queue is the thread's.
         future.add_done_callback(lambda _: self._admission.release())
-        return await asyncio.wrap_future(future)
+        answer = asyncio.wrap_future(future)
+        try:
+            await asyncio.wait({answer}, timeout=self._deadline_seconds)
+        finally:
+            never_begun = future.cancel()  # False from the moment a thread takes the work up
+        if never_begun:
+            raise DeadlineError("no pricing thread became free in time")
+        return await answer
 
     def close(self) -> None:
         """Interrupt what still runs and wait for it."""

@@ -1,5 +1,6 @@
 """How a command fails: one line on standard error and a status, never a traceback."""
 
+import os
 import signal
 import sys
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ import typer
 SOME_REJECTED = 1
 FAILED = 2
 INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+NOBODY_READS = 141  # 128 + SIGPIPE
 
 
 def print_failure(sentence: str) -> None:
@@ -19,13 +21,41 @@ def print_failure(sentence: str) -> None:
 
 
 @contextmanager
-def interrupted_by_sigterm() -> Iterator[None]:
-    """Let SIGTERM raise KeyboardInterrupt, so that half-written files are removed then too."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+def interrupted_by_signals() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP raise KeyboardInterrupt, so that half-written files are removed then too."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
     try:
+        for number, handler in before.items():
+            if handler is not signal.SIG_IGN:  # as nohup has it
+                signal.signal(number, signal.default_int_handler)
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def standard_output() -> Iterator[None]:
+    """Print inside: a reader that has gone ends the command quietly, as SIGPIPE does; other errors pass.
+
+    Raises
+    ------
+    typer.Exit
+        Nobody reads.
+    OSError
+        What is printed cannot be written.
+    """
+    try:
+        yield
+        print(end="", flush=True)  # unlike its flush(), harmless where standard output is closed
+    except OSError as error:
+        # What is left in the buffer goes nowhere, so that the interpreter's own last flush cannot fail.
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+        if isinstance(error, BrokenPipeError):
+            raise typer.Exit(NOBODY_READS) from None
+        raise
 
 
 @contextmanager

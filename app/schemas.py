@@ -4,12 +4,13 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from pricing_core.american.contract import LARGEST_EXPIRY, Exercise, OptionType
+from pricing_core.american.contract import LARGEST_EXPIRY, LARGEST_MONEY, SMALLEST_MONEY, Exercise, OptionType
 from pricing_core.american.market import LARGEST_RATE, LARGEST_VOLATILITY, SMALLEST_RATE
 from pricing_core.american.valuation import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
 
 LARGEST_TIMES = 1_000  # of one boundary request
 
+Spot = Annotated[float, Field(ge=0.0, le=LARGEST_MONEY)]
 Rate = Annotated[float, Field(ge=SMALLEST_RATE, le=LARGEST_RATE)]
 Time = Annotated[float, Field(ge=0.0, le=LARGEST_EXPIRY)]
 
@@ -24,7 +25,12 @@ class Contract(Strict):
     """What both questions hold: the option and the market without its spot."""
 
     option_type: OptionType = Field(description="The right to sell (put) or to buy (call).", examples=["put"])
-    strike: float = Field(gt=0.0, description="Money per unit of the underlying.", examples=[100.0])
+    strike: float = Field(
+        ge=SMALLEST_MONEY,
+        le=LARGEST_MONEY,
+        description="Money per unit of the underlying.",
+        examples=[100.0],
+    )
     expiry: Time = Field(description="Time to expiry in years.", examples=[1.0])
     rate: Rate = Field(description="Risk-free rate per year, continuously compounded.", examples=[0.05])
     volatility: float = Field(
@@ -50,15 +56,14 @@ class Contract(Strict):
 class PriceRequest(Contract):
     """One option in one market."""
 
-    spot: float = Field(ge=0.0, description="Money per unit of the underlying.", examples=[100.0])
+    spot: Spot = Field(description="Money per unit of the underlying.", examples=[100.0])
 
 
 class BoundaryRequest(Contract):
     """One option in one market, and the times at which its exercise boundary is asked for."""
 
-    spot: float | None = Field(
+    spot: Spot | None = Field(
         None,
-        ge=0.0,
         description="Accepted and checked; the boundary does not depend on it.",
         examples=[100.0],
     )

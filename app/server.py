@@ -9,9 +9,10 @@ from types import FrameType
 
 import uvicorn
 
+from app.connections import BACKLOG, BoundedConnection, reserve_descriptors
 from app.logs import configure_logging
 from app.main import create_app
-from app.settings import Settings
+from app.settings import settings_from_environment
 
 log = logging.getLogger("pricing.server")
 
@@ -52,16 +53,20 @@ def serve(host: str, port: int) -> None:
     ------
     OSError
         The address cannot be bound.
-    pydantic.ValidationError
+    InvalidInputError
         An environment variable does not hold what its setting must be.
     """
-    settings = Settings()
+    settings = settings_from_environment()
+    reserve_descriptors(settings.max_connections)
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    with socket.create_server((host, port), family=family, backlog=2048) as listener:
+    with socket.create_server((host, port), family=family, backlog=BACKLOG) as listener:
         configure_logging(settings.log_level)
         app = create_app(settings)
         config = uvicorn.Config(
             app,
+            http=BoundedConnection,
+            ws="none",
+            backlog=BACKLOG,
             log_config=None,
             access_log=False,
             server_header=False,

@@ -1,15 +1,20 @@
 """The service's limits, from the environment: PRICING_WORKERS=4 sets `workers`."""
 
 import os
+from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
+
+from pricing_core.errors import InvalidInputError
+
+PREFIX = "PRICING_"
 
 
 class Settings(BaseSettings):
     """What an operator may set; read when the application is created, never at import."""
 
-    model_config = SettingsConfigDict(env_prefix="PRICING_", frozen=True)
+    model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, allow_inf_nan=False)
 
     workers: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1, le=256)  # pricing threads
     queue: int = Field(default=16, ge=0, le=100_000)  # requests that may wait for a thread
@@ -19,4 +24,27 @@ class Settings(BaseSettings):
     retry_after_seconds: int = Field(default=1, ge=1, le=3600)  # told to clients when overloaded
     drain_seconds: float = Field(default=1.0, ge=0.0, le=300.0)  # from SIGTERM to no new connections
     grace_seconds: int = Field(default=30, ge=1, le=3600)  # for requests in flight after that
-    log_level: str = Field(default="INFO", pattern="^(DEBUG|INFO|WARNING|ERROR)$")
+    max_connections: int = Field(default=500, ge=1, le=100_000)  # open at a time; beyond it they are refused
+    head_seconds: float = Field(default=10.0, gt=0.0, le=3600.0)  # to receive a request's first lines
+    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "INFO"
+
+
+def settings_from_environment() -> Settings:
+    """Read the environment.
+
+    Raises
+    ------
+    InvalidInputError
+        A variable does not hold what its setting must be, or there is no setting for it.
+    """
+    names = {PREFIX + name.upper() for name in Settings.model_fields}
+    for variable in os.environ:
+        if variable.upper().startswith(PREFIX) and variable.upper() not in names:
+            # Without its value: a misspelt setting may be somebody's secret.
+            raise InvalidInputError("environment variable", variable, f"one of {', '.join(sorted(names))}")
+    try:
+        return Settings()
+    except ValidationError as error:
+        found = error.errors(include_url=False)[0]
+        allowed = found["msg"].removeprefix("Input should be ").partition(", unable")[0]
+        raise InvalidInputError(PREFIX + str(found["loc"][0]).upper(), found["input"], allowed) from None

@@ -1,7 +1,5 @@
-"""Results in print: small tables with units for people, JSON and CSV for programs."""
+"""Results in print: small tables with units for people, JSON for programs."""
 
-import csv
-import io
 import json
 import math
 from collections.abc import Iterable
@@ -11,8 +9,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.table import Table
 
-from pricing_core.american import ExerciseBoundary, Market, Option, Valuation
-from pricing_core.errors import InvalidInputError
+from pricing_core.american import ExerciseBoundary, Valuation
 
 if TYPE_CHECKING:
     from pricing_core.batch import BatchSummary
@@ -56,7 +53,7 @@ def valuation_json(valuation: Valuation) -> str:
 
 def print_boundary(found: ExerciseBoundary) -> None:
     """Print one time per line."""
-    columns = _boundary_columns(found)
+    columns = boundary_columns(found)
     names = tuple(f"{name} ({'years' if name.startswith('time') else 'money'})" for name in columns)
     rows = zip(*columns.values(), strict=True)
     _print(names, (tuple(_shown(value) for value in row) for row in rows))
@@ -64,38 +61,7 @@ def print_boundary(found: ExerciseBoundary) -> None:
 
 def boundary_json(found: ExerciseBoundary) -> str:
     """Return one JSON object, null where there is no boundary."""
-    return json.dumps({"other_boundary": None} | _boundary_columns(found), allow_nan=False)
-
-
-def write_boundary_csv(path: Path, found: ExerciseBoundary) -> None:
-    """Write one time per line, an empty cell where there is no boundary."""
-    from pricing_core.batch.replacement import replacement  # noqa: PLC0415
-
-    columns = {"other_boundary": [None] * found.time.size} | _boundary_columns(found)
-    names = ("time", "time_to_expiry", "boundary", "other_boundary")
-    with replacement(path) as file:
-        text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-        rows = csv.writer(text, lineterminator="\n")
-        rows.writerow(names)
-        rows.writerows(zip(*(columns[name] for name in names), strict=True))
-        text.detach()
-
-
-def write_boundary_plot(path: Path, found: ExerciseBoundary, option: Option, market: Market) -> None:
-    """Draw the boundary into a PNG file.
-
-    Raises
-    ------
-    InvalidInputError
-        The name does not end in .png.
-    """
-    if path.suffix.lower() != ".png":
-        raise InvalidInputError("plot", path.name, "a .png file")
-    from app.plots import draw_boundary  # noqa: PLC0415
-    from pricing_core.batch.replacement import replacement  # noqa: PLC0415
-
-    with replacement(path) as file:
-        draw_boundary(found, option, market, file)
+    return json.dumps({"other_boundary": None} | boundary_columns(found), allow_nan=False)
 
 
 def print_summary(summary: "BatchSummary", target: Path, rejects: Path) -> None:
@@ -109,7 +75,8 @@ def print_summary(summary: "BatchSummary", target: Path, rejects: Path) -> None:
     _print(("batch", "rows", "in"), rows)
 
 
-def _boundary_columns(found: ExerciseBoundary) -> dict[str, list[float | None]]:
+def boundary_columns(found: ExerciseBoundary) -> dict[str, list[float | None]]:
+    """Return the columns by name, None where there is no boundary."""
     columns = {"time": found.time, "time_to_expiry": found.time_to_expiry, "boundary": found.boundary}
     if found.other_boundary is not None:
         columns["other_boundary"] = found.other_boundary
@@ -131,4 +98,7 @@ def _print(names: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
     table = Table(*names, box=None, pad_edge=False)
     for row in rows:
         table.add_row(*row)
-    Console(highlight=False, width=WIDEST).print(table)
+    console = Console(highlight=False, width=WIDEST)
+    with console.capture() as text:
+        console.print(table)
+    print(text.get(), end="", flush=True)  # rich itself would meet a closed pipe with an exit of its own

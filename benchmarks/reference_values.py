@@ -63,10 +63,9 @@ def main() -> None:
             beyond += valuation.status == "ok" and errors[-1] > tolerance
             alone.append(milliseconds)
             greeks.append(timed(option, market, tolerance, greeks=True)[1])
-        print(
-            f"{tolerance:9.0e}  {max(errors):13.1e}  {np.sqrt(np.mean(np.square(errors))):9.1e}  "
-            f"{np.median(claims):16.1e}  {ok:2d}/{len(table)}  {beyond:6d}  {np.mean(alone):13.1f}  {np.mean(greeks):14.1f}"
-        )
+        accuracy = f"{tolerance:9.0e}  {max(errors):13.1e}  {np.sqrt(np.mean(np.square(errors))):9.1e}"
+        claim = f"{np.median(claims):16.1e}  {ok:2d}/{len(table)}  {beyond:6d}"
+        print(f"{accuracy}  {claim}  {np.mean(alone):13.1f}  {np.mean(greeks):14.1f}")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
 """Consecutive rows of a table, as they were read."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import pyarrow as pa
 
@@ -28,8 +30,21 @@ class Chunk:
     malformed: Mapping[int, InvalidInputError] = field(default_factory=dict)
 
     def cell(self, index: int, name: str) -> str | None:
-        """Return a cell as text, "" if it is missing; None where there is no such column."""
+        """Return a cell as text, "" if it is empty; None where there is no such column."""
         if name not in self.table.schema.names:
             return None
         value = self.table.column(name)[index].as_py()
-        return "" if value is None else str(value)
+        return "" if is_empty(value) else str(value)
+
+
+def is_empty(cell: Any) -> bool:
+    """Tell whether a cell holds nothing: null, NaN, blank text or an empty list.
+
+    Examples
+    --------
+    >>> [is_empty(cell) for cell in (None, float("nan"), " ", [], "nan", 0.0)]
+    [True, True, True, True, False, False]
+    """
+    if isinstance(cell, str):
+        return not cell.strip(" \t")
+    return cell is None or cell == [] or (isinstance(cell, float) and math.isnan(cell))

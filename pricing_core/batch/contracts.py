@@ -10,7 +10,7 @@ from typing import Any
 from pricing_core.american import Market, Option
 from pricing_core.american.contract import real_number
 from pricing_core.american.valuation import LARGEST_TOLERANCE, SMALLEST_TOLERANCE
-from pricing_core.batch.chunk import Chunk
+from pricing_core.batch.chunk import Chunk, is_empty
 from pricing_core.batch.schema import COLUMNS, UNSUPPORTED_COLUMNS, Column
 from pricing_core.errors import InvalidInputError
 
@@ -115,7 +115,7 @@ def _read_column(
 
 
 def _read_cell(column: Column, cell: Cell | None, default: Value | None) -> Value:
-    if cell is None or (isinstance(cell, str) and not cell.strip(" \t")):
+    if cell is None or is_empty(cell):
         if default is None:
             raise InvalidInputError(column.name, "", f"given ({column.meaning})")
         return default
@@ -130,6 +130,5 @@ def _read_cell(column: Column, cell: Cell | None, default: Value | None) -> Valu
 
 def _refuse_column(name: str, chunk: Chunk, faults: dict[int, InvalidInputError]) -> None:
     for index, cell in enumerate(chunk.table.column(name).to_pylist()):
-        if cell is None or cell == [] or (isinstance(cell, str) and not cell.strip(" \t")):
-            continue
-        faults.setdefault(index, InvalidInputError(name, cell, "empty: this version does not support it"))
+        if not is_empty(cell):
+            faults.setdefault(index, InvalidInputError(name, cell, "empty: this version does not support it"))

@@ -17,6 +17,9 @@ from pricing_core.batch.schema import check_names
 from pricing_core.errors import InvalidInputError
 
 BYTES_PER_READ = 1 << 20
+LONGEST_CELL = (
+    1 << 24
+)  # characters; a bound, because a quote left open makes one cell of the rest of the file
 
 
 class CsvReader:
@@ -35,6 +38,7 @@ class CsvReader:
         self._bytes_read = 0
         self._last_line = ""
         self._file = path.open(encoding="utf-8-sig", newline="")
+        csv.field_size_limit(max(LONGEST_CELL, csv.field_size_limit()))  # of the process: there is no other
         # Strict: text after a closing quote is an error of its line rather than a silent guess.
         self._rows = csv.reader(self._remembered_lines(), strict=True)
         try:

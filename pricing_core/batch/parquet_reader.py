@@ -22,15 +22,18 @@ class ParquetReader:
     """
 
     def __init__(self, path: Path) -> None:
-        try:
-            self._file = pq.ParquetFile(path)
-        except pa.ArrowInvalid:
-            raise InvalidInputError("input", path.name, "a Parquet file") from None
         self._name = path.name
-        self.schema: pa.Schema = self._file.schema_arrow
         self._rows_read = 0
         try:
-            check_names(self.schema.names)
+            self._file = pq.ParquetFile(path)
+            self.schema: pa.Schema = self._file.schema_arrow
+            names: list[str] = self.schema.names
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+            if isinstance(error, OSError) and error.errno is not None:  # the system's, which names the file
+                raise
+            raise InvalidInputError("input", path.name, "an undamaged Parquet file") from None
+        try:
+            check_names(names)
             check_types(self.schema)
         except InvalidInputError:
             self._file.close()
@@ -63,6 +66,8 @@ class ParquetReader:
             first = self._rows_read + 1
             try:
                 table = next(batches, None)
+                if table is not None:
+                    table.validate(full=True)  # text that is not UTF-8 would fail only when it is looked at
             except (pa.ArrowException, OSError):
                 allowed = f"an undamaged Parquet file; it cannot be read after row {self._rows_read}"
                 raise InvalidInputError("input", self._name, allowed) from None

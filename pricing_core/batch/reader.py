@@ -1,5 +1,6 @@
 """Tables read in chunks of rows, never as a whole: the front door of the CSV and the Parquet reader."""
 
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
@@ -40,10 +41,12 @@ def open_table(path: Path) -> TableReader:
     Raises
     ------
     InvalidInputError
-        Another ending, a file that is not of its kind, or columns that the schema refuses.
+        Another ending, not a regular file, a file that is not of its kind, or columns that the schema refuses.
     OSError
         The file cannot be read.
     """
+    if not stat.S_ISREG(path.stat().st_mode):  # a pipe cannot be read twice, nor a Parquet file backwards
+        raise InvalidInputError("input", path.name, "a regular file")
     kind = path.suffix.lower()
     if kind == ".csv":
         return CsvReader(path)

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -12,12 +13,14 @@ from typing import BinaryIO
 def replacement(path: Path) -> Iterator[BinaryIO]:
     """Open a new file beside `path` and rename it to `path` once the block has ended without an exception.
 
-    On an exception, KeyboardInterrupt included, the new file is removed and what was at `path` stays.
+    On an exception, KeyboardInterrupt included, the new file is removed and what was at `path` stays. A link
+    stays a link: the file it leads to is replaced. An existing file passes on its mode. A device or a pipe
+    is written to directly, because it cannot be replaced.
 
     Raises
     ------
     OSError
-        The folder is missing or not writable, or `path` is a folder.
+        As `check_replaceable`, or the file cannot be written.
 
     Examples
     --------
@@ -28,22 +31,48 @@ def replacement(path: Path) -> Iterator[BinaryIO]:
     >>> target.read_text()
     'all of it'
     """
-    if path.is_dir():
-        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if not path.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path.parent))
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    check_replaceable(path)
+    if path.exists() and not path.is_file():
+        with path.open("wb") as file:
+            yield file
+        return
+    target = Path(os.path.realpath(path))
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
         with temporary.open("wb") as file:
+            if target.exists():
+                temporary.chmod(stat.S_IMODE(target.stat().st_mode))
             yield file
             file.flush()
             os.fsync(file.fileno())
-        temporary.replace(path)
+        temporary.replace(target)
     except BaseException:
         with suppress(OSError):
             temporary.unlink()
         raise
-    _sync_folder(path.parent)
+    _sync_folder(target.parent)
+
+
+def check_replaceable(path: Path) -> None:
+    """Accept a name that `replacement` can write under, without touching anything.
+
+    Raises
+    ------
+    OSError
+        The folder is missing, `path` is a folder, or it is a file marked read-only.
+    """
+    if path.is_dir():
+        raise _os_error(errno.EISDIR, path)
+    folder = Path(os.path.realpath(path)).parent
+    if not path.exists() and not folder.is_dir():
+        raise _os_error(errno.ENOENT, folder)
+    # The mode is looked at too: to a superuser every file is writable.
+    if path.is_file() and not (path.stat().st_mode & 0o222 and os.access(path, os.W_OK)):
+        raise _os_error(errno.EACCES, path)
+
+
+def _os_error(number: int, path: Path) -> OSError:
+    return OSError(number, os.strerror(number), str(path))
 
 
 def _sync_folder(folder: Path) -> None:

@@ -44,7 +44,10 @@ def price_contracts(contracts: Contracts, threads: int | None) -> tuple[pa.Recor
 
 
 def _columns(contracts: Contracts, sound: Sequence[int]) -> dict[str, NDArray[Any]]:
-    return {name: np.asarray([values[i] for i in sound]) for name, values in contracts.columns.items()}
+    # As objects: an array of text gives every cell the width of the longest and drops trailing NULs.
+    return {
+        name: np.array([values[i] for i in sound], dtype=object) for name, values in contracts.columns.items()
+    }
 
 
 def _unpriced(contracts: Contracts, sound: Sequence[int], table: Mapping[str, NDArray[Any]]) -> Reasons:

@@ -1,5 +1,6 @@
 """A table of contracts priced chunk by chunk, with its rejects; the file is never held as a whole."""
 
+import os
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -154,7 +155,8 @@ def _joined(table: pa.RecordBatch, results: pa.RecordBatch) -> pa.RecordBatch:
 
 def _write_rejects(faults: RejectsWriter, chunk: Chunk, reasons: Reasons) -> None:
     for index, fault in sorted(reasons.items()):
-        cell = chunk.cell(index, fault.field)  # as it stands in the file, not as it was read
+        # As it stands in the file, not as it was read; a fault of the whole row names no field.
+        cell = chunk.cell(index, fault.field) if fault.field else None
         value = str(fault.value) if cell is None else cell
         faults.write(chunk.lines[index], fault.field, value, f"must be {fault.allowed}")
 
@@ -162,6 +164,6 @@ def _write_rejects(faults: RejectsWriter, chunk: Chunk, reasons: Reasons) -> Non
 def _check_distinct(source: Path, target: Path, rejects: Path) -> None:
     seen: dict[Path, str] = {}
     for name, path in {"input": source, "output": target, "rejects": rejects}.items():
-        other = seen.setdefault(path.resolve(), name)
+        other = seen.setdefault(Path(os.path.realpath(path)), name)
         if other != name:
             raise InvalidInputError(name, str(path), f"another file than the {other}")

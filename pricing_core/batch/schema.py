@@ -1,5 +1,6 @@
 """The columns of a table of contracts: what must be there, of what type, and which names are taken."""
 
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -56,6 +57,15 @@ UNSUPPORTED_COLUMNS = (
     "exercise_start",
 )
 
+
+def _letters(name: str) -> str:
+    """Return what is left of a name without case, blanks, hyphens and underscores."""
+    return re.sub(r"[\W_]+", "", name).casefold()
+
+
+# A column under another spelling would pass through and its numbers be ignored.
+_SPELLINGS = {_letters(name): name for name in (*(column.name for column in COLUMNS), *UNSUPPORTED_COLUMNS)}
+
 RESULT_NUMBERS = NUMBERS
 RESULT_FLAG = "exercise_now"
 RESULT_TEXTS = ("status", "method", "engine_version")
@@ -72,7 +82,8 @@ def check_names(names: Sequence[str]) -> None:
     Raises
     ------
     InvalidInputError
-        A name appears twice, a required column is missing, or a name is that of a result.
+        A name appears twice or is that of another column in another spelling, a required column is missing,
+        or a name is that of a result.
 
     Examples
     --------
@@ -84,6 +95,10 @@ def check_names(names: Sequence[str]) -> None:
     for name, count in Counter(names).items():
         if count > 1:
             raise InvalidInputError(f"column {name}", f"{count} columns of this name", "one column")
+    for name in names:
+        right = _SPELLINGS.get(_letters(name), name)
+        if name != right:
+            raise InvalidInputError(f'column "{name}"', "another spelling", f"renamed {right}")
     missing = [column for column in COLUMNS if column.required and column.name not in names]
     if missing:
         wanted = "; ".join(f"column {c.name} must be present ({c.meaning})" for c in missing[1:])

@@ -44,8 +44,20 @@ def check_ending(path: Path) -> None:
 
 
 def table_writer(path: Path, file: BinaryIO, schema: pa.Schema) -> TableWriter:
-    """Return the writer for the ending of `path`, writing rows of `schema` to `file`."""
-    return CsvWriter(file, schema.names) if path.suffix.lower() == ".csv" else ParquetWriter(file, schema)
+    """Return the writer for the ending of `path`, writing rows of `schema` to `file`.
+
+    Raises
+    ------
+    InvalidInputError
+        A CSV file cannot hold a column.
+    """
+    if path.suffix.lower() != ".csv":
+        return ParquetWriter(file, schema)
+    for field in schema:
+        if not _has_text_form(field.type):
+            allowed = "left out, or written to a .parquet file: a CSV cell cannot hold it"
+            raise InvalidInputError(f"column {field.name}", str(field.type), allowed)
+    return CsvWriter(file, schema.names)
 
 
 class CsvWriter:
@@ -53,7 +65,9 @@ class CsvWriter:
 
     def __init__(self, file: BinaryIO, names: list[str]) -> None:
         self._text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-        self._rows = csv.writer(self._text, lineterminator="\n")
+        # The csv module quotes the characters of its line terminator: with "\n" alone, a carriage return in a
+        # cell would stand bare and break the row in two for whoever reads it.
+        self._rows = csv.writer(_UnixLines(self._text), lineterminator="\r\n")
         self._rows.writerow(names)
 
     def __enter__(self) -> "CsvWriter":
@@ -68,6 +82,16 @@ class CsvWriter:
         """Append the rows of `table`."""
         columns = [_column_text(column) for column in table.columns]
         self._rows.writerows(zip(*columns, strict=True))
+
+
+class _UnixLines:
+    """Passes on each row, which the csv module writes in one piece, with a bare line feed as its end."""
+
+    def __init__(self, text: io.TextIOWrapper) -> None:
+        self._text = text
+
+    def write(self, row: str) -> None:
+        self._text.write(row.removesuffix("\r\n") + "\n")
 
 
 class ParquetWriter:
@@ -132,8 +156,16 @@ def _column_text(column: pa.Array) -> list[str]:
     """Return the cells as CSV text; a missing value or a NaN is empty."""
     if pa.types.is_floating(column.type):
         return ["" if x is None or math.isnan(x) else repr(x) for x in column.to_pylist()]
+    return [text or "" for text in pc.cast(column, pa.string()).to_pylist()]
+
+
+def _has_text_form(found: pa.DataType) -> bool:
+    """Tell text, numbers, flags and times from lists, structures and bytes."""
+    values = found.value_type if pa.types.is_dictionary(found) else found
+    if "binary" in str(values):  # of whatever width; only some of them are text by chance
+        return False
     try:
-        texts = pc.cast(column, pa.string()).to_pylist()
-    except (pa.ArrowInvalid, pa.ArrowNotImplementedError):  # lists, structures, bytes
-        texts = [None if x is None else str(x) for x in column.to_pylist()]
-    return [text or "" for text in texts]
+        pc.cast(pa.nulls(0, found), pa.string())
+    except pa.ArrowNotImplementedError:
+        return False
+    return True

@@ -1,5 +1,6 @@
 import csv
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -87,6 +88,9 @@ def test_a_missing_number_is_null_in_json_and_a_dash_in_the_table(pricing: Any) 
         (["price", *PUT, "--strike", "0"], "strike"),
         (["price", *PUT, "--expiry", "-1"], "expiry"),
         (["price", *PUT, "--strike", "abc"], "--strike"),
+        (["price", *PUT, "--strike", "1_0"], "'1_0' must be a number such as 0.05 or 5e-2"),
+        (["boundary", *PUT, "--time", "0_5"], "'0_5' must be a number such as 0.05 or 5e-2"),
+        (["boundary", *PUT, "--tolerance", "\uff11"], "--tolerance"),
         (["price", *PUT, "--option-type", "straddle"], 'must be "put" or "call"'),
         (["price", *PUT, "--exercise", "bermudan"], "exercise"),
         (["price", *PUT, "--tolerance", "1"], "tolerance"),
@@ -94,6 +98,8 @@ def test_a_missing_number_is_null_in_json_and_a_dash_in_the_table(pricing: Any) 
         (["price", *PUT, "--option-type", "put\nor\ncall"], "option_type"),
         (["boundary", *PUT, "--plot", "boundary.svg"], ".png"),
         (["boundary", *PUT, "--time", "2"], "times"),
+        (["boundary", *PUT, "--csv", "both.png", "--plot", "./both.png"], "another file"),
+        (["boundary", *PUT, "--plot", "nowhere/boundary.png"], "nowhere"),
         (["boundary", *PUT, "--csv", "/nowhere/at/all.csv"], "/nowhere/at"),
         (["batch"], "INPUT"),
         (["batch", "/nowhere/in.csv", "out.csv"], "/nowhere/in.csv"),
@@ -119,7 +125,54 @@ def test_a_bad_setting_is_one_line_and_status_2(pricing: Any, monkeypatch: pytes
     status, _, errors = pricing("serve", "--port", "0")
     assert status == 2
     assert len(errors.splitlines()) == 1
-    assert "workers" in errors
+    assert errors == "pricing: PRICING_WORKERS = 'none': must be a valid integer\n"
+
+
+@pytest.mark.parametrize("files", [["--plot", "boundary.svg"], ["--csv", "/nowhere/at/all.csv"]])
+def test_the_files_of_a_boundary_are_checked_before_it_is_found(
+    pricing: Any, monkeypatch: pytest.MonkeyPatch, files: list[str]
+) -> None:
+    def exercise_boundary(*_: object, **__: object) -> None:
+        pytest.fail("computed for nothing")
+
+    monkeypatch.setattr("pricing_core.american.exercise_boundary", exercise_boundary)
+    assert pricing("boundary", *PUT, *files)[0] == 2
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["price", *PUT],
+        ["price", *PUT, "--json"],
+        ["boundary", *PUT, "--exercise", "european"],
+        ["boundary", *PUT, "--exercise", "european", "--json"],
+    ],
+)
+def test_a_closed_pipe_ends_a_command_quietly_as_the_signal_would(arguments: list[str]) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = [sys.executable, "-m", "app.cli", *arguments]
+    with os.fdopen(writing, "wb") as output:
+        found = subprocess.run(
+            command, stdout=output, stderr=subprocess.PIPE, text=True, timeout=120, check=False
+        )
+    assert (found.returncode, found.stderr) == (141, "")
+
+
+def test_a_command_does_without_a_standard_output() -> None:
+    command = f"exec {sys.executable} -m app.cli price {' '.join(PUT)} >&-"
+    found = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, timeout=120, check=False)
+    assert (found.returncode, found.stderr) == (0, b"")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
+def test_an_answer_that_cannot_be_written_is_one_line_and_status_2() -> None:
+    command = [sys.executable, "-m", "app.cli", "price", *PUT]
+    with open("/dev/full", "wb") as output:
+        found = subprocess.run(
+            command, stdout=output, stderr=subprocess.PIPE, text=True, timeout=120, check=False
+        )
+    assert (found.returncode, found.stderr) == (2, "pricing: No space left on device\n")
 
 
 def test_a_defect_is_one_line_too(pricing: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,5 @@
 import csv
+import os
 import signal
 import subprocess
 import sys
@@ -91,7 +92,45 @@ def test_a_tolerance_out_of_range_is_status_2_before_any_work(tmp_path: Path) ->
     assert not (tmp_path / "out.csv").exists()
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(("strike", "status"), [(90, 0), ("abc", 1)])
+def test_a_summary_that_nobody_reads_does_not_change_the_status(
+    tmp_path: Path, strike: object, status: int
+) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    source, target = write(tmp_path / "in.csv", strike), tmp_path / "out.csv"
+    command = [sys.executable, "-m", "app.cli", "batch", str(source), str(target), "--tolerance", "1e-3"]
+    outputs = [writing] + [os.open("/dev/full", os.O_WRONLY)] * os.path.exists("/dev/full")
+    for output in outputs:
+        found = subprocess.run(
+            command, stdout=output, stderr=subprocess.PIPE, text=True, timeout=120, check=False
+        )
+        os.close(output)
+        assert (found.returncode, found.stderr) == (status, "")
+        assert len(read(target)) == 1
+        target.unlink()
+
+
+def test_a_path_that_cannot_be_encoded_is_shown_escaped(tmp_path: Path) -> None:
+    target = tmp_path / os.fsdecode(b"out\xff.csv")
+    found = pricing("batch", write(tmp_path / "in.csv", 90), target, "--tolerance", "1e-3")
+    assert (found.returncode, found.stderr) == (0, "")
+    assert "out\\udcff.csv" in found.stdout
+    assert len(read(target)) == 1
+
+
+def test_a_pipe_may_take_the_rejects(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE, text=True) as cat:
+        source = write(tmp_path / "in.csv", "abc")
+        assert pricing("batch", source, tmp_path / "out.csv", "--rejects", pipe, "--quiet").returncode == 1
+        lines = cat.communicate(timeout=60)[0].splitlines()
+    assert lines[1].startswith("2,strike,abc,")
+    assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interruption_leaves_no_half_written_output(tmp_path: Path, how: signal.Signals) -> None:
     source = write(tmp_path / "in.csv", *range(50, 20_050))
     command = [sys.executable, "-m", "app.cli", "batch", str(source), str(tmp_path / "out.csv")]

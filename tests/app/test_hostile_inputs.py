@@ -74,6 +74,9 @@ def test_a_body_that_is_not_one_plain_json_object_is_a_422(
         ("spot", "[100]"),
         ("strike", "0"),
         ("strike", "-5"),
+        ("strike", "1e-31"),
+        ("strike", "1e31"),
+        ("spot", "1e31"),
         ("strike", "null"),
         ("strike", "{}"),
         ("expiry", "-0.1"),
@@ -136,6 +139,16 @@ def test_many_wrong_fields_are_answered_in_short(client: TestClient) -> None:
     body = {f"{CANARY}{k}": k for k in range(2_000)}
     problem = assert_problem(client.post("/v1/price", json=body), 422, "invalid-input")
     assert len(problem["errors"]) <= 10
+
+
+@pytest.mark.parametrize("times", [[], [0.5] * 1_001])
+def test_a_list_of_a_wrong_length_is_told_the_right_one(
+    client: TestClient, question: dict[str, Any], times: list[float]
+) -> None:
+    problem = assert_problem(
+        client.post("/v1/boundary", json=question | {"times": times}), 422, "invalid-input"
+    )
+    assert problem["detail"] == "times must be a list of 1 to 1000 numbers"
 
 
 @pytest.mark.parametrize(

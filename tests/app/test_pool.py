@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from app.errors import OverloadedError
+from app.errors import DeadlineError, OverloadedError
 from app.main import create_app
 from app.pool import Interrupt, PricingPool
 from app.settings import Settings
@@ -49,6 +49,29 @@ def test_the_interrupt_tells_when_the_deadline_has_passed() -> None:
         return answer
 
     assert asyncio.run(scenario()) == (False, True)
+
+
+def test_work_still_waiting_at_its_deadline_is_refused_at_once_and_never_begun() -> None:
+    begun: list[str] = []
+
+    async def scenario() -> float:
+        pool = PricingPool(Settings(workers=1, queue=4, deadline_seconds=0.2))
+        gate = threading.Event()
+        busy = asyncio.create_task(pool.run(lambda _: gate.wait(10.0)))
+        await asyncio.sleep(0.05)
+        asked = time.monotonic()
+        waiting = [pool.run(lambda _: begun.append("late")) for _ in range(3)]
+        answers = await asyncio.gather(*waiting, return_exceptions=True)
+        waited = time.monotonic() - asked
+        assert [type(answer) for answer in answers] == [DeadlineError] * 3
+        gate.set()
+        assert await busy
+        await pool.run(lambda _: begun.append("in time"))
+        pool.close()
+        return waited
+
+    assert asyncio.run(scenario()) < 5.0  # the thread was busy for longer
+    assert begun == ["in time"]
 
 
 def test_a_request_that_is_given_up_keeps_its_place_until_its_thread_is_done() -> None:

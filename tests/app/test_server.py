@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import pytest
@@ -92,6 +92,17 @@ def answer_to(server: Server, *parts: bytes, pause: float = 0.0) -> bytes:
         return received
 
 
+def everything(connection: socket.socket) -> bytes:
+    """Return all that comes until the server closes the connection."""
+    received = b""
+    try:
+        while block := connection.recv(65_536):
+            received += block
+    except ConnectionResetError:
+        pass
+    return received
+
+
 JSON = "Content-Type: application/json"
 
 
@@ -141,6 +152,101 @@ def test_a_client_that_goes_away_does_no_harm(server: Server) -> None:
     with socket.create_connection(("127.0.0.1", server.port)) as connection:
         connection.sendall(head("Content-Length: 100"))
     assert server.request("GET", "/livez")[0] == 200
+
+
+@pytest.mark.parametrize("path", ["/livez", "/readyz", "/version", "/docs", "/openapi.json"])
+def test_head_is_answered_as_get_without_a_body(server: Server, path: str) -> None:
+    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
+    connection.request("HEAD", path)
+    answer = connection.getresponse()
+    assert (answer.status, answer.read()) == (200, b"")
+    length = answer.headers["Content-Length"]
+    connection.request("GET", path)  # on the same connection: nothing of a body was left in it
+    assert len(connection.getresponse().read()) == int(length)
+    connection.close()
+
+
+def test_head_where_there_is_no_get_is_a_405(server: Server) -> None:
+    received = answer_to(server, b"HEAD /v1/price HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n")
+    assert received.startswith(b"HTTP/1.1 405 ")
+    assert b"allow: POST" in received
+
+
+@pytest.mark.parametrize(
+    "raw",
+    [
+        b"hello\r\n\r\n",
+        b"GET /livez HTTP/1.1\r\nHost: x\r\nX-Long: " + b"x" * 100_000,
+        b"GET /livez HTTP/1.1\r\nHost: x\r\nHost: y\r\n\r\n",
+        b"POST /v1/price HTTP/1.1\r\nHost: x\r\nContent-Length: Xq7canary\r\n\r\n",
+        head("Transfer-Encoding: chunked") + b"Xq7canary\r\n",
+    ],
+    ids=["no HTTP", "a long head", "two hosts", "a length in words", "a bad chunk"],
+)
+def test_what_is_not_http_is_a_problem_too(server: Server, raw: bytes) -> None:
+    top, _, body = answer_to(server, raw).partition(b"\r\n\r\n")
+    assert top.startswith(b"HTTP/1.1 400 ")
+    assert b"content-type: application/problem+json" in top
+    assert b"nosniff" in top
+    problem = json.loads(body)
+    assert (problem["status"], problem["type"]) == (400, "/docs#bad-request")
+    assert problem["request_id"].encode() in top
+    assert b"canary" not in body
+
+
+def test_half_open_connections_are_refused_beyond_the_limit_and_dropped_in_time() -> None:
+    limit, attempts = 10, 100
+    with running(PRICING_MAX_CONNECTIONS=str(limit), PRICING_HEAD_SECONDS="2") as server:
+        with ExitStack() as stack:
+            half_open = [
+                stack.enter_context(socket.create_connection(("127.0.0.1", server.port), timeout=10))
+                for _ in range(attempts)
+            ]
+            for connection in half_open[:limit]:
+                connection.sendall(b"GET /livez HT")
+            received = [everything(connection) for connection in half_open]
+        refused = [answer for answer in received if answer]
+        assert len(refused) == attempts - limit
+        for answer in refused:
+            assert answer.startswith(b"HTTP/1.1 503 ")
+            assert b"retry-after: 1" in answer
+            assert b"/docs#too-many-connections" in answer
+        assert server.request("GET", "/livez")[0] == 200
+        assert server.stop() == 0
+    assert [line["level"] for line in server.log].count("ERROR") == 0
+    assert len(server.log) <= attempts + 5
+
+
+def test_bytes_now_and_then_do_not_keep_half_a_request_open() -> None:
+    with running(PRICING_HEAD_SECONDS="1") as server:
+        with socket.create_connection(("127.0.0.1", server.port), timeout=0.1) as connection:
+            connection.sendall(b"GET /livez HTTP/1.1\r\nHost: x\r\n\r\nGET /livez HT")
+            begun = time.monotonic()
+            while time.monotonic() < begun + 10.0:
+                try:
+                    connection.sendall(b"X")
+                    if not connection.recv(65_536):
+                        break
+                except TimeoutError:
+                    continue
+                except ConnectionError:
+                    break
+            assert 0.5 < time.monotonic() - begun < 5.0
+        assert server.stop() == 0
+
+
+def test_a_limit_of_connections_that_the_system_does_not_allow_is_one_line() -> None:
+    command = f"ulimit -n 600 && exec {sys.executable} -m app.cli serve --port 0"
+    found = subprocess.run(
+        ["sh", "-c", command],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env=os.environ | SETTINGS,
+    )
+    assert found.returncode == 2
+    assert found.stderr.startswith("pricing: PRICING_MAX_CONNECTIONS = 500: must be at most 88")
 
 
 def test_many_requests_at_once_are_each_answered_or_told_to_come_back(server: Server) -> None:

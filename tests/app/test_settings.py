@@ -1,18 +1,38 @@
 import pytest
-from pydantic import ValidationError
 
-from app.settings import Settings
+from app.settings import Settings, settings_from_environment
+from pricing_core.errors import InvalidInputError
 
 
 def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PRICING_WORKERS", "3")
     monkeypatch.setenv("PRICING_DEADLINE_SECONDS", "2.5")
-    settings = Settings()
+    settings = settings_from_environment()
     assert (settings.workers, settings.deadline_seconds) == (3, 2.5)
 
 
-@pytest.mark.parametrize(("name", "value"), [("WORKERS", "0"), ("QUEUE", "many"), ("LOG_LEVEL", "LOUD")])
-def test_a_setting_out_of_range_is_refused(monkeypatch: pytest.MonkeyPatch, name: str, value: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "value", "allowed"),
+    [
+        ("WORKERS", "0", "greater than or equal to 1"),
+        ("WORKERS", "", "a valid integer"),
+        ("QUEUE", "many", "a valid integer"),
+        ("DEADLINE_SECONDS", "nan", "a finite number"),
+        ("LOG_LEVEL", "LOUD", "'DEBUG', 'INFO', 'WARNING' or 'ERROR'"),
+    ],
+)
+def test_a_setting_out_of_range_is_refused_by_variable_value_and_what_is_allowed(
+    monkeypatch: pytest.MonkeyPatch, name: str, value: str, allowed: str
+) -> None:
     monkeypatch.setenv(f"PRICING_{name}", value)
-    with pytest.raises(ValidationError):
-        Settings()
+    with pytest.raises(InvalidInputError) as caught:
+        settings_from_environment()
+    assert str(caught.value) == f"PRICING_{name} = {value!r}: must be {allowed}"
+
+
+def test_a_variable_that_is_no_setting_is_refused_without_its_value(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PRICING_WORKER", "3-secret")
+    with pytest.raises(InvalidInputError, match="PRICING_WORKER") as caught:
+        settings_from_environment()
+    assert all(f"PRICING_{name.upper()}" in str(caught.value) for name in Settings.model_fields)
+    assert "secret" not in str(caught.value)

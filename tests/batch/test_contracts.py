@@ -1,8 +1,11 @@
+import math
+
 import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pricing_core.american import Option
 from pricing_core.batch.chunk import Chunk
 from pricing_core.batch.contracts import explain, read_contracts, read_number
 from pricing_core.batch.schema import UNSUPPORTED_COLUMNS
@@ -88,6 +91,14 @@ def test_an_empty_required_cell_is_a_fault_of_its_field(field: str) -> None:
     assert (fault.field, fault.value) == (field, "")
 
 
+def test_nan_in_a_column_of_numbers_is_a_missing_cell() -> None:
+    contracts = read_contracts(chunk(dividend_yield=math.nan, exercise_start=math.nan), 1e-6)
+    assert contracts.row(0)["dividend_yield"] == 0.0
+    assert contracts.faults == {}
+    fault = read_contracts(chunk(spot=math.nan), 1e-6).faults[0]
+    assert (fault.field, fault.allowed) == ("spot", "given (money)")
+
+
 @pytest.mark.parametrize("tolerance", ["0", "1e-9", "0.1", "-1e-6"])
 def test_a_tolerance_out_of_range_is_a_fault(tolerance: str) -> None:
     assert read_contracts(chunk(tolerance=tolerance), 1e-6).faults[0].field == "tolerance"
@@ -105,8 +116,9 @@ def test_an_empty_cell_of_such_a_column_is_harmless(cell: object) -> None:
 
 
 def test_what_the_contract_refuses_is_explained_by_field() -> None:
-    row = read_contracts(chunk(strike="-5"), 1e-6).row(0)
-    fault = explain(row)
+    fault = explain(read_contracts(chunk(strike="-5"), 1e-6).row(0))
+    with pytest.raises(InvalidInputError) as caught:
+        Option("put", -5.0, 1.0)
     assert fault is not None
-    assert (fault.field, fault.allowed) == ("strike", "a finite number > 0 and <= 1e+100")
+    assert (fault.field, fault.allowed) == ("strike", caught.value.allowed)
     assert explain(read_contracts(chunk(), 1e-6).row(0)) is None

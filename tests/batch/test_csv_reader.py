@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from pricing_core.batch.chunk import Chunk
-from pricing_core.batch.csv_reader import CsvReader
+from pricing_core.batch.csv_reader import LONGEST_CELL, CsvReader
 from pricing_core.errors import InvalidInputError
 
 HEADER = b"id,option_type,spot,strike,expiry,rate,volatility"
@@ -60,6 +60,18 @@ def test_rows_come_in_chunks_of_the_asked_size(path: Path) -> None:
 
 def test_a_header_alone_is_a_table_without_rows(path: Path) -> None:
     assert read(path, HEADER) == []
+
+
+def test_a_cell_may_be_longer_than_the_csv_module_s_own_limit(path: Path) -> None:
+    (chunk,) = read(path, b"\n".join([HEADER, b"x" * 200_000 + ROW[1:], ROW]))
+    assert chunk.cell(0, "id") == "x" * 200_000
+    assert chunk.malformed == {}
+
+
+def test_a_cell_beyond_every_limit_is_a_fault_of_its_line(path: Path) -> None:
+    (chunk,) = read(path, b"\n".join([HEADER, b"x" * (LONGEST_CELL + 1) + ROW[1:], ROW]))
+    assert list(chunk.malformed) == [0]
+    assert chunk.cell(1, "id") == "a"
 
 
 @pytest.mark.parametrize(

@@ -1,3 +1,6 @@
+import os
+import stat
+import threading
 from pathlib import Path
 
 import pytest
@@ -39,3 +42,52 @@ def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError) as caught, replacement(tmp_path / "no" / "out.csv"):
         pass
     assert caught.value.filename == str(tmp_path / "no")
+
+
+def test_a_link_stays_a_link_and_its_file_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    real, link, missing, dangling = (
+        tmp_path / name for name in ("elsewhere/real", "link", "elsewhere/missing", "dangling")
+    )
+    real.write_bytes(b"old")
+    link.symlink_to(real)
+    dangling.symlink_to(missing)
+    for path, behind in ((link, real), (dangling, missing)):
+        with replacement(path) as file:
+            file.write(b"new")
+        assert path.is_symlink()
+        assert behind.read_bytes() == b"new"
+    assert sorted(path.name for path in real.parent.iterdir()) == ["missing", "real"]
+
+
+def test_a_file_keeps_its_mode(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    path.touch()
+    path.chmod(0o640)
+    with replacement(path) as file:
+        file.write(b"new")
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+
+
+def test_a_read_only_file_is_refused_and_stays(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    path.write_bytes(b"old")
+    path.chmod(0o444)
+    with pytest.raises(PermissionError) as caught, replacement(path):
+        pass
+    assert caught.value.filename == str(path)
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_is_no_regular_file_is_written_to_and_not_replaced(tmp_path: Path) -> None:
+    pipe, received = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: received.append(pipe.read_bytes()))
+    reader.start()
+    with replacement(pipe) as file:
+        file.write(b"new")
+    reader.join(10.0)
+    assert received == [b"new"]
+    assert pipe.is_fifo()
+    assert list(tmp_path.iterdir()) == [pipe]

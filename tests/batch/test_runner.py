@@ -1,6 +1,11 @@
+import datetime as dt
 import math
+import os
+import tracemalloc
 from collections.abc import Callable
+from decimal import Decimal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -140,12 +145,51 @@ def test_unknown_columns_pass_through_unchanged(
     write_table: Write, read_table: Read, row: Row, target: Path
 ) -> None:
     notes = ["  padded ", 'with "quotes", commas', "two\nlines", "007", "1e5", "\u00e9t\u00e9"]
+    notes += ["a\rreturn", "\r", "at the end\r", "both\r\n", "nul\0", "x" * 200_000]
     header = ["id", "option_type", "spot", "strike", "expiry", "rate", "volatility", "note"]
     source = write_table([[*row(), note] for note in notes], header)
     run_batch(source, target, tolerance=COARSE)
     output = read_table(target)
     assert [line["note"] for line in output] == notes
     assert list(output[0]) == [*header, *RESULT_SCHEMA.names]
+
+
+def test_rows_end_in_a_line_feed_alone(write_table: Write, row: Row, target: Path) -> None:
+    run_batch(write_table([row(id="a\rb"), row(strike="a\rb")]), target, tolerance=COARSE)
+    for path in (target, target.with_name("out.rejects.csv")):
+        content = path.read_bytes()
+        assert b'"a\rb"' in content
+        assert b"\r\n" not in content
+        assert content.endswith(b"\n")
+
+
+def test_one_long_cell_neither_costs_the_others_memory_nor_their_prices(
+    write_table: Write, read_table: Read, row: Row, target: Path
+) -> None:
+    rows = [row(expiry="0") for _ in range(1_000)]
+    rows[3] = row(option_type="p" * 200_000)
+    rows[4] = row(option_type="put\0")
+    source = write_table(rows)
+    tracemalloc.start()
+    summary = run_batch(source, target)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert (summary.priced, summary.rejected) == (998, 2)
+    assert peak < 100e6  # bytes; the long cell's width in every row would be 800e6
+    rejects = read_table(target.with_name("out.rejects.csv"))
+    assert [(line["line"], line["field"], line["value"]) for line in rejects] == [
+        ("5", "option_type", "p" * 37 + "..."),
+        ("6", "option_type", "put\0"),
+    ]
+
+
+def test_a_malformed_line_is_shown_even_beside_a_column_without_a_name(
+    write_table: Write, read_table: Read, row: Row, target: Path
+) -> None:
+    header = ["", "option_type", "spot", "strike", "expiry", "rate", "volatility"]
+    run_batch(write_table([["7", "put", "100"], row()], header), target, tolerance=COARSE)
+    (reject,) = read_table(target.with_name("out.rejects.csv"))
+    assert (reject["field"], reject["value"]) == ("", "7,put,100")
 
 
 def test_a_header_alone_gives_a_header_alone(write_table: Write, read_table: Read, target: Path) -> None:
@@ -171,6 +215,13 @@ def test_csv_to_parquet_has_numbers_as_numbers_and_missing_ones_as_nan(
 
 
 @pytest.fixture
+def sound_columns() -> dict[str, Any]:
+    """The required columns of one sound row."""
+    numbers = {"spot": [100.0], "strike": [100.0], "expiry": [1.0], "rate": [0.05], "volatility": [0.2]}
+    return {"option_type": ["put"], **numbers}
+
+
+@pytest.fixture
 def parquet_source(tmp_path: Path) -> Path:
     """A Parquet table with types of its own, in small row groups, one row in error."""
     path = tmp_path / "in.parquet"
@@ -183,7 +234,7 @@ def parquet_source(tmp_path: Path) -> Path:
             "expiry": pa.array([1.0, 1.0, 1.0, None], pa.float32()),
             "rate": [0.05] * 4,
             "volatility": [0.2] * 4,
-            "tags": [["x"], [], ["y", "z"], None],
+            "day": pa.array([0, 1, 2, None], pa.date32()),
         }
     )
     pq.write_table(table, path, row_group_size=2)
@@ -198,10 +249,10 @@ def test_parquet_to_parquet_keeps_the_types_of_the_input(
     before, after = pq.read_table(parquet_source), pq.read_table(parquet)
     assert (summary.priced, summary.rejected) == (2, 2)
     assert after.schema == pa.schema([*before.schema, *RESULT_SCHEMA])
-    assert after["tags"].to_pylist() == before["tags"].to_pylist()
+    assert after["day"].to_pylist() == before["day"].to_pylist()
     rejects = read_table(target.with_name("out.rejects.csv"))
     assert [(reject["line"], reject["field"], reject["value"]) for reject in rejects] == [
-        ("3", "strike", "nan"),
+        ("3", "strike", ""),
         ("4", "expiry", ""),
     ]
 
@@ -210,9 +261,66 @@ def test_parquet_to_csv_gives_the_same_prices(parquet_source: Path, target: Path
     parquet = target.with_suffix(".parquet")
     run_batch(parquet_source, parquet, tolerance=COARSE)
     run_batch(parquet_source, target, tolerance=COARSE)
-    prices = [float(line["price"] or "nan") for line in read_table(target)]
+    output = read_table(target)
+    prices = [float(line["price"] or "nan") for line in output]
     np.testing.assert_array_equal(prices, pq.read_table(parquet)["price"].to_numpy())
-    assert read_table(target)[0]["tags"] == "['x']"
+    assert [line["strike"] for line in output] == ["100.0", "100.0", "", "100.0"]
+
+
+@pytest.mark.parametrize(
+    "column",
+    [
+        pa.array([["x"]]),
+        pa.array([{"a": 1}]),
+        pa.array([b"x"]),
+        pa.array([b"x"], pa.large_binary()),
+        pa.array([b"x"], pa.binary(1)),
+        pa.array([b"x"]).dictionary_encode(),
+    ],
+    ids=lambda column: str(column.type)[:20],
+)
+def test_a_column_that_csv_cannot_hold_is_refused_before_any_work(
+    sound_columns: dict[str, Any], tmp_path: Path, target: Path, column: pa.Array
+) -> None:
+    source = tmp_path / "in.parquet"
+    pq.write_table(pa.table({**sound_columns, "note": column}), source)
+    with pytest.raises(InvalidInputError, match=r"column note .* a CSV cell cannot hold it"):
+        run_batch(source, target)
+    assert list(tmp_path.iterdir()) == [source]
+    assert run_batch(source, target.with_suffix(".parquet"), tolerance=COARSE).priced == 1
+
+
+@pytest.mark.parametrize(
+    "cell",
+    [dt.date(2026, 1, 2), dt.datetime(2026, 1, 2, tzinfo=dt.UTC), Decimal("1.50"), True, dt.timedelta(1)],
+    ids=str,
+)
+def test_times_and_decimals_pass_into_csv(
+    sound_columns: dict[str, Any], tmp_path: Path, target: Path, read_table: Read, cell: object
+) -> None:
+    source = tmp_path / "in.parquet"
+    pq.write_table(pa.table({**sound_columns, "note": [cell]}), source)
+    run_batch(source, target, tolerance=COARSE)
+    assert read_table(target)[0]["note"]
+
+
+def test_another_spelling_of_a_parquet_column_is_refused(
+    sound_columns: dict[str, Any], tmp_path: Path, target: Path
+) -> None:
+    source = tmp_path / "in.parquet"
+    pq.write_table(pa.table({**sound_columns, "dividend_yield ": [0.5]}), source)
+    with pytest.raises(InvalidInputError, match=r'column "dividend_yield " .* renamed dividend_yield'):
+        run_batch(source, target)
+
+
+def test_nan_in_parquet_is_a_missing_cell(
+    sound_columns: dict[str, Any], tmp_path: Path, target: Path, read_table: Read
+) -> None:
+    source = tmp_path / "in.parquet"
+    missing = {"dividend_yield": [math.nan], "exercise_start": pa.array([math.nan], pa.float32())}
+    pq.write_table(pa.table(sound_columns | missing), source)
+    assert run_batch(source, target, tolerance=COARSE).priced == 1
+    assert {read_table(target)[0][name] for name in missing} == {""}
 
 
 def test_a_parquet_column_of_the_wrong_type_refuses_the_file(tmp_path: Path, target: Path) -> None:
@@ -224,15 +332,36 @@ def test_a_parquet_column_of_the_wrong_type_refuses_the_file(tmp_path: Path, tar
 
 
 def test_a_damaged_parquet_file_leaves_nothing(parquet_source: Path, target: Path) -> None:
-    content = bytearray(parquet_source.read_bytes())
-    content[4:40] = b"\xff" * 36
-    parquet_source.write_bytes(content)
-    with pytest.raises(InvalidInputError, match="Parquet"):
-        run_batch(parquet_source, target)
-    parquet_source.write_bytes(b"no parquet")
-    with pytest.raises(InvalidInputError, match="Parquet"):
-        run_batch(parquet_source, target)
-    assert list(target.parent.iterdir()) == [parquet_source]
+    sound = parquet_source.read_bytes()
+    damaged = [
+        b"",
+        b"no parquet",
+        sound[:4] + b"\xff" * 36 + sound[40:],  # its first page
+        sound[:-40] + b"\xff" * 30 + sound[-10:],  # its footer
+        sound.replace(b"volatility", b"vol\xfftility"),
+    ]
+    for content in damaged:
+        parquet_source.write_bytes(content)
+        with pytest.raises(InvalidInputError, match=r"^input = 'in\.parquet': must be an undamaged Parquet"):
+            run_batch(parquet_source, target)
+        assert list(target.parent.iterdir()) == [parquet_source]
+
+
+def test_parquet_text_that_is_not_utf_8_is_damage_too(
+    sound_columns: dict[str, Any], tmp_path: Path, target: Path
+) -> None:
+    source = tmp_path / "in.parquet"
+    bad = pa.array([b"\xff"]).view(pa.string())
+    pq.write_table(pa.table({**sound_columns, "note": bad}), source)
+    with pytest.raises(InvalidInputError, match=r"'in\.parquet': must be an undamaged Parquet"):
+        run_batch(source, target)
+
+
+@pytest.mark.parametrize("name", ["in.csv", "in.parquet"])
+def test_an_input_that_is_no_regular_file_is_refused_at_once(tmp_path: Path, target: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(InvalidInputError, match=r"in\.\w+': must be a regular file"):
+        run_batch(tmp_path / name, target)
 
 
 def test_progress_is_told_after_every_chunk(write_table: Write, row: Row, target: Path) -> None:

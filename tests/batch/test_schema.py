@@ -60,3 +60,23 @@ def test_text_may_be_stored_in_every_way(found: pa.DataType) -> None:
 def test_text_may_not_be_a_number() -> None:
     with pytest.raises(InvalidInputError, match=r"column option_type = 'int64': must be a column of text"):
         check_types(pa.schema([("option_type", pa.int64())]))
+
+
+@pytest.mark.parametrize(
+    ("name", "right"),
+    [
+        ("Dividend_Yield", "dividend_yield"),
+        ("dividend yield", "dividend_yield"),
+        ("dividend-yield", "dividend_yield"),
+        ("dividendYield", "dividend_yield"),
+        (" tolerance", "tolerance"),
+        ("EXERCISE", "exercise"),
+        ("Cash Dividends", "cash_dividends"),
+        ("Spot", "spot"),
+    ],
+)
+def test_another_spelling_of_a_column_is_refused_with_the_right_one(name: str, right: str) -> None:
+    with pytest.raises(InvalidInputError) as caught:
+        check_names([*REQUIRED, name])
+    assert f'column "{name}"' in str(caught.value)
+    assert caught.value.allowed == f"renamed {right}"

@@ -1,0 +1,100 @@
+"""Connections with an end: bounded in number, and closed where no request comes or no answer is taken."""
+
+import asyncio
+import logging
+import resource
+import uuid
+from typing import Any
+
+import h11
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from app.envelope import SECURITY_HEADERS
+from app.errors import ConnectionLimitError, ProtocolError, problem_response
+from app.settings import Settings
+from pricing_core.errors import InvalidInputError
+
+log = logging.getLogger("pricing.connections")
+
+BACKLOG = 128  # connections taken up in one go, before the first of them is counted
+SPARE_DESCRIPTORS = 4 * BACKLOG  # for such bursts, on their way in and out, and for all other files
+
+
+def reserve_descriptors(connections: int) -> None:
+    """Let the process open as many files as `connections` take.
+
+    Raises
+    ------
+    InvalidInputError
+        The system does not allow that many.
+    """
+    needed = connections + SPARE_DESCRIPTORS
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and needed > hard:
+        allowed = f"at most {hard - SPARE_DESCRIPTORS}, as the process may open {hard} files"
+        raise InvalidInputError("PRICING_MAX_CONNECTIONS", connections, allowed)
+    if soft != resource.RLIM_INFINITY and needed > soft:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
+
+
+class BoundedConnection(H11Protocol):
+    """One client; what never becomes a request is refused or dropped here, as a problem where one fits.
+
+    A connection beyond `max_connections` is told so and closed. One without a request in work is dropped
+    `head_seconds` after it was opened, or after the answer before: half a head keeps nothing open, nor does
+    an answer that nobody reads.
+    """
+
+    _head_timer: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Take a connection up."""
+        super().connection_made(transport)
+        self._restart_head_timer()
+        if len(self.connections) > self._settings.max_connections:
+            self._refuse(ConnectionLimitError("the service has as many connections open as it may"))
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Let a connection go."""
+        if self._head_timer is not None:
+            self._head_timer.cancel()
+        super().connection_lost(exc)
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request."""
+        self._restart_head_timer()
+        super().on_response_complete()
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer what is not HTTP."""
+        self._refuse(ProtocolError("the request is not well-formed HTTP/1.1, or its head is too long"))
+
+    @property
+    def _settings(self) -> Settings:
+        settings: Settings = self.config.app.state.settings  # type: ignore[union-attr]
+        return settings
+
+    def _restart_head_timer(self) -> None:
+        if self._head_timer is not None:
+            self._head_timer.cancel()
+        self._head_timer = self.loop.call_later(self._settings.head_seconds, self._drop_if_idle)
+
+    def _drop_if_idle(self) -> None:
+        if self.cycle is None or self.cycle.response_complete:
+            self.transport.abort()  # unlike close(), without waiting for the client to read what is left
+
+    def _refuse(self, error: Exception) -> None:
+        """Answer outside the application, unless an answer has begun, and close."""
+        request_id = uuid.uuid4().hex
+        response = problem_response(error, request_id, self._settings.retry_after_seconds)
+        log.warning(str(error), extra={"fields": {"request_id": request_id, "status": response.status_code}})
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            extra = {"Connection": "close", "X-Request-ID": request_id, **SECURITY_HEADERS}
+            headers: list[Any] = [*response.headers.items(), *extra.items()]
+            self._send(h11.Response(status_code=response.status_code, headers=headers))
+            self._send(h11.Data(data=bytes(response.body)))
+            self._send(h11.EndOfMessage())
+        self.transport.close()
+
+    def _send(self, event: h11.Event) -> None:
+        self.transport.write(self.conn.send(event) or b"")
