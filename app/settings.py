@@ -1,6 +1,7 @@
 """The service's limits, from the environment: PRICING_WORKERS=4 sets `workers`."""
 
 import os
+import re
 from typing import Literal
 
 from pydantic import Field, ValidationError
@@ -29,6 +30,10 @@ class Settings(BaseSettings):
     log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "INFO"
 
 
+# What Kubernetes sets for a service that is called "pricing".
+SERVICE_LINK = re.compile(PREFIX + "(PORT|SERVICE)(_|$)")
+
+
 def settings_from_environment() -> Settings:
     """Read the environment.
 
@@ -39,7 +44,8 @@ def settings_from_environment() -> Settings:
     """
     names = {PREFIX + name.upper() for name in Settings.model_fields}
     for variable in os.environ:
-        if variable.upper().startswith(PREFIX) and variable.upper() not in names:
+        unknown = variable.upper().startswith(PREFIX) and variable.upper() not in names
+        if unknown and not SERVICE_LINK.match(variable):
             # Without its value: a misspelt setting may be somebody's secret.
             raise InvalidInputError("environment variable", variable, f"one of {', '.join(sorted(names))}")
     try:

@@ -68,7 +68,7 @@ def _result_table(
 ) -> pa.RecordBatch:
     unknown = np.zeros(flag.size, dtype=bool)
     unknown[list(reasons)] = True
-    arrays = [pa.array(numbers[name]) for name in RESULT_NUMBERS]
+    arrays = [pa.array(numbers[name], from_pandas=True) for name in RESULT_NUMBERS]  # NaN is null
     arrays.append(pa.array(flag, mask=unknown))
-    arrays.extend(pa.array([str(text) for text in texts[name]]) for name in RESULT_TEXTS)
+    arrays.extend(pa.array([text or None for text in texts[name]], pa.string()) for name in RESULT_TEXTS)
     return pa.RecordBatch.from_arrays(arrays, schema=RESULT_SCHEMA)

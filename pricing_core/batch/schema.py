@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Literal
 
 import pyarrow as pa
@@ -63,8 +64,17 @@ def _letters(name: str) -> str:
     return re.sub(r"[\W_]+", "", name).casefold()
 
 
+NEAR_MISS = 0.9  # similarity of two names that are taken for one
+
 # A column under another spelling would pass through and its numbers be ignored.
 _SPELLINGS = {_letters(name): name for name in (*(column.name for column in COLUMNS), *UNSUPPORTED_COLUMNS)}
+
+
+def _near_miss(name: str, names: Sequence[str]) -> str | None:
+    """Return the vocabulary's word that `name` is most likely meant to be, if the table does not have it."""
+    absent = [word for word in _SPELLINGS.values() if word not in names]
+    return next(iter(get_close_matches(name, absent, n=1, cutoff=NEAR_MISS)), None)
+
 
 RESULT_NUMBERS = NUMBERS
 RESULT_FLAG = "exercise_now"
@@ -96,8 +106,8 @@ def check_names(names: Sequence[str]) -> None:
         if count > 1:
             raise InvalidInputError(f"column {name}", f"{count} columns of this name", "one column")
     for name in names:
-        right = _SPELLINGS.get(_letters(name), name)
-        if name != right:
+        right = _SPELLINGS.get(_letters(name)) or _near_miss(name, names)
+        if right is not None and name != right:
             raise InvalidInputError(f'column "{name}"', "another spelling", f"renamed {right}")
     missing = [column for column in COLUMNS if column.required and column.name not in names]
     if missing:

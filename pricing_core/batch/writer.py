@@ -1,4 +1,4 @@
-"""Tables written chunk by chunk: CSV with missing numbers as empty cells, Parquet with them as NaN."""
+"""Tables written chunk by chunk: missing cells are empty in CSV and null in Parquet."""
 
 import csv
 import io

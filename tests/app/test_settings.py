@@ -36,3 +36,9 @@ def test_a_variable_that_is_no_setting_is_refused_without_its_value(monkeypatch:
         settings_from_environment()
     assert all(f"PRICING_{name.upper()}" in str(caught.value) for name in Settings.model_fields)
     assert "secret" not in str(caught.value)
+
+
+def test_the_variables_kubernetes_sets_for_a_service_called_pricing_are_not_settings(monkeypatch):
+    for name in ("PRICING_PORT", "PRICING_PORT_8000_TCP", "PRICING_SERVICE_HOST"):
+        monkeypatch.setenv(name, "tcp://10.0.0.1:8000")
+    assert settings_from_environment() == Settings()

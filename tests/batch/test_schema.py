@@ -80,3 +80,16 @@ def test_another_spelling_of_a_column_is_refused_with_the_right_one(name: str, r
         check_names([*REQUIRED, name])
     assert f'column "{name}"' in str(caught.value)
     assert caught.value.allowed == f"renamed {right}"
+
+
+@pytest.mark.parametrize(
+    ("misspelt", "right"),
+    [("divdend_yield", "dividend_yield"), ("excercise", "exercise"), ("cash_dividend", "cash_dividends")],
+)
+def test_a_misspelt_optional_column_is_refused_with_the_right_word(misspelt, right):
+    with pytest.raises(InvalidInputError, match=f"renamed {right}"):
+        check_names([*REQUIRED, misspelt])
+
+
+def test_a_column_that_only_resembles_one_that_is_there_passes_through():
+    check_names([*REQUIRED, "strikes", "dividend_yield", "dividend_yield_source"])
