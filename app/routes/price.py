@@ -24,7 +24,7 @@ async def post_price(
 ) -> PriceResponse:
     """Value one option and its sensitivities.
 
-    Where the deadline passes first, the answer is 200 with status `deadline` if it holds an estimate of the
+    Where the deadline passes first, the answer is 200 with status deadline if it holds an estimate of the
     price, else 503 with Retry-After. Where the method does not reach, the answer is 422 with type
     out-of-domain. Unknown keys are refused.
     """
