@@ -94,7 +94,12 @@ def _allowed(field: dict[str, Any], default: str) -> str:
     words = []
     for choice in choices:
         words.append(" or ".join(choice.get("enum", [])) or str(choice.get("type", "")))
-        bounds = (("exclusiveMinimum", "above"), ("minimum", "from"), ("maximum", "to"), ("maxItems", "at most"))
+        bounds = (
+            ("exclusiveMinimum", "above"),
+            ("minimum", "from"),
+            ("maximum", "to"),
+            ("maxItems", "at most"),
+        )
         words.extend(f"{sign} {choice[key]:g}" for key, sign in bounds if key in choice)
     if len(choices) < len(field.get("anyOf", [field])):
         words.append("or null")

@@ -13,6 +13,7 @@ from pricing_core.lcp.problem import LCP, LCPSolution, scaled_residual, solution
 from pricing_core.lcp.scaling import ScaledProblem, equilibrate
 
 LARGEST_ORDER = 20
+LARGEST_SPAN = 1e3  # of the nonzero equilibrated data, for a complete enumeration
 ZERO = 1e-8  # in the scaled problem, whose largest |q| is 1: less than this counts as zero
 
 
@@ -55,7 +56,7 @@ class _Cell:
 
 
 def enumerate_solutions(problem: LCP, *, max_nodes: int = 200_000) -> SolutionSet:
-    """Find all solutions of an LCP with n <= 20, singular principal submatrices included.
+    """Find all solutions of an LCP with n <= 20 and moderate scales, singular principal submatrices included.
 
     The solutions are the faces of {z >= 0, M z + q >= 0} on which z_i w_i = 0 for every i. A depth-first
     search splits on z_i = 0 or w_i = 0. The linear programme max sum_i min(z_i, w_i, 1) drops the empty
@@ -87,6 +88,10 @@ def enumerate_solutions(problem: LCP, *, max_nodes: int = 200_000) -> SolutionSe
     -----
     Decisions are made in the equilibrated problem, whose largest |q| is 1: numbers below 1e-8 are zero there,
     so that solutions closer than that are one, and a solution must have a scaled residual below 1e-8.
+
+    The search is complete for data of moderate scales: all nonzero numbers of the equilibrated M and q within
+    a factor 1e3, minors of M that are not nearly zero. Beyond that a solution with components, or a cell with
+    a width, of less than 1e-8 may be lost, and an empty result proves nothing.
 
     Examples
     --------

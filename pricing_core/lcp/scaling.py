@@ -58,6 +58,19 @@ def equilibrate(problem: LCP) -> ScaledProblem:
     return ScaledProblem(row[:, None] * problem.dense() * column, q / size, row, column, size)
 
 
+def span_of_scales(scaled: ScaledProblem) -> float:
+    """Return the ratio of the largest to the smallest nonzero |number| in M' and q', 1 where all are zero.
+
+    Examples
+    --------
+    >>> span_of_scales(equilibrate(LCP([[4.0, 0.0], [0.0, 64.0]], [-8.0, 1.0])))
+    32.0
+    """
+    magnitudes = np.abs(np.append(scaled.M, scaled.q))
+    nonzero = magnitudes[magnitudes > 0.0]
+    return float(nonzero.max() / nonzero.min()) if nonzero.size else 1.0
+
+
 def _inverse_root(largest: Vector) -> Vector:
     return np.asarray(1.0 / np.sqrt(np.where(largest > 0.0, largest, 1.0)))
 

@@ -10,14 +10,15 @@ from scipy.sparse import csr_array
 from pricing_core.arrays import BoolVector, Matrix
 from pricing_core.errors import InfeasibleError, InvalidInputError, NumericalError, RayTerminationError
 from pricing_core.lcp.basis import basic_point
-from pricing_core.lcp.enumeration import LARGEST_ORDER, enumerate_solutions
+from pricing_core.lcp.enumeration import LARGEST_ORDER, LARGEST_SPAN, enumerate_solutions
+from pricing_core.lcp.feasibility import infeasibility_certificate
 from pricing_core.lcp.lemke import solve_lemke
 from pricing_core.lcp.murty import solve_murty
 from pricing_core.lcp.policy_iteration import solve_policy_iteration
 from pricing_core.lcp.principal_pivot import principal_pivot
 from pricing_core.lcp.problem import DEFAULT_TOLERANCE, LCP, LCPSolution, solution_of, verified
 from pricing_core.lcp.psor import solve_psor
-from pricing_core.lcp.scaling import equilibrate
+from pricing_core.lcp.scaling import equilibrate, span_of_scales
 from pricing_core.lcp.tridiagonal import as_tridiagonal, solve_brennan_schwartz, solve_double_sweep
 from pricing_core.linalg.coefficients import diagonal_of
 from pricing_core.linalg.matrix_classes import is_m_matrix, is_z_matrix
@@ -51,7 +52,8 @@ def solve(
     4. Lemke's method with other covering vectors ("lemke-restarted"), and from other bases ("lemke-pivoted"),
        which helps where every covering vector fails, as in bimatrix games.
     5. Murty's least-index pivoting ("murty"), policy iteration ("policy-iteration").
-    6. For n <= 20 complete enumeration ("enumeration"), which finds a solution or proves that there is none.
+    6. For n <= 20 enumeration ("enumeration"). Where it finds nothing, that counts as a proof for data within
+       the scales for which it is complete, see `enumerate_solutions`.
 
     Steps 3 to 5 are left out for sparse problems with n > 3000.
 
@@ -72,7 +74,8 @@ def solve(
     Raises
     ------
     InfeasibleError
-        Proved: there is no solution (a certificate for {z >= 0, M z + q >= 0}, or a complete enumeration).
+        There is no solution: shown by an exact certificate for {z >= 0, M z + q >= 0}, or by an enumeration
+        in floating point of data whose scales span at most a factor 1e3.
     RayTerminationError
         Lemke's method ended on rays, nothing else helped, and nothing is proved.
     IterationLimitError, NumericalError
@@ -215,4 +218,11 @@ def _one_by_enumeration(problem: LCP) -> LCPSolution:
         return found.isolated[0]
     if found.faces:
         return solution_of(problem, found.faces[0].vertices[0], found.nodes, "enumeration")
+    if infeasibility_certificate(problem) is not None:
+        raise InfeasibleError("no z >= 0 has M z + q >= 0: a combination of its rows proves it")
+    if (span := span_of_scales(equilibrate(problem))) > LARGEST_SPAN:
+        raise NumericalError(
+            f"enumeration found no solution, but the scales of the equilibrated data span a factor {span:.0e}, "
+            f"more than {LARGEST_SPAN:.0e}, and that proves nothing: use units in which the data are closer"
+        )
     raise InfeasibleError("a complete enumeration of the complementary cones shows that there is no solution")

@@ -12,7 +12,7 @@ from pricing_core.arrays import Vector, as_vector
 from pricing_core.errors import InvalidInputError, RelativeDegreeError
 from pricing_core.lcp import Method
 from pricing_core.lcs.system import LCS
-from pricing_core.lcs.time_stepping import LCSStage, LCSState, Scheme, continue_from, jump
+from pricing_core.lcs.time_stepping import LCSStage, LCSState, Scheme, SwitchControl, continue_from, jump
 from pricing_core.lcs.trajectory import Event, Trajectory
 from pricing_core.lcs.transfer import relative_degree
 from pricing_core.stepping import FixedStep, ImplicitEuler, PIController, Sdirk2, StepDoubling, integrate
@@ -62,7 +62,7 @@ def simulate(
         the start, and "implicit-euler" for relative degree 2, where it may jump at any time.
     h : float, optional
         Constant step; without it a PI controller keeps the local error, estimated by step doubling, below
-        atol + rtol |x|.
+        atol + rtol |x|. A switch of mode is located to that accuracy, or to 1e-9 of the interval.
     atol : float or array_like of shape (n,)
     t_eval : array_like, optional
         Times inside t_span to report, met exactly by steps; by default every step is reported.
@@ -98,7 +98,9 @@ def simulate(
     one_step = Sdirk2(stage) if chosen == "sdirk2" else ImplicitEuler(stage)
     size = float(np.max(np.abs(start), initial=0.0))
     run = _Run(
-        method=one_step if h is not None else StepDoubling(one_step),
+        method=one_step
+        if h is not None
+        else SwitchControl(StepDoubling(one_step), system, SMALLEST_STEP * (t1 - t0)),
         controller=FixedStep(h) if h is not None else PIController(rtol, atol, start=1e-3),
         consistent_within=1e-12 * max(1.0, size) * max(1.0, float(np.max(np.abs(system.C), initial=0.0))),
         interrupt=interrupt,
@@ -168,8 +170,10 @@ def _enter(
     state = continue_from(system, x, t, consistent_within)
     if state is not None:
         return state, Event(t, "input", x, x, np.zeros(system.shape[1])) if input_changes else None
-    state = jump(system, x, t, h)
-    return state, Event(t, "jump", x, state.value, h * state.multiplier)
+    landed = jump(system, x, t, h)
+    event = Event(t, "jump", x, landed.value, h * landed.multiplier)
+    # The multiplier of the jump is impulse / h; what holds after it is the ordinary one.
+    return continue_from(system, landed.value, t, consistent_within) or landed, event
 
 
 def _choose_scheme(system: LCS, scheme: Scheme | Literal["auto"]) -> Scheme:

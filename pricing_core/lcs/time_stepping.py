@@ -10,6 +10,7 @@ from pricing_core.errors import InfeasibleError, NumericalError
 from pricing_core.lcp import LCP, Method, solve
 from pricing_core.lcs.one_step_problem import OneStepProblem, one_step_problem
 from pricing_core.lcs.system import LCS
+from pricing_core.stepping import OneStepMethod, Step
 
 Scheme: TypeAlias = Literal["implicit-euler", "sdirk2"]
 REMEMBERED_STEP_SIZES = 16
@@ -54,6 +55,36 @@ class LCSStage:
                 del self._problems[next(iter(self._problems))]
             self._problems[h] = one_step_problem(self.system, h)
         return self._problems[h]
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchControl:
+    """Adds to a method's error estimate what a switch of mode at an unknown time inside the step may cost.
+
+    Where {i: u_i > y_i} differs between the ends of a step, the rate x' = Ax + Bu + f changed by B (u_end -
+    u_start) at some time in it. The time is unknown by up to h, and x by h |B (u_end - u_start)|. Step doubling
+    does not see that: the whole step and its two halves may all end on y = 0 exactly.
+
+    A switch is located to within `resolution` and no closer, so that h falls no lower on its account.
+    """
+
+    method: OneStepMethod[LCSState]
+    system: LCS
+    resolution: float  # in the units of t
+
+    @property
+    def order(self) -> int:
+        """The order of the underlying method."""
+        return self.method.order
+
+    def step(self, t: float, state: LCSState, h: float) -> Step[LCSState]:
+        """Go from t to t + h."""
+        step = self.method.step(t, state, h)
+        before, after = state.multiplier > state.slack, step.state.multiplier > step.state.slack
+        if step.error is None or h <= self.resolution or np.array_equal(before, after):
+            return step
+        change_of_rate = self.system.B @ (step.state.multiplier - state.multiplier)
+        return Step(step.state, step.value, np.abs(step.error) + h * np.abs(change_of_rate))
 
 
 def continue_from(system: LCS, x: Vector, t: float, tolerance: float) -> LCSState | None:

@@ -6,6 +6,7 @@ import math
 import numpy as np
 
 from pricing_core.arrays import Matrix
+from pricing_core.lcs.exact_degree import LARGEST_EXACT, exact_degree
 from pricing_core.lcs.system import LCS
 from pricing_core.linalg.matrix_classes import is_h_plus_matrix, is_m_matrix, is_positive_definite
 
@@ -19,10 +20,13 @@ def relative_degree(system: LCS) -> int:
     Time stepping converges up to 2: the multiplier of a mode of relative degree 3 contains delta', which no
     step of size h can hold. Modes with singular G_II say nothing and are passed over.
 
-    The power is read off the growth of G_II^-1 between two large real s. For k > 10 a matrix D, or CB where D
-    = 0, that is positive definite, an M-matrix or an H-matrix with positive diagonal settles it (0, or 1:
-    every G_II is then dominated by that term); otherwise only modes of one or two indices and the full mode
-    are examined.
+    The power is read off the growth of G_II^-1 between two large real s. For k <= 6 and n <= 12 that is
+    done in exact arithmetic (unless its numbers grow too long, see `exact_degree`), and no scaling of the
+    data can mislead. Larger systems are computed in floating point: there a leading coefficient that is tiny
+    beside the others passes for zero, and a G_II of condition above 1e11 for singular. For k > 10 a matrix D,
+    or CB where D = 0, that is positive definite, an M-matrix or an H-matrix with positive diagonal settles it
+    (0, or 1: every G_II is then dominated by that term); otherwise only modes of one or two indices and the
+    full mode are examined.
 
     Examples
     --------
@@ -31,8 +35,15 @@ def relative_degree(system: LCS) -> int:
     >>> A = [[0, 1, 0], [0, 0, 1], [0, 0, 0]]
     >>> relative_degree(LCS(A, [[0], [0], [1]], [[1, 0, 0]]))
     3
+
+    A feedthrough of 1e-3 is a feedthrough, however large CB:
+
+    >>> relative_degree(LCS([[0]], [[1e6]], [[1]], [[1e-3]]))
+    0
     """
     k = system.shape[1]
+    if k <= LARGEST_EXACT and (degree := exact_degree(system, _modes(k))) is not None:
+        return degree
     if k > LARGEST_COMPLETE:
         if _every_minor_is_positive(system.D):
             return 0
@@ -73,9 +84,10 @@ def _equilibrate(G: Matrix) -> tuple[Matrix, Matrix | None, Matrix | None]:
         return G, None, None
     rows = 1.0 / largest
     scaled = G * rows[:, None]
-    columns = 1.0 / np.max(np.abs(scaled), axis=0, initial=0.0)
-    if not np.isfinite(columns).all():
+    largest_left = np.max(np.abs(scaled), axis=0)
+    if not largest_left.all():
         return G, None, None
+    columns = 1.0 / largest_left
     return scaled * columns[None, :], rows, columns
 
 

@@ -1,5 +1,7 @@
 """Each method says what it cannot do: options, matrices outside its class, limits."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
@@ -168,6 +170,54 @@ def test_a_singular_submatrix_does_not_pass_for_a_solution_far_out() -> None:
         solve_policy_iteration(problem)
     with pytest.raises(InfeasibleError):
         solve(problem)
+
+
+def widely_scaled() -> LCP:
+    """Powers of two that span a factor 1e13 after equilibration."""
+
+    def p(exponent: int) -> float:
+        return 2.0**exponent
+
+    M = [
+        [p(63), p(64), -p(-35), p(-41), p(-20)],
+        [0, 8192, -p(-88), -p(-93), p(-73)],
+        [-4, 8, 0, -p(-102), 0],
+        [16384, 0, 0, -p(-91), p(-70)],
+        [0, 0, p(-41), 0, -p(-26)],
+    ]
+    return LCP(M, [0, -p(-35), 0, -p(-32), -8192])
+
+
+def test_an_enumeration_that_finds_nothing_in_widely_scaled_data_claims_no_proof() -> None:
+    problem = widely_scaled()
+    solution = [2.0**-46, 2.0**-46, 22517998136852480, 288230376151711744, 137438953472]
+    # In exact arithmetic z = solution > 0 and M z + q = 0.
+    rows = zip(problem.dense().tolist(), problem.q.tolist(), strict=True)
+    assert [
+        sum(Fraction(m) * Fraction(z) for m, z in zip(row, solution, strict=True)) + Fraction(q)
+        for row, q in rows
+    ] == [0] * 5
+    with pytest.raises(NumericalError, match=r"span a factor .* proves nothing") as caught:
+        solve(problem, method="enumeration")
+    assert not isinstance(caught.value, InfeasibleError)
+    with pytest.raises(NumericalError) as caught:
+        solve(problem)
+    assert not isinstance(caught.value, InfeasibleError)
+
+
+def test_a_certificate_proves_infeasibility_whatever_the_scales() -> None:
+    # w_1 = -1 - z_1 < 0, and the equilibrated q spans a factor 1e6.
+    with pytest.raises(InfeasibleError, match="combination"):
+        solve(LCP([[1.0, 1.0], [0.0, -1.0]], [-1e6, -1.0]), method="enumeration")
+
+
+def test_the_span_of_scales_decides_what_an_empty_enumeration_means() -> None:
+    # w_0 = z_1 - d >= 0 needs z_1 > 0, where w_1 = 1 > 0: no solution for any d > 0.
+    with pytest.raises(InfeasibleError, match="complete enumeration"):
+        solve(LCP([[0.0, 1.0], [0.0, 0.0]], [-0.1, 1.0]), method="enumeration")
+    with pytest.raises(NumericalError, match="span") as caught:
+        solve(LCP([[0.0, 1.0], [0.0, 0.0]], [-1e-9, 1.0]), method="enumeration")
+    assert not isinstance(caught.value, InfeasibleError)
 
 
 def test_an_answer_that_misses_the_tolerance_is_not_returned() -> None:

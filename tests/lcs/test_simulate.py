@@ -9,6 +9,7 @@ from tests.problems.lcs_problems import (
     problems,
     pulled_particle,
     two_capacitors,
+    two_relays,
 )
 
 
@@ -44,6 +45,44 @@ def test_a_tighter_tolerance_gives_a_smaller_error(problem):
     assert errors[1] < max(0.3 * errors[0], 1e-8)
 
 
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7])
+def test_a_switch_that_falls_on_the_constraint_is_located(rtol):
+    """x1 = max(0.6 - t, 0), x2' = x1: every step lands on x1 = 0 exactly, and x2(1) = 0.6**2 / 2."""
+    system = LCS([[0, 0], [1, 0]], [[1], [0]], [[1, 0]], f=[-1, 0])
+    trajectory = simulate(system, [0.6, 0.0], (0.0, 1.0), rtol=rtol)
+    assert trajectory.x[-1] == pytest.approx([0.0, 0.18], abs=rtol)
+    assert trajectory.accepted + trajectory.rejected < 200
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7])
+def test_two_relays_switch_at_the_right_time(rtol):
+    """From (3, 1) the rate is (1, -3) up to x2(1/3) = 0, then (-3, -1): x(1) = (4/3, -2/3)."""
+    trajectory = simulate(two_relays(), [3.0, 1.0], (0.0, 1.0), rtol=rtol)
+    assert trajectory.x[-1] == pytest.approx([4 / 3, -2 / 3], abs=rtol)
+    assert trajectory.accepted + trajectory.rejected < 200
+
+
+def test_two_relays_spiral_into_the_origin_through_infinitely_many_switches():
+    """Each loop shrinks |x|: the switches accumulate, and x stays at 0 thereafter."""
+    trajectory = simulate(two_relays(), [3.0, 1.0], (0.0, 6.0))
+    assert trajectory.x[-1] == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert trajectory.accepted + trajectory.rejected < 2000
+
+
+@pytest.mark.parametrize("span", [10.0, 1e4])
+def test_a_switch_in_a_long_interval_is_no_failure(span):
+    """The interval's resolution, not atol = 1e-8 at x = 0, then limits how well the switch is located."""
+    trajectory = simulate(LCS([[0]], [[1]], [[1]], f=[-1]), [0.47 * span], (0.0, span))
+    assert trajectory.x[-1] == pytest.approx([0.0], abs=1e-12)
+
+
+def test_the_bridge_needs_no_more_than_a_few_hundred_steps():
+    problem = diode_bridge()
+    trajectory = simulate(problem.system, problem.x0, (0.0, 1e-3), rtol=1e-5, t_eval=[1e-3])
+    assert np.max(np.abs(trajectory.x[-1] - problem.exact(1e-3)) / problem.scale) < 1e-3
+    assert trajectory.accepted + trajectory.rejected < 600
+
+
 # (problem, scheme, expected order) with constant steps
 ORDERS = [
     (diode_rectifier, "implicit-euler", 1),
@@ -74,6 +113,7 @@ def test_a_jump_at_the_start_is_an_event_with_its_impulse():
     assert event.x_before == pytest.approx([3.0, 0.0])
     assert event.x_after == pytest.approx([1.0, 1.0], abs=1e-9)
     assert event.impulse == pytest.approx([2.0], abs=1e-9)
+    assert trajectory.u[0] == pytest.approx([0.0], abs=1e-9)
     assert trajectory(0.0) == pytest.approx([1.0, 1.0], abs=1e-9)
 
 

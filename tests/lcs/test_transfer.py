@@ -5,6 +5,7 @@ from pricing_core.american import Market, Option
 from pricing_core.american.grid import exercise_domain, make_grid
 from pricing_core.american.semidiscrete import ValueForm
 from pricing_core.lcs import LCS, relative_degree
+from pricing_core.lcs.exact_degree import exact_degree
 from tests.problems.lcs_problems import problems
 
 
@@ -29,6 +30,57 @@ def test_a_mode_can_have_a_higher_degree_than_its_parts():
     B = [[1.0, 1.0], [0, 0], [0, 0], [0, 1.0]]
     C = [[1.0, 0, 0, 0], [1.0, 1.0, 0, 0]]
     assert relative_degree(LCS(A, B, C)) == 3
+
+
+# Found with rational arithmetic, where a floating-point inverse at large s loses or invents a power of s.
+SCALED = [
+    (
+        [[0] * 5, [0] * 5, [2, 0, 0, 0, 0], [0, 0, 0, -1, 2], [0] * 5],
+        [[1, 0, 0], [-2, 0, 0], [0, 2, 2], [2, 0, 2], [0, 0, -2]],
+        [[-2, -1, 1, 2, 1], [2, -1, 0, -1, 0], [0] * 5],
+        [[-1, -1, 1], [-1, -1, 0], [0, -1, 1]],
+        3,
+    ),
+    ([[0, 1000], [0, 0]], [[0, 2], [-1, 0]], [[0, -2], [1, 0]], [[-1, 1], [-1, 1]], 2),
+    # G = 1e-6 / s**2 + 1 / s**3
+    ([[0, 1, 0], [0, 0, 1], [0, 0, 0]], [[0], [1e-6], [1]], [[1, 0, 0]], [[0]], 2),
+    ([[0]], [[1e6]], [[1]], [[1e-3]], 0),
+    ([[0]], [[1e-200]], [[1e-200]], [[0]], 1),
+    # D has the determinant 1 - (1 + 2**-52)(1 - 2**-52) = 2**-104.
+    ([[0]], [[0, 0]], [[0], [0]], [[1, 1 + 2**-52], [1 - 2**-52, 1]], 0),
+]
+
+
+@pytest.mark.parametrize(("A", "B", "C", "D", "degree"), SCALED)
+def test_bad_scales_do_not_change_the_degree(A, B, C, D, degree):
+    assert relative_degree(LCS(A, B, C, D)) == degree
+
+
+@pytest.mark.parametrize("k", [2, 8])
+def test_a_multiplier_without_effect_is_passed_over(k):
+    """Column 0 of G is zero; the other pairs are integrators."""
+    B = np.eye(k)
+    B[0, 0] = 0.0
+    C = np.eye(k)
+    C[0, 1] = 1.0
+    assert relative_degree(LCS(np.zeros((k, k)), B, C)) == 1
+
+
+def test_exact_and_floating_point_degrees_agree_on_well_scaled_systems(monkeypatch):
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        A, B, C = rng.standard_normal((3, 3)), rng.standard_normal((3, 2)), rng.standard_normal((2, 3))
+        D = np.diag(rng.integers(0, 2, 2))
+        exact = relative_degree(LCS(A, B, C, D))
+        with monkeypatch.context() as patch:
+            patch.setattr("pricing_core.lcs.transfer.LARGEST_EXACT", 0)
+            assert relative_degree(LCS(A, B, C, D)) == exact
+
+
+def test_numbers_too_long_for_exact_arithmetic_are_declined():
+    n = 12
+    A = np.diag(10.0 ** np.arange(-n, n, 2))
+    assert exact_degree(LCS(A, np.ones((n, 6)), np.ones((6, n))), [(0,)]) is None
 
 
 def test_hundreds_of_pairs_are_settled_by_the_leading_markov_parameter():

@@ -109,6 +109,19 @@ def pulled_particle() -> LCSProblem:
     return LCSProblem("pulled particle", system, (0.5,), (0.25, 1.0, 1.25, 1.5, 2.0), exact, (1.0,), 1)
 
 
+def two_relays() -> LCS:
+    """x1' = -sgn x1 + 2 sgn x2, x2' = -2 sgn x1 - sgn x2 (Schumacher, example 11.1).
+
+    sgn x_i = 1 - u_a, with 0 <= x_i + u_b _|_ u_a >= 0 and 0 <= 2 - u_a _|_ u_b >= 0: u_b is the negative
+    part of x_i. The pairs are ordered (u_a, u_b) for x1, then for x2.
+    """
+    rates = np.array([[-1.0, 2.0], [-2.0, -1.0]])
+    B, C = np.zeros((2, 4)), np.zeros((4, 2))
+    B[:, ::2], C[::2] = -rates, np.eye(2)
+    D = np.kron(np.eye(2), [[0.0, 1.0], [-1.0, 0.0]])
+    return LCS(np.zeros((2, 2)), B, C, D, f=rates.sum(axis=1), g=[0.0, 2.0, 0.0, 2.0])
+
+
 def problems() -> list[LCSProblem]:
     return [
         diode_bridge(),
