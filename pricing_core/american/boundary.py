@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from pricing_core.american.contract import Option, real_number
 from pricing_core.american.engine import coarsest_resolution, make_solver
 from pricing_core.american.exercise_region import ExerciseRegion, region_at_expiry
-from pricing_core.american.limits import deterministic_error
+from pricing_core.american.limits import is_deterministic
 from pricing_core.american.market import Market
 from pricing_core.american.resolution import Solution
 from pricing_core.american.spot_values import region_of
@@ -99,7 +99,7 @@ def exercise_boundary(
     limit = region_at_expiry(option, market)
     if option.exercise == "european":
         ends = np.full((tau.size, 2), math.nan)
-    elif limit.lower > limit.upper or option.expiry == 0.0 or _is_deterministic(option, market, tolerance):
+    elif limit.lower > limit.upper or option.expiry == 0.0 or is_deterministic(option, market, tolerance):
         ends = np.tile(limit.boundaries(option), (tau.size, 1))
     else:
         ends = _solve(option, market, tau, limit, tolerance, interrupt)
@@ -124,15 +124,8 @@ def _solve(
     for spot in (option.strike, far_limit):
         if math.isnan(spot) or not np.isnan(ends[:, 1]).all():
             continue  # there is one boundary only, or both were found on one domain
-        solver = make_solver(
-            option,
-            replace(market, spot=spot),
-            tolerance,
-            resolution,
-            lcp_method="tridiagonal",
-            tangents=False,
-            interrupt=interrupt,
-        )
+        seen_from = replace(market, spot=spot)
+        solver = make_solver(option, seen_from, tolerance, resolution, interrupt=interrupt)
         level = solver.solve(resolution)
         if level is None:
             raise NumericalError("interrupted before the boundary was found: allow more time")
@@ -179,10 +172,6 @@ def _interpolate(nodes: Vector, values: Vector, wanted: Vector) -> Vector:
         bracket = values[max(0, int(np.searchsorted(nodes, wanted[i])) - 1) :][:2]
         result[i] = min(max(cubic, bracket.min()), bracket.max())
     return result
-
-
-def _is_deterministic(option: Option, market: Market, tolerance: float) -> bool:
-    return deterministic_error(option, market) <= 0.1 * tolerance * option.strike
 
 
 def _default_times(option: Option) -> Vector:

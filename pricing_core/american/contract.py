@@ -66,32 +66,27 @@ def real_number(
     value: object,
     least: float = -math.inf,
     most: float = math.inf,
-    *,
-    above: float = -math.inf,
 ) -> float:
-    """Return `value` as a float if it is a finite number with least <= value <= most and value > above.
+    """Return `value` as a float if it is a finite number with least <= value <= most.
 
     Raises
     ------
     InvalidInputError
         It is not; the message names `field` and the range.
     """
-    allowed = _range_in_words(least, most, above)
+    allowed = _range_in_words(least, most)
     if isinstance(value, (str, bytes, bool)) or value is None:
         raise InvalidInputError(field, value, allowed)
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         raise InvalidInputError(field, value, allowed) from None
-    if not (math.isfinite(number) and least <= number <= most and number > above):
+    if not (math.isfinite(number) and least <= number <= most):
         raise InvalidInputError(field, value, allowed)
     return number
 
 
-def _range_in_words(least: float, most: float, above: float) -> str:
-    if math.isfinite(above):
-        upper = f" and <= {most:g}" if math.isfinite(most) else ""
-        return f"a finite number > {above:g}{upper}"
+def _range_in_words(least: float, most: float) -> str:
     if math.isfinite(least) and math.isfinite(most):
         return f"a number from {least:g} to {most:g}"
     if math.isfinite(least):

@@ -41,7 +41,7 @@ class Estimate:
     values : Matrix, shape (m, 3)
         Row 0: v, v_x, v_xx; rows 1-3, where present, begin with dv/dsigma, dv/dr, dv/dq.
     error : float
-        Fraction of the strike; inf where fewer than two resolutions were solved.
+        Fraction of the strike.
     region : ExerciseRegion
         Now, from the finest solve.
     solution : Solution
@@ -89,7 +89,7 @@ class Solver:
         region = region_of(solution)
         return Level(solution, region, values_at(solution, region, self.x), region.contains(self.x))
 
-    def noise(self, level: "Level", tolerance: float) -> float:
+    def noise(self, level: "Level") -> float:
         """Return what no refinement removes: truncation, residual, rounding; fraction of the strike."""
         rounding = 0.0 if level.exercised else ROUNDING * max(1.0, math.exp(min(self.x, LARGEST_EXPONENT)))
         residual = max(state.residual for state in level.solution.integration.states)
@@ -112,9 +112,9 @@ def make_solver(
     tolerance: float,
     coarsest: Resolution,
     *,
-    lcp_method: LCPMethod,
-    tangents: bool,
-    interrupt: Callable[[], bool] | None,
+    lcp_method: LCPMethod = "tridiagonal",
+    tangents: bool = False,
+    interrupt: Callable[[], bool] | None = None,
 ) -> Solver:
     """Choose the domain and return the solver."""
     domain = settled_domain(option, market, tolerance, coarsest, interrupt)
@@ -145,7 +145,7 @@ def estimate_to_tolerance(solver: Solver, tolerance: float, coarsest: Resolution
             return None if best is None else replace(best, interrupted=True)
         solves += 1
         values, error = _extrapolate(coarse, fine, extrapolated)
-        error += solver.noise(fine, tolerance)
+        error += solver.noise(fine)
         best = Estimate(values, error, fine.region, fine.exercised, fine.solution, solves, False)
         if error <= tolerance and solves >= LEAST_SOLVES:
             break
@@ -168,7 +168,7 @@ def _distance(values: Matrix, others: Matrix) -> float:
     return float(abs(values[0, 0] - others[0, 0]))
 
 
-def estimate_at_resolution(solver: Solver, tolerance: float, resolution: Resolution) -> Estimate | None:
+def estimate_at_resolution(solver: Solver, resolution: Resolution) -> Estimate | None:
     """Solve at `resolution`, not extrapolated; a second solve gives the error.
 
     The second has half the cells and steps, or twice as many where those are too few to be halved.
@@ -177,7 +177,7 @@ def estimate_at_resolution(solver: Solver, tolerance: float, resolution: Resolut
     level, other = solver.solve(resolution), solver.solve(resolution.refined() if second is None else second)
     if level is None or other is None:
         return None
-    error = ERROR_SHARE * _distance(level.values, other.values) + solver.noise(level, tolerance)
+    error = ERROR_SHARE * _distance(level.values, other.values) + solver.noise(level)
     return Estimate(level.values, error, level.region, level.exercised, level.solution, 2, False)
 
 
@@ -189,15 +189,8 @@ def region_near_strike(
     interrupt: Callable[[], bool] | None,
 ) -> ExerciseRegion:
     """Return the exercise region now as seen from a spot at the strike; empty where interrupted."""
-    solver = make_solver(
-        option,
-        replace(market, spot=option.strike),
-        tolerance,
-        resolution,
-        lcp_method="tridiagonal",
-        tangents=False,
-        interrupt=interrupt,
-    )
+    at_strike = replace(market, spot=option.strike)
+    solver = make_solver(option, at_strike, tolerance, resolution, interrupt=interrupt)
     level = solver.solve(resolution)
     return EMPTY_REGION if level is None else level.region
 
@@ -206,7 +199,8 @@ def coarsest_resolution(option: Option, market: Market, scheme: Scheme) -> Resol
     """Return the first of the doubling resolutions.
 
     With a negative rate the value grows on its way from expiry: 1 + h r, the row sum of the stage's matrix,
-    must stay positive by a good margin, and the longest step is 2 T/M.
+    must stay positive, and the longest stage is 0.6 T/M. A wide distribution needs a wide grid, but the payoff
+    keeps its scale of 1 in ln(S/K): there the grid is stretched.
     """
     steps = max(COARSEST_STEPS, math.ceil(option.expiry * max(-market.rate, 0.0)))
     spread = market.volatility * math.sqrt(option.expiry)

@@ -95,6 +95,11 @@ def deterministic_value(option: Option, market: Market) -> ClosedValue:
     )
 
 
+def is_deterministic(option: Option, market: Market, tolerance: float) -> bool:
+    """Whether chance matters less than a tenth of the tolerance, a fraction of the strike."""
+    return deterministic_error(option, market) <= 0.1 * tolerance * option.strike
+
+
 def deterministic_error(option: Option, market: Market) -> float:
     """Return a bound on |V - V(volatility 0)|, in money.
 

@@ -23,6 +23,7 @@ from pricing_core.american.limits import (
     expired_value,
     holding_theta,
     is_closed_form,
+    is_deterministic,
 )
 from pricing_core.american.market import Market
 from pricing_core.american.resolution import Resolution, Scheme
@@ -98,7 +99,7 @@ def price(
         return _from_closed(option, market, european_value(option, market), solved_by, tolerance)
     deterministic = replace(deterministic_value(option, market), error=deterministic_error(option, market))
     at_strike = replace(market, spot=max(market.spot, option.strike))  # a spot of 0 has no chance to show
-    if deterministic_error(option, at_strike) <= 0.1 * tolerance * option.strike:
+    if is_deterministic(option, at_strike, tolerance):
         return _from_closed(option, market, deterministic, "zero volatility", tolerance)
     first = _first_resolution(option, market, method, resolution)
     if market.spot == 0.0:
@@ -107,8 +108,10 @@ def price(
     solver = make_solver(
         option, market, tolerance, first, lcp_method=lcp_method, tangents=greeks, interrupt=interrupt
     )
-    estimating = estimate_to_tolerance if resolution is None else estimate_at_resolution
-    estimate = estimating(solver, tolerance, first)
+    if resolution is None:
+        estimate = estimate_to_tolerance(solver, tolerance, first)
+    else:
+        estimate = estimate_at_resolution(solver, first)
     if estimate is None:
         return without_price(option, market)
     if deterministic.error <= estimate.error * option.strike:
