@@ -2,6 +2,7 @@
 
 PYTHON ?= python3
 PYTEST_FLAGS ?= -n auto
+BENCHMARK_FLAGS ?= --quick
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -15,11 +16,11 @@ SAY_KERNEL := $(BIN)/python -c "import pricing_core; print('kernel:', pricing_co
 # cargo and the build backend must agree on the interpreter, or each would recompile the other's work.
 export PYO3_PYTHON := $(abspath $(BIN)/python)
 
-.PHONY: help demo test lint nightly lock clean
+.PHONY: help demo test lint benchmark nightly lock clean
 .DEFAULT_GOAL := help
 
 help:  ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 demo: $(VENV)/.installed  ## price the example book and draw an exercise boundary
 	$(BIN)/python examples/demo.py
@@ -40,6 +41,9 @@ ifneq ($(CARGO),)
 	cargo clippy --quiet --locked $(MANIFEST) --all-targets -- --deny warnings
 	cargo clippy --quiet --locked $(MANIFEST) --all-targets --features python -- --deny warnings
 endif
+
+benchmark: $(VENV)/.installed-for-tests  ## run every benchmark quickly, into build/benchmarks; BENCHMARK_FLAGS= measures in full
+	$(BIN)/pricing benchmark $(BENCHMARK_FLAGS) --output build/benchmarks
 
 nightly: $(VENV)/.installed-for-tests  ## run the long accuracy tests
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m nightly

@@ -10,6 +10,7 @@ import typer
 
 from app.reporting import (
     FAILED,
+    INTERRUPTED,
     SOME_REJECTED,
     interrupted_by_signals,
     one_line_errors,
@@ -27,8 +28,8 @@ app = typer.Typer(
 
 def _number(text: str | float) -> float:
     """Read a number as the tables of a batch are read: 1_0 is none."""
-    from pricing_core.batch.contracts import read_number  # noqa: PLC0415
     from pricing_core.errors import InvalidInputError  # noqa: PLC0415
+    from pricing_core.plain_number import read_number  # noqa: PLC0415
 
     try:
         return read_number("", text)
@@ -206,6 +207,32 @@ def batch_command(
             with suppress(typer.Exit, OSError), standard_output():  # the files are there, whoever reads this
                 print_summary(summary, target, explained)
         raise typer.Exit(SOME_REJECTED if summary.rejected else 0)
+
+
+@app.command("benchmark")
+def benchmark_command(
+    output: Annotated[Path, typer.Option("--output", metavar="DIR", help="made where it is missing")],
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME", help="engine-frontier, crank-nicolson; default: all"),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="under a minute, to see that it works; the figures mean little")
+    ] = False,
+) -> None:
+    """Measure accuracy against time, beside other methods, and write reports: HTML, Markdown, JSON, PNG, CSV."""
+    with one_line_errors():
+        from app.benchmark_command import check_names, run_benchmarks  # noqa: PLC0415
+
+        chosen = check_names(names or [])
+        try:
+            with interrupted_by_signals():
+                for written in run_benchmarks(chosen, output, quick=quick):
+                    with standard_output():
+                        print(f"{written.name}: {output / written.name}.html ({written.seconds:.0f} s)")
+        except KeyboardInterrupt:
+            print_failure("interrupted; the reports named so far are complete")
+            raise typer.Exit(INTERRUPTED) from None
 
 
 @app.command("serve")

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pricing_core.american.contract import LARGEST_EXPIRY, LARGEST_MONEY, SMALLEST_MONEY, Exercise, OptionType
 from pricing_core.american.market import LARGEST_RATE, LARGEST_VOLATILITY, SMALLEST_RATE
-from pricing_core.american.valuation import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
+from pricing_core.american.tolerances import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
 
 LARGEST_TIMES = 1_000  # of one boundary request
 

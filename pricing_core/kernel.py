@@ -2,15 +2,31 @@
 
 # A kernel that is there but does not load raises: only a missing one is replaced.
 try:
-    from pricing_core._kernels import brennan_schwartz, projected_sor
+    from pricing_core._kernels import (
+        brennan_schwartz,
+        policy_iteration,
+        premium_march,
+        premium_values,
+        profile_values,
+        projected_sor,
+    )
 
     _NAME = "rust"
 except ModuleNotFoundError:
-    from pricing_core.kernel_twin import brennan_schwartz, projected_sor
+    from pricing_core.kernel_twin import brennan_schwartz, policy_iteration, projected_sor
+    from pricing_core.premium_twin import premium_march, premium_values, profile_values
 
     _NAME = "numpy"
 
-__all__ = ["brennan_schwartz", "kernel_name", "projected_sor"]
+__all__ = [
+    "brennan_schwartz",
+    "kernel_name",
+    "policy_iteration",
+    "premium_march",
+    "premium_values",
+    "profile_values",
+    "projected_sor",
+]
 
 
 def kernel_name() -> str:

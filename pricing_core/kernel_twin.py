@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pricing_core.arrays import Vector
+from pricing_core.arrays import BoolVector, Vector
 
 
 def brennan_schwartz(
@@ -39,6 +39,65 @@ def brennan_schwartz(
     for i in range(n):
         residual = c[i] + below[i - 1] * z[i - 1] if i else c[i]
         z[i] = max(-residual / d[i], 0.0)  # in this order NaN stays NaN
+    return np.array(z)
+
+
+def policy_iteration(
+    lower: Vector,
+    diagonal: Vector,
+    upper: Vector,
+    q: Vector,
+    basic_set: BoolVector,
+    tolerance: float,
+    max_systems: int,
+) -> tuple[Vector, int]:
+    """Return (z, systems): the solution of 0 <= z _|_ Mz + q >= 0 with any contact set, for an M-matrix M.
+
+    Each linear system has Mz + q = 0 on the basic set and z = 0 elsewhere; `basic_set` (n,) is the first
+    guess. Then the rows with z < 0 leave the set and those with Mz + q < 0 enter it, where the violation is
+    more than `tolerance` times the sum of the row's terms in size. z never falls from the second system on,
+    so that n + 1 are enough. systems is max_systems + 1 where the limit was reached in vain.
+
+    Raises
+    ------
+    ZeroDivisionError
+        A pivot is zero; it cannot be for an M-matrix.
+
+    Examples
+    --------
+    >>> minus_one, two = np.array([-1.0, -1.0]), np.array([2.0, 2.0, 2.0])
+    >>> q, nothing = np.array([-2.0, 5.0, -4.0]), np.zeros(3, dtype=np.bool_)
+    >>> policy_iteration(minus_one, two, minus_one, q, nothing, 1e-14, 9)
+    (array([1., 0., 2.]), 2)
+    """
+    basic = basic_set.copy()
+    z = np.zeros(q.size)
+    for system in range(1, max_systems + 1):
+        z = _basic_point(lower, diagonal, upper, q, basic)
+        terms = np.array([np.append(0.0, lower * z[:-1]), diagonal * z, np.append(upper * z[1:], 0.0), q])
+        allowed = -tolerance * np.abs(terms).sum(axis=0)
+        slack = terms.sum(axis=0)
+        wrong = np.where(basic, np.abs(diagonal) * z < allowed, ~(slack >= allowed))  # NaN enters, and shows
+        if not wrong.any():
+            return np.maximum(z, 0.0), system
+        basic ^= wrong
+    return np.maximum(z, 0.0), max_systems + 1
+
+
+def _basic_point(lower: Vector, diagonal: Vector, upper: Vector, q: Vector, basic: BoolVector) -> Vector:
+    """Return z with Mz + q = 0 on the basic set and z = 0 elsewhere, by elimination without pivoting."""
+    free, below, d, above, c = (part.tolist() for part in (basic, lower, diagonal, upper, q))
+    n = len(d)
+    z, factor = [0.0] * n, [0.0] * n
+    for i in range(n):
+        if free[i]:
+            left = below[i - 1] if i else 0.0
+            right = above[i] if i < n - 1 else 0.0
+            pivot = d[i] - left * factor[i - 1]
+            z[i], factor[i] = (-c[i] - left * z[i - 1]) / pivot, right / pivot
+    for i in range(n - 2, -1, -1):
+        if free[i]:
+            z[i] -= factor[i] * z[i + 1]
     return np.array(z)
 
 

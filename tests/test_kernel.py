@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pricing_core import kernel, kernel_name, kernel_twin
-from pricing_core.arrays import Vector
+from pricing_core.arrays import BoolVector, Vector
 
 compiled_only = pytest.mark.skipif(
     kernel_name() != "rust", reason="the compiled kernel is absent: it was installed without a Rust toolchain"
@@ -18,6 +18,7 @@ compiled_only = pytest.mark.skipif(
 sizes = st.integers(1, 60)
 seeds = st.integers(0, 2**32 - 1)
 Problem = tuple[Vector, Vector, Vector, Vector]
+ROUNDING = 1e-14
 
 
 @pytest.fixture
@@ -42,6 +43,10 @@ def m_matrix_problem(size: int, seed: int) -> Problem:
     return lower, diagonal, upper, random.normal(size=size)
 
 
+def random_set(size: int, seed: int) -> BoolVector:
+    return np.random.default_rng(seed).random(size) < 0.5
+
+
 def slack(problem: Problem, z: Vector) -> Vector:
     lower, diagonal, upper, q = problem
     w = q + diagonal * z
@@ -52,7 +57,7 @@ def slack(problem: Problem, z: Vector) -> Vector:
 
 def test_the_kernel_in_use_is_the_one_that_is_named() -> None:
     expected = {"rust": "_kernels", "numpy": "kernel_twin"}[kernel_name()]
-    for function in (kernel.brennan_schwartz, kernel.projected_sor):
+    for function in (kernel.brennan_schwartz, kernel.policy_iteration, kernel.projected_sor):
         assert function.__module__.split(".")[-1] == expected
 
 
@@ -62,6 +67,16 @@ def test_brennan_schwartz_equals_its_twin(size: int, seed: int, contact_first: b
     problem = m_matrix_problem(size, seed)
     found = kernel.brennan_schwartz(*problem, contact_first)
     expected = kernel_twin.brennan_schwartz(*problem, contact_first)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * max(1.0, expected.max()))
+
+
+@compiled_only
+@given(sizes, seeds, seeds)
+def test_policy_iteration_equals_its_twin_from_any_start(size: int, seed: int, start: int) -> None:
+    arguments = (*m_matrix_problem(size, seed), random_set(size, start), ROUNDING, size + 2)
+    found, systems = kernel.policy_iteration(*arguments)
+    expected, twin_systems = kernel_twin.policy_iteration(*arguments)
+    assert systems == twin_systems <= size + 2
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * max(1.0, expected.max()))
 
 
@@ -103,7 +118,39 @@ def test_a_contact_run_at_one_end_is_solved_exactly(
     np.testing.assert_allclose(found, z, rtol=1e-12, atol=1e-12)
 
 
-def test_both_methods_agree_on_an_obstacle_problem(implementation: ModuleType) -> None:
+@pytest.mark.parametrize("start", ["nothing", "everything", "random", "solution"])
+@pytest.mark.parametrize("size", [1, 2, 3, 50, 400])
+def test_any_contact_set_is_found_by_policy_iteration(
+    implementation: ModuleType, size: int, start: str
+) -> None:
+    lower, diagonal, upper, _ = m_matrix_problem(size, seed=size)
+    free = random_set(size, seed=2 * size)
+    z, w = np.where(free, 1.5, 0.0), np.where(free, 0.0, 2.0)
+    q = w - slack((lower, diagonal, upper, np.zeros(size)), z)
+    starts = {
+        "nothing": np.zeros(size, dtype=np.bool_),
+        "everything": np.ones(size, dtype=np.bool_),
+        "random": random_set(size, seed=1),
+        "solution": free,
+    }
+    found, systems = implementation.policy_iteration(
+        lower, diagonal, upper, q, starts[start], ROUNDING, size + 2
+    )
+    np.testing.assert_allclose(found, z, rtol=1e-12, atol=1e-12)
+    assert systems <= (1 if start == "solution" else size + 2)
+
+
+def test_policy_iteration_says_when_it_did_not_settle(implementation: ModuleType) -> None:
+    # Both rows leave the basic set, then both enter: no M-matrix.
+    bands = np.array([-2.0]), np.array([1.0, 1.0]), np.array([-2.0])
+    both = np.array([True, True])
+    for limit in (0, 1, 2, 5):
+        z, systems = implementation.policy_iteration(*bands, np.array([-1.0, -1.0]), both, ROUNDING, limit)
+        assert systems == limit + 1
+        np.testing.assert_array_equal(z, [0.0, 0.0])
+
+
+def test_all_methods_agree_on_an_obstacle_problem(implementation: ModuleType) -> None:
     size = 60
     lower = upper = np.full(size - 1, -1.0)
     problem = (lower, np.full(size, 2.1), upper, np.linspace(1.0, -1.0, size))
@@ -113,14 +160,18 @@ def test_both_methods_agree_on_an_obstacle_problem(implementation: ModuleType) -
     assert 0 < np.count_nonzero(direct == 0.0) < size
     assert np.abs(np.minimum(direct, slack(problem, direct))).max() <= 1e-12
     np.testing.assert_allclose(swept, direct, atol=1e-11)
+    iterated, systems = implementation.policy_iteration(*problem, random_set(size, 7), ROUNDING, 62)
+    assert systems <= 62
+    np.testing.assert_allclose(iterated, direct, atol=1e-13)
 
 
 def test_no_argument_is_modified(implementation: ModuleType) -> None:
-    problem, start = m_matrix_problem(20, seed=1), np.full(20, 3.0)
-    before = [part.copy() for part in (*problem, start)]
+    problem, start, basic_set = m_matrix_problem(20, seed=1), np.full(20, 3.0), random_set(20, seed=1)
+    before = [part.copy() for part in (*problem, start, basic_set)]
     implementation.brennan_schwartz(*problem, True)
     implementation.projected_sor(*problem, start, 1.1, 1e-9, 50)
-    for part, copy in zip((*problem, start), before, strict=True):
+    implementation.policy_iteration(*problem, basic_set, ROUNDING, 50)
+    for part, copy in zip((*problem, start, basic_set), before, strict=True):
         np.testing.assert_array_equal(part, copy)
 
 
@@ -138,6 +189,9 @@ def test_views_with_strides_give_the_values_of_their_copies(
         swept, _ = implementation.projected_sor(*views, views[3], 1.0, 1e-9, 3)
         copied, _ = implementation.projected_sor(*problem, problem[3], 1.0, 1e-9, 3)
         np.testing.assert_array_equal(swept, copied)
+        iterated, _ = implementation.policy_iteration(*views, views[3] < 0.0, ROUNDING, 32)
+        settled, _ = implementation.policy_iteration(*problem, problem[3] < 0.0, ROUNDING, 32)
+        np.testing.assert_array_equal(iterated, settled)
 
 
 @pytest.mark.parametrize(("row", "contact_first"), [(0, True), (1, True), (0, False), (1, False)])
@@ -149,6 +203,8 @@ def test_a_zero_pivot_raises(implementation: ModuleType, row: int, contact_first
         implementation.brennan_schwartz(apart, diagonal, apart, np.ones(2), contact_first)
     with pytest.raises(ZeroDivisionError):
         implementation.projected_sor(apart, diagonal, apart, np.ones(2), np.ones(2), 1.0, 1e-9, 5)
+    with pytest.raises(ZeroDivisionError):
+        implementation.policy_iteration(apart, diagonal, apart, np.ones(2), diagonal < 3.0, ROUNDING, 5)
 
 
 @pytest.mark.parametrize("contact_first", [True, False])
@@ -159,6 +215,9 @@ def test_nan_is_not_hidden_by_the_projection(implementation: ModuleType, contact
     z, sweeps = implementation.projected_sor(lower, diagonal, upper, q, np.zeros(5), 1.0, 1e-9, 5)
     assert np.isnan(z[2])
     assert sweeps == 6
+    for basic_set in (q < 2.0, np.zeros(5, dtype=np.bool_)):
+        z, _ = implementation.policy_iteration(lower, diagonal, upper, q, basic_set, ROUNDING, 7)
+        assert np.isnan(z[2])
 
 
 @pytest.mark.parametrize("wrong", range(5))
@@ -170,6 +229,8 @@ def test_the_compiled_kernel_refuses_vectors_that_do_not_fit(compiled: ModuleTyp
     if wrong < 4:
         with pytest.raises(ValueError, match=r"has length \d+: must be \d+"):
             compiled.brennan_schwartz(*parts[:4], True)
+    with pytest.raises(ValueError, match=r"has length \d+: must be \d+"):
+        compiled.policy_iteration(*parts[:4], parts[4] < 1.0, ROUNDING, 5)
 
 
 def test_the_compiled_kernel_refuses_an_empty_matrix_and_other_types(compiled: ModuleType) -> None:
@@ -181,6 +242,8 @@ def test_the_compiled_kernel_refuses_an_empty_matrix_and_other_types(compiled: M
         compiled.brennan_schwartz(*problem[:3], problem[3].astype(np.float32), True)
     with pytest.raises(TypeError):
         compiled.brennan_schwartz(*problem[:3], problem[3].reshape(2, 2), True)
+    with pytest.raises(TypeError):
+        compiled.policy_iteration(*problem, problem[3], ROUNDING, 5)
 
 
 def test_other_threads_run_while_the_compiled_kernel_works(compiled: ModuleType) -> None:

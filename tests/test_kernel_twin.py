@@ -44,3 +44,33 @@ def test_a_sweep_that_changes_nothing_ends_the_iteration() -> None:
     )
     np.testing.assert_allclose(z, solution, atol=1e-14)
     assert sweeps == 1
+
+
+@pytest.mark.parametrize(
+    ("q", "start", "expected", "expected_systems"),
+    [
+        # Solution (1, 0, 2) with w = (0, 2, 0). Without contact z = (0, -2, 1): row 1 leaves.
+        ([-2.0, 5.0, -4.0], [True, True, True], [1.0, 0.0, 2.0], 2),
+        ([-2.0, 5.0, -4.0], [False, False, False], [1.0, 0.0, 2.0], 2),
+        ([-2.0, 5.0, -4.0], [True, False, True], [1.0, 0.0, 2.0], 1),
+        # One row enters at a time: z = 0, then (0, 0, 2), (0, 4/3, 8/3), (1, 2, 3).
+        ([0.0, 0.0, -4.0], [False, False, False], [1.0, 2.0, 3.0], 4),
+        ([1.0, 1.0, 1.0], [True, True, True], [0.0, 0.0, 0.0], 2),
+    ],
+)
+def test_policy_iteration_by_hand(
+    q: list[float], start: list[bool], expected: list[float], expected_systems: int
+) -> None:
+    z, systems = kernel_twin.policy_iteration(
+        MINUS_ONE, TWO, MINUS_ONE, np.array(q), np.array(start), 1e-14, 5
+    )
+    np.testing.assert_allclose(z, expected, atol=1e-15)
+    assert systems == expected_systems
+
+
+def test_policy_iteration_leaves_rows_alone_that_are_wrong_by_rounding_only() -> None:
+    q = np.array([-1.0, 0.5 - 1e-16, 1.0])  # w_1 = -1e-16 beside terms of 1
+    start = np.array([True, False, False])
+    for tolerance, expected_systems in ((1e-14, 1), (0.0, 2)):
+        _, systems = kernel_twin.policy_iteration(MINUS_ONE, TWO, MINUS_ONE, q, start, tolerance, 5)
+        assert systems == expected_systems

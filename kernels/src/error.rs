@@ -41,9 +41,9 @@ impl fmt::Display for KernelError {
 impl Error for KernelError {}
 
 /// Return an error that names the vector unless it has the required length.
-pub(crate) fn check_length(
+pub(crate) fn check_length<T>(
     name: &'static str,
-    vector: &[f64],
+    vector: &[T],
     required: usize,
 ) -> Result<(), KernelError> {
     let found = vector.len();

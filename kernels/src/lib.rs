@@ -5,13 +5,18 @@
 
 mod brennan_schwartz;
 mod error;
+mod policy_iteration;
+pub mod premium;
 mod psor;
 #[cfg(feature = "python")]
 mod python;
+#[cfg(feature = "python")]
+mod python_premium;
 mod tridiagonal;
 
 pub use brennan_schwartz::brennan_schwartz;
 pub use error::KernelError;
+pub use policy_iteration::{policy_iteration, Settling};
 pub use psor::{projected_sor, Sweeping};
 pub use tridiagonal::Tridiagonal;
 

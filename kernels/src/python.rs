@@ -2,11 +2,11 @@
 
 use std::borrow::Cow;
 
-use numpy::{PyArray1, PyReadonlyArray1};
+use numpy::{Element, PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::{PyValueError, PyZeroDivisionError};
 use pyo3::prelude::*;
 
-use crate::{KernelError, Sweeping, Tridiagonal};
+use crate::{KernelError, Settling, Sweeping, Tridiagonal};
 
 impl From<KernelError> for PyErr {
     fn from(error: KernelError) -> Self {
@@ -19,7 +19,7 @@ impl From<KernelError> for PyErr {
 }
 
 /// Borrow the array where it is contiguous, copy it where it is a view with strides.
-fn values<'a>(array: &'a PyReadonlyArray1<'_, f64>) -> Cow<'a, [f64]> {
+fn values<'a, T: Element + Copy>(array: &'a PyReadonlyArray1<'_, T>) -> Cow<'a, [T]> {
     match array.as_slice() {
         Ok(slice) => Cow::Borrowed(slice),
         Err(_) => Cow::Owned(array.as_array().to_vec()),
@@ -42,6 +42,33 @@ fn brennan_schwartz<'py>(
     let (matrix, q) = (Tridiagonal::new(&lower, &diagonal, &upper)?, values(&q));
     let z = py.detach(|| crate::brennan_schwartz(matrix, &q, contact_first))?;
     Ok(PyArray1::from_vec(py, z))
+}
+
+/// Return (z, systems) of Howard's method from a basic set; see `kernel_twin.policy_iteration`.
+#[pyfunction]
+#[pyo3(signature = (lower, diagonal, upper, q, basic_set, tolerance, max_systems))]
+#[allow(clippy::needless_pass_by_value, clippy::too_many_arguments)]
+fn policy_iteration<'py>(
+    py: Python<'py>,
+    lower: PyReadonlyArray1<'py, f64>,
+    diagonal: PyReadonlyArray1<'py, f64>,
+    upper: PyReadonlyArray1<'py, f64>,
+    q: PyReadonlyArray1<'py, f64>,
+    basic_set: PyReadonlyArray1<'py, bool>,
+    tolerance: f64,
+    max_systems: u32,
+) -> PyResult<(Bound<'py, PyArray1<f64>>, u64)> {
+    let (lower, diagonal, upper) = (values(&lower), values(&diagonal), values(&upper));
+    let (matrix, q) = (Tridiagonal::new(&lower, &diagonal, &upper)?, values(&q));
+    let mut basic_set = values(&basic_set).into_owned();
+    let mut z = vec![0.0; matrix.size()];
+    let settling = Settling {
+        tolerance,
+        limit: max_systems,
+    };
+    let systems =
+        py.detach(|| crate::policy_iteration(matrix, &q, &mut basic_set, &mut z, settling))?;
+    Ok((PyArray1::from_vec(py, z), systems))
 }
 
 /// Return (z, sweeps) of projected over-relaxation from z; see `kernel_twin.projected_sor`.
@@ -75,7 +102,9 @@ fn projected_sor<'py>(
 #[pymodule]
 mod _kernels {
     #[pymodule_export]
-    use super::{brennan_schwartz, projected_sor};
+    use super::{brennan_schwartz, policy_iteration, projected_sor};
+    #[pymodule_export]
+    use crate::python_premium::{premium_march, premium_values, profile_values};
 
     /// The version of the crate.
     #[pymodule_export]

@@ -14,7 +14,7 @@ from pricing_core.american.limits import is_deterministic
 from pricing_core.american.market import Market
 from pricing_core.american.resolution import Solution
 from pricing_core.american.spot_values import region_of
-from pricing_core.american.valuation import (
+from pricing_core.american.tolerances import (
     DEFAULT_TOLERANCE,
     LARGEST_TOLERANCE,
     SMALLEST_TOLERANCE,

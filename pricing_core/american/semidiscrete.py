@@ -7,7 +7,7 @@ x = ln(S/K). The multiplier u is K times smaller than the income lost by holding
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -18,7 +18,9 @@ from pricing_core.american.market import Market
 from pricing_core.american.obstacle import payoff_obstacle
 from pricing_core.american.operators import BlackScholesOperator, black_scholes_operator
 from pricing_core.arrays import Matrix, Vector
-from pricing_core.lcs.system import LCS
+
+if TYPE_CHECKING:
+    from pricing_core.lcs import LCS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,7 +79,7 @@ class ValueForm(SemidiscreteForm):
         growth = np.array([math.exp(-self.market.rate * tau), math.exp(-self.market.dividend_yield * tau)])
         return Constraint(self.payoff[None, :], (self._end_terms() @ np.array([1.0, *growth]))[None, :])
 
-    def as_lcs(self) -> tuple[LCS, Vector]:
+    def as_lcs(self) -> "tuple[LCS, Vector]":
         """Return the linear complementarity system (11.63) and its initial state (11.64).
 
         The state is (v_1, ..., v_N, 1, e^{-r tau}, e^{-q tau}): the chapter's constant 1, and two
@@ -91,6 +93,8 @@ class ValueForm(SemidiscreteForm):
         Vector, shape (n,)
             The initial state.
         """
+        from pricing_core.lcs import LCS  # noqa: PLC0415  # a price needs nothing of it
+
         unknowns = self.grid.interior.size
         terms = self._end_terms()
         extra = 3 if np.any(terms[:, 1:]) else 1

@@ -15,13 +15,12 @@ from pricing_core.american.semidiscrete import SemidiscreteForm
 from pricing_core.american.tangents import parameter_source, solve_tangents
 from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.errors import NumericalError
-from pricing_core.kernel import brennan_schwartz
-from pricing_core.lcp import LCP, solve, solve_psor
-from pricing_core.linalg import Tridiagonal
+from pricing_core.kernel import brennan_schwartz, policy_iteration
 
 LCPMethod: TypeAlias = Literal["tridiagonal", "policy", "psor", "lemke"]
 NEGLIGIBLE = 1e-13  # residual of an exact elimination, relative to the largest diagonal entry times v
-NEGLIGIBLE_ROW = 1e-14  # size of q, relative to its largest entry
+LIFT = 1e-14  # of q, relative to its largest entry
+ROUNDING = 1e-14  # a wrong sign in a row, relative to the row's terms
 PSOR_TOLERANCE = 1e-13  # change in the last sweep, relative to the largest entry of q
 
 
@@ -66,7 +65,8 @@ class TridiagonalStage:
     ----------
     form : SemidiscreteForm
     lcp_method : {"tridiagonal", "policy", "psor", "lemke"}
-        See `pricing_core.lcp.solve`.
+        One elimination where that is exact, else policy iteration; policy iteration; or one of the methods
+        of `pricing_core.lcp`.
     """
 
     form: SemidiscreteForm
@@ -79,7 +79,8 @@ class TridiagonalStage:
         M = ThreePointOperator(-h * operator.lower, 1.0 - h * operator.diagonal, -h * operator.upper)
         obstacle = constraint.obstacle[0, 1:-1]
         q = M.times(obstacle) - base[0] - h * self._forcing(constraint.ends[0])
-        z, w = self._solve_lcp(M, q, near.slack)
+        solve = self._solve_by_library if self.lcp_method in ("psor", "lemke") else self._solve_directly
+        z, w = solve(M, q, near)
         value = obstacle + z
         contact = (z == 0.0) & (self.form.payoff[1:-1] > 0.0)
         if base.shape[0] > 1:
@@ -88,46 +89,38 @@ class TridiagonalStage:
             forcing = np.stack([self._forcing(ends) for ends in constraint.ends[1:]])
             rhs = base[1:] + h * (source + forcing)
             value = np.vstack([value, solve_tangents(M, rhs, constraint.obstacle[1:, 1:-1], z, contact)])
-        residual = float(np.max(np.abs(np.minimum(z, w))))
-        return OptionState(np.atleast_2d(value), z, contact, np.maximum(w, 0.0) / h, residual)
+        return OptionState(np.atleast_2d(value), z, contact, np.maximum(w, 0.0) / h, _residual(z, w))
 
-    def _solve_lcp(self, M: ThreePointOperator, q: Vector, near: Vector) -> tuple[Vector, Vector]:
-        """Return (z, w) with w = Mz + q and 0 <= z _|_ w >= 0."""
-        if self.lcp_method == "tridiagonal":
-            z = self._eliminate(M, q)
-            w = M.times(z) + q
-            scale = float(np.max(M.diagonal)) * (float(np.max(z)) + 1.0)
-            if float(np.max(np.abs(np.minimum(z, w)))) <= NEGLIGIBLE * scale:
-                return z, w
-        # Rows at the far ends with negligible terms are left out, z = 0: which of them are in
-        # contact is decided by rounding, and the library judges every row on its own scale.
-        felt = np.flatnonzero(np.abs(q) > NEGLIGIBLE_ROW * np.max(np.abs(q)))
-        rows = slice(felt[0], felt[-1] + 1) if felt.size else slice(0, q.size)
-        bands = M.lower[rows][1:], M.diagonal[rows], M.upper[rows][:-1]
-        problem = LCP(Tridiagonal(*bands), q[rows])
-        try:
-            if self.lcp_method == "psor":
-                solution = solve_psor(problem, tolerance=PSOR_TOLERANCE, start=near[rows])
-            else:
-                solution = solve(problem, method=self.lcp_method)
-        except NumericalError:
-            if self.lcp_method != "tridiagonal":
-                raise
-            return z, w  # the residual tells, and counts as error
-        z = np.zeros(q.size)
-        z[rows] = solution.z
-        return z, M.times(z) + q
+    def _solve_directly(self, M: ThreePointOperator, q: Vector, near: OptionState) -> tuple[Vector, Vector]:
+        """Return (z, w) from one elimination, exact for a region at one end, or from policy iteration.
 
-    def _eliminate(self, M: ThreePointOperator, q: Vector) -> Vector:
-        """Return the sweep that the ends of the grid suggest; exact iff it leaves no w < 0.
-
-        One sweep where the exercise region reaches one end, else the larger of both (`solve_double_sweep`).
+        Where M is no M-matrix, because 1 + h rate < 0, both may miss: the residual tells, and counts as error.
         """
         domain = self.form.domain
         bands = M.lower[1:], M.diagonal, M.upper[:-1], q
-        if domain.contact_at_left != domain.contact_at_right:
-            return np.asarray(brennan_schwartz(*bands, domain.contact_at_left))
-        return np.maximum(brennan_schwartz(*bands, True), brennan_schwartz(*bands, False))
+        try:
+            if self.lcp_method == "tridiagonal" and domain.contact_at_left != domain.contact_at_right:
+                z = brennan_schwartz(*bands, domain.contact_at_left)
+                w = M.times(z) + q
+                if _residual(z, w) <= NEGLIGIBLE * float(np.max(M.diagonal)) * (float(np.max(z)) + 1.0):
+                    return z, w
+            z, _ = policy_iteration(*bands, ~near.contact, ROUNDING, q.size + 2)
+        except ZeroDivisionError:
+            raise NumericalError("a pivot is zero: take more time steps") from None
+        return z, M.times(z) + q
+
+    def _solve_by_library(self, M: ThreePointOperator, q: Vector, near: OptionState) -> tuple[Vector, Vector]:
+        """Return (z, w) from a method of `pricing_core.lcp` for matrices of any kind."""
+        from pricing_core.lcp import LCP, solve, solve_psor  # noqa: PLC0415  # slow to import
+
+        # Far out z and w fade away together, rounding decides which of them is zero, and the library judges
+        # every row on its own scale: q is lifted a little, which puts those rows in contact.
+        problem = LCP(M.matrix, q + LIFT * np.max(np.abs(q)))
+        if self.lcp_method == "psor":
+            z = solve_psor(problem, tolerance=PSOR_TOLERANCE, start=near.slack).z
+        else:
+            z = solve(problem, method="lemke").z
+        return z, M.times(z) + q
 
     def _forcing(self, ends: Vector) -> Vector:
         operator = self.form.operators.operator
@@ -135,3 +128,7 @@ class TridiagonalStage:
         forcing[0] += operator.lower[0] * ends[0]
         forcing[-1] += operator.upper[-1] * ends[1]
         return forcing
+
+
+def _residual(z: Vector, w: Vector) -> float:
+    return float(np.max(np.abs(np.minimum(z, w))))

@@ -5,6 +5,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal, TypeAlias
 
+from pricing_core.american.book import single_row
+from pricing_core.american.book_values import MARCHED, value_book
 from pricing_core.american.contract import Option, real_number
 from pricing_core.american.engine import (
     Estimate,
@@ -28,13 +30,17 @@ from pricing_core.american.limits import (
 from pricing_core.american.market import Market
 from pricing_core.american.resolution import Resolution, Scheme
 from pricing_core.american.results import Diagnostics, Status, Valuation, assemble, without_price
+from pricing_core.american.tolerances import (
+    DEFAULT_TOLERANCE,
+    LARGEST_TOLERANCE,
+    SMALLEST_TOLERANCE,
+    check_moneyness,
+)
 from pricing_core.american.tridiagonal_step import LCPMethod
 from pricing_core.errors import InvalidInputError
 
 Method: TypeAlias = Literal["auto", "lcs", "crank-nicolson"]
-SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-8, 1e-2  # fractions of the strike
-DEFAULT_TOLERANCE = 1e-6
-LARGEST_RATIO = 1e30  # of spot and strike, either way
+MARCH_METHOD = "premium-march"
 
 
 def price(
@@ -51,9 +57,8 @@ def price(
     """Price an option to a tolerance.
 
     American options are solved by the method of lines as a linear complementarity system, (11.59)-(11.65) of
-    Schumacher's chapter on complementarity systems, for
-    the early exercise premium, at two or more resolutions, and extrapolated; European ones, and those never
-    exercised early, by the closed formula.
+    Schumacher's chapter on complementarity systems, for the early exercise premium, at three or more resolutions,
+    and extrapolated; European ones, and those never exercised early, by the closed formula.
 
     Parameters
     ----------
@@ -62,14 +67,17 @@ def price(
     tolerance : float
         Absolute error of the price as a fraction of the strike, 1e-8 to 1e-2.
     method : {"auto", "lcs", "crank-nicolson"}
-        "auto" is "lcs", stepped by SDIRK2; "crank-nicolson" is stepped by Crank and Nicolson's method.
+        "auto" is the compiled march of the premium in a frame that moves with the exercise boundary, wherever there
+        is one boundary that its grid resolves, else "lcs": the general path on a fixed grid, stepped by SDIRK2.
+        "crank-nicolson" is that path stepped by Crank and Nicolson's method.
     lcp_method : {"tridiagonal", "policy", "psor", "lemke"}
-        The solver of each step's complementarity problem.
+        The solver of each step's complementarity problem on the general path; one other than "tridiagonal" takes
+        "auto" there.
     greeks : bool
-        False leaves out vega, rho and dividend rho, which cost about as much again as the price.
+        False leaves out vega, rho and dividend rho, which cost more than the price.
     resolution : Resolution, optional
-        Solve at exactly this grid and these steps, once, without extrapolation; the error is estimated from a
-        second solve with half as many of each.
+        Solve at exactly this grid and these steps on the general path, once, without extrapolation; the error is
+        estimated from a second solve with half as many of each.
     interrupt : callable, optional
         Asked before every time step; True ends the work with status "deadline".
 
@@ -94,6 +102,39 @@ def price(
     _check_choice("method", method, ("auto", "lcs", "crank-nicolson"))
     _check_choice("lcp_method", lcp_method, ("tridiagonal", "policy", "psor", "lemke"))
     check_moneyness(option, market)
+    if method == "auto" and lcp_method == "tridiagonal" and resolution is None:
+        if interrupt is not None and interrupt():
+            return without_price(option, market)
+        marched = march_value(option, market, tolerance, greeks)
+        if marched is not None:
+            return marched
+    return price_alone(
+        option,
+        market,
+        tolerance=tolerance,
+        method=method,
+        lcp_method=lcp_method,
+        greeks=greeks,
+        resolution=resolution,
+        interrupt=interrupt,
+    )
+
+
+def price_alone(
+    option: Option,
+    market: Market,
+    *,
+    tolerance: float,
+    method: Method = "auto",
+    lcp_method: LCPMethod = "tridiagonal",
+    greeks: bool = True,
+    resolution: Resolution | None = None,
+    interrupt: Callable[[], bool] | None = None,
+) -> Valuation:
+    """Price one option, its arguments checked, without the march: by a formula or on the general path.
+
+    Parameters, returns and raises are those of `price`.
+    """
     if option.expiry == 0.0 or is_closed_form(option, market):
         solved_by = "expired" if option.expiry == 0.0 else "closed form"
         return _from_closed(option, market, european_value(option, market), solved_by, tolerance)
@@ -201,6 +242,30 @@ def _held(option: Option, market: Market, estimate: Estimate, error: float) -> C
     )
 
 
+def march_value(option: Option, market: Market, tolerance: float, greeks: bool) -> Valuation | None:
+    """Return the march's valuation; None where the march does not serve the option."""
+    if option.exercise == "european":
+        return None
+    values = value_book(single_row(option, market, tolerance), greeks=greeks, threads=1, shared=False)
+    if values.path[0] != MARCHED:
+        return None
+    boundary = math.log(values.boundary.item(0) / option.strike)
+    closed = ClosedValue(
+        *(getattr(values, name).item(0) for name in ("value", "delta", "gamma", "theta")),
+        *(getattr(values, name).item(0) for name in ("vega", "rho", "dividend_rho", "error")),
+    )
+    return assemble(
+        option,
+        market,
+        closed,
+        ExerciseRegion(-math.inf, boundary) if option.is_put else ExerciseRegion(boundary, math.inf),
+        exercise_now=values.exercised.item(0),
+        status="ok" if closed.error <= tolerance * option.strike else "tolerance_not_met",
+        method=MARCH_METHOD,
+        diagnostics=Diagnostics("premium march", steps_taken=values.steps.item(0)),
+    )
+
+
 def _from_closed(
     option: Option,
     market: Market,
@@ -227,13 +292,6 @@ def _from_closed(
         method=solved_by.replace(" ", "-"),
         diagnostics=Diagnostics(solved_by),
     )
-
-
-def check_moneyness(option: Option, market: Market) -> None:
-    """Raise InvalidInputError where spot and strike are so far apart that their ratio's powers overflow."""
-    if market.spot > 0.0 and not 1.0 / LARGEST_RATIO <= market.spot / option.strike <= LARGEST_RATIO:
-        allowed = f"0, or between {1.0 / LARGEST_RATIO:g} and {LARGEST_RATIO:g} times the strike"
-        raise InvalidInputError("spot", market.spot, allowed)
 
 
 def _check_choice(field: str, value: object, allowed: tuple[str, ...]) -> None:

@@ -1,24 +1,18 @@
 """From the cells of a chunk to the columns that `price_many` takes, with one fault at most per row."""
 
-import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from decimal import Decimal
 from typing import Any
 
 from pricing_core.american import Market, Option
 from pricing_core.american.contract import real_number
-from pricing_core.american.valuation import LARGEST_TOLERANCE, SMALLEST_TOLERANCE
+from pricing_core.american.tolerances import LARGEST_TOLERANCE, SMALLEST_TOLERANCE
 from pricing_core.batch.chunk import Chunk, is_empty
 from pricing_core.batch.schema import COLUMNS, UNSUPPORTED_COLUMNS, Column
 from pricing_core.errors import InvalidInputError
+from pricing_core.plain_number import Cell, read_number
 
-Cell = str | float | int | Decimal
 Value = str | float
-
-PLAIN_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-PLAIN_NUMBER_IN_WORDS = "a number such as 0.05 or 5e-2"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,33 +56,6 @@ def read_contracts(chunk: Chunk, tolerance: float) -> Contracts:
         if name in chunk.table.schema.names:
             _refuse_column(name, chunk, faults)
     return Contracts(columns, faults)
-
-
-def read_number(field: str, cell: Cell) -> float:
-    """Read one cell as a number; its range is the contract's business.
-
-    Raises
-    ------
-    InvalidInputError
-        The cell is not a number in plain decimal or exponent notation.
-
-    Examples
-    --------
-    >>> read_number("strike", " 1.5e2 ")
-    150.0
-    >>> read_number("strike", "1_000")
-    Traceback (most recent call last):
-    ...
-    pricing_core.errors.InvalidInputError: strike = '1_000': must be a number such as 0.05 or 5e-2
-    """
-    if not isinstance(cell, str):
-        return float(cell)
-    if not PLAIN_NUMBER.fullmatch(cell.strip(" \t")):
-        raise InvalidInputError(field, cell, PLAIN_NUMBER_IN_WORDS)
-    number = float(cell)
-    if math.isinf(number):
-        raise InvalidInputError(field, cell, "a finite number")
-    return number
 
 
 def explain(row: Mapping[str, Any]) -> InvalidInputError | None:

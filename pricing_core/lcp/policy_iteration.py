@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import BoolVector, as_vector
-from pricing_core.errors import InvalidInputError, IterationLimitError
+from pricing_core import kernel
+from pricing_core.arrays import BoolVector, Vector, as_vector
+from pricing_core.errors import InvalidInputError, IterationLimitError, NumericalError
 from pricing_core.lcp.basis import basic_point
 from pricing_core.lcp.problem import (
     DEFAULT_TOLERANCE,
@@ -14,8 +15,9 @@ from pricing_core.lcp.problem import (
     scaled_residual,
     verified,
 )
+from pricing_core.linalg.tridiagonal import Tridiagonal
 
-ROUNDING = 1e-14  # scaled: a smaller negative slack does not move its index into the basic set
+ROUNDING = 1e-14  # scaled: a smaller violation does not move its index to the other side
 SOLVED = 1e-13  # of scaled_residual: ends the iteration where rounding keeps indices moving
 
 
@@ -46,7 +48,7 @@ def solve_policy_iteration(
     Raises
     ------
     IterationLimitError
-        A basic set came back, or `max_iterations` were not enough: M is no M-matrix.
+        A basic set came back, or `max_iterations` were not enough; the default is for an M-matrix.
     NumericalError
         A principal submatrix is singular.
 
@@ -63,26 +65,52 @@ def solve_policy_iteration(
     (array([1., 2.]), 2)
     """
     limit = problem.size + 50 if max_iterations is None else max_iterations
+    if not limit >= 1:
+        raise InvalidInputError("max_iterations", max_iterations, "a whole number >= 1")
     basic_set = _first_basic_set(problem, start)
+    if isinstance(problem.M, Tridiagonal):
+        z, iterations = _solve_tridiagonal(problem, problem.M, basic_set, limit)
+    else:
+        z, iterations = _solve_general(problem, basic_set, limit)
+    return verified(problem, z, iterations, "policy-iteration", DEFAULT_TOLERANCE, "use Lemke")
+
+
+def _solve_tridiagonal(problem: LCP, M: Tridiagonal, basic_set: BoolVector, limit: int) -> tuple[Vector, int]:
+    try:
+        z, systems = kernel.policy_iteration(
+            M.lower, M.diagonal, M.upper, problem.q, basic_set, ROUNDING, limit
+        )
+    except ZeroDivisionError:
+        raise NumericalError(
+            "a pivot is zero: M is no M-matrix, or a principal submatrix is singular; use Lemke"
+        ) from None
+    if systems > limit and not scaled_residual(problem, z) <= SOLVED:
+        raise _no_convergence(limit)
+    return z, min(systems, limit)
+
+
+def _solve_general(problem: LCP, basic_set: BoolVector, limit: int) -> tuple[Vector, int]:
     seen: set[bytes] = set()
     for iteration in range(1, limit + 1):
         seen.add(basic_set.tobytes())
         z = basic_point(problem, basic_set)
         _, slack = scaled_parts(problem, z)
         following = np.where(basic_set, z > 0.0, slack < -ROUNDING)
-        solved = (
-            np.array_equal(following, basic_set) or scaled_residual(problem, np.maximum(z, 0.0)) <= SOLVED
-        )
-        if solved:
-            return verified(problem, z, iteration, "policy-iteration", DEFAULT_TOLERANCE, "use Lemke")
+        if np.array_equal(following, basic_set) or scaled_residual(problem, np.maximum(z, 0.0)) <= SOLVED:
+            return z, iteration
         if following.tobytes() in seen:
             raise IterationLimitError(
                 f"policy iteration came back to a basic set after {iteration} iterations: "
                 "M is no M-matrix; use Lemke"
             )
         basic_set = following
-    raise IterationLimitError(
-        f"policy iteration did not converge within {limit} iterations: raise max_iterations"
+    raise _no_convergence(limit)
+
+
+def _no_convergence(limit: int) -> IterationLimitError:
+    return IterationLimitError(
+        f"policy iteration did not converge within {limit} iterations: "
+        "raise max_iterations, or use Lemke where M is no M-matrix"
     )
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from pricing_core.american import Market, Option
 from pricing_core.american.grid import exercise_domain, make_grid
-from pricing_core.american.semidiscrete import ValueForm
+from pricing_core.american.semidiscrete import PremiumForm, ValueForm
 from pricing_core.american.tridiagonal_step import TridiagonalStage, start_state
 from pricing_core.lcs import LCSStage, LCSState
 from pricing_core.stepping import ImplicitEuler, Sdirk2
@@ -52,3 +52,35 @@ def test_complementarity_holds_after_a_step(case):
     assert np.all(state.multiplier >= 0)
     assert np.max(state.slack * state.multiplier) < 1e-12
     assert state.contact.any()
+
+
+@pytest.mark.parametrize("form_class", [ValueForm, PremiumForm])
+@pytest.mark.parametrize("lcp_method", ["policy", "psor", "lemke"])
+@pytest.mark.parametrize("case", CASES)
+def test_every_lcp_method_takes_the_same_steps(case, lcp_method, form_class):
+    option, market = CASES[case]
+    domain = exercise_domain(option, market, 1e-8)
+    form = form_class.discretise(option, market, domain, make_grid(domain, 60))
+    expected = found = start_state(form)
+    for k in range(3):
+        expected = Sdirk2(TridiagonalStage(form)).step(0.01 * k, expected, 0.01).state
+        found = Sdirk2(TridiagonalStage(form, lcp_method)).step(0.01 * k, found, 0.01).state
+        assert found.value == pytest.approx(expected.value, abs=1e-12)
+        assert found.residual < 1e-13
+
+
+@pytest.mark.parametrize("lcp_method", ["tridiagonal", "policy"])
+def test_an_exercise_region_with_a_hole_is_found_from_any_start(lcp_method):
+    option, market = CASES["put"]
+    domain = exercise_domain(option, market, 1e-8)
+    form = ValueForm.discretise(option, market, domain, make_grid(domain, 200))
+    h, nodes = 1e-3, form.grid.interior
+    base = form.payoff[None, 1:-1] + 0.05 * np.exp(-(((nodes + 0.2) / 0.03) ** 2))  # held around S = 82
+    expected = TridiagonalStage(form, "lemke").solve(h, base, h, start_state(form))
+    assert np.count_nonzero(np.diff(expected.contact)) == 3  # exercised, held, exercised, held
+    for near in (start_state(form), expected):
+        found = TridiagonalStage(form, lcp_method).solve(h, base, h, near)
+        assert found.value == pytest.approx(expected.value, abs=1e-12)
+        assert found.multiplier == pytest.approx(expected.multiplier, abs=1e-9)
+        assert found.residual < 1e-14
+        np.testing.assert_array_equal(found.contact, expected.contact)

@@ -1,0 +1,1 @@
+"""Benchmarks: each asks one question and answers it with a report of tables and figures."""

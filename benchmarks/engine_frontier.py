@@ -1,0 +1,94 @@
+"""How fast is this engine for a given accuracy, beside QuantLib on the same contracts in the same run?"""
+
+from dataclasses import dataclass
+
+from benchmarks.report import Report
+
+from benchmarks import quantlib_peers
+from benchmarks.engine_frontier_report import compose
+from benchmarks.findings import Findings
+from benchmarks.portfolio_study import Effort, study_portfolio
+from benchmarks.portfolios import andersen_lake_offengenden, everyday, option_chains, spot_ladders, wide
+from benchmarks.throughput import CAN_SHARE, batch_rates, latency, shared_rates, sharing_difference
+from benchmarks.wide_set import TOLERANCES, ToleranceKept, tolerance_kept
+
+LEAST_PRICE = 0.005  # of the strike: what Andersen, Lake and Offengenden count
+OVERHEAD_ROWS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """How many contracts each part takes."""
+
+    published: int
+    everyday: int
+    wide: int
+    batch: int
+    ladders: int
+    chains: int
+    effort: Effort
+
+
+FULL = Sizes(
+    published=6000,
+    everyday=2000,
+    wide=2000,
+    batch=8192,
+    ladders=64,
+    chains=16,
+    effort=Effort(
+        tolerances=(1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 3e-8, 1e-8),
+        single_rows=16,
+        single_tolerances=(1e-3, 1e-4, 1e-5, 1e-6),
+        screened_rows=160,
+        slow_rows=120,
+    ),
+)
+QUICK = Sizes(
+    published=100,
+    everyday=64,
+    wide=64,
+    batch=512,
+    ladders=8,
+    chains=1,
+    effort=Effort(
+        tolerances=(1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8),
+        single_rows=3,
+        single_tolerances=(1e-4, 1e-6),
+        screened_rows=12,
+        slow_rows=12,
+    ),
+)
+
+
+def run(*, quick: bool) -> Report:
+    """Measure and report; `quick` takes fewer contracts."""
+    return compose(findings(QUICK if quick else FULL))
+
+
+def findings(sizes: Sizes) -> Findings:
+    """Measure everything on as many contracts as the sizes say."""
+    published = andersen_lake_offengenden()
+    overhead = None
+    if quantlib_peers.AVAILABLE:
+        overhead = quantlib_peers.call_overhead(everyday(OVERHEAD_ROWS))
+    studies = (
+        study_portfolio(
+            "Andersen-Lake-Offengenden puts",
+            published.take(published.sample(sizes.published)),
+            sizes.effort,
+            overhead,
+            LEAST_PRICE,
+        ),
+        study_portfolio("Random puts and calls", everyday(sizes.everyday), sizes.effort, overhead),
+    )
+    rates, sharing = batch_rates(sizes.batch), None
+    if CAN_SHARE:
+        rates |= shared_rates(sizes.ladders, sizes.chains)
+        sharing = max(sharing_difference(spot_ladders(2)), sharing_difference(option_chains(1)))
+    kept: tuple[ToleranceKept, ...] = ()
+    if quantlib_peers.AVAILABLE:
+        contracts = wide(sizes.wide)
+        reference = quantlib_peers.reference_prices(contracts)
+        kept = tuple(tolerance_kept(contracts, reference, tolerance) for tolerance in TOLERANCES)
+    return Findings(overhead, studies, kept, rates, sharing, latency())

@@ -1,0 +1,43 @@
+"""The machine and the versions that a figure was measured with."""
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import pricing_core
+
+CPU_INFORMATION = Path("/proc/cpuinfo")
+
+
+def machine_and_versions() -> dict[str, str | int]:
+    """Return what a reader needs to repeat the measurement."""
+    return {
+        "cpu": cpu_model(),
+        "cores": os.cpu_count() or "unknown",
+        "architecture": platform.machine(),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+        "numpy": _version_of("numpy"),
+        "scipy": _version_of("scipy"),
+        "pricing-core": pricing_core.__version__,
+        "kernel": pricing_core.kernel_name(),
+        "QuantLib": _version_of("QuantLib"),
+    }
+
+
+def cpu_model(information: Path = CPU_INFORMATION) -> str:
+    """Return the processor's name from Linux's own description, else what the platform module knows."""
+    try:
+        lines = information.read_text(errors="replace").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or "unknown"
+
+
+def _version_of(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,206 @@
+//! The same code for three instruction sets, chosen at run time: the only file of the crate with `unsafe`.
+//!
+//! A vector type of an instruction set is only made by code that the choice below has let in.
+#![allow(unsafe_code)]
+
+#[cfg(target_arch = "x86_64")]
+use std::arch::is_x86_feature_detected;
+
+use super::vector::{vector, Vector, LANES};
+
+/// The operations of one number.
+mod portable {
+    #[inline(always)]
+    pub fn all(x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    pub fn load(x: [f64; 1]) -> f64 {
+        x[0]
+    }
+    #[inline(always)]
+    pub fn store(a: f64) -> [f64; 1] {
+        [a]
+    }
+    #[inline(always)]
+    pub fn add(a: f64, b: f64) -> f64 {
+        a + b
+    }
+    #[inline(always)]
+    pub fn sub(a: f64, b: f64) -> f64 {
+        a - b
+    }
+    #[inline(always)]
+    pub fn mul(a: f64, b: f64) -> f64 {
+        a * b
+    }
+    #[inline(always)]
+    pub fn div(a: f64, b: f64) -> f64 {
+        a / b
+    }
+    #[inline(always)]
+    pub fn neg(a: f64) -> f64 {
+        -a
+    }
+    #[inline(always)]
+    pub fn times_plus(a: f64, b: f64, c: f64) -> f64 {
+        a * b + c
+    }
+    #[inline(always)]
+    pub fn min(a: f64, b: f64) -> f64 {
+        if a < b {
+            a
+        } else {
+            b
+        }
+    }
+    #[inline(always)]
+    pub fn max(a: f64, b: f64) -> f64 {
+        if a > b {
+            a
+        } else {
+            b
+        }
+    }
+    #[inline(always)]
+    pub fn abs(a: f64) -> f64 {
+        a.abs()
+    }
+    #[inline(always)]
+    pub fn sqrt(a: f64) -> f64 {
+        a.sqrt()
+    }
+    #[inline(always)]
+    pub fn negative(a: f64, yes: f64, no: f64) -> f64 {
+        if a < 0.0 {
+            yes
+        } else {
+            no
+        }
+    }
+    #[inline(always)]
+    pub fn power_of_two(a: f64) -> f64 {
+        f64::from_bits((a.to_bits() << 52).wrapping_add(0x3ff0_0000_0000_0000))
+    }
+}
+
+/// The operations of one register; sound because only `dispatch` makes these vectors, after asking the processor.
+#[cfg(target_arch = "x86_64")]
+macro_rules! register {
+    ($module:ident, $register:ident, $width:literal,
+     $($name:ident($($argument:ident),*) = $body:expr;)*
+     ; load($source:ident) = $load:expr; store($target:ident, $value:ident) = $store:expr;) => {
+        #[allow(clippy::wildcard_imports)]
+        mod $module {
+            use std::arch::x86_64::*;
+            type R = $register;
+            $(register!(@operation $name($($argument),*) = $body);)*
+            #[inline(always)]
+            pub fn all(x: f64) -> R {
+                load([x; $width])
+            }
+            #[inline(always)]
+            pub fn load(x: [f64; $width]) -> R {
+                let $source = x.as_ptr();
+                // SAFETY: as many numbers are read as the array has.
+                unsafe { $load }
+            }
+            #[inline(always)]
+            pub fn store($value: R) -> [f64; $width] {
+                let mut x = [0.0; $width];
+                let $target = x.as_mut_ptr();
+                // SAFETY: as many numbers are written as the array has.
+                unsafe { $store };
+                x
+            }
+        }
+    };
+    (@operation $name:ident($($argument:ident),*) = $body:expr) => {
+        #[inline(always)]
+        pub fn $name($($argument: R),*) -> R {
+            // SAFETY: the processor has the instruction, see above.
+            unsafe { $body }
+        }
+    };
+}
+
+#[cfg(target_arch = "x86_64")]
+register! { avx512, __m512d, 8,
+    add(a, b) = _mm512_add_pd(a, b);
+    sub(a, b) = _mm512_sub_pd(a, b);
+    mul(a, b) = _mm512_mul_pd(a, b);
+    div(a, b) = _mm512_div_pd(a, b);
+    times_plus(a, b, c) = _mm512_fmadd_pd(a, b, c);
+    min(a, b) = _mm512_min_pd(a, b);
+    max(a, b) = _mm512_max_pd(a, b);
+    sqrt(a) = _mm512_sqrt_pd(a);
+    abs(a) = _mm512_abs_pd(a);
+    neg(a) = _mm512_sub_pd(_mm512_set1_pd(-0.0), a);
+    negative(a, yes, no) =
+        _mm512_mask_blend_pd(_mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, _mm512_setzero_pd()), no, yes);
+    power_of_two(a) = _mm512_castsi512_pd(_mm512_add_epi64(
+        _mm512_slli_epi64::<52>(_mm512_castpd_si512(a)), _mm512_set1_epi64(0x3ff0_0000_0000_0000)));
+    ; load(source) = _mm512_loadu_pd(source);
+    store(target, value) = _mm512_storeu_pd(target, value);
+}
+
+#[cfg(target_arch = "x86_64")]
+register! { avx2, __m256d, 4,
+    add(a, b) = _mm256_add_pd(a, b);
+    sub(a, b) = _mm256_sub_pd(a, b);
+    mul(a, b) = _mm256_mul_pd(a, b);
+    div(a, b) = _mm256_div_pd(a, b);
+    times_plus(a, b, c) = _mm256_fmadd_pd(a, b, c);
+    min(a, b) = _mm256_min_pd(a, b);
+    max(a, b) = _mm256_max_pd(a, b);
+    sqrt(a) = _mm256_sqrt_pd(a);
+    abs(a) = _mm256_andnot_pd(_mm256_set1_pd(-0.0), a);
+    neg(a) = _mm256_xor_pd(_mm256_set1_pd(-0.0), a);
+    negative(a, yes, no) = _mm256_blendv_pd(no, yes, _mm256_cmp_pd::<_CMP_LT_OQ>(a, _mm256_setzero_pd()));
+    power_of_two(a) = _mm256_castsi256_pd(_mm256_add_epi64(
+        _mm256_slli_epi64::<52>(_mm256_castpd_si256(a)), _mm256_set1_epi64x(0x3ff0_0000_0000_0000)));
+    ; load(source) = _mm256_loadu_pd(source);
+    store(target, value) = _mm256_storeu_pd(target, value);
+}
+
+vector!(Portable, f64, portable, 1, 16: 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15);
+#[cfg(target_arch = "x86_64")]
+vector!(Avx512, std::arch::x86_64::__m512d, avx512, 8, 2: 0 1);
+#[cfg(target_arch = "x86_64")]
+vector!(Avx2, std::arch::x86_64::__m256d, avx2, 4, 4: 0 1 2 3);
+
+/// Work that any vector type can do.
+pub trait Work {
+    /// What it returns.
+    type Result;
+    /// Do it; must be inlined, to be compiled for the instruction set.
+    fn run<V: Vector>(self) -> Self::Result;
+}
+
+/// Do the work with the widest registers this processor has.
+pub fn dispatch<W: Work>(work: W) -> W::Result {
+    #[cfg(target_arch = "x86_64")]
+    {
+        if is_x86_feature_detected!("avx512f") {
+            // SAFETY: the processor has the features.
+            return unsafe { run_avx512(work) };
+        }
+        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+            // SAFETY: the processor has the features.
+            return unsafe { run_avx2(work) };
+        }
+    }
+    work.run::<Portable>()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f")]
+fn run_avx512<W: Work>(work: W) -> W::Result {
+    work.run::<Avx512>()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma")]
+fn run_avx2<W: Work>(work: W) -> W::Result {
+    work.run::<Avx2>()
+}

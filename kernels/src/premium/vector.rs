@@ -1,0 +1,139 @@
+//! Sixteen numbers, one option each, on which every operation works at once.
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// Options side by side: two registers of eight hide the latency of a recurrence.
+pub const LANES: usize = 16;
+
+/// One number per option; the builds differ in how many lie in a register.
+pub trait Vector:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+{
+    /// The same number in every lane.
+    fn all(x: f64) -> Self;
+    /// One number per lane.
+    fn from_lanes(x: [f64; LANES]) -> Self;
+    /// The numbers.
+    fn lanes(self) -> [f64; LANES];
+    /// `self` b + c, rounded once where the processor can.
+    fn times_plus(self, b: Self, c: Self) -> Self;
+    /// The smaller.
+    fn min(self, other: Self) -> Self;
+    /// The larger.
+    fn max(self, other: Self) -> Self;
+    /// The absolute value.
+    fn abs(self) -> Self;
+    /// The square root.
+    fn sqrt(self) -> Self;
+    /// `yes` where `self` < 0, else `no`.
+    fn negative(self, yes: Self, no: Self) -> Self;
+    /// 2^k from the sum of an integer k and 1.5 2^52.
+    fn power_of_two(self) -> Self;
+
+    /// Zero in every lane.
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::all(0.0)
+    }
+
+    /// The number times every lane.
+    #[inline(always)]
+    fn times(self, x: f64) -> Self {
+        self * Self::all(x)
+    }
+
+    /// The number added to every lane.
+    #[inline(always)]
+    fn plus(self, x: f64) -> Self {
+        self + Self::all(x)
+    }
+
+    /// `f` of every lane, one after the other.
+    #[inline(always)]
+    fn map(self, f: impl FnMut(f64) -> f64) -> Self {
+        Self::from_lanes(self.lanes().map(f))
+    }
+}
+
+/// Implement `Vector` for an array of registers from the operations on one; written out, for nothing here may remain a call.
+macro_rules! vector {
+    ($name:ident, $register:ty, $ops:ident, $width:literal, $count:literal: $($i:tt)*) => {
+        #[derive(Clone, Copy)]
+        pub struct $name([$register; $count]);
+
+        vector!(@binary $name $ops ($($i)*) Add add);
+        vector!(@binary $name $ops ($($i)*) Sub sub);
+        vector!(@binary $name $ops ($($i)*) Mul mul);
+        vector!(@binary $name $ops ($($i)*) Div div);
+
+        impl std::ops::Neg for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                Self([$($ops::neg(self.0[$i])),*])
+            }
+        }
+
+        impl Vector for $name {
+            #[inline(always)]
+            fn all(x: f64) -> Self {
+                Self([$ops::all(x); $count])
+            }
+            #[inline(always)]
+            fn from_lanes(x: [f64; LANES]) -> Self {
+                let (parts, _) = x.as_chunks::<$width>();
+                Self([$($ops::load(parts[$i])),*])
+            }
+            #[inline(always)]
+            fn lanes(self) -> [f64; LANES] {
+                let mut x = [0.0; LANES];
+                let (parts, _) = x.as_chunks_mut::<$width>();
+                $(parts[$i] = $ops::store(self.0[$i]);)*
+                x
+            }
+            #[inline(always)]
+            fn times_plus(self, b: Self, c: Self) -> Self {
+                Self([$($ops::times_plus(self.0[$i], b.0[$i], c.0[$i])),*])
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                Self([$($ops::min(self.0[$i], other.0[$i])),*])
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                Self([$($ops::max(self.0[$i], other.0[$i])),*])
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                Self([$($ops::abs(self.0[$i])),*])
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                Self([$($ops::sqrt(self.0[$i])),*])
+            }
+            #[inline(always)]
+            fn negative(self, yes: Self, no: Self) -> Self {
+                Self([$($ops::negative(self.0[$i], yes.0[$i], no.0[$i])),*])
+            }
+            #[inline(always)]
+            fn power_of_two(self) -> Self {
+                Self([$($ops::power_of_two(self.0[$i])),*])
+            }
+        }
+    };
+    (@binary $name:ident $ops:ident ($($i:tt)*) $trait:ident $method:ident) => {
+        impl std::ops::$trait for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self([$($ops::$method(self.0[$i], other.0[$i])),*])
+            }
+        }
+    };
+}
+pub(super) use vector;
