@@ -12,6 +12,7 @@ COPY pyproject.toml README.md LICENSE ./
 COPY kernels kernels
 COPY pricing_core pricing_core
 COPY app app
+COPY benchmarks benchmarks
 # The extension is optional for an ordinary install; an image without it is a mistake.
 RUN /opt/pricing/bin/pip install --no-build-isolation . \
     && cd / \

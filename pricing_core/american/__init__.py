@@ -6,6 +6,7 @@ from pricing_core.american.market import Market
 from pricing_core.american.price_many import price_many
 from pricing_core.american.resolution import Resolution
 from pricing_core.american.results import Diagnostics, Valuation
+from pricing_core.american.surface import ValueSurface, value_surface
 from pricing_core.american.valuation import price
 
 __all__ = [
@@ -15,7 +16,9 @@ __all__ = [
     "Option",
     "Resolution",
     "Valuation",
+    "ValueSurface",
     "exercise_boundary",
     "price",
     "price_many",
+    "value_surface",
 ]

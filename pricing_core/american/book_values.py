@@ -124,8 +124,9 @@ def _limits(book: Book, scale: Vector) -> Matrix:
 
 
 def _store(out: BookValues, rows: NDArray[np.intp], found: dict[str, NDArray[Any]]) -> None:
+    where = slice(None) if rows.size == out.path.size else rows  # copying is faster than scattering
     for name, column in found.items():
-        getattr(out, name)[rows] = column
+        getattr(out, name)[where] = column
 
 
 def _marched_values(book: Book, scale: Vector, solved: PutValues, greeks: bool) -> dict[str, NDArray[Any]]:

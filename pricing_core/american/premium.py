@@ -5,7 +5,7 @@ r T, q T and sigma sqrt(T) of a put; a call is the put with spot and strike, and
 
 The error of one march with M steps falls like M**-2.6. Three marches, with M, M/2 and M/4 steps and nodes in
 proportion, give the extrapolant v + (v - v_half)/6 and two differences; the error is stated as
-0.4 |v - v_half| + 0.08 |v_half - v_quarter|: the second difference is about six times the first, and keeps an
+0.4 |v - v_half| + 0.13 |v_half - v_quarter|: the second difference is about six times the first, and keeps an
 accidental agreement of two marches from being believed. With fewer than 8 steps there is no third march, and the
 error is stated as 2 |v - v_half|.
 """
@@ -15,13 +15,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.american.tolerances import SMALLEST_TOLERANCE
+from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.kernel import premium_march, premium_values, profile_values
 
 STEPS = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384)
+BOUNDARY_COARSEST = 8  # of the levels, for the boundary alone: 32 steps
+BOUNDARY_TOLERANCE = 1e-8  # for the width of the grid
 COARSEST = 2  # index of the fewest steps whose half is there
+COARSEST_CHECKED = 4  # of those whose quarter is there, too
+LOOSE_TOLERANCE = 1e-4  # from which on two marches are enough
 GAIN = 6.0  # of halving the steps, 2**2.6
-NEAR_SHARE, FAR_SHARE, LONE_SHARE = 0.4, 0.08, 2.0
+BOUNDARY_GAIN, BOUNDARY_SHARE = 3.0, 1.0  # the boundary converges at order 2
+NEAR_SHARE, FAR_SHARE, LONE_SHARE = 0.4, 0.13, 2.0
 DERIVATIVE_SHARE = 0.25  # of the distance of two marches, for the derivatives' error after extrapolation
 MOST_STEPS_FOR_DERIVATIVES = 96
 WIDTH = 0.75  # dx sqrt(M): wider, and the compact scheme loses the signs of an M-matrix
@@ -32,7 +38,8 @@ LAYER = 0.7  # dx at most this share of the length over which the premium decays
 LAYERS = 20.0  # of those lengths in the grid
 LARGEST_GROWTH, LARGEST_SPREAD, SMALLEST_SPREAD = 3.0, 4.0, 1e-7
 SMALLEST_RATE = 1e-9
-MOST_HALVINGS = 7
+MOST_HALVINGS = 4  # of the coarsest cells
+LARGEST_DISTANCE = 40.0  # in xi, from the boundary to the end of the grid
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,12 +96,12 @@ class PutValues:
     values: Matrix
     error: Vector
     boundary: Vector
-    exercised: NDArray[np.bool_]
-    settled: NDArray[np.bool_]
+    exercised: BoolVector
+    settled: BoolVector
     steps: NDArray[np.int64]
 
 
-def is_served(puts: Puts) -> NDArray[np.bool_]:
+def is_served(puts: Puts) -> BoolVector:
     """Whether the march can take the put: one boundary, and layers the grid can resolve."""
     with np.errstate(all="ignore"):
         inside = (
@@ -104,7 +111,10 @@ def is_served(puts: Puts) -> NDArray[np.bool_]:
             & (puts.spread >= SMALLEST_SPREAD)
             & (puts.spread <= LARGEST_SPREAD)
         )
-        return inside & (_halvings(puts.decay(), WIDTH / np.sqrt(STEPS[COARSEST])) <= MOST_HALVINGS - 3)
+        decay = puts.decay()
+        resolved = _halvings(decay, WIDTH / np.sqrt(STEPS[COARSEST])) <= MOST_HALVINGS
+        near = _distance(puts, np.full(puts.x.size, SMALLEST_TOLERANCE), decay) <= LARGEST_DISTANCE
+        return inside & resolved & near
 
 
 def solve_puts(
@@ -138,16 +148,46 @@ def solve_puts(
         np.zeros(count, dtype=np.int64),
     )
     level = _first_level(puts, marches.tolerance)
-    for first in np.unique(level):
+    for first in np.flatnonzero(np.bincount(level)):
         _refine(marches, np.flatnonzero(level == first), int(first), tolerance, limits, out)
     return out
+
+
+def solve_boundaries(puts: Puts, accuracy: float) -> tuple[Vector, Vector, BoolVector]:
+    """Return ln(S*/K) now, its stated error and whether the march was settled, each of shape (n,).
+
+    Parameters
+    ----------
+    puts : Puts
+        All of them served; x plays no part.
+    accuracy : float
+        Of the boundary relative to itself; each row is refined until it is met, or to the finest mesh.
+    """
+    boundary, error = np.full(puts.x.size, np.nan), np.full(puts.x.size, np.inf)
+    settled = np.zeros(puts.x.size, dtype=bool)
+    marches = _Marches(puts, np.full(puts.x.size, BOUNDARY_TOLERANCE), 1)
+    rows, level = np.arange(puts.x.size), BOUNDARY_COARSEST
+    quarter, half = (marches.march(rows, level - back, False) for back in (4, 2))
+    while rows.size:
+        whole = marches.march(rows, level, False)
+        near, far = whole.boundary - half.boundary, half.boundary - quarter.boundary
+        boundary[rows] = whole.boundary + near / BOUNDARY_GAIN
+        error[rows] = BOUNDARY_SHARE * (np.abs(near) + np.abs(far) / BOUNDARY_GAIN**2)
+        settled[rows] = whole.settled & half.settled & quarter.settled
+        if level + 2 >= len(STEPS):
+            break
+        missed = np.flatnonzero(~(settled[rows] & (error[rows] <= accuracy)))
+        rows, level = rows[missed], level + 2
+        quarter, half = half.take(missed), whole.take(missed)
+    return boundary, error, settled
 
 
 def _first_level(puts: Puts, tolerance: Vector) -> NDArray[np.intp]:
     """Return the index of the steps that four in five puts need no more than."""
     typical = TYPICAL_ERROR * np.minimum(puts.rate, 1.0) ** TYPICAL_POWER
     steps = 16.0 * (typical / tolerance) ** (1.0 / np.log2(GAIN))
-    return np.asarray(np.clip(np.searchsorted(STEPS, steps), COARSEST, len(STEPS) - 1))
+    fewest = np.where(tolerance >= LOOSE_TOLERANCE, COARSEST, COARSEST_CHECKED)
+    return np.asarray(np.clip(np.searchsorted(STEPS, steps), fewest, len(STEPS) - 1))
 
 
 def _refine(
@@ -164,18 +204,24 @@ def _refine(
     while rows.size:
         whole = marches.march(rows, level, tangents)
         error, settled = _stated_error(whole, half, quarter)
-        out.values[rows] = whole.values + (whole.values - half.values) / GAIN
-        out.error[rows], out.settled[rows] = error, settled
-        out.boundary[rows] = whole.boundary
-        out.exercised[rows] = whole.exercised
-        out.steps[rows] = STEPS[level]
+        # Just inside the exercise region: what the value exceeds the payoff by if the boundary is that far off.
+        shortfall = np.abs(whole.boundary - half.boundary) - (whole.boundary - marches.puts.x[rows])
+        excess = np.maximum(shortfall, 0.0) ** 2 * marches.puts.rate[rows] / marches.puts.spread[rows] ** 2
+        error = np.maximum(error, np.where(whole.exercised, excess, 0.0))
+        boundary = whole.boundary + (whole.boundary - half.boundary) / BOUNDARY_GAIN
+        where = slice(None) if rows.size == out.steps.size else rows  # copying is faster than scattering
+        out.values[where] = whole.values + (whole.values - half.values) / GAIN
+        out.error[where], out.settled[where] = error, settled
+        out.boundary[where] = boundary
+        out.exercised[where] = marches.puts.x[rows] <= boundary
+        out.steps[where] = STEPS[level]
         if level + 2 >= len(STEPS):
             break
         met = settled & (error <= tolerance[rows])
         if limits is not None and STEPS[level] < MOST_STEPS_FOR_DERIVATIVES:
             near = np.abs(whole.values - half.values)
             met &= np.all(DERIVATIVE_SHARE * near <= limits[rows], axis=1) | (
-                out.exercised[rows] & half.exercised
+                whole.exercised & half.exercised
             )
         missed = np.flatnonzero(~met)
         rows, level = rows[missed], level + 2
@@ -186,16 +232,14 @@ def _refine(
 class _Marched:
     values: Matrix
     boundary: Vector
-    settled: NDArray[np.bool_]
-    exercised: NDArray[np.bool_]
+    settled: BoolVector
+    exercised: BoolVector
 
     def take(self, rows: NDArray[np.intp]) -> "_Marched":
         return _Marched(self.values[rows], self.boundary[rows], self.settled[rows], self.exercised[rows])
 
 
-def _stated_error(
-    whole: _Marched, half: _Marched, quarter: _Marched | None
-) -> tuple[Vector, NDArray[np.bool_]]:
+def _stated_error(whole: _Marched, half: _Marched, quarter: _Marched | None) -> tuple[Vector, BoolVector]:
     """Return the error of the extrapolant, and whether all marches behind it are settled."""
     near = np.abs(whole.values[:, 0] - half.values[:, 0])
     settled = whole.settled & half.settled

@@ -84,12 +84,13 @@ def price_many(
         raise InvalidInputError("threads", threads, "an integer >= 1")
     book, reasons = read_book(columns, tolerance)
     count = book.spot.size
-    table: dict[str, NDArray[Any]] = dict(zip(NUMBERS, np.full((len(NUMBERS), count), np.nan), strict=True))
+    table: dict[str, NDArray[Any]] = dict(zip(NUMBERS, np.empty((len(NUMBERS), count)), strict=True))
     table["exercise_now"] = np.zeros(count, dtype=bool)
     table |= {name: np.full(count, "", dtype=object) for name in TEXTS}
 
-    for start in range(0, count, CHUNK):
-        rows = slice(start, start + CHUNK)
+    chunk = CHUNK * (threads or 1)
+    for start in range(0, count, chunk):
+        rows = slice(start, start + chunk)
         part = {name: column[rows] for name, column in table.items()}
         _price_part(book.slice(rows), part, greeks=greeks, threads=threads or 1, shared=share_solves)
     for row, fault in reasons.items():

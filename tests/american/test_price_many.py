@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from pricing_core import kernel_name
 from pricing_core.american import Market, Option, price, price_many
 from pricing_core.errors import InvalidInputError
 
@@ -89,3 +90,171 @@ def test_scalars_alone_make_one_row_and_empty_columns_none():
 def test_a_bad_table_is_refused_as_a_whole(field, columns, options):
     with pytest.raises(InvalidInputError, match=field):
         price_many(columns, **options)
+
+
+ODD_ROWS = [  # option_type, exercise, spot, expiry, rate, dividend_yield, volatility
+    ("put", "american", 90.0, 1.0, 0.05, 0.01, 0.0),
+    ("call", "american", 110.0, 0.0, 0.05, 0.01, 0.2),
+    ("put", "american", 0.0, 1.0, 0.05, 0.01, 0.2),
+    ("call", "european", 0.0, 1.0, 0.05, 0.01, 0.2),
+    ("put", "american", 100.0, 1.0, -0.02, 0.01, 0.2),  # never exercised
+    ("put", "american", 80.0, 1.0, -0.005, -0.05, 0.2),  # two boundaries
+    ("call", "american", 120.0, 1.0, -0.05, -0.005, 0.2),
+    ("put", "american", 100.0, 1.0, 0.5, 0.0, 0.001),  # a layer that no grid of the march resolves
+    ("put", "american", 60.0, 1.0, 0.05, 0.0, 0.2),  # exercised
+]
+BAD_ROWS = [
+    ("put", "american", -1.0, 1.0, 0.05, 0.0, 0.2),
+    ("straddle", "american", 100.0, 1.0, 0.05, 0.0, 0.2),
+    ("call", "bermudan", 100.0, 1.0, 0.05, 0.0, 0.2),
+    ("call", "american", 100.0, 1.0, math.nan, 0.0, 0.2),
+    ("put", "american", 100.0, 1.0, 0.05, 0.0, math.inf),
+]
+# A row's European value, and its boundary, are computed by other formulas than those of the single price.
+LAST_DIGITS = ("european_price", "early_exercise_premium", "exercise_boundary")
+NAMES = ("option_type", "exercise", "spot", "expiry", "rate", "dividend_yield", "volatility")
+
+
+def as_columns(rows):
+    return dict(zip(NAMES, (np.array(column) for column in zip(*rows, strict=True)), strict=True))
+
+
+def joined(first, second):
+    return {name: np.concatenate([first[name], second[name]]) for name in NAMES}
+
+
+def mixed_book(count, seed):
+    """Return American and European puts and calls, some odd ones first, with tolerances of their own."""
+    random = np.random.default_rng(seed)
+    ordinary = {
+        "option_type": random.choice(["put", "call"], count),
+        "exercise": random.choice(["american", "american", "european"], count),
+        "spot": random.uniform(50.0, 200.0, count),
+        "expiry": random.uniform(0.1, 2.0, count),
+        "rate": random.uniform(-0.01, 0.12, count),
+        "dividend_yield": random.uniform(0.0, 0.12, count),
+        "volatility": random.uniform(0.15, 0.6, count),
+    }
+    book = joined(as_columns(ODD_ROWS), ordinary)
+    tolerance = random.choice([1e-2, 5e-3, 1e-3], book["spot"].size)
+    return {**book, "strike": np.full(tolerance.size, 100.0), "tolerance": tolerance}
+
+
+def take(columns, rows):
+    return {name: column[rows] for name, column in columns.items()}
+
+
+def assert_same_bits(one, other):
+    assert one.keys() == other.keys()
+    for name, column in one.items():
+        if column.dtype == object:
+            assert column.tolist() == other[name].tolist(), name
+        else:
+            assert column.tobytes() == other[name].tobytes(), name
+
+
+def test_a_row_is_bit_identical_whatever_stands_beside_it():
+    book = mixed_book(491, seed=1)
+    expected = price_many(book)
+    assert {"premium-march", "closed-form", "sdirk2", "expired", "zero-volatility"} <= set(expected["method"])
+    count = expected["price"].size
+    for row in [*range(len(ODD_ROWS)), 100, 250, count - 1]:
+        assert_same_bits(take(expected, [row]), price_many(take(book, [row])))
+    order = np.random.default_rng(2).permutation(count)
+    assert_same_bits(take(expected, order), price_many(take(book, order), threads=2))
+    for part in (slice(0, 7), slice(200, 215), slice(30, 400, 3)):
+        assert_same_bits(take(expected, part), price_many(take(book, part), threads=3))
+
+
+def test_bad_rows_do_not_change_a_bit_of_the_others():
+    book = mixed_book(60, seed=3)
+    expected = price_many(book)
+    places = np.array([0, 5, 20, 21, 69])
+    bad = as_columns(BAD_ROWS)
+    beside = {name: np.insert(book[name].astype(object), places, bad[name]) for name in NAMES}
+    beside["strike"], beside["tolerance"] = 100.0, np.insert(book["tolerance"], places, 1e-4)
+    found = price_many(beside)
+    refused = found["status"] == "invalid_input"
+    np.testing.assert_array_equal(np.flatnonzero(refused), places + np.arange(5))
+    assert_same_bits(expected, take(found, ~refused))
+    for name, column in take(found, refused).items():
+        if column.dtype == float:
+            assert np.isnan(column).all(), name
+    assert all(found["message"][refused])
+
+
+@pytest.mark.parametrize("greeks", [True, False])
+def test_every_field_of_a_row_is_that_of_the_single_price(greeks):
+    book = mixed_book(12, seed=4)
+    table = price_many(book, greeks=greeks)
+    for row in range(table["price"].size):
+        cells = {name: column[row].item() for name, column in book.items()}
+        option = Option(cells["option_type"], cells["strike"], cells["expiry"], cells["exercise"])
+        market = Market(cells["spot"], cells["rate"], cells["volatility"], cells["dividend_yield"])
+        single = price(option, market, tolerance=cells["tolerance"], greeks=greeks)
+        if single.method == "closed-form" and not greeks:
+            continue  # the formula of the single price gives vega and the rhos all the same
+        for name, column in table.items():
+            wanted = "" if name == "message" else getattr(single, name)
+            formula = name in LAST_DIGITS or single.method == "closed-form"
+            if wanted is None:
+                assert math.isnan(column[row]), (row, name)
+            elif formula and isinstance(wanted, float):
+                assert column[row] == pytest.approx(wanted, rel=1e-12, abs=1e-12), (row, name)
+            else:
+                assert column[row] == wanted, (row, name)
+
+
+@pytest.mark.skipif(kernel_name() != "rust", reason="384 steps take seconds without the compiled kernel")
+def test_a_row_whose_march_is_not_settled_is_priced_on_the_general_path():
+    row = ("put", "american", 100.0, 1.0, 0.09, 1.3, 0.1)
+    found = price_many({**as_columns([row]), "strike": 100.0}, tolerance=1e-3)
+    assert found["method"][0] == "sdirk2"
+    assert found["status"][0] == "ok"
+    best = 100.0 * (math.exp(-0.09) - math.exp(-1.3))  # nearly certain to be exercised at the end
+    assert found["price"][0] >= best - 0.1
+
+
+def chains(tolerance):
+    """Return puts and calls of four expiries at 21 strikes, sorted so that neighbours differ in the strike."""
+    option_type, expiry, strike = np.meshgrid(["put", "call"], [0.1, 0.5, 1.0, 3.0], np.linspace(70, 130, 21))
+    columns = {"option_type": option_type.ravel(), "expiry": expiry.ravel(), "strike": strike.ravel()}
+    market = {"spot": 100.0, "rate": 0.06, "dividend_yield": 0.03, "volatility": 0.25}
+    return {**columns, **market, "tolerance": np.broadcast_to(tolerance, expiry.size)}
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5])
+def test_shared_solves_keep_the_tolerance(tolerance):
+    columns = chains(tolerance)
+    alone, shared = price_many(columns), price_many(columns, share_solves=True)
+    assert set(shared["status"]) == {"ok"}
+    allowed = alone["error_estimate"] + shared["error_estimate"]
+    assert np.all(np.abs(alone["price"] - shared["price"]) <= allowed)
+    assert np.all(shared["error_estimate"] <= tolerance * columns["strike"])
+    np.testing.assert_allclose(shared["delta"], alone["delta"], atol=10.0 * tolerance)
+    np.testing.assert_array_equal(shared["exercise_now"], alone["exercise_now"])
+
+
+def test_shared_solves_of_puts_with_one_tolerance_change_no_bit_of_the_price():
+    columns = chains(1e-5)
+    puts = {
+        name: np.broadcast_to(column, 168)[columns["option_type"] == "put"]
+        for name, column in columns.items()
+    }
+    alone, shared = price_many(puts), price_many(puts, share_solves=True)
+    for name in ("price", "delta", "gamma", "vega", "rho", "theta", "error_estimate", "exercise_boundary"):
+        assert alone[name].tobytes() == shared[name].tobytes(), name
+
+
+def test_shared_rows_with_nothing_to_share_equal_single_ones():
+    book = mixed_book(20, seed=5)
+    alone, shared = price_many(book), price_many(book, share_solves=True)
+    for name in ("price", "delta", "gamma", "vega", "rho", "exercise_boundary", "error_estimate"):
+        np.testing.assert_allclose(shared[name], alone[name], rtol=1e-11, atol=1e-9, err_msg=name)
+    assert shared["method"].tolist() == alone["method"].tolist()
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1.0, True, "2"])
+def test_threads_are_a_positive_integer(threads):
+    with pytest.raises(InvalidInputError, match="threads"):
+        price_many(COLUMNS, threads=threads)

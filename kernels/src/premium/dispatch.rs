@@ -82,6 +82,15 @@ mod portable {
     pub fn power_of_two(a: f64) -> f64 {
         f64::from_bits((a.to_bits() << 52).wrapping_add(0x3ff0_0000_0000_0000))
     }
+    #[inline(always)]
+    #[allow(clippy::cast_precision_loss)]
+    pub fn exponent(a: f64) -> f64 {
+        (a.to_bits() >> 52) as f64 - 1023.0
+    }
+    #[inline(always)]
+    pub fn mantissa(a: f64) -> f64 {
+        f64::from_bits((a.to_bits() & 0x000f_ffff_ffff_ffff) | 0x3ff0_0000_0000_0000)
+    }
 }
 
 /// The operations of one register; sound because only `dispatch` makes these vectors, after asking the processor.
@@ -140,6 +149,8 @@ register! { avx512, __m512d, 8,
         _mm512_mask_blend_pd(_mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, _mm512_setzero_pd()), no, yes);
     power_of_two(a) = _mm512_castsi512_pd(_mm512_add_epi64(
         _mm512_slli_epi64::<52>(_mm512_castpd_si512(a)), _mm512_set1_epi64(0x3ff0_0000_0000_0000)));
+    exponent(a) = _mm512_getexp_pd(a);
+    mantissa(a) = _mm512_getmant_pd::<_MM_MANT_NORM_1_2, _MM_MANT_SIGN_ZERO>(a);
     ; load(source) = _mm512_loadu_pd(source);
     store(target, value) = _mm512_storeu_pd(target, value);
 }
@@ -159,6 +170,14 @@ register! { avx2, __m256d, 4,
     negative(a, yes, no) = _mm256_blendv_pd(no, yes, _mm256_cmp_pd::<_CMP_LT_OQ>(a, _mm256_setzero_pd()));
     power_of_two(a) = _mm256_castsi256_pd(_mm256_add_epi64(
         _mm256_slli_epi64::<52>(_mm256_castpd_si256(a)), _mm256_set1_epi64x(0x3ff0_0000_0000_0000)));
+    // The exponent's bits under those of 2^52 are that number plus the exponent.
+    exponent(a) = _mm256_sub_pd(
+        _mm256_castsi256_pd(_mm256_or_si256(
+            _mm256_srli_epi64::<52>(_mm256_castpd_si256(a)), _mm256_set1_epi64x(0x4330_0000_0000_0000))),
+        _mm256_set1_pd(4_503_599_627_370_496.0 + 1023.0));
+    mantissa(a) = _mm256_castsi256_pd(_mm256_or_si256(
+        _mm256_and_si256(_mm256_castpd_si256(a), _mm256_set1_epi64x(0x000f_ffff_ffff_ffff)),
+        _mm256_set1_epi64x(0x3ff0_0000_0000_0000)));
     ; load(source) = _mm256_loadu_pd(source);
     store(target, value) = _mm256_storeu_pd(target, value);
 }

@@ -1,5 +1,6 @@
 //! Where implicit Euler's first step from u = 0 puts the boundary.
 
+use super::normal::ln;
 use super::obstacle::{Contracts, Moment, Obstacle};
 use super::vector::Vector;
 
@@ -20,16 +21,15 @@ pub fn first_boundary<V: Vector>(contracts: &Contracts<V>, moment: &Moment<V>, l
     let (t, root) = (moment.t, moment.root);
     // Where chance has no part: e^y (lam + spread) expm1(dividend t) = lam expm1(rate t).
     let ratio = moment.rate_growth.times(lam) / (spread.plus(lam) * moment.dividend_growth);
-    let logarithm = (-dividend)
-        .negative(ratio, V::all(f64::INFINITY))
-        .map(f64::ln);
+    let logarithm = ln((-dividend).negative(ratio, V::all(f64::MAX)));
     let certain = (logarithm - (spread * spread).times(0.5 * t)) / spread;
     let mut high = certain.min(V::all(0.5 * root));
     let mut low = high.plus(-9.0 * root);
     // The option alive at d = xi/sqrt(t) is worth waiting with as N(d) falls to what waiting costs.
     let cost =
         (rate - dividend).max(V::zero()).times(root) / spread + dividend.times(t).max(V::zero());
-    let guess = cost.map(|c| -root * ((2.0 * (0.5 / c.max(1e-300)).ln_1p()).sqrt() - SHIFT));
+    let odds = V::all(0.5) / cost.max(V::all(1e-300));
+    let guess = (V::all(SHIFT) - (ln(odds.plus(1.0)).times(2.0)).sqrt()).times(root);
     let mut xi = guess.min(high).max(low);
     let mut open = V::all(1.0); // -1 where it is done
     for _ in 0..ITERATIONS {

@@ -2,7 +2,7 @@
 
 use super::cell::Cell;
 use super::first_step::first_boundary;
-use super::normal::exp;
+use super::normal::{exp, ln};
 use super::obstacle::{Contracts, Moment, Obstacle};
 use super::plan::{Plan, Step};
 use super::vector::{Vector, LANES};
@@ -102,12 +102,10 @@ impl<V: Vector> Track<V> {
             spread,
         } = *contracts;
         let drift = (rate - dividend - (spread * spread).times(0.5)) / spread;
-        let early = (-dividend)
-            .negative(rate / dividend, V::all(1.0))
-            .map(f64::ln);
+        let early = ln((-dividend).negative(rate / dividend, V::all(1.0)));
         let start = early.min(V::zero()) / spread;
         let decay = drift + (drift * drift + rate + rate).sqrt();
-        let perpetual = -((spread / decay).map(f64::ln_1p) / spread);
+        let perpetual = -(ln((spread / decay).plus(1.0)) / spread);
         Self {
             drift,
             start,

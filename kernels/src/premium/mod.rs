@@ -2,7 +2,7 @@
 
 // Every operation must be compiled into the one function that has the instruction set.
 #![allow(clippy::inline_always)]
-#![allow(clippy::similar_names)] // the formulas' names
+#![allow(clippy::similar_names, clippy::many_single_char_names)] // the formulas' names
 
 mod cell;
 mod dispatch;

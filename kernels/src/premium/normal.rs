@@ -92,6 +92,28 @@ pub fn expm1<V: Vector>(x: V) -> V {
     power.times_plus(small, power.plus(-1.0))
 }
 
+/// ln x for normal x > 0, by 2 artanh((m - 1)/(m + 1)) with the mantissa m between 0.7 and 1.4.
+#[inline(always)]
+pub fn ln<V: Vector>(x: V) -> V {
+    const TERMS: usize = 11;
+    let (m, e) = (x.mantissa(), x.exponent());
+    let large = V::all(std::f64::consts::SQRT_2) - m;
+    let (m, e) = (
+        large.negative(m.times(0.5), m),
+        large.negative(e.plus(1.0), e),
+    );
+    let f = m.plus(-1.0) / m.plus(1.0);
+    let f2 = f * f;
+    let mut p = V::zero();
+    for k in (1..TERMS).rev() {
+        #[allow(clippy::cast_precision_loss)]
+        let c = 2.0 / (2 * k + 1) as f64;
+        p = p.times_plus(f2, V::all(c));
+    }
+    let mantissa = (p * f2).times_plus(f, f + f);
+    e.times_plus(V::all(LN_2_HIGH), e.times_plus(V::all(LN_2_LOW), mantissa))
+}
+
 /// The Mills ratio N(-y)/N'(y) for y >= 0.
 #[inline(always)]
 pub fn mills_ratio<V: Vector>(y: V) -> V {
@@ -125,6 +147,10 @@ mod tests {
         super::exp(Portable::all(x)).lanes()[3]
     }
 
+    fn ln(x: f64) -> f64 {
+        super::ln(Portable::all(x)).lanes()[7]
+    }
+
     fn expm1(x: f64) -> f64 {
         super::expm1(Portable::all(x)).lanes()[5]
     }
@@ -139,6 +165,11 @@ mod tests {
             let x = f64::from(i) * 0.1;
             let (a, b) = (exp(x), x.exp());
             assert!((a - b).abs() <= 4e-16 * b, "{x}: {a} {b}");
+        }
+        for i in 1..20_000 {
+            let x = f64::from(i) * f64::from(i) * 1e-4;
+            let (a, b) = (ln(x), x.ln());
+            assert!((a - b).abs() <= 4e-16 * b.abs().max(1.0), "{x}: {a} {b}");
         }
         for i in -300..300 {
             let x = f64::from(i) * 0.01 + 1e-9;

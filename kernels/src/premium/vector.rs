@@ -35,6 +35,11 @@ pub trait Vector:
     /// 2^k from the sum of an integer k and 1.5 2^52.
     fn power_of_two(self) -> Self;
 
+    /// e with x = m 2^e, 1 <= m < 2, for normal x > 0.
+    fn exponent(self) -> Self;
+    /// m with x = m 2^e, 1 <= m < 2, for normal x > 0.
+    fn mantissa(self) -> Self;
+
     /// Zero in every lane.
     #[inline(always)]
     fn zero() -> Self {
@@ -51,12 +56,6 @@ pub trait Vector:
     #[inline(always)]
     fn plus(self, x: f64) -> Self {
         self + Self::all(x)
-    }
-
-    /// `f` of every lane, one after the other.
-    #[inline(always)]
-    fn map(self, f: impl FnMut(f64) -> f64) -> Self {
-        Self::from_lanes(self.lanes().map(f))
     }
 }
 
@@ -123,6 +122,14 @@ macro_rules! vector {
             #[inline(always)]
             fn power_of_two(self) -> Self {
                 Self([$($ops::power_of_two(self.0[$i])),*])
+            }
+            #[inline(always)]
+            fn exponent(self) -> Self {
+                Self([$($ops::exponent(self.0[$i])),*])
+            }
+            #[inline(always)]
+            fn mantissa(self) -> Self {
+                Self([$($ops::mantissa(self.0[$i])),*])
             }
         }
     };
