@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass
 
-from benchmarks.report import Report
-
 from benchmarks import quantlib_peers
 from benchmarks.engine_frontier_report import compose
 from benchmarks.findings import Findings
 from benchmarks.portfolio_study import Effort, study_portfolio
 from benchmarks.portfolios import andersen_lake_offengenden, everyday, option_chains, spot_ladders, wide
+from benchmarks.report import Report
 from benchmarks.throughput import CAN_SHARE, batch_rates, latency, shared_rates, sharing_difference
 from benchmarks.wide_set import TOLERANCES, ToleranceKept, tolerance_kept
 

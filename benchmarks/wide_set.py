@@ -18,8 +18,8 @@ class ToleranceKept(NamedTuple):
     """Shares of the rows; errors are fractions of the strike, less what the reference itself may be wrong by.
 
     `within`: error <= tolerance. `ok`: status. `ok_within_five`: of the ok rows, error <= 5 tolerances;
-    `largest_ok` the largest error of an ok row, in tolerances. `honest`: estimate >= error/2. `overestimate`:
-    median of estimate/error over the rows with an error above 1e-9.
+    `largest_ok` the largest error of an ok row, in tolerances. `honest`: estimate >= error/2, or an error
+    below 1e-9, where the reference says nothing. `overestimate`: median of estimate/error over the other rows.
     """
 
     tolerance: float
@@ -54,7 +54,7 @@ def tolerance_kept(portfolio: Portfolio, reference: Reference, tolerance: float)
         ok=float(np.mean(ok)),
         ok_within_five=float(np.mean(error[ok] <= 5.0 * tolerance)) if ok.any() else np.nan,
         largest_ok=float(np.max(error[ok] / tolerance, initial=0.0)),
-        honest=float(np.mean(estimate >= error / 2.0)),
+        honest=float(np.mean((estimate >= error / 2.0) | (error <= LEAST_ERROR))),
         overestimate=float(np.median(estimate[judged] / error[judged])) if judged.any() else np.nan,
         microseconds=1e6 * seconds / len(rows),
     )

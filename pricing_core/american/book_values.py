@@ -96,7 +96,9 @@ def _march_rows(
     if not rows.size:
         return
     scale = np.where(part.is_put, part.strike, part.spot)
-    tolerance = part.tolerance * np.where(part.is_put, 1.0, part.strike / scale)
+    # A spot that even the option without expiry would be exercised at needs the boundary alone.
+    certain = puts.x <= -np.log1p(puts.spread / puts.decay())
+    tolerance = part.tolerance * np.where(part.is_put | certain, 1.0, part.strike / scale)
     limits = _limits(part, scale) if greeks else None
     solved = solve_puts(puts, tolerance, limits=limits, threads=threads, shared=shared)
     found = _marched_values(part, scale, solved, greeks)

@@ -30,6 +30,7 @@ BOUNDARY_GAIN, BOUNDARY_SHARE = 3.0, 1.0  # the boundary converges at order 2
 NEAR_SHARE, FAR_SHARE, LONE_SHARE = 0.4, 0.13, 2.0
 DERIVATIVE_SHARE = 0.25  # of the distance of two marches, for the derivatives' error after extrapolation
 MOST_STEPS_FOR_DERIVATIVES = 96
+STEPS_TO_SETTLE = 96  # a march that loses the boundary with so many is not refined further
 WIDTH = 0.75  # dx sqrt(M): wider, and the compact scheme loses the signs of an M-matrix
 TYPICAL_ERROR = 7e-5  # of a march with 16 steps at r T = 1: four in five are better
 TYPICAL_POWER = 1.3  # with which it grows with r T
@@ -223,7 +224,8 @@ def _refine(
             met &= np.all(DERIVATIVE_SHARE * near <= limits[rows], axis=1) | (
                 whole.exercised & half.exercised
             )
-        missed = np.flatnonzero(~met)
+        hopeless = ~whole.settled if STEPS[level] >= STEPS_TO_SETTLE else np.zeros(rows.size, dtype=bool)
+        missed = np.flatnonzero(~(met | hopeless))
         rows, level = rows[missed], level + 2
         quarter, half = half.take(missed), whole.take(missed)
 
