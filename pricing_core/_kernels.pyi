@@ -27,39 +27,18 @@ def projected_sor(
     tolerance: float,
     max_sweeps: int,
 ) -> tuple[Vector, int]: ...
-def premium_march(
-    steps: int,
-    width: float,
-    rate: Vector,
-    dividend: Vector,
-    spread: Vector,
-    nodes: NDArray[np.int64],
-    halvings: NDArray[np.int64],
-    tangents: bool,
-    threads: int,
-) -> tuple[NDArray[np.float64], Vector, Vector, BoolVector]: ...
-def premium_values(
-    steps: int,
-    width: float,
+def solve_puts(
     x: Vector,
     rate: Vector,
     dividend: Vector,
     spread: Vector,
-    nodes: NDArray[np.int64],
-    halvings: NDArray[np.int64],
-    tangents: bool,
+    first: NDArray[np.int64],
+    tolerance: Vector,
+    limits: Matrix | None,
+    fewest: int,
+    most: int,
     threads: int,
-) -> tuple[Matrix, Vector, BoolVector]: ...
-def profile_values(
-    width: float,
-    rate: Vector,
-    dividend: Vector,
-    spread: Vector,
-    nodes: NDArray[np.int64],
-    halvings: NDArray[np.int64],
-    profiles: NDArray[np.float64],
-    frame: Vector,
-    boundary: Vector,
-    row: NDArray[np.int64],
-    x: Vector,
-) -> Matrix: ...
+) -> tuple[Matrix, BoolVector, BoolVector, NDArray[np.int64]]: ...
+def march_boundaries(
+    steps: int, rate: Vector, dividend: Vector, spread: Vector
+) -> tuple[Vector, BoolVector]: ...

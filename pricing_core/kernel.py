@@ -4,28 +4,26 @@
 try:
     from pricing_core._kernels import (
         brennan_schwartz,
+        march_boundaries,
         policy_iteration,
-        premium_march,
-        premium_values,
-        profile_values,
         projected_sor,
+        solve_puts,
     )
 
     _NAME = "rust"
 except ModuleNotFoundError:
     from pricing_core.kernel_twin import brennan_schwartz, policy_iteration, projected_sor
-    from pricing_core.premium_twin import premium_march, premium_values, profile_values
+    from pricing_core.premium_twin import march_boundaries, solve_puts
 
     _NAME = "numpy"
 
 __all__ = [
     "brennan_schwartz",
     "kernel_name",
+    "march_boundaries",
     "policy_iteration",
-    "premium_march",
-    "premium_values",
-    "profile_values",
     "projected_sor",
+    "solve_puts",
 ]
 
 

@@ -11,63 +11,57 @@ from pricing_core import premium_twin
 from pricing_core.arrays import Vector
 
 ROUNDING = 1e-12
-# The last bits of ln(S/K) become 1e-16/spread in xi: at a spread of 0.01, 2e-12 in the derivatives at fixed xi.
-TANGENT_ROUNDING = 1e-11
-BOUNDARY_ROUNDING = 1e-11
-MESHES = np.array([(24, 0), (32, 0), (40, 0), (48, 1), (64, 1), (96, 2)])  # nodes, halvings
+# The last bits of ln(S/K) become 1e-16/spread in xi: at a spread of 0.01, 2e-12 in the derivatives.
+DERIVATIVE_ROUNDING = 1e-11
 
 
 @dataclass(frozen=True)
 class Book:
-    """Puts with a spot each, and the arguments of the march that belong to them."""
+    """Puts with a spot each, and how exactly they are wanted."""
 
     x: Vector
     rate: Vector
     dividend: Vector
     spread: Vector
-    nodes: NDArray[np.int64]
-    halvings: NDArray[np.int64]
+    tolerance: Vector
 
     @property
     def puts(self) -> tuple[Vector, Vector, Vector]:
         return self.rate, self.dividend, self.spread
 
-    @property
-    def meshes(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        return self.nodes, self.halvings
-
     def take(self, rows: NDArray[np.intp]) -> "Book":
-        return Book(*(column[rows] for column in (self.x, *self.puts, *self.meshes)))
+        return Book(self.x[rows], *(column[rows] for column in self.puts), self.tolerance[rows])
 
 
 def random_book(count: int, seed: int) -> Book:
-    """Return puts of 5 % to 80 % volatility and a week to five years, their meshes mixed."""
+    """Return puts of 5 % to 80 % volatility and a week to five years, for tolerances of 1e-3 to 1e-7."""
     random = np.random.default_rng(seed)
     expiry = random.uniform(0.02, 5.0, count)
     spread = random.uniform(0.05, 0.8, count) * np.sqrt(expiry)
-    nodes, halvings = MESHES[random.integers(len(MESHES), size=count)].T.copy()
     return Book(
         random.uniform(-2.0, 2.0, count) * np.maximum(spread, 0.1),
         random.uniform(0.002, 0.15, count) * expiry,
         random.uniform(-0.02, 0.15, count) * expiry,
         spread,
-        nodes,
-        halvings,
+        10.0 ** random.uniform(-7.0, -3.0, count),
     )
 
 
-def width(steps: int) -> float:
-    return float(0.75 / np.sqrt(steps))
-
-
-def values_of(implementation: ModuleType, book: Book, steps: int, tangents: bool = True, threads: int = 1):
-    return implementation.premium_values(
-        steps, width(steps), book.x, *book.puts, *book.meshes, tangents, threads
-    )
-
-
-def march_of(implementation: ModuleType, book: Book, steps: int, tangents: bool = True, threads: int = 1):
-    return implementation.premium_march(steps, width(steps), *book.puts, *book.meshes, tangents, threads)
+def solve(
+    implementation: ModuleType,
+    book: Book,
+    *,
+    greeks: bool = False,
+    first: NDArray[np.int64] | None = None,
+    fewest: int = 4,
+    most: int = 384,
+    threads: int = 1,
+):
+    """Solve each put by itself, or the runs of spots that begin at `first`."""
+    if first is None:
+        first = np.arange(book.rate.size + 1)
+    limits = np.full((book.x.size, 7), 1e-5) if greeks else None
+    return implementation.solve_puts(book.x, *book.puts, first, book.tolerance, limits, fewest, most, threads)
 
 
 @pytest.fixture
@@ -82,164 +76,146 @@ def implementation(request: pytest.FixtureRequest) -> ModuleType:
     return pytest.importorskip("pricing_core._kernels", reason="the compiled kernel is absent")
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("tangents", [False, True])
-@pytest.mark.parametrize("steps", [2, 3, 8, 24])
-def test_values_equal_those_of_the_twin(
-    compiled: ModuleType, steps: int, tangents: bool, threads: int
-) -> None:
+def assert_equal_but_for_rounding(found, expected) -> None:
+    numbers, *flags = found
+    twin_numbers, *twin_flags = expected
+    for flag, twin_flag in zip(flags, twin_flags, strict=True):
+        np.testing.assert_array_equal(flag, twin_flag)
+    settled = flags[1]
+    assert np.mean(settled) >= 0.95
+    for row, name in ((0, "value"), (3, "European"), (7, "error")):
+        np.testing.assert_allclose(
+            numbers[row, settled], twin_numbers[row, settled], rtol=0.0, atol=ROUNDING, err_msg=name
+        )
+    np.testing.assert_allclose(
+        numbers[:, settled], twin_numbers[:, settled], rtol=DERIVATIVE_ROUNDING, atol=DERIVATIVE_ROUNDING
+    )
+
+
+@pytest.mark.parametrize("greeks", [False, True])
+@pytest.mark.parametrize("steps", [4, 6, 8, 12, 32])
+def test_one_level_equals_that_of_the_twin(compiled: ModuleType, steps: int, greeks: bool) -> None:
     book = random_book(75, seed=steps)
-    values, boundary, settled = values_of(compiled, book, steps, tangents, threads)
-    expected, twin_boundary, twin_settled = values_of(premium_twin, book, steps, tangents)
+    asked = {"greeks": greeks, "fewest": steps, "most": steps}
+    assert_equal_but_for_rounding(solve(compiled, book, **asked), solve(premium_twin, book, **asked))
+
+
+@pytest.mark.parametrize("greeks", [False, True])
+def test_refinement_equals_that_of_the_twin(compiled: ModuleType, greeks: bool) -> None:
+    book = random_book(150, seed=1)
+    found = solve(compiled, book, greeks=greeks)
+    assert np.unique(found[3]).size >= 6
+    assert_equal_but_for_rounding(found, solve(premium_twin, book, greeks=greeks))
+
+
+@pytest.mark.parametrize("greeks", [False, True])
+def test_runs_of_spots_equal_those_of_the_twin(compiled: ModuleType, greeks: bool) -> None:
+    book, random = random_book(40, seed=2), np.random.default_rng(3)
+    first = np.append(0, np.cumsum(random.integers(1, 50, 40)))
+    spots = int(first[-1])
+    runs = np.repeat(np.arange(40), np.diff(first))
+    ladders = replace(
+        book, x=random.uniform(-2.0, 2.0, spots) * book.spread[runs], tolerance=np.full(spots, 1e-5)
+    )
+    found = solve(compiled, ladders, greeks=greeks, first=first)
+    assert_equal_but_for_rounding(found, solve(premium_twin, ladders, greeks=greeks, first=first))
+
+
+@pytest.mark.parametrize("steps", [8, 32])
+def test_boundaries_equal_those_of_the_twin(compiled: ModuleType, steps: int) -> None:
+    book = random_book(75, seed=4)
+    boundary, settled = compiled.march_boundaries(steps, *book.puts)
+    expected, twin_settled = premium_twin.march_boundaries(steps, *book.puts)
     np.testing.assert_array_equal(settled, twin_settled)
-    assert np.count_nonzero(settled) >= 70
-    values, expected = values[settled], expected[settled]
-    np.testing.assert_allclose(values[:, [0, 1, 3]], expected[:, [0, 1, 3]], rtol=0.0, atol=ROUNDING)
-    np.testing.assert_allclose(values, expected, rtol=TANGENT_ROUNDING, atol=TANGENT_ROUNDING)
-    np.testing.assert_allclose(boundary[settled], twin_boundary[settled], rtol=0.0, atol=BOUNDARY_ROUNDING)
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("tangents", [False, True])
-@pytest.mark.parametrize("steps", [2, 16])
-def test_profiles_equal_those_of_the_twin(
-    compiled: ModuleType, steps: int, tangents: bool, threads: int
-) -> None:
-    book = random_book(75, seed=100 + steps)
-    profiles, frame, boundary, settled = march_of(compiled, book, steps, tangents, threads)
-    expected, twin_frame, twin_boundary, twin_settled = march_of(premium_twin, book, steps, tangents)
-    assert profiles.shape == expected.shape == (75, 4 if tangents else 1, book.nodes.max() + 1)
-    np.testing.assert_array_equal(settled, twin_settled)
-    np.testing.assert_allclose(profiles[settled, 0], expected[settled, 0], rtol=0.0, atol=ROUNDING)
-    np.testing.assert_allclose(
-        profiles[settled], expected[settled], rtol=TANGENT_ROUNDING, atol=TANGENT_ROUNDING
-    )
-    np.testing.assert_allclose(boundary[settled], twin_boundary[settled], rtol=0.0, atol=BOUNDARY_ROUNDING)
-    # xi is ln(S/K) divided by the spread, and so is its rounding.
-    np.testing.assert_allclose(
-        (frame * book.spread)[settled], (twin_frame * book.spread)[settled], rtol=0.0, atol=BOUNDARY_ROUNDING
-    )
-
-
-@pytest.mark.parametrize("tangents", [False, True])
-def test_profiles_are_read_as_the_twin_reads_them(compiled: ModuleType, tangents: bool) -> None:
-    book, random = random_book(30, seed=7), np.random.default_rng(8)
-    marched = march_of(premium_twin, book, 8, tangents)
-    row = random.integers(30, size=203)
-    x = random.uniform(-3.0, 3.0, 203)
-    arguments = (width(8), *book.puts, *book.meshes, *marched[:3], row, x)
-    found, expected = (each.profile_values(*arguments) for each in (compiled, premium_twin))
-    readable = marched[3][row]
-    np.testing.assert_allclose(
-        found[readable], expected[readable], rtol=TANGENT_ROUNDING, atol=TANGENT_ROUNDING
-    )
-
-
-def test_values_are_the_profiles_read_at_the_spots(implementation: ModuleType) -> None:
-    book = random_book(40, seed=9)
-    values, boundary, settled = values_of(implementation, book, 8)
-    profiles, frame, marched_boundary, _ = march_of(implementation, book, 8)
-    read = implementation.profile_values(
-        width(8), *book.puts, *book.meshes, profiles, frame, marched_boundary, np.arange(40), book.x
-    )
-    np.testing.assert_array_equal(boundary, marched_boundary)
-    np.testing.assert_allclose(read[settled], values[settled], rtol=1e-13, atol=1e-13)
+    assert settled.mean() >= 0.95
+    np.testing.assert_allclose(boundary[settled], expected[settled], rtol=0.0, atol=1e-11)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
-@pytest.mark.parametrize("tangents", [False, True])
-def test_a_row_does_not_depend_on_the_others(
-    implementation: ModuleType, tangents: bool, threads: int
-) -> None:
-    book = random_book(60, seed=10)
-    together = values_of(implementation, book, 6, tangents)
-    order = np.random.default_rng(11).permutation(60)
-    shuffled = values_of(implementation, book.take(order), 6, tangents, threads)
+@pytest.mark.parametrize("greeks", [False, True])
+def test_a_row_does_not_depend_on_the_others(implementation: ModuleType, greeks: bool, threads: int) -> None:
+    count = 1500 if implementation is not premium_twin else 60  # enough for each thread to have its share
+    book = random_book(count, seed=10)
+    together = solve(implementation, book, greeks=greeks)
+    order = np.random.default_rng(11).permutation(count)
+    shuffled = solve(implementation, book.take(order), greeks=greeks, threads=threads)
     for column, moved in zip(together, shuffled, strict=True):
-        assert column[order].tobytes() == moved.tobytes()
+        assert column[..., order].tobytes() == moved.tobytes()
     for row in (0, 17, 59):
-        alone = values_of(implementation, book.take(np.array([row])), 6, tangents, threads)
+        alone = solve(implementation, book.take(np.array([row])), greeks=greeks, threads=threads)
         for column, single in zip(together, alone, strict=True):
-            assert column[row].tobytes() == single[0].tobytes()
+            assert column[..., row].tobytes() == single[..., 0].tobytes()
 
 
-def test_a_row_that_is_not_settled_leaves_its_neighbours_alone(implementation: ModuleType) -> None:
-    book = random_book(40, seed=12)
-    meshes = {"nodes": np.full(40, 32), "halvings": np.zeros(40, dtype=np.int64)}  # one group
-    sound = replace(book, **meshes)
-    bad = replace(sound, rate=np.where(np.arange(40) == 5, np.nan, book.rate))
-    expected, found = values_of(implementation, sound, 6), values_of(implementation, bad, 6)
-    assert not found[2][5]
-    for column, other in zip(expected, found, strict=True):
-        assert np.delete(column, 5, axis=0).tobytes() == np.delete(other, 5, axis=0).tobytes()
+def test_spots_that_share_a_march_are_those_that_do_not(implementation: ModuleType) -> None:
+    book = random_book(10, seed=5)
+    x = np.linspace(-1.5, 1.5, 30)[:, None] * book.spread
+    shared = replace(book, x=x.T.ravel(), tolerance=np.full(300, 1e-5))
+    apart = Book(shared.x, *(np.repeat(column, 30) for column in book.puts), np.full(300, 1e-5))
+    found = solve(implementation, shared, first=np.arange(0, 301, 30))
+    for column, other in zip(found, solve(implementation, apart), strict=True):
+        assert column.tobytes() == other.tobytes()
+
+
+@pytest.mark.parametrize("column", ["x", "rate", "dividend", "spread"])
+def test_a_row_that_is_not_finite_leaves_its_neighbours_alone(
+    implementation: ModuleType, column: str
+) -> None:
+    sound = random_book(40, seed=12)
+    number = np.where(np.arange(40) == 5, np.nan, getattr(sound, column))
+    expected, found = solve(implementation, sound), solve(implementation, replace(sound, **{column: number}))
+    assert not np.isfinite(found[0][0, 5]) or not found[2][5]
+    for one, other in zip(expected, found, strict=True):
+        assert np.delete(one, 5, axis=-1).tobytes() == np.delete(other, 5, axis=-1).tobytes()
 
 
 def test_no_rows_make_empty_results(implementation: ModuleType) -> None:
     nothing = random_book(1, seed=13).take(np.zeros(0, dtype=np.intp))
-    values, boundary, settled = values_of(implementation, nothing, 4)
-    assert (values.shape, boundary.shape, settled.shape) == ((0, 7), (0,), (0,))
-    profiles, *_ = march_of(implementation, nothing, 4)
-    assert profiles.shape[:2] == (0, 4)
+    numbers, exercised, settled, steps = solve(implementation, nothing)
+    assert (numbers.shape, exercised.shape, settled.shape, steps.shape) == ((9, 0), (0,), (0,), (0,))
+    boundary, found = implementation.march_boundaries(8, *nothing.puts)
+    assert (boundary.shape, found.shape) == ((0,), (0,))
 
 
 def test_no_argument_is_modified_and_views_with_strides_are_read_right(implementation: ModuleType) -> None:
     book = random_book(25, seed=14)
-    before = [part.copy() for part in (book.x, *book.puts, *book.meshes)]
-    expected = values_of(implementation, book, 4)
-    for part, copy in zip((book.x, *book.puts, *book.meshes), before, strict=True):
+    before = [part.copy() for part in (book.x, *book.puts, book.tolerance)]
+    expected = solve(implementation, book)
+    for part, copy in zip((book.x, *book.puts, book.tolerance), before, strict=True):
         np.testing.assert_array_equal(part, copy)
     spread_out = Book(*(np.repeat(part, 3)[::3] for part in before))
-    for column, other in zip(expected, values_of(implementation, spread_out, 4), strict=True):
+    for column, other in zip(expected, solve(implementation, spread_out), strict=True):
         assert column.tobytes() == other.tobytes()
 
 
-@pytest.mark.parametrize("short", ["x", "rate", "dividend", "spread", "nodes", "halvings"])
+@pytest.mark.parametrize("short", ["x", "rate", "dividend", "spread", "tolerance"])
 def test_columns_of_different_lengths_are_refused(compiled: ModuleType, short: str) -> None:
     book = random_book(5, seed=15)
     wrong = replace(book, **{short: getattr(book, short)[:4]})
-    with pytest.raises(ValueError, match="length"):
-        values_of(compiled, wrong, 4)
-    if short != "x":
+    with pytest.raises(ValueError, match=r"length|first must"):
+        solve(compiled, wrong, first=np.arange(6))
+    if short in ("dividend", "spread"):
         with pytest.raises(ValueError, match="length"):
-            march_of(compiled, wrong, 4)
+            compiled.march_boundaries(8, *wrong.puts)
 
 
 @pytest.mark.parametrize(
-    ("field", "steps", "columns"),
-    [
-        ("steps", 0, {}),
-        ("steps", 1, {}),
-        ("nodes", 4, {"nodes": np.array([24, 24, 5])}),
-        ("nodes", 4, {"nodes": np.array([24, 24, -1])}),
-        ("nodes", 4, {"nodes": np.array([24, 24, 2**20 + 1])}),
-        ("halvings", 4, {"halvings": np.array([0, 0, -1])}),
-        ("halvings", 4, {"halvings": np.array([0, 0, 41])}),
-    ],
+    "first", [[0, 1, 2], [1, 2, 3, 5], [0, 2, 2, 5], [0, 3, 2, 5], [0, 1, 2, 6], [-1, 1, 2, 5]]
 )
-def test_meshes_out_of_range_are_refused(compiled: ModuleType, field, steps, columns) -> None:
-    book = replace(random_book(3, seed=16), **columns)
-    with pytest.raises(ValueError, match=f"{field} is"):
-        compiled.premium_values(steps, 0.2, book.x, *book.puts, *book.meshes, True, 1)
-    with pytest.raises(ValueError, match=f"{field} is"):
-        compiled.premium_march(steps, 0.2, *book.puts, *book.meshes, True, 1)
+def test_runs_that_do_not_cover_the_spots_are_refused(compiled: ModuleType, first: list[int]) -> None:
+    book = random_book(3, seed=16)
+    spots = replace(book, x=np.zeros(5), tolerance=np.full(5, 1e-5))
+    with pytest.raises(ValueError, match="first must"):
+        solve(compiled, spots, first=np.array(first))
 
 
-@pytest.mark.parametrize(
-    ("match", "change"),
-    [
-        ("row must", {"row": np.array([0, 3])}),
-        ("row must", {"row": np.array([-1, 0])}),
-        ("row must", {"row": np.array([0])}),
-        ("length", {"frame": np.zeros(2)}),
-        ("length", {"boundary": np.zeros(4)}),
-        ("length", {"profiles": np.zeros((2, 4, 97))}),
-        ("shape", {"profiles": np.zeros((3, 2, 97))}),
-        ("shape", {"profiles": np.zeros((3, 4, 24))}),
-    ],
-)
-def test_profiles_that_do_not_fit_are_refused(compiled: ModuleType, match: str, change: dict) -> None:
-    book = random_book(3, seed=17)
-    profiles, frame, boundary, _ = march_of(premium_twin, book, 4)
-    parts = {"profiles": profiles, "frame": frame, "boundary": boundary, "row": np.array([0, 2])} | change
-    with pytest.raises(ValueError, match=match):
-        compiled.profile_values(width(4), *book.puts, *book.meshes, *parts.values(), np.zeros(2))
+@pytest.mark.parametrize(("fewest", "most"), [(2, 8), (8, 4), (5, 8), (4, 400)])
+def test_numbers_of_steps_out_of_range_are_refused(compiled: ModuleType, fewest: int, most: int) -> None:
+    with pytest.raises(ValueError, match=r"steps is|fewest is"):
+        solve(compiled, random_book(3, seed=17), fewest=fewest, most=most)
+
+
+def test_limits_of_another_shape_are_refused(compiled: ModuleType) -> None:
+    book = random_book(3, seed=18)
+    with pytest.raises(ValueError, match="length"):
+        compiled.solve_puts(book.x, *book.puts, np.arange(4), book.tolerance, np.zeros((2, 7)), 4, 384, 1)

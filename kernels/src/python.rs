@@ -104,7 +104,7 @@ mod _kernels {
     #[pymodule_export]
     use super::{brennan_schwartz, policy_iteration, projected_sor};
     #[pymodule_export]
-    use crate::python_premium::{premium_march, premium_values, profile_values};
+    use crate::python_premium::{march_boundaries, solve_puts};
 
     /// The version of the crate.
     #[pymodule_export]

@@ -9,7 +9,7 @@ from scipy.special import ndtr
 
 from pricing_core.american.book import Book
 from pricing_core.american.closed_form import ONE_OVER_SQRT_TWO_PI
-from pricing_core.american.premium import Puts, PutValues, is_served, solve_puts
+from pricing_core.american.premium import Puts, PutValues, solve_puts
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
 MARCHED, CLOSED, LEFT = 1, 2, 0  # how a row is valued; what is left takes the path of single options
@@ -90,11 +90,6 @@ def _march_rows(
 ) -> None:
     part = book if rows.size == book.spot.size else book.take(rows)
     puts = _as_puts(part)
-    served = is_served(puts)
-    if not served.all():
-        rows, part, puts = rows[served], part.take(np.flatnonzero(served)), puts.take(np.flatnonzero(served))
-    if not rows.size:
-        return
     scale = np.where(part.is_put, part.strike, part.spot)
     # A spot that even the option without expiry would be exercised at needs the boundary alone.
     certain = puts.x <= -np.log1p(puts.spread / puts.decay())
@@ -134,7 +129,7 @@ def _store(out: BookValues, rows: NDArray[np.intp], found: dict[str, NDArray[Any
 def _marched_values(book: Book, scale: Vector, solved: PutValues, greeks: bool) -> dict[str, NDArray[Any]]:
     """Return money for the puts' dimensionless values; a call is S times the put with spot and strike exchanged."""
     is_put, S, K, T = book.is_put, book.spot, book.strike, book.expiry
-    v, v_x, v_xx, european, *_ = solved.values.T
+    v, v_x, v_xx, european, *_ = solved.values
     payoff = np.maximum(np.where(is_put, K - S, S - K), 0.0)
     held = ~solved.exercised
     european = scale * european
@@ -161,7 +156,7 @@ def _marched_values(book: Book, scale: Vector, solved: PutValues, greeks: bool) 
         "steps": solved.steps,
     }
     if greeks:
-        by_rate, by_dividend, by_spread = solved.values.T[4:]
+        by_rate, by_dividend, by_spread = solved.values[4:]
         found["vega"] = np.where(held, scale * np.sqrt(T) * by_spread, 0.0)
         found["rho"] = np.where(held, scale * T * np.where(is_put, by_rate, by_dividend), 0.0)
         found["dividend_rho"] = np.where(held, scale * T * np.where(is_put, by_dividend, by_rate), 0.0)

@@ -12,7 +12,7 @@ from pricing_core.american.engine import coarsest_resolution, make_solver
 from pricing_core.american.exercise_region import ExerciseRegion, region_at_expiry
 from pricing_core.american.limits import is_deterministic
 from pricing_core.american.market import Market
-from pricing_core.american.premium import Puts, is_served, solve_boundaries
+from pricing_core.american.premium import Puts, solve_boundaries
 from pricing_core.american.resolution import Solution
 from pricing_core.american.spot_values import region_of
 from pricing_core.american.tolerances import (
@@ -133,8 +133,6 @@ def _march(
     puts = Puts(
         np.zeros(years.size), rate * years, dividend_yield * years, market.volatility * np.sqrt(years)
     )
-    if not is_served(puts).all():
-        return None
     found, relative, settled = solve_boundaries(puts, ACCURACY_SHARE * math.sqrt(tolerance))
     if not settled.all():
         return None

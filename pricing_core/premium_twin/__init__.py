@@ -1,6 +1,6 @@
-"""The kernel's early exercise premiums in NumPy: the readable reference, and the oracle of its tests."""
+"""The march of early exercise premiums in NumPy, function for function what the compiled kernel offers."""
 
-from pricing_core.premium_twin.march import premium_march
-from pricing_core.premium_twin.values import premium_values, profile_values
+from pricing_core.premium_twin.mesh import STEPS
+from pricing_core.premium_twin.solve import march_boundaries, solve_puts
 
-__all__ = ["premium_march", "premium_values", "profile_values"]
+__all__ = ["STEPS", "march_boundaries", "solve_puts"]

@@ -10,7 +10,7 @@ from scipy.special import erfcx
 
 from pricing_core.arrays import Matrix, Vector
 
-ITERATIONS = 3
+ITERATIONS = 2
 LARGEST_MOVE = 0.6  # of sqrt(t), per iteration, for the boundary
 ONE_OVER_SQRT_TWO_PI = 0.3989422804014327
 SQRT_HALF_PI = 1.2533141373155003
@@ -75,7 +75,7 @@ class Cell:
     The elimination says u_1 = y_1 + pi u_0; the complementarity conditions say the rest.
 
     On the free side w = u - G obeys w_t = w_xixi/2 - h with h = rate e^{rate t} - dividend e^{y + dividend t}, and
-    w = w_xi = 0 at the boundary, which moves with `velocity`. Differentiating along it gives w's Taylor series:
+    w = w_xi = 0 at the boundary, which moves with velocity + phi `turn`. Along it that gives w's Taylor series:
 
         w'' = 2 h,   w''' = 2 (h_xi - 2 h velocity),   w'''' = 2 (4 h velocity**2 + 2 h_t + h_xixi).
 
@@ -92,29 +92,33 @@ class Cell:
         root: float,
         dx: float,
         velocity: Vector,
+        turn: float,
         pi: Vector,
     ) -> None:
         self.rate, self.dividend, self.spread = rate, dividend, spread
-        self.xi, self.t, self.dx, self.velocity, self.pi = xi, t, dx, velocity, pi
+        self.xi, self.t, self.dx, self.velocity, self.turn, self.pi = xi, t, dx, velocity, turn, pi
         self.here = obstacle_at(rate, dividend, spread, xi, t, root)
         self.there = obstacle_at(rate, dividend, spread, xi + dx, t, root)
         self.bond = 1.0 + np.expm1(rate * t)
         self.stock = self.here.growth * (1.0 + np.expm1(dividend * t))
         self.most = LARGEST_MOVE * root / dx
 
-    def solve(self, eliminated: Matrix) -> tuple[Matrix, Vector]:
-        """Return the values at label 0, shape (1 or 4, rows), and phi, by Newton's method from y_1."""
+    def solve(self, eliminated: Matrix, guess: Vector, blind: bool) -> tuple[Matrix, Vector]:
+        """Return the values at label 0, shape (1 or 4, rows), and phi, by Newton's method from y_1.
+
+        `blind` guesses take one step more.
+        """
         known = self.there.value - eliminated[0] - self.pi * self.here.value
-        phi = np.zeros(self.xi.size)
-        for _ in range(ITERATIONS):
-            _, residual, derivative = self._residual(phi, known)
-            move = np.where(derivative == 0.0, 0.0, -residual / derivative)
+        phi = guess
+        for _ in range(ITERATIONS + blind):
+            at = self._residual(phi, known)
+            move = np.where(at.derivative == 0.0, 0.0, -at.value / at.derivative)
             phi = phi + np.maximum(np.minimum(move, self.most), -self.most)
             phi = np.maximum(np.minimum(phi, 2.0 * self.most), -2.0 * self.most)
-        contact, _, _ = self._residual(phi, known)
-        values = [self.here.value + contact]
+        at = self._residual(phi, known)
+        values = [self.here.value + at.contact]
         if eliminated.shape[0] > 1:
-            values += self._tangents(eliminated, phi)
+            values += self._tangents(eliminated, phi, at)
         return np.stack(values), phi
 
     def _stock_at(self, phi: Vector) -> Vector:
@@ -122,42 +126,57 @@ class Cell:
         d = self.spread * self.dx * phi
         return self.stock * (1.0 + d * (1.0 + d * (0.5 + d * (1.0 / 6.0 + d * (1.0 / 24.0)))))
 
-    def _residual(self, phi: Vector, known: Vector) -> tuple[Vector, Vector, Vector]:
-        """Return w_0, and w_1 - pi w_0 + known with its derivative by phi."""
+    def _residual(self, phi: Vector, known: Vector) -> "_Residual":
+        v = self.velocity + self.turn * phi
         earned, paid = self.rate * self.bond, self.dividend * self._stock_at(phi)
         h = earned - paid
         h_xi = -(self.spread * paid)
         h_t = self.rate * earned - paid * (0.5 * (self.spread * self.spread) + self.dividend)
-        half, sixth, last = (
-            h,
-            (h_xi - 2.0 * (h * self.velocity)) / 3.0,
-            (4.0 * (h * (self.velocity * self.velocity)) + 2.0 * h_t + self.spread * h_xi) / 12.0,
-        )
+        third = (h_xi - 2.0 * (h * v)) / 3.0
+        fourth = (4.0 * (h * (v * v)) + 2.0 * h_t + self.spread * h_xi) / 12.0
         z0 = -(phi * self.dx)
         z1 = z0 + self.dx
-        w0 = z0 * z0 * (half + z0 * (sixth + z0 * last))
-        w1 = z1 * z1 * (half + z1 * (sixth + z1 * last))
-        slope0 = z0 * (2.0 * half + z0 * (3.0 * sixth + z0 * (4.0 * last)))
-        slope1 = z1 * (2.0 * half + z1 * (3.0 * sixth + z1 * (4.0 * last)))
-        return w0, known + (w1 - self.pi * w0), -(self.dx * (slope1 - self.pi * slope0))
+        turned = (2.0 / 3.0 * self.turn) * h
+        w, by = [], []
+        for z in (z0, z1):
+            w.append(z * z * (h + z * (third + z * fourth)))
+            slope = z * (2.0 * h + z * (3.0 * third + z * (4.0 * fourth)))
+            # The velocity is in the coefficients of z**3 and z**4.
+            by.append(turned * (z * z * z) * (z * v - 1.0) - self.dx * slope)
+        return _Residual(w[0], by[0], known + (w[1] - self.pi * w[0]), by[1] - self.pi * by[0])
 
-    def _tangents(self, eliminated: Matrix, phi: Vector) -> list[Vector]:
-        """Return the derivatives of u at label 0.
+    def _tangents(self, eliminated: Matrix, phi: Vector, at: "_Residual") -> list[Vector]:
+        """Return the derivatives of u at label 0: the conditions differentiated, the label held.
 
-        That of w vanishes at the boundary; beyond it is c (z - velocity z**2) + h' z**2, h' the derivative of h.
+        First what moves u_0 and u_1 at a fixed boundary, h' z**2 and its successor, then the boundary.
         """
-        stock = self._stock_at(phi)
+        stock, v = self._stock_at(phi), self.velocity + self.turn * phi
+        paid = self.dividend * stock
+        by_rate = self.bond * (1.0 + self.rate * self.t)
+        by_dividend = -(stock * (1.0 + self.dividend * self.t))
+        by_spread = -(paid * (self.xi + phi * self.dx + self.spread * self.t))
         sources = (
-            self.bond * (1.0 + self.rate * self.t),
-            -(stock * (1.0 + self.dividend * self.t)),
-            -(self.dividend * stock * (self.xi + phi * self.dx + self.spread * self.t)),
+            (by_rate, -2.0 / 3.0 * (by_rate * v)),
+            (by_dividend, by_dividend * (self.spread - 2.0 * v) / 3.0),
+            (by_spread, (by_spread * (self.spread - 2.0 * v) - paid) / 3.0),
         )
         z0 = -(phi * self.dx)
         z1 = z0 + self.dx
-        line0, line1 = z0 - self.velocity * (z0 * z0), z1 - self.velocity * (z1 * z1)
-        lever, bend = line1 - self.pi * line0, z1 * z1 - self.pi * (z0 * z0)
         found = []
         for j, (g0, g1) in enumerate(zip(self.here.tangents(), self.there.tangents(), strict=True)):
-            c = ((eliminated[j + 1] + self.pi * g0 - g1) - sources[j] * bend) / lever
-            found.append(g0 + c * line0 + sources[j] * (z0 * z0))
+            bend, third = sources[j]
+            u0 = g0 + z0 * z0 * (bend + z0 * third)
+            u1 = g1 + z1 * z1 * (bend + z1 * third)
+            moved = (eliminated[j + 1] + self.pi * u0 - u1) / at.derivative
+            found.append(u0 + at.slope * moved)
         return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Residual:
+    """w_0 and its derivative by phi; w_1 - pi w_0 + known and its own."""
+
+    contact: Vector
+    slope: Vector
+    value: Vector
+    derivative: Vector

@@ -19,114 +19,85 @@ solved for u and phi together. Second derivatives are compact, of fourth order.
 Time: sqrt(t) = n/M; from each n to n + 1 one step of the three-stage, third-order, L-stable diagonally implicit
 Runge-Kutta method (Alexander 1977), the labels moving at a constant speed, so that one matrix serves the three
 stages. It is tridiagonal with constant coefficients and factors in closed form (Wiener-Hopf): one elimination
-from the far end, one substitution from the boundary. The first step is implicit Euler's, in closed form.
+from the far end, one substitution from the boundary. The first step is implicit Euler's, in closed form. Where the
+labels go is predicted from the boundary's last three places; what the boundary does beyond it, its velocity
+included, is part of every stage's problem, so that the prediction hardly matters.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.arrays import Vector
 from pricing_core.premium_twin.cell import Cell, Obstacle, obstacle_at
+from pricing_core.premium_twin.mesh import Mesh
 
 STAGE = 0.4358665215084590  # root of x**3 - 3 x**2 + 3 x/2 - 1/6 = 0
 STAGE_TIMES = (STAGE, 0.5 * (1.0 + STAGE), 1.0)
+GROWTH = (0.0, 0.5 * (1.0 + STAGE) / STAGE, 2.0 / (1.0 + STAGE))  # of phi, if in proportion to time
 # Weights of the increments Y - rhs of the stages before, already divided by STAGE.
 SECOND = 0.5 * (1.0 - STAGE) / STAGE
 THIRD = (
     -0.25 * (6.0 * STAGE * STAGE - 16.0 * STAGE + 1.0) / STAGE,
     0.25 * (6.0 * STAGE * STAGE - 20.0 * STAGE + 5.0) / STAGE,
 )
-EXTRA_NODES = 6  # beyond the width that grows like sqrt(t)
 FIRST_ITERATIONS, FIRST_TOLERANCE = 16, 1e-3
 FIRST_SHIFT = 0.45  # of the guess, in sqrt(t); fitted
-ACCEPTED_OFFSET = 0.15  # of sqrt(t), between boundary and label 0
+ACCEPTED_OFFSET = 0.5  # of sqrt(t), between boundary and label 0
 TRIES = 8
 
-Profiles = NDArray[np.float64]
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Marched:
+    """What a march leaves.
+
+    Parameters
+    ----------
+    state : array, shape (1 or 4, nodes + 2, rows)
+        u, and du/drate, du/ddividend, du/dspread, now, at the labels; the last label is zero.
+    frame : Vector, shape (rows,)
+        xi of label 0.
+    spacing : float
+        The distance of the labels.
+    boundary : Vector, shape (rows,)
+        ln(S*/K).
+    settled : bool array, shape (rows,)
+        False where the boundary escaped the frame: nothing in that row may be used.
+    """
+
+    state: NDArray[np.float64]
+    frame: Vector
+    spacing: float
+    boundary: Vector
+    settled: NDArray[np.bool_]
 
 
-def premium_march(
-    steps: int,
-    width: float,
-    rate: Vector,
-    dividend: Vector,
-    spread: Vector,
-    nodes: NDArray[np.int64],
-    halvings: NDArray[np.int64],
-    tangents: bool,
-    threads: int,
-) -> tuple[Profiles, Vector, Vector, NDArray[np.bool_]]:
+def march(mesh: Mesh, tangents: bool, rate: Vector, dividend: Vector, spread: Vector) -> Marched:
     """March the premium of every row from expiry to now.
 
     Parameters
     ----------
-    steps : int
-        M >= 2.
-    width : float
-        dx of the last steps where `halvings` is 0; dx is halved each time sqrt(t) is.
+    mesh : Mesh
+        For all rows.
+    tangents : bool
+        Whether to march the derivatives by rate, dividend and spread at fixed xi, the labels held.
     rate, dividend, spread : Vector, shape (rows,)
         r T > 0, q T, sigma sqrt(T) > 0 of a put.
-    nodes : int array, shape (rows,)
-        Labels that are free; the premium is zero beyond.
-    halvings : int array, shape (rows,)
-        dx never exceeds width / 2**halvings.
-    tangents : bool
-        Whether to march the derivatives by rate, dividend and spread at fixed xi, with the boundary frozen.
-    threads : int
-        Not used here; the compiled kernel splits the rows among so many.
-
-    Returns
-    -------
-    profiles : array, shape (rows, 1 or 4, largest nodes + 1)
-        u, and du/drate, du/ddividend, du/dspread, now, at the labels; zero beyond a row's nodes.
-    frame : Vector, shape (rows,)
-        xi of label 0 now; label i lies i width / 2**halvings further.
-    boundary : Vector, shape (rows,)
-        ln(S*/K) now.
-    settled : bool array, shape (rows,)
-        False where the boundary escaped the frame: nothing in that row may be used.
     """
-    del threads
-    rows = rate.size
-    largest = int(nodes.max(initial=0))
-    profiles = np.zeros((rows, 4 if tangents else 1, largest + 1))
-    frame, boundary = np.zeros(rows), np.zeros(rows)
-    settled = np.zeros(rows, dtype=bool)
-    for key in np.unique(np.stack([nodes, halvings]), axis=1).T:
-        mine = np.flatnonzero((nodes == key[0]) & (halvings == key[1]))
-        with np.errstate(all="ignore"):  # what is not finite is not settled
-            march = _March(
-                steps, width, int(key[0]), int(key[1]), tangents, rate[mine], dividend[mine], spread[mine]
-            )
-            march.run()
-        profiles[mine, :, : key[0] + 1] = np.moveaxis(march.state[:, : key[0] + 1], 2, 0)
-        frame[mine], boundary[mine], settled[mine] = march.frame, march.held * march.spread, march.settled
-    return profiles, frame, boundary, settled
-
-
-def spacing_exponent(steps: int, step: int, halvings: int) -> int:
-    """Return e in dx = width / 2**e at sqrt(t) = step/steps."""
-    exponent = 0
-    while step << (exponent + 1) <= steps:
-        exponent += 1
-    return max(exponent, halvings)
+    with np.errstate(all="ignore"):  # what is not finite is not settled
+        marching = _March(mesh, tangents, rate, dividend, spread)
+        marching.run()
+    return Marched(
+        marching.state, marching.frame, mesh.spacing(mesh.steps), marching.held * spread, marching.settled
+    )
 
 
 class _March:
-    """The rows of one number of nodes and halvings; arrays end with the axis of rows."""
+    """The rows of one mesh; arrays end with the axis of rows."""
 
-    def __init__(
-        self,
-        steps: int,
-        width: float,
-        nodes: int,
-        halvings: int,
-        tangents: bool,
-        rate: Vector,
-        dividend: Vector,
-        spread: Vector,
-    ) -> None:
-        self.steps, self.width, self.nodes, self.halvings = steps, width, nodes, halvings
+    def __init__(self, mesh: Mesh, tangents: bool, rate: Vector, dividend: Vector, spread: Vector) -> None:
+        self.mesh, self.steps = mesh, mesh.steps
         self.rate, self.dividend, self.spread = rate, dividend, spread
         self.drift = (rate - dividend - 0.5 * spread * spread) / spread
         # x/spread of the boundary just before expiry, and of the perpetual option, which bounds it.
@@ -134,7 +105,7 @@ class _March:
         self.start = np.minimum(early, 0.0) / spread
         decay = self.drift + np.sqrt(self.drift * self.drift + 2.0 * rate)
         self.perpetual = -np.log1p(spread / decay) / spread
-        self.state = np.zeros((4 if tangents else 1, nodes + 2, rate.size))
+        self.state = np.zeros((4 if tangents else 1, mesh.nodes + 2, rate.size))
         self.settled = np.ones(rate.size, dtype=bool)
         self.frame = np.zeros(rate.size)
         self.reduced: list[Vector] = []  # (x_f/spread - start)/sqrt(t) of the last three steps, newest first
@@ -144,17 +115,9 @@ class _March:
         """March to now."""
         self._first_step()
         for step in range(2, self.steps + 1):
-            if self._exponent(step) < self._exponent(step - 1):
+            if self.mesh.spacing(step) > self.mesh.spacing(step - 1):
                 self._coarsen()
             self._step(step)
-
-    def _exponent(self, step: int) -> int:
-        return spacing_exponent(self.steps, step, self.halvings)
-
-    def _active(self, step: int) -> int:
-        """Return how many labels are free at this step: the width of the premium grows like sqrt(t)."""
-        reach = self.nodes * step << (self._exponent(step) - self.halvings)
-        return min(self.nodes, reach // self.steps + EXTRA_NODES)
 
     def _coarsen(self) -> None:
         kept = self.state[:, ::2].copy()
@@ -163,15 +126,15 @@ class _March:
 
     def _first_step(self) -> None:
         """Take implicit Euler's step from u = 0: u = G(X) e^{-lam (xi - X)} with G' + lam G = 0 at X."""
-        root, dx = 1.0 / self.steps, self.width / 2.0 ** self._exponent(1)
+        root, dx = 1.0 / self.steps, self.mesh.spacing(1)
         t = root * root
         lam = np.sqrt(2.0) / root
         self.frame = self._first_boundary(t, root, lam)
         obstacle = self._obstacle(self.frame, t, root)
         tangents = obstacle.tangents() if self.state.shape[0] > 1 else ()
         falling = np.ones(self.rate.size)
-        decay = np.exp(np.full(self.rate.size, -lam * dx))
-        for i in range(self._active(1) + 1):
+        decay = np.exp(-lam * dx)
+        for i in range(self.mesh.active(1) + 1):
             self.state[0, i] = obstacle.value * falling
             for j, tangent in enumerate(tangents, start=1):
                 self.state[j, i] = tangent * falling
@@ -211,10 +174,15 @@ class _March:
         """Take one Runge-Kutta step, again with a corrected frame where the boundary left it too far behind."""
         before, root = (step - 1) / self.steps, step / self.steps
         start, t = before * before, root * root
-        dx = self.width / 2.0 ** self._exponent(step)
-        weights = _prediction_weights(self.steps, step, len(self.reduced))
-        reduced = sum(w * e for w, e in zip(weights, self.reduced, strict=True))
-        x = np.maximum(np.minimum(self.start + root * reduced, self.held), self.perpetual)
+        dx = self.mesh.spacing(step)
+        if step == 2:
+            # One step says nothing of where the boundary goes: one implicit Euler step to here does.
+            x = self._first_boundary(t, root, float(np.sqrt(2.0)) / root) - self.drift * t
+        else:
+            weights = _prediction_weights(self.steps, step, len(self.reduced))
+            reduced = sum(w * e for w, e in zip(weights, self.reduced, strict=True))
+            x = self.start + root * reduced
+        x = np.maximum(np.minimum(x, self.held), self.perpetual)
         frame = x + self.drift * t
         accepted = np.zeros(self.rate.size, dtype=bool)
         for _ in range(TRIES):
@@ -238,10 +206,12 @@ class _March:
         self, step: int, start: float, t: float, dx: float, frame: Vector
     ) -> tuple[NDArray[np.float64], Vector]:
         """Return the state after the step and phi, the boundary's distance from label 0 in cells."""
-        active, h = self._active(step), t - start
+        active, h = self.mesh.active(step), t - start
         speed = (frame - self.frame) / h
         matrix = _WienerHopf(speed, STAGE * h, dx)
-        slope = self._reduced_slope(step, frame - self.drift * t)
+        weights = _slope_weights(self.steps, step, min(len(self.reduced), 2))
+        reduced = ((frame - self.drift * t - self.start) * self.steps / step, *self.reduced)
+        slope = sum(w * e for w, e in zip(weights, reduced, strict=False))
         state = self.state
         increments: list[NDArray[np.float64]] = []
         stage, offset = state, np.zeros(self.rate.size)
@@ -257,19 +227,16 @@ class _March:
             rhs[:, active + 2 :] = 0.0
             eliminated = matrix.eliminate(rhs, active)
             velocity = ((place - self.drift * time - self.start) / root + slope) / (2.0 * root) + self.drift
-            cell = Cell(self.rate, self.dividend, self.spread, place, time, root, dx, velocity, matrix.pi)
-            values, offset = cell.solve(eliminated[:, 1])
+            turn = 0.5 * dx * (1.0 + weights[0]) / (root * root)
+            cell = Cell(
+                self.rate, self.dividend, self.spread, place, time, root, dx, velocity, turn, matrix.pi
+            )
+            values, offset = cell.solve(eliminated[:, 1], GROWTH[number] * offset, number == 0)
             stage = matrix.substitute(eliminated, values, active)
             increment = stage - rhs
             increment[:, active + 1 :] = 0.0
             increments.append(increment)
         return stage, offset
-
-    def _reduced_slope(self, step: int, x: Vector) -> Vector:
-        """Return d reduced / d ln sqrt(t) at the end of the step by the quadratic through the last points."""
-        reduced = (x - self.start) * self.steps / step
-        weights = _slope_weights(self.steps, step, min(len(self.reduced), 2))
-        return sum((w * e for w, e in zip(weights[1:], self.reduced, strict=False)), weights[0] * reduced)
 
     def _obstacle(self, xi: Vector, t: float, root: float) -> Obstacle:
         return obstacle_at(self.rate, self.dividend, self.spread, xi, t, root)

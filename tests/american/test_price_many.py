@@ -207,11 +207,13 @@ def test_every_field_of_a_row_is_that_of_the_single_price(greeks):
 
 @pytest.mark.skipif(kernel_name() != "rust", reason="384 steps take seconds without the compiled kernel")
 def test_a_row_whose_march_is_not_settled_is_priced_on_the_general_path():
-    row = ("put", "american", 100.0, 1.0, 0.09, 1.3, 0.1)
+    row = ("put", "american", 60.9, 2.0, 0.15515858795, 1.5, 0.0813951507)
     found = price_many({**as_columns([row]), "strike": 100.0}, tolerance=1e-3)
     assert found["method"][0] == "sdirk2"
     assert found["status"][0] == "ok"
-    best = 100.0 * (math.exp(-0.09) - math.exp(-1.3))  # nearly certain to be exercised at the end
+    best = 100.0 * math.exp(-0.3103171759) - 60.9 * math.exp(
+        -3.0
+    )  # nearly certain to be exercised at the end
     assert found["price"][0] >= best - 0.1
 
 

@@ -7,7 +7,6 @@
 use super::obstacle::{Contracts, Moment, Obstacle};
 use super::vector::Vector;
 
-const ITERATIONS: usize = 3;
 /// Of sqrt(t), per iteration, for the boundary.
 const LARGEST_MOVE: f64 = 0.6;
 
@@ -18,15 +17,17 @@ pub struct Cell<'a, V> {
     /// xi of label 0.
     pub xi: V,
     pub dx: f64,
-    /// d `xi_f`/dt.
+    /// d `xi_f`/dt for a boundary at label 0, and its derivative by phi.
     pub velocity: V,
+    pub turn: f64,
     /// The elimination says `u_1` = `y_1` + pi `u_0`.
     pub pi: V,
 }
 
-/// w at label 0; the residual of label 1's equation and its derivative by phi.
+/// w at label 0 and its derivative by phi; the residual of label 1's equation and its derivative by phi.
 struct Residual<V> {
     contact: V,
+    slope: V,
     value: V,
     derivative: V,
 }
@@ -34,29 +35,44 @@ struct Residual<V> {
 impl<V: Vector> Cell<'_, V> {
     /// Return u (and its derivatives) at label 0, and phi, by Newton's method from `y_1`.
     #[inline(always)]
-    pub fn solve<const C: usize>(&self, eliminated: [V; C]) -> ([V; C], V) {
+    pub fn solve<const C: usize>(&self, eliminated: [V; C], guess: V, blind: bool) -> ([V; C], V) {
         let here = Obstacle::at(self.contracts, &self.moment, self.xi);
         let there = Obstacle::at(self.contracts, &self.moment, self.xi.plus(self.dx));
         let bond = self.moment.rate_growth.plus(1.0);
         let stock = here.growth * self.moment.dividend_growth.plus(1.0);
         let known = there.value - eliminated[0] - self.pi * here.value;
-        let most = LARGEST_MOVE * self.moment.root / self.dx;
-        let mut phi = V::zero();
-        for _ in 0..ITERATIONS {
-            let at = self.residual(phi, known, bond, stock);
-            let newton = (at.value / at.derivative)
-                .min(V::all(most))
-                .max(V::all(-most));
-            phi = (phi - newton)
-                .min(V::all(2.0 * most))
-                .max(V::all(-2.0 * most));
+        let most = V::all(LARGEST_MOVE * self.moment.root / self.dx);
+        let mut phi = guess;
+        if blind {
+            phi = self.newton(phi, most, known, bond, stock);
         }
-        let mut contact = [here.value + self.residual(phi, known, bond, stock).contact; C];
+        phi = self.newton(phi, most, known, bond, stock);
+        phi = self.newton(phi, most, known, bond, stock);
+        let at = self.residual(phi, known, bond, stock);
+        let mut contact = [here.value + at.contact; C];
         if C > 1 {
-            let derivatives = self.tangents(eliminated, phi, &here, &there, bond, stock);
-            contact[1..].copy_from_slice(&derivatives[..C - 1]);
+            let sources = self.sources(phi, bond, stock);
+            let z0 = phi.times(-self.dx);
+            let z1 = z0.plus(self.dx);
+            let inverse = V::all(1.0) / at.derivative;
+            for j in 0..3 {
+                // The conditions differentiated: what moves u_0 and u_1 at a fixed boundary, then the boundary.
+                let (bend, third) = sources[j];
+                let u0 = here.tangents[j] + z0 * z0 * z0.times_plus(third, bend);
+                let u1 = there.tangents[j] + z1 * z1 * z1.times_plus(third, bend);
+                let moved = (eliminated[j + 1] + self.pi * u0 - u1) * inverse;
+                contact[j + 1] = at.slope.times_plus(moved, u0);
+            }
         }
         (contact, phi)
+    }
+
+    /// One step of Newton's method, held to `most`.
+    #[inline(always)]
+    fn newton(&self, phi: V, most: V, known: V, bond: V, stock: V) -> V {
+        let at = self.residual(phi, known, bond, stock);
+        let step = (at.value / at.derivative).min(most).max(-most);
+        (phi - step).min(most + most).max(-(most + most))
     }
 
     /// e^{y + dividend t} at the boundary, e^{spread phi dx} by its series.
@@ -75,7 +91,7 @@ impl<V: Vector> Cell<'_, V> {
             dividend,
             spread,
         } = *self.contracts;
-        let v = self.velocity;
+        let v = phi.times_plus(V::all(self.turn), self.velocity);
         let earned = rate * bond;
         let paid = dividend * self.stock_at(phi, stock);
         let h = earned - paid;
@@ -90,26 +106,21 @@ impl<V: Vector> Cell<'_, V> {
         let (twice, thrice, fourfold) = (h + h, third.times(3.0), fourth.times(4.0));
         let slope0 = z0 * z0.times_plus(z0.times_plus(fourfold, thrice), twice);
         let slope1 = z1 * z1.times_plus(z1.times_plus(fourfold, thrice), twice);
+        // The velocity is in the coefficients of z^3 and z^4.
+        let turned = h.times(self.turn * (2.0 / 3.0));
+        let by0 = slope0.times(-self.dx) + turned * (z0 * z0 * z0) * (z0 * v).plus(-1.0);
+        let by1 = slope1.times(-self.dx) + turned * (z1 * z1 * z1) * (z1 * v).plus(-1.0);
         Residual {
             contact: w0,
+            slope: by0,
             value: known + (w1 - self.pi * w0),
-            derivative: (slope1 - self.pi * slope0).times(-self.dx),
+            derivative: by1 - self.pi * by0,
         }
     }
 
-    /// Derivatives of u at label 0 by rate, dividend and spread.
-    ///
-    /// That of w vanishes at the boundary; beyond it is c (z - velocity `z^2`) + h' `z^2`, h' the derivative of h.
+    /// The coefficients of z^2 and z^3 in the derivatives of w by rate, dividend and spread at a fixed boundary.
     #[inline(always)]
-    fn tangents<const C: usize>(
-        &self,
-        eliminated: [V; C],
-        phi: V,
-        here: &Obstacle<V>,
-        there: &Obstacle<V>,
-        bond: V,
-        stock: V,
-    ) -> [V; 3] {
+    fn sources(&self, phi: V, bond: V, stock: V) -> [(V, V); 3] {
         let Contracts {
             rate,
             dividend,
@@ -118,23 +129,22 @@ impl<V: Vector> Cell<'_, V> {
         let t = self.moment.t;
         let stock = self.stock_at(phi, stock);
         let boundary = phi.times_plus(V::all(self.dx), self.xi);
-        let sources = [
-            bond * rate.times(t).plus(1.0),
-            -(stock * dividend.times(t).plus(1.0)),
-            -(dividend * stock * (boundary + spread.times(t))),
-        ];
-        let z0 = phi.times(-self.dx);
-        let z1 = z0.plus(self.dx);
-        let line0 = z0 - self.velocity * (z0 * z0);
-        let line1 = z1 - self.velocity * (z1 * z1);
-        let lever = V::all(1.0) / (line1 - self.pi * line0);
-        let bend = z1 * z1 - self.pi * (z0 * z0);
-        let mut derivatives = here.tangents;
-        for (j, g0) in derivatives.iter_mut().enumerate() {
-            let c = ((eliminated[j + 1] + self.pi * *g0 - there.tangents[j]) - sources[j] * bend)
-                * lever;
-            *g0 = *g0 + c * line0 + sources[j] * (z0 * z0);
-        }
-        derivatives
+        let v = phi.times_plus(V::all(self.turn), self.velocity);
+        let paid = dividend * stock;
+        let by_rate = bond * rate.times(t).plus(1.0);
+        let by_dividend = -(stock * dividend.times(t).plus(1.0));
+        let by_spread = -(paid * (boundary + spread.times(t)));
+        let twice = v + v;
+        [
+            (by_rate, -(by_rate * twice).times(1.0 / 3.0)),
+            (
+                by_dividend,
+                (by_dividend * (spread - twice)).times(1.0 / 3.0),
+            ),
+            (
+                by_spread,
+                (by_spread * (spread - twice) - paid).times(1.0 / 3.0),
+            ),
+        ]
     }
 }

@@ -23,6 +23,10 @@ mod portable {
         [a]
     }
     #[inline(always)]
+    pub fn lane(a: &f64, _: usize) -> f64 {
+        *a
+    }
+    #[inline(always)]
     pub fn add(a: f64, b: f64) -> f64 {
         a + b
     }
@@ -113,6 +117,12 @@ macro_rules! register {
                 let $source = x.as_ptr();
                 // SAFETY: as many numbers are read as the array has.
                 unsafe { $load }
+            }
+            #[inline(always)]
+            pub fn lane(a: &R, lane: usize) -> f64 {
+                assert!(lane < $width);
+                // SAFETY: a register is so many numbers in a row.
+                unsafe { *std::ptr::from_ref(a).cast::<f64>().add(lane) }
             }
             #[inline(always)]
             pub fn store($value: R) -> [f64; $width] {

@@ -2,7 +2,7 @@
 
 use super::cell::Cell;
 use super::first_step::first_boundary;
-use super::normal::{exp, ln};
+use super::normal::ln;
 use super::obstacle::{Contracts, Moment, Obstacle};
 use super::plan::{Plan, Step};
 use super::vector::{Vector, LANES};
@@ -10,14 +10,25 @@ use super::vector::{Vector, LANES};
 /// Root of x^3 - 3 x^2 + 3 x/2 - 1/6: Alexander's three-stage method.
 const STAGE: f64 = 0.435_866_521_508_459;
 const STAGE_TIMES: [f64; 3] = [STAGE, 0.5 * (1.0 + STAGE), 1.0];
-/// Weights of the increments of the stages before, already divided by `STAGE`.
+/// Of phi from stage to stage, if it grows in proportion to time.
+const GROWTH: [f64; 3] = [0.0, 0.5 * (1.0 + STAGE) / STAGE, 2.0 / (1.0 + STAGE)];
+/// The right-hand sides as sums of the state and the stages before: from the tableau, for one matrix.
 const SECOND: f64 = 0.5 * (1.0 - STAGE) / STAGE;
 const THIRD: [f64; 2] = [
     -0.25 * (6.0 * STAGE * STAGE - 16.0 * STAGE + 1.0) / STAGE,
     0.25 * (6.0 * STAGE * STAGE - 20.0 * STAGE + 5.0) / STAGE,
 ];
+const SHARES: [[f64; 3]; 3] = [
+    [1.0, 0.0, 0.0],
+    [1.0 - SECOND, SECOND, 0.0],
+    [
+        1.0 - THIRD[0] - THIRD[1] * (1.0 - SECOND),
+        THIRD[0] - THIRD[1] * SECOND,
+        THIRD[1],
+    ],
+];
 /// Of sqrt(t), between boundary and label 0.
-const ACCEPTED_OFFSET: f64 = 0.15;
+const ACCEPTED_OFFSET: f64 = 0.5;
 const TRIES: usize = 8;
 
 /// What a march leaves beside the premium: label i is at `frame` + i dx.
@@ -34,10 +45,8 @@ pub struct Marched<V> {
 pub struct Workspace<V, const C: usize> {
     /// u (and its derivatives) at the labels 0 .. nodes + 1.
     pub state: Vec<[V; C]>,
-    next: Vec<[V; C]>,
-    increments: [Vec<[V; C]>; 2],
-    rhs: Vec<[V; C]>,
-    eliminated: Vec<[V; C]>,
+    /// The same after the three stages; before the substitution, what the elimination left.
+    stages: [Vec<[V; C]>; 3],
 }
 
 impl<V: Vector, const C: usize> Workspace<V, C> {
@@ -45,25 +54,15 @@ impl<V: Vector, const C: usize> Workspace<V, C> {
     pub fn new() -> Self {
         Self {
             state: Vec::new(),
-            next: Vec::new(),
-            increments: [Vec::new(), Vec::new()],
-            rhs: Vec::new(),
-            eliminated: Vec::new(),
+            stages: [Vec::new(), Vec::new(), Vec::new()],
         }
     }
 
     /// Hold `nodes` + 2 labels; the arrays keep their memory.
     #[inline(always)]
     fn resize(&mut self, nodes: usize) {
-        let [first, second] = &mut self.increments;
-        for array in [
-            &mut self.state,
-            &mut self.next,
-            first,
-            second,
-            &mut self.rhs,
-            &mut self.eliminated,
-        ] {
+        let [first, second, third] = &mut self.stages;
+        for array in [&mut self.state, first, second, third] {
             array.resize(nodes + 2, [V::zero(); C]);
         }
     }
@@ -121,6 +120,14 @@ impl<V: Vector> Track<V> {
         x.min(self.held).max(self.perpetual)
     }
 
+    /// Extrapolate (ln(S*/K)/spread - start)/sqrt(t) to the end of a step.
+    #[inline(always)]
+    fn predicted(&self, step: &Step) -> V {
+        self.reduced[0].times(step.prediction[0])
+            + self.reduced[1].times(step.prediction[1])
+            + self.reduced[2].times(step.prediction[2])
+    }
+
     #[inline(always)]
     fn remember(&mut self, x: V, root: f64) {
         self.held = x;
@@ -172,21 +179,26 @@ pub fn march<V: Vector, const C: usize>(
 ) -> Marched<V> {
     work.resize(plan.nodes);
     let mut track = Track::new(contracts);
-    let first = &plan.steps[0];
-    let mut frame = first_step(first, contracts, work);
+    let first = plan.step(1);
+    let mut frame = first_step(&first, contracts, work);
     track.remember(
         frame - track.drift.times(first.root * first.root),
         first.root,
     );
     let mut settled = [true; LANES];
-    for (before, step) in plan.steps.iter().zip(&plan.steps[1..]) {
+    let mut before = first.root;
+    for n in 2..=plan.count() {
+        let step = plan.step(n);
         if step.coarsens {
             work.coarsen();
         }
         let (arrived, accepted) =
-            runge_kutta_step(before.root, step, contracts, &mut track, frame, work);
+            runge_kutta_step(before, &step, contracts, &mut track, frame, work);
         frame = arrived;
-        settled = std::array::from_fn(|l| settled[l] & accepted[l]);
+        before = step.root;
+        for (settled, accepted) in settled.iter_mut().zip(accepted) {
+            *settled &= accepted;
+        }
     }
     Marched {
         frame,
@@ -208,12 +220,12 @@ fn first_step<V: Vector, const C: usize>(
     let obstacle = Obstacle::at(contracts, &moment, frame);
     let mut value = [obstacle.value; C];
     value[1..].copy_from_slice(&obstacle.tangents[..C - 1]);
-    let decay = exp(V::all(-lam * step.dx));
+    let decay = (-lam * step.dx).exp();
     work.state.fill([V::zero(); C]);
     for label in &mut work.state[..=step.active] {
         *label = value;
         for u in &mut value {
-            *u = *u * decay;
+            *u = u.times(decay);
         }
     }
     frame
@@ -230,17 +242,24 @@ fn runge_kutta_step<V: Vector, const C: usize>(
     work: &mut Workspace<V, C>,
 ) -> (V, [bool; LANES]) {
     let t = step.root * step.root;
-    let reduced = track.reduced[0].times(step.prediction[0])
-        + track.reduced[1].times(step.prediction[1])
-        + track.reduced[2].times(step.prediction[2]);
     let moved = track.drift.times(t);
-    let mut x = track.bounded(track.start + reduced.times(step.root));
+    let mut x = if step.number == 2 {
+        // One step says nothing of where the boundary goes: one implicit Euler step to here does.
+        let moment = Moment::new(contracts, t, step.root);
+        first_boundary(contracts, &moment, std::f64::consts::SQRT_2 / step.root) - moved
+    } else {
+        track.start + track.predicted(step).times(step.root)
+    };
+    x = track.bounded(x);
     let mut frame = x + moved;
     let mut open = V::all(1.0); // -1 where the step is accepted
     for _ in 0..TRIES {
-        let offset = stages(before, step, contracts, track, from, frame, work);
-        let found = offset.times_plus(V::all(step.dx), frame) - moved;
-        x = open.negative(x, found);
+        let stages = Stages::new(before, step, contracts, track, from, frame);
+        let mut offset = V::zero();
+        for number in 0..STAGE_TIMES.len() {
+            offset = stages.take(number, offset, work);
+        }
+        x = open.negative(x, offset.times_plus(V::all(step.dx), frame) - moved);
         let excess = offset
             .abs()
             .times(step.dx)
@@ -252,66 +271,106 @@ fn runge_kutta_step<V: Vector, const C: usize>(
         x = open.negative(x, track.bounded(x));
         frame = open.negative(frame, x + moved);
     }
-    std::mem::swap(&mut work.state, &mut work.next);
+    std::mem::swap(&mut work.state, &mut work.stages[2]);
     track.remember(x, step.root);
-    (frame, open.lanes().map(|o| o < 0.0))
+    let mut accepted = [false; LANES];
+    for (own, open) in accepted.iter_mut().zip(open.lanes()) {
+        *own = open < 0.0;
+    }
+    (frame, accepted)
 }
 
-/// The three stages; the new state is left in `work.next`. Returns phi, the boundary's distance from label 0 in cells.
-#[inline(always)]
-fn stages<V: Vector, const C: usize>(
-    before: f64,
-    step: &Step,
-    contracts: &Contracts<V>,
-    track: &Track<V>,
+/// The three stages of one step towards a frame.
+struct Stages<'a, V> {
+    start: f64,
+    h: f64,
+    step: &'a Step<'a>,
+    contracts: &'a Contracts<V>,
+    drift: V,
+    /// ln(S*/K)/spread just before expiry.
+    begin: V,
     from: V,
     frame: V,
-    work: &mut Workspace<V, C>,
-) -> V {
-    let (start, end) = (before * before, step.root * step.root);
-    let h = end - start;
-    let matrix = WienerHopf::new((frame - from).times(1.0 / h), STAGE * h, step.dx);
-    let newest = (frame - track.drift.times(end) - track.start).times(1.0 / step.root);
-    let slope = newest.times(step.slope[0])
-        + track.reduced[0].times(step.slope[1])
-        + track.reduced[1].times(step.slope[2]);
-    let mut offset = V::zero();
-    for (number, c) in STAGE_TIMES.into_iter().enumerate() {
-        let t = start + c * h;
-        let root = t.sqrt();
-        let place = (frame - from).times_plus(V::all(c), from);
-        let reduced = (place - track.drift.times(t) - track.start).times(1.0 / root);
-        eliminate(number, &matrix, step.active, work);
-        let cell = Cell {
-            contracts,
-            moment: Moment::new(contracts, t, root),
-            xi: place,
-            dx: step.dx,
-            velocity: (reduced + slope).times(0.5 / root) + track.drift,
-            pi: matrix.pi,
-        };
-        let (contact, phi) = cell.solve(work.eliminated[1]);
-        substitute(number, &matrix, step.active, contact, work);
-        offset = phi;
-    }
-    offset
+    matrix: WienerHopf<V>,
+    /// d reduced / d ln sqrt(t) at the end of the step.
+    slope: V,
 }
 
-/// The state plus the weighted increments of the stages before.
+impl<'a, V: Vector> Stages<'a, V> {
+    #[inline(always)]
+    fn new(
+        before: f64,
+        step: &'a Step<'a>,
+        contracts: &'a Contracts<V>,
+        track: &Track<V>,
+        from: V,
+        frame: V,
+    ) -> Self {
+        let (start, end) = (before * before, step.root * step.root);
+        let h = end - start;
+        let newest = (frame - track.drift.times(end) - track.start).times(1.0 / step.root);
+        Self {
+            start,
+            h,
+            step,
+            contracts,
+            drift: track.drift,
+            begin: track.start,
+            from,
+            frame,
+            matrix: WienerHopf::new((frame - from).times(1.0 / h), STAGE * h, step.dx),
+            slope: newest.times(step.slope[0])
+                + track.reduced[0].times(step.slope[1])
+                + track.reduced[1].times(step.slope[2]),
+        }
+    }
+
+    /// Take one; the last leaves the new state in `work.stages`. Returns phi, how many cells beyond label 0 the boundary is.
+    #[inline(always)]
+    fn take<const C: usize>(&self, number: usize, last: V, work: &mut Workspace<V, C>) -> V {
+        let c = STAGE_TIMES[number];
+        let t = self.start + c * self.h;
+        let root = t.sqrt();
+        let xi = (self.frame - self.from).times_plus(V::all(c), self.from);
+        let reduced = (xi - self.drift.times(t) - self.begin).times(1.0 / root);
+        eliminate(number, &self.matrix, self.step.active, work);
+        let cell = Cell {
+            contracts: self.contracts,
+            moment: Moment::new(self.contracts, t, root),
+            xi,
+            dx: self.step.dx,
+            velocity: (reduced + self.slope).times(0.5 / root) + self.drift,
+            turn: 0.5 * self.step.dx * (1.0 + self.step.slope[0]) / (root * root),
+            pi: self.matrix.pi,
+        };
+        let (contact, phi) = cell.solve(
+            work.stages[number][1],
+            last.times(GROWTH[number]),
+            number == 0,
+        );
+        substitute(number, &self.matrix, self.step.active, contact, work);
+        phi
+    }
+}
+
+/// A weighted sum of the state and the stages before.
 #[inline(always)]
 fn right_hand_side<V: Vector, const C: usize>(
     stage: usize,
-    history: [&[[V; C]]; 3],
+    known: [&[[V; C]]; 3],
     i: usize,
 ) -> [V; C] {
-    let [state, first, second] = history;
+    let [state, first, second] = known;
     let mut sum = state[i];
-    for c in 0..C {
-        if stage == 1 {
-            sum[c] = first[i][c].times_plus(V::all(SECOND), sum[c]);
-        } else if stage == 2 {
-            sum[c] = first[i][c].times_plus(V::all(THIRD[0]), sum[c]);
-            sum[c] = second[i][c].times_plus(V::all(THIRD[1]), sum[c]);
+    if stage > 0 {
+        for c in 0..C {
+            sum[c] =
+                first[i][c].times_plus(V::all(SHARES[stage][1]), sum[c].times(SHARES[stage][0]));
+        }
+    }
+    if stage > 1 {
+        for c in 0..C {
+            sum[c] = second[i][c].times_plus(V::all(SHARES[stage][2]), sum[c]);
         }
     }
     sum
@@ -325,30 +384,30 @@ fn eliminate<V: Vector, const C: usize>(
     active: usize,
     work: &mut Workspace<V, C>,
 ) {
-    let (state, [first, second]) = (&work.state[..active + 2], &work.increments);
-    let (first, second) = (&first[..active + 2], &second[..active + 2]);
-    let history = [state, first, second];
-    let (rhs, eliminated) = (&mut work.rhs[..=active], &mut work.eliminated[..=active]);
-    let mut above = right_hand_side(stage, history, active + 1);
-    let mut here = right_hand_side(stage, history, active);
+    let (known, found) = work.stages.split_at_mut(stage);
+    let state = &work.state[..active + 2];
+    // Stages that are not known yet are not read.
+    let first = known.first().map_or(state, |v| &v[..active + 2]);
+    let second = known.get(1).map_or(state, |v| &v[..active + 2]);
+    let known = [state, first, second];
+    let eliminated = &mut found[0][..=active];
+    let mut above = right_hand_side(stage, known, active + 1);
+    let mut here = right_hand_side(stage, known, active);
     let mut y = [V::zero(); C];
     for i in (1..=active).rev() {
-        let below = right_hand_side(stage, history, i - 1);
+        let below = right_hand_side(stage, known, i - 1);
         for c in 0..C {
-            let known = matrix.upper * above[c];
-            let known = matrix
-                .lower
-                .times_plus(below[c], matrix.middle.times_plus(here[c], known));
-            y[c] = matrix.rho.times_plus(y[c], known);
+            let mean = matrix.middle.times_plus(here[c], matrix.upper * above[c]);
+            y[c] = matrix
+                .rho
+                .times_plus(y[c], matrix.lower.times_plus(below[c], mean));
         }
         eliminated[i] = y;
-        rhs[i] = here;
         (above, here) = (here, below);
     }
-    rhs[0] = here;
 }
 
-/// From the boundary: `u_i` = `y_i` + pi `u_{i-1}`; the stages but the last leave their increment.
+/// From the boundary: `u_i` = `y_i` + pi `u_{i-1}`; beyond `active` nothing changes, or is zero after the last stage.
 #[inline(always)]
 fn substitute<V: Vector, const C: usize>(
     stage: usize,
@@ -357,30 +416,18 @@ fn substitute<V: Vector, const C: usize>(
     contact: [V; C],
     work: &mut Workspace<V, C>,
 ) {
-    let eliminated = &work.eliminated[..=active];
-    let rhs = &work.rhs[..=active];
+    if stage < 2 {
+        work.stages[stage][active + 1] = work.state[active + 1];
+    } else {
+        work.stages[stage][active + 1..].fill([V::zero(); C]);
+    }
+    let found = &mut work.stages[stage][..=active];
     let mut u = contact;
-    if stage == 2 {
-        work.next[active + 1..].fill([V::zero(); C]);
-        let next = &mut work.next[..=active];
-        next[0] = u;
-        for i in 1..=active {
-            for c in 0..C {
-                u[c] = matrix.pi.times_plus(u[c], eliminated[i][c]);
-            }
-            next[i] = u;
-        }
-        return;
-    }
-    work.increments[stage][active + 1] = [V::zero(); C];
-    let increment = &mut work.increments[stage][..=active];
-    for c in 0..C {
-        increment[0][c] = u[c] - rhs[0][c];
-    }
-    for i in 1..=active {
+    found[0] = u;
+    for label in &mut found[1..] {
         for c in 0..C {
-            u[c] = matrix.pi.times_plus(u[c], eliminated[i][c]);
-            increment[i][c] = u[c] - rhs[i][c];
+            u[c] = matrix.pi.times_plus(u[c], label[c]);
         }
+        *label = u;
     }
 }

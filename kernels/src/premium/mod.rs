@@ -4,18 +4,21 @@
 #![allow(clippy::inline_always)]
 #![allow(clippy::similar_names, clippy::many_single_char_names)] // the formulas' names
 
+mod boundaries;
 mod cell;
 mod dispatch;
-mod evaluate;
 mod first_step;
-mod groups;
+mod group;
 mod march;
+mod mesh;
 mod normal;
 mod obstacle;
 mod plan;
+mod reading;
+mod solve;
 mod vector;
 
-pub use evaluate::{STENCIL, VALUES};
-pub use groups::{
-    premium_march, premium_values, profile_values, Library, Mesh, Profiles, Rows, Values,
-};
+pub use boundaries::march_boundaries;
+pub use plan::STEPS;
+pub use reading::VALUES;
+pub use solve::{solve_puts, Puts, Solved, COLUMNS};

@@ -20,6 +20,8 @@ pub trait Vector:
     fn from_lanes(x: [f64; LANES]) -> Self;
     /// The numbers.
     fn lanes(self) -> [f64; LANES];
+    /// The number of one lane, below `LANES`.
+    fn lane(&self, lane: usize) -> f64;
     /// `self` b + c, rounded once where the processor can.
     fn times_plus(self, b: Self, c: Self) -> Self;
     /// The smaller.
@@ -94,6 +96,11 @@ macro_rules! vector {
                 let (parts, _) = x.as_chunks_mut::<$width>();
                 $(parts[$i] = $ops::store(self.0[$i]);)*
                 x
+            }
+            #[inline(always)]
+            #[allow(clippy::modulo_one)]
+            fn lane(&self, lane: usize) -> f64 {
+                $ops::lane(&self.0[lane / $width], lane % $width)
             }
             #[inline(always)]
             fn times_plus(self, b: Self, c: Self) -> Self {

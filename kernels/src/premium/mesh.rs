@@ -1,0 +1,149 @@
+//! Which meshes a put is marched on: few classes, that puts of one class march side by side.
+
+use super::normal::ln;
+use super::obstacle::Contracts;
+use super::plan::{Plan, STEPS};
+use super::vector::{Vector, LANES};
+
+/// dx sqrt(M) of the last steps: wider, and the compact scheme loses the signs of an M-matrix.
+const WIDTH: f64 = 0.75;
+/// dx at most this share of the length over which the premium decays, and of those lengths in the grid.
+const LAYER: f64 = 0.7;
+const LAYERS: f64 = 20.0;
+/// Of the march with 16 steps at r T = 1, and the power of r T with which it grows: four puts in five are better.
+const TYPICAL_ERROR: f64 = 7e-5;
+const TYPICAL_POWER: f64 = 1.3;
+/// From this tolerance on two marches are enough.
+const LOOSE_TOLERANCE: f64 = 1e-4;
+/// 1/log2(6): six times less error for twice the steps.
+const STEPS_POWER: f64 = 0.386_852_807_234_541_6;
+const SMALLEST_RATE: f64 = 1e-9;
+const LARGEST_GROWTH: f64 = 3.0;
+const SMALLEST_SPREAD: f64 = 1e-7;
+const LARGEST_SPREAD: f64 = 4.0;
+/// In xi, from the boundary to the end of the grid.
+const LARGEST_DISTANCE: f64 = 40.0;
+/// Of the coarsest cells.
+const LARGEST_DECAY_CLASS: u32 = 18;
+const DISTANCES: usize = 54;
+
+/// The width of the grid in units of `WIDTH`, and how fast the premium decays, in quarters of an octave.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct MeshClass {
+    distance: u32,
+    decay: u32,
+}
+
+impl MeshClass {
+    /// How many there are.
+    pub const COUNT: usize = DISTANCES * (LARGEST_DECAY_CLASS as usize + 1);
+
+    /// Below `COUNT`.
+    pub fn index(self) -> usize {
+        self.decay as usize * DISTANCES + self.distance as usize
+    }
+
+    /// The meshes of a level.
+    #[allow(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss
+    )]
+    pub fn plan(self, level: usize) -> Plan {
+        let steps = STEPS[level];
+        // The smallest h with dx = WIDTH/(2^h sqrt(M)) <= LAYER/decay.
+        let mut halvings = 0;
+        while (1 << (self.decay + 2)) > (steps * steps) << (4 * halvings) {
+            halvings += 1;
+        }
+        let root = (steps as f64).sqrt();
+        let finer = f64::from(1_u32 << halvings);
+        let mut cells = f64::from(self.distance) * root * finer;
+        if halvings > 0 {
+            let slowest = LAYER / WIDTH * 2.0_f64.powf(0.25 * f64::from(self.decay + 1));
+            cells = cells.min((LAYERS / slowest + 1.0) / WIDTH * root * finer);
+        }
+        Plan::new(level, WIDTH / root, cells.ceil() as usize, halvings)
+    }
+}
+
+/// The class of each lane and the level to begin with; None where the march does not serve.
+#[inline(always)]
+pub fn classify<V: Vector>(
+    contracts: &Contracts<V>,
+    tolerance: V,
+) -> [Option<(MeshClass, usize)>; LANES] {
+    let Contracts {
+        rate,
+        dividend,
+        spread,
+    } = *contracts;
+    let drift = (rate - dividend) / spread - spread.times(0.5);
+    let decay = drift + (drift * drift + rate + rate).sqrt();
+    let decay_class = ln(decay.times(WIDTH / LAYER))
+        .times(4.0 * std::f64::consts::LOG2_E)
+        .plus(-2.0);
+    let distance = distance(contracts, tolerance, drift, decay).times(1.0 / WIDTH);
+    let small = rate.min(V::all(1.0));
+    let typical = ln(small).times(TYPICAL_POWER).plus(TYPICAL_ERROR.ln());
+    let steps = super::normal::exp((typical - ln(tolerance)).times(STEPS_POWER)).times(16.0);
+    // Written so that what is not a number is not inside.
+    let mut served = V::all(1.0);
+    for room in [
+        rate.plus(-SMALLEST_RATE * (1.0 - 1e-12)),
+        V::all(LARGEST_GROWTH * (1.0 + 1e-12)) - rate,
+        V::all(LARGEST_GROWTH * (1.0 + 1e-12)) - dividend.abs(),
+        spread.plus(-SMALLEST_SPREAD * (1.0 - 1e-12)),
+        V::all(LARGEST_SPREAD * (1.0 + 1e-12)) - spread,
+        V::all(LARGEST_DISTANCE / WIDTH) - distance,
+        V::all(f64::from(LARGEST_DECAY_CLASS)) - decay_class,
+    ] {
+        served = (-room).negative(served, V::zero());
+    }
+    let (served, decay_class, distance) = (served.lanes(), decay_class.lanes(), distance.lanes());
+    let (steps, tolerance) = (steps.lanes(), tolerance.lanes());
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss
+    )]
+    std::array::from_fn(|l| {
+        (served[l] > 0.0).then(|| {
+            let class = MeshClass {
+                distance: distance[l].ceil() as u32,
+                decay: decay_class[l].max(0.0).ceil() as u32,
+            };
+            let fewest = if tolerance[l] >= LOOSE_TOLERANCE {
+                2
+            } else {
+                4
+            };
+            let level = STEPS.iter().filter(|&&s| (s as f64) < steps[l]).count();
+            (class, level.clamp(fewest, STEPS.len() - 1))
+        })
+    })
+}
+
+/// How far, in xi, the free labels reach: from the boundary to where the premium is negligible.
+///
+/// The premium at xi is at most about r T N(-xi); it is cut off beyond e^{-reach^2/2} = tolerance/(10 r T).
+/// The boundary is guessed, rather too low, from its expansion at expiry and that of the option without expiry.
+#[inline(always)]
+fn distance<V: Vector>(contracts: &Contracts<V>, tolerance: V, drift: V, decay: V) -> V {
+    let Contracts {
+        rate,
+        dividend,
+        spread,
+    } = *contracts;
+    let one = V::all(1.0);
+    let cut = (rate.times(10.0) / tolerance).max(V::all(100.0));
+    let reach = ln(cut).times(2.0).sqrt();
+    let early = ln((-dividend).negative(rate / dividend, one)).min(V::zero());
+    let start = early / spread;
+    let held = (rate - dividend).max(V::zero()) / spread + dividend.max(V::zero());
+    let odds = V::all(0.5) / held.max(V::all(1e-300));
+    let falling = -(ln(odds.plus(1.0)).times(2.0).sqrt());
+    let perpetual = -(ln((spread / decay).plus(1.0)) / spread);
+    let lowest = falling.min(start.plus(-1.0)).max(perpetual);
+    reach + (start - lowest - drift).max(V::zero())
+}
