@@ -62,7 +62,7 @@ def value_book(book: Book, *, greeks: bool, threads: int, shared: bool) -> BookV
         Whether vega, rho and dividend rho are wanted; they are NaN otherwise.
     threads : int
     shared : bool
-        Whether neighbouring rows that differ in spot and strike alone share a march.
+        Whether rows that differ in spot and strike alone share a march.
     """
     count = book.spot.size
     numbers = dict(zip(BookValues.__slots__[:10], np.full((10, count), np.nan), strict=True))

@@ -95,21 +95,28 @@ def solve_puts(
         derivatives by the parameters.
     threads : int
     shared : bool
-        Whether neighbouring rows that differ in x alone share their marches.
+        Whether rows that differ in x alone share their marches.
     fewest, most : int
         Bounds of the number of time steps of the finest march.
     """
-    count = puts.x.size
-    if shared and count:
-        parameters = np.stack([puts.rate, puts.dividend, puts.spread])
-        starts = np.flatnonzero(np.append(True, np.any(parameters[:, 1:] != parameters[:, :-1], axis=0)))
-        runs = puts.take(starts)
-        first = np.append(starts, count)
+    if shared and puts.x.size:
+        order = np.lexsort((puts.spread, puts.dividend, puts.rate))
+        ordered = puts.take(order)
+        parameters = np.stack([ordered.rate, ordered.dividend, ordered.spread])
+        first = np.flatnonzero(np.append(True, np.any(parameters[:, 1:] != parameters[:, :-1], axis=0)))
+        runs = ordered.take(first)
+        found = kernel.solve_puts(
+            ordered.x, runs.rate, runs.dividend, runs.spread, np.append(first, order.size), tolerance[order],
+            None if limits is None else limits[order], fewest, most, threads,
+        )  # fmt: skip
+        place = np.empty_like(order)
+        place[order] = np.arange(order.size)
+        numbers, exercised, settled, steps = (column[..., place] for column in found)
     else:
-        runs, first = puts, np.arange(count + 1)
-    numbers, exercised, settled, steps = kernel.solve_puts(
-        puts.x, runs.rate, runs.dividend, runs.spread, first, tolerance, limits, fewest, most, threads
-    )
+        numbers, exercised, settled, steps = kernel.solve_puts(
+            puts.x, puts.rate, puts.dividend, puts.spread, np.arange(puts.x.size + 1), tolerance, limits,
+            fewest, most, threads,
+        )  # fmt: skip
     return PutValues(numbers[:7], numbers[7], numbers[8], exercised, settled, steps)
 
 

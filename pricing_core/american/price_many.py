@@ -58,8 +58,8 @@ def price_many(
     threads : int, optional
         How many to use, >= 1; one by default. The results do not depend on it.
     share_solves : bool
-        Serve neighbouring rows that differ in spot and strike alone from one solve: chains and ladders, sorted by
-        the other columns, are priced many times faster, to the same tolerance.
+        Serve rows that differ in spot and strike alone from one solve: chains and ladders are priced many times
+        faster, to the same tolerance.
 
     Returns
     -------

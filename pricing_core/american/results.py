@@ -107,9 +107,14 @@ def assemble(
     status: Status,
     method: str,
     diagnostics: Diagnostics,
+    european: float | None = None,
 ) -> Valuation:
-    """Return the valuation with everything that follows from value, derivatives and region; NaN becomes None."""
-    european = european_value(option, market).value
+    """Return the valuation with everything that follows from value, derivatives and region; NaN becomes None.
+
+    The European value is computed where it is not known.
+    """
+    if european is None:
+        european = european_value(option, market).value
     near, _ = region.boundaries(option)
     return Valuation(
         price=_present(closed.value),

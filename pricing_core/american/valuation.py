@@ -263,6 +263,7 @@ def march_value(option: Option, market: Market, tolerance: float, greeks: bool) 
         status="ok" if closed.error <= tolerance * option.strike else "tolerance_not_met",
         method=MARCH_METHOD,
         diagnostics=Diagnostics("premium march", steps_taken=values.steps.item(0)),
+        european=values.european.item(0),
     )
 
 

@@ -39,7 +39,7 @@ class Spots:
     """Spots, and what of their options no march changes; the parameters have shape (n,)."""
 
     def __init__(self, x: Vector, rate: Vector, dividend: Vector, spread: Vector) -> None:
-        self.x, self.rate, self.spread = x, rate, spread
+        self.x, self.rate, self.dividend, self.spread = x, rate, dividend, spread
         self.xi = (x + rate - dividend) / spread - 0.5 * spread
         self.bond, self.moneyness = np.exp(-rate), np.exp(x)
         self.density = ONE_OVER_SQRT_TWO_PI * np.exp(-0.5 * (self.xi * self.xi))
@@ -67,6 +67,14 @@ class Spots:
         u[2] /= marched.spacing**2
         boundary = marched.boundary[row]
         return Sight(np.where(self.x <= boundary, self.at_once, u), boundary, marched.settled[row])
+
+    def premium_bound(self, boundary: Vector) -> Vector:
+        """Return what the premium over K is at most, about, that far from the boundary: now, and without expiry."""
+        drift = (self.rate - self.dividend) / self.spread - 0.5 * self.spread
+        decay = drift + np.sqrt(drift * drift + 2.0 * self.rate)
+        deviations = (self.x - boundary) / self.spread
+        now = self.rate * np.exp(-0.5 * deviations**2)
+        return np.asarray(np.minimum(now, np.exp(-decay * deviations)))
 
     def differences(self, near: Matrix) -> Matrix:
         """Return the differences of V/K and its derivatives, shape (7, n), from those of u and its own."""

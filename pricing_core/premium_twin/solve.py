@@ -151,6 +151,9 @@ class _Solving:
         shortfall = np.maximum(np.abs(moved) - inside, 0.0)
         excess = shortfall**2 * reading.rate / reading.spread**2
         error = np.where(inside >= 0.0, np.maximum(error, excess), error)
+        # Beyond the grid u is taken for zero.
+        lost = reading.premium_bound(whole.boundary)
+        error = np.where(whole.u[0] == 0.0, np.maximum(error, lost), error)
 
         boundary = whole.boundary + moved / BOUNDARY_GAIN
         self.numbers[:7, spots] = reading.values(whole.u + near / GAINS, boundary)

@@ -305,6 +305,9 @@ impl<V: Vector> Chunk<'_, V> {
         let inside = whole.boundary - self.spots.x;
         let shortfall = (near.boundary.abs() - inside).max(V::zero());
         let excess = shortfall * shortfall * self.spots.early_interest();
-        inside.negative(error, error.max(excess))
+        let error = inside.negative(error, error.max(excess));
+        // Beyond the grid u is taken for zero.
+        let lost = self.spots.premium_bound(whole.boundary);
+        (-whole.u.abs()).negative(error, error.max(lost))
     }
 }

@@ -142,6 +142,21 @@ impl<V: Vector> Spots<V> {
         self.contracts.rate / (self.contracts.spread * self.contracts.spread)
     }
 
+    /// What the premium in v is at most, about, that far from the boundary: now, and without expiry.
+    #[inline(always)]
+    pub fn premium_bound(&self, boundary: V) -> V {
+        let Contracts {
+            rate,
+            dividend,
+            spread,
+        } = self.contracts;
+        let drift = (rate - dividend) / spread - spread.times(0.5);
+        let decay = drift + (drift * drift + rate + rate).sqrt();
+        let deviations = (self.x - boundary) / spread;
+        let now = rate * exp((deviations * deviations).times(-0.5));
+        now.min(exp(-(decay * deviations)))
+    }
+
     /// The differences of v and its derivatives from those of u and its own.
     #[inline(always)]
     pub fn differences(&self, near: &Sight<V>) -> [V; VALUES] {
