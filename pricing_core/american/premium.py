@@ -105,13 +105,14 @@ def solve_puts(
         parameters = np.stack([ordered.rate, ordered.dividend, ordered.spread])
         first = np.flatnonzero(np.append(True, np.any(parameters[:, 1:] != parameters[:, :-1], axis=0)))
         runs = ordered.take(first)
-        found = kernel.solve_puts(
+        numbers, exercised, settled, steps = kernel.solve_puts(
             ordered.x, runs.rate, runs.dividend, runs.spread, np.append(first, order.size), tolerance[order],
             None if limits is None else limits[order], fewest, most, threads,
         )  # fmt: skip
         place = np.empty_like(order)
         place[order] = np.arange(order.size)
-        numbers, exercised, settled, steps = (column[..., place] for column in found)
+        numbers, exercised = numbers[:, place], exercised[place]
+        settled, steps = settled[place], steps[place]
     else:
         numbers, exercised, settled, steps = kernel.solve_puts(
             puts.x, puts.rate, puts.dividend, puts.spread, np.arange(puts.x.size + 1), tolerance, limits,
