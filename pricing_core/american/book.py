@@ -138,13 +138,23 @@ def _broadcast(columns: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     for name in columns:
         if name not in allowed:
             raise InvalidInputError("columns", name, "named " + ", ".join(allowed))
-    arrays = {name: np.asarray(values) for name, values in columns.items()}
+    arrays = {name: _as_array(name, values) for name, values in columns.items()}
     lengths = {array.size for array in arrays.values() if array.ndim == 1}
     if any(array.ndim > 1 for array in arrays.values()) or len(lengths) > 1:
         shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
         raise InvalidInputError("columns", shapes, "scalars and vectors of one length")
     length = lengths.pop() if lengths else 1
     return {name: np.broadcast_to(array, (length,)) for name, array in arrays.items()}
+
+
+def _as_array(name: str, values: object) -> NDArray[Any]:
+    """Return a column as an array; masked cells become None, which no field takes."""
+    try:
+        if isinstance(values, np.ma.MaskedArray):
+            return np.asarray(np.ma.filled(values.astype(object), None))
+        return np.asarray(values)
+    except ValueError:
+        raise InvalidInputError(name, type(values).__name__, "a scalar or a vector") from None
 
 
 def _as_numbers(column: NDArray[Any]) -> Vector:

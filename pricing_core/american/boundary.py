@@ -64,8 +64,8 @@ def exercise_boundary(
     """Return the exercise boundary: within 1e-4 of itself at the default tolerance, 1e-5 at the smallest.
 
     Every time has a march of its own, scaled to the root of the time to expiry: the accuracy is the same close to
-    expiry. Where there are two boundaries the general path is taken: 1e-3 for time to expiry >= expiry/10, and ten
-    times less accuracy at expiry/100.
+    expiry. Where there are two boundaries, or the march does not serve, the general path is taken: 1e-3 for time to
+    expiry >= expiry/10, and ten times less accuracy at expiry/100.
 
     Parameters
     ----------
@@ -112,19 +112,20 @@ def exercise_boundary(
     else:
         if interrupt is not None and interrupt():
             raise NumericalError(INTERRUPTED)
-        marched = _march(option, market, tau, limit, tolerance)
-        if marched is None:
-            ends = _solve(option, market, tau, limit, tolerance, interrupt)
-        else:
-            ends, error = np.stack([marched[0], np.full(tau.size, math.nan)], axis=1), marched[1]
+        ends = np.full((tau.size, 2), math.nan)
+        if math.isnan(limit.boundaries(option)[1]):
+            ends[:, 0], error = _march(option, market, tau, limit, tolerance)
+        left = np.flatnonzero(np.isnan(ends[:, 0]))  # not served by the march
+        if left.size:
+            ends[left] = _solve(option, market, tau[left], limit, tolerance, interrupt)
     other = None if math.isnan(limit.boundaries(option)[1]) else ends[:, 1]
     return ExerciseBoundary(chosen, tau, ends[:, 0], other, error)
 
 
 def _march(
     option: Option, market: Market, tau: Vector, limit: ExerciseRegion, tolerance: float
-) -> tuple[Vector, Vector] | None:
-    """Return the boundary and its error in money; None where the march does not serve some of the times."""
+) -> tuple[Vector, Vector]:
+    """Return the boundary and its error in money; NaN at the times that the march does not serve."""
     later = tau > 0.0
     years = tau[later]
     rate, dividend_yield = market.rate, market.dividend_yield
@@ -134,13 +135,11 @@ def _march(
         np.zeros(years.size), rate * years, dividend_yield * years, market.volatility * np.sqrt(years)
     )
     found, relative, settled = solve_boundaries(puts, ACCURACY_SHARE * math.sqrt(tolerance))
-    if not settled.all():
-        return None
     boundary, error = np.full(tau.size, limit.boundaries(option)[0]), np.zeros(tau.size)
-    boundary[later] = option.strike * np.exp(found if option.is_put else -found)
+    boundary[later] = option.strike * np.exp(np.where(settled, found if option.is_put else -found, math.nan))
     # Monotone in time, as the boundary is (Jaillet, Lamberton, Lapeyre 1990): tau decreases along the array.
-    running = np.minimum if option.is_put else np.maximum
-    boundary = running.accumulate(boundary[::-1])[::-1]
+    running, known = (np.fmin if option.is_put else np.fmax), ~np.isnan(boundary)
+    boundary[known] = running.accumulate(boundary[::-1])[::-1][known]
     error[later] = relative * boundary[later]
     return boundary, error
 

@@ -33,6 +33,7 @@ NUMBERS = (
     "error_estimate",
 )
 TEXTS = ("status", "method", "engine_version", "message")
+MOST_THREADS = 1024
 CHUNK = 16384  # rows valued at a time: their arrays stay in the cache
 
 
@@ -80,22 +81,34 @@ def price_many(
     (['ok', 'invalid_input'], 'spot = -1.0: must be a number from 0 to 1e+30')
     """
     real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
-    if threads is not None and (isinstance(threads, bool) or not isinstance(threads, int) or threads < 1):
-        raise InvalidInputError("threads", threads, "an integer >= 1")
+    workers = _checked_threads(threads)
     book, reasons = read_book(columns, tolerance)
     count = book.spot.size
     table: dict[str, NDArray[Any]] = dict(zip(NUMBERS, np.empty((len(NUMBERS), count)), strict=True))
     table["exercise_now"] = np.zeros(count, dtype=bool)
     table |= {name: np.full(count, "", dtype=object) for name in TEXTS}
 
-    chunk = CHUNK * (threads or 1)
+    chunk = CHUNK * workers
     for start in range(0, count, chunk):
         rows = slice(start, start + chunk)
         part = {name: column[rows] for name, column in table.items()}
-        _price_part(book.slice(rows), part, greeks=greeks, threads=threads or 1, shared=share_solves)
+        _price_part(book.slice(rows), part, greeks=greeks, threads=workers, shared=share_solves)
     for row, fault in reasons.items():
         table["status"][row], table["message"][row] = "invalid_input", str(fault)
     return table
+
+
+def _checked_threads(threads: object) -> int:
+    """Return how many threads are meant; None means one."""
+    if threads is None:
+        return 1
+    if (
+        isinstance(threads, int | np.integer)
+        and not isinstance(threads, bool)
+        and 1 <= threads <= MOST_THREADS
+    ):
+        return int(threads)
+    raise InvalidInputError("threads", threads, f"an integer from 1 to {MOST_THREADS}")
 
 
 def _price_part(

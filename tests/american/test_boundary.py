@@ -130,3 +130,14 @@ def test_two_boundaries_solved_apart_meet_their_limits():
     assert np.all(np.diff(found.other_boundary) <= 0)
     assert 95.0 < found.boundary[0] < 100.0
     assert 25.0 < found.other_boundary[0] < 26.0
+
+
+def test_a_time_does_not_depend_on_the_other_times():
+    """Far from expiry this option is beyond the march; close to it, it is not."""
+    option, market = Option("put", 100.0, 35.0), Market(100.0, 0.05, 1.0)
+    times = np.array([0.0, 0.5, 0.9999]) * 35.0
+    together = exercise_boundary(option, market, times)
+    alone = exercise_boundary(option, market, times[-1:])
+    assert np.isnan(together.error_estimate).tolist() == [True, True, False]
+    assert together.boundary[-1] == alone.boundary[0]
+    assert np.all(np.diff(together.boundary) > 0.0)

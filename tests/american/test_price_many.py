@@ -260,3 +260,23 @@ def test_shared_rows_with_nothing_to_share_equal_single_ones():
 def test_threads_are_a_positive_integer(threads):
     with pytest.raises(InvalidInputError, match="threads"):
         price_many(COLUMNS, threads=threads)
+
+
+def test_masked_cells_are_refused_row_by_row():
+    spot = np.ma.masked_array([90.0, 100.0, 110.0], mask=[True, False, False])
+    option_type = np.ma.masked_array(["put", "put", "call"], mask=[False, False, True])
+    market = {"strike": 100.0, "expiry": 1.0, "rate": 0.05, "volatility": 0.2}
+    found = price_many({"option_type": option_type, "spot": spot, **market})
+    assert found["status"].tolist() == ["invalid_input", "ok", "invalid_input"]
+    assert np.isnan(found["price"]).tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize("threads", [0, -1, 1.5, True, 10**30, "2"])
+def test_threads_out_of_range_are_refused(threads):
+    with pytest.raises(InvalidInputError, match="threads"):
+        price_many(mixed_book(2, seed=1), threads=threads)
+
+
+def test_ragged_columns_are_refused():
+    with pytest.raises(InvalidInputError, match="spot"):
+        price_many({**mixed_book(2, seed=1), "spot": [[1.0, 2.0], [3.0]]})
