@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from benchmarks import quantlib_peers
 from benchmarks.engine_frontier_report import compose
 from benchmarks.findings import Findings
+from benchmarks.machine import nominal_megahertz
+from benchmarks.march_scaling import march_costs
 from benchmarks.portfolio_study import Effort, study_portfolio
 from benchmarks.portfolios import andersen_lake_offengenden, everyday, option_chains, spot_ladders, wide
 from benchmarks.report import Report
@@ -25,6 +27,7 @@ class Sizes:
     batch: int
     ladders: int
     chains: int
+    marched: int
     effort: Effort
 
 
@@ -35,6 +38,7 @@ FULL = Sizes(
     batch=8192,
     ladders=64,
     chains=16,
+    marched=2048,
     effort=Effort(
         tolerances=(1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 3e-7, 1e-7, 3e-8, 1e-8),
         single_rows=16,
@@ -50,6 +54,7 @@ QUICK = Sizes(
     batch=512,
     ladders=8,
     chains=1,
+    marched=64,
     effort=Effort(
         tolerances=(1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8),
         single_rows=3,
@@ -90,4 +95,5 @@ def findings(sizes: Sizes) -> Findings:
         contracts = wide(sizes.wide)
         reference = quantlib_peers.reference_prices(contracts)
         kept = tuple(tolerance_kept(contracts, reference, tolerance) for tolerance in TOLERANCES)
-    return Findings(overhead, studies, kept, rates, sharing, latency())
+    march = march_costs(sizes.marched, nominal_megahertz())
+    return Findings(overhead, studies, kept, rates, sharing, latency(), march)

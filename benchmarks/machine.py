@@ -28,12 +28,22 @@ def machine_and_versions() -> dict[str, str | int]:
 
 def cpu_model(information: Path = CPU_INFORMATION) -> str:
     """Return the processor's name from Linux's own description, else what the platform module knows."""
+    names = _values_of("model name", information)
+    return names[0] if names else platform.processor() or "unknown"
+
+
+def nominal_megahertz(information: Path = CPU_INFORMATION) -> float | None:
+    """Return the clock that Linux states for the first core, in MHz, or None."""
+    clocks = _values_of("cpu MHz", information)
+    return float(clocks[0]) if clocks else None
+
+
+def _values_of(key: str, information: Path) -> list[str]:
     try:
         lines = information.read_text(errors="replace").splitlines()
     except OSError:
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or "unknown"
+        return []
+    return [line.partition(":")[2].strip() for line in lines if line.startswith(key)]
 
 
 def _version_of(package: str) -> str:

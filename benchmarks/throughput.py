@@ -10,6 +10,7 @@ import numpy as np
 from benchmarks.portfolios import Portfolio, everyday, option_chains, spot_ladders
 from benchmarks.timing import Task, least_seconds
 from pricing_core.american import Market, Option, price, price_many
+from pricing_core.american.tolerances import DEFAULT_TOLERANCE
 
 TOLERANCE = 1e-5
 LATENCY_TURNS = 25
@@ -18,6 +19,7 @@ PRICE_ONLY, ALL_GREEKS, TWO_THREADS = (
     "all Greeks, one thread",
     "price only, two threads",
 )
+PRICE_BY_DEFAULT, GREEKS_BY_DEFAULT = "price only, default tolerance", "all Greeks, default tolerance"
 LADDERS, CHAINS = "spot ladders of 200 points", "chains of 100 strikes x 10 expiries"
 ONE_LADDER, ONE_CHAIN = "one such ladder per call", "one such chain per call"
 SHARING = {"share_solves": True}
@@ -51,6 +53,8 @@ def batch_rates(rows: int) -> dict[str, Rate]:
         PRICE_ONLY: Batch(contracts, {"greeks": False, "threads": 1}),
         ALL_GREEKS: Batch(contracts, {"greeks": True, "threads": 1}),
         TWO_THREADS: Batch(contracts, {"greeks": False, "threads": 2}),
+        PRICE_BY_DEFAULT: Batch(contracts, {"greeks": False, "threads": 1, "tolerance": DEFAULT_TOLERANCE}),
+        GREEKS_BY_DEFAULT: Batch(contracts, {"greeks": True, "threads": 1, "tolerance": DEFAULT_TOLERANCE}),
     }
     count = rows // 8
     while count >= 1:
@@ -89,7 +93,7 @@ def latency() -> float:
 
 def _rates(batches: Mapping[str, Batch]) -> dict[str, Rate]:
     tasks = [
-        Task((partial(price_many, batch.portfolio.columns(), tolerance=TOLERANCE, **batch.options),))
+        Task((partial(price_many, batch.portfolio.columns(), **{"tolerance": TOLERANCE, **batch.options}),))
         for batch in batches.values()
     ]
     return {

@@ -14,7 +14,7 @@ from pricing_core.arrays import BoolVector, Matrix, Vector
 
 FEWEST_STEPS, MOST_STEPS = 4, 384  # of the finest march of a put
 BOUNDARY_STEPS = (8, 16, 32, 64, 128, 256)
-BOUNDARY_GAIN = 3.0  # of halving the steps, less one: the boundary converges at order 2
+BOUNDARY_GAIN = 4.0  # what the difference of two marches is to the finer one's error
 FAR_SHARE = 0.25  # of the difference before the last: an accidental agreement of two marches is not believed
 
 

@@ -28,6 +28,7 @@ class Obstacle:
     value: Vector
     slope: Vector  # G_xi
     curvature: Vector  # G_xixi
+    third: Vector  # G_xixixi
     growth: Vector  # e^y
     by_rate: Vector
     by_dividend: Vector
@@ -36,6 +37,11 @@ class Obstacle:
     def tangents(self) -> tuple[Vector, Vector, Vector]:
         """Return the derivatives by rate, dividend and spread at fixed xi and t."""
         return self.by_rate, self.by_dividend, self.by_spread
+
+    def slope_tangents(self, spread: Vector) -> tuple[Vector, Vector, Vector]:
+        """Return those of G_xi."""
+        by_spread = self.slope / spread + spread * self.by_spread
+        return np.zeros_like(spread), spread * self.by_dividend, by_spread
 
 
 def obstacle_at(
@@ -53,10 +59,12 @@ def obstacle_at(
     rate_growth, dividend_growth = np.expm1(rate * t), np.expm1(dividend * t)
     held = growth * dividend_growth + in_stock
     slope = -(spread * held)
+    curvature = spread * slope - spread * (density / root)
     return Obstacle(
         value=(rate_growth - growth * dividend_growth) - (in_stock - in_bond),
         slope=slope,
-        curvature=spread * slope - spread * (density / root),
+        curvature=curvature,
+        third=spread * curvature + spread * (d2 * (density / t)),
         growth=growth,
         by_rate=t * (1.0 + rate_growth),
         by_dividend=-(t * (growth * (1.0 + dividend_growth))),
@@ -77,7 +85,10 @@ class Cell:
     On the free side w = u - G obeys w_t = w_xixi/2 - h with h = rate e^{rate t} - dividend e^{y + dividend t}, and
     w = w_xi = 0 at the boundary, which moves with velocity + phi `turn`. Along it that gives w's Taylor series:
 
-        w'' = 2 h,   w''' = 2 (h_xi - 2 h velocity),   w'''' = 2 (4 h velocity**2 + 2 h_t + h_xixi).
+        w'' = 2 h,   w''' = 2 (h_xi - 2 h v),   w'''' = 2 (h_xixi + 2 h_t + 4 h v**2),
+        w''''' = 2 (h_xixixi + 2 h_xit - 8 h_t v - 4 h_xi v**2 - 8 h v**3),
+
+    v the velocity; the last leaves out a multiple of v's derivative.
 
     h > 0 is what the held side pays for waiting: with w >= 0 beyond the boundary this is the complementarity problem.
     """
@@ -103,23 +114,16 @@ class Cell:
         self.stock = self.here.growth * (1.0 + np.expm1(dividend * t))
         self.most = LARGEST_MOVE * root / dx
 
-    def solve(self, eliminated: Matrix, guess: Vector, blind: bool) -> tuple[Matrix, Vector]:
-        """Return the values at label 0, shape (1 or 4, rows), and phi, by Newton's method from y_1.
-
-        `blind` guesses take one step more.
-        """
-        known = self.there.value - eliminated[0] - self.pi * self.here.value
+    def solve(self, eliminated: Vector, guess: Vector, blind: bool) -> tuple[Vector, Vector]:
+        """Return the value at label 0 and phi, by Newton's method from y_1; `blind` guesses take one step more."""
+        self.known = self.there.value - eliminated - self.pi * self.here.value
         phi = guess
         for _ in range(ITERATIONS + blind):
-            at = self._residual(phi, known)
+            at = self._residual(phi, self.known)
             move = np.where(at.derivative == 0.0, 0.0, -at.value / at.derivative)
             phi = phi + np.maximum(np.minimum(move, self.most), -self.most)
             phi = np.maximum(np.minimum(phi, 2.0 * self.most), -2.0 * self.most)
-        at = self._residual(phi, known)
-        values = [self.here.value + at.contact]
-        if eliminated.shape[0] > 1:
-            values += self._tangents(eliminated, phi, at)
-        return np.stack(values), phi
+        return self.here.value + self._residual(phi, self.known).contact, phi
 
     def _stock_at(self, phi: Vector) -> Vector:
         """Return e^{y + dividend t} at the boundary, e^{spread phi dx} by its series."""
@@ -131,45 +135,75 @@ class Cell:
         earned, paid = self.rate * self.bond, self.dividend * self._stock_at(phi)
         h = earned - paid
         h_xi = -(self.spread * paid)
-        h_t = self.rate * earned - paid * (0.5 * (self.spread * self.spread) + self.dividend)
+        squared = self.spread * self.spread
+        h_t = self.rate * earned - paid * (0.5 * squared + self.dividend)
         third = (h_xi - 2.0 * (h * v)) / 3.0
         fourth = (4.0 * (h * (v * v)) + 2.0 * h_t + self.spread * h_xi) / 12.0
+        curved = 2.0 * (h_t + h * (v * v)) + h_xi * v
+        fifth = (h_xi * 2.0 * (squared + self.dividend) - 4.0 * (v * curved)) / 60.0
         z0 = -(phi * self.dx)
         z1 = z0 + self.dx
+        # The velocity is in the coefficients of z**3, z**4 and z**5.
         turned = (2.0 / 3.0 * self.turn) * h
+        turned_fifth = (-2.0 / 15.0 * self.turn) * (h_t + h_xi * v + 3.0 * (h * (v * v)))
         w, by = [], []
         for z in (z0, z1):
-            w.append(z * z * (h + z * (third + z * fourth)))
-            slope = z * (2.0 * h + z * (3.0 * third + z * (4.0 * fourth)))
-            # The velocity is in the coefficients of z**3 and z**4.
-            by.append(turned * (z * z * z) * (z * v - 1.0) - self.dx * slope)
+            w.append(z * z * (h + z * (third + z * (fourth + z * fifth))))
+            slope = z * (2.0 * h + z * (3.0 * third + z * (4.0 * fourth + z * (5.0 * fifth))))
+            by.append(z * z * z * (turned * (z * v - 1.0) + turned_fifth * (z * z)) - self.dx * slope)
         return _Residual(w[0], by[0], known + (w[1] - self.pi * w[0]), by[1] - self.pi * by[0])
 
-    def _tangents(self, eliminated: Matrix, phi: Vector, at: "_Residual") -> list[Vector]:
-        """Return the derivatives of u at label 0: the conditions differentiated, the label held.
+    def tangents(
+        self, eliminated: Matrix, phi: Vector, place_by: Matrix, velocity_by: Matrix
+    ) -> tuple[Matrix, Matrix]:
+        """Return the derivatives of u at label 0, and of phi, by rate, dividend and spread, each of shape (3, rows).
 
-        First what moves u_0 and u_1 at a fixed boundary, h' z**2 and its successor, then the boundary.
+        The conditions differentiated: first what moves u_0 and u_1 at a fixed phi (the first three terms of w are
+        enough: phi is small), then phi.
+
+        Parameters
+        ----------
+        eliminated : Matrix
+            Those of y_1.
+        phi : Vector
+            As solved.
+        place_by, velocity_by : Matrix
+            Those of xi_0, and of the velocity at a fixed phi.
         """
-        stock, v = self._stock_at(phi), self.velocity + self.turn * phi
-        paid = self.dividend * stock
-        by_rate = self.bond * (1.0 + self.rate * self.t)
-        by_dividend = -(stock * (1.0 + self.dividend * self.t))
-        by_spread = -(paid * (self.xi + phi * self.dx + self.spread * self.t))
-        sources = (
-            (by_rate, -2.0 / 3.0 * (by_rate * v)),
-            (by_dividend, by_dividend * (self.spread - 2.0 * v) / 3.0),
-            (by_spread, (by_spread * (self.spread - 2.0 * v) - paid) / 3.0),
+        at = self._residual(phi, self.known)
+        v = self.velocity + self.turn * phi
+        stock = self._stock_at(phi)
+        earned, paid = self.rate * self.bond, self.dividend * stock
+        h, c = earned - paid, 0.5 * (self.spread * self.spread) + self.dividend
+        held = 1.0 + self.rate * self.t
+        earned_by = (self.bond * held, 0.0, 0.0)
+        moving = self.spread * paid  # by the place
+        paid_by = (
+            moving * place_by[0],
+            moving * place_by[1] + stock * (1.0 + self.dividend * self.t),
+            moving * place_by[2] + paid * (self.xi + phi * self.dx + self.spread * self.t),
+        )
+        h_t_by = (
+            earned * (1.0 + held) - c * paid_by[0],
+            -(c * paid_by[1] + paid),
+            -(c * paid_by[2] + self.spread * paid),
         )
         z0 = -(phi * self.dx)
         z1 = z0 + self.dx
-        found = []
+        values, places = [], []
         for j, (g0, g1) in enumerate(zip(self.here.tangents(), self.there.tangents(), strict=True)):
-            bend, third = sources[j]
-            u0 = g0 + z0 * z0 * (bend + z0 * third)
-            u1 = g1 + z1 * z1 * (bend + z1 * third)
-            moved = (eliminated[j + 1] + self.pi * u0 - u1) / at.derivative
-            found.append(u0 + at.slope * moved)
-        return found
+            h_by = earned_by[j] - paid_by[j]
+            more = paid if j == 2 else 0.0
+            h_xi_by = -(self.spread * paid_by[j] + more)
+            third = (h_xi_by - 2.0 * (h_by * v + h * velocity_by[j])) / 3.0
+            bent = 4.0 * (v * (h_by * v + 2.0 * (h * velocity_by[j])))
+            fourth = (bent + 2.0 * h_t_by[j] - self.spread * (self.spread * paid_by[j] + 2.0 * more)) / 12.0
+            u0 = g0 + self.here.slope * place_by[j] + z0 * z0 * (h_by + z0 * (third + z0 * fourth))
+            u1 = g1 + self.there.slope * place_by[j] + z1 * z1 * (h_by + z1 * (third + z1 * fourth))
+            moved = (eliminated[j] + self.pi * u0 - u1) / at.derivative
+            values.append(u0 + at.slope * moved)
+            places.append(moved)
+        return np.stack(values), np.stack(places)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,11 +13,11 @@ WIDTH = 0.75  # dx sqrt(M) of the last steps: wider, and the compact scheme lose
 LAYER = 0.7  # dx at most this share of the length over which the premium decays
 LAYERS = 20.0  # of those lengths in the grid
 EXTRA_NODES = 6  # beyond the width that grows like sqrt(t)
-TYPICAL_ERROR = 7e-5  # of the march with 16 steps at r T = 1: four puts in five are better
-TYPICAL_POWER = 1.3  # with which it grows with r T
+TYPICAL_ERROR = 7e-6  # of the march with 16 steps at r T = 1: four puts in five are better
+TYPICAL_POWER = 0.7  # with which it grows with r T
 LOOSE_TOLERANCE = 1e-4  # from which on two marches are enough
 STEPS_POWER = 1.0 / np.log2(6.0)  # six times less error for twice the steps
-LARGEST_GROWTH, LARGEST_SPREAD, SMALLEST_SPREAD = 3.0, 4.0, 1e-7
+LARGEST_GROWTH, LARGEST_SPREAD, SMALLEST_SPREAD = 8.0, 16.0, 1e-7
 SMALLEST_RATE = 1e-9
 LARGEST_DISTANCE = 40.0  # in xi, from the boundary to the end of the grid
 LARGEST_DECAY_CLASS = 18

@@ -65,6 +65,8 @@ class Spots:
         u = _interpolate(marched.state, row, y)
         u[1] /= marched.spacing
         u[2] /= marched.spacing**2
+        if marched.state.shape[0] > 1:
+            u[3:] -= u[1] * marched.frame_by[:, row]
         boundary = marched.boundary[row]
         return Sight(np.where(self.x <= boundary, self.at_once, u), boundary, marched.settled[row])
 
@@ -117,7 +119,7 @@ def _weighted_normal(d: Vector, density: Vector, whole: Vector) -> Vector:
 
 def _interpolate(state: NDArray[np.float64], row: NDArray[np.intp], y: Vector) -> Matrix:
     """Return u at y cells from label 0, its first two derivatives by y, and those of the state; zero beyond."""
-    last = state.shape[1] - 1 - STENCIL
+    last = state.shape[1] - 2 - STENCIL
     first = np.clip(np.where(y >= 2.0, np.minimum(y, 1e9), 2.0).astype(np.int64) - 2, 0, last)
     z = y - first
     inside = z < STENCIL - 3

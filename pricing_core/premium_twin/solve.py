@@ -1,10 +1,10 @@
 """Many puts to their tolerances, in NumPy: the reference of the compiled kernel.
 
 A put is marched with M, M/2 and M/4 time steps. That gives an extrapolant and two differences; the error is stated
-as 0.4 |v - v_half| + 0.13 |v_half - v_quarter|: the second difference is about six times the first, and keeps an
-accidental agreement of two marches from being believed. With fewer than 8 steps there is no third march, and the
-error is stated as 2 |v - v_half|, and at least a tenth of the difference of the slopes by xi. Where it is too
-large, the put is marched with 2 M steps as well, and so on.
+as 0.25 |v - v_half| + 0.05 |v_half - v_quarter|, the second difference being about six times the first, and at least
+0.4 times the difference of the slopes by xi: that keeps an accidental agreement of marches from being believed. With
+fewer than 8 steps there is no third march, and 2 |v - v_half| stands for the sum. Where the error is too large, the
+put is marched with 2 M steps as well, and so on.
 """
 
 import numpy as np
@@ -15,10 +15,13 @@ from pricing_core.premium_twin.march import march
 from pricing_core.premium_twin.mesh import COARSEST_CHECKED, STEPS, classify, mesh_of
 from pricing_core.premium_twin.reading import Sight, Spots
 
-# Of halving the steps, less one: 2**2.8, and 4 for the boundary and what is differentiated at a known boundary.
-GAIN, BOUNDARY_GAIN, TANGENT_GAIN = 6.0, 3.0, 3.0
-GAINS = np.array([GAIN] * 3 + [TANGENT_GAIN] * 3)[:, None]
-NEAR_SHARE, FAR_SHARE, LONE_SHARE, SLOPE_SHARE = 0.4, 0.13, 2.0, 0.1
+# What the difference of two marches is to the finer one's error; without a third march half the steps are too few
+# for that law.
+GAIN, LONE_GAIN, BOUNDARY_GAIN = 5.5, 12.0, 4.0
+NEAR_SHARE, FAR_SHARE, LONE_SHARE, SLOPE_SHARE = 0.25, 0.05, 2.0, 0.4
+COARSE_FACTOR = (
+    2.0  # the law of those differences does not hold yet with the fewest steps that allow three marches
+)
 DERIVATIVE_SHARE = 0.22  # of the difference of two marches, for the derivatives' error after extrapolation
 MOST_STEPS_FOR_DERIVATIVES = 96
 STEPS_TO_SETTLE = 96  # a march that loses the boundary with so many is not refined further
@@ -139,13 +142,14 @@ class _Solving:
         differences = reading.differences(near)
         settled = whole.settled & half.settled
         if quarter is None:
-            error = np.maximum(
-                LONE_SHARE * np.abs(differences[0]), SLOPE_SHARE * np.abs(reading.bond * near[1])
-            )
+            error = LONE_SHARE * np.abs(differences[0])
         else:
             before = np.abs(reading.bond * (half.u[0] - quarter.u[0]))
             error = NEAR_SHARE * np.abs(differences[0]) + FAR_SHARE * before
+            if level == COARSEST_CHECKED:
+                error *= COARSE_FACTOR
             settled = settled & quarter.settled
+        error = np.maximum(error, SLOPE_SHARE * np.abs(reading.bond * near[1]))
         # Just inside the exercise region: what the value exceeds the payoff by if the boundary is that far off.
         moved, inside = whole.boundary - half.boundary, whole.boundary - reading.x
         shortfall = np.maximum(np.abs(moved) - inside, 0.0)
@@ -156,7 +160,8 @@ class _Solving:
         error = np.where(whole.u[0] == 0.0, np.maximum(error, lost), error)
 
         boundary = whole.boundary + moved / BOUNDARY_GAIN
-        self.numbers[:7, spots] = reading.values(whole.u + near / GAINS, boundary)
+        gain = LONE_GAIN if quarter is None else GAIN
+        self.numbers[:7, spots] = reading.values(whole.u + near / gain, boundary)
         self.numbers[7, spots], self.numbers[8, spots] = error, boundary
         self.exercised[spots], self.settled[spots] = reading.x <= boundary, settled
         self.steps[spots] = STEPS[level]

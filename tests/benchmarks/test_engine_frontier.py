@@ -5,9 +5,19 @@ import pytest
 from benchmarks.engine_frontier import QUICK, Sizes, findings
 from benchmarks.engine_frontier_report import compose
 from benchmarks.findings import Findings, goals_of
+from benchmarks.march_scaling import MarchCost
 from benchmarks.portfolio_study import Effort, PortfolioStudy, Ratio
 from benchmarks.quantlib_peers import FINITE_DIFFERENCES, QD_FP, CallOverhead
-from benchmarks.throughput import ALL_GREEKS, CHAINS, LADDERS, PRICE_ONLY, TWO_THREADS, Rate
+from benchmarks.throughput import (
+    ALL_GREEKS,
+    CHAINS,
+    GREEKS_BY_DEFAULT,
+    LADDERS,
+    PRICE_BY_DEFAULT,
+    PRICE_ONLY,
+    TWO_THREADS,
+    Rate,
+)
 from benchmarks.wide_set import ToleranceKept
 from benchmarks.work_precision import ENGINE, Measurement
 
@@ -18,6 +28,7 @@ TINY = Sizes(
     batch=8,
     ladders=1,
     chains=1,
+    marched=4,
     effort=Effort((1e-2, 1e-3), single_rows=1, single_tolerances=(1e-3,), screened_rows=2, slow_rows=2),
 )
 MADE_UP = Findings(
@@ -47,10 +58,13 @@ MADE_UP = Findings(
             TWO_THREADS: 1.0,
             LADDERS: 0.4,
             CHAINS: 2.0,
+            PRICE_BY_DEFAULT: 3.0,
+            GREEKS_BY_DEFAULT: 9.0,
         }.items()
     },
     sharing_difference=1e-7,
     latency=250.0,
+    march=(MarchCost(8, 20.0, 200.0, 1.0, 3.0, 1e-6, 5.0, None),),
 )
 
 
@@ -69,6 +83,7 @@ def test_every_goal_has_its_verdict():
         "chains of 100 strikes x 10 expiries, options per second and core": "missed by a factor of 2",
         "two threads against one, times as fast": "reached",
         "all Greeks against the price alone, times the cost": "reached",
+        "the same at the default tolerance": "reached",
         "one warm price() with all Greeks, microseconds": "reached",
         "wide set at tolerance 1e-06: share of rows within it": "reached",
         "wide set at tolerance 1e-06: largest error of an ok row, in tolerances": "reached",
@@ -81,7 +96,7 @@ def test_every_goal_has_its_verdict():
 
 def test_the_report_says_plainly_what_is_missed():
     summary = compose(MADE_UP).sections[0].text
-    assert summary.startswith("8 of 11 measured goals are reached.")
+    assert summary.startswith("9 of 12 measured goals are reached.")
     assert (
         "chains of 100 strikes x 10 expiries, options per second and core: 5e+05, the goal is 1e+06"
         in summary
@@ -97,6 +112,7 @@ def test_every_table_has_a_name():
         "made-up-puts-ratios",
         "wide-set",
         "throughput",
+        "march",
     ]
 
 
@@ -115,6 +131,7 @@ def test_without_quantlib_the_report_is_on_this_project_alone_and_says_so():
         "Andersen-Lake-Offengenden puts",
         "Random puts and calls",
         "Batches, threads, Greeks, latency",
+        "What limits: labels and steps",
         "How it was measured",
     ]
     assert all(not study["ratios"] for study in report.results["portfolios"])

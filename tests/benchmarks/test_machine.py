@@ -12,6 +12,13 @@ def test_the_processor_is_named_as_linux_describes_it(tmp_path: Path) -> None:
     assert machine.cpu_model(information) == "Fast One"
 
 
+def test_the_clock_is_the_one_linux_states_or_unknown(tmp_path: Path) -> None:
+    information = tmp_path / "cpuinfo"
+    information.write_text("processor : 0\ncpu MHz\t\t: 2596.1\n")
+    assert machine.nominal_megahertz(information) == 2596.1
+    assert machine.nominal_megahertz(tmp_path / "missing") is None
+
+
 def test_without_that_description_the_processor_still_has_a_name(tmp_path: Path) -> None:
     assert machine.cpu_model(tmp_path / "missing")
 

@@ -28,7 +28,7 @@ impl Work for Marching<'_> {
     fn run<V: Vector>(self) -> Self::Result {
         let count = self.puts.rate.len();
         let (mut boundary, mut settled) = (vec![f64::NAN; count], vec![false; count]);
-        let mut work = Workspace::<V, 1>::new();
+        let mut work = Workspace::<V>::new();
         let mut sorted = Vec::with_capacity(count);
         for start in (0..count).step_by(LANES) {
             let runs = std::array::from_fn(|l| (start + l).min(count - 1));
@@ -42,7 +42,7 @@ impl Work for Marching<'_> {
             for rows in rows.chunks(LANES) {
                 let runs = std::array::from_fn(|l| rows[l.min(rows.len() - 1)].1);
                 let contracts = Contracts::<V>::gather(self.puts, &runs);
-                let marched = march(&plan, &contracts, &mut work);
+                let marched = march::<V, false>(&plan, &contracts, None, &mut work);
                 let found = marched.boundary.lanes();
                 for (l, &(_, run)) in rows.iter().enumerate() {
                     (boundary[run], settled[run]) = (found[l], marched.settled[l]);

@@ -5,12 +5,12 @@ use super::obstacle::{Contracts, Moment, Obstacle};
 use super::vector::Vector;
 
 const ITERATIONS: usize = 16;
-/// Of sqrt(t).
-const TOLERANCE: f64 = 1e-3;
+/// Of sqrt(t), for the last iteration, which cubes it.
+const TOLERANCE: f64 = 0.03;
 /// Of the guess, in sqrt(t); fitted.
 const SHIFT: f64 = 0.45;
 
-/// Solve G' + lam G = 0, which falls with xi, by Newton's method inside a bracket.
+/// Solve G' + lam G = 0, which falls with xi, by Halley's method inside a bracket.
 #[inline(always)]
 pub fn first_boundary<V: Vector>(contracts: &Contracts<V>, moment: &Moment<V>, lam: f64) -> V {
     let Contracts {
@@ -38,10 +38,13 @@ pub fn first_boundary<V: Vector>(contracts: &Contracts<V>, moment: &Moment<V>, l
         let derivative = obstacle.slope.times_plus(V::all(lam), obstacle.curvature);
         low = (-residual).negative(xi.max(low), low);
         high = (-residual).negative(high, xi.min(high));
-        let newton = xi - residual / derivative;
+        let second = obstacle.curvature.times_plus(V::all(lam), obstacle.third);
+        let pull = derivative * derivative - (residual * second).times(0.5);
+        let halley = xi - residual * derivative / pull;
         let middle = (low + high).times(0.5);
-        let inside = (newton - low).negative(middle, (high - newton).negative(middle, newton));
-        let following = open.negative(xi, derivative.negative(inside, middle));
+        let inside = (halley - low).negative(middle, (high - halley).negative(middle, halley));
+        let inside = derivative.negative((-pull).negative(inside, middle), middle);
+        let following = open.negative(xi, inside);
         open = ((following - xi).abs().plus(-TOLERANCE * root)).negative(V::all(-1.0), open);
         xi = following;
         if open.lanes().iter().all(|&o| o < 0.0) {

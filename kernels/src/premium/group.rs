@@ -8,16 +8,19 @@ use super::reading::{Sight, Spots, VALUES};
 use super::solve::{Item, Puts, COLUMNS};
 use super::vector::{Vector, LANES};
 
-/// Of halving the steps, less one: 2^2.8, and 4 for the boundary and what is differentiated at a known boundary.
-const GAIN: f64 = 6.0;
-const BOUNDARY_GAIN: f64 = 3.0;
-const TANGENT_GAIN: f64 = 3.0;
+/// What the difference of two marches is to the finer one's error; without a third march half the steps are too few
+/// for that law.
+const GAIN: f64 = 5.5;
+const LONE_GAIN: f64 = 12.0;
+const BOUNDARY_GAIN: f64 = 4.0;
 /// Of the differences M and M/2, M/2 and M/4, in the error; of the only one where there is no third march.
-const NEAR_SHARE: f64 = 0.4;
-const FAR_SHARE: f64 = 0.13;
+const NEAR_SHARE: f64 = 0.25;
+const FAR_SHARE: f64 = 0.05;
 const LONE_SHARE: f64 = 2.0;
-/// Of the difference of `u_xi`, where there is no third march: two values may agree by accident, not slopes, too.
-const SLOPE_SHARE: f64 = 0.1;
+/// The law of those differences does not hold yet with the fewest steps that allow three marches.
+const COARSE_FACTOR: f64 = 2.0;
+/// Of the difference of `u_xi`: values may agree by accident, but hardly the slopes, too.
+const SLOPE_SHARE: f64 = 0.4;
 /// Of the difference of two marches, for the derivatives' error after extrapolation.
 const DERIVATIVE_SHARE: f64 = 0.22;
 /// Derivatives ask for no more steps.
@@ -66,18 +69,12 @@ pub struct Outcome {
     pub past: Option<Past>,
 }
 
-/// The arrays of marches with and without derivatives by the parameters.
-pub struct Workspaces<V> {
-    pub plain: Workspace<V, 1>,
-    pub differentiated: Workspace<V, 4>,
-}
-
 /// Marches side by side.
 pub struct Group<'a, 'w, V> {
     puts: Puts<'a>,
     contracts: Contracts<V>,
     chunks: Vec<Chunk<'a, V>>,
-    work: &'w mut Workspaces<V>,
+    work: &'w mut Workspace<V>,
 }
 
 /// At most sixteen of the spots.
@@ -91,7 +88,7 @@ struct Chunk<'a, V> {
 impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
     /// The items belong to at most sixteen runs, and those of one run follow each other.
     #[inline(always)]
-    pub fn new(puts: Puts<'a>, items: &'a [Item], work: &'w mut Workspaces<V>) -> Self {
+    pub fn new(puts: Puts<'a>, items: &'a [Item], work: &'w mut Workspace<V>) -> Self {
         let mut runs = [items[0].run; LANES];
         let mut lane = 0;
         let mut chunks = Vec::with_capacity(items.len().div_ceil(LANES));
@@ -140,18 +137,21 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
         } else {
             coarsest = level - 2;
         }
+        let mut half = None;
         for at in (coarsest..=level).step_by(2) {
             let plan = class.plan(at);
             if self.puts.limits.is_some() && at + 2 >= level {
-                let marched = march(&plan, &self.contracts, &mut self.work.differentiated);
+                let marched = march::<V, true>(&plan, &self.contracts, half, self.work);
                 for chunk in &mut self.chunks {
-                    chunk.look(&plan, &marched, &self.work.differentiated.state);
+                    chunk.look::<true>(&plan, &marched, self.work);
                 }
+                half = Some(marched.first);
             } else {
-                let marched = march(&plan, &self.contracts, &mut self.work.plain);
+                let marched = march::<V, false>(&plan, &self.contracts, half, self.work);
                 for chunk in &mut self.chunks {
-                    chunk.look(&plan, &marched, &self.work.plain.state);
+                    chunk.look::<false>(&plan, &marched, self.work);
                 }
+                half = Some(marched.first);
             }
         }
     }
@@ -168,8 +168,8 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
 impl<V: Vector> Chunk<'_, V> {
     /// Take in what a march says.
     #[inline(always)]
-    fn look<const C: usize>(&mut self, plan: &Plan, marched: &Marched<V>, state: &[[V; C]]) {
-        let newest = self.spots.sight(plan, marched, state);
+    fn look<const D: bool>(&mut self, plan: &Plan, marched: &Marched<V>, work: &Workspace<V>) {
+        let newest = self.spots.sight::<D>(plan, marched, work);
         self.sights = [newest, self.sights[0], self.sights[1]];
     }
 
@@ -237,14 +237,19 @@ impl<V: Vector> Chunk<'_, V> {
         };
         let differences = self.spots.differences(&near);
         let error = self.stated_error(aim, &near, differences[0]);
+        let gain = if aim.level < COARSEST_CHECKED {
+            LONE_GAIN
+        } else {
+            GAIN
+        };
         for (tangent, newest) in by.iter_mut().zip(whole.tangents) {
-            *tangent = extrapolated(newest, *tangent, TANGENT_GAIN);
+            *tangent = extrapolated(newest, *tangent, gain);
         }
         let extrapolant = Sight {
             tangents: by,
-            u: extrapolated(whole.u, near.u, GAIN),
-            slope: extrapolated(whole.slope, near.slope, GAIN),
-            curvature: extrapolated(whole.curvature, near.curvature, GAIN),
+            u: extrapolated(whole.u, near.u, gain),
+            slope: extrapolated(whole.slope, near.slope, gain),
+            curvature: extrapolated(whole.curvature, near.curvature, gain),
             boundary: extrapolated(whole.boundary, near.boundary, BOUNDARY_GAIN),
             settled: near.settled,
         };
@@ -292,15 +297,19 @@ impl<V: Vector> Chunk<'_, V> {
     fn stated_error(&self, aim: Aim, near: &Sight<V>, difference: V) -> V {
         let [whole, half, quarter] = &self.sights;
         let error = if aim.level < COARSEST_CHECKED {
-            let slopes = self.spots.discounted(near.slope).abs();
-            difference
-                .abs()
-                .times(LONE_SHARE)
-                .max(slopes.times(SLOPE_SHARE))
+            difference.abs().times(LONE_SHARE)
         } else {
             let before = self.spots.discounted(half.u - quarter.u).abs();
-            before.times_plus(V::all(FAR_SHARE), difference.abs().times(NEAR_SHARE))
+            let factor = if aim.level == COARSEST_CHECKED {
+                COARSE_FACTOR
+            } else {
+                1.0
+            };
+            let near = difference.abs().times(factor * NEAR_SHARE);
+            before.times_plus(V::all(factor * FAR_SHARE), near)
         };
+        let slopes = self.spots.discounted(near.slope).abs();
+        let error = error.max(slopes.times(SLOPE_SHARE));
         // Just inside the exercise region: what the value exceeds the payoff by if the boundary is that far off.
         let inside = whole.boundary - self.spots.x;
         let shortfall = (near.boundary.abs() - inside).max(V::zero());

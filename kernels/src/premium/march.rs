@@ -1,40 +1,84 @@
 //! The march of sixteen early exercise premiums from expiry to now; the scheme is told in `premium_twin/march.py`.
 
-use super::cell::Cell;
+use super::cell::{Cell, Solution};
 use super::first_step::first_boundary;
 use super::normal::ln;
 use super::obstacle::{Contracts, Moment, Obstacle};
 use super::plan::{Plan, Step};
 use super::vector::{Vector, LANES};
 
-/// Root of x^3 - 3 x^2 + 3 x/2 - 1/6: Alexander's three-stage method.
+/// Root of x^3 - 3 x^2 + 3 x/2 - 1/6: on the diagonal of both methods.
 const STAGE: f64 = 0.435_866_521_508_459;
-const STAGE_TIMES: [f64; 3] = [STAGE, 0.5 * (1.0 + STAGE), 1.0];
-/// Of phi from stage to stage, if it grows in proportion to time.
-const GROWTH: [f64; 3] = [0.0, 0.5 * (1.0 + STAGE) / STAGE, 2.0 / (1.0 + STAGE)];
-/// The right-hand sides as sums of the state and the stages before: from the tableau, for one matrix.
-const SECOND: f64 = 0.5 * (1.0 - STAGE) / STAGE;
-const THIRD: [f64; 2] = [
-    -0.25 * (6.0 * STAGE * STAGE - 16.0 * STAGE + 1.0) / STAGE,
-    0.25 * (6.0 * STAGE * STAGE - 20.0 * STAGE + 5.0) / STAGE,
-];
-const SHARES: [[f64; 3]; 3] = [
-    [1.0, 0.0, 0.0],
-    [1.0 - SECOND, SECOND, 0.0],
-    [
-        1.0 - THIRD[0] - THIRD[1] * (1.0 - SECOND),
-        THIRD[0] - THIRD[1] * SECOND,
-        THIRD[1],
-    ],
-];
+/// Of the third stage; near the least error and far from the unstable neighbourhood of 2 STAGE.
+const THIRD_TIME: f64 = 1.15;
 /// Of sqrt(t), between boundary and label 0.
 const ACCEPTED_OFFSET: f64 = 0.5;
 const TRIES: usize = 8;
+
+/// A Runge-Kutta method with three implicit stages, the last at the step's end.
+struct Tableau {
+    /// Of the stages, in steps.
+    times: [f64; 3],
+    /// Of phi from stage to stage, if it grows in proportion to time.
+    growth: [f64; 3],
+    /// The stages' right-hand sides as sums of the state, `push`, and the first two stages, for one matrix.
+    shares: [[f64; 4]; 3],
+}
+
+/// Alexander's three-stage method, for the step that has no du/dt to start from.
+const SECOND_STEP: Tableau = Tableau::new(
+    [STAGE, 0.5 * (1.0 + STAGE), 1.0],
+    [0.0; 3],
+    0.5 * (1.0 - STAGE) / STAGE,
+    [
+        -0.25 * (6.0 * STAGE * STAGE - 16.0 * STAGE + 1.0) / STAGE,
+        0.25 * (6.0 * STAGE * STAGE - 20.0 * STAGE + 5.0) / STAGE,
+    ],
+);
+/// With an explicit first stage: stages of order two, of order three at the end.
+const LATER_STEPS: Tableau = {
+    let (c2, c3) = (2.0 * STAGE, THIRD_TIME);
+    let a32 = (0.5 * c3 * c3 - STAGE * c3) / c2;
+    let b3 = ((1.0 / 3.0 - STAGE) - c2 * (0.5 - STAGE)) / (c3 * (c3 - c2));
+    let b2 = ((0.5 - STAGE) - b3 * c3) / c2;
+    Tableau::new(
+        [c2, c3, 1.0],
+        [STAGE, c3 - STAGE - a32, 1.0 - b2 - b3 - STAGE],
+        a32 / STAGE,
+        [b2 / STAGE, b3 / STAGE],
+    )
+};
+
+impl Tableau {
+    /// From the weights of du/dt at the start, and of the increments of the stages before, divided by `STAGE`.
+    const fn new(times: [f64; 3], explicit: [f64; 3], second: f64, third: [f64; 2]) -> Self {
+        let [e1, e2, e3] = explicit;
+        let [by_first, by_second] = third;
+        Self {
+            times,
+            growth: [0.0, times[1] / times[0], times[2] / times[1]],
+            shares: [
+                [1.0, e1, 0.0, 0.0],
+                [1.0 - second, e2 - second * e1, second, 0.0],
+                [
+                    1.0 - by_first - by_second * (1.0 - second),
+                    e3 - by_first * e1 - by_second * (e2 - second * e1),
+                    by_first - by_second * second,
+                    by_second,
+                ],
+            ],
+        }
+    }
+}
 
 /// What a march leaves beside the premium: label i is at `frame` + i dx.
 #[derive(Clone, Copy)]
 pub struct Marched<V> {
     pub frame: V,
+    /// Its derivatives: at fixed xi those of u are less by `u_xi` times these than along the labels.
+    pub frame_by: [V; 3],
+    /// Where the first step put the boundary.
+    pub first: V,
     /// ln(S*/K).
     pub boundary: V,
     /// Whether the boundary stayed in its frame.
@@ -42,28 +86,62 @@ pub struct Marched<V> {
 }
 
 /// The arrays of a march, kept from group to group.
-pub struct Workspace<V, const C: usize> {
-    /// u (and its derivatives) at the labels 0 .. nodes + 1.
-    pub state: Vec<[V; C]>,
-    /// The same after the three stages; before the substitution, what the elimination left.
-    stages: [Vec<[V; C]>; 3],
+pub struct Workspace<V> {
+    pub base: Arrays<V>,
+    /// The derivatives by rate, dividend and spread, along the labels.
+    pub tangents: [Arrays<V>; 3],
+    /// 12 dx `u_xi` at the labels at the start of a step.
+    differences: Vec<V>,
+    /// The same of a derivative.
+    own_differences: Vec<V>,
+    /// What the derivatives of the stages' equations by the speed take from the solved stages.
+    by_speed: [Vec<V>; 3],
 }
 
-impl<V: Vector, const C: usize> Workspace<V, C> {
+/// Quantities at the labels 0 .. nodes + 2.
+pub struct Arrays<V> {
+    pub state: Vec<V>,
+    /// h du/dt at the start of a step; between steps, what the last stage added.
+    push: Vec<V>,
+    /// u after the three stages; before the substitution, what the elimination left.
+    stages: [Vec<V>; 3],
+}
+
+impl<V: Vector> Workspace<V> {
     #[inline(always)]
     pub fn new() -> Self {
         Self {
+            base: Arrays::new(),
+            tangents: [Arrays::new(), Arrays::new(), Arrays::new()],
+            differences: Vec::new(),
+            own_differences: Vec::new(),
+            by_speed: [Vec::new(), Vec::new(), Vec::new()],
+        }
+    }
+}
+
+impl<V: Vector> Arrays<V> {
+    #[inline(always)]
+    fn new() -> Self {
+        Self {
             state: Vec::new(),
+            push: Vec::new(),
             stages: [Vec::new(), Vec::new(), Vec::new()],
         }
     }
 
-    /// Hold `nodes` + 2 labels; the arrays keep their memory.
+    /// Start with a state that falls by `decay` from label to label up to `active`; the arrays keep their memory.
     #[inline(always)]
-    fn resize(&mut self, nodes: usize) {
+    fn start(&mut self, nodes: usize, active: usize, mut value: V, decay: f64) {
         let [first, second, third] = &mut self.stages;
-        for array in [&mut self.state, first, second, third] {
-            array.resize(nodes + 2, [V::zero(); C]);
+        for array in [&mut self.state, &mut self.push, first, second, third] {
+            array.resize(nodes + 3, V::zero());
+        }
+        self.state.fill(V::zero());
+        self.push.fill(V::zero());
+        for label in &mut self.state[..=active] {
+            *label = value;
+            value = value.times(decay);
         }
     }
 
@@ -71,10 +149,12 @@ impl<V: Vector, const C: usize> Workspace<V, C> {
     #[inline(always)]
     fn coarsen(&mut self) {
         let kept = self.state.len().div_ceil(2);
-        for i in 0..kept {
-            self.state[i] = self.state[2 * i];
+        for array in [&mut self.state, &mut self.push] {
+            for i in 0..kept {
+                array[i] = array[2 * i];
+            }
+            array[kept..].fill(V::zero());
         }
-        self.state[kept..].fill([V::zero(); C]);
     }
 }
 
@@ -86,10 +166,19 @@ struct Track<V> {
     start: V,
     /// Of the option without expiry.
     perpetual: V,
-    /// ln(S*/K)/spread after the last step.
+    /// ln(S*/K)/spread after the last step, and its derivatives by rate, dividend and spread.
     held: V,
+    held_by: [V; 3],
     /// (ln(S*/K)/spread - start)/sqrt(t) after the last three, newest first.
     reduced: [V; 3],
+    /// The derivatives of `drift`, `start`, and of the newest two of `reduced`.
+    drift_by: [V; 3],
+    start_by: [V; 3],
+    reduced_by: [[V; 3]; 2],
+    /// The time that made the change in `push` (1 at first), and the speed of the labels in the last step.
+    change_time: f64,
+    speed: V,
+    speed_by: [V; 3],
 }
 
 impl<V: Vector> Track<V> {
@@ -105,12 +194,25 @@ impl<V: Vector> Track<V> {
         let start = early.min(V::zero()) / spread;
         let decay = drift + (drift * drift + rate + rate).sqrt();
         let perpetual = -(ln((spread / decay).plus(1.0)) / spread);
+        let inverse = V::all(1.0) / spread;
+        let zero = V::zero();
         Self {
             drift,
             start,
             perpetual,
             held: start,
-            reduced: [V::zero(); 3],
+            held_by: [zero; 3],
+            reduced: [zero; 3],
+            drift_by: [inverse, -inverse, -(drift * inverse).plus(1.0)],
+            start_by: [
+                early.negative(inverse / rate, zero),
+                early.negative(-(inverse / dividend), zero),
+                early.negative(-(start * inverse), zero),
+            ],
+            reduced_by: [[zero; 3]; 2],
+            change_time: 1.0,
+            speed: zero,
+            speed_by: [zero; 3],
         }
     }
 
@@ -128,11 +230,28 @@ impl<V: Vector> Track<V> {
             + self.reduced[2].times(step.prediction[2])
     }
 
+    /// How label 0 moves with the parameters at a step's end. Any motion serves; this is the boundary's, a step before.
     #[inline(always)]
-    fn remember(&mut self, x: V, root: f64) {
+    fn following(&self, t: f64) -> [V; 3] {
+        let mut by = self.held_by;
+        for (by, drift) in by.iter_mut().zip(self.drift_by) {
+            *by = drift.times_plus(V::all(t), *by);
+        }
+        by
+    }
+
+    /// Keep a place of the boundary and how the parameters move it in xi.
+    #[inline(always)]
+    fn remember(&mut self, x: V, found_by: [V; 3], root: f64) {
         self.held = x;
         let newest = (x - self.start).times(1.0 / root);
         self.reduced = [newest, self.reduced[0], self.reduced[1]];
+        let mut by = found_by;
+        for (j, by) in by.iter_mut().enumerate() {
+            self.held_by[j] = *by - self.drift_by[j].times(root * root);
+            *by = (self.held_by[j] - self.start_by[j]).times(1.0 / root);
+        }
+        self.reduced_by = [by, self.reduced_by[0]];
     }
 }
 
@@ -143,6 +262,10 @@ struct WienerHopf<V> {
     upper: V,
     pi: V,
     rho: V,
+    /// What the derivative by the speed takes: of the differences across of u - rhs, u and the second one of u.
+    lean_by: V,
+    drift_by: V,
+    bend_by: V,
 }
 
 impl<V: Vector> WienerHopf<V> {
@@ -166,174 +289,268 @@ impl<V: Vector> WienerHopf<V> {
             upper: mass_upper * inverse,
             pi: lower * inverse,
             rho: upper * inverse,
+            lean_by: inverse.times(-dx / 12.0),
+            drift_by: inverse.times(0.5 * h / dx),
+            bend_by: (speed * inverse).times(h / 3.0),
         }
     }
 }
 
-/// March to now; the profile is left in `work.state`.
+/// March to now; the profile is left in `work`, with derivatives where D. `half` is where the march with half the
+/// steps put the boundary in its first step.
 #[inline(always)]
-pub fn march<V: Vector, const C: usize>(
+pub fn march<V: Vector, const D: bool>(
     plan: &Plan,
     contracts: &Contracts<V>,
-    work: &mut Workspace<V, C>,
+    half: Option<V>,
+    work: &mut Workspace<V>,
 ) -> Marched<V> {
-    work.resize(plan.nodes);
     let mut track = Track::new(contracts);
-    let first = plan.step(1);
-    let mut frame = first_step(&first, contracts, work);
-    track.remember(
-        frame - track.drift.times(first.root * first.root),
-        first.root,
-    );
+    let mut at = first_step::<V, D>(plan, contracts, &mut track, work);
+    let first = at.frame;
     let mut settled = [true; LANES];
-    let mut before = first.root;
     for n in 2..=plan.count() {
         let step = plan.step(n);
         if step.coarsens {
-            work.coarsen();
+            work.base.coarsen();
+            if D {
+                for tangent in &mut work.tangents {
+                    tangent.coarsen();
+                }
+            }
         }
-        let (arrived, accepted) =
-            runge_kutta_step(before, &step, contracts, &mut track, frame, work);
-        frame = arrived;
-        before = step.root;
+        let accepted = runge_kutta_step::<V, D>(&step, contracts, &mut track, &mut at, half, work);
         for (settled, accepted) in settled.iter_mut().zip(accepted) {
             *settled &= accepted;
         }
     }
     Marched {
-        frame,
+        frame: at.frame,
+        frame_by: at.frame_by,
+        first,
         boundary: track.held * contracts.spread,
         settled,
     }
 }
 
+/// Where label 0 is after a step.
+#[derive(Clone, Copy)]
+struct Place<V> {
+    root: f64,
+    frame: V,
+    frame_by: [V; 3],
+}
+
 /// Implicit Euler from u = 0: u = G(X) e^{-lam (xi - X)}.
 #[inline(always)]
-fn first_step<V: Vector, const C: usize>(
-    step: &Step,
+fn first_step<V: Vector, const D: bool>(
+    plan: &Plan,
     contracts: &Contracts<V>,
-    work: &mut Workspace<V, C>,
-) -> V {
-    let lam = std::f64::consts::SQRT_2 / step.root;
-    let moment = Moment::new(contracts, step.root * step.root, step.root);
+    track: &mut Track<V>,
+    work: &mut Workspace<V>,
+) -> Place<V> {
+    let step = plan.step(1);
+    let (root, t) = (step.root, step.root * step.root);
+    let lam = std::f64::consts::SQRT_2 / root;
+    let moment = Moment::new(contracts, t, root);
     let frame = first_boundary(contracts, &moment, lam);
     let obstacle = Obstacle::at(contracts, &moment, frame);
-    let mut value = [obstacle.value; C];
-    value[1..].copy_from_slice(&obstacle.tangents[..C - 1]);
     let decay = (-lam * step.dx).exp();
-    work.state.fill([V::zero(); C]);
-    for label in &mut work.state[..=step.active] {
-        *label = value;
-        for u in &mut value {
-            *u = u.times(decay);
+    work.base
+        .start(plan.nodes, step.active, obstacle.value, decay);
+
+    let [by_rate, by_dividend, by_spread] = obstacle.tangents;
+    let spread = contracts.spread;
+    let inverse = V::all(-1.0) / obstacle.slope.times_plus(V::all(lam), obstacle.curvature);
+    let slope_by_spread = spread.times_plus(by_spread, obstacle.slope / spread);
+    let frame_by = [
+        by_rate.times(lam) * inverse,
+        by_dividend * spread.plus(lam) * inverse,
+        by_spread.times_plus(V::all(lam), slope_by_spread) * inverse,
+    ];
+    if D {
+        for (j, tangent) in work.tangents.iter_mut().enumerate() {
+            let along = obstacle.slope.times_plus(frame_by[j], obstacle.tangents[j]);
+            tangent.start(plan.nodes, step.active, along, decay);
+        }
+        for array in &mut work.by_speed {
+            array.resize(plan.nodes + 3, V::zero());
         }
     }
-    frame
+    work.differences.resize(plan.nodes + 3, V::zero());
+    work.own_differences.resize(plan.nodes + 3, V::zero());
+    track.remember(frame - track.drift.times(t), frame_by, root);
+    Place {
+        root,
+        frame,
+        frame_by,
+    }
 }
 
 /// One Runge-Kutta step, again with a corrected frame where the boundary left it too far behind.
 #[inline(always)]
-fn runge_kutta_step<V: Vector, const C: usize>(
-    before: f64,
+fn runge_kutta_step<V: Vector, const D: bool>(
     step: &Step,
     contracts: &Contracts<V>,
     track: &mut Track<V>,
-    from: V,
-    work: &mut Workspace<V, C>,
-) -> (V, [bool; LANES]) {
+    at: &mut Place<V>,
+    half: Option<V>,
+    work: &mut Workspace<V>,
+) -> [bool; LANES] {
     let t = step.root * step.root;
+    let h = t - at.root * at.root;
     let moved = track.drift.times(t);
     let mut x = if step.number == 2 {
         // One step says nothing of where the boundary goes: one implicit Euler step to here does.
-        let moment = Moment::new(contracts, t, step.root);
-        first_boundary(contracts, &moment, std::f64::consts::SQRT_2 / step.root) - moved
+        let frame = if let Some(half) = half {
+            half
+        } else {
+            let moment = Moment::new(contracts, t, step.root);
+            first_boundary(contracts, &moment, std::f64::consts::SQRT_2 / step.root)
+        };
+        frame - moved
     } else {
         track.start + track.predicted(step).times(step.root)
     };
     x = track.bounded(x);
-    let mut frame = x + moved;
+    let mut to = Place {
+        root: step.root,
+        frame: x + moved,
+        frame_by: track.following(t),
+    };
     let mut open = V::all(1.0); // -1 where the step is accepted
-    for _ in 0..TRIES {
-        let stages = Stages::new(before, step, contracts, track, from, frame);
-        let mut offset = V::zero();
-        for number in 0..STAGE_TIMES.len() {
-            offset = stages.take(number, offset, work);
+    let mut tries = 0;
+    let (scale, last_speed) = (h / track.change_time, track.speed);
+    let (stages, solved) = loop {
+        let speed = (to.frame - at.frame).times(1.0 / h);
+        let faster = (speed - track.speed).times(h / step.dx);
+        let scale = if tries == 0 { scale } else { 1.0 };
+        let differences = &mut work.differences;
+        work.base.push(scale, faster, step.active, differences);
+        track.speed = speed;
+        let stages = Stages::new(step, contracts, track, *at, to);
+        let mut solved = [const { None }; 3];
+        let mut phi = V::zero();
+        for (number, solved) in solved.iter_mut().enumerate() {
+            let (cell, solution) = stages.take(number, phi, work);
+            phi = solution.phi;
+            *solved = Some((cell, solution));
         }
-        x = open.negative(x, offset.times_plus(V::all(step.dx), frame) - moved);
-        let excess = offset
-            .abs()
-            .times(step.dx)
-            .plus(-ACCEPTED_OFFSET * step.root);
+        x = open.negative(x, phi.times_plus(V::all(step.dx), to.frame) - moved);
+        let excess = phi.abs().times(step.dx).plus(-ACCEPTED_OFFSET * step.root);
         open = excess.negative(V::all(-1.0), open);
-        if open.lanes().iter().all(|&o| o < 0.0) {
-            break;
+        tries += 1;
+        if tries == TRIES || open.lanes().iter().all(|&o| o < 0.0) {
+            break (stages, solved);
         }
         x = open.negative(x, track.bounded(x));
-        frame = open.negative(frame, x + moved);
+        to.frame = open.negative(to.frame, x + moved);
+    };
+    let mut found_by = to.frame_by;
+    if D {
+        let faster = (track.speed - last_speed).times(h / step.dx);
+        let phi_by = stages.differentiate(&solved, scale, faster, work);
+        for (found, phi) in found_by.iter_mut().zip(phi_by) {
+            *found = phi.times_plus(V::all(step.dx), *found);
+        }
+        track.speed_by = stages.speed_by;
     }
-    std::mem::swap(&mut work.state, &mut work.stages[2]);
-    track.remember(x, step.root);
+    let shares = &stages.tableau.shares[2];
+    work.base.finish(shares, step.active);
+    track.change_time = STAGE * h;
+    track.remember(x, found_by, step.root);
+    *at = to;
     let mut accepted = [false; LANES];
     for (own, open) in accepted.iter_mut().zip(open.lanes()) {
         *own = open < 0.0;
     }
-    (frame, accepted)
+    accepted
 }
 
-/// The three stages of one step towards a frame.
+/// The three stages of one step from one place of label 0 to another.
 struct Stages<'a, V> {
     start: f64,
     h: f64,
     step: &'a Step<'a>,
     contracts: &'a Contracts<V>,
+    tableau: &'static Tableau,
+    /// The parts of `Track` that the step does not change.
     drift: V,
-    /// ln(S*/K)/spread just before expiry.
     begin: V,
-    from: V,
-    frame: V,
+    drift_by: [V; 3],
+    begin_by: [V; 3],
+    from: Place<V>,
+    to: Place<V>,
     matrix: WienerHopf<V>,
-    /// d reduced / d ln sqrt(t) at the end of the step.
+    /// d reduced / d ln sqrt(t) at the end of the step, and its derivatives by the parameters.
     slope: V,
+    slope_by: [V; 3],
+    /// The derivatives of the labels' speed, and what is new in them.
+    speed_by: [V; 3],
+    faster_by: [V; 3],
 }
 
 impl<'a, V: Vector> Stages<'a, V> {
     #[inline(always)]
     fn new(
-        before: f64,
         step: &'a Step<'a>,
         contracts: &'a Contracts<V>,
         track: &Track<V>,
-        from: V,
-        frame: V,
+        from: Place<V>,
+        to: Place<V>,
     ) -> Self {
-        let (start, end) = (before * before, step.root * step.root);
+        let (start, end) = (from.root * from.root, to.root * to.root);
         let h = end - start;
-        let newest = (frame - track.drift.times(end) - track.start).times(1.0 / step.root);
+        let newest = to.frame - track.drift.times(end) - track.start;
+        let [newest_weight, weight, oldest_weight] = *step.slope;
+        let newest_weight = newest_weight / to.root;
+        let (mut slope_by, mut speed_by, mut faster_by) = (to.frame_by, to.frame_by, to.frame_by);
+        for j in 0..3 {
+            let carried = track.drift_by[j].times_plus(V::all(end), track.start_by[j]);
+            slope_by[j] = (to.frame_by[j] - carried).times(newest_weight)
+                + track.reduced_by[0][j].times(weight)
+                + track.reduced_by[1][j].times(oldest_weight);
+            speed_by[j] = (to.frame_by[j] - from.frame_by[j]).times(1.0 / h);
+            faster_by[j] = speed_by[j] - track.speed_by[j];
+        }
         Self {
             start,
             h,
             step,
             contracts,
+            tableau: if step.number == 2 {
+                &SECOND_STEP
+            } else {
+                &LATER_STEPS
+            },
             drift: track.drift,
             begin: track.start,
+            drift_by: track.drift_by,
+            begin_by: track.start_by,
             from,
-            frame,
-            matrix: WienerHopf::new((frame - from).times(1.0 / h), STAGE * h, step.dx),
-            slope: newest.times(step.slope[0])
-                + track.reduced[0].times(step.slope[1])
-                + track.reduced[1].times(step.slope[2]),
+            to,
+            matrix: WienerHopf::new(track.speed, STAGE * h, step.dx),
+            slope: newest.times(newest_weight)
+                + track.reduced[0].times(weight)
+                + track.reduced[1].times(oldest_weight),
+            slope_by,
+            speed_by,
+            faster_by,
         }
     }
 
-    /// Take one; the last leaves the new state in `work.stages`. Returns phi, how many cells beyond label 0 the boundary is.
+    /// Take one; the last leaves the new state in `stages`.
     #[inline(always)]
-    fn take<const C: usize>(&self, number: usize, last: V, work: &mut Workspace<V, C>) -> V {
-        let c = STAGE_TIMES[number];
+    fn take(&self, number: usize, last: V, work: &mut Workspace<V>) -> (Cell<'a, V>, Solution<V>) {
+        let c = self.tableau.times[number];
         let t = self.start + c * self.h;
         let root = t.sqrt();
-        let xi = (self.frame - self.from).times_plus(V::all(c), self.from);
+        let xi = (self.to.frame - self.from.frame).times_plus(V::all(c), self.from.frame);
         let reduced = (xi - self.drift.times(t) - self.begin).times(1.0 / root);
-        eliminate(number, &self.matrix, self.step.active, work);
+        let (shares, active) = (&self.tableau.shares[number], self.step.active);
+        let none = (&[][..], self.drift);
+        work.base
+            .eliminate::<false>(number, shares, &self.matrix, active, none);
         let cell = Cell {
             contracts: self.contracts,
             moment: Moment::new(self.contracts, t, root),
@@ -343,91 +560,223 @@ impl<'a, V: Vector> Stages<'a, V> {
             turn: 0.5 * self.step.dx * (1.0 + self.step.slope[0]) / (root * root),
             pi: self.matrix.pi,
         };
-        let (contact, phi) = cell.solve(
-            work.stages[number][1],
-            last.times(GROWTH[number]),
+        let solution = cell.solve(
+            work.base.stages[number][1],
+            last.times(self.tableau.growth[number]),
             number == 0,
         );
-        substitute(number, &self.matrix, self.step.active, contact, work);
-        phi
+        work.base
+            .substitute(number, &self.matrix, active, solution.contact());
+        (cell, solution)
+    }
+
+    /// Take the step for the derivatives, which the solved stages decide, one after the other: each fits the cache.
+    /// Returns those of the last phi.
+    #[inline(always)]
+    fn differentiate(
+        &self,
+        solved: &[Option<(Cell<V>, Solution<V>)>; 3],
+        scale: f64,
+        faster: V,
+        work: &mut Workspace<V>,
+    ) -> [V; 3] {
+        let (active, dx) = (self.step.active, self.step.dx);
+        for number in 0..3 {
+            let known = Known::new(
+                &self.tableau.shares[number],
+                active,
+                &work.base.state,
+                &work.base.push,
+                &work.base.stages[..number],
+            );
+            let stage = &work.base.stages[number][..active + 2];
+            by_speed(&known, stage, &self.matrix, &mut work.by_speed[number]);
+        }
+        let mut phi_by = [V::zero(); 3];
+        for (j, tangent) in work.tangents.iter_mut().enumerate() {
+            tangent.push(scale, faster, active, &mut work.own_differences);
+            let faster_by = self.faster_by[j].times(self.h / (12.0 * dx));
+            let push = tangent.push[..=active].iter_mut();
+            for (push, difference) in push.zip(&work.differences) {
+                *push = faster_by.times_plus(*difference, *push);
+            }
+            for (number, (cell, solution)) in solved.iter().flatten().enumerate() {
+                let shares = &self.tableau.shares[number];
+                let added = (&work.by_speed[number][..], self.speed_by[j]);
+                tangent.eliminate::<true>(number, shares, &self.matrix, active, added);
+                let from = self.from.frame_by[j];
+                let c = self.tableau.times[number];
+                let place_by = (self.to.frame_by[j] - from).times_plus(V::all(c), from);
+                let (t, root) = (cell.moment.t, cell.moment.root);
+                let carried = self.drift_by[j].times_plus(V::all(t), self.begin_by[j]);
+                let curved = (place_by - carried).times_plus(V::all(1.0 / root), self.slope_by[j]);
+                let velocity_by = curved.times_plus(V::all(0.5 / root), self.drift_by[j]);
+                let eliminated = tangent.stages[number][1];
+                let (contact, found) = cell.tangent(j, solution, eliminated, place_by, velocity_by);
+                tangent.substitute(number, &self.matrix, active, contact);
+                phi_by[j] = found;
+            }
+            tangent.finish(&self.tableau.shares[2], active);
+        }
+        phi_by
     }
 }
 
-/// A weighted sum of the state and the stages before.
-#[inline(always)]
-fn right_hand_side<V: Vector, const C: usize>(
-    stage: usize,
-    known: [&[[V; C]]; 3],
-    i: usize,
-) -> [V; C] {
-    let [state, first, second] = known;
-    let mut sum = state[i];
-    if stage > 0 {
-        for c in 0..C {
-            sum[c] =
-                first[i][c].times_plus(V::all(SHARES[stage][1]), sum[c].times(SHARES[stage][0]));
+impl<V: Vector> Arrays<V> {
+    /// Scale the push and add `faster` dx `u_xi`, what a change of the labels' speed adds to the rate of change;
+    /// leave 12 dx `u_xi` in `differences`. Of fourth order, as the scheme in space; the first two look to the right.
+    #[inline(always)]
+    fn push(&mut self, scale: f64, faster: V, active: usize, differences: &mut [V]) {
+        let u = &self.state[..active + 3];
+        let faster = faster.times(1.0 / 12.0);
+        let push = &mut self.push[..=active];
+        let differences = &mut differences[..=active];
+        for (i, weights) in [
+            [-25.0, 48.0, -36.0, 16.0, -3.0],
+            [-3.0, -10.0, 18.0, -6.0, 1.0],
+        ]
+        .iter()
+        .enumerate()
+        {
+            let mut sum = u[0].times(weights[0]);
+            for (u, weight) in u[1..5].iter().zip(&weights[1..]) {
+                sum = u.times_plus(V::all(*weight), sum);
+            }
+            differences[i] = sum;
+            push[i] = push[i].times_plus(V::all(scale), faster * sum);
+        }
+        for i in 2..=active {
+            let sum = (u[i + 1] - u[i - 1]).times(8.0) - (u[i + 2] - u[i - 2]);
+            differences[i] = sum;
+            push[i] = push[i].times_plus(V::all(scale), faster * sum);
         }
     }
-    if stage > 1 {
-        for c in 0..C {
-            sum[c] = second[i][c].times_plus(V::all(SHARES[stage][2]), sum[c]);
+
+    /// From the far end: y with kappa (1 - rho E) y = m rhs, and with the multiple of a source where S; y vanishes
+    /// beyond `active`.
+    #[inline(always)]
+    fn eliminate<const S: bool>(
+        &mut self,
+        stage: usize,
+        shares: &[f64; 4],
+        matrix: &WienerHopf<V>,
+        active: usize,
+        (source, multiple): (&[V], V),
+    ) {
+        let (known, found) = self.stages.split_at_mut(stage);
+        let known = Known::new(shares, active, &self.state, &self.push, known);
+        let eliminated = &mut found[0][..=active];
+        let (mut above, mut here) = (known.at(active + 1), known.at(active));
+        let mut y = V::zero();
+        for i in (1..=active).rev() {
+            let below = known.at(i - 1);
+            let mut mean = matrix.middle.times_plus(here, matrix.upper * above);
+            if S {
+                mean = multiple.times_plus(source[i], mean);
+            }
+            y = matrix
+                .rho
+                .times_plus(y, matrix.lower.times_plus(below, mean));
+            eliminated[i] = y;
+            (above, here) = (here, below);
         }
+    }
+
+    /// From the boundary: `u_i` = `y_i` + pi `u_{i-1}`; beyond `active` nothing changes, or is zero after the last stage.
+    #[inline(always)]
+    fn substitute(&mut self, stage: usize, matrix: &WienerHopf<V>, active: usize, contact: V) {
+        if stage < 2 {
+            self.stages[stage][active + 1] = self.state[active + 1];
+        } else {
+            self.stages[stage][active + 1..].fill(V::zero());
+        }
+        let found = &mut self.stages[stage][..=active];
+        let mut u = contact;
+        found[0] = u;
+        for label in &mut found[1..] {
+            u = matrix.pi.times_plus(u, *label);
+            *label = u;
+        }
+    }
+
+    /// Make the last stage, with these shares, the state, and leave in the push what it added to its right-hand side.
+    #[inline(always)]
+    fn finish(&mut self, shares: &[f64; 4], active: usize) {
+        let [first, second, last] = &self.stages;
+        for i in 0..=active {
+            let push = self.push[i];
+            let sum = weighted(2, shares, [self.state[i], push, first[i], second[i]]);
+            self.push[i] = last[i] - sum;
+        }
+        std::mem::swap(&mut self.state, &mut self.stages[2]);
+    }
+}
+
+/// A stage's right-hand side at one label, of the state, the push and the stages before.
+#[inline(always)]
+fn weighted<V: Vector>(stage: usize, shares: &[f64; 4], known: [V; 4]) -> V {
+    let [state, push, first, second] = known;
+    let mut sum = state.times_plus(V::all(shares[0]), push.times(shares[1]));
+    if stage > 0 {
+        sum = first.times_plus(V::all(shares[2]), sum);
+    }
+    if stage > 1 {
+        sum = second.times_plus(V::all(shares[3]), sum);
     }
     sum
 }
 
-/// From the far end: y with kappa (1 - rho E) y = m rhs; y vanishes beyond `active`.
-#[inline(always)]
-fn eliminate<V: Vector, const C: usize>(
+/// The arrays that a stage's right-hand side is made of.
+struct Known<'a, V> {
     stage: usize,
-    matrix: &WienerHopf<V>,
-    active: usize,
-    work: &mut Workspace<V, C>,
-) {
-    let (known, found) = work.stages.split_at_mut(stage);
-    let state = &work.state[..active + 2];
-    // Stages that are not known yet are not read.
-    let first = known.first().map_or(state, |v| &v[..active + 2]);
-    let second = known.get(1).map_or(state, |v| &v[..active + 2]);
-    let known = [state, first, second];
-    let eliminated = &mut found[0][..=active];
-    let mut above = right_hand_side(stage, known, active + 1);
-    let mut here = right_hand_side(stage, known, active);
-    let mut y = [V::zero(); C];
-    for i in (1..=active).rev() {
-        let below = right_hand_side(stage, known, i - 1);
-        for c in 0..C {
-            let mean = matrix.middle.times_plus(here[c], matrix.upper * above[c]);
-            y[c] = matrix
-                .rho
-                .times_plus(y[c], matrix.lower.times_plus(below[c], mean));
+    shares: &'a [f64; 4],
+    arrays: [&'a [V]; 4],
+}
+
+impl<'a, V: Vector> Known<'a, V> {
+    /// From the state, the push and the stages before; those that are not known yet are not read.
+    #[inline(always)]
+    fn new(
+        shares: &'a [f64; 4],
+        active: usize,
+        state: &'a [V],
+        push: &'a [V],
+        stages: &'a [Vec<V>],
+    ) -> Self {
+        let labels = active + 2;
+        let state = &state[..labels];
+        let first = stages.first().map_or(state, |v| &v[..labels]);
+        let second = stages.get(1).map_or(state, |v| &v[..labels]);
+        Self {
+            stage: stages.len(),
+            shares,
+            arrays: [state, &push[..labels], first, second],
         }
-        eliminated[i] = y;
-        (above, here) = (here, below);
+    }
+
+    #[inline(always)]
+    fn at(&self, i: usize) -> V {
+        let [state, push, first, second] = self.arrays;
+        weighted(
+            self.stage,
+            self.shares,
+            [state[i], push[i], first[i], second[i]],
+        )
     }
 }
 
-/// From the boundary: `u_i` = `y_i` + pi `u_{i-1}`; beyond `active` nothing changes, or is zero after the last stage.
+/// What the derivative of the factors by the speed takes from a solved stage.
 #[inline(always)]
-fn substitute<V: Vector, const C: usize>(
-    stage: usize,
-    matrix: &WienerHopf<V>,
-    active: usize,
-    contact: [V; C],
-    work: &mut Workspace<V, C>,
-) {
-    if stage < 2 {
-        work.stages[stage][active + 1] = work.state[active + 1];
-    } else {
-        work.stages[stage][active + 1..].fill([V::zero(); C]);
-    }
-    let found = &mut work.stages[stage][..=active];
-    let mut u = contact;
-    found[0] = u;
-    for label in &mut found[1..] {
-        for c in 0..C {
-            u[c] = matrix.pi.times_plus(u[c], label[c]);
-        }
-        *label = u;
+fn by_speed<V: Vector>(known: &Known<V>, u: &[V], matrix: &WienerHopf<V>, found: &mut [V]) {
+    let active = u.len() - 2;
+    let mut above = u[active + 1] - known.at(active + 1);
+    let mut here = u[active] - known.at(active);
+    for i in (1..=active).rev() {
+        let below = u[i - 1] - known.at(i - 1);
+        let bent = (u[i + 1] - u[i]) - (u[i] - u[i - 1]);
+        let across = (u[i + 1] - u[i - 1]) * matrix.drift_by;
+        let leaning = (above - below).times_plus(matrix.lean_by, across);
+        found[i] = bent.times_plus(matrix.bend_by, leaning);
+        (above, here) = (here, below);
     }
 }

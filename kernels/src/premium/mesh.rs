@@ -11,16 +11,16 @@ const WIDTH: f64 = 0.75;
 const LAYER: f64 = 0.7;
 const LAYERS: f64 = 20.0;
 /// Of the march with 16 steps at r T = 1, and the power of r T with which it grows: four puts in five are better.
-const TYPICAL_ERROR: f64 = 7e-5;
-const TYPICAL_POWER: f64 = 1.3;
+const TYPICAL_ERROR: f64 = 7e-6;
+const TYPICAL_POWER: f64 = 0.7;
 /// From this tolerance on two marches are enough.
 const LOOSE_TOLERANCE: f64 = 1e-4;
 /// 1/log2(6): six times less error for twice the steps.
 const STEPS_POWER: f64 = 0.386_852_807_234_541_6;
 const SMALLEST_RATE: f64 = 1e-9;
-const LARGEST_GROWTH: f64 = 3.0;
+const LARGEST_GROWTH: f64 = 8.0;
 const SMALLEST_SPREAD: f64 = 1e-7;
-const LARGEST_SPREAD: f64 = 4.0;
+const LARGEST_SPREAD: f64 = 16.0;
 /// In xi, from the boundary to the end of the grid.
 const LARGEST_DISTANCE: f64 = 40.0;
 /// Of the coarsest cells.

@@ -46,6 +46,8 @@ pub struct Obstacle<V> {
     pub slope: V,
     /// Its second derivative by xi.
     pub curvature: V,
+    /// Its third derivative by xi.
+    pub third: V,
     /// e^y, y = xi spread + spread^2 t/2.
     pub growth: V,
     /// Derivatives by rate, dividend and spread.
@@ -66,10 +68,12 @@ impl<V: Vector> Obstacle<V> {
         let in_bond = weighted_normal(d2, density, V::all(1.0));
         let held = growth.times_plus(moment.dividend_growth, in_stock);
         let slope = -(spread * held);
+        let curvature = spread * (slope - density.times(1.0 / root));
         Self {
             value: (moment.rate_growth - growth * moment.dividend_growth) - (in_stock - in_bond),
             slope,
-            curvature: spread * (slope - density.times(1.0 / root)),
+            curvature,
+            third: spread * (curvature + d2 * density.times(1.0 / t)),
             growth,
             tangents: [
                 moment.rate_growth.plus(1.0).times(t),

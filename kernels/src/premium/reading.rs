@@ -1,6 +1,6 @@
 //! From the premium at the labels to options at sixteen spots.
 
-use super::march::Marched;
+use super::march::{Marched, Workspace};
 use super::normal::{exp, expm1, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use super::obstacle::Contracts;
 use super::plan::Plan;
@@ -103,13 +103,13 @@ impl<V: Vector> Spots<V> {
 
     /// What a march says: the obstacle in its exercise region.
     #[inline(always)]
-    pub fn sight<const C: usize>(
+    pub fn sight<const D: bool>(
         &self,
         plan: &Plan,
         marched: &Marched<V>,
-        state: &[[V; C]],
+        work: &Workspace<V>,
     ) -> Sight<V> {
-        let read = self.read(plan, marched, state);
+        let read = self.read::<D>(plan, marched, work);
         let boundary = self.of_lanes(marched.boundary);
         let held = boundary - self.x;
         let mut settled = [1.0; LANES];
@@ -208,11 +208,11 @@ impl<V: Vector> Spots<V> {
     /// u, `u_xi` and `u_xixi` at xi; zero beyond the labels.
     #[inline(always)]
     #[allow(clippy::cast_precision_loss)]
-    fn read<const C: usize>(
+    fn read<const D: bool>(
         &self,
         plan: &Plan,
         marched: &Marched<V>,
-        state: &[[V; C]],
+        work: &Workspace<V>,
     ) -> Sight<V> {
         let cell = 1.0 / plan.last_spacing();
         let y = (self.xi - self.of_lanes(marched.frame)).times(cell).lanes();
@@ -224,51 +224,64 @@ impl<V: Vector> Spots<V> {
         let z = V::from_lanes(z);
         let inside = z.plus(3.0 - STENCIL as f64);
         let z = z.min(V::all(STENCIL as f64));
-        let mut labels = [[V::zero(); C]; STENCIL];
-        for (k, label) in labels.iter_mut().enumerate() {
-            for (c, u) in label.iter_mut().enumerate() {
-                let mut numbers = [0.0; LANES];
-                for l in 0..LANES {
-                    numbers[l] = state[first[l] + k][c].lane(self.lanes[l]);
-                }
-                *u = V::from_lanes(numbers);
-            }
-        }
+        let labels = self.differences_of(&work.base.state, &first);
         // Newton's series of forward differences with the binomials of z.
-        for order in 1..STENCIL {
-            for k in (order..STENCIL).rev() {
-                let before = labels[k - 1];
-                for (u, below) in labels[k].iter_mut().zip(before) {
-                    *u = *u - below;
-                }
-            }
-        }
         let (mut binomial, mut once, mut twice) = (V::all(1.0), V::zero(), V::zero());
         let mut value = labels[0];
         let (mut slope, mut curvature) = (V::zero(), V::zero());
-        for (k, difference) in labels.iter().enumerate().skip(1) {
+        let mut binomials = [binomial; STENCIL];
+        for (k, &difference) in labels.iter().enumerate().skip(1) {
             let (step, share) = (z.plus(1.0 - k as f64), 1.0 / k as f64);
             twice = (twice * step + once + once).times(share);
             once = (once * step + binomial).times(share);
             binomial = (binomial * step).times(share);
-            for c in 0..C {
-                value[c] = binomial.times_plus(difference[c], value[c]);
-            }
-            slope = slope + once * difference[0];
-            curvature = curvature + twice * difference[0];
-        }
-        let mut tangents = [V::zero(); 3];
-        for (tangent, u) in tangents.iter_mut().zip(&value[1..]) {
-            *tangent = inside.negative(*u, V::zero());
+            binomials[k] = binomial;
+            value = binomial.times_plus(difference, value);
+            slope = slope + once * difference;
+            curvature = curvature + twice * difference;
         }
         let zero = V::zero();
+        slope = slope.times(cell);
+        let mut tangents = [zero; 3];
+        if D {
+            for (j, tangent) in tangents.iter_mut().enumerate() {
+                let labels = self.differences_of(&work.tangents[j].state, &first);
+                let mut along = labels[0];
+                for (difference, binomial) in labels[1..].iter().zip(&binomials[1..]) {
+                    along = binomial.times_plus(*difference, along);
+                }
+                let at_fixed_xi = along - slope * self.of_lanes(marched.frame_by[j]);
+                *tangent = inside.negative(at_fixed_xi, zero);
+            }
+        }
         Sight {
-            u: inside.negative(value[0], zero),
-            slope: inside.negative(slope.times(cell), zero),
+            u: inside.negative(value, zero),
+            slope: inside.negative(slope, zero),
             curvature: inside.negative(curvature.times(cell * cell), zero),
             tangents,
             ..Sight::nothing()
         }
+    }
+}
+
+impl<V: Vector> Spots<V> {
+    /// The forward differences, by order, of labels from the first ones on.
+    #[inline(always)]
+    fn differences_of(&self, state: &[V], first: &[usize; LANES]) -> [V; STENCIL] {
+        let mut labels = [V::zero(); STENCIL];
+        for (k, label) in labels.iter_mut().enumerate() {
+            let mut numbers = [0.0; LANES];
+            for l in 0..LANES {
+                numbers[l] = state[first[l] + k].lane(self.lanes[l]);
+            }
+            *label = V::from_lanes(numbers);
+        }
+        for order in 1..STENCIL {
+            for k in (order..STENCIL).rev() {
+                labels[k] = labels[k] - labels[k - 1];
+            }
+        }
+        labels
     }
 }
 

@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 use super::dispatch::{dispatch, Work};
-use super::group::{Aim, Group, Outcome, Past, Workspaces};
+use super::group::{Aim, Group, Outcome, Past};
 use super::march::Workspace;
 use super::mesh::{classify, MeshClass};
 use super::obstacle::Contracts;
@@ -165,10 +165,7 @@ impl Work for Task<'_> {
         self.sort_into_levels::<V>(&mut fresh);
         let mut missed: [Vec<Item>; STEPS.len()] = Default::default();
         let mut pasts = Vec::<Past>::new();
-        let mut work = Workspaces {
-            plain: Workspace::<V, 1>::new(),
-            differentiated: Workspace::<V, 4>::new(),
-        };
+        let mut work = Workspace::<V>::new();
         for level in 0..STEPS.len() {
             let aim = Aim {
                 level,
