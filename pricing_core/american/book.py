@@ -12,6 +12,7 @@ from pricing_core.american.contract import (
     LARGEST_MONEY,
     SMALLEST_MONEY,
     Option,
+    check_kind,
     real_number,
 )
 from pricing_core.american.market import LARGEST_RATE, LARGEST_VOLATILITY, SMALLEST_RATE, Market
@@ -109,6 +110,7 @@ def read_book(columns: Mapping[str, Any], tolerance: float) -> tuple[Book, dict[
     InvalidInputError
         A column is missing or unknown, or lengths differ.
     """
+    check_kind("columns", columns, Mapping, "a mapping of names to columns")
     table = _broadcast({**DEFAULTS, "tolerance": tolerance, **columns})
     numbers = {name: _as_numbers(table[name]) for name in LIMITS}
     types, exercises = table["option_type"], table["exercise"]
@@ -161,6 +163,8 @@ def _as_numbers(column: NDArray[Any]) -> Vector:
     """Return a copy as floats, NaN for what is no number."""
     if column.dtype.kind in "fiu":
         return column.astype(np.float64)
+    if column.dtype.kind in "mM":  # durations and dates, whose items may be plain integers
+        return np.full(column.shape, np.nan)
     return np.array([_number_or_nan(cell) for cell in column.tolist()], dtype=np.float64)
 
 
@@ -175,7 +179,7 @@ def _number_or_nan(cell: object) -> float:
 
 def _fault(row: Mapping[str, Any]) -> InvalidInputError | None:
     """Return what is wrong with a row, in the words of the single contract; None if nothing."""
-    row = {name: cell.item() if isinstance(cell, np.generic) else cell for name, cell in row.items()}
+    row = {name: _plain(cell) for name, cell in row.items()}
     try:
         option = Option(row["option_type"], row["strike"], row["expiry"], row["exercise"])
         market = Market(row["spot"], row["rate"], row["volatility"], row["dividend_yield"])
@@ -184,3 +188,8 @@ def _fault(row: Mapping[str, Any]) -> InvalidInputError | None:
     except InvalidInputError as fault:
         return fault
     return None
+
+
+def _plain(cell: object) -> object:
+    """Return NumPy's numbers and texts as Python's; not its durations, whose item may be a plain integer."""
+    return cell.item() if isinstance(cell, np.generic) and cell.dtype.kind in "fiuU" else cell

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.american.contract import Option, real_number
+from pricing_core.american.contract import Option, check_kind, real_number
 from pricing_core.american.engine import coarsest_resolution, make_solver
 from pricing_core.american.exercise_region import ExerciseRegion, region_at_expiry
 from pricing_core.american.limits import is_deterministic
@@ -99,6 +99,8 @@ def exercise_boundary(
     >>> found.boundary.round(1), found.other_boundary
     (array([ 80.9, 100. ]), None)
     """
+    check_kind("option", option, Option, "an Option")
+    check_kind("market", market, Market, "a Market")
     tolerance = real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
     chosen = _default_times(option) if times is None else _checked_times(option, times)
     tau = np.maximum(option.expiry - chosen, 0.0)

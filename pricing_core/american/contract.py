@@ -4,6 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+import numpy as np
+
 from pricing_core.errors import InvalidInputError
 
 OptionType: TypeAlias = Literal["put", "call"]
@@ -77,13 +79,21 @@ def real_number(
     allowed = _range_in_words(least, most)
     if isinstance(value, (str, bytes, bool)) or value is None:
         raise InvalidInputError(field, value, allowed)
+    if isinstance(value, np.generic) and value.dtype.kind not in "fiu":  # truth values, dates, durations
+        raise InvalidInputError(field, value, allowed)
     try:
         number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
+    except Exception:  # whatever a stranger's __float__ raises, this is no number
         raise InvalidInputError(field, value, allowed) from None
     if not (math.isfinite(number) and least <= number <= most):
         raise InvalidInputError(field, value, allowed)
     return number
+
+
+def check_kind(field: str, value: object, kind: type, allowed: str) -> None:
+    """Raise InvalidInputError where an argument is of another kind."""
+    if not isinstance(value, kind):
+        raise InvalidInputError(field, value, allowed)
 
 
 def _range_in_words(least: float, most: float) -> str:

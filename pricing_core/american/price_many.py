@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pricing_core.american.book import Book, read_book
 from pricing_core.american.book_values import CLOSED, LEFT, BookValues, value_book
-from pricing_core.american.contract import real_number
+from pricing_core.american.contract import check_kind, real_number
 from pricing_core.american.results import DAYS_PER_YEAR, Valuation
 from pricing_core.american.tolerances import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
 from pricing_core.american.valuation import MARCH_METHOD, price_alone
@@ -81,6 +81,8 @@ def price_many(
     (['ok', 'invalid_input'], 'spot = -1.0: must be a number from 0 to 1e+30')
     """
     real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+    check_kind("greeks", greeks, bool, "True or False")
+    check_kind("share_solves", share_solves, bool, "True or False")
     workers = _checked_threads(threads)
     book, reasons = read_book(columns, tolerance)
     count = book.spot.size

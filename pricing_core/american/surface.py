@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.american.contract import Option
+from pricing_core.american.contract import Option, check_kind
 from pricing_core.american.market import Market
 from pricing_core.american.price_many import price_many
 from pricing_core.american.tolerances import DEFAULT_TOLERANCE
@@ -75,6 +75,8 @@ def value_surface(
     >>> surface.value.round(2).tolist(), surface.exercised.tolist()
     ([[20.0, 6.09], [20.0, 4.66]], [[True, False], [True, False]])
     """
+    check_kind("option", option, Option, "an Option")
+    check_kind("market", market, Market, "a Market")
     time, spot = as_vector("times", times), as_vector("spots", spots)
     if np.any(time < 0.0) or np.any(time > option.expiry):
         raise InvalidInputError("times", times, "from 0 to the expiry")

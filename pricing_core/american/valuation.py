@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 from pricing_core.american.book import single_row
 from pricing_core.american.book_values import MARCHED, value_book
-from pricing_core.american.contract import Option, real_number
+from pricing_core.american.contract import Option, check_kind, real_number
 from pricing_core.american.engine import (
     Estimate,
     coarsest_resolution,
@@ -99,6 +99,9 @@ def price(
     (6.09, 80.9, 'ok')
     """
     tolerance = real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+    check_kind("option", option, Option, "an Option")
+    check_kind("market", market, Market, "a Market")
+    check_kind("greeks", greeks, bool, "True or False")
     _check_choice("method", method, ("auto", "lcs", "crank-nicolson"))
     _check_choice("lcp_method", lcp_method, ("tridiagonal", "policy", "psor", "lemke"))
     check_moneyness(option, market)

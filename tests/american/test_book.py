@@ -222,3 +222,36 @@ def test_taking_and_slicing_keep_the_rows_together():
     assert (taken.spot.tolist(), taken.strike.tolist()) == ([110.0, 90.0], [3.0, 1.0])
     assert (sliced.spot.tolist(), sliced.strike.tolist()) == ([100.0, 110.0], [2.0, 3.0])
     assert np.shares_memory(sliced.spot, book.spot)
+
+
+class Ungrateful:
+    """A cell that raises what it likes."""
+
+    def __float__(self) -> float:
+        raise RuntimeError("no")
+
+
+@pytest.mark.parametrize(
+    "cell",
+    [Ungrateful(), np.bool_(True), np.timedelta64(100, "ns"), np.datetime64("2026-01-01"), 1j, [], None],
+)
+def test_a_cell_that_is_no_number_costs_its_row_alone(cell):
+    spot = np.array([100.0, None, 90.0], dtype=object)
+    spot[1] = cell
+    book, reasons = read_book({**ROW, "spot": spot}, 1e-6)
+    assert list(reasons) == [1]
+    assert reasons[1].field == "spot"
+    assert np.isnan(book.spot).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("kind", ["m8[ns]", "m8[D]", "M8[s]", "?"])
+def test_a_column_of_durations_dates_or_truth_values_holds_no_numbers(kind):
+    book, reasons = read_book({**ROW, "spot": np.array([1, 1]).astype(kind)}, 1e-6)
+    assert [reason.field for reason in reasons.values()] == ["spot", "spot"]
+    assert np.isnan(book.spot).all()
+
+
+@pytest.mark.parametrize("columns", [None, [1.0], "spot", 7])
+def test_columns_are_a_mapping(columns):
+    with pytest.raises(InvalidInputError, match=r"columns = .*: must be a mapping of names to columns"):
+        read_book(columns, 1e-6)

@@ -379,3 +379,16 @@ def test_a_worthless_underlying_leaves_the_boundary_where_it_is(option_type, div
 def test_spots_out_of_all_proportion_are_refused(ratio):
     with pytest.raises(InvalidInputError, match="spot"):
         price(Option("put", 1e-5, 1.0), Market(1e-5 * ratio if ratio < 1 else 1e26, 0.05, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "keywords", "field"),
+    [
+        (("put", Market(100.0, 0.05, 0.2)), {}, "option"),
+        ((Option("put", 100.0, 1.0), {"spot": 100.0}), {}, "market"),
+        ((Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2)), {"greeks": "no"}, "greeks"),
+    ],
+)
+def test_an_argument_of_another_kind_is_named(arguments, keywords, field):
+    with pytest.raises(InvalidInputError, match=f"^{field} = "):
+        price(*arguments, **keywords)

@@ -79,18 +79,10 @@ impl<V: Vector> Cell<'_, V> {
         }
     }
 
-    /// The derivatives of u at label 0 and of phi by rate, dividend or spread (j = 0, 1, 2), from those of `y_1`, of
-    /// `xi_0` and of the velocity at a fixed phi: the conditions differentiated, first at a fixed phi (the first three
-    /// terms of w are enough: phi is small), then by phi.
+    /// What the derivatives by all parameters share: the conditions differentiated at a fixed phi (the first three
+    /// terms of w are enough: phi is small), and by phi.
     #[inline(always)]
-    pub fn tangent(
-        &self,
-        j: usize,
-        solution: &Solution<V>,
-        eliminated: V,
-        place_by: V,
-        velocity_by: V,
-    ) -> (V, V) {
+    pub fn differentiated(&self, solution: &Solution<V>) -> Differentiated<V> {
         let Contracts {
             rate,
             dividend,
@@ -105,43 +97,35 @@ impl<V: Vector> Cell<'_, V> {
             at,
         } = solution;
         let (t, zero) = (self.moment.t, V::zero());
-        let v = phi.times_plus(V::all(self.turn), self.velocity);
         let stock = self.stock_at(*phi, *stock);
         let (earned, paid) = (rate * *bond, dividend * stock);
-        let h = earned - paid;
-        let c = (spread * spread).times_plus(V::all(0.5), dividend);
         let held = rate.times(t).plus(1.0);
         let moving = spread * paid;
         let boundary = phi.times_plus(V::all(self.dx), self.xi);
-        // At a fixed place.
-        let paid_by = [
-            zero,
-            stock * dividend.times(t).plus(1.0),
-            paid * spread.times_plus(V::all(t), boundary),
-        ][j];
-        let paid_by = moving.times_plus(place_by, paid_by);
-        let earned_by = [*bond * held, zero, zero][j];
-        // Of h_t, but for what comes with paid_by; and of spread.
-        let grown_by = [earned * held.plus(1.0), -paid, -moving][j];
-        let more = [zero, zero, paid][j];
         let z0 = phi.times(-self.dx);
-        let z1 = z0.plus(self.dx);
-        let h_by = earned_by - paid_by;
-        let h_t_by = grown_by - c * paid_by;
-        let h_xi_by = -spread.times_plus(paid_by, more);
-        let swing = h * velocity_by;
-        let third = (h_xi_by - h_by.times_plus(v, swing).times(2.0)).times(1.0 / 3.0);
-        let bent = (v * h_by.times_plus(v, swing + swing)).times(4.0);
-        let spread_out = spread * spread.times_plus(paid_by, more + more);
-        let fourth = (bent + h_t_by.times(2.0) - spread_out).times(1.0 / 12.0);
-        let u0 = z0.times_plus(z0.times_plus(fourth, third), h_by);
-        let u1 = z1.times_plus(z1.times_plus(fourth, third), h_by);
-        let g0 = here.slope.times_plus(place_by, here.tangents[j]);
-        let g1 = there.slope.times_plus(place_by, there.tangents[j]);
-        let u0 = (z0 * z0).times_plus(u0, g0);
-        let u1 = (z1 * z1).times_plus(u1, g1);
-        let moved = (eliminated + self.pi * u0 - u1) / at.derivative;
-        (at.slope.times_plus(moved, u0), moved)
+        Differentiated {
+            t,
+            root: self.moment.root,
+            spread,
+            pi: self.pi,
+            h: earned - paid,
+            v: phi.times_plus(V::all(self.turn), self.velocity),
+            c: (spread * spread).times_plus(V::all(0.5), dividend),
+            moving,
+            earned_by: [*bond * held, zero, zero],
+            paid_by: [
+                zero,
+                stock * dividend.times(t).plus(1.0),
+                paid * spread.times_plus(V::all(t), boundary),
+            ],
+            grown_by: [earned * held.plus(1.0), -paid, -moving],
+            spread_by: [zero, zero, paid],
+            z: [z0, z0.plus(self.dx)],
+            obstacle_slopes: [here.slope, there.slope],
+            obstacle_by: [here.tangents, there.tangents],
+            contact_slope: at.slope,
+            inverse: V::all(1.0) / at.derivative,
+        }
     }
 
     /// One step of Newton's method, held to `most`.
@@ -206,5 +190,60 @@ impl<V: Vector> Cell<'_, V> {
             value: known + (w1 - self.pi * w0),
             derivative: by1 - self.pi * by0,
         }
+    }
+}
+
+/// The conditions of a solved cell, ready to be differentiated by rate, dividend and spread: what ends in `_by` has
+/// one part for each, at fixed places.
+pub struct Differentiated<V> {
+    pub t: f64,
+    pub root: f64,
+    spread: V,
+    pi: V,
+    h: V,
+    /// The boundary's velocity.
+    v: V,
+    c: V,
+    /// The derivative of paid by the place.
+    moving: V,
+    earned_by: [V; 3],
+    paid_by: [V; 3],
+    /// Of `h_t`, but for what comes with paid.
+    grown_by: [V; 3],
+    /// Of spread, times paid.
+    spread_by: [V; 3],
+    /// From the boundary to the labels 0 and 1.
+    z: [V; 2],
+    obstacle_slopes: [V; 2],
+    obstacle_by: [[V; 3]; 2],
+    contact_slope: V,
+    /// Of the residual's derivative by phi.
+    inverse: V,
+}
+
+impl<V: Vector> Differentiated<V> {
+    /// The derivatives of u at label 0 and of phi by one parameter (j = 0, 1, 2), from those of `y_1`, of `xi_0` and
+    /// of the velocity at a fixed phi.
+    #[inline(always)]
+    pub fn tangent(&self, j: usize, eliminated: V, place_by: V, velocity_by: V) -> (V, V) {
+        let paid_by = self.moving.times_plus(place_by, self.paid_by[j]);
+        let h_by = self.earned_by[j] - paid_by;
+        let h_t_by = self.grown_by[j] - self.c * paid_by;
+        let h_xi_by = -self.spread.times_plus(paid_by, self.spread_by[j]);
+        let swing = self.h * velocity_by;
+        let third = (h_xi_by - h_by.times_plus(self.v, swing).times(2.0)).times(1.0 / 3.0);
+        let bent = (self.v * h_by.times_plus(self.v, swing + swing)).times(4.0);
+        let twice = self.spread_by[j] + self.spread_by[j];
+        let spread_out = self.spread * self.spread.times_plus(paid_by, twice);
+        let fourth = (bent + h_t_by.times(2.0) - spread_out).times(1.0 / 12.0);
+        let mut u = self.z;
+        for (k, u) in u.iter_mut().enumerate() {
+            let z = self.z[k];
+            let series = z.times_plus(z.times_plus(fourth, third), h_by);
+            let obstacle = self.obstacle_slopes[k].times_plus(place_by, self.obstacle_by[k][j]);
+            *u = (z * z).times_plus(series, obstacle);
+        }
+        let moved = (eliminated + self.pi * u[0] - u[1]) * self.inverse;
+        (self.contact_slope.times_plus(moved, u[0]), moved)
     }
 }

@@ -92,8 +92,6 @@ pub struct Workspace<V> {
     pub tangents: [Arrays<V>; 3],
     /// 12 dx `u_xi` at the labels at the start of a step.
     differences: Vec<V>,
-    /// The same of a derivative.
-    own_differences: Vec<V>,
     /// What the derivatives of the stages' equations by the speed take from the solved stages.
     by_speed: [Vec<V>; 3],
 }
@@ -114,7 +112,6 @@ impl<V: Vector> Workspace<V> {
             base: Arrays::new(),
             tangents: [Arrays::new(), Arrays::new(), Arrays::new()],
             differences: Vec::new(),
-            own_differences: Vec::new(),
             by_speed: [Vec::new(), Vec::new(), Vec::new()],
         }
     }
@@ -378,7 +375,6 @@ fn first_step<V: Vector, const D: bool>(
         }
     }
     work.differences.resize(plan.nodes + 3, V::zero());
-    work.own_differences.resize(plan.nodes + 3, V::zero());
     track.remember(frame - track.drift.times(t), frame_by, root);
     Place {
         root,
@@ -425,8 +421,9 @@ fn runge_kutta_step<V: Vector, const D: bool>(
         let speed = (to.frame - at.frame).times(1.0 / h);
         let faster = (speed - track.speed).times(h / step.dx);
         let scale = if tries == 0 { scale } else { 1.0 };
-        let differences = &mut work.differences;
-        work.base.push(scale, faster, step.active, differences);
+        let terms = (scale, faster, faster);
+        work.base
+            .push::<false>(terms, step.active, &mut work.differences);
         track.speed = speed;
         let stages = Stages::new(step, contracts, track, *at, to);
         let mut solved = [const { None }; 3];
@@ -581,6 +578,12 @@ impl<'a, V: Vector> Stages<'a, V> {
         work: &mut Workspace<V>,
     ) -> [V; 3] {
         let (active, dx) = (self.step.active, self.step.dx);
+        let mut slopes = [const { None }; 3];
+        for (slopes, stage) in slopes.iter_mut().zip(solved) {
+            if let Some((cell, solution)) = stage {
+                *slopes = Some(cell.differentiated(solution));
+            }
+        }
         for number in 0..3 {
             let known = Known::new(
                 &self.tableau.shares[number],
@@ -594,25 +597,21 @@ impl<'a, V: Vector> Stages<'a, V> {
         }
         let mut phi_by = [V::zero(); 3];
         for (j, tangent) in work.tangents.iter_mut().enumerate() {
-            tangent.push(scale, faster, active, &mut work.own_differences);
-            let faster_by = self.faster_by[j].times(self.h / (12.0 * dx));
-            let push = tangent.push[..=active].iter_mut();
-            for (push, difference) in push.zip(&work.differences) {
-                *push = faster_by.times_plus(*difference, *push);
-            }
-            for (number, (cell, solution)) in solved.iter().flatten().enumerate() {
+            let faster_by = self.faster_by[j].times(self.h / dx);
+            tangent.push::<true>((scale, faster, faster_by), active, &mut work.differences);
+            for (number, cell) in slopes.iter().flatten().enumerate() {
                 let shares = &self.tableau.shares[number];
                 let added = (&work.by_speed[number][..], self.speed_by[j]);
                 tangent.eliminate::<true>(number, shares, &self.matrix, active, added);
                 let from = self.from.frame_by[j];
                 let c = self.tableau.times[number];
                 let place_by = (self.to.frame_by[j] - from).times_plus(V::all(c), from);
-                let (t, root) = (cell.moment.t, cell.moment.root);
+                let (t, root) = (cell.t, cell.root);
                 let carried = self.drift_by[j].times_plus(V::all(t), self.begin_by[j]);
                 let curved = (place_by - carried).times_plus(V::all(1.0 / root), self.slope_by[j]);
                 let velocity_by = curved.times_plus(V::all(0.5 / root), self.drift_by[j]);
                 let eliminated = tangent.stages[number][1];
-                let (contact, found) = cell.tangent(j, solution, eliminated, place_by, velocity_by);
+                let (contact, found) = cell.tangent(j, eliminated, place_by, velocity_by);
                 tangent.substitute(number, &self.matrix, active, contact);
                 phi_by[j] = found;
             }
@@ -623,32 +622,36 @@ impl<'a, V: Vector> Stages<'a, V> {
 }
 
 impl<V: Vector> Arrays<V> {
-    /// Scale the push and add `faster` dx `u_xi`, what a change of the labels' speed adds to the rate of change;
-    /// leave 12 dx `u_xi` in `differences`. Of fourth order, as the scheme in space; the first two look to the right.
+    /// Scale the push and add `faster` dx `u_xi`, what a change of the labels' speed adds to the rate of change, and
+    /// `faster_by` times these differences of the premium itself where T, for a derivative's push; else leave them in
+    /// `differences`. Of fourth order, as the scheme in space; the first two labels look to the right.
     #[inline(always)]
-    fn push(&mut self, scale: f64, faster: V, active: usize, differences: &mut [V]) {
+    fn push<const T: bool>(
+        &mut self,
+        (scale, faster, faster_by): (f64, V, V),
+        active: usize,
+        differences: &mut [V],
+    ) {
         let u = &self.state[..active + 3];
-        let faster = faster.times(1.0 / 12.0);
+        let scale = V::all(scale);
+        let (faster, faster_by) = (faster.times(1.0 / 12.0), faster_by.times(1.0 / 12.0));
         let push = &mut self.push[..=active];
         let differences = &mut differences[..=active];
-        for (i, weights) in [
-            [-25.0, 48.0, -36.0, 16.0, -3.0],
-            [-3.0, -10.0, 18.0, -6.0, 1.0],
-        ]
-        .iter()
-        .enumerate()
-        {
-            let mut sum = u[0].times(weights[0]);
-            for (u, weight) in u[1..5].iter().zip(&weights[1..]) {
-                sum = u.times_plus(V::all(*weight), sum);
+        for i in 0..=active {
+            let sum = if i == 0 {
+                weighted_sum(u, [-25.0, 48.0, -36.0, 16.0, -3.0])
+            } else if i == 1 {
+                weighted_sum(u, [-3.0, -10.0, 18.0, -6.0, 1.0])
+            } else {
+                (u[i + 1] - u[i - 1]).times(8.0) - (u[i + 2] - u[i - 2])
+            };
+            let mut moved = faster * sum;
+            if T {
+                moved = faster_by.times_plus(differences[i], moved);
+            } else {
+                differences[i] = sum;
             }
-            differences[i] = sum;
-            push[i] = push[i].times_plus(V::all(scale), faster * sum);
-        }
-        for i in 2..=active {
-            let sum = (u[i + 1] - u[i - 1]).times(8.0) - (u[i + 2] - u[i - 2]);
-            differences[i] = sum;
-            push[i] = push[i].times_plus(V::all(scale), faster * sum);
+            push[i] = push[i].times_plus(scale, moved);
         }
     }
 
@@ -710,6 +713,16 @@ impl<V: Vector> Arrays<V> {
         }
         std::mem::swap(&mut self.state, &mut self.stages[2]);
     }
+}
+
+/// Of the first five labels.
+#[inline(always)]
+fn weighted_sum<V: Vector>(u: &[V], weights: [f64; 5]) -> V {
+    let mut sum = u[0].times(weights[0]);
+    for (u, weight) in u[1..5].iter().zip(&weights[1..]) {
+        sum = u.times_plus(V::all(*weight), sum);
+    }
+    sum
 }
 
 /// A stage's right-hand side at one label, of the state, the push and the stages before.
