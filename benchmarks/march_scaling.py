@@ -81,7 +81,7 @@ def _held_puts(count: int) -> Puts:
     )
     spread = random.uniform(0.1, 0.5, 4 * count) * np.sqrt(expiry)
     puts = Puts(random.uniform(-0.3, 0.3, 4 * count), rate, dividend, spread)
-    found = _solve(puts, 32)
+    found = _solve(puts, FINEST)
     held = np.flatnonzero(found.settled & ~found.exercised)
     return puts.take(held[:count])
 

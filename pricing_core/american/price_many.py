@@ -1,6 +1,7 @@
 """Price a table of options, one status per row."""
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ NUMBERS = (
 TEXTS = ("status", "method", "engine_version", "message")
 MOST_THREADS = 1024
 CHUNK = 16384  # rows valued at a time: their arrays stay in the cache
+SMALLEST_CHUNK = 256  # fewer rows are not worth a thread
 
 
 def price_many(
@@ -90,11 +92,19 @@ def price_many(
     table["exercise_now"] = np.zeros(count, dtype=bool)
     table |= {name: np.full(count, "", dtype=object) for name in TEXTS}
 
-    chunk = CHUNK * workers
-    for start in range(0, count, chunk):
-        rows = slice(start, start + chunk)
+    def fill(rows: slice) -> None:
         part = {name: column[rows] for name, column in table.items()}
-        _price_part(book.slice(rows), part, greeks=greeks, threads=workers, shared=share_solves)
+        threads = workers if share_solves else 1  # rows that share a solve stay together
+        _price_part(book.slice(rows), part, greeks=greeks, threads=threads, shared=share_solves)
+
+    size = CHUNK * workers if share_solves else min(CHUNK, max(SMALLEST_CHUNK, -(-count // workers)))
+    chunks = [slice(start, start + size) for start in range(0, count, size)]
+    if workers == 1 or len(chunks) == 1:
+        for rows in chunks:
+            fill(rows)
+    else:  # the kernel and NumPy release the interpreter
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(fill, chunks))
     for row, fault in reasons.items():
         table["status"][row], table["message"][row] = "invalid_input", str(fault)
     return table

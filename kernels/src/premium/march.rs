@@ -421,9 +421,11 @@ fn runge_kutta_step<V: Vector, const D: bool>(
         let speed = (to.frame - at.frame).times(1.0 / h);
         let faster = (speed - track.speed).times(h / step.dx);
         let scale = if tries == 0 { scale } else { 1.0 };
-        let terms = (scale, faster, faster);
-        work.base
-            .push::<false>(terms, step.active, &mut work.differences);
+        if step.number > 2 {
+            let terms = (scale, faster, faster);
+            work.base
+                .push::<false>(terms, step.active, &mut work.differences);
+        }
         track.speed = speed;
         let stages = Stages::new(step, contracts, track, *at, to);
         let mut solved = [const { None }; 3];
@@ -453,7 +455,7 @@ fn runge_kutta_step<V: Vector, const D: bool>(
         track.speed_by = stages.speed_by;
     }
     let shares = &stages.tableau.shares[2];
-    work.base.finish(shares, step.active);
+    work.base.finish(step, shares);
     track.change_time = STAGE * h;
     track.remember(x, found_by, step.root);
     *at = to;
@@ -597,8 +599,10 @@ impl<'a, V: Vector> Stages<'a, V> {
         }
         let mut phi_by = [V::zero(); 3];
         for (j, tangent) in work.tangents.iter_mut().enumerate() {
-            let faster_by = self.faster_by[j].times(self.h / dx);
-            tangent.push::<true>((scale, faster, faster_by), active, &mut work.differences);
+            if self.step.number > 2 {
+                let faster_by = self.faster_by[j].times(self.h / dx);
+                tangent.push::<true>((scale, faster, faster_by), active, &mut work.differences);
+            }
             for (number, cell) in slopes.iter().flatten().enumerate() {
                 let shares = &self.tableau.shares[number];
                 let added = (&work.by_speed[number][..], self.speed_by[j]);
@@ -615,7 +619,7 @@ impl<'a, V: Vector> Stages<'a, V> {
                 tangent.substitute(number, &self.matrix, active, contact);
                 phi_by[j] = found;
             }
-            tangent.finish(&self.tableau.shares[2], active);
+            tangent.finish(self.step, &self.tableau.shares[2]);
         }
         phi_by
     }
@@ -702,14 +706,17 @@ impl<V: Vector> Arrays<V> {
         }
     }
 
-    /// Make the last stage, with these shares, the state, and leave in the push what it added to its right-hand side.
+    /// Make the last stage, with these shares, the state, and leave in the push what it added to its right-hand side,
+    /// for the next step.
     #[inline(always)]
-    fn finish(&mut self, shares: &[f64; 4], active: usize) {
-        let [first, second, last] = &self.stages;
-        for i in 0..=active {
-            let push = self.push[i];
-            let sum = weighted(2, shares, [self.state[i], push, first[i], second[i]]);
-            self.push[i] = last[i] - sum;
+    fn finish(&mut self, step: &Step, shares: &[f64; 4]) {
+        if !step.last {
+            let [first, second, last] = &self.stages;
+            for i in 0..=step.active {
+                let push = self.push[i];
+                let sum = weighted(2, shares, [self.state[i], push, first[i], second[i]]);
+                self.push[i] = last[i] - sum;
+            }
         }
         std::mem::swap(&mut self.state, &mut self.stages[2]);
     }

@@ -34,6 +34,8 @@ pub struct Plan {
 pub struct Step<'a> {
     /// n.
     pub number: usize,
+    /// Whether n = M.
+    pub last: bool,
     /// sqrt(t) at its end.
     pub root: f64,
     /// The distance of the labels.
@@ -75,6 +77,7 @@ impl Plan {
         let reach = (self.nodes * n) << (exponent - self.halvings);
         Step {
             number: n,
+            last: n == self.count(),
             root: here.root,
             dx: self.spacing(exponent),
             active: self.nodes.min(reach / self.count() + EXTRA_NODES),
