@@ -22,7 +22,7 @@ NEAR_SHARE, FAR_SHARE, LONE_SHARE, SLOPE_SHARE = 0.25, 0.05, 2.0, 0.4
 COARSE_FACTOR = (
     2.0  # the law of those differences does not hold yet with the fewest steps that allow three marches
 )
-DERIVATIVE_SHARE = 0.22  # of the difference of two marches, for the derivatives' error after extrapolation
+DERIVATIVE_SHARE = 0.17  # of the difference of two marches, for the derivatives' error after extrapolation
 MOST_STEPS_FOR_DERIVATIVES = 96
 STEPS_TO_SETTLE = 96  # a march that loses the boundary with so many is not refined further
 BOUNDARY_TOLERANCE = 1e-8  # for the width of the grid

@@ -22,7 +22,7 @@ const COARSE_FACTOR: f64 = 2.0;
 /// Of the difference of `u_xi`: values may agree by accident, but hardly the slopes, too.
 const SLOPE_SHARE: f64 = 0.4;
 /// Of the difference of two marches, for the derivatives' error after extrapolation.
-const DERIVATIVE_SHARE: f64 = 0.22;
+const DERIVATIVE_SHARE: f64 = 0.17;
 /// Derivatives ask for no more steps.
 const MOST_STEPS_FOR_DERIVATIVES: usize = 96;
 /// A march that loses the boundary with so many is not refined further.
