@@ -67,7 +67,7 @@ QUICK = Sizes(
 
 def run(*, quick: bool) -> Report:
     """Measure and report; `quick` takes fewer contracts."""
-    return compose(findings(QUICK if quick else FULL))
+    return compose(findings(QUICK if quick else FULL), quick=quick)
 
 
 def findings(sizes: Sizes) -> Findings:

@@ -11,6 +11,9 @@ from benchmarks.report import Report, Section, Table
 from benchmarks.throughput import TOLERANCE
 from benchmarks.wide_set import ToleranceKept
 
+QUICK_RUN = (
+    "A quick run: with so few contracts the figures mean little, and times per option are far too long."
+)
 NO_PEER = "QuantLib is not installed (extra [bench]), so the peers are missing"
 MEASUREMENT_COLUMNS = (
     "method",
@@ -53,10 +56,10 @@ KEPT_COLUMNS = (
 )
 
 
-def compose(findings: Findings) -> Report:
-    """Return the report."""
+def compose(findings: Findings, *, quick: bool = False) -> Report:
+    """Return the report; a quick one says that its figures mean little."""
     goals = goals_of(findings)
-    sections = [_summary(findings, goals)]
+    sections = [_summary(findings, goals, quick=quick)]
     sections += [_study_section(study, findings.overhead) for study in findings.studies]
     if findings.kept:
         sections.append(_kept_section(findings.kept))
@@ -70,10 +73,11 @@ def compose(findings: Findings) -> Report:
     )
 
 
-def _summary(findings: Findings, goals: tuple[Goal, ...]) -> Section:
+def _summary(findings: Findings, goals: tuple[Goal, ...], *, quick: bool) -> Section:
     met = sum(goal.verdict() == "reached" for goal in goals)
     measured = sum(goal.verdict() != "not measured" for goal in goals)
-    sentences = [f"{met} of {measured} measured goals are reached."]
+    sentences = [QUICK_RUN] if quick else []
+    sentences.append(f"{met} of {measured} measured goals are reached.")
     sentences += [
         f"{goal.what}: {goal.reached:.3g}, the goal is {goal.goal:g}: {goal.verdict()}."
         for goal in goals

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pricing_core import premium_twin
 from pricing_core.arrays import Vector
+from pricing_core.premium_twin.march import LATER_STEPS, SECOND_STEP, STAGE
 
 ROUNDING = 1e-12
 # The last bits of ln(S/K) become 1e-16/spread in xi: at a spread of 0.01, 2e-12 in the derivatives.
@@ -219,3 +220,22 @@ def test_limits_of_another_shape_are_refused(compiled: ModuleType) -> None:
     book = random_book(3, seed=18)
     with pytest.raises(ValueError, match="length"):
         compiled.solve_puts(book.x, *book.puts, np.arange(4), book.tolerance, np.zeros((2, 7)), 4, 384, 1)
+
+
+@pytest.mark.parametrize(("method", "explicit"), [(SECOND_STEP, False), (LATER_STEPS, True)])
+def test_the_runge_kutta_methods_fulfil_their_order_conditions(method, explicit):
+    matrix = np.zeros((4, 4))
+    for i, weights in enumerate(method.implicit, start=1):
+        matrix[i, 0] = method.explicit[i - 1]
+        matrix[i, 1:i] = STAGE * np.array(weights)
+        matrix[i, i] = STAGE
+    c, b = np.array([0.0, *method.times]), matrix[3]
+    assert c[3] == 1.0
+    np.testing.assert_allclose([b.sum(), b @ c, b @ c**2], [1.0, 1.0 / 2.0, 1.0 / 3.0], rtol=1e-13)
+    np.testing.assert_allclose(b @ (matrix @ c), 1.0 / 6.0, rtol=1e-13)
+    np.testing.assert_allclose(matrix.sum(axis=1), c, rtol=1e-13, atol=1e-15)
+    if explicit:  # every stage is of order two
+        np.testing.assert_allclose(matrix @ c, c**2 / 2.0, rtol=1e-13, atol=1e-15)
+    far = -1e9
+    stability = 1.0 + far * b @ np.linalg.solve(np.eye(4) - far * matrix, np.ones(4))
+    assert abs(stability) < 1e-6  # L-stable

@@ -1,6 +1,6 @@
 """A table of contracts as arrays, one option per row, each row checked."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -154,9 +154,20 @@ def _as_array(name: str, values: object) -> NDArray[Any]:
     try:
         if isinstance(values, np.ma.MaskedArray):
             return np.asarray(np.ma.filled(values.astype(object), None))
-        return np.asarray(values)
+        array = np.asarray(values)
+        if array.ndim == 1 and isinstance(values, list | tuple) and _is_mixed(values, array.dtype.kind):
+            array = np.empty(len(values), dtype=object)
+            array[:] = values
+        return array
     except ValueError:
         raise InvalidInputError(name, type(values).__name__, "a scalar or a vector") from None
+
+
+def _is_mixed(cells: Sequence[object], kind: str) -> bool:
+    """Whether NumPy has turned truth values into numbers, or numbers into texts."""
+    if kind in "fiu":
+        return any(isinstance(cell, bool | np.bool_) for cell in cells)
+    return kind in "US" and not all(isinstance(cell, str) for cell in cells)
 
 
 def _as_numbers(column: NDArray[Any]) -> Vector:

@@ -99,7 +99,8 @@ def value_surface(
     refused = np.flatnonzero(np.isnan(table["price"]))
     if refused.size:
         row = int(refused[0])
-        raise InvalidInputError("spots", float(np.tile(spot, time.size)[row]), str(table["message"][row]))
+        allowed = str(table["message"][row]).partition(": must be ")[2]
+        raise InvalidInputError("spots", float(np.tile(spot, time.size)[row]), allowed)
     shape = (time.size, spot.size)
     names = ("price", "delta", "gamma", "exercise_now", "error_estimate")
     return ValueSurface(time, spot, *(table[name].reshape(shape) for name in names))

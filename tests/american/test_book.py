@@ -255,3 +255,10 @@ def test_a_column_of_durations_dates_or_truth_values_holds_no_numbers(kind):
 def test_columns_are_a_mapping(columns):
     with pytest.raises(InvalidInputError, match=r"columns = .*: must be a mapping of names to columns"):
         read_book(columns, 1e-6)
+
+
+@pytest.mark.parametrize("cell", ["a", True, np.bool_(True)])
+def test_a_list_of_mixed_cells_costs_the_odd_one_alone(cell):
+    book, reasons = read_book({**ROW, "spot": [100.0, cell, 90]}, 1e-6)
+    assert list(reasons) == [1]
+    assert np.isnan(book.spot).tolist() == [False, True, False]

@@ -104,6 +104,10 @@ def test_the_report_says_plainly_what_is_missed():
     assert "Not measured: Made-up puts: times as fast as QuantLib QdFp at RMSE 2e-07." in summary
 
 
+def test_a_quick_report_says_so():
+    assert compose(MADE_UP, quick=True).sections[0].text.startswith("A quick run")
+
+
 def test_every_table_has_a_name():
     tables = [table for section in compose(MADE_UP).sections for table in section.tables]
     assert [table.name for table in tables] == [

@@ -1,7 +1,8 @@
 //! The exercise boundary of many puts, from one march each.
 
 use super::dispatch::{dispatch, Work};
-use super::march::{march, Workspace};
+use super::labels::Workspace;
+use super::march::march;
 use super::mesh::classify;
 use super::obstacle::Contracts;
 use super::solve::Puts;

@@ -1,6 +1,7 @@
 //! At most sixteen marches side by side, refined together, and what they say of their spots.
 
-use super::march::{march, Marched, Workspace};
+use super::labels::Workspace;
+use super::march::{march, Marched};
 use super::mesh::MeshClass;
 use super::obstacle::Contracts;
 use super::plan::{Plan, STEPS};

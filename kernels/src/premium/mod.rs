@@ -9,6 +9,7 @@ mod cell;
 mod dispatch;
 mod first_step;
 mod group;
+mod labels;
 mod march;
 mod mesh;
 mod normal;
@@ -16,6 +17,8 @@ mod obstacle;
 mod plan;
 mod reading;
 mod solve;
+mod tableau;
+mod track;
 mod vector;
 
 pub use boundaries::march_boundaries;

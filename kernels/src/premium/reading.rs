@@ -1,6 +1,7 @@
 //! From the premium at the labels to options at sixteen spots.
 
-use super::march::{Marched, Workspace};
+use super::labels::Workspace;
+use super::march::Marched;
 use super::normal::{exp, expm1, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use super::obstacle::Contracts;
 use super::plan::Plan;

@@ -8,7 +8,7 @@ use std::sync::Mutex;
 
 use super::dispatch::{dispatch, Work};
 use super::group::{Aim, Group, Outcome, Past};
-use super::march::Workspace;
+use super::labels::Workspace;
 use super::mesh::{classify, MeshClass};
 use super::obstacle::Contracts;
 use super::plan::STEPS;
