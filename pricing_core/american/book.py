@@ -15,7 +15,13 @@ from pricing_core.american.contract import (
     check_kind,
     real_number,
 )
-from pricing_core.american.market import LARGEST_RATE, LARGEST_VOLATILITY, SMALLEST_RATE, Market
+from pricing_core.american.market import (
+    LARGEST_RATE,
+    LARGEST_VOLATILITY,
+    NEGLIGIBLE_RATE,
+    SMALLEST_RATE,
+    Market,
+)
 from pricing_core.american.tolerances import LARGEST_TOLERANCE, SMALLEST_TOLERANCE, check_moneyness
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import InvalidInputError
@@ -128,6 +134,8 @@ def read_book(columns: Mapping[str, Any], tolerance: float) -> tuple[Book, dict[
             reasons[row] = fault
             for column in numbers.values():
                 column[row] = np.nan
+    for name in ("rate", "dividend_yield"):
+        numbers[name][np.abs(numbers[name]) < NEGLIGIBLE_RATE] = 0.0
     return Book(is_put=is_put, is_american=is_american, **numbers), reasons
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pricing_core.american.contract import LARGEST_MONEY, real_number
 
 SMALLEST_RATE, LARGEST_RATE = -0.5, 2.0  # 1/year, for rate and dividend_yield
+NEGLIGIBLE_RATE = 1e-30  # 1/year; what is less counts as zero, for its ratios would overflow
 LARGEST_VOLATILITY = 15.0  # 1/sqrt(year)
 
 
@@ -34,12 +35,9 @@ class Market:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "spot", real_number("spot", self.spot, 0.0, LARGEST_MONEY))
-        object.__setattr__(self, "rate", real_number("rate", self.rate, SMALLEST_RATE, LARGEST_RATE))
+        for name in ("rate", "dividend_yield"):
+            rate = real_number(name, getattr(self, name), SMALLEST_RATE, LARGEST_RATE)
+            object.__setattr__(self, name, rate if abs(rate) >= NEGLIGIBLE_RATE else 0.0)
         object.__setattr__(
             self, "volatility", real_number("volatility", self.volatility, 0.0, LARGEST_VOLATILITY)
-        )
-        object.__setattr__(
-            self,
-            "dividend_yield",
-            real_number("dividend_yield", self.dividend_yield, SMALLEST_RATE, LARGEST_RATE),
         )

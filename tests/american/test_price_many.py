@@ -280,3 +280,21 @@ def test_threads_out_of_range_are_refused(threads):
 def test_ragged_columns_are_refused():
     with pytest.raises(InvalidInputError, match="spot"):
         price_many({**mixed_book(2, seed=1), "spot": [[1.0, 2.0], [3.0]]})
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_rate_next_to_nothing_is_nothing():
+    contract = {
+        "option_type": ["call", "put"],
+        "spot": 100.0,
+        "strike": 100.0,
+        "expiry": 0.1,
+        "volatility": 1.0,
+    }
+    tiny = price_many({**contract, "rate": [2.0, -1e-300], "dividend_yield": [1e-300, 0.1]})
+    none = price_many({**contract, "rate": [2.0, 0.0], "dividend_yield": [0.0, 0.1]})
+    assert tiny["status"].tolist() == ["ok", "ok"]
+    for name in ("price", "delta", "rho"):
+        np.testing.assert_array_equal(tiny[name], none[name])
+    alone = price(Option("call", 100.0, 0.1), Market(100.0, 2.0, 1.0, 1e-300))
+    assert alone.price == pytest.approx(tiny["price"][0], rel=1e-12)
