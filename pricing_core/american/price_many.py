@@ -94,8 +94,8 @@ def price_many(
 
     def fill(rows: slice) -> None:
         part = {name: column[rows] for name, column in table.items()}
-        threads = workers if share_solves else 1  # rows that share a solve stay together
-        _price_part(book.slice(rows), part, greeks=greeks, threads=threads, shared=share_solves)
+        inner = workers if share_solves else 1  # rows that share a solve stay together
+        _price_part(book.slice(rows), part, greeks=greeks, threads=inner, shared=share_solves)
 
     size = CHUNK * workers if share_solves else min(CHUNK, max(SMALLEST_CHUNK, -(-count // workers)))
     chunks = [slice(start, start + size) for start in range(0, count, size)]

@@ -99,7 +99,9 @@ def value_surface(
     refused = np.flatnonzero(np.isnan(table["price"]))
     if refused.size:
         row = int(refused[0])
-        allowed = str(table["message"][row]).partition(": must be ")[2]
+        allowed = str(table["message"][row]).rpartition(": must be ")[
+            2
+        ]  # the whole message where it says no range
         raise InvalidInputError("spots", float(np.tile(spot, time.size)[row]), allowed)
     shape = (time.size, spot.size)
     names = ("price", "delta", "gamma", "exercise_now", "error_estimate")

@@ -37,9 +37,8 @@ from pricing_core.premium_twin.cell import Cell, Obstacle, obstacle_at
 from pricing_core.premium_twin.mesh import Mesh
 
 STAGE = 0.4358665215084590  # root of x**3 - 3 x**2 + 3 x/2 - 1/6 = 0
-THIRD_TIME = (
-    1.15  # of the third stage; near the least error and far from the unstable neighbourhood of 2 STAGE
-)
+# Of the third stage; near the least error and far from the unstable neighbourhood of 2 STAGE.
+THIRD_TIME = 1.15
 FIRST_ITERATIONS, FIRST_TOLERANCE = 16, 0.03  # of sqrt(t), for the last iteration, which cubes it
 FIRST_SHIFT = 0.45  # of the guess, in sqrt(t); fitted
 ACCEPTED_OFFSET = 0.5  # of sqrt(t), between boundary and label 0

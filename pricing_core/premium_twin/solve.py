@@ -19,9 +19,8 @@ from pricing_core.premium_twin.reading import Sight, Spots
 # for that law.
 GAIN, LONE_GAIN, BOUNDARY_GAIN = 5.5, 12.0, 4.0
 NEAR_SHARE, FAR_SHARE, LONE_SHARE, SLOPE_SHARE = 0.25, 0.05, 2.0, 0.4
-COARSE_FACTOR = (
-    2.0  # the law of those differences does not hold yet with the fewest steps that allow three marches
-)
+# The law of those differences does not hold yet with the fewest steps that allow three marches.
+COARSE_FACTOR = 2.0
 DERIVATIVE_SHARE = 0.17  # of the difference of two marches, for the derivatives' error after extrapolation
 MOST_STEPS_FOR_DERIVATIVES = 96
 STEPS_TO_SETTLE = 96  # a march that loses the boundary with so many is not refined further

@@ -49,3 +49,12 @@ def test_an_argument_of_another_kind_is_named():
         value_surface("put", MARKET, spots=[100.0], times=[0.0])
     with pytest.raises(InvalidInputError, match=r"^market = "):
         value_surface(Option("put", 100.0, 1.0), None, spots=[100.0], times=[0.0])
+
+
+def test_a_refusal_that_names_no_range_is_passed_on_whole(monkeypatch):
+    def refuse(columns, **options):
+        return {"price": np.array([np.nan]), "message": np.array(["did not converge"], dtype=object)}
+
+    monkeypatch.setattr("pricing_core.american.surface.price_many", refuse)
+    with pytest.raises(InvalidInputError, match="did not converge"):
+        value_surface(Option("put", 100.0, 1.0), MARKET, spots=[100.0], times=[0.0])
