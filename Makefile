@@ -10,7 +10,7 @@ BIN := $(VENV)/bin
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 CARGO := $(shell command -v cargo 2>/dev/null)
 MANIFEST := --manifest-path kernels/Cargo.toml
-SOURCES := pyproject.toml constraints.txt kernels/Cargo.toml kernels/Cargo.lock $(wildcard kernels/src/*.rs kernels/src/premium/*.rs)
+SOURCES := pyproject.toml constraints.txt kernels/Cargo.toml kernels/Cargo.lock $(wildcard kernels/src/*.rs kernels/src/*/*.rs)
 SAY_KERNEL := $(BIN)/python -c "import pricing_core; print('kernel:', pricing_core.kernel_name())"
 
 # cargo and the build backend must agree on the interpreter, or each would recompile the other's work.

@@ -3,18 +3,21 @@
 import asyncio
 import difflib
 from collections.abc import Awaitable, Callable
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from fastapi import Request
 from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
 
+from app.contract_schema import CURVE, CURVE_IN_WORDS, KEYS, NUMBER
 from app.errors import BodyTimeoutError, BodyTooLargeError, InvalidRequestError, UnsupportedMediaTypeError
-from app.schemas import LARGEST_TIMES, FieldError
+from app.json_schema import inline_schema
+from app.schemas import FieldError
 from app.settings import Settings
 from app.strict_json import parse_object
-from pricing_core.batch.schema import UNSUPPORTED_COLUMNS
 
 Model = TypeVar("Model", bound=BaseModel)
+Location: TypeAlias = tuple[int | str, ...]
 LONGEST_NAME = 40
 
 
@@ -35,7 +38,7 @@ def json_body(model: type[Model]) -> Callable[[Request], Awaitable[Model]]:
 
 def request_body(model: type[BaseModel]) -> dict[str, Any]:
     """Return the OpenAPI description of the body that `json_body(model)` reads."""
-    content = {"application/json": {"schema": model.model_json_schema()}}
+    content = {"application/json": {"schema": inline_schema(model)}}
     return {"requestBody": {"required": True, "content": content}}
 
 
@@ -69,31 +72,39 @@ async def _read_bytes(request: Request, settings: Settings) -> bytes:
 def _field_errors(error: ValidationError, model: type[BaseModel]) -> list[FieldError]:
     names = list(model.model_fields)
     return [
-        _unknown_key(str(found["loc"][0]), names)
+        _unknown_key(found["loc"], names)
         if found["type"] == "extra_forbidden"
-        else FieldError(field=_path(found["loc"]), allowed=_allowed(found["type"], found["msg"]))
-        for found in error.errors(include_url=False, include_context=False, include_input=False)
+        else FieldError(field=_path(found["loc"]), allowed=_allowed(found))
+        for found in error.errors(include_url=False, include_input=False)
     ]
 
 
-def _path(location: tuple[int | str, ...]) -> str:
-    """Return ("times", 3) as times[3]."""
-    return "".join(f"[{part}]" if isinstance(part, int) else str(part) for part in location)
+def _path(location: Location) -> str:
+    """Return ("cash_dividends", 1, "amount") as cash_dividends[1].amount, without the kind of a rate."""
+    parts = [part for part in location if part not in (NUMBER, CURVE)]
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
 
 
-def _allowed(kind: str, message: str) -> str:
+def _allowed(found: ErrorDetails) -> str:
     """Return what completes "must be ..." from a message such as "Input should be less than 15"."""
-    if kind == "missing":
-        return "given"
-    if kind in ("too_short", "too_long"):
-        return f"a list of 1 to {LARGEST_TIMES} numbers"
-    return message.removeprefix("Input should be ")
+    limits: dict[str, Any] = found.get("ctx", {})
+    words = {
+        "missing": "given",
+        "too_long": f"a list of at most {limits.get('max_length')} entries",
+        "too_short": "a list that is not empty",
+        "string_too_long": f"at most {limits.get('max_length')} characters long",
+        "model_type": "a JSON object",
+    }
+    allowed = words.get(found["type"], found["msg"].removeprefix("Input should be "))
+    return f"{allowed} or {CURVE_IN_WORDS}" if found["loc"][-1] == NUMBER else allowed
 
 
-def _unknown_key(key: str, names: list[str]) -> FieldError:
+def _unknown_key(location: Location, names: list[str]) -> FieldError:
     """Name an unknown key only in words of our own: the vocabulary's, or the nearest name."""
-    if key in UNSUPPORTED_COLUMNS:
-        return FieldError(field=key, allowed="absent: this version does not support it")
-    nearest = difflib.get_close_matches(key[:LONGEST_NAME], names, n=1)
+    *place, key = location
+    if place:
+        names = list(KEYS[str(place[0])])
+    nearest = difflib.get_close_matches(str(key)[:LONGEST_NAME], names, n=1)
     hint = f"; did you mean {nearest[0]}?" if nearest else ""
-    return FieldError(field="every key", allowed=f"one of {', '.join(names)}{hint}")
+    where = f"every key of {_path(tuple(place))}" if place else "every key"
+    return FieldError(field=where, allowed=f"one of {', '.join(names)}{hint}")

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from app.contract_arguments import Contract, number, takes_contract
 from app.reporting import (
     FAILED,
     INTERRUPTED,
@@ -26,42 +27,11 @@ app = typer.Typer(
 )
 
 
-def _number(text: str | float) -> float:
-    """Read a number as the tables of a batch are read: 1_0 is none."""
-    from pricing_core.errors import InvalidInputError  # noqa: PLC0415
-    from pricing_core.plain_number import read_number  # noqa: PLC0415
-
-    try:
-        return read_number("", text)
-    except InvalidInputError as fault:
-        raise typer.BadParameter(f"{fault.value!r} must be {fault.allowed}") from None
-
-
-OptionTypeArgument = Annotated[str, typer.Option("--option-type", help="put or call")]
-SpotArgument = Annotated[
-    float, typer.Option("--spot", parser=_number, metavar="FLOAT", help="money per unit of underlying")
-]
-StrikeArgument = Annotated[
-    float, typer.Option("--strike", parser=_number, metavar="FLOAT", help="money per unit of underlying")
-]
-ExpiryArgument = Annotated[
-    float, typer.Option("--expiry", parser=_number, metavar="FLOAT", help="time to expiry, years")
-]
-RateArgument = Annotated[
-    float, typer.Option("--rate", parser=_number, metavar="FLOAT", help="1/year, continuously compounded")
-]
-VolatilityArgument = Annotated[
-    float, typer.Option("--volatility", parser=_number, metavar="FLOAT", help="1/sqrt(year)")
-]
-YieldArgument = Annotated[
-    float, typer.Option("--dividend-yield", parser=_number, metavar="FLOAT", help="1/year, continuous")
-]
-ExerciseArgument = Annotated[str, typer.Option("--exercise", help="american or european")]
 ToleranceArgument = Annotated[
     float,
     typer.Option(
         "--tolerance",
-        parser=_number,
+        parser=number,
         metavar="FLOAT",
         help="absolute error of the price as a fraction of the strike",
     ),
@@ -104,25 +74,22 @@ def _options(
 
 
 @app.command("price")
+@takes_contract
 def price_command(
-    option_type: OptionTypeArgument,
-    spot: SpotArgument,
-    strike: StrikeArgument,
-    expiry: ExpiryArgument,
-    rate: RateArgument,
-    volatility: VolatilityArgument,
-    dividend_yield: YieldArgument = 0.0,
-    exercise: ExerciseArgument = "american",
+    contract: Contract,
     tolerance: ToleranceArgument = 1e-6,
+    extended_greeks: Annotated[
+        bool, typer.Option("--extended-greeks", help="vanna, volga, and rho and vega by piece of a curve")
+    ] = False,
     as_json: JsonArgument = False,
 ) -> None:
     """Value one option and its sensitivities."""
     with one_line_errors():
         from app.tables import print_valuation, valuation_json  # noqa: PLC0415
-        from pricing_core.american import Market, Option, price  # noqa: PLC0415
+        from pricing_core.american import contract_from, price  # noqa: PLC0415
 
-        option = Option(option_type, strike, expiry, exercise)  # type: ignore[arg-type]  # checked inside
-        valuation = price(option, Market(spot, rate, volatility, dividend_yield), tolerance=tolerance)
+        option, market = contract_from(contract)
+        valuation = price(option, market, tolerance=tolerance, greeks="extended" if extended_greeks else True)
         with standard_output():
             if as_json:
                 print(valuation_json(valuation))
@@ -134,39 +101,27 @@ def price_command(
 
 
 @app.command("boundary")
+@takes_contract
 def boundary_command(
-    option_type: OptionTypeArgument,
-    strike: StrikeArgument,
-    expiry: ExpiryArgument,
-    rate: RateArgument,
-    volatility: VolatilityArgument,
-    dividend_yield: YieldArgument = 0.0,
-    spot: Annotated[
-        float | None,
-        typer.Option(
-            "--spot", parser=_number, metavar="FLOAT", help="checked; the boundary does not depend on it"
-        ),
-    ] = None,
-    exercise: ExerciseArgument = "american",
+    contract: Contract,
     tolerance: ToleranceArgument = 1e-6,
     time: Annotated[
         list[float] | None,
         typer.Option(
-            "--time", parser=_number, metavar="FLOAT", help="calendar time, years from now; may be repeated"
+            "--time", parser=number, metavar="FLOAT", help="calendar time, years from now; may be repeated"
         ),
     ] = None,
     as_json: JsonArgument = False,
     csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="write a CSV table")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="draw a picture")] = None,
 ) -> None:
-    """Find the spot at which to exercise, over the life of the option."""
+    """Find the spot at which to exercise, over the life of the option; --spot is checked, but not needed."""
     with one_line_errors():
         from app.boundary_files import check_boundary_files, write_boundary_csv, write_boundary_plot  # noqa: PLC0415
         from app.tables import boundary_json, print_boundary  # noqa: PLC0415
-        from pricing_core.american import Market, Option, exercise_boundary  # noqa: PLC0415
+        from pricing_core.american import contract_from, exercise_boundary  # noqa: PLC0415
 
-        option = Option(option_type, strike, expiry, exercise)  # type: ignore[arg-type]  # checked inside
-        market = Market(strike if spot is None else spot, rate, volatility, dividend_yield)
+        option, market = contract_from({"spot": contract["strike"]} | contract)
         check_boundary_files(csv, plot)
         found = exercise_boundary(option, market, time or None, tolerance=tolerance)
         if csv is not None:
@@ -178,6 +133,35 @@ def boundary_command(
                 print(boundary_json(found))
             elif csv is None and plot is None:
                 print_boundary(found)
+
+
+@app.command("implied-volatility")
+@takes_contract
+def implied_volatility_command(
+    contract: Contract,
+    option_price: Annotated[
+        float | None, typer.Option("--option-price", parser=number, metavar="FLOAT", help="money")
+    ] = None,
+    bid: Annotated[float | None, typer.Option("--bid", parser=number, metavar="FLOAT", help="money")] = None,
+    ask: Annotated[float | None, typer.Option("--ask", parser=number, metavar="FLOAT", help="money")] = None,
+    tolerance: ToleranceArgument = 1e-6,
+    as_json: JsonArgument = False,
+) -> None:
+    """Find the volatility at which the option is worth its price, or its bid and ask; --volatility is ignored."""
+    with one_line_errors():
+        from app.tables import implied_volatility_json, print_implied_volatility  # noqa: PLC0415
+        from pricing_core.american import contract_from, implied_volatility  # noqa: PLC0415
+
+        option, market = contract_from({"volatility": 1.0} | contract)
+        found = implied_volatility(option, market, option_price, bid=bid, ask=ask, tolerance=tolerance)
+        with standard_output():
+            if as_json:
+                print(implied_volatility_json(found))
+            else:
+                print_implied_volatility(found)
+        if found.volatility is None:
+            print_failure(f"there is no implied volatility: {found.status}")
+            raise typer.Exit(FAILED)
 
 
 @app.command("batch")

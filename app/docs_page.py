@@ -64,7 +64,7 @@ def _operation(
         schema = operation["requestBody"]["content"]["application/json"]["schema"]
         yield "<h3>Request</h3>"
         yield from _fields(schema)
-        example = json.dumps(_example(schema))
+        example = json.dumps(schema["examples"][0])
         address = f"http://127.0.0.1:8000{path}"
         command = f"curl {address} -H 'Content-Type: application/json' -d '{example}'"
         yield f"<pre>{escape(command)}</pre>"
@@ -90,25 +90,27 @@ def _fields(schema: dict[str, Any]) -> Iterator[str]:
 
 def _allowed(field: dict[str, Any], default: str) -> str:
     """Return type, range and default in a few words."""
-    choices = [choice for choice in field.get("anyOf", [field]) if choice.get("type") != "null"]
-    words = []
-    for choice in choices:
-        words.append(" or ".join(choice.get("enum", [])) or str(choice.get("type", "")))
-        bounds = (
-            ("exclusiveMinimum", "above"),
-            ("minimum", "from"),
-            ("maximum", "to"),
-            ("maxItems", "at most"),
-        )
-        words.extend(f"{sign} {choice[key]:g}" for key, sign in bounds if key in choice)
-    if len(choices) < len(field.get("anyOf", [field])):
-        words.append("or null")
-    return ", ".join([" ".join(words), *([default] if default else [])])
+    return ", ".join([_kind(field), *([default] if default else [])])
 
 
-def _example(schema: dict[str, Any]) -> dict[str, Any]:
-    required = schema.get("required", [])
-    return {name: field["examples"][0] for name, field in schema["properties"].items() if name in required}
+def _kind(field: dict[str, Any]) -> str:
+    """Return type and range: "number from 0 to 15 or object of times, values"."""
+    choices = field.get("anyOf") or field.get("oneOf")
+    if choices:
+        return " or ".join(_kind(choice) for choice in choices)
+    words = [" or ".join(field.get("enum", [])) or str(field.get("type", ""))]
+    if "properties" in field:
+        words.append("of " + ", ".join(field["properties"]))
+    if "properties" in field.get("items", {}):
+        words.append("of objects of " + ", ".join(field["items"]["properties"]))
+    bounds = (
+        ("exclusiveMinimum", "above"),
+        ("minimum", "from"),
+        ("maximum", "to"),
+        ("maxItems", "at most"),
+    )
+    words.extend(f"{sign} {field[key]:g}" for key, sign in bounds if key in field)
+    return " ".join(words)
 
 
 def _problem_types() -> Iterator[str]:

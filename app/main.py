@@ -11,7 +11,7 @@ from app.envelope import Envelope
 from app.errors import install_handlers
 from app.head import HeadAsGet
 from app.pool import PricingPool
-from app.routes import boundary, health, price
+from app.routes import boundary, health, implied_volatility, price
 from app.settings import Settings, settings_from_environment
 from pricing_core import __version__
 
@@ -41,7 +41,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.state.settings = settings
     app.state.draining = threading.Event()
-    for module in (price, boundary, health, docs_page):
+    for module in (price, boundary, implied_volatility, health, docs_page):
         app.include_router(module.router)
     install_handlers(app, settings.retry_after_seconds)
     app.add_middleware(HeadAsGet)

@@ -7,9 +7,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pricing_core.american import ExerciseBoundary, Market, Option
+from pricing_core.american import ExerciseBoundary, Market, Option, PiecewiseConstant
 from pricing_core.american.closed_form import perpetual_boundary
 from pricing_core.american.exercise_region import region_at_expiry
+from pricing_core.american.schedule import without_events
 from pricing_core.arrays import Vector
 
 BLUE, RED, GREY = "#1f5fa8", "#b5402f", "#5a6570"
@@ -40,7 +41,7 @@ def draw_boundary(found: ExerciseBoundary, option: Option, market: Market, file:
 
 
 def limits_at_expiry(option: Option, market: Market) -> list[float]:
-    """Return the ends of the exercise region as the time to expiry goes to 0, in money.
+    """Return the ends of the exercise region as the time to expiry goes to 0, in money; none where there are events.
 
     Examples
     --------
@@ -50,9 +51,10 @@ def limits_at_expiry(option: Option, market: Market) -> list[float]:
     >>> [round(limit, 9) for limit in limits_at_expiry(Option("call", 100.0, 1.0), market)]
     [200.0]
     """
-    if option.exercise != "american" or option.expiry == 0.0:
+    plain = without_events(option, market)
+    if plain is None or plain[0].exercise != "american" or option.expiry == 0.0:
         return []
-    ends = region_at_expiry(option, market).boundaries(option)
+    ends = region_at_expiry(*plain).boundaries(option)
     return [end for end in ends if math.isfinite(end)]
 
 
@@ -88,9 +90,12 @@ def _draw_levels(axes: Axes, option: Option, levels: list[float]) -> None:
 
 
 def _perpetual_levels(option: Option, market: Market) -> list[float]:
-    """Return the boundary of the option without expiry, if there is one."""
-    level = option.strike * perpetual_boundary(market, option.option_type)
-    return [level] if option.exercise == "american" and math.isfinite(level) and level > 0.0 else []
+    """Return the boundary of the option without expiry, if there is one and no event before the expiry."""
+    plain = without_events(option, market)
+    if plain is None or plain[0].exercise != "american":
+        return []
+    level = option.strike * perpetual_boundary(plain[1], option.option_type)
+    return [level] if math.isfinite(level) and level > 0.0 else []
 
 
 def _draw_limits_at_expiry(axes: Axes, option: Option, market: Market) -> None:
@@ -102,7 +107,13 @@ def _draw_limits_at_expiry(axes: Axes, option: Option, market: Market) -> None:
 
 
 def _describe(axes: Axes, option: Option, market: Market) -> None:
-    terms = f"rate {market.rate:g}, yield {market.dividend_yield:g}, volatility {market.volatility:g}"
+    curves = {"rate": market.rate, "yield": market.dividend_yield, "volatility": market.volatility}
+    terms = ", ".join(
+        f"{name} {'curve' if isinstance(curve, PiecewiseConstant) else f'{curve:g}'}"
+        for name, curve in curves.items()
+    )
+    if market.cash_dividends or market.proportional_dividends:
+        terms += ", dividends"
     axes.set_title(f"{option.exercise.capitalize()} {option.option_type}, strike {option.strike:g}\n{terms}")
     axes.set_xlabel("calendar time (years from now)")
     axes.set_ylabel("spot (money per unit of underlying)")

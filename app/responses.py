@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from app.schemas import FieldError, Problem
+from app.json_schema import inline_schema
+from app.schemas import Problem
 
 MEANINGS = {
     408: "The body did not arrive in time.",
@@ -16,13 +17,5 @@ MEANINGS = {
 
 def problem_responses(*statuses: int) -> dict[int | str, dict[str, Any]]:
     """Return the `responses` of a route for these statuses."""
-    content = {"application/problem+json": {"schema": _problem_schema()}}
+    content = {"application/problem+json": {"schema": inline_schema(Problem)}}
     return {status: {"description": MEANINGS[status], "content": content} for status in statuses}
-
-
-def _problem_schema() -> dict[str, Any]:
-    """Return the schema of a problem in one piece: the description has no component to refer to."""
-    schema = Problem.model_json_schema()
-    del schema["$defs"]
-    schema["properties"]["errors"]["items"] = FieldError.model_json_schema()
-    return schema

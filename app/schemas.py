@@ -1,72 +1,54 @@
-"""Requests and responses, with units, ranges and examples; the ranges are the library's own."""
+"""Requests and responses, with units, ranges and examples."""
 
-from typing import Annotated, Any
+from collections.abc import Mapping
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field, JsonValue
 
-from pricing_core.american.contract import LARGEST_EXPIRY, LARGEST_MONEY, SMALLEST_MONEY, Exercise, OptionType
-from pricing_core.american.market import LARGEST_RATE, LARGEST_VOLATILITY, SMALLEST_RATE
-from pricing_core.american.tolerances import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
+from app.contract_schema import Contract, Money, Strict, Time, VolatilityOrCurve
 
 LARGEST_TIMES = 1_000  # of one boundary request
+VOLATILITY = "Volatility per square root of a year; or a curve."
+EXAMPLE: Mapping[str, JsonValue] = {
+    "option_type": "put",
+    "spot": 100.0,
+    "strike": 100.0,
+    "expiry": 1.0,
+    "rate": 0.05,
+    "volatility": 0.2,
+}
 
-Spot = Annotated[float, Field(ge=0.0, le=LARGEST_MONEY)]
-Rate = Annotated[float, Field(ge=SMALLEST_RATE, le=LARGEST_RATE)]
-Time = Annotated[float, Field(ge=0.0, le=LARGEST_EXPIRY)]
 
-
-class Strict(BaseModel):
-    """Numbers are finite numbers, not strings or booleans; unknown keys are refused; nothing is coerced."""
-
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class Contract(Strict):
-    """What both questions hold: the option and the market without its spot."""
-
-    option_type: OptionType = Field(description="The right to sell (put) or to buy (call).", examples=["put"])
-    strike: float = Field(
-        ge=SMALLEST_MONEY,
-        le=LARGEST_MONEY,
-        description="Money per unit of the underlying.",
-        examples=[100.0],
-    )
-    expiry: Time = Field(description="Time to expiry in years.", examples=[1.0])
-    rate: Rate = Field(description="Risk-free rate per year, continuously compounded.", examples=[0.05])
-    volatility: float = Field(
-        ge=0.0, le=LARGEST_VOLATILITY, description="Volatility per square root of a year.", examples=[0.2]
-    )
-    dividend_yield: Rate = Field(
-        0.0, description="Continuous yield per year; the cost of borrowing adds to it.", examples=[0.0]
-    )
-    exercise: Exercise = Field(
-        "american",
-        description="american: at any time up to expiry; european: at expiry.",
-        examples=["american"],
-    )
-    tolerance: float = Field(
-        DEFAULT_TOLERANCE,
-        ge=SMALLEST_TOLERANCE,
-        le=LARGEST_TOLERANCE,
-        description="Absolute error of the price allowed, as a fraction of the strike.",
-        examples=[1e-6],
-    )
+def _example(**others: JsonValue) -> ConfigDict:
+    examples: list[JsonValue] = [{**EXAMPLE, **others}]
+    return ConfigDict(json_schema_extra={"examples": examples})
 
 
 class PriceRequest(Contract):
     """One option in one market."""
 
-    spot: Spot = Field(description="Money per unit of the underlying.", examples=[100.0])
+    model_config = _example()
+
+    spot: Money = Field(description="Money per unit of the underlying.", examples=[100.0])
+    volatility: VolatilityOrCurve = Field(description=VOLATILITY, examples=[0.2])
+    greeks: Literal["standard", "extended"] = Field(
+        "standard",
+        description="extended adds vanna, volga, and rho and vega by the pieces of a curve.",
+        examples=["standard"],
+    )
 
 
 class BoundaryRequest(Contract):
     """One option in one market, and the times at which its exercise boundary is asked for."""
 
-    spot: Spot | None = Field(
+    model_config = _example(times=[0.0, 0.5, 1.0])
+
+    spot: Money | None = Field(
         None,
         description="Accepted and checked; the boundary does not depend on it.",
         examples=[100.0],
     )
+    volatility: VolatilityOrCurve = Field(description=VOLATILITY, examples=[0.2])
     times: list[Time] | None = Field(
         None,
         min_length=1,
@@ -76,8 +58,28 @@ class BoundaryRequest(Contract):
     )
 
 
+class ImpliedVolatilityRequest(Contract):
+    """One option, its market without volatility, and what the option costs there."""
+
+    model_config = _example(option_price=6.09)
+
+    spot: Money = Field(description="Money per unit of the underlying.", examples=[100.0])
+    volatility: VolatilityOrCurve | None = Field(
+        None, description="Accepted and checked; not used.", examples=[0.2]
+    )
+    option_price: Money | None = Field(
+        None, description="Money; given unless bid and ask are.", examples=[6.09]
+    )
+    bid: Money | None = Field(None, description="Money.", examples=[6.0])
+    ask: Money | None = Field(None, description="Money.", examples=[6.2])
+
+
 def _number(description: str, example: float) -> Any:
     return Field(description=f"{description} null where it is missing.", examples=[example])
+
+
+def _numbers(description: str, example: list[float]) -> Any:
+    return Field(description=f"{description} null where they are missing.", examples=[example])
 
 
 class PriceResponse(Strict):
@@ -107,6 +109,34 @@ class PriceResponse(Strict):
     )
     method: str = Field(description="How the price was computed.", examples=["lcs"])
     engine_version: str = Field(description="Version of the pricing engine.", examples=["0.1.0"])
+    vanna: float | None = _number("d2V/dS dvolatility; extended Greeks alone.", -0.3)
+    volga: float | None = _number("d2V/dvolatility2, money; extended Greeks alone.", 11.0)
+    rate_bucket_rho: tuple[float, ...] | None = _numbers(
+        "dV/d each value of a curve of rates, money per 1.00; extended Greeks alone.", [-12.0, -8.0]
+    )
+    volatility_bucket_vega: tuple[float, ...] | None = _numbers(
+        "dV/d each value of a curve of volatilities, money per 1.00; extended Greeks alone.", [20.0, 17.8]
+    )
+    dividend_sensitivities: tuple[float, ...] | None = _numbers(
+        "dV/d amount of each cash dividend, in the order of their times.", [0.5]
+    )
+
+
+class ImpliedVolatilityResponse(Strict):
+    """The volatility at which the option is worth its price."""
+
+    volatility: float | None = _number("Per square root of a year.", 0.2)
+    status: str = Field(
+        description="ok, below_lower_bound, above_upper_bound, not_identifiable (the price is the intrinsic value "
+        "where the holder exercises), no_convergence or invalid_input.",
+        examples=["ok"],
+    )
+    european_price: float | None = _number("Value without early exercise at that volatility, money.", 5.57)
+    price: float | None = _number("Value at that volatility, money.", 6.09)
+    bid_volatility: float | None = _number("At which the option is worth its bid.", 0.198)
+    ask_volatility: float | None = _number("At which the option is worth its ask.", 0.202)
+    error_estimate: float | None = _number("Estimated absolute error of that price, money.", 1e-6)
+    iterations: int = Field(description="Times that the option was priced.", examples=[4])
 
 
 class BoundaryResponse(Strict):

@@ -1,7 +1,8 @@
 """A JSON object from bytes, refusing what Python's parser lets pass and RFC 8259 does not promise."""
 
-import json
 from typing import Any
+
+from pricing_core.american.json_text import JSONTextError, parse_json
 
 
 class InvalidJsonError(ValueError):
@@ -23,34 +24,14 @@ def parse_object(raw: bytes) -> dict[str, Any]:
     >>> parse_object(b'{"spot": NaN}')
     Traceback (most recent call last):
     ...
-    app.strict_json.InvalidJsonError: NaN and Infinity are not JSON numbers
+    app.strict_json.InvalidJsonError: the body holds NaN or Infinity, which are not JSON numbers
     """
     try:
-        value = json.loads(
-            raw.decode("utf-8"), parse_constant=_refuse_constant, object_pairs_hook=_distinct_object
-        )
-        json.dumps(value, ensure_ascii=False).encode("utf-8")  # fails on half of a surrogate pair
-    except InvalidJsonError:
-        raise
+        value = parse_json(raw.decode("utf-8"))
+    except JSONTextError as fault:
+        raise InvalidJsonError(f"the body {fault}") from None
     except UnicodeError:
-        raise InvalidJsonError("the body must be well-formed UTF-8 text, escapes included") from None
-    except json.JSONDecodeError as error:
-        raise InvalidJsonError(f"the body is not JSON from character {error.pos} on") from None
-    except RecursionError:
-        raise InvalidJsonError("the body is nested too deeply") from None
-    except ValueError:  # an integer literal beyond the interpreter's limit of digits
-        raise InvalidJsonError("the body holds a number with too many digits") from None
+        raise InvalidJsonError("the body is not UTF-8 text") from None
     if not isinstance(value, dict):
         raise InvalidJsonError("the body must be one JSON object")
     return value
-
-
-def _refuse_constant(_: str) -> float:
-    raise InvalidJsonError("NaN and Infinity are not JSON numbers")
-
-
-def _distinct_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    distinct = dict(pairs)
-    if len(distinct) < len(pairs):
-        raise InvalidJsonError("the body holds a key twice")
-    return distinct

@@ -2,14 +2,14 @@
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
 
-from pricing_core.american import ExerciseBoundary, Valuation
+from pricing_core.american import ExerciseBoundary, ImpliedVolatility, Valuation
 
 if TYPE_CHECKING:
     from pricing_core.batch import BatchSummary
@@ -35,20 +35,48 @@ UNITS = {
     "method": "",
     "engine_version": "",
 }
+EXTENDED_UNITS = {  # shown where they are there
+    "vanna": "1 per 1.00 of volatility",
+    "volga": "money per 1.00 of volatility, squared",
+    "rate_bucket_rho": "money per 1.00 of each value of the rate",
+    "volatility_bucket_vega": "money per 1.00 of each value of the volatility",
+    "dividend_sensitivities": "per cash dividend: money per 1.00 of its amount",
+}
+IMPLIED_UNITS = {
+    "volatility": "1/sqrt(year)",
+    "status": "",
+    "european_price": "money",
+    "price": "money",
+    "bid_volatility": "1/sqrt(year)",
+    "ask_volatility": "1/sqrt(year)",
+    "error_estimate": "money",
+    "iterations": "",
+}
 
 WIDEST = 1_000  # characters: a terminal wraps a long path by itself, nothing is cut
 
 
 def print_valuation(valuation: Valuation) -> None:
     """Print one result per line with its unit; a missing number as a dash."""
-    _print(
-        ("result", "value", "unit"), ((name, _shown(getattr(valuation, name)), UNITS[name]) for name in UNITS)
+    _print_results(
+        valuation,
+        UNITS | {n: u for n, u in EXTENDED_UNITS.items() if getattr(valuation, n) is not None},
     )
 
 
 def valuation_json(valuation: Valuation) -> str:
     """Return one JSON object, null for a missing number."""
-    return json.dumps({name: getattr(valuation, name) for name in UNITS}, allow_nan=False)
+    return json.dumps({name: getattr(valuation, name) for name in UNITS | EXTENDED_UNITS}, allow_nan=False)
+
+
+def print_implied_volatility(found: ImpliedVolatility) -> None:
+    """Print one result per line with its unit; a missing number as a dash."""
+    _print_results(found, IMPLIED_UNITS)
+
+
+def implied_volatility_json(found: ImpliedVolatility) -> str:
+    """Return one JSON object, null for a missing number."""
+    return json.dumps({name: getattr(found, name) for name in IMPLIED_UNITS}, allow_nan=False)
 
 
 def print_boundary(found: ExerciseBoundary) -> None:
@@ -86,9 +114,16 @@ def boundary_columns(found: ExerciseBoundary) -> dict[str, list[float | None]]:
     }
 
 
+def _print_results(found: object, units: Mapping[str, str]) -> None:
+    rows = ((name, _shown(getattr(found, name)), unit) for name, unit in units.items())
+    _print(("result", "value", "unit"), rows)
+
+
 def _shown(value: object) -> str:
     if value is None:
         return "-"
+    if isinstance(value, tuple):
+        return ", ".join(_shown(number) for number in value)
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.10g}" if isinstance(value, float) else str(value)

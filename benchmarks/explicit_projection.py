@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pricing_core.american.operators import ThreePointOperator
-from pricing_core.american.semidiscrete import SemidiscreteForm
+from pricing_core.american.semidiscrete import ComplementarityForm
 from pricing_core.american.tridiagonal_step import OptionState, TridiagonalStage
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcp import LCP
@@ -25,7 +25,7 @@ class ImplicitSystem:
     obstacle: Vector  # g
 
     @classmethod
-    def of(cls, form: SemidiscreteForm, tau: float, base: Vector, h: float) -> "ImplicitSystem":
+    def of(cls, form: ComplementarityForm, tau: float, base: Vector, h: float) -> "ImplicitSystem":
         """Return the stage of size h that ends at time to expiry tau, from `base`."""
         constraint, L = form.constraint(tau, 1), form.operators.operator
         rhs = base.copy()

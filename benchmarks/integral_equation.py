@@ -20,9 +20,10 @@ from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from pricing_core.american import Market, Option
+from pricing_core.american import Option
 from pricing_core.american.closed_form import ONE_OVER_SQRT_TWO_PI, perpetual_boundary
 from pricing_core.american.exercise_region import region_at_expiry
+from pricing_core.american.market import FlatMarket
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import NumericalError
 
@@ -36,7 +37,7 @@ MOST_ITERATIONS = 500
 class PutBoundary:
     """B(tau)/K of a put for 0 <= tau <= expiry."""
 
-    market: Market
+    market: FlatMarket
     expiry: float
     limit: float  # B(0+)/K
     coefficients: Vector  # of ln(B/limit)**2 in Chebyshev polynomials of 2 sqrt(tau/expiry) - 1
@@ -55,7 +56,7 @@ class PutValues:
     gamma: Vector
 
 
-def solve_put_boundary(market: Market, expiry: float) -> PutBoundary:
+def solve_put_boundary(market: FlatMarket, expiry: float) -> PutBoundary:
     """Solve for the exercise boundary of a put; rate and volatility > 0, dividend_yield >= 0.
 
     Raises
@@ -108,7 +109,7 @@ def put_values(boundary: PutBoundary, spots: Vector) -> PutValues:
 class _SystemA:
     """B = N(B)/D(B) at times tau, with the quadrature that its integrals need."""
 
-    market: Market
+    market: FlatMarket
     limit: float
     tau: Vector  # (m,)
     u: Matrix  # (m, points)
@@ -117,7 +118,7 @@ class _SystemA:
     basis: NDArray[np.float64]  # (m, points, DEGREE + 1), the Chebyshev polynomials at u
 
     @classmethod
-    def discretise(cls, market: Market, expiry: float, limit: float, tau: Vector) -> "_SystemA":
+    def discretise(cls, market: FlatMarket, expiry: float, limit: float, tau: Vector) -> "_SystemA":
         u, s, weights = _quadrature(tau, BOUNDARY_POINTS)
         return cls(market, limit, tau, u, s, weights, _basis(u, expiry))
 
@@ -161,7 +162,7 @@ def _gauss_rule(points: int) -> tuple[Vector, Vector]:
     return nodes, weights
 
 
-def _distances(market: Market, ratio: Vector, time: Vector) -> tuple[Vector, Vector, Vector]:
+def _distances(market: FlatMarket, ratio: Vector, time: Vector) -> tuple[Vector, Vector, Vector]:
     """Return d2, d1 and sigma sqrt(time)."""
     spread = market.volatility * np.sqrt(time)
     d2 = (np.log(ratio) + (market.rate - market.dividend_yield) * time) / spread - 0.5 * spread

@@ -30,7 +30,12 @@ def contracts() -> list[tuple[Option, Market, float, float]]:
             Option(
                 "put" if row["option_type"] == "put" else "call", float(row["strike"]), float(row["expiry"])
             ),
-            Market(*(float(row[name]) for name in ("spot", "rate", "volatility", "dividend_yield"))),
+            Market(
+                float(row["spot"]),
+                float(row["rate"]),
+                float(row["volatility"]),
+                float(row["dividend_yield"]),
+            ),
             float(row["price"]),
             float(row["reference_error"]),
         )

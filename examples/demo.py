@@ -14,10 +14,10 @@ from rich.table import Table
 HERE = Path(os.path.relpath(Path(__file__).parent))
 BOOK, PRICED, PLOT = HERE / "book.csv", HERE / "out" / "book.csv", HERE / "out" / "boundary.png"
 PUT = "--option-type put --spot 100 --strike 100 --expiry 1 --rate 0.05 --volatility 0.2"
-SHOWN_ROWS = 12
+SHOWN_ROWS = 6  # from the top, and as many from the end: those with cash dividends
 SHOWN_COLUMNS = {  # column of the file: heading and format; 80 characters in all
+    "id": ("id", "s"),
     "option_type": ("type", "s"),
-    "exercise": ("exercise", "s"),
     "spot": ("spot", ".1f"),
     "strike": ("strike", ".1f"),
     "expiry": ("years", ".3f"),
@@ -35,18 +35,19 @@ def run_pricing(*arguments: str) -> None:
 
 
 def summary(rows: list[dict[str, str]]) -> Table:
-    """Return the first rows as a table, with the count of each status beneath."""
+    """Return the first and the last rows as a table, with the count of each status beneath."""
+    shown_rows = rows[:SHOWN_ROWS] + rows[SHOWN_ROWS:][-SHOWN_ROWS:]
     counts = Counter(row["status"] for row in rows)
     caption = ", ".join(f"{status}: {count}" for status, count in counts.most_common())
     table = Table(
-        title=f"{min(SHOWN_ROWS, len(rows))} of {len(rows)} contracts",
+        title=f"{len(shown_rows)} of {len(rows)} contracts",
         caption=caption,
         box=SIMPLE,
         pad_edge=False,
     )
     for heading, shape in SHOWN_COLUMNS.values():
         table.add_column(heading, justify="left" if shape == "s" else "right")
-    for row in rows[:SHOWN_ROWS]:
+    for row in shown_rows:
         table.add_row(*(shown(row[name], shape) for name, (_, shape) in SHOWN_COLUMNS.items()))
     return table
 

@@ -42,3 +42,13 @@ def solve_puts(
 def march_boundaries(
     steps: int, rate: Vector, dividend: Vector, spread: Vector
 ) -> tuple[Vector, BoolVector]: ...
+def solve_schedules(
+    sign: Vector,
+    x: Vector,
+    first: NDArray[np.int64],
+    stretches: Matrix,
+    level: NDArray[np.int64],
+    times: Vector,
+    first_time: NDArray[np.int64],
+    threads: int,
+) -> tuple[Matrix, Vector, BoolVector]: ...

@@ -8,10 +8,12 @@ try:
         policy_iteration,
         projected_sor,
         solve_puts,
+        solve_schedules,
     )
 
     _NAME = "rust"
 except ModuleNotFoundError:
+    from pricing_core.collocation_twin import solve_schedules
     from pricing_core.kernel_twin import brennan_schwartz, policy_iteration, projected_sor
     from pricing_core.premium_twin import march_boundaries, solve_puts
 
@@ -24,6 +26,7 @@ __all__ = [
     "policy_iteration",
     "projected_sor",
     "solve_puts",
+    "solve_schedules",
 ]
 
 

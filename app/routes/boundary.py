@@ -10,7 +10,7 @@ from app.errors import DeadlineError
 from app.pool import Interrupt
 from app.responses import problem_responses
 from app.schemas import BoundaryRequest, BoundaryResponse
-from pricing_core.american import ExerciseBoundary, Market, Option, exercise_boundary
+from pricing_core.american import ExerciseBoundary, exercise_boundary
 from pricing_core.arrays import Vector
 from pricing_core.errors import NumericalError
 
@@ -29,9 +29,7 @@ async def post_boundary(
 
     Where the deadline passes first, the answer is 503 with Retry-After. Unknown keys are refused.
     """
-    option = Option(question.option_type, question.strike, question.expiry, question.exercise)
-    spot = question.strike if question.spot is None else question.spot
-    market = Market(spot, question.rate, question.volatility, question.dividend_yield)
+    option, market = question.contract({"spot": question.strike})
 
     def work(interrupt: Interrupt) -> ExerciseBoundary:
         try:

@@ -1,6 +1,6 @@
 """POST /v1/price: one option in one market."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Request
 
@@ -9,7 +9,7 @@ from app.errors import DeadlineError
 from app.pool import Interrupt
 from app.responses import problem_responses
 from app.schemas import PriceRequest, PriceResponse
-from pricing_core.american import Market, Option, Valuation, price
+from pricing_core.american import Greeks, Valuation, price
 
 router = APIRouter(tags=["pricing"])
 
@@ -28,13 +28,14 @@ async def post_price(
     price, else 503 with Retry-After. Where the method does not reach, the answer is 422 with type
     out-of-domain. Unknown keys are refused.
     """
-    option = Option(question.option_type, question.strike, question.expiry, question.exercise)
-    market = Market(question.spot, question.rate, question.volatility, question.dividend_yield)
+    option, market = question.contract()
+    greeks: Greeks = "extended" if question.greeks == "extended" else True
 
     def work(interrupt: Interrupt) -> Valuation:
-        return price(option, market, tolerance=question.tolerance, interrupt=interrupt)
+        return price(option, market, tolerance=question.tolerance, greeks=greeks, interrupt=interrupt)
 
     valuation = await request.app.state.pool.run(work)
     if valuation.status == "deadline" and valuation.price is None:
         raise DeadlineError("the deadline passed before there was an estimate; a wider tolerance is faster")
-    return PriceResponse(**{name: getattr(valuation, name) for name in PriceResponse.model_fields})
+    answer: dict[str, Any] = {name: getattr(valuation, name) for name in PriceResponse.model_fields}
+    return PriceResponse(**answer)

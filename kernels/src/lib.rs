@@ -4,12 +4,16 @@
 //! dates or Python; the module `python` (feature "python") is the only bridge.
 
 mod brennan_schwartz;
+pub mod collocation;
 mod error;
+mod lanes;
 mod policy_iteration;
 pub mod premium;
 mod psor;
 #[cfg(feature = "python")]
 mod python;
+#[cfg(feature = "python")]
+mod python_collocation;
 #[cfg(feature = "python")]
 mod python_premium;
 mod tridiagonal;

@@ -104,6 +104,8 @@ mod _kernels {
     #[pymodule_export]
     use super::{brennan_schwartz, policy_iteration, projected_sor};
     #[pymodule_export]
+    use crate::python_collocation::solve_schedules;
+    #[pymodule_export]
     use crate::python_premium::{march_boundaries, solve_puts};
 
     /// The version of the crate.

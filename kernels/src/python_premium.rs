@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 
 use crate::premium::{self, Puts, COLUMNS, STEPS, VALUES};
 
-fn slice<'a, T: numpy::Element + Copy>(array: &'a PyReadonlyArray1<'_, T>) -> Cow<'a, [T]> {
+pub fn slice<'a, T: numpy::Element + Copy>(array: &'a PyReadonlyArray1<'_, T>) -> Cow<'a, [T]> {
     match array.as_slice() {
         Ok(values) => Cow::Borrowed(values),
         Err(_) => Cow::Owned(array.as_array().iter().copied().collect()),

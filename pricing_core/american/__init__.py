@@ -2,22 +2,39 @@
 
 from pricing_core.american.boundary import ExerciseBoundary, exercise_boundary
 from pricing_core.american.contract import Option
+from pricing_core.american.curves import PiecewiseConstant
+from pricing_core.american.dividends import CashDividend, ProportionalDividend
+from pricing_core.american.implied_carry import ImpliedCarry, implied_carry
+from pricing_core.american.implied_volatility import ImpliedVolatility, implied_volatility
+from pricing_core.american.implied_volatility_many import implied_volatility_many
 from pricing_core.american.market import Market
 from pricing_core.american.price_many import price_many
+from pricing_core.american.pricing import price
 from pricing_core.american.resolution import Resolution
 from pricing_core.american.results import Diagnostics, Valuation
+from pricing_core.american.scheduled import Greeks
 from pricing_core.american.surface import ValueSurface, value_surface
-from pricing_core.american.valuation import price
+from pricing_core.american.vocabulary import contract_from
 
 __all__ = [
+    "CashDividend",
     "Diagnostics",
     "ExerciseBoundary",
+    "Greeks",
+    "ImpliedCarry",
+    "ImpliedVolatility",
     "Market",
     "Option",
+    "PiecewiseConstant",
+    "ProportionalDividend",
     "Resolution",
     "Valuation",
     "ValueSurface",
+    "contract_from",
     "exercise_boundary",
+    "implied_carry",
+    "implied_volatility",
+    "implied_volatility_many",
     "price",
     "price_many",
     "value_surface",

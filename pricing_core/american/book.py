@@ -1,28 +1,24 @@
 """A table of contracts as arrays, one option per row, each row checked."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.contract import (
-    LARGEST_EXPIRY,
-    LARGEST_MONEY,
-    SMALLEST_MONEY,
-    Option,
-    check_kind,
-    real_number,
-)
+from pricing_core.american.book_rows import Events, read_dates, read_singly, without_event_cells
+from pricing_core.american.columns import as_numbers, broadcast_columns, equals
+from pricing_core.american.contract import LARGEST_EXPIRY, LARGEST_MONEY, SMALLEST_MONEY, Option, check_kind
 from pricing_core.american.market import (
     LARGEST_RATE,
     LARGEST_VOLATILITY,
     NEGLIGIBLE_RATE,
     SMALLEST_RATE,
-    Market,
+    FlatMarket,
 )
-from pricing_core.american.tolerances import LARGEST_TOLERANCE, SMALLEST_TOLERANCE, check_moneyness
+from pricing_core.american.tolerances import LARGEST_TOLERANCE, SMALLEST_TOLERANCE
+from pricing_core.american.vocabulary import DATES, NAMES
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import InvalidInputError
 
@@ -41,7 +37,7 @@ LIMITS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Book:
-    """Options and the markets they are valued in; every array has shape (n,). Units as in `Option` and `Market`.
+    """Options and the markets they are valued in; every array has shape (n,). Units as in `Option` and `FlatMarket`.
 
     Parameters
     ----------
@@ -49,6 +45,8 @@ class Book:
     spot, strike, expiry, rate, dividend_yield, volatility : Vector
     tolerance : Vector
         Fractions of the strike.
+    events : mapping of int to (Option, Market)
+        By row, the contracts with curves, dividends or exercise times; their numbers here are NaN.
     """
 
     is_put: BoolVector
@@ -60,14 +58,22 @@ class Book:
     dividend_yield: Vector
     volatility: Vector
     tolerance: Vector
+    events: Events = field(default_factory=dict)
 
     def take(self, rows: NDArray[np.intp]) -> "Book":
         """Return some of the rows."""
-        return Book(*(getattr(self, name)[rows] for name in self.__slots__))
+        return self._part(rows, rows)
 
     def slice(self, rows: slice) -> "Book":
         """Return consecutive rows, without copying them."""
-        return Book(*(getattr(self, name)[rows] for name in self.__slots__))
+        return self._part(rows, range(self.spot.size)[rows])
+
+    def _part(self, rows: Any, places: Iterable[int]) -> "Book":
+        part = Book(*(getattr(self, name)[rows] for name in self.__slots__ if name != "events"))
+        if self.events:
+            found = ((new, self.events.get(int(old))) for new, old in enumerate(places))
+            part.events.update((new, contract) for new, contract in found if contract is not None)
+        return part
 
     def option(self, row: int) -> Option:
         """Return the contract of one row."""
@@ -78,13 +84,13 @@ class Book:
             "american" if self.is_american[row] else "european",
         )
 
-    def market(self, row: int) -> Market:
+    def market(self, row: int) -> FlatMarket:
         """Return the market of one row."""
         numbers = (self.spot, self.rate, self.volatility, self.dividend_yield)
-        return Market(*(column.item(row) for column in numbers))
+        return FlatMarket(*(column.item(row) for column in numbers))
 
 
-def single_row(option: Option, market: Market, tolerance: float) -> Book:
+def single_row(option: Option, market: FlatMarket, tolerance: float) -> Book:
     """Return the book of one contract."""
     numbers = (
         market.spot,
@@ -108,6 +114,7 @@ def read_book(columns: Mapping[str, Any], tolerance: float) -> tuple[Book, dict[
     Parameters
     ----------
     columns : mapping of str to array_like, shape (n,), or scalar
+        Those of `contract_from`, and tolerance.
     tolerance : float
         For rows without one of their own.
 
@@ -117,98 +124,35 @@ def read_book(columns: Mapping[str, Any], tolerance: float) -> tuple[Book, dict[
         A column is missing or unknown, or lengths differ.
     """
     check_kind("columns", columns, Mapping, "a mapping of names to columns")
-    table = _broadcast({**DEFAULTS, "tolerance": tolerance, **columns})
-    numbers = {name: _as_numbers(table[name]) for name in LIMITS}
+    _check_names(columns)
+    table = broadcast_columns({**DEFAULTS, "tolerance": tolerance, **columns})
+    numbers = {name: as_numbers(table[name]) for name in LIMITS if name in table}
+    expiry = numbers.setdefault("expiry", np.full(table["spot"].size, np.nan))
+    if any(name in table for name in DATES):
+        read_dates(table, expiry)
     types, exercises = table["option_type"], table["exercise"]
-    is_put, is_american = types == "put", exercises == "american"
-    sound = (is_put | (types == "call")) & (is_american | (exercises == "european"))
+    is_put, is_american = equals(types, "put"), equals(exercises, "american")
+    sound = (is_put | equals(types, "call")) & (is_american | equals(exercises, "european"))
     with np.errstate(all="ignore"):
         for name, (least, most) in LIMITS.items():
             sound &= (numbers[name] >= least) & (numbers[name] <= most)
         ratio = numbers["spot"] / numbers["strike"]
-    unusual = np.flatnonzero(~(sound & ((ratio == 0.0) | ((ratio >= 1e-29) & (ratio <= 1e29)))))
-    reasons = {}
-    for row in unusual.tolist():
-        fault = _fault({name: column[row] for name, column in table.items()})
-        if fault is not None:
-            reasons[row] = fault
-            for column in numbers.values():
-                column[row] = np.nan
+    sound &= (ratio == 0.0) | ((ratio >= 1e-29) & (ratio <= 1e29))
+    sound &= without_event_cells(table)
+    arrays: dict[str, Any] = {"is_put": is_put, "is_american": is_american, **numbers}
+    read = read_singly(table, arrays, np.flatnonzero(~sound).tolist())
     for name in ("rate", "dividend_yield"):
         numbers[name][np.abs(numbers[name]) < NEGLIGIBLE_RATE] = 0.0
-    return Book(is_put=is_put, is_american=is_american, **numbers), reasons
+    return Book(**arrays, events=read.events), read.reasons
 
 
-def _broadcast(columns: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
-    """Return every column as an array, all of the same length."""
+def _check_names(columns: Mapping[str, Any]) -> None:
+    """Accept the names of the columns."""
+    dated = all(name in columns for name in DATES)
     for name in REQUIRED_COLUMNS:
-        if name not in columns:
+        if name not in columns and not (name == "expiry" and dated):
             raise InvalidInputError(name, "missing", "given as a column or a scalar")
-    allowed = ("option_type", "exercise", *LIMITS)
+    allowed = (*NAMES, "tolerance")
     for name in columns:
         if name not in allowed:
             raise InvalidInputError("columns", name, "named " + ", ".join(allowed))
-    arrays = {name: _as_array(name, values) for name, values in columns.items()}
-    lengths = {array.size for array in arrays.values() if array.ndim == 1}
-    if any(array.ndim > 1 for array in arrays.values()) or len(lengths) > 1:
-        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
-        raise InvalidInputError("columns", shapes, "scalars and vectors of one length")
-    length = lengths.pop() if lengths else 1
-    return {name: np.broadcast_to(array, (length,)) for name, array in arrays.items()}
-
-
-def _as_array(name: str, values: object) -> NDArray[Any]:
-    """Return a column as an array; masked cells become None, which no field takes."""
-    try:
-        if isinstance(values, np.ma.MaskedArray):
-            return np.asarray(np.ma.filled(values.astype(object), None))
-        array = np.asarray(values)
-        if array.ndim == 1 and isinstance(values, list | tuple) and _is_mixed(values, array.dtype.kind):
-            array = np.empty(len(values), dtype=object)
-            array[:] = values
-        return array
-    except ValueError:
-        raise InvalidInputError(name, type(values).__name__, "a scalar or a vector") from None
-
-
-def _is_mixed(cells: Sequence[object], kind: str) -> bool:
-    """Whether NumPy has turned truth values into numbers, or numbers into texts."""
-    if kind in "fiu":
-        return any(isinstance(cell, bool | np.bool_) for cell in cells)
-    return kind in "US" and not all(isinstance(cell, str) for cell in cells)
-
-
-def _as_numbers(column: NDArray[Any]) -> Vector:
-    """Return a copy as floats, NaN for what is no number."""
-    if column.dtype.kind in "fiu":
-        return column.astype(np.float64)
-    if column.dtype.kind in "mM":  # durations and dates, whose items may be plain integers
-        return np.full(column.shape, np.nan)
-    return np.array([_number_or_nan(cell) for cell in column.tolist()], dtype=np.float64)
-
-
-def _number_or_nan(cell: object) -> float:
-    if type(cell) is float:
-        return cell
-    try:
-        return real_number("", cell)
-    except InvalidInputError:
-        return float("nan")
-
-
-def _fault(row: Mapping[str, Any]) -> InvalidInputError | None:
-    """Return what is wrong with a row, in the words of the single contract; None if nothing."""
-    row = {name: _plain(cell) for name, cell in row.items()}
-    try:
-        option = Option(row["option_type"], row["strike"], row["expiry"], row["exercise"])
-        market = Market(row["spot"], row["rate"], row["volatility"], row["dividend_yield"])
-        real_number("tolerance", row["tolerance"], SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
-        check_moneyness(option, market)
-    except InvalidInputError as fault:
-        return fault
-    return None
-
-
-def _plain(cell: object) -> object:
-    """Return NumPy's numbers and texts as Python's; not its durations, whose item may be a plain integer."""
-    return cell.item() if isinstance(cell, np.generic) and cell.dtype.kind in "fiuU" else cell

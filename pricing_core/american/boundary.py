@@ -11,9 +11,11 @@ from pricing_core.american.contract import Option, check_kind, real_number
 from pricing_core.american.engine import coarsest_resolution, make_solver
 from pricing_core.american.exercise_region import ExerciseRegion, region_at_expiry
 from pricing_core.american.limits import is_deterministic
-from pricing_core.american.market import Market
+from pricing_core.american.market import FlatMarket, Market
 from pricing_core.american.premium import Puts, solve_boundaries
 from pricing_core.american.resolution import Solution
+from pricing_core.american.schedule import without_events
+from pricing_core.american.scheduled_boundary import event_times, schedule_of_boundary, scheduled_boundary
 from pricing_core.american.spot_values import region_of
 from pricing_core.american.tolerances import (
     DEFAULT_TOLERANCE,
@@ -74,7 +76,9 @@ def exercise_boundary(
         The spot is not used.
     times : array_like, shape (m,), optional
         Years from now, increasing, 0 to expiry; by default 101 times, equally spaced in the square root of
-        the time to expiry, with both ends. At expiry the value is the limit just before it.
+        the time to expiry, with both ends, and the times of dividends, exercise dates and curve knots; of a Bermudan
+        option these alone, for there is no boundary in between. At a time at which something happens the boundary is
+        that just before, at expiry the limit.
     tolerance : float
         As in `price`; the boundary is found to a tenth of its square root, relative to itself.
     interrupt : callable, optional
@@ -102,30 +106,55 @@ def exercise_boundary(
     check_kind("option", option, Option, "an Option")
     check_kind("market", market, Market, "a Market")
     tolerance = real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+    plain = without_events(option, market)
+    if plain is None:
+        return _with_events(option, market, times, tolerance, interrupt)
+    option, flat = plain
     chosen = _default_times(option) if times is None else _checked_times(option, times)
     tau = np.maximum(option.expiry - chosen, 0.0)
-    market = replace(market, spot=option.strike)  # the boundary does not depend on the spot
-    limit = region_at_expiry(option, market)
+    flat = replace(flat, spot=option.strike)  # the boundary does not depend on the spot
+    limit = region_at_expiry(option, flat)
     error = np.full(tau.size, math.nan)
     if option.exercise == "european":
         ends = np.full((tau.size, 2), math.nan)
-    elif limit.lower > limit.upper or option.expiry == 0.0 or is_deterministic(option, market, tolerance):
+    elif limit.lower > limit.upper or option.expiry == 0.0 or is_deterministic(option, flat, tolerance):
         ends = np.tile(limit.boundaries(option), (tau.size, 1))
     else:
         if interrupt is not None and interrupt():
             raise NumericalError(INTERRUPTED)
         ends = np.full((tau.size, 2), math.nan)
         if math.isnan(limit.boundaries(option)[1]):
-            ends[:, 0], error = _march(option, market, tau, limit, tolerance)
+            ends[:, 0], error = _march(option, flat, tau, limit, tolerance)
         left = np.flatnonzero(np.isnan(ends[:, 0]))  # not served by the march
         if left.size:
-            ends[left] = _solve(option, market, tau[left], limit, tolerance, interrupt)
+            ends[left] = _solve(option, flat, tau[left], limit, tolerance, interrupt)
     other = None if math.isnan(limit.boundaries(option)[1]) else ends[:, 1]
     return ExerciseBoundary(chosen, tau, ends[:, 0], other, error)
 
 
+def _with_events(
+    option: Option,
+    market: Market,
+    times: ArrayLike | None,
+    tolerance: float,
+    interrupt: Callable[[], bool] | None,
+) -> ExerciseBoundary:
+    schedule = schedule_of_boundary(option, market)
+    if times is not None:
+        chosen = _checked_times(option, times)
+    elif option.exercise == "bermudan":  # there is none between
+        chosen = np.unique(np.concatenate([[0.0], event_times(schedule)]))
+    else:
+        chosen = np.unique(np.concatenate([_default_times(option), event_times(schedule)]))
+    if interrupt is not None and interrupt():
+        raise NumericalError(INTERRUPTED)
+    ends, error = scheduled_boundary(option, schedule, chosen, tolerance, interrupt)
+    other = None if np.isnan(ends[:, 1]).all() else ends[:, 1]
+    return ExerciseBoundary(chosen, option.expiry - chosen, ends[:, 0], other, error)
+
+
 def _march(
-    option: Option, market: Market, tau: Vector, limit: ExerciseRegion, tolerance: float
+    option: Option, market: FlatMarket, tau: Vector, limit: ExerciseRegion, tolerance: float
 ) -> tuple[Vector, Vector]:
     """Return the boundary and its error in money; NaN at the times that the march does not serve."""
     later = tau > 0.0
@@ -148,7 +177,7 @@ def _march(
 
 def _solve(
     option: Option,
-    market: Market,
+    market: FlatMarket,
     tau: Vector,
     limit: ExerciseRegion,
     tolerance: float,

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from pricing_core.american.contract import Option
-from pricing_core.american.market import Market
+from pricing_core.american.market import FlatMarket
 from pricing_core.arrays import Vector
 
 ONE_OVER_SQRT_TWO_PI = 1.0 / math.sqrt(2.0 * math.pi)
@@ -39,7 +39,7 @@ class EuropeanValues:
     by_yield: Vector
 
 
-def european_values(option_type: str, x: Vector, tau: float, market: Market) -> EuropeanValues:
+def european_values(option_type: str, x: Vector, tau: float, market: FlatMarket) -> EuropeanValues:
     """Evaluate Black, Scholes and Merton's formula for volatility * sqrt(tau) > 0.
 
     Parameters
@@ -68,7 +68,7 @@ def european_values(option_type: str, x: Vector, tau: float, market: Market) -> 
     )
 
 
-def perpetual_boundary(market: Market, option_type: str) -> float:
+def perpetual_boundary(market: FlatMarket, option_type: str) -> float:
     """Return S*/K of the option without expiry; 0 (put) or inf (call) where it is never exercised.
 
     With L the negative root of sigma**2 L (L - 1)/2 + (r - q) L - r = 0, S*/K = L/(L - 1) for the put
@@ -76,7 +76,7 @@ def perpetual_boundary(market: Market, option_type: str) -> float:
 
     Examples
     --------
-    >>> round(40 * perpetual_boundary(Market(36.0, rate=0.06, volatility=0.2), "put"), 12)
+    >>> round(40 * perpetual_boundary(FlatMarket(36.0, rate=0.06, volatility=0.2), "put"), 12)
     30.0
     """
     rate, dividend_yield = market.rate, market.dividend_yield
@@ -102,7 +102,7 @@ def _perpetual_put_boundary(rate: float, dividend_yield: float, volatility: floa
     return 1.0 / (1.0 + ratio)  # L/(L - 1) = 1/(1 + 1/(-L))
 
 
-def zero_volatility_value(option: Option, market: Market) -> tuple[float, float]:
+def zero_volatility_value(option: Option, market: FlatMarket) -> tuple[float, float]:
     """Return the value without uncertainty and the best time to exercise, in money and years.
 
     The spot is S e^{(r - q) t}; exercise at t is worth, today, +-(K e^{-rt} - S e^{-qt}) or nothing. A smooth

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pricing_core.american.tangents import parameter_source
-from pricing_core.american.tridiagonal_step import OptionState, TridiagonalStage
+from pricing_core.american.tridiagonal_step import OptionStage, OptionState
 from pricing_core.arrays import Matrix
 from pricing_core.stepping import ImplicitEuler, Step
 
@@ -20,7 +20,7 @@ class CrankNicolson:
     damp the kink of the payoff. Order 2 for smooth solutions; L-stable only while damping.
     """
 
-    stage: TridiagonalStage
+    stage: OptionStage
     damped_until: float
 
     @property

@@ -14,7 +14,7 @@ from pricing_core.american.closed_form import LARGEST_EXPONENT
 from pricing_core.american.contract import Option
 from pricing_core.american.exercise_region import EMPTY_REGION, ExerciseRegion
 from pricing_core.american.grid import Domain, exercise_domain
-from pricing_core.american.market import Market
+from pricing_core.american.market import FlatMarket
 from pricing_core.american.resolution import Resolution, Scheme, Solution, align, solve_at
 from pricing_core.american.spot_values import region_of, values_at
 from pricing_core.american.tridiagonal_step import LCPMethod
@@ -66,7 +66,7 @@ class Solver:
     """One option's solves at different resolutions, all on the same domain."""
 
     option: Option
-    market: Market
+    market: FlatMarket
     domain: Domain
     x: float
     lcp_method: LCPMethod
@@ -108,7 +108,7 @@ class Level:
 
 def make_solver(
     option: Option,
-    market: Market,
+    market: FlatMarket,
     tolerance: float,
     coarsest: Resolution,
     *,
@@ -183,7 +183,7 @@ def estimate_at_resolution(solver: Solver, resolution: Resolution) -> Estimate |
 
 def region_near_strike(
     option: Option,
-    market: Market,
+    market: FlatMarket,
     tolerance: float,
     resolution: Resolution,
     interrupt: Callable[[], bool] | None,
@@ -195,7 +195,7 @@ def region_near_strike(
     return EMPTY_REGION if level is None else level.region
 
 
-def coarsest_resolution(option: Option, market: Market, scheme: Scheme) -> Resolution:
+def coarsest_resolution(option: Option, market: FlatMarket, scheme: Scheme) -> Resolution:
     """Return the first of the doubling resolutions.
 
     With a negative rate the value grows on its way from expiry: 1 + h r, the row sum of the stage's matrix,
@@ -210,7 +210,7 @@ def coarsest_resolution(option: Option, market: Market, scheme: Scheme) -> Resol
 
 def settled_domain(
     option: Option,
-    market: Market,
+    market: FlatMarket,
     tolerance: float,
     coarsest: Resolution,
     interrupt: Callable[[], bool] | None,

@@ -15,7 +15,7 @@ import numpy as np
 
 from pricing_core.american.closed_form import LARGEST_EXPONENT
 from pricing_core.american.contract import LARGEST_MONEY, Option
-from pricing_core.american.market import Market
+from pricing_core.american.market import FlatMarket
 from pricing_core.american.tridiagonal_step import OptionState
 from pricing_core.arrays import Vector
 
@@ -57,7 +57,7 @@ class ExerciseRegion:
 EMPTY_REGION = ExerciseRegion(math.inf, -math.inf)
 
 
-def region_at_expiry(option: Option, market: Market) -> ExerciseRegion:
+def region_at_expiry(option: Option, market: FlatMarket) -> ExerciseRegion:
     """Return the limit of the exercise region just before expiry; also the region at zero volatility.
 
     Where the payoff is positive and holding it earns less than exercising, r K > q S for the put: S*/K =
@@ -77,7 +77,7 @@ def region_at_expiry(option: Option, market: Market) -> ExerciseRegion:
     return ExerciseRegion(math.log(rate / dividend_yield) if 0.0 < dividend_yield < rate else 0.0, math.inf)
 
 
-def never_exercised(option: Option, market: Market) -> bool:
+def never_exercised(option: Option, market: FlatMarket) -> bool:
     """Whether early exercise is never optimal: puts with r <= 0 and r <= q, calls with q <= 0 and q <= r."""
     rate, dividend_yield = market.rate, market.dividend_yield
     if option.is_put:

@@ -7,7 +7,7 @@ import numpy as np
 
 from pricing_core.american.closed_form import perpetual_boundary
 from pricing_core.american.contract import Option
-from pricing_core.american.market import Market
+from pricing_core.american.market import FlatMarket
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError
 
@@ -74,7 +74,7 @@ def make_grid(domain: Domain, intervals: int, stretching: float = 0.0) -> Grid:
     return Grid(nodes)
 
 
-def exercise_domain(option: Option, market: Market, truncation: float, widening: float = 1.0) -> Domain:
+def exercise_domain(option: Option, market: FlatMarket, truncation: float, widening: float = 1.0) -> Domain:
     """Return the interval on which an option with volatility and expiry > 0 must be solved.
 
     Outside, on the side of the payoff, the option is exercised (or, with two boundaries, the premium vanishes);
@@ -96,7 +96,7 @@ def exercise_domain(option: Option, market: Market, truncation: float, widening:
     if option.is_put:
         return _put_domain(option, market, truncation, widening)
     # S*/K of the call is the reciprocal of that of the put with r and q exchanged.
-    mirrored = Market(option.strike / market.spot, market.dividend_yield, market.volatility, market.rate)
+    mirrored = FlatMarket(option.strike / market.spot, market.dividend_yield, market.volatility, market.rate)
     put = _put_domain(Option("put", 1.0, option.expiry), mirrored, truncation, widening)
     neglected = truncation
     if put.neglected > truncation:  # a call is worth at most the spot
@@ -104,7 +104,7 @@ def exercise_domain(option: Option, market: Market, truncation: float, widening:
     return Domain(-put.right, -put.left, put.contact_at_right, put.contact_at_left, neglected)
 
 
-def _put_domain(option: Option, market: Market, truncation: float, widening: float) -> Domain:
+def _put_domain(option: Option, market: FlatMarket, truncation: float, widening: float) -> Domain:
     volatility, expiry = market.volatility, option.expiry
     spread = math.sqrt(2.0 * math.log(20.0 / truncation)) * volatility * math.sqrt(expiry)
     drift = (market.rate - market.dividend_yield - 0.5 * volatility**2) * expiry
@@ -127,7 +127,7 @@ def _put_domain(option: Option, market: Market, truncation: float, widening: flo
 
 
 def _two_sided_domain(
-    option: Option, market: Market, truncation: float, spread: float, drift: float, *, split: bool
+    option: Option, market: FlatMarket, truncation: float, spread: float, drift: float, *, split: bool
 ) -> Domain:
     """Put with q < r < 0: the exercise region just before expiry is [ln(r/q), 0]."""
     lowest = math.log(market.rate / market.dividend_yield)

@@ -8,7 +8,7 @@ import numpy as np
 from pricing_core.american.closed_form import european_values, zero_volatility_value
 from pricing_core.american.contract import Option
 from pricing_core.american.exercise_region import never_exercised
-from pricing_core.american.market import Market
+from pricing_core.american.market import FlatMarket
 
 SMALLEST_SPREAD = 1e-12  # volatility * sqrt(expiry) below which chance makes no difference
 
@@ -30,19 +30,19 @@ class ClosedValue:
     error: float = 0.0
 
 
-def is_closed_form(option: Option, market: Market) -> bool:
+def is_closed_form(option: Option, market: FlatMarket) -> bool:
     """Whether the European formula (or its limit) is the answer whatever the tolerance."""
     return option.exercise == "european" or never_exercised(option, market)
 
 
-def expired_value(option: Option, market: Market) -> ClosedValue:
+def expired_value(option: Option, market: FlatMarket) -> ClosedValue:
     """Return the intrinsic value of an option at expiry."""
     payoff = option.payoff(market.spot)
     slope = 0.0 if payoff == 0.0 else (-1.0 if option.is_put else 1.0)
     return ClosedValue(payoff, slope, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def european_value(option: Option, market: Market) -> ClosedValue:
+def european_value(option: Option, market: FlatMarket) -> ClosedValue:
     """Return the European option with its Greeks; spot, volatility and expiry may be 0."""
     if option.expiry == 0.0:
         return expired_value(option, market)
@@ -65,13 +65,13 @@ def european_value(option: Option, market: Market) -> ClosedValue:
     )
 
 
-def holding_theta(market: Market, value: float, slope: float, curvature: float) -> float:
+def holding_theta(market: FlatMarket, value: float, slope: float, curvature: float) -> float:
     """Return dV/dt / K where the option is held, from (11.46): r v - (r - q) v_x - sigma**2/2 (v_xx - v_x)."""
     drift = market.rate - market.dividend_yield
     return market.rate * value - drift * slope - 0.5 * market.volatility**2 * curvature
 
 
-def deterministic_value(option: Option, market: Market) -> ClosedValue:
+def deterministic_value(option: Option, market: FlatMarket) -> ClosedValue:
     """Return the option where ln(spot) does not diffuse: zero volatility, or a spot of zero.
 
     The holder exercises at the best time, `zero_volatility_value`; the derivatives are those of the payoff at
@@ -95,12 +95,12 @@ def deterministic_value(option: Option, market: Market) -> ClosedValue:
     )
 
 
-def is_deterministic(option: Option, market: Market, tolerance: float) -> bool:
+def is_deterministic(option: Option, market: FlatMarket, tolerance: float) -> bool:
     """Whether chance matters less than a tenth of the tolerance, a fraction of the strike."""
     return deterministic_error(option, market) <= 0.1 * tolerance * option.strike
 
 
-def deterministic_error(option: Option, market: Market) -> float:
+def deterministic_error(option: Option, market: FlatMarket) -> float:
     """Return a bound on |V - V(volatility 0)|, in money.
 
     For every stopping time |E e^{-r t} (K - S_t)^+ - ...| <= S e^{-q t} E |e^{sigma W - sigma**2 t/2} - 1|,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pricing_core.american.grid import Grid
-from pricing_core.american.market import Market
+from pricing_core.american.market import FlatMarket
 from pricing_core.arrays import Vector
 from pricing_core.linalg import Tridiagonal
 
@@ -68,14 +68,8 @@ class BlackScholesOperator:
     fitted: bool
 
 
-def black_scholes_operator(grid: Grid, market: Market) -> BlackScholesOperator:
-    """Discretise (11.59) by central differences; on a uniform grid interior rows as in (11.60)-(11.62).
-
-    Where a cell is too coarse for the drift, |r - q - sigma**2/2| dx > sigma**2, central differences would
-    give negative off-diagonals and oscillations. The diffusion coefficient a = sigma**2/2 is then replaced by
-    (m dx/2) coth(m dx/(2 a)), m the drift (Il'in 1969): an M-matrix at every cell size, but first order in
-    dx.
-    """
+def difference_operators(grid: Grid) -> tuple[ThreePointOperator, ThreePointOperator, ThreePointOperator]:
+    """Return the central first and second differences on any grid, and the identity."""
     left, right = np.diff(grid.nodes)[:-1], np.diff(grid.nodes)[1:]
     first = ThreePointOperator(
         -right / (left * (left + right)), (right - left) / (left * right), left / (right * (left + right))
@@ -84,6 +78,19 @@ def black_scholes_operator(grid: Grid, market: Market) -> BlackScholesOperator:
         2.0 / (left * (left + right)), -2.0 / (left * right), 2.0 / (right * (left + right))
     )
     identity = ThreePointOperator(np.zeros(left.size), np.ones(left.size), np.zeros(left.size))
+    return first, second, identity
+
+
+def black_scholes_operator(grid: Grid, market: FlatMarket) -> BlackScholesOperator:
+    """Discretise (11.59) by central differences; on a uniform grid interior rows as in (11.60)-(11.62).
+
+    Where a cell is too coarse for the drift, |r - q - sigma**2/2| dx > sigma**2, central differences would
+    give negative off-diagonals and oscillations. The diffusion coefficient a = sigma**2/2 is then replaced by
+    (m dx/2) coth(m dx/(2 a)), m the drift (Il'in 1969): an M-matrix at every cell size, but first order in
+    dx.
+    """
+    first, second, identity = difference_operators(grid)
+    left, right = np.diff(grid.nodes)[:-1], np.diff(grid.nodes)[1:]
     diffusion = 0.5 * market.volatility**2
     drift = market.rate - market.dividend_yield - diffusion
     peclet = abs(drift) * np.maximum(left, right) / (2.0 * diffusion)

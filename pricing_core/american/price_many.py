@@ -11,6 +11,7 @@ from pricing_core.american.book import Book, read_book
 from pricing_core.american.book_values import CLOSED, LEFT, BookValues, value_book
 from pricing_core.american.contract import check_kind, real_number
 from pricing_core.american.results import DAYS_PER_YEAR, Valuation
+from pricing_core.american.scheduled import price_scheduled_many
 from pricing_core.american.tolerances import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
 from pricing_core.american.valuation import MARCH_METHOD, price_alone
 from pricing_core.errors import InvalidInputError
@@ -34,6 +35,7 @@ NUMBERS = (
     "error_estimate",
 )
 TEXTS = ("status", "method", "engine_version", "message")
+SENSITIVITIES = "dividend_sensitivities"
 MOST_THREADS = 1024
 CHUNK = 16384  # rows valued at a time: their arrays stay in the cache
 SMALLEST_CHUNK = 256  # fewer rows are not worth a thread
@@ -52,8 +54,12 @@ def price_many(
     Parameters
     ----------
     columns : mapping of str to array_like, shape (n,), or scalar
-        option_type, spot, strike, expiry, rate, volatility, and optionally exercise, dividend_yield and
-        tolerance.
+        option_type, spot, strike, expiry, rate, volatility, and optionally exercise, dividend_yield, tolerance, and
+        those of contracts with events: exercise_times, exercise_start, cash_dividends, proportional_dividends,
+        dividend_model; valuation_date and expiration_date in the place of expiry, or beside it where each row has
+        the one or the other. Cells are what `contract_from` takes: rate, dividend_yield and volatility may be
+        curves, a column of lists holds a list per row; lists and curves may be JSON text. A single list of times
+        or of dividends, and a single curve, serve all rows.
     tolerance : float
         For rows without a tolerance of their own.
     greeks : bool
@@ -68,7 +74,8 @@ def price_many(
     -------
     dict of str to array, shape (n,)
         The fields of `Valuation` by name, missing numbers NaN, and "message", the reason where status is
-        "invalid_input". Without `share_solves` a row's numbers do not depend on the other rows, bit for bit.
+        "invalid_input"; where there are cash_dividends, also "dividend_sensitivities", a tuple per row, empty where
+        none falls due by expiry. Without `share_solves` a row's numbers do not depend on the other rows, bit for bit.
 
     Raises
     ------
@@ -91,6 +98,9 @@ def price_many(
     table: dict[str, NDArray[Any]] = dict(zip(NUMBERS, np.empty((len(NUMBERS), count)), strict=True))
     table["exercise_now"] = np.zeros(count, dtype=bool)
     table |= {name: np.full(count, "", dtype=object) for name in TEXTS}
+    if "cash_dividends" in columns:
+        table[SENSITIVITIES] = np.full(count, None, dtype=object)
+        table[SENSITIVITIES].fill(())
 
     def fill(rows: slice) -> None:
         part = {name: column[rows] for name, column in table.items()}
@@ -105,6 +115,8 @@ def price_many(
     else:  # the kernel and NumPy release the interpreter
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(fill, chunks))
+    if book.events:
+        _price_events(book, table, greeks=greeks, threads=workers)
     for row, fault in reasons.items():
         table["status"][row], table["message"][row] = "invalid_input", str(fault)
     return table
@@ -138,6 +150,21 @@ def _price_part(
             part["status"][row], part["message"][row] = "out_of_domain", str(error)
         else:
             _fill_row(row, valuation, part)
+
+
+def _price_events(book: Book, table: dict[str, NDArray[Any]], *, greeks: bool, threads: int) -> None:
+    """Fill the rows of contracts with curves, dividends or exercise times."""
+    rows = sorted(book.events)
+    contracts = [book.events[row] for row in rows]
+    tolerances = book.tolerance[rows].tolist()
+    for row, valuation in zip(
+        rows, price_scheduled_many(contracts, tolerances, greeks=greeks, threads=threads), strict=True
+    ):
+        _fill_row(row, valuation, table)
+        if valuation.price is None:
+            table["message"][row] = valuation.diagnostics.solved_by  # the reason, where nothing did
+        if SENSITIVITIES in table:
+            table[SENSITIVITIES][row] = valuation.dividend_sensitivities or ()
 
 
 def _fill(book: Book, values: BookValues, part: dict[str, NDArray[Any]]) -> None:

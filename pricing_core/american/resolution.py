@@ -1,6 +1,6 @@
 """How finely an option is solved, and one solve at that resolution."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
@@ -9,10 +9,16 @@ import numpy as np
 from pricing_core.american.contract import Option
 from pricing_core.american.crank_nicolson import CrankNicolson, damped_until
 from pricing_core.american.grid import LARGEST_STRETCHING, Domain, make_grid
-from pricing_core.american.market import Market
+from pricing_core.american.market import FlatMarket
 from pricing_core.american.semidiscrete import PremiumForm, SemidiscreteForm, ValueForm
 from pricing_core.american.time_mesh import square_root_mesh, uniform_mesh
-from pricing_core.american.tridiagonal_step import LCPMethod, OptionState, TridiagonalStage, start_state
+from pricing_core.american.tridiagonal_step import (
+    LCPMethod,
+    OptionStage,
+    OptionState,
+    TridiagonalStage,
+    start_state,
+)
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.stepping import (
@@ -118,7 +124,7 @@ class Solution:
 
 def solve_at(
     option: Option,
-    market: Market,
+    market: FlatMarket,
     domain: Domain,
     resolution: Resolution,
     *,
@@ -136,10 +142,37 @@ def solve_at(
     grid = make_grid(domain, resolution.intervals, resolution.stretching)
     form_class = PremiumForm if resolution.formulation == "premium" else ValueForm
     form = form_class.discretise(option, market, domain, grid)
-    mesh = (square_root_mesh if resolution.time_mesh == "square-root" else uniform_mesh)(
-        option.expiry, resolution.steps
+    integration = integrate_stage(
+        TridiagonalStage(form, lcp_method),
+        start_state(form, tangents=tangents),
+        option.expiry,
+        resolution.steps,
+        resolution,
+        interrupt=interrupt,
     )
-    stage = TridiagonalStage(form, lcp_method)
+    return Solution(resolution, form, integration)
+
+
+def integrate_stage(
+    stage: OptionStage,
+    state: OptionState,
+    duration: float,
+    steps: int,
+    resolution: Resolution,
+    *,
+    stop_times: Iterable[float] = (),
+    interrupt: Callable[[], bool] | None = None,
+) -> Integration[OptionState]:
+    """Step from `state` over `duration` years by the scheme and on the mesh of times that the resolution asks for.
+
+    Parameters
+    ----------
+    steps : int
+        Instead of the resolution's own.
+    stop_times : iterable of float
+        Times from the start at which a step must end besides those of the mesh.
+    """
+    mesh = (square_root_mesh if resolution.time_mesh == "square-root" else uniform_mesh)(duration, steps)
     methods: dict[Scheme, OneStepMethod[OptionState]] = {
         "sdirk2": Sdirk2(stage),
         "implicit-euler": ImplicitEuler(stage),
@@ -147,16 +180,15 @@ def solve_at(
     }
     method = methods[resolution.scheme or "sdirk2"]
     adaptive = resolution.time_mesh == "adaptive"
-    local = LOCAL_TOLERANCE / resolution.steps ** (method.order + 1)
-    integration = integrate(
+    local = LOCAL_TOLERANCE / steps ** (method.order + 1)
+    return integrate(
         StepDoubling(method) if adaptive else method,
-        start_state(form, tangents=tangents),
-        (0.0, option.expiry),
-        controller=PIController(0.0, local, start=1.0 / resolution.steps**2) if adaptive else FixedStep(),
-        stop_times=() if adaptive else mesh[1:],
+        state,
+        (0.0, duration),
+        controller=PIController(0.0, local, start=1.0 / steps**2) if adaptive else FixedStep(),
+        stop_times=[*stop_times] if adaptive else [*stop_times, *mesh[1:].tolist()],
         interrupt=interrupt,
     )
-    return Solution(resolution, form, integration)
 
 
 def align(domain: Domain, intervals: int, stretching: float) -> Domain:

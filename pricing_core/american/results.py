@@ -5,9 +5,7 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from pricing_core.american.contract import Option
-from pricing_core.american.exercise_region import EMPTY_REGION, ExerciseRegion
-from pricing_core.american.limits import ClosedValue, european_value
-from pricing_core.american.market import Market
+from pricing_core.american.limits import ClosedValue
 from pricing_core.american.resolution import Resolution
 from pricing_core.version import ENGINE_VERSION
 
@@ -58,7 +56,13 @@ class Valuation:
     theta, theta_per_day : float
         dV/dt in calendar time, per year and per 1/365 year.
     vega, vega_per_point, rho, rho_per_point, dividend_rho : float
-        Per 1.00 of volatility, rate and yield; per point: per 0.01.
+        Per 1.00 of volatility, rate and yield, a curve shifted as a whole; per point: per 0.01.
+    dividend_sensitivities : tuple of float or None
+        dV/d amount of each of the market's cash dividends, in their order (that of time).
+    vanna, volga : float or None
+        d delta/d volatility and d vega/d volatility; with extended Greeks only, as the next two.
+    rate_bucket_rho, volatility_bucket_vega : tuple of float or None
+        dV by each of the values of the curve; None where it is none.
     exercise_now : bool
         The intrinsic value is positive and the spot lies in the closed exercise region.
     exercise_boundary : float or None
@@ -88,6 +92,11 @@ class Valuation:
     rho: float | None
     rho_per_point: float | None
     dividend_rho: float | None
+    dividend_sensitivities: tuple[float, ...] | None
+    vanna: float | None
+    volga: float | None
+    rate_bucket_rho: tuple[float, ...] | None
+    volatility_bucket_vega: tuple[float, ...] | None
     exercise_now: bool
     exercise_boundary: float | None
     error_estimate: float | None
@@ -97,30 +106,39 @@ class Valuation:
     diagnostics: Diagnostics
 
 
+@dataclass(frozen=True, slots=True)
+class FurtherGreeks:
+    """Derivatives that flat markets lack, or that are asked for; money per unit of underlying."""
+
+    dividend_sensitivities: tuple[float, ...] | None = None
+    vanna: float = math.nan
+    volga: float = math.nan
+    rate_bucket_rho: tuple[float, ...] | None = None
+    volatility_bucket_vega: tuple[float, ...] | None = None
+
+
+NO_FURTHER_GREEKS = FurtherGreeks()
+
+
 def assemble(
     option: Option,
-    market: Market,
+    spot: float,
     closed: ClosedValue,
-    region: ExerciseRegion,
     *,
+    european: float,
+    boundary: float,
     exercise_now: bool,
     status: Status,
     method: str,
     diagnostics: Diagnostics,
-    european: float | None = None,
+    further: FurtherGreeks = NO_FURTHER_GREEKS,
 ) -> Valuation:
-    """Return the valuation with everything that follows from value, derivatives and region; NaN becomes None.
-
-    The European value is computed where it is not known.
-    """
-    if european is None:
-        european = european_value(option, market).value
-    near, _ = region.boundaries(option)
+    """Return the valuation with everything that follows from value, derivatives and boundary; NaN becomes None."""
     return Valuation(
         price=_present(closed.value),
-        european_price=european,
+        european_price=_present(european),
         early_exercise_premium=_present(closed.value - european),
-        intrinsic_value=option.payoff(market.spot),
+        intrinsic_value=option.payoff(spot),
         delta=_present(closed.delta),
         gamma=_present(closed.gamma),
         theta=_present(closed.theta),
@@ -130,8 +148,13 @@ def assemble(
         rho=_present(closed.rho),
         rho_per_point=_present(closed.rho / 100.0),
         dividend_rho=_present(closed.dividend_rho),
+        dividend_sensitivities=further.dividend_sensitivities,
+        vanna=_present(further.vanna),
+        volga=_present(further.volga),
+        rate_bucket_rho=further.rate_bucket_rho,
+        volatility_bucket_vega=further.volatility_bucket_vega,
         exercise_now=bool(exercise_now),
-        exercise_boundary=_present(near),
+        exercise_boundary=_present(boundary),
         error_estimate=_present(closed.error),
         status=status,
         method=method,
@@ -140,13 +163,14 @@ def assemble(
     )
 
 
-def without_price(option: Option, market: Market) -> Valuation:
+def without_price(option: Option, spot: float, european: float) -> Valuation:
     """Return a valuation without a price: the deadline came before anything could be estimated."""
     return assemble(
         option,
-        market,
+        spot,
         ClosedValue(*[math.nan] * 8),
-        EMPTY_REGION,
+        european=european,
+        boundary=math.nan,
         exercise_now=False,
         status="deadline",
         method="none",

@@ -7,14 +7,14 @@ x = ln(S/K). The multiplier u is K times smaller than the income lost by holding
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
 from pricing_core.american.closed_form import european_values
 from pricing_core.american.contract import Option
 from pricing_core.american.grid import Domain, Grid
-from pricing_core.american.market import Market
+from pricing_core.american.market import FlatMarket
 from pricing_core.american.obstacle import payoff_obstacle
 from pricing_core.american.operators import BlackScholesOperator, black_scholes_operator
 from pricing_core.arrays import Matrix, Vector
@@ -34,22 +34,55 @@ class Constraint:
     ends: Matrix  # (m, 2)
 
 
+class ComplementarityForm(Protocol):
+    """What an implicit stage reads of v' = L v + e(t) + u, 0 <= u _|_ v - g(t) >= 0."""
+
+    @property
+    def domain(self) -> Domain:
+        """The ends of the grid, and whether they lie in the exercise region."""
+        ...
+
+    @property
+    def operators(self) -> BlackScholesOperator:
+        """L and its derivatives by volatility, rate and yield."""
+        ...
+
+    @property
+    def payoff(self) -> Vector:
+        """Positive at the nodes where exercise may bring something, shape (N + 2,)."""
+        ...
+
+    @property
+    def scale(self) -> Vector | float:
+        """The size of v, of which a residual is a part, at the unknowns, shape (N,), or everywhere."""
+        ...
+
+    def constraint(self, tau: float, rows: int) -> Constraint:
+        """Return obstacle and end values at tau > 0."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SemidiscreteForm(ABC):
     """The data of the differential complementarity system: contract, market, grid, L and the payoff on the grid."""
 
     option: Option
-    market: Market
+    market: FlatMarket
     domain: Domain
     grid: Grid
     operators: BlackScholesOperator
     payoff: Vector  # (N + 2,)
 
     @classmethod
-    def discretise(cls, option: Option, market: Market, domain: Domain, grid: Grid) -> Self:
+    def discretise(cls, option: Option, market: FlatMarket, domain: Domain, grid: Grid) -> Self:
         """Discretise the option in space."""
         payoff = payoff_obstacle(option, grid.nodes)
         return cls(option, market, domain, grid, black_scholes_operator(grid, market), payoff)
+
+    @property
+    def scale(self) -> float:
+        """1: residuals are fractions of the strike."""
+        return 1.0
 
     @abstractmethod
     def start(self, rows: int) -> Matrix:

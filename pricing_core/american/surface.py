@@ -1,16 +1,22 @@
 """The value of one option over spots and times."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pricing_core.american.contract import Option, check_kind
-from pricing_core.american.market import Market
+from pricing_core.american.market import FlatMarket, Market
 from pricing_core.american.price_many import price_many
+from pricing_core.american.schedule import without_events
+from pricing_core.american.scheduled import price_scheduled_many
+from pricing_core.american.seen_later import seen_later
 from pricing_core.american.tolerances import DEFAULT_TOLERANCE
 from pricing_core.arrays import Matrix, Vector, as_vector
 from pricing_core.errors import InvalidInputError
+
+FIELDS = ("price", "delta", "gamma", "exercise_now", "error_estimate")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +53,9 @@ def value_surface(
     tolerance: float = DEFAULT_TOLERANCE,
     threads: int | None = None,
 ) -> ValueSurface:
-    """Value the option at every pair of a time and a spot; one solve per time serves all spots.
+    """Value the option at every pair of a time and a spot, just after what happens at that time.
+
+    Without events one solve per time serves all spots.
 
     Parameters
     ----------
@@ -80,29 +88,60 @@ def value_surface(
     time, spot = as_vector("times", times), as_vector("spots", spots)
     if np.any(time < 0.0) or np.any(time > option.expiry):
         raise InvalidInputError("times", times, "from 0 to the expiry")
-    table = price_many(
-        {
-            "option_type": option.option_type,
-            "exercise": option.exercise,
-            "strike": option.strike,
-            "spot": np.tile(spot, time.size),
-            "expiry": np.repeat(option.expiry - time, spot.size),
-            "rate": market.rate,
-            "dividend_yield": market.dividend_yield,
-            "volatility": market.volatility,
-        },
-        tolerance=tolerance,
-        greeks=False,
-        threads=threads,
-        share_solves=True,
-    )
+    plain = without_events(option, market)
+    if plain is None:
+        tables = [
+            _priced(*seen_later(option, market, float(t)), spot, tolerance=tolerance, threads=threads)
+            for t in time
+        ]
+        table = {name: np.concatenate([part[name] for part in tables]) for name in FIELDS}
+    else:
+        held, flat = plain
+        rows = np.tile(spot, time.size)
+        columns = {**_columns(held, flat), "spot": rows, "expiry": np.repeat(option.expiry - time, spot.size)}
+        table = _table(columns, rows, tolerance, threads)
+    shape = (time.size, spot.size)
+    return ValueSurface(time, spot, *(table[name].reshape(shape) for name in FIELDS))
+
+
+def _priced(
+    option: Option, market: Market, spot: Vector, *, tolerance: float, threads: int | None
+) -> dict[str, NDArray[Any]]:
+    """Return the fields of one contract seen from every spot."""
+    plain = without_events(option, market)
+    if plain is not None:
+        return _table({**_columns(*plain), "spot": spot}, spot, tolerance, threads)
+    contracts = [(option, replace(market, spot=float(s))) for s in spot]
+    found = price_scheduled_many(contracts, [tolerance] * spot.size, greeks=False, threads=threads or 1)
+    for s, valuation in zip(spot, found, strict=True):
+        if valuation.price is None:
+            raise InvalidInputError("spots", float(s), _allowed(valuation.diagnostics.solved_by))
+    return {name: np.array([getattr(valuation, name) for valuation in found]) for name in FIELDS}
+
+
+def _columns(option: Option, market: FlatMarket) -> dict[str, Any]:
+    return {
+        "option_type": option.option_type,
+        "exercise": option.exercise,
+        "strike": option.strike,
+        "expiry": option.expiry,
+        "rate": market.rate,
+        "dividend_yield": market.dividend_yield,
+        "volatility": market.volatility,
+    }
+
+
+def _table(
+    columns: dict[str, Any], spot: Vector, tolerance: float, threads: int | None
+) -> dict[str, NDArray[Any]]:
+    table = price_many(columns, tolerance=tolerance, greeks=False, threads=threads, share_solves=True)
     refused = np.flatnonzero(np.isnan(table["price"]))
     if refused.size:
         row = int(refused[0])
-        allowed = str(table["message"][row]).rpartition(": must be ")[
-            2
-        ]  # the whole message where it says no range
-        raise InvalidInputError("spots", float(np.tile(spot, time.size)[row]), allowed)
-    shape = (time.size, spot.size)
-    names = ("price", "delta", "gamma", "exercise_now", "error_estimate")
-    return ValueSurface(time, spot, *(table[name].reshape(shape) for name in names))
+        raise InvalidInputError("spots", float(spot[row]), _allowed(str(table["message"][row])))
+    return table
+
+
+def _allowed(message: str) -> str:
+    """Return what a refusal allows; the whole message where it says no range."""
+    return message.rpartition(": must be ")[2]

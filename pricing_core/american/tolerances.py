@@ -1,7 +1,6 @@
 """What `price` and its companions accept: tolerances, and how far spot and strike may be apart."""
 
 from pricing_core.american.contract import Option
-from pricing_core.american.market import Market
 from pricing_core.errors import InvalidInputError
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-8, 1e-2  # fractions of the strike
@@ -9,8 +8,8 @@ DEFAULT_TOLERANCE = 1e-6
 LARGEST_RATIO = 1e30  # of spot and strike, either way
 
 
-def check_moneyness(option: Option, market: Market) -> None:
+def check_moneyness(option: Option, spot: float) -> None:
     """Raise InvalidInputError where spot and strike are so far apart that their ratio's powers overflow."""
-    if market.spot > 0.0 and not 1.0 / LARGEST_RATIO <= market.spot / option.strike <= LARGEST_RATIO:
+    if spot > 0.0 and not 1.0 / LARGEST_RATIO <= spot / option.strike <= LARGEST_RATIO:
         allowed = f"0, or between {1.0 / LARGEST_RATIO:g} and {LARGEST_RATIO:g} times the strike"
-        raise InvalidInputError("spot", market.spot, allowed)
+        raise InvalidInputError("spot", spot, allowed)

@@ -6,16 +6,17 @@ e: an M-matrix, so elimination solves it exactly.
 """
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 
 from pricing_core.american.operators import ThreePointOperator
-from pricing_core.american.semidiscrete import SemidiscreteForm
+from pricing_core.american.semidiscrete import ComplementarityForm, SemidiscreteForm
 from pricing_core.american.tangents import parameter_source, solve_tangents
 from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.errors import NumericalError
 from pricing_core.kernel import brennan_schwartz, policy_iteration
+from pricing_core.linalg import solve_tridiagonal
 
 LCPMethod: TypeAlias = Literal["tridiagonal", "policy", "psor", "lemke"]
 NEGLIGIBLE = 1e-13  # residual of an exact elimination, relative to the largest diagonal entry times v
@@ -57,19 +58,49 @@ def start_state(form: SemidiscreteForm, *, tangents: bool = False) -> OptionStat
     return OptionState(value, nothing, nothing > 0.0, nothing, 0.0)
 
 
+class OptionStage(Protocol):
+    """An implicit stage of a semidiscrete option."""
+
+    @property
+    def form(self) -> ComplementarityForm:
+        """The system it belongs to."""
+        ...
+
+    def solve(self, t: float, base: Matrix, h: float, near: OptionState) -> OptionState:
+        """Return the state at time to expiry t, at the end of an implicit stage of size h from `base`."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class UnconstrainedStage:
+    """The stage of an option that may not be exercised: (I - hL) v = base + h e, one linear system."""
+
+    form: ComplementarityForm
+
+    def solve(self, t: float, base: Matrix, h: float, near: OptionState) -> OptionState:
+        """Return the state at time to expiry t; it has no contact, and carries no tangents."""
+        operator = self.form.operators.operator
+        rhs = base[0] + h * end_forcing(operator, self.form.constraint(t, 1).ends[0])
+        value = solve_tridiagonal(
+            -h * operator.lower[1:], 1.0 - h * operator.diagonal, -h * operator.upper[:-1], rhs
+        )
+        nothing = np.zeros(value.size)
+        return OptionState(value[None, :], near.slack, nothing > 0.0, nothing, 0.0)
+
+
 @dataclass(frozen=True, slots=True)
 class TridiagonalStage:
     """Solves the stage by one tridiagonal LCP; the tangents by linear solves with its contact set frozen.
 
     Parameters
     ----------
-    form : SemidiscreteForm
+    form : ComplementarityForm
     lcp_method : {"tridiagonal", "policy", "psor", "lemke"}
         One elimination where that is exact, else policy iteration; policy iteration; or one of the methods
         of `pricing_core.lcp`.
     """
 
-    form: SemidiscreteForm
+    form: ComplementarityForm
     lcp_method: LCPMethod = "tridiagonal"
 
     def solve(self, t: float, base: Matrix, h: float, near: OptionState) -> OptionState:
@@ -78,7 +109,7 @@ class TridiagonalStage:
         operator = self.form.operators.operator
         M = ThreePointOperator(-h * operator.lower, 1.0 - h * operator.diagonal, -h * operator.upper)
         obstacle = constraint.obstacle[0, 1:-1]
-        q = M.times(obstacle) - base[0] - h * self._forcing(constraint.ends[0])
+        q = M.times(obstacle) - base[0] - h * end_forcing(operator, constraint.ends[0])
         solve = self._solve_by_library if self.lcp_method in ("psor", "lemke") else self._solve_directly
         z, w = solve(M, q, near)
         value = obstacle + z
@@ -86,10 +117,11 @@ class TridiagonalStage:
         if base.shape[0] > 1:
             everywhere = np.concatenate([constraint.ends[0, :1], value, constraint.ends[0, 1:]])
             source = parameter_source(self.form.operators, everywhere)
-            forcing = np.stack([self._forcing(ends) for ends in constraint.ends[1:]])
+            forcing = np.stack([end_forcing(operator, ends) for ends in constraint.ends[1:]])
             rhs = base[1:] + h * (source + forcing)
             value = np.vstack([value, solve_tangents(M, rhs, constraint.obstacle[1:, 1:-1], z, contact)])
-        return OptionState(np.atleast_2d(value), z, contact, np.maximum(w, 0.0) / h, _residual(z, w))
+        residual = natural_residual(z, w, self.form.scale)
+        return OptionState(np.atleast_2d(value), z, contact, np.maximum(w, 0.0) / h, residual)
 
     def _solve_directly(self, M: ThreePointOperator, q: Vector, near: OptionState) -> tuple[Vector, Vector]:
         """Return (z, w) from one elimination, exact for a region at one end, or from policy iteration.
@@ -102,7 +134,9 @@ class TridiagonalStage:
             if self.lcp_method == "tridiagonal" and domain.contact_at_left != domain.contact_at_right:
                 z = brennan_schwartz(*bands, domain.contact_at_left)
                 w = M.times(z) + q
-                if _residual(z, w) <= NEGLIGIBLE * float(np.max(M.diagonal)) * (float(np.max(z)) + 1.0):
+                if natural_residual(z, w) <= NEGLIGIBLE * float(np.max(M.diagonal)) * (
+                    float(np.max(z)) + 1.0
+                ):
                     return z, w
             z, _ = policy_iteration(*bands, ~near.contact, ROUNDING, q.size + 2)
         except ZeroDivisionError:
@@ -122,13 +156,15 @@ class TridiagonalStage:
             z = solve(problem, method="lemke").z
         return z, M.times(z) + q
 
-    def _forcing(self, ends: Vector) -> Vector:
-        operator = self.form.operators.operator
-        forcing = np.zeros(operator.diagonal.size)
-        forcing[0] += operator.lower[0] * ends[0]
-        forcing[-1] += operator.upper[-1] * ends[1]
-        return forcing
+
+def end_forcing(operator: ThreePointOperator, ends: Vector) -> Vector:
+    """Return e, what the values at the two ends contribute to L v at the unknowns, shape (N,)."""
+    forcing = np.zeros(operator.diagonal.size)
+    forcing[0] += operator.lower[0] * ends[0]
+    forcing[-1] += operator.upper[-1] * ends[1]
+    return forcing
 
 
-def _residual(z: Vector, w: Vector) -> float:
-    return float(np.max(np.abs(np.minimum(z, w))))
+def natural_residual(z: Vector, w: Vector, scale: Vector | float = 1.0) -> float:
+    """Return max |min(z, w)|/scale: 0 where z solves the complementarity problem."""
+    return float(np.max(np.abs(np.minimum(z, w)) / scale))

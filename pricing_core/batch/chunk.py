@@ -33,8 +33,16 @@ class Chunk:
         """Return a cell as text, "" if it is empty; None where there is no such column."""
         if name not in self.table.schema.names:
             return None
-        value = self.table.column(name)[index].as_py()
+        value = python_value(self.table.column(name)[index])
         return "" if is_empty(value) else str(value)
+
+
+def python_value(cell: pa.Scalar) -> Any:
+    """Return a cell as Python has it; a date that Python does not have as the number that stands for it."""
+    try:
+        return cell.as_py()
+    except (OverflowError, ValueError):
+        return cell.value
 
 
 def is_empty(cell: Any) -> bool:

@@ -17,6 +17,7 @@ from pricing_core.batch.schema import check_names
 from pricing_core.errors import InvalidInputError
 
 BYTES_PER_READ = 1 << 20
+CURVE_KEY = b'"times"'  # of every curve, its quotes doubled inside a quoted cell or not
 LONGEST_CELL = (
     1 << 24
 )  # characters; a bound, because a quote left open makes one cell of the rest of the file
@@ -33,6 +34,7 @@ class CsvReader:
 
     def __init__(self, path: Path) -> None:
         check_text(path)
+        self.may_hold_curves = mentions(path, CURVE_KEY)
         self._name = path.name
         self._size = path.stat().st_size
         self._bytes_read = 0
@@ -155,3 +157,14 @@ def check_text(path: Path) -> None:
         except UnicodeDecodeError as error:
             line += bytes(error.object[: error.start]).count(b"\n")
             raise InvalidInputError("input", path.name, f"UTF-8 text; line {line} is not") from None
+
+
+def mentions(path: Path, word: bytes) -> bool:
+    """Tell whether a file holds a word."""
+    before = b""
+    with path.open("rb") as file:
+        while block := file.read(BYTES_PER_READ):
+            if word in before + block:
+                return True
+            before = block[1 - len(word) :]
+    return False

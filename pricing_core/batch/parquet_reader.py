@@ -21,6 +21,8 @@ class ParquetReader:
         The file is not Parquet, or its columns are refused by name or type.
     """
 
+    may_hold_curves = True
+
     def __init__(self, path: Path) -> None:
         self._name = path.name
         self._rows_read = 0

@@ -18,6 +18,7 @@ class TableReader(Protocol):
     """A table open for reading, to be used as a context manager."""
 
     schema: pa.Schema
+    may_hold_curves: bool  # whether a rate, a yield or a volatility may be something else than a number
 
     def __enter__(self) -> "TableReader": ...
 

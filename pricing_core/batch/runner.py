@@ -1,7 +1,7 @@
 """A table of contracts priced chunk by chunk, with its rejects; the file is never held as a whole."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ from pricing_core.batch.contracts import Contracts, read_contracts
 from pricing_core.batch.reader import TableReader, open_table
 from pricing_core.batch.replacement import replacement
 from pricing_core.batch.results import Reasons, price_contracts
-from pricing_core.batch.schema import NUMBER_COLUMNS, RESULT_SCHEMA
+from pricing_core.batch.schema import CURVE_COLUMNS, NUMBER_COLUMNS, result_schema
 from pricing_core.batch.writer import RejectsWriter, check_ending, table_writer
 from pricing_core.errors import InvalidInputError
 
@@ -102,13 +102,13 @@ def run_batch(
         # Entered first, renamed last: where the output is, its rejects are.
         output = stack.enter_context(replacement(target))
         explained = stack.enter_context(replacement(rejects))
-        typed = target.suffix.lower() == ".parquet"
-        rows = stack.enter_context(table_writer(target, output, output_schema(reader, typed)))
+        numbers = numbers_as_text(reader) if target.suffix.lower() == ".parquet" else ()
+        rows = stack.enter_context(table_writer(target, output, output_schema(reader.schema, numbers)))
         faults = stack.enter_context(RejectsWriter(explained))
         for chunk in reader.chunks(chunk_rows):
             contracts = read_contracts(chunk, tolerance)
             results, reasons = price_contracts(contracts, threads)
-            rows.write(_joined(typed_table(chunk.table, contracts) if typed else chunk.table, results))
+            rows.write(_joined(typed_table(chunk.table, contracts, numbers), results))
             _write_rejects(faults, chunk, reasons)
             summary = summary.plus(results, len(reasons))
             if progress is not None:
@@ -127,25 +127,27 @@ def rejects_path(target: Path) -> Path:
     return target.with_name(f"{target.stem}.rejects.csv")
 
 
-def output_schema(reader: TableReader, typed: bool) -> pa.Schema:
-    """Return the columns of the output: those of the input, as numbers where `typed`, then the results."""
-    fields = [
-        pa.field(field.name, pa.float64()) if typed and _is_number_as_text(field) else field
-        for field in reader.schema
-    ]
-    return pa.schema([*fields, *RESULT_SCHEMA])
+def numbers_as_text(reader: TableReader) -> tuple[str, ...]:
+    """Return the columns that hold numbers alone, and as text."""
+    names = NUMBER_COLUMNS if reader.may_hold_curves else (*NUMBER_COLUMNS, *CURVE_COLUMNS)
+    return tuple(
+        field.name for field in reader.schema if field.name in names and pa.types.is_string(field.type)
+    )
 
 
-def typed_table(table: pa.RecordBatch, contracts: Contracts) -> pa.RecordBatch:
-    """Return the table with the numbers that CSV holds as text as numbers; null where there is none."""
+def output_schema(schema: pa.Schema, numbers: Sequence[str]) -> pa.Schema:
+    """Return the columns of the output: those of the input, some of them as numbers, then the results."""
+    fields = [pa.field(field.name, pa.float64()) if field.name in numbers else field for field in schema]
+    return pa.schema([*fields, *result_schema(schema.names)])
+
+
+def typed_table(table: pa.RecordBatch, contracts: Contracts, numbers: Sequence[str]) -> pa.RecordBatch:
+    """Return the table with some texts as the numbers that they are; null where there is none."""
     columns = dict(zip(table.schema.names, table.columns, strict=True))
-    for field in filter(_is_number_as_text, table.schema):
-        columns[field.name] = pa.array(contracts.columns[field.name], pa.float64())
-    return pa.RecordBatch.from_pydict(columns)
-
-
-def _is_number_as_text(field: pa.Field) -> bool:
-    return field.name in NUMBER_COLUMNS and bool(pa.types.is_string(field.type))
+    for name in numbers:
+        cells = contracts.columns[name]
+        columns[name] = pa.array([c if isinstance(c, float) else None for c in cells], pa.float64())
+    return pa.RecordBatch.from_pydict(columns) if numbers else table
 
 
 def _joined(table: pa.RecordBatch, results: pa.RecordBatch) -> pa.RecordBatch:

@@ -2,14 +2,15 @@
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Literal
 
 import pyarrow as pa
 
-from pricing_core.american.price_many import NUMBERS
+from pricing_core.american.price_many import NUMBERS, SENSITIVITIES
+from pricing_core.american.vocabulary import DATES
 from pricing_core.errors import InvalidInputError
 
 
@@ -21,7 +22,8 @@ class Column:
     ----------
     name : str
         In the vocabulary of the public interface.
-    kind : {"number", "text"}
+    kind : {"number", "text", "curve", "list", "date"}
+        A curve is a number too; curves and lists may be JSON text.
     meaning : str
         Unit or choice, for the message that asks for the column.
     required : bool
@@ -29,7 +31,7 @@ class Column:
     """
 
     name: str
-    kind: Literal["number", "text"]
+    kind: Literal["number", "text", "curve", "list", "date"]
     meaning: str
     required: bool = True
 
@@ -39,24 +41,21 @@ COLUMNS = (
     Column("spot", "number", "money"),
     Column("strike", "number", "money"),
     Column("expiry", "number", "years"),
-    Column("rate", "number", "1/year"),
-    Column("volatility", "number", "1/sqrt(year)"),
-    Column("exercise", "text", "american or european", required=False),
-    Column("dividend_yield", "number", "1/year", required=False),
+    Column("rate", "curve", "1/year"),
+    Column("volatility", "curve", "1/sqrt(year)"),
+    Column("exercise", "text", "american, european or bermudan", required=False),
+    Column("exercise_times", "list", "years", required=False),
+    Column("exercise_start", "number", "years", required=False),
+    Column("dividend_yield", "curve", "1/year", required=False),
+    Column("cash_dividends", "list", "years and money", required=False),
+    Column("proportional_dividends", "list", "years and fractions of the spot", required=False),
+    Column("dividend_model", "text", "spot or escrowed", required=False),
+    Column("valuation_date", "date", "ISO date or date-time", required=False),
+    Column("expiration_date", "date", "ISO date or date-time", required=False),
     Column("tolerance", "number", "fraction of the strike", required=False),
 )
 NUMBER_COLUMNS = tuple(column.name for column in COLUMNS if column.kind == "number")
-
-# Words of the vocabulary that change the contract and that this version cannot price: never ignored.
-UNSUPPORTED_COLUMNS = (
-    "cash_dividends",
-    "proportional_dividends",
-    "valuation_date",
-    "expiration_date",
-    "dividend_model",
-    "exercise_times",
-    "exercise_start",
-)
+CURVE_COLUMNS = tuple(column.name for column in COLUMNS if column.kind == "curve")
 
 
 def _letters(name: str) -> str:
@@ -67,7 +66,7 @@ def _letters(name: str) -> str:
 NEAR_MISS = 0.9  # similarity of two names that are taken for one
 
 # A column under another spelling would pass through and its numbers be ignored.
-_SPELLINGS = {_letters(name): name for name in (*(column.name for column in COLUMNS), *UNSUPPORTED_COLUMNS)}
+_SPELLINGS = {_letters(column.name): column.name for column in COLUMNS}
 
 
 def _near_miss(name: str, names: Sequence[str]) -> str | None:
@@ -84,6 +83,13 @@ RESULT_SCHEMA = pa.schema(
     + [(RESULT_FLAG, pa.bool_())]
     + [(name, pa.string()) for name in RESULT_TEXTS]
 )
+
+
+def result_schema(names: Sequence[str]) -> pa.Schema:
+    """Return the columns of the results for an input of these columns."""
+    if "cash_dividends" not in names:
+        return RESULT_SCHEMA
+    return RESULT_SCHEMA.append(pa.field(SENSITIVITIES, pa.string()))  # JSON, a list per row
 
 
 def check_names(names: Sequence[str]) -> None:
@@ -109,13 +115,18 @@ def check_names(names: Sequence[str]) -> None:
         right = _SPELLINGS.get(_letters(name)) or _near_miss(name, names)
         if right is not None and name != right:
             raise InvalidInputError(f'column "{name}"', "another spelling", f"renamed {right}")
-    missing = [column for column in COLUMNS if column.required and column.name not in names]
+    dated = all(date in names for date in DATES)
+    missing = [
+        column
+        for column in COLUMNS
+        if column.required and column.name not in names and not (dated and column.name == "expiry")
+    ]
     if missing:
         wanted = "; ".join(f"column {c.name} must be present ({c.meaning})" for c in missing[1:])
         allowed = f"present ({missing[0].meaning})" + (f"; {wanted}" if wanted else "")
         raise InvalidInputError(f"column {missing[0].name}", "missing", allowed)
     for name in names:
-        if name in RESULT_SCHEMA.names:
+        if name in result_schema(names).names:
             raise InvalidInputError(
                 f"column {name}", "an input column", "renamed: it is the name of a result"
             )
@@ -133,10 +144,9 @@ def check_types(schema: pa.Schema) -> None:
         if column.name not in schema.names:
             continue
         found = schema.field(column.name).type
-        if column.kind == "number" and not (_is_number(found) or pa.types.is_null(found)):
-            raise InvalidInputError(f"column {column.name}", str(found), "a column of numbers (double)")
-        if column.kind == "text" and not (_is_text(found) or pa.types.is_null(found)):
-            raise InvalidInputError(f"column {column.name}", str(found), "a column of text (string)")
+        tests, allowed = TYPES[column.kind]
+        if not (pa.types.is_null(found) or any(test(found) for test in tests)):
+            raise InvalidInputError(f"column {column.name}", str(found), f"a column of {allowed}")
 
 
 def _is_number(found: pa.DataType) -> bool:
@@ -149,3 +159,22 @@ def _is_text(found: pa.DataType) -> bool:
     return bool(
         pa.types.is_string(found) or pa.types.is_large_string(found) or pa.types.is_string_view(found)
     )
+
+
+def _is_list(found: pa.DataType) -> bool:
+    return bool(
+        pa.types.is_list(found) or pa.types.is_large_list(found) or pa.types.is_fixed_size_list(found)
+    )
+
+
+# By the kind of a column: what its type may be, any of them, and that in words.
+TYPES: Mapping[str, tuple[Sequence[Callable[[pa.DataType], bool]], str]] = {
+    "number": ((_is_number,), "numbers (double)"),
+    "text": ((_is_text,), "text (string)"),
+    "curve": (
+        (_is_number, _is_text, pa.types.is_struct),
+        "numbers (double), or of text or structures for curves",
+    ),
+    "list": ((_is_text, _is_list), "lists, or of text (string)"),
+    "date": ((_is_text, pa.types.is_date, pa.types.is_timestamp), "dates, timestamps or text (string)"),
+}

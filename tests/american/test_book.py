@@ -6,8 +6,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from pricing_core.american import Market, Option, price
+from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, price
 from pricing_core.american.book import Book, read_book, single_row
+from pricing_core.american.market import FlatMarket
 from pricing_core.errors import InvalidInputError
 
 ROW = {
@@ -50,7 +51,8 @@ BAD_CELLS = [
     ("option_type", "straddle"),
     ("option_type", "Put"),
     ("option_type", None),
-    ("exercise", "bermudan"),
+    ("exercise", "bermudan"),  # without exercise times
+    ("exercise", "sometimes"),
     ("exercise", ""),
     ("strike", 0.0),
     ("strike", -1.0),
@@ -82,7 +84,7 @@ def test_a_bad_cell_is_refused_in_the_words_of_the_single_contract(field, cell):
     expected = refused_alone({**ROW, field: cell})
     assert list(reasons) == [1]
     assert str(reasons[1]) == str(expected)
-    assert reasons[1].field == expected.field == field
+    assert reasons[1].field == expected.field
     assert_only_the_middle_row_is_nan(book)
 
 
@@ -168,7 +170,7 @@ def test_scalars_are_repeated_and_defaults_filled_in():
     assert book.tolerance.tolist() == [1e-4, 1e-4]
     assert book.strike.dtype == np.float64
     assert book.option(1) == Option("call", 100.0, 1.0)
-    assert book.market(0) == Market(90.0, 0.05, 0.2)
+    assert book.market(0) == FlatMarket(90.0, 0.05, 0.2)
 
 
 def test_a_column_of_texts_and_numbers_of_many_types_is_read():
@@ -199,7 +201,7 @@ def test_a_missing_column_is_named(name):
 
 
 def test_an_unknown_column_is_named():
-    with pytest.raises(InvalidInputError, match="columns = 'vol': must be named option_type, exercise, spot"):
+    with pytest.raises(InvalidInputError, match="columns = 'vol': must be named option_type, spot, strike"):
         read_book({**ROW, "vol": 0.2}, 1e-6)
 
 
@@ -211,7 +213,7 @@ def test_columns_of_different_lengths_are_refused(rate):
 
 
 def test_a_single_contract_makes_a_book_of_one_row():
-    option, market = Option("call", 90.0, 0.5, "european"), Market(100.0, 0.05, 0.2, 0.01)
+    option, market = Option("call", 90.0, 0.5, "european"), FlatMarket(100.0, 0.05, 0.2, 0.01)
     book = single_row(option, market, 1e-5)
     assert (book.option(0), book.market(0), book.tolerance[0]) == (option, market, 1e-5)
 
@@ -262,3 +264,175 @@ def test_a_list_of_mixed_cells_costs_the_odd_one_alone(cell):
     book, reasons = read_book({**ROW, "spot": [100.0, cell, 90]}, 1e-6)
     assert list(reasons) == [1]
     assert np.isnan(book.spot).tolist() == [False, True, False]
+
+
+CURVE = {"times": [0.5, 1.0], "values": [0.1, 0.2]}
+DIVIDEND = {"time": 0.5, "amount": 1.0}
+THREE = {**ROW, "spot": [90.0, 100.0, 110.0]}
+
+
+def assert_same_numbers(book: Book, other: Book) -> None:
+    for name in ("is_put", "is_american", *NUMBERS):
+        np.testing.assert_array_equal(getattr(book, name), getattr(other, name))
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"cash_dividends": []},
+        {"cash_dividends": [None, [], "[]"]},
+        {"cash_dividends": [math.nan, (), ""], "dividend_model": ["spot", None, "escrowed"]},
+        {"cash_dividends": [{"time": 0.0, "amount": 1.0}, {"time": 1.5, "amount": 1.0}]},
+        {
+            "cash_dividends": [{"time": 0.5, "amount": 0.0}],
+            "proportional_dividends": [{"time": 0.5, "fraction": 0}],
+        },
+        {"exercise_times": [None, [], np.array([])], "exercise_start": [0.0, None, math.nan]},
+        {"exercise_start": np.zeros(3)},
+        {"rate": {"times": [0.5, 2.0], "values": [0.05, 0.05]}},
+        {
+            "rate": [
+                0.05,
+                {"times": [1.0, 2.0], "values": [0.05, 0.1]},
+                '{"times": [1, 2], "values": [0.05, 0]}',
+            ]
+        },
+        {"valuation_date": None, "expiration_date": [None, "", math.nan]},
+        {"expiry": None, "valuation_date": "2026-01-01", "expiration_date": "2027-01-01"},
+        {
+            "expiry": [1.0, None, math.nan],
+            "valuation_date": [None, "2026-01-01", "2025-01-01T12:00"],
+            "expiration_date": [None, "2027-01-01", "2026-01-01T12:00"],
+        },
+    ],
+    ids=str,
+)
+def test_columns_of_events_without_events_leave_the_plain_numbers(columns):
+    book, reasons = read_book({**THREE, **columns}, 1e-6)
+    assert not reasons
+    assert not book.events
+    assert_same_numbers(book, read_book(THREE, 1e-6)[0])
+
+
+def test_dates_may_take_the_place_of_the_column_of_expiries():
+    dates = {
+        "valuation_date": np.datetime64("2026-01-01"),
+        "expiration_date": np.array(["2027-01-01"] * 3, "M8[ns]"),
+    }
+    book, reasons = read_book({name: THREE[name] for name in THREE if name != "expiry"} | dates, 1e-6)
+    assert not reasons
+    assert_same_numbers(book, read_book(THREE, 1e-6)[0])
+
+
+def test_an_option_exercised_at_expiry_only_is_a_plain_european_one():
+    times = {"exercise": ["bermudan", "american", "european"], "exercise_times": [[1.0], None, None]}
+    book, reasons = read_book({**THREE, **times, "exercise_start": [0.0, 1.0, 0.0]}, 1e-6)
+    assert not reasons
+    assert not book.events
+    assert_same_numbers(book, read_book({**THREE, "exercise": "european"}, 1e-6)[0])
+
+
+def test_rows_with_events_are_held_apart_and_leave_the_others_alone():
+    columns = {
+        "exercise": ["bermudan", "american", "american", "american", "american"],
+        "exercise_times": [[0.5, 1.0], None, None, None, None],
+        "exercise_start": [0.0, 0.5, 0.0, 0.0, 0.0],
+        "rate": [0.05, 0.05, CURVE, 0.05, 0.05],
+        "cash_dividends": [None, None, None, [DIVIDEND], None],
+        "tolerance": [1e-3, 1e-3, 1e-4, 1e-3, 1e-5],
+    }
+    book, reasons = read_book({**ROW, **columns}, 1e-6)
+    assert not reasons
+    market = Market(100.0, 0.05, 0.2, 0.02)
+    assert book.events == {
+        0: (Option("put", 90.0, 1.0, "bermudan", (0.5, 1.0)), market),
+        1: (Option("put", 90.0, 1.0, exercise_start=0.5), market),
+        2: (Option("put", 90.0, 1.0), Market(100.0, PiecewiseConstant(**CURVE), 0.2, 0.02)),
+        3: (Option("put", 90.0, 1.0), Market(100.0, 0.05, 0.2, 0.02, (CashDividend(0.5, 1.0),))),
+    }
+    assert np.isnan(book.spot).tolist() == [True, True, True, True, False]
+    assert book.tolerance.tolist() == [1e-3, 1e-3, 1e-4, 1e-3, 1e-5]
+    assert_same_numbers(book.take(np.array([4])), read_book({**ROW, "tolerance": 1e-5}, 1e-6)[0])
+
+
+def test_taking_and_slicing_keep_the_events_with_their_rows():
+    book, _ = read_book({**THREE, "cash_dividends": [[DIVIDEND], None, [{**DIVIDEND, "amount": 2.0}]]}, 1e-6)
+    amounts = {row: market.cash_dividends[0].amount for row, (_, market) in book.events.items()}
+    assert amounts == {0: 1.0, 2: 2.0}
+    for part, expected in (
+        (book.take(np.array([2, 1, 2])), {0: 2.0, 2: 2.0}),
+        (book.slice(slice(1, 3)), {1: 2.0}),
+    ):
+        assert {row: market.cash_dividends[0].amount for row, (_, market) in part.events.items()} == expected
+
+
+@pytest.mark.parametrize(
+    "dividends", [[DIVIDEND], (CashDividend(0.5, 1.0),), '[{"time": 0.5, "amount": 1.0}]']
+)
+def test_one_list_of_dividends_serves_all_rows(dividends):
+    book, _ = read_book({**THREE, "cash_dividends": dividends}, 1e-6)
+    assert [market.cash_dividends for _, market in book.events.values()] == [(CashDividend(0.5, 1.0),)] * 3
+
+
+@pytest.mark.parametrize("times", [[0.5, 0.25, 1.0], (0.25, 0.5, 1.0), np.array([0.25, 0.5, 1.0])])
+def test_one_list_of_times_serves_all_rows_whatever_its_length(times):
+    book, _ = read_book({**THREE, "exercise": "bermudan", "exercise_times": times}, 1e-6)
+    assert [option.exercise_times for option, _ in book.events.values()] == [(0.25, 0.5, 1.0)] * 3
+
+
+@pytest.mark.parametrize("times", [[[0.5, 0.6]] * 3, np.array([[0.5, 0.6]] * 3), ["[0.5, 0.6]"] * 3])
+def test_a_column_of_lists_of_one_length_is_no_matrix(times):
+    book, _ = read_book({**THREE, "exercise": "bermudan", "exercise_times": times}, 1e-6)
+    assert [option.exercise_times for option, _ in book.events.values()] == [(0.5, 0.6)] * 3
+
+
+@pytest.mark.parametrize(
+    ("cells", "message"),
+    [
+        (
+            {"cash_dividends": [DIVIDEND, {"time": 0.5, "amount": -1.0}]},
+            "cash_dividends[1].amount = -1.0: must be a number from 0 to 1e+30",
+        ),
+        ({"cash_dividends": "[{]"}, "cash_dividends = '[{]': must be a list of"),
+        ({"cash_dividends": [[0.5, 1.0]]}, "cash_dividends[0] = [0.5, 1.0]: must be"),
+        (
+            {"cash_dividends": [{"time": 0.5, "amount": 200.0}], "dividend_model": "escrowed"},
+            "must be worth less today than the spot in the escrowed model",
+        ),
+        ({"dividend_model": "other"}, "dividend_model = 'other': must be"),
+        ({"rate": {"times": [1.0]}}, "rate = {'times': [1.0]}: must be a number or"),
+        (
+            {"volatility": {"times": [1.0], "values": [-1.0]}},
+            "volatility.values = -1.0: must be a number from 0",
+        ),
+        ({"exercise_times": [0.5]}, 'exercise_times = [0.5]: must be empty unless exercise is "bermudan"'),
+        ({"exercise_start": True}, "exercise_start = True: must be a number from 0 to 200"),
+        ({"exercise_start": 2.0}, "exercise_start = 2.0: must be at most the expiry, 1"),
+        ({"valuation_date": "2026-01-01"}, "expiry = 1.0: must be left out where dates are given"),
+        ({"expiry": None, "valuation_date": "2026-01-01"}, "expiration_date = 'missing': must be given"),
+        (
+            {"expiry": None, "valuation_date": "x", "expiration_date": "y"},
+            "valuation_date = 'x': must be an ISO",
+        ),
+        (
+            {"expiry": None, "valuation_date": ["x"], "expiration_date": "y"},
+            "valuation_date = ['x']: must be an ISO",
+        ),
+        (
+            {"expiry": None, "valuation_date": {1}, "expiration_date": "y"},
+            "valuation_date = {1}: must be an ISO",
+        ),
+        ({"expiry": None}, "expiry = None: must be a number from 0 to 200"),
+        ({"rate": 1j}, "rate = 1j: must be a number from -0.5 to 2"),
+        ({"spot": [100.0]}, "spot = [100.0]: must be a number from 0 to 1e+30"),
+        ({"exercise": np.array([])}, 'exercise = []: must be "american", "european" or "bermudan"'),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_bad_cell_of_an_event_costs_its_row_alone(cells, message):
+    columns = {name: [cell, ROW.get(name)] for name, cell in cells.items()}
+    book, reasons = read_book({**ROW, **columns}, 1e-6)
+    assert list(reasons) == [0]
+    assert message in str(reasons[0])
+    assert np.isnan(book.spot).tolist() == [True, False]
+    assert not book.events

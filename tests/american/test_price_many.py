@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from pricing_core import kernel_name
-from pricing_core.american import Market, Option, price, price_many
+from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, price, price_many
+from pricing_core.american.vocabulary import contract_from
 from pricing_core.errors import InvalidInputError
+from tests.problems.scheduled_stand_in import ScheduledStandIn
 
 COLUMNS = {
     "option_type": ["put", "call", "put", "put"],
@@ -298,3 +300,142 @@ def test_a_rate_next_to_nothing_is_nothing():
         np.testing.assert_array_equal(tiny[name], none[name])
     alone = price(Option("call", 100.0, 0.1), Market(100.0, 2.0, 1.0, 1e-300))
     assert alone.price == pytest.approx(tiny["price"][0], rel=1e-12)
+
+
+CURVE = {"times": [0.25, 1.0], "values": [0.1, 0.2]}
+DIVIDEND = {"time": 0.5, "amount": 1.0}
+
+
+@pytest.fixture
+def scheduled(monkeypatch):
+    return ScheduledStandIn(monkeypatch)
+
+
+def test_rows_with_events_are_priced_all_at_once_and_the_others_as_ever(scheduled):
+    book = {**COLUMNS, "rate": [0.05, CURVE, 0.05, 0.05], "tolerance": [1e-4, 1e-3, 1e-4, 1e-4]}
+    dividends = [None, None, [DIVIDEND], []]
+    table = price_many({**book, "cash_dividends": dividends}, greeks=False, threads=3)
+    plain = price_many(COLUMNS, tolerance=1e-4, greeks=False)
+    assert_same_bits(take(plain, [0, 3]), take({name: table[name] for name in plain}, [0, 3]))
+    assert scheduled.calls == [
+        (
+            [
+                (Option("call", 100.0, 0.5), Market(110.0, PiecewiseConstant(**CURVE), 0.3, 0.03)),
+                (Option("put", 100.0, 1.0), Market(70.0, 0.05, 0.2, 0.0, (CashDividend(0.5, 1.0),))),
+            ],
+            [1e-3, 1e-4],
+            False,
+            3,
+        )
+    ]
+    assert table["price"][[1, 2]].tolist() == [0.0, 1.0]
+    assert np.isnan(table["vega"][[1, 2]]).all()
+    assert table["exercise_now"].tolist() == [
+        *plain["exercise_now"][:1],
+        False,
+        True,
+        *plain["exercise_now"][3:],
+    ]
+    assert table["method"][[1, 2]].tolist() == ["stand-in", "stand-in"]
+    assert table["dividend_sensitivities"].tolist() == [(), (), (0.5,), ()]
+
+
+def test_the_sensitivities_are_there_where_the_dividends_are(scheduled):
+    assert "dividend_sensitivities" not in price_many({**COLUMNS, "rate": CURVE}, tolerance=1e-3)
+    assert "dividend_sensitivities" in price_many({**COLUMNS, "cash_dividends": None}, tolerance=1e-3)
+
+
+def test_one_curve_serves_all_rows(scheduled):
+    table = price_many({**COLUMNS, "volatility": PiecewiseConstant(**CURVE)}, tolerance=1e-3)
+    assert table["method"].tolist() == ["stand-in", "stand-in", "stand-in", "expired"]
+
+
+def test_empty_events_change_no_bit_and_need_no_other_engine(scheduled):
+    book = mixed_book(60, seed=6)
+    count = book["spot"].size
+    empty = {
+        "cash_dividends": [None] * (count - 1) + [[]],
+        "proportional_dividends": [],
+        "exercise_times": None,
+        "exercise_start": np.zeros(count),
+        "dividend_model": "spot",
+        "valuation_date": None,
+        "expiration_date": [""] * count,
+    }
+    found = price_many({**book, **empty})
+    assert found.pop("dividend_sensitivities").tolist() == [()] * count
+    assert_same_bits(price_many(book), found)
+    assert not scheduled.calls
+
+
+def test_dates_give_the_bits_of_their_expiries():
+    book = mixed_book(30, seed=7)
+    days = np.round(365.0 * book["expiry"]).astype(int)
+    dates = np.datetime64("2026-01-01") + days
+    undated = {name: column for name, column in book.items() if name != "expiry"}
+    found = price_many({**undated, "valuation_date": "2026-01-01", "expiration_date": dates})
+    assert_same_bits(price_many({**book, "expiry": days / 365.0}), found)
+
+
+def test_a_row_with_events_that_has_no_price_says_why(scheduled):
+    scheduled.reason = "out of reach"
+    table = price_many({**COLUMNS, "cash_dividends": [[DIVIDEND], None, None, None]}, tolerance=1e-3)
+    assert (table["status"][0], table["message"][0]) == ("out_of_domain", "out of reach")
+    assert np.isnan(table["price"]).tolist() == [True, False, False, False]
+
+
+def test_a_bad_event_is_told_in_its_row(scheduled):
+    dividends = [[DIVIDEND], [DIVIDEND, {"time": 0.5, "amount": -1.0}], "[", None]
+    table = price_many({**COLUMNS, "cash_dividends": dividends}, tolerance=1e-3)
+    assert table["status"].tolist() == ["ok", "invalid_input", "invalid_input", "ok"]
+    assert table["message"][1] == "cash_dividends[1].amount = -1.0: must be a number from 0 to 1e+30"
+    assert table["dividend_sensitivities"].tolist() == [(0.5,), (), (), ()]
+
+
+EVENTS = [
+    {"cash_dividends": [{"time": 0.4, "amount": 3.0}]},
+    {
+        "cash_dividends": [{"time": 0.4, "amount": 3.0}, {"time": 0.8, "amount": 1.0}],
+        "dividend_model": "escrowed",
+    },
+    {"proportional_dividends": [{"time": 0.4, "fraction": 0.03}], "option_type": "call"},
+    {"rate": {"times": [0.5, 1.0], "values": [0.02, 0.08]}},
+    {"exercise": "bermudan", "exercise_times": [0.25, 0.5]},
+    {"exercise_start": 0.5},
+    {"exercise": "european", "cash_dividends": [{"time": 0.4, "amount": 3.0}]},
+    {},
+]
+
+
+@pytest.mark.parametrize("greeks", [True, False])
+def test_rows_with_events_equal_single_prices_bit_for_bit(greeks):
+    contract = {
+        "option_type": "put",
+        "exercise": "american",
+        "spot": 95.0,
+        "strike": 100.0,
+        "expiry": 1.0,
+        "rate": 0.05,
+        "volatility": 0.25,
+    }
+    rows = [{**contract, **events} for events in EVENTS]
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    columns = {name: [row.get(name) for row in rows] for name in names}
+    table = price_many(columns, tolerance=1e-3, greeks=greeks)
+    for row, cells in enumerate(rows):
+        single = price(*contract_from(cells), tolerance=1e-3, greeks=greeks)
+        assert table["status"][row] == single.status == "ok"
+        assert table["dividend_sensitivities"][row] == (single.dividend_sensitivities or ())
+        for name in ("price", "delta", "gamma", "theta", "vega", "rho", "dividend_rho", "error_estimate"):
+            wanted = math.nan if getattr(single, name) is None else getattr(single, name)
+            np.testing.assert_array_equal(table[name][row], wanted, err_msg=f"{row} {name}")
+
+
+def test_events_do_not_depend_on_their_neighbours_or_on_threads():
+    columns = {**COLUMNS, "cash_dividends": [[DIVIDEND], None, [{"time": 0.25, "amount": 2.0}], None]}
+    together = price_many(columns, tolerance=1e-3, threads=2)
+    for row in range(4):
+        alone = {
+            name: [column[row]] if isinstance(column, list) else column for name, column in columns.items()
+        }
+        assert_same_bits(price_many(alone, tolerance=1e-3), take(together, [row]))

@@ -4,18 +4,40 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from app.cli import app, main
-from app.tables import UNITS
+from app.tables import EXTENDED_UNITS, IMPLIED_UNITS, UNITS
 from pricing_core import __version__, kernel_name
-from pricing_core.american import Market, Option, exercise_boundary, price
+from pricing_core.american import (
+    CashDividend,
+    Market,
+    Option,
+    PiecewiseConstant,
+    ProportionalDividend,
+    exercise_boundary,
+    implied_volatility,
+    price,
+)
 
 PUT = ["--option-type", "put", "--spot", "100", "--strike", "100", "--expiry", "1", "--rate", "0.05"]
 PUT += ["--volatility", "0.2", "--tolerance", "1e-3"]
+UNDATED = [
+    "--option-type",
+    "put",
+    "--spot",
+    "100",
+    "--strike",
+    "100",
+    "--rate",
+    "0.05",
+    "--volatility",
+    "0.2",
+]
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -58,7 +80,8 @@ def test_price_as_json_is_the_library_s_valuation(pricing: Any) -> None:
     )
     valuation = price(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2, 0.02), tolerance=1e-3)
     assert (status, errors) == (0, "")
-    assert json.loads(output) == {name: getattr(valuation, name) for name in UNITS}
+    extended = dict.fromkeys(EXTENDED_UNITS)
+    assert json.loads(output) == {name: getattr(valuation, name) for name in UNITS} | extended
 
 
 def test_the_default_tolerance_is_the_library_s(pricing: Any) -> None:
@@ -94,7 +117,27 @@ def test_a_missing_number_is_null_in_json_and_a_dash_in_the_table(pricing: Any) 
         (["price", *PUT, "--option-type", "straddle"], 'must be "put" or "call"'),
         (["price", *PUT, "--exercise", "bermudan"], "exercise"),
         (["price", *PUT, "--tolerance", "1"], "tolerance"),
-        (["price", *PUT, "--cash-dividend", "0.25:1.0"], "--cash-dividend"),
+        (["price", *PUT, "--cash-dividend", "0.25"], "'0.25' must be TIME:AMOUNT or TIME:FRACTION"),
+        (["price", *PUT, "--cash-dividend", "0.25:one"], "'one' must be a number such as 0.05 or 5e-2"),
+        (
+            ["price", *PUT, "--cash-dividend", "0.25:1", "--cash-dividend", "1:-1"],
+            "cash_dividends[1].amount = -1.0",
+        ),
+        (["price", *PUT, "--cash-dividend", "2026-03-01:1"], "cash_dividends[0].ex_date = '2026-03-01'"),
+        (["boundary", *PUT, "--proportional-dividend", "0.5:2"], "proportional_dividends[0].fraction = 2.0"),
+        (["price", *PUT, "--dividend-model", "other"], "dividend_model = 'other': must be"),
+        (["price", *PUT, "--exercise-time", "0.5"], "exercise_times = [0.5]: must be empty unless"),
+        (["price", *PUT, "--exercise-start", "2"], "exercise_start = 2.0: must be at most the expiry, 1"),
+        (["price", *PUT, "--rate", '{"times": [1]'], "rate = '{\"times\": [1]': must be a number or"),
+        (["price", *PUT, "--volatility", '{"times": [1], "values": [-1]}'], "volatility.values = -1.0"),
+        (
+            ["price", *PUT, "--valuation-date", "2026-01-01"],
+            "expiry = 1.0: must be left out where dates are given",
+        ),
+        (["price", *UNDATED], "expiry = 'missing': must be given, or valuation_date and expiration_date"),
+        (["price", *UNDATED, "--valuation-date", "2026-01-01"], "expiration_date = 'missing'"),
+        (["implied-volatility", *PUT], "option_price = None: must be given"),
+        (["implied-volatility", *PUT, "--bid", "1_0"], "'1_0' must be a number"),
         (["price", *PUT, "--option-type", "put\nor\ncall"], "option_type"),
         (["boundary", *PUT, "--plot", "boundary.svg"], ".png"),
         (["boundary", *PUT, "--time", "2"], "times"),
@@ -216,3 +259,85 @@ def test_boundary_prints_a_table_with_units_where_no_form_is_asked_for(pricing: 
     assert status == 0
     assert "boundary (money)" in lines[0]
     assert lines[1].split() == ["0.25", "0.75", "-"]
+
+
+EVENTS = ["--cash-dividend", "0.5:1.5", "--cash-dividend", "0.25:2", "--proportional-dividend", "0.75:0.01"]
+EVENTS += ["--dividend-model", "escrowed", "--exercise", "bermudan", "--exercise-time", "0.5"]
+EVENTS += ["--exercise-time", "0.25", "--volatility", '{"times": [0.5, 1], "values": [0.2, 0.3]}']
+CONTRACT = (
+    Option("put", 100.0, 1.0, "bermudan", (0.25, 0.5)),
+    Market(
+        100.0,
+        0.05,
+        PiecewiseConstant((0.5, 1.0), (0.2, 0.3)),
+        0.0,
+        (CashDividend(0.25, 2.0), CashDividend(0.5, 1.5)),
+        (ProportionalDividend(0.75, 0.01),),
+        "escrowed",
+    ),
+)
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Keep what the engine is asked, and let it answer with extended Greeks."""
+    questions: list[Any] = []
+    extended = {"vanna": 0.5, "volga": 2.0, "rate_bucket_rho": None, "volatility_bucket_vega": (1.0, 2.5)}
+
+    def answer(*arguments: object, **options: object) -> object:
+        questions.append((*arguments, options))
+        return SimpleNamespace(**dict.fromkeys(UNITS, 1.0) | extended, dividend_sensitivities=(0.25, 0.5))
+
+    monkeypatch.setattr("pricing_core.american.price", answer)
+    return questions
+
+
+def test_events_reach_the_engine(pricing: Any, asked: list[Any]) -> None:
+    status, _, errors = pricing("price", *PUT, *EVENTS)
+    assert (status, errors) == (0, "")
+    assert asked == [(*CONTRACT, {"tolerance": 1e-3, "greeks": True})]
+
+
+def test_dates_and_ex_dates_are_read(pricing: Any, asked: list[Any]) -> None:
+    dates = ["--valuation-date", "2026-01-01T00:00Z", "--expiration-date", "2027-01-01T00:00Z"]
+    pricing(
+        "price", *UNDATED, *dates, "--cash-dividend", "2026-03-15T02:00+02:00:1.5", "--exercise-start", "0.5"
+    )
+    (option, market, _), *_ = asked
+    assert option == Option("put", 100.0, 1.0, exercise_start=0.5)
+    assert market == Market(100.0, 0.05, 0.2, cash_dividends=(CashDividend(0.2, 1.5),))
+
+
+def test_extended_greeks_are_printed_where_they_are_there(pricing: Any, asked: list[Any]) -> None:
+    lines = pricing("price", *PUT, "--extended-greeks")[1].splitlines()
+    assert asked[0][-1]["greeks"] == "extended"
+    shown = {line.split()[0]: line for line in lines[len(UNITS) + 1 :]}
+    assert list(shown) == [name for name in EXTENDED_UNITS if name != "rate_bucket_rho"]
+    assert "1, 2.5" in shown["volatility_bucket_vega"]
+    body = json.loads(pricing("price", *PUT, "--extended-greeks", "--json")[1])
+    assert body["dividend_sensitivities"] == [0.25, 0.5]
+    assert body["rate_bucket_rho"] is None
+
+
+def test_a_boundary_may_have_dates(pricing: Any) -> None:
+    dates = ["--valuation-date", "2026-01-01", "--expiration-date", "2027-01-01", "--tolerance", "1e-3"]
+    dated = pricing("boundary", *UNDATED, *dates, "--time", "0.5", "--json")
+    assert dated == pricing("boundary", *PUT, "--time", "0.5", "--json")
+
+
+def test_an_implied_volatility_is_that_of_the_library(pricing: Any) -> None:
+    without = PUT[: PUT.index("--volatility")]
+    status, output, _ = pricing("implied-volatility", *without, "--option-price", "6.09", "--json")
+    found = implied_volatility(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2), 6.09)
+    assert status == 0
+    assert json.loads(output) == {name: getattr(found, name) for name in IMPLIED_UNITS}
+    quote = ["--bid", "6.08", "--ask", "6.1"]
+    lines = pricing("implied-volatility", *without, *quote)[1].splitlines()
+    assert [line.split()[0] for line in lines] == ["result", *IMPLIED_UNITS]
+    assert float(lines[1].split()[1]) == pytest.approx(0.2, abs=1e-3)
+
+
+def test_no_implied_volatility_is_one_line_and_status_2(pricing: Any) -> None:
+    status, output, errors = pricing("implied-volatility", *PUT, "--option-price", "101", "--json")
+    assert (status, json.loads(output)["volatility"]) == (2, None)
+    assert errors == "pricing: there is no implied volatility: above_upper_bound\n"

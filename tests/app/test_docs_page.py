@@ -38,29 +38,39 @@ def test_the_page_loads_nothing_from_anywhere_and_runs_no_script(client: TestCli
 
 def test_the_page_describes_every_operation_field_and_problem(client: TestClient) -> None:
     text = client.get("/docs").text
-    for words in ("POST /v1/price", "POST /v1/boundary", "GET /readyz", *PriceRequest.model_fields):
+    operations = ("POST /v1/price", "POST /v1/boundary", "POST /v1/implied-volatility", "GET /readyz")
+    for words in (
+        *operations,
+        *PriceRequest.model_fields,
+        "array of objects of time, ex_date, amount at most 366",
+    ):
         assert words in text
     problems = {kind.name for kind in (*PROBLEM_TYPES.values(), *HTTP_TYPES.values())}
     assert problems <= Elements(text).ids
 
 
-@pytest.mark.parametrize("address", ["/v1/price", "/v1/boundary"])
+@pytest.mark.parametrize("address", ["/v1/price", "/v1/boundary", "/v1/implied-volatility"])
 def test_the_described_body_has_ranges_and_its_example_is_answered(client: TestClient, address: str) -> None:
     description: dict[str, Any] = client.get("/openapi.json").json()
     operation = description["paths"][address]["post"]
     schema = operation["requestBody"]["content"]["application/json"]["schema"]
     assert schema["additionalProperties"] is False
-    assert schema["properties"]["volatility"]["maximum"] == 15.0
+    assert schema["properties"]["exercise_start"]["maximum"] == 200.0
+    assert schema["properties"]["rate"]["oneOf"][1]["properties"]["values"]["items"]["maximum"] == 2.0
     assert all(field.get("description") and field.get("examples") for field in schema["properties"].values())
-    example = {name: field["examples"][0] for name, field in schema["properties"].items()} | {
-        "tolerance": 1e-3
-    }
-    assert client.post(address, json=example).status_code == 200
+    (example,) = schema["examples"]
+    assert client.post(address, json=example | {"tolerance": 1e-3}).status_code == 200
+    alone = {"exercise_times", "valuation_date", "expiration_date", "bid", "ask"}  # these need one another
+    for name, field in schema["properties"].items():
+        if name not in alone and "dividends" not in name:
+            changed = example | {"tolerance": 1e-3} | {name: field["examples"][0]}
+            assert client.post(address, json=changed).status_code == 200, name
     assert {"200", "413", "415", "422", "503"} <= set(operation["responses"])
 
 
 def test_every_reference_of_the_description_resolves(client: TestClient) -> None:
     answer = client.get("/openapi.json")
     schemas = answer.json().get("components", {}).get("schemas", {})
-    references = set(re.findall(r'"#/components/schemas/(\w+)"', answer.text))
-    assert references <= set(schemas)
+    references = set(re.findall(r'"\$ref": ?"([^"]+)"', answer.text))
+    assert references
+    assert references <= {f"#/components/schemas/{name}" for name in schemas}

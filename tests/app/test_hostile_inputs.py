@@ -8,6 +8,8 @@ from fastapi.testclient import TestClient
 
 JSON = {"content-type": "application/json"}
 CANARY = "Xq7canary"
+ADDRESSES = ["/v1/price", "/v1/boundary", "/v1/implied-volatility"]
+DATED = {"expiry": None, "valuation_date": "2026-01-01", "expiration_date": "2027-01-01"}
 
 
 def assert_problem(answer: Any, status: int, name: str) -> dict[str, Any]:
@@ -24,7 +26,7 @@ def assert_problem(answer: Any, status: int, name: str) -> dict[str, Any]:
     return problem
 
 
-@pytest.mark.parametrize("address", ["/v1/price", "/v1/boundary"])
+@pytest.mark.parametrize("address", ADDRESSES)
 @pytest.mark.parametrize(
     ("body", "name"),
     [
@@ -62,7 +64,7 @@ def test_a_body_that_is_not_one_plain_json_object_is_a_422(
     assert_problem(client.post(address, content=body, headers=JSON), 422, name)
 
 
-@pytest.mark.parametrize("address", ["/v1/price", "/v1/boundary"])
+@pytest.mark.parametrize("address", ADDRESSES)
 @pytest.mark.parametrize(
     ("field", "literal"),
     [
@@ -82,7 +84,9 @@ def test_a_body_that_is_not_one_plain_json_object_is_a_422(
         ("expiry", "-0.1"),
         ("expiry", "201"),
         ("rate", "2.1"),
-        ("rate", '{"times": [1], "values": [0.05]}'),
+        ("rate", '"0.05"'),
+        ("rate", "[0.05]"),
+        ("rate", "null"),
         ("volatility", "-0.2"),
         ("volatility", "15.1"),
         ("volatility", "false"),
@@ -94,31 +98,143 @@ def test_a_body_that_is_not_one_plain_json_object_is_a_422(
         ("option_type", f'"{CANARY}"'),
         ("option_type", '"PUT"'),
         ("option_type", "1"),
-        ("exercise", '"bermudan"'),
+        ("exercise", f'"{CANARY}"'),
         ("exercise", "null"),
-        ("cash_dividends", "[]"),
-        ("proportional_dividends", "[]"),
-        ("valuation_date", '"2026-01-01"'),
-        ("expiration_date", '"2027-01-01"'),
-        ("dividend_model", '"spot"'),
+        ("cash_dividends", "null"),
+        ("cash_dividends", "{}"),
+        ("cash_dividends", f'"{CANARY}"'),
+        ("cash_dividends", "[" + ", ".join(['{"time": 1, "amount": 1}'] * 367) + "]"),
+        ("proportional_dividends", "0.5"),
+        ("proportional_dividends", "[" + ", ".join(["{}"] * 2_000) + "]"),
+        ("dividend_model", f'"{CANARY}"'),
+        ("dividend_model", "true"),
+        ("exercise_times", "0.5"),
         ("exercise_times", "[0.5]"),
-        ("exercise_start", "0.5"),
+        ("exercise_times", "[" + ", ".join(["0.5"] * 367) + "]"),
+        ("exercise_start", "-1"),
+        ("exercise_start", "2"),
+        ("exercise_start", "false"),
+        ("valuation_date", "20260101"),
+        ("valuation_date", f'"{CANARY * 10}"'),
+        ("expiration_date", "true"),
     ],
     ids=lambda value: repr(value)[:30],
 )
 def test_a_field_that_is_not_what_it_must_be_is_named_in_a_422(
     client: TestClient, question: dict[str, Any], address: str, field: str, literal: str
 ) -> None:
-    others = ", ".join(
-        f"{json.dumps(name)}: {json.dumps(value)}" for name, value in question.items() if name != field
-    )
-    body = f'{{{others}, "{field}": {literal}}}'
-    problem = assert_problem(client.post(address, content=body, headers=JSON), 422, "invalid-input")
+    problem = ask_with(client, address, question, field, literal)
     assert [error["field"] for error in problem["errors"]] == [field]
     assert field in problem["detail"]
 
 
-@pytest.mark.parametrize("field", ["option_type", "spot", "strike", "expiry", "rate", "volatility"])
+def ask_with(
+    client: TestClient, address: str, question: dict[str, Any], field: str, literal: str
+) -> dict[str, Any]:
+    """Ask with a field as it is written; return the problem, which a 422 must hold."""
+    others = ", ".join(
+        f"{json.dumps(name)}: {json.dumps(value)}" for name, value in question.items() if name != field
+    )
+    body = f'{{{others}, "{field}": {literal}}}'
+    return assert_problem(client.post(address, content=body, headers=JSON), 422, "invalid-input")
+
+
+SOUND = '{"time": 0.5, "amount": 1}'
+
+
+@pytest.mark.parametrize(
+    ("field", "literal", "place"),
+    [
+        ("cash_dividends", f'[{SOUND}, {{"time": 0.5, "amount": -1}}]', "cash_dividends[1].amount"),
+        ("cash_dividends", f'[{SOUND}, {{"time": 0.5, "amount": true}}]', "cash_dividends[1].amount"),
+        ("cash_dividends", f'[{SOUND}, {{"time": 0.5, "amount": "1"}}]', "cash_dividends[1].amount"),
+        ("cash_dividends", f'[{SOUND}, {{"time": 0.5, "amount": 1e999}}]', "cash_dividends[1].amount"),
+        ("cash_dividends", f'[{SOUND}, {{"time": 0.5, "amount": {{}}}}]', "cash_dividends[1].amount"),
+        ("cash_dividends", f'[{SOUND}, {{"time": 0.5}}]', "cash_dividends[1].amount"),
+        ("cash_dividends", '[{"time": -0.1, "amount": 1}]', "cash_dividends[0].time"),
+        ("cash_dividends", '[{"time": 3000, "amount": 1}]', "cash_dividends[0].time"),
+        ("cash_dividends", '[{"time": "0.5", "amount": 1}]', "cash_dividends[0].time"),
+        ("cash_dividends", '[{"amount": 1}]', "cash_dividends[0]"),
+        ("cash_dividends", f"[{SOUND}, null]", "cash_dividends[1]"),
+        ("cash_dividends", "[[0.5, 1]]", "cash_dividends[0]"),
+        ("cash_dividends", '[{"ex_date": 20260101, "amount": 1}]', "cash_dividends[0].ex_date"),
+        ("cash_dividends", f'[{{"ex_date": "{CANARY}", "amount": 1}}]', "cash_dividends[0].ex_date"),
+        ("cash_dividends", f'[{{"time": 1, "amount": 1, "{CANARY}": 1}}]', "every key of cash_dividends[0]"),
+        ("proportional_dividends", '[{"time": 0.5, "fraction": 1.1}]', "proportional_dividends[0].fraction"),
+        ("proportional_dividends", f"[{SOUND}]", "proportional_dividends[0].fraction"),
+        ("rate", '{"times": [1], "values": [2.1]}', "rate.values[0]"),
+        ("rate", '{"times": [1], "values": ["0.05"]}', "rate.values[0]"),
+        ("rate", '{"times": [true], "values": [0.05]}', "rate.times[0]"),
+        ("rate", '{"times": [-1], "values": [0.05]}', "rate.times[0]"),
+        ("rate", '{"times": [1]}', "rate.values"),
+        ("rate", '{"times": [], "values": []}', "rate.times"),
+        ("rate", '{"times": [1], "values": [[0.05]]}', "rate.values[0]"),
+        ("rate", '{"times": [2, 1], "values": [0.05, 0.06]}', "rate.times"),
+        ("rate", '{"times": [1, 2], "values": [0.05]}', "rate.values"),
+        ("rate", f'{{"times": [1], "values": [0], "{CANARY}": []}}', "every key of rate"),
+        ("volatility", '{"times": [1], "values": [15.1]}', "volatility.values[0]"),
+        ("volatility", f'{{"times": {[*range(1, 102)]}, "values": [0.2]}}', "volatility.times"),
+        ("dividend_yield", '{"times": [1], "values": [null]}', "dividend_yield.values[0]"),
+        ("exercise_times", "[0.5, true]", "exercise_times[1]"),
+        ("exercise_times", "[0.5, 201]", "exercise_times[1]"),
+    ],
+    ids=lambda value: repr(value)[:50],
+)
+@pytest.mark.parametrize("address", ADDRESSES)
+def test_a_fault_inside_a_list_or_a_curve_is_named_by_its_place(
+    client: TestClient, question: dict[str, Any], address: str, field: str, literal: str, place: str
+) -> None:
+    problem = ask_with(client, address, question, field, literal)
+    assert problem["errors"][0]["field"] == place
+    assert place in problem["detail"]
+
+
+def test_an_unknown_key_of_a_dividend_is_told_the_ones_that_are_known(
+    client: TestClient, question: dict[str, Any]
+) -> None:
+    literal = '[{"time": 1, "amount": 1, "amonut": 1}]'
+    problem = ask_with(client, "/v1/price", question, "cash_dividends", literal)
+    assert problem["errors"][0]["allowed"] == "one of time, ex_date, amount; did you mean amount?"
+
+
+def test_a_number_that_is_none_is_told_that_a_curve_would_do(
+    client: TestClient, question: dict[str, Any]
+) -> None:
+    problem = ask_with(client, "/v1/price", question, "rate", '"0.05"')
+    assert problem["detail"] == 'rate must be a valid number or {"times": [...], "values": [...]}'
+
+
+@pytest.mark.parametrize(
+    ("changes", "field"),
+    [
+        ({"expiry": None}, "expiry"),
+        ({"valuation_date": "2026-01-01"}, "expiry"),
+        (DATED | {"expiry": 1.0}, "expiry"),
+        (DATED | {"valuation_date": None}, "valuation_date"),
+        (DATED | {"expiration_date": None}, "expiration_date"),
+        (DATED | {"valuation_date": CANARY}, "valuation_date"),
+        (DATED | {"expiration_date": "2025-12-31"}, "expiration_date"),
+        (DATED | {"expiration_date": "2027-01-01T00:00Z"}, "expiration_date"),
+        ({"cash_dividends": [{"ex_date": "2026-03-01", "amount": 1.0}]}, "cash_dividends[0].ex_date"),
+        (
+            DATED | {"cash_dividends": [{"ex_date": "2026-03-01", "time": 0.5, "amount": 1.0}]},
+            "cash_dividends[0].ex_date",
+        ),
+        ({"exercise": "bermudan"}, "exercise_times"),
+        ({"exercise": "bermudan", "exercise_times": [2.0]}, "exercise_times"),
+        ({"exercise": "european", "exercise_start": 0.5}, "exercise_start"),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("address", ADDRESSES)
+def test_fields_that_do_not_go_together_are_named(
+    client: TestClient, question: dict[str, Any], address: str, changes: dict[str, Any], field: str
+) -> None:
+    problem = assert_problem(client.post(address, json=question | changes), 422, "invalid-input")
+    assert [error["field"] for error in problem["errors"]] == [field]
+
+
+@pytest.mark.parametrize("field", ["option_type", "spot", "strike", "rate", "volatility"])
 def test_a_missing_field_is_named(client: TestClient, question: dict[str, Any], field: str) -> None:
     del question[field]
     problem = assert_problem(client.post("/v1/price", json=question), 422, "invalid-input")
@@ -141,14 +257,17 @@ def test_many_wrong_fields_are_answered_in_short(client: TestClient) -> None:
     assert len(problem["errors"]) <= 10
 
 
-@pytest.mark.parametrize("times", [[], [0.5] * 1_001])
+@pytest.mark.parametrize(
+    ("times", "allowed"),
+    [([], "a list that is not empty"), ([0.5] * 1_001, "a list of at most 1000 entries")],
+)
 def test_a_list_of_a_wrong_length_is_told_the_right_one(
-    client: TestClient, question: dict[str, Any], times: list[float]
+    client: TestClient, question: dict[str, Any], times: list[float], allowed: str
 ) -> None:
     problem = assert_problem(
         client.post("/v1/boundary", json=question | {"times": times}), 422, "invalid-input"
     )
-    assert problem["detail"] == "times must be a list of 1 to 1000 numbers"
+    assert problem["detail"] == f"times must be {allowed}"
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,20 @@
 import json
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 
 from app.schemas import PriceResponse
-from pricing_core.american import Market, Option, Valuation, price
+from pricing_core.american import (
+    CashDividend,
+    Market,
+    Option,
+    PiecewiseConstant,
+    ProportionalDividend,
+    Valuation,
+    price,
+)
 
 VOCABULARY = {
     "price",
@@ -28,6 +37,8 @@ VOCABULARY = {
     "method",
     "engine_version",
 }
+TEXTS = ("status", "method", "engine_version")
+EXTENDED = {"vanna", "volga", "rate_bucket_rho", "volatility_bucket_vega", "dividend_sensitivities"}
 
 
 def test_the_answer_is_the_library_s_valuation_key_by_key(
@@ -37,7 +48,7 @@ def test_the_answer_is_the_library_s_valuation_key_by_key(
     valuation = price(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2), tolerance=1e-4)
     assert answer.status_code == 200
     assert answer.headers["content-type"] == "application/json"
-    assert answer.json() == {name: getattr(valuation, name) for name in VOCABULARY}
+    assert answer.json() == {name: getattr(valuation, name) for name in VOCABULARY} | dict.fromkeys(EXTENDED)
 
 
 def test_the_american_put_is_worth_what_the_literature_says(
@@ -120,4 +131,86 @@ def test_a_result_that_is_not_finite_is_a_500_with_an_id_and_never_null(
 
 
 def test_the_response_model_holds_the_vocabulary_and_nothing_else() -> None:
-    assert set(PriceResponse.model_fields) == VOCABULARY
+    assert set(PriceResponse.model_fields) == VOCABULARY | EXTENDED
+
+
+class Asked:
+    """Takes the place of a function of the library: keeps what it was asked, and gives an answer."""
+
+    def __init__(self, answer: object) -> None:
+        self.answer = answer
+        self.arguments: tuple[Any, ...] = ()
+        self.options: dict[str, Any] = {}
+
+    def __call__(self, *arguments: Any, **options: Any) -> object:
+        self.arguments, self.options = arguments, options
+        return self.answer
+
+
+EVENTS = {
+    "rate": {"times": [0.5, 1.0], "values": [0.04, 0.05]},
+    "volatility": {"times": [0.25, 1], "values": [0.2, 0.3]},
+    "cash_dividends": [{"time": 0.5, "amount": 1.0}, {"time": 0.25, "amount": 2}],
+    "proportional_dividends": [{"time": 0.75, "fraction": 0.01}],
+    "dividend_model": "escrowed",
+    "exercise": "bermudan",
+    "exercise_times": [0.5, 0.25],
+}
+CONTRACT = (
+    Option("put", 100.0, 1.0, "bermudan", (0.25, 0.5)),
+    Market(
+        100.0,
+        PiecewiseConstant((0.5, 1.0), (0.04, 0.05)),
+        PiecewiseConstant((0.25, 1.0), (0.2, 0.3)),
+        0.0,
+        (CashDividend(0.25, 2.0), CashDividend(0.5, 1.0)),
+        (ProportionalDividend(0.75, 0.01),),
+        "escrowed",
+    ),
+)
+
+
+@pytest.mark.parametrize(("greeks", "passed_on"), [("standard", True), ("extended", "extended")])
+def test_events_reach_the_engine_and_extended_greeks_come_back(
+    client: TestClient,
+    question: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+    greeks: str,
+    passed_on: object,
+) -> None:
+    numbers = {"vanna": 0.5, "volga": 2.0, "rate_bucket_rho": (-1.0, -2.0), "volatility_bucket_vega": None}
+    found = SimpleNamespace(
+        **dict.fromkeys(VOCABULARY, None) | {"price": 6.0, **dict.fromkeys(TEXTS, "ok")} | numbers
+    )
+    found.dividend_sensitivities = (0.25, 0.5)
+    asked = Asked(found)
+    monkeypatch.setattr("app.routes.price.price", asked)
+    answer = client.post("/v1/price", json=question | EVENTS | {"greeks": greeks})
+    assert answer.status_code == 200
+    assert asked.arguments == CONTRACT
+    assert asked.options["greeks"] == passed_on
+    body = answer.json()
+    assert {name: body[name] for name in numbers} == numbers | {"rate_bucket_rho": [-1.0, -2.0]}
+    assert body["dividend_sensitivities"] == [0.25, 0.5]
+
+
+def test_dates_may_take_the_place_of_the_expiry(client: TestClient, question: dict[str, Any]) -> None:
+    dates = {"expiry": None, "valuation_date": "2026-01-01", "expiration_date": "2027-01-01T00:00"}
+    gone = {"cash_dividends": [{"ex_date": "2025-06-01", "amount": 1.0}]}
+    answer = client.post("/v1/price", json=question | dates | gone)
+    assert answer.status_code == 200
+    assert answer.json()["price"] == client.post("/v1/price", json=question).json()["price"]
+
+
+def test_a_contract_with_events_is_valued_as_the_library_does(
+    client: TestClient, question: dict[str, Any]
+) -> None:
+    events = {"cash_dividends": [{"time": 0.5, "amount": 3.0}], "exercise_start": 0.25, "tolerance": 1e-3}
+    answer = client.post("/v1/price", json=question | events)
+    option = Option("put", 100.0, 1.0, exercise_start=0.25)
+    market = Market(100.0, 0.05, 0.2, cash_dividends=(CashDividend(0.5, 3.0),))
+    valuation = price(option, market, tolerance=1e-3)
+    assert valuation.status == "ok"
+    assert answer.json() == {name: getattr(valuation, name) for name in VOCABULARY | EXTENDED} | {
+        "dividend_sensitivities": list(valuation.dividend_sensitivities or ())
+    }

@@ -1,3 +1,4 @@
+import datetime as dt
 import math
 
 import pyarrow as pa
@@ -6,7 +7,6 @@ import pytest
 from pricing_core.american import Option
 from pricing_core.batch.chunk import Chunk
 from pricing_core.batch.contracts import explain, read_contracts
-from pricing_core.batch.schema import UNSUPPORTED_COLUMNS
 from pricing_core.errors import InvalidInputError
 
 SOUND = {
@@ -59,15 +59,61 @@ def test_a_tolerance_out_of_range_is_a_fault(tolerance: str) -> None:
     assert read_contracts(chunk(tolerance=tolerance), 1e-6).faults[0].field == "tolerance"
 
 
-@pytest.mark.parametrize("field", UNSUPPORTED_COLUMNS)
-def test_a_word_of_the_vocabulary_that_is_not_supported_is_never_ignored(field: str) -> None:
-    fault = read_contracts(chunk(**{field: "0.5"}), 1e-6).faults[0]
-    assert (fault.field, fault.allowed) == (field, "empty: this version does not support it")
-
-
 @pytest.mark.parametrize("cell", ["", "  ", None, []])
-def test_an_empty_cell_of_such_a_column_is_harmless(cell: object) -> None:
-    assert read_contracts(chunk(cash_dividends=cell), 1e-6).faults == {}
+def test_an_empty_cell_of_an_optional_column_is_not_given(cell: object) -> None:
+    contracts = read_contracts(chunk(cash_dividends=cell), 1e-6)
+    assert contracts.row(0)["cash_dividends"] is None
+    assert contracts.faults == {}
+
+
+@pytest.mark.parametrize(
+    ("field", "cell", "read"),
+    [
+        ("rate", " 0.05 ", 0.05),
+        ("rate", ' {"times": [1], "values": [0]} ', '{"times": [1], "values": [0]}'),
+        ("volatility", {"times": [1.0], "values": [0.2]}, {"times": [1.0], "values": [0.2]}),
+        ("exercise_times", " [0.5] ", "[0.5]"),
+        ("cash_dividends", [{"time": 0.5, "amount": 1.0}], [{"time": 0.5, "amount": 1.0}]),
+        ("exercise_start", "0.5", 0.5),
+        ("dividend_model", " spot ", "spot"),
+        ("valuation_date", " 2026-01-01 ", "2026-01-01"),
+        ("valuation_date", dt.date(2026, 1, 1), dt.date(2026, 1, 1)),
+        ("expiration_date", dt.datetime(2026, 1, 1, 12), dt.datetime(2026, 1, 1, 12)),
+    ],
+    ids=repr,
+)
+def test_a_cell_of_an_event_is_passed_on_for_the_contract_to_read(
+    field: str, cell: object, read: object
+) -> None:
+    contracts = read_contracts(chunk(**{field: cell}), 1e-6)
+    assert contracts.row(0)[field] == read
+    assert contracts.faults == {}
+
+
+@pytest.mark.parametrize("field", ["rate", "exercise_start"])
+@pytest.mark.parametrize("cell", ["1_0", "[0.5]", "x"])
+def test_a_cell_that_is_neither_number_nor_curve_is_a_fault(field: str, cell: str) -> None:
+    fault = read_contracts(chunk(**{field: cell}), 1e-6).faults[0]
+    assert (fault.field, fault.allowed) == (field, "a number such as 0.05 or 5e-2")
+
+
+def test_an_expiry_may_be_left_empty_where_there_are_dates() -> None:
+    contracts = read_contracts(
+        chunk(expiry="", valuation_date="2026-01-01", expiration_date="2027-01-01"), 1e-6
+    )
+    assert contracts.faults == {}
+    assert explain(contracts.row(0)) is None
+    fault = explain(read_contracts(chunk(expiry="", valuation_date="", expiration_date=""), 1e-6).row(0))
+    assert fault is not None
+    assert (fault.field, fault.allowed) == ("expiry", "given, or valuation_date and expiration_date")
+
+
+def test_nanoseconds_of_a_timestamp_are_dropped() -> None:
+    moment = pa.array([1_767_225_600_000_000_001], pa.timestamp("ns", "Europe/Berlin"))
+    columns = {name: pa.array([cell]) for name, cell in SOUND.items()}
+    table = pa.RecordBatch.from_pydict({**columns, "valuation_date": moment})
+    row = read_contracts(Chunk([2], table), 1e-6).row(0)
+    assert row["valuation_date"] == dt.datetime(2026, 1, 1, tzinfo=dt.UTC)
 
 
 def test_what_the_contract_refuses_is_explained_by_field() -> None:
@@ -77,3 +123,24 @@ def test_what_the_contract_refuses_is_explained_by_field() -> None:
     assert fault is not None
     assert (fault.field, fault.allowed) == ("strike", caught.value.allowed)
     assert explain(read_contracts(chunk(), 1e-6).row(0)) is None
+
+
+@pytest.mark.parametrize(
+    "dates",
+    [
+        pa.array([20_454, 10**7], pa.date32()),
+        pa.array([1_767_225_600, 10**12], pa.timestamp("s")),
+        pa.array([1_767_225_600_000, -(10**17)], pa.timestamp("ms", "Asia/Tokyo")),
+    ],
+    ids=lambda dates: str(dates.type),
+)
+def test_a_date_that_python_does_not_have_costs_its_row_alone(dates: pa.Array) -> None:
+    columns = {name: pa.array([cell, cell]) for name, cell in SOUND.items() if name != "expiry"}
+    table = pa.RecordBatch.from_pydict({**columns, "valuation_date": dates, "expiration_date": dates})
+    chunk = Chunk([2, 3], table)
+    contracts = read_contracts(chunk, 1e-6)
+    assert explain(contracts.row(0)) is None
+    fault = explain(contracts.row(1))
+    assert fault is not None
+    assert fault.field == "valuation_date"
+    assert chunk.cell(1, "valuation_date") == str(dates[1].value)

@@ -2,7 +2,7 @@ import pyarrow as pa
 import pytest
 
 from app.schemas import PriceResponse
-from pricing_core.batch.schema import COLUMNS, RESULT_SCHEMA, check_names, check_types
+from pricing_core.batch.schema import COLUMNS, RESULT_SCHEMA, check_names, check_types, result_schema
 from pricing_core.errors import InvalidInputError
 
 REQUIRED = [column.name for column in COLUMNS if column.required]
@@ -38,7 +38,68 @@ def test_an_input_column_may_not_have_the_name_of_a_result(name: str) -> None:
 
 
 def test_the_results_are_those_of_the_service() -> None:
-    assert set(RESULT_SCHEMA.names) == set(PriceResponse.model_fields)
+    extended = {"vanna", "volga", "rate_bucket_rho", "volatility_bucket_vega"}  # of single prices alone
+    found = set(result_schema(["cash_dividends"]).names)
+    assert found == set(PriceResponse.model_fields) - extended
+    assert found - set(result_schema(["spot"]).names) == {"dividend_sensitivities"}
+
+
+def test_the_name_of_a_result_is_free_where_there_is_no_such_result() -> None:
+    check_names([*REQUIRED, "dividend_sensitivities"])
+    with pytest.raises(InvalidInputError, match=r"column dividend_sensitivities .* renamed"):
+        check_names([*REQUIRED, "cash_dividends", "dividend_sensitivities"])
+
+
+def test_the_expiry_may_be_missing_where_both_dates_are_there() -> None:
+    undated = [name for name in REQUIRED if name != "expiry"]
+    check_names([*undated, "valuation_date", "expiration_date"])
+    for date in ("valuation_date", "expiration_date"):
+        with pytest.raises(InvalidInputError, match="column expiry"):
+            check_names([*undated, date])
+
+
+STRUCTURE = pa.struct([("times", pa.list_(pa.float64())), ("values", pa.list_(pa.float64()))])
+DIVIDENDS = pa.list_(pa.struct([("time", pa.float64()), ("amount", pa.float64())]))
+
+
+@pytest.mark.parametrize(
+    ("name", "found"),
+    [
+        ("rate", pa.string()),
+        ("volatility", STRUCTURE),
+        ("dividend_yield", pa.float32()),
+        ("cash_dividends", DIVIDENDS),
+        ("cash_dividends", pa.string()),
+        ("exercise_times", pa.large_list(pa.float64())),
+        ("exercise_start", pa.int8()),
+        ("valuation_date", pa.date32()),
+        ("valuation_date", pa.timestamp("ns", "UTC")),
+        ("expiration_date", pa.string()),
+        ("proportional_dividends", pa.null()),
+    ],
+    ids=str,
+)
+def test_curves_lists_and_dates_may_be_stored_in_every_way(name: str, found: pa.DataType) -> None:
+    check_types(pa.schema([(name, found)]))
+
+
+@pytest.mark.parametrize(
+    ("name", "found", "allowed"),
+    [
+        ("rate", pa.bool_(), "a column of numbers (double), or of text or structures for curves"),
+        ("cash_dividends", pa.float64(), "a column of lists, or of text (string)"),
+        ("exercise_times", STRUCTURE, "a column of lists, or of text (string)"),
+        ("valuation_date", pa.int64(), "a column of dates, timestamps or text (string)"),
+        ("exercise_start", pa.string(), "a column of numbers (double)"),
+    ],
+    ids=str,
+)
+def test_what_cannot_hold_a_curve_a_list_or_a_date_is_refused(
+    name: str, found: pa.DataType, allowed: str
+) -> None:
+    with pytest.raises(InvalidInputError, match=f"column {name}") as caught:
+        check_types(pa.schema([(name, found)]))
+    assert caught.value.allowed == allowed
 
 
 @pytest.mark.parametrize("found", [pa.int32(), pa.float32(), pa.decimal128(10, 2), pa.null()])

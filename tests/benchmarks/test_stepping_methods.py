@@ -1,10 +1,12 @@
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 
 from benchmarks.accuracy import Error, errors, extrapolated, outputs_of
 from benchmarks.classic_sets import Outputs, Problem, classic_problems
 from benchmarks.stepping_methods import Method, domain_of
-from pricing_core.american import Resolution, price
+from pricing_core.american import Market, Resolution, price
 
 
 @pytest.fixture
@@ -45,7 +47,7 @@ def test_a_method_finds_what_the_engine_finds_at_that_resolution(problem: Proble
     )
     valuation = price(
         problem.option,
-        problem.market,
+        Market(*astuple(problem.market)),
         method="lcs",
         resolution=Resolution(128, 32),
         tolerance=1e-3,

@@ -1,12 +1,12 @@
 //! The exercise boundary of many puts, from one march each.
 
-use super::dispatch::{dispatch, Work};
 use super::labels::Workspace;
 use super::march::march;
 use super::mesh::classify;
 use super::obstacle::Contracts;
 use super::solve::Puts;
-use super::vector::{Vector, LANES};
+use crate::lanes::dispatch::{dispatch, Work};
+use crate::lanes::vector::{Vector, LANES};
 
 /// For the width of the grid.
 const TOLERANCE: f64 = 1e-8;

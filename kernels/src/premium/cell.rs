@@ -6,7 +6,7 @@
 //! w''''' = 2 (h''' + 2 `h_t`' - 8 `h_t` v - 4 h' v^2 - 8 h v^3), v the boundary's velocity.
 
 use super::obstacle::{Contracts, Moment, Obstacle};
-use super::vector::Vector;
+use crate::lanes::vector::Vector;
 
 /// Of sqrt(t), per iteration, for the boundary.
 const LARGEST_MOVE: f64 = 0.6;

@@ -1,8 +1,8 @@
 //! Where implicit Euler's first step from u = 0 puts the boundary.
 
-use super::normal::ln;
 use super::obstacle::{Contracts, Moment, Obstacle};
-use super::vector::Vector;
+use crate::lanes::normal::ln;
+use crate::lanes::vector::Vector;
 
 const ITERATIONS: usize = 16;
 /// Of sqrt(t), for the last iteration, which cubes it.

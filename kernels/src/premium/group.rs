@@ -7,7 +7,7 @@ use super::obstacle::Contracts;
 use super::plan::{Plan, STEPS};
 use super::reading::{Sight, Spots, VALUES};
 use super::solve::{Item, Puts, COLUMNS};
-use super::vector::{Vector, LANES};
+use crate::lanes::vector::{Vector, LANES};
 
 /// What the difference of two marches is to the finer one's error; without a third march half the steps are too few
 /// for that law.

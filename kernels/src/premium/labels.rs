@@ -1,7 +1,7 @@
 //! The quantities at the labels, and the linear algebra of a step on them.
 
 use super::plan::Step;
-use super::vector::Vector;
+use crate::lanes::vector::Vector;
 
 /// The arrays of a march, kept from group to group.
 pub struct Workspace<V> {

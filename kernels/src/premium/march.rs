@@ -7,7 +7,7 @@ use super::obstacle::{Contracts, Moment, Obstacle};
 use super::plan::{Plan, Step};
 use super::tableau::{Tableau, LATER_STEPS, SECOND_STEP, STAGE};
 use super::track::Track;
-use super::vector::{Vector, LANES};
+use crate::lanes::vector::{Vector, LANES};
 
 /// Of sqrt(t), between boundary and label 0.
 const ACCEPTED_OFFSET: f64 = 0.5;

@@ -1,9 +1,9 @@
 //! Which meshes a put is marched on: few classes, that puts of one class march side by side.
 
-use super::normal::ln;
 use super::obstacle::Contracts;
 use super::plan::{Plan, STEPS};
-use super::vector::{Vector, LANES};
+use crate::lanes::normal::ln;
+use crate::lanes::vector::{Vector, LANES};
 
 /// dx sqrt(M) of the last steps: wider, and the compact scheme loses the signs of an M-matrix.
 const WIDTH: f64 = 0.75;
@@ -86,7 +86,7 @@ pub fn classify<V: Vector>(
     let distance = distance(contracts, tolerance, drift, decay).times(1.0 / WIDTH);
     let small = rate.min(V::all(1.0));
     let typical = ln(small).times(TYPICAL_POWER).plus(TYPICAL_ERROR.ln());
-    let steps = super::normal::exp((typical - ln(tolerance)).times(STEPS_POWER)).times(16.0);
+    let steps = crate::lanes::normal::exp((typical - ln(tolerance)).times(STEPS_POWER)).times(16.0);
     // Written so that what is not a number is not inside.
     let mut served = V::all(1.0);
     for room in [

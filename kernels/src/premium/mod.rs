@@ -6,20 +6,17 @@
 
 mod boundaries;
 mod cell;
-mod dispatch;
 mod first_step;
 mod group;
 mod labels;
 mod march;
 mod mesh;
-mod normal;
 mod obstacle;
 mod plan;
 mod reading;
 mod solve;
 mod tableau;
 mod track;
-mod vector;
 
 pub use boundaries::march_boundaries;
 pub use plan::STEPS;

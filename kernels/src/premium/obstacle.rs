@@ -1,7 +1,7 @@
 //! The obstacle of the premium: e^{r tau} (payoff - European put)/K.
 
-use super::normal::{exp, expm1, weighted_normal, ONE_OVER_SQRT_TWO_PI};
-use super::vector::Vector;
+use crate::lanes::normal::{exp, expm1, weighted_normal, ONE_OVER_SQRT_TWO_PI};
+use crate::lanes::vector::Vector;
 
 /// What is left of the contracts: r T > 0, q T, sigma sqrt(T) > 0.
 #[derive(Clone, Copy)]

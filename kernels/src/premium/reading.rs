@@ -2,10 +2,10 @@
 
 use super::labels::Workspace;
 use super::march::Marched;
-use super::normal::{exp, expm1, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use super::obstacle::Contracts;
 use super::plan::Plan;
-use super::vector::{Vector, LANES};
+use crate::lanes::normal::{exp, expm1, weighted_normal, ONE_OVER_SQRT_TWO_PI};
+use crate::lanes::vector::{Vector, LANES};
 
 /// Labels in the interpolation.
 const STENCIL: usize = 6;

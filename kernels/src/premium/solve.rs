@@ -6,14 +6,14 @@
 use std::ops::Range;
 use std::sync::Mutex;
 
-use super::dispatch::{dispatch, Work};
 use super::group::{Aim, Group, Outcome, Past};
 use super::labels::Workspace;
 use super::mesh::{classify, MeshClass};
 use super::obstacle::Contracts;
 use super::plan::STEPS;
 use super::reading::VALUES;
-use super::vector::{Vector, LANES};
+use crate::lanes::dispatch::{dispatch, Work};
+use crate::lanes::vector::{Vector, LANES};
 
 /// Spots that one thread takes at a time: enough to fill the lanes, few enough for the cache.
 const TASK: usize = 16_384;

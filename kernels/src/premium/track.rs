@@ -1,9 +1,9 @@
 //! What a march remembers of the exercise boundary.
 
-use super::normal::ln;
 use super::obstacle::Contracts;
 use super::plan::Step;
-use super::vector::Vector;
+use crate::lanes::normal::ln;
+use crate::lanes::vector::Vector;
 
 /// What a march remembers of the boundary, in units of spread.
 pub struct Track<V> {

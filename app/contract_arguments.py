@@ -1,0 +1,129 @@
+"""The options of the command line that describe a contract, and the flat contract they make.
+
+Heavy imports wait inside the functions, so that help and errors are quick.
+"""
+
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from typing import Annotated, Any, TypeAlias, get_type_hints
+
+import typer
+
+Contract: TypeAlias = dict[str, Any]  # by the names of the vocabulary
+DATE_HELP = "ISO date or date-time; both dates in the place of --expiry"
+
+
+def number(text: str | float) -> float:
+    """Read a number as the tables of a batch are read: 1_0 is none."""
+    from pricing_core.errors import InvalidInputError  # noqa: PLC0415
+    from pricing_core.plain_number import read_number  # noqa: PLC0415
+
+    try:
+        return read_number("", text)
+    except InvalidInputError as fault:
+        raise typer.BadParameter(f"{fault.value!r} must be {fault.allowed}") from None
+
+
+def number_or_curve(text: str | float) -> float | str:
+    """Read a number; the JSON of a curve stays for the contract to read."""
+    return text if isinstance(text, str) and text.lstrip().startswith("{") else number(text)
+
+
+def dividend(text: str) -> tuple[str, float]:
+    """Read TIME:NUMBER; the time may be an ISO date, which holds colons itself."""
+    time, colon, amount = text.rpartition(":")
+    if not colon:
+        raise typer.BadParameter(f"{text!r} must be TIME:AMOUNT or TIME:FRACTION, such as 0.25:1.5")
+    return time.strip(), number(amount)
+
+
+def _number_option(name: str, words: str) -> Any:
+    return typer.Option(name, parser=number, metavar="FLOAT", help=words)
+
+
+def _curve_option(name: str, words: str) -> Any:
+    words += ', or {"times": [...], "values": [...]}'
+    return typer.Option(name, parser=number_or_curve, metavar="FLOAT|JSON", help=words)
+
+
+def _dividend_option(name: str, metavar: str, words: str) -> Any:
+    words += " TIME is in years, or an ISO date where there are dates; may be repeated"
+    return typer.Option(name, parser=dividend, metavar=metavar, help=words)
+
+
+def contract_of(
+    option_type: Annotated[str, typer.Option("--option-type", help="put or call")],
+    strike: Annotated[float, _number_option("--strike", "money per unit of underlying")],
+    rate: Annotated[Any, _curve_option("--rate", "1/year, continuously compounded")],
+    spot: Annotated[float | None, _number_option("--spot", "money per unit of underlying")] = None,
+    volatility: Annotated[Any, _curve_option("--volatility", "1/sqrt(year)")] = None,
+    expiry: Annotated[float | None, _number_option("--expiry", "time to expiry, years")] = None,
+    valuation_date: Annotated[str | None, typer.Option("--valuation-date", help=DATE_HELP)] = None,
+    expiration_date: Annotated[str | None, typer.Option("--expiration-date", help=DATE_HELP)] = None,
+    dividend_yield: Annotated[Any, _curve_option("--dividend-yield", "1/year, continuous")] = 0.0,
+    cash_dividend: Annotated[
+        list[Any] | None, _dividend_option("--cash-dividend", "TIME:AMOUNT", "money at its ex-time.")
+    ] = None,
+    proportional_dividend: Annotated[
+        list[Any] | None,
+        _dividend_option("--proportional-dividend", "TIME:FRACTION", "fraction of the spot at its ex-time."),
+    ] = None,
+    dividend_model: Annotated[str, typer.Option("--dividend-model", help="spot or escrowed")] = "spot",
+    exercise: Annotated[str, typer.Option("--exercise", help="american, european or bermudan")] = "american",
+    exercise_time: Annotated[
+        list[float] | None, _number_option("--exercise-time", "years, bermudan only; may be repeated")
+    ] = None,
+    exercise_start: Annotated[
+        float, _number_option("--exercise-start", "years, american only: no exercise before it")
+    ] = 0.0,
+) -> Contract:
+    """Return the contract by the names of the vocabulary, without what is not given."""
+    contract = {
+        "option_type": option_type,
+        "spot": spot,
+        "strike": strike,
+        "expiry": expiry,
+        "valuation_date": valuation_date,
+        "expiration_date": expiration_date,
+        "rate": rate,
+        "volatility": volatility,
+        "dividend_yield": dividend_yield,
+        "cash_dividends": _dividends(cash_dividend, "amount"),
+        "proportional_dividends": _dividends(proportional_dividend, "fraction"),
+        "dividend_model": dividend_model,
+        "exercise": exercise,
+        "exercise_times": exercise_time or [],
+        "exercise_start": exercise_start,
+    }
+    return {name: value for name, value in contract.items() if value is not None}
+
+
+def takes_contract(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the options of a contract; it is called with the contract in their place, first."""
+    options, hints = (
+        inspect.signature(contract_of).parameters,
+        get_type_hints(contract_of, include_extras=True),
+    )
+    own = list(inspect.signature(command).parameters.values())[1:]
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        command(contract_of(**{name: given.pop(name) for name in options}), **given)
+
+    parameters = [*options.values(), *own]
+    keyword_only = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in parameters]
+    run.__signature__ = inspect.Signature(keyword_only)  # type: ignore[attr-defined]  # what Typer reads
+    run.__annotations__ = hints | get_type_hints(command, include_extras=True)
+    return run
+
+
+def _dividends(given: list[tuple[str, float]] | None, what: str) -> list[dict[str, Any]]:
+    """Return dividends as mappings: with a time where it is a number, else with an ex-date."""
+    return [_timed(time) | {what: value} for time, value in given or []]
+
+
+def _timed(text: str) -> dict[str, Any]:
+    from pricing_core.plain_number import PLAIN_NUMBER  # noqa: PLC0415
+
+    return {"time": float(text)} if PLAIN_NUMBER.fullmatch(text) else {"ex_date": text}

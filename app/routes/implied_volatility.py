@@ -1,0 +1,44 @@
+"""POST /v1/implied-volatility: the volatility at which an option is worth its price."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Request
+
+from app.body import json_body, request_body
+from app.pool import Interrupt
+from app.responses import problem_responses
+from app.schemas import ImpliedVolatilityRequest, ImpliedVolatilityResponse
+from pricing_core.american import ImpliedVolatility, implied_volatility
+
+router = APIRouter(tags=["pricing"])
+
+
+@router.post(
+    "/v1/implied-volatility",
+    openapi_extra=request_body(ImpliedVolatilityRequest),
+    responses=problem_responses(408, 413, 415, 422, 500, 503),
+)
+async def post_implied_volatility(
+    question: Annotated[ImpliedVolatilityRequest, Depends(json_body(ImpliedVolatilityRequest))],
+    request: Request,
+) -> ImpliedVolatilityResponse:
+    """Find the volatility at which the option is worth option_price, or lies between bid and ask.
+
+    Where there is none, the answer is 200 with a status that says why, and volatility null. Unknown keys are
+    refused.
+    """
+    option, market = question.contract({"volatility": 1.0})
+
+    def work(interrupt: Interrupt) -> ImpliedVolatility:
+        return implied_volatility(
+            option,
+            market,
+            question.option_price,
+            bid=question.bid,
+            ask=question.ask,
+            tolerance=question.tolerance,
+        )
+
+    found = await request.app.state.pool.run(work)
+    names = ImpliedVolatilityResponse.model_fields
+    return ImpliedVolatilityResponse(**{name: getattr(found, name) for name in names})

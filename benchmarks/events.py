@@ -1,0 +1,228 @@
+"""How many contracts with four cash dividends does one core price in a second, and how far are their prices off?
+
+Random American puts and calls, apart: spot 60 to 150, strike 100, rate 0.5 to 8 %, yield nothing or up to 5 %,
+volatility 10 to 60 %, 30 days to 3 years, four dividends of 0.2 to 2 % of the spot each within the first year. Errors
+are distances from `price_many`'s own prices at the tolerance 1e-8; where QuantLib is installed, its finite differences
+are held against these as well. The kernel's time is measured inside the same calls; what is left is Python.
+
+Takes about half a minute. Run from the root of the project: .venv/bin/python benchmarks/events.py
+"""
+
+import platform
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+import numpy as np
+from numpy.typing import NDArray
+
+import pricing_core
+from benchmarks import quantlib_dividends
+from benchmarks.machine import cpu_model
+from benchmarks.portfolios import DAYS_PER_YEAR, STRIKE, Portfolio
+from pricing_core import kernel
+from pricing_core.american import contract_from, price_many
+from pricing_core.american.collocation import PackedSchedules, pack, solve_book
+from pricing_core.american.schedule import make_schedule
+from pricing_core.american.scheduled import COLLOCATION_METHOD
+from pricing_core.arrays import Matrix, Vector
+
+TOLERANCES = (1e-4, 1e-5, 1e-6)
+REFERENCE = 1e-8
+LEVELS = (1, 2, 3, 4, 5)
+SECONDS = 1.0  # that each measurement is repeated for, at least
+ROWS = 200  # of puts, and of calls
+DIVIDENDS = 4
+
+
+class Dividends(NamedTuple):
+    """Cash dividends, one row per contract."""
+
+    days: NDArray[np.int64]  # (n, 4), from now
+    amounts: Matrix  # (n, 4), money
+
+    def column(self) -> list[list[dict[str, float]]]:
+        """Return what `price_many` takes."""
+        return [
+            [{"time": day / DAYS_PER_YEAR, "amount": amount} for day, amount in zip(*row, strict=True)]
+            for row in zip(self.days.tolist(), self.amounts.tolist(), strict=True)
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class Book:
+    """Contracts of one type and their dividends."""
+
+    contracts: Portfolio
+    dividends: Dividends
+
+    def columns(self) -> dict[str, Any]:
+        """Return what `price_many` takes."""
+        return {**self.contracts.columns(), "cash_dividends": self.dividends.column()}
+
+    def packed(self) -> PackedSchedules:
+        """Return what the kernel takes."""
+        columns = self.columns()
+        rows = zip(*(c if isinstance(c, list) else c.tolist() for c in columns.values()), strict=True)
+        contracts = (contract_from(dict(zip(columns, row, strict=True))) for row in rows)
+        return pack([make_schedule(*contract) for contract in contracts])
+
+
+def random_book(option_type: str, count: int, seed: int = 6) -> Book:
+    """Return random contracts; puts and calls of one seed differ in their type alone."""
+    random = np.random.default_rng(seed)
+    spot = random.uniform(60.0, 150.0, count)
+    days = random.integers(30, 3 * DAYS_PER_YEAR, count, endpoint=True)
+    rate = random.uniform(0.005, 0.08, count)
+    dividend_yield = np.where(random.random(count) < 0.5, 0.0, random.uniform(0.0, 0.05, count))
+    volatility = random.uniform(0.1, 0.6, count)
+    quarter = np.minimum(days, DAYS_PER_YEAR)[:, None] / DIVIDENDS
+    ex_days = np.floor((np.arange(DIVIDENDS) + random.uniform(0.2, 0.95, (count, 1))) * quarter)
+    amounts = spot[:, None] * random.uniform(0.002, 0.02, (count, DIVIDENDS))
+    types, strikes = np.full(count, option_type), np.full(count, STRIKE)
+    contracts = Portfolio(types, spot, strikes, days, rate, dividend_yield, volatility)
+    return Book(contracts, Dividends(ex_days.astype(np.int64), amounts))
+
+
+@dataclass(slots=True)
+class Meter:
+    """What the kernel did: schedules solved, European ones too, and seconds."""
+
+    solves: int = 0
+    seconds: float = 0.0
+
+
+@contextmanager
+def metered() -> Iterator[Meter]:
+    """Count the kernel's schedules and time."""
+    meter, solve = Meter(), kernel.solve_schedules
+
+    def timed(sign: Vector, *others: Any) -> Any:
+        start = time.perf_counter()
+        found = solve(sign, *others)
+        meter.seconds += time.perf_counter() - start
+        meter.solves += sign.size
+        return found
+
+    with patch.object(kernel, "solve_schedules", timed):
+        yield meter
+
+
+class Rate(NamedTuple):
+    """What a table of contracts takes, in its quickest run; errors are fractions of the strike."""
+
+    per_second: float
+    solves: float  # of a contract
+    microseconds: float  # of a solve
+    kernel: float  # share of the time
+    collocated: float  # share of the rows, as the next two
+    ok: float
+    within: float  # error at most the stated one
+    error: float  # largest
+
+
+def measure(
+    book: Book, reference: Vector, tolerance: float, *, greeks: bool, seconds: float = SECONDS
+) -> Rate:
+    """Price the whole table again and again on one thread; the least time counts."""
+    columns, least, used, begun = book.columns(), float("inf"), Meter(), time.perf_counter()
+    while True:
+        with metered() as meter:
+            start = time.perf_counter()
+            table = price_many(columns, tolerance=tolerance, greeks=greeks, threads=1)
+            took = time.perf_counter() - start
+        if took < least:
+            least, used = took, meter
+        if time.perf_counter() - begun >= seconds:
+            break
+    error = np.abs(table["price"] - reference)
+    return Rate(
+        per_second=error.size / least,
+        solves=used.solves / error.size,
+        microseconds=1e6 * used.seconds / max(used.solves, 1),
+        kernel=used.seconds / least,
+        collocated=float(np.mean(table["method"] == COLLOCATION_METHOD)),
+        ok=float(np.mean(table["status"] == "ok")),
+        within=float(np.mean(error <= table["error_estimate"])),
+        error=float(np.max(error)) / STRIKE,
+    )
+
+
+def solve_times(book: PackedSchedules, seconds: float = SECONDS) -> list[float]:
+    """Return the least microseconds of one American solve at each level, all schedules in one call."""
+    times = []
+    for level in LEVELS:
+        levels, least, begun = np.full(book.x.size, level, dtype=np.int64), float("inf"), time.perf_counter()
+        while time.perf_counter() - begun < seconds / len(LEVELS):
+            start = time.perf_counter()
+            solve_book(book, levels, 1)
+            least = min(least, time.perf_counter() - start)
+        times.append(1e6 * least / book.x.size)
+    return times
+
+
+def report(option_type: str, rows: int = ROWS, seconds: float = SECONDS) -> None:
+    """Print the table of one option type."""
+    book = random_book(option_type, rows)
+    exact = price_many(book.columns(), tolerance=REFERENCE, greeks=False, threads=1)
+    stated = exact["error_estimate"] / STRIKE
+    print(f"\n{rows} American {option_type}s with {DIVIDENDS} cash dividends each")
+    print(
+        f"reference: price_many at {REFERENCE:.0e}, own stated errors {np.median(stated):.0e} (median)",
+        end="",
+    )
+    print(f" to {stated.max():.0e}, {np.mean(exact['method'] == COLLOCATION_METHOD):.1%} by the collocation")
+    print(
+        "                       contracts    solves  us each   kernel  by collo-          within    largest"
+    )
+    print("tolerance  Greeks     per second  each row    solve  of time    cation      ok  stated      error")
+    for greeks in (False, True):
+        for tolerance in TOLERANCES:
+            rate = measure(book, exact["price"], tolerance, greeks=greeks, seconds=seconds)
+            asked = f"{tolerance:9.0e}  {'with' if greeks else 'without':7s}"
+            speed = (
+                f"{rate.per_second:12.0f}  {rate.solves:8.1f}  {rate.microseconds:7.0f}  {rate.kernel:7.0%}"
+            )
+            shares = f"{rate.collocated:9.1%}  {rate.ok:6.1%}  {rate.within:6.1%}"
+            print(f"{asked}  {speed}  {shares}  {rate.error:9.1e}")
+    alone = ", ".join(
+        f"level {level}: {us:.0f}"
+        for level, us in zip(LEVELS, solve_times(book.packed(), seconds), strict=True)
+    )
+    print(f"the kernel alone, us per American solve: {alone}")
+    if quantlib_dividends.AVAILABLE:
+        _report_quantlib(book, exact["price"])
+
+
+def _report_quantlib(book: Book, reference: Vector) -> None:
+    chosen = book.contracts.sample(min(ROWS // 2, len(book.contracts)))
+    few = book.contracts.take(chosen)
+    days, amounts = book.dividends.days[chosen], book.dividends.amounts[chosen]
+    for steps, nodes in quantlib_dividends.GRIDS:
+        options = quantlib_dividends.options_with_dividends(few, days, amounts, steps, nodes)
+        start = time.perf_counter()
+        found = quantlib_dividends.prices(options)
+        milliseconds = 1e3 * (time.perf_counter() - start) / len(few)
+        error = np.abs(found - reference[chosen]) / STRIKE
+        root = np.sqrt(np.mean(np.square(error)))
+        print(
+            f"QuantLib finite differences, explicit projection, {steps} steps x {nodes} nodes, {len(few)} of them: "
+            f"{milliseconds:.1f} ms each, rms error {root:.1e}, largest {error.max():.1e}"
+        )
+
+
+def main() -> None:
+    """Print one table for puts and one for calls."""
+    print(
+        f"{cpu_model()}, kernel {pricing_core.kernel_name()}, Python {platform.python_version()}, one thread"
+    )
+    print("errors as fractions of the strike; within stated: the error is at most the one stated")
+    for option_type in ("put", "call"):
+        report(option_type)
+
+
+if __name__ == "__main__":
+    main()

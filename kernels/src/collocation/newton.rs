@@ -1,0 +1,134 @@
+//! Newton's method for the boundary's coefficients, with halved steps.
+
+use super::boundary::{Form, System};
+
+const MOST_ITERATIONS: usize = 40;
+const LEAST_STEP: f64 = 0.01;
+const SMALLEST_COEFFICIENT: f64 = 1e-10;
+const LIFT: f64 = 1e-12;
+const NOTHING_LEFT: f64 = 1e-14;
+
+/// Replace the coefficients behind the first by a zero of the residual; return what is left of it.
+pub fn newton(system: &mut System, coefficients: &mut [f64], settled: f64) -> f64 {
+    let m = system.nodes.degree;
+    let (mut residual, mut jacobian) = (vec![0.0; m], vec![0.0; m * m]);
+    let mut trial = coefficients.to_vec();
+    system.residual(coefficients, &mut residual, &mut jacobian);
+    for _ in 0..MOST_ITERATIONS {
+        let norm = largest(&residual);
+        let mut step: Vec<f64> = residual.iter().map(|r| -r).collect();
+        lift_diagonal(&mut jacobian, m);
+        if !eliminate(&mut jacobian, &mut step) {
+            return f64::NAN;
+        }
+        let mut length = longest_step(system, coefficients, &step);
+        let small = largest(&step) <= settled;
+        loop {
+            for k in 0..m {
+                trial[k + 1] = coefficients[k + 1] + length * step[k];
+                if matches!(system.start.form, Form::Tail { .. }) {
+                    trial[k + 1] =
+                        trial[k + 1].clamp(SMALLEST_COEFFICIENT, 1.0 - SMALLEST_COEFFICIENT);
+                }
+            }
+            system.residual(&trial, &mut residual, &mut jacobian);
+            let left = largest(&residual);
+            if left <= (1.0 - 0.2 * length) * norm
+                || length < LEAST_STEP
+                || small
+                || left < NOTHING_LEFT
+            {
+                break;
+            }
+            length *= 0.5;
+        }
+        coefficients.copy_from_slice(&trial);
+        if small || !largest(&residual).is_finite() {
+            break;
+        }
+    }
+    largest(&residual)
+}
+
+/// The largest absolute value; NaN if there is one.
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most: f64, v| {
+        if v.abs() > most || v.is_nan() {
+            v.abs()
+        } else {
+            most
+        }
+    })
+}
+
+/// Keep the diagonal away from zero.
+fn lift_diagonal(jacobian: &mut [f64], m: usize) {
+    let most = (0..m).fold(0.0_f64, |most, k| most.max(jacobian[k * m + k].abs()));
+    let lift = LIFT * most + 1e-300;
+    for k in 0..m {
+        let entry = &mut jacobian[k * m + k];
+        *entry += if *entry < 0.0 { -lift } else { lift };
+    }
+}
+
+/// The share of the step that moves the boundary by no more than a spread.
+fn longest_step(system: &System, coefficients: &[f64], step: &[f64]) -> f64 {
+    let furthest = step
+        .iter()
+        .zip(&coefficients[1..])
+        .map(|(s, c)| {
+            let turn = if matches!(system.start.form, Form::Tail { .. }) {
+                system
+                    .start
+                    .place_of(system.stretch.sign, c.clamp(1e-9, 1.0 - 1e-9), 0.0)
+                    .1
+            } else {
+                1.0
+            };
+            (s * turn).abs()
+        })
+        .fold(0.0, f64::max);
+    if furthest > 0.0 {
+        (system.stretch.spread() / furthest).min(1.0)
+    } else {
+        1.0
+    }
+}
+
+/// Solve the system in place by elimination with row exchanges; false where it is singular or not finite.
+fn eliminate(matrix: &mut [f64], rhs: &mut [f64]) -> bool {
+    let n = rhs.len();
+    for k in 0..n {
+        let mut pivot = k;
+        for i in k + 1..n {
+            if matrix[i * n + k].abs() > matrix[pivot * n + k].abs() {
+                pivot = i;
+            }
+        }
+        let diagonal = matrix[pivot * n + k];
+        if !diagonal.is_finite() || diagonal.abs() == 0.0 {
+            return false;
+        }
+        if pivot != k {
+            for j in 0..n {
+                matrix.swap(k * n + j, pivot * n + j);
+            }
+            rhs.swap(k, pivot);
+        }
+        for i in k + 1..n {
+            let factor = matrix[i * n + k] / diagonal;
+            for j in k..n {
+                matrix[i * n + j] -= factor * matrix[k * n + j];
+            }
+            rhs[i] -= factor * rhs[k];
+        }
+    }
+    for k in (0..n).rev() {
+        let mut sum = rhs[k];
+        for j in k + 1..n {
+            sum -= matrix[k * n + j] * rhs[j];
+        }
+        rhs[k] = sum / matrix[k * n + k];
+    }
+    rhs.iter().all(|x| x.is_finite())
+}

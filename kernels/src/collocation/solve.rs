@@ -1,0 +1,444 @@
+//! Schedules from expiry to now, each by itself.
+
+use super::boundary::{solve_boundary, Boundary, Form, Start};
+use super::held::Held;
+use super::panels::{Feature, Fineness};
+use super::start::Outset;
+use super::stretch::{Flow, Stretch};
+use super::transfer::{at_expiry, before_event, Transferred};
+use super::Unsettled;
+
+/// How finely a schedule is solved; as in `collocation_twin.solve.Level`.
+#[derive(Clone, Copy)]
+struct Level {
+    degree: usize,
+    points: usize,
+    value_points: usize,
+    panel_points: usize,
+    kernel: f64,
+    feature: f64,
+    reach: f64,
+}
+
+const fn level(
+    degree: usize,
+    points: usize,
+    value_points: usize,
+    panel_points: usize,
+    kernel: f64,
+    feature: f64,
+    reach: f64,
+) -> Level {
+    Level {
+        degree,
+        points,
+        value_points,
+        panel_points,
+        kernel,
+        feature,
+        reach,
+    }
+}
+
+/// The number of levels.
+pub const LEVELS: usize = 7;
+const FINENESS: [Level; LEVELS] = [
+    level(2, 4, 8, 5, 2.0, 1.5, 4.6),
+    level(3, 5, 12, 6, 2.0, 1.4, 5.2),
+    level(4, 6, 16, 8, 2.0, 1.3, 5.8),
+    level(6, 8, 20, 8, 1.6, 1.1, 6.4),
+    level(8, 12, 24, 10, 1.6, 1.1, 6.9),
+    level(12, 16, 32, 10, 1.4, 1.0, 7.3),
+    level(16, 24, 40, 12, 1.4, 1.0, 7.6),
+];
+/// Numbers of a stretch.
+pub const COLUMNS: usize = 9;
+/// Value, slope, second derivative by x; boundary now; residual.
+pub const RESULTS: usize = 5;
+/// Spreads: widest panel where the contact set begins at nodes.
+const FINE_KERNEL: f64 = 0.4;
+/// Spreads inside the contact set: where value and payoff are compared.
+const CHECKED: f64 = 0.5;
+/// Strikes, by which holding may be worth less than exercise outside the contact set.
+const LARGEST_VIOLATION: f64 = 1e-4;
+/// Standard deviations of ln(spot) at a stretch's end within which its contact set matters.
+const RELEVANT: f64 = 5.0;
+/// Deviations at expiry within which the boundary now is looked for.
+const BOUNDARY_REACH: f64 = 2.5;
+/// Of one stretch.
+const MOST_CUTS: usize = 4;
+/// Of a spot that a dividend would take to zero or less.
+const LEAST_FORWARD: f64 = 0.1;
+/// Of the slope, or of the value.
+const RESIDUAL: f64 = 1e-9;
+const SAME_TIME: f64 = 1e-12;
+
+/// What is to be solved; see `collocation_twin.solve_schedules`.
+#[derive(Clone, Copy)]
+pub struct Schedules<'a> {
+    /// 1 for a put, -1 for a call.
+    pub sign: &'a [f64],
+    /// ln(S/K) now.
+    pub x: &'a [f64],
+    /// The first stretch of each schedule, and the number of stretches.
+    pub first: &'a [usize],
+    /// `COLUMNS` numbers for each stretch.
+    pub stretches: &'a [f64],
+    /// Below `LEVELS`.
+    pub level: &'a [usize],
+    /// Years from now at which boundaries are wanted.
+    pub times: &'a [f64],
+    /// The first time of each schedule, and the number of times.
+    pub first_time: &'a [usize],
+}
+
+/// The results of each schedule, the boundaries at the times, and whether they may be used.
+pub struct Solved {
+    /// `RESULTS` rows of as many numbers as there are schedules.
+    pub numbers: Vec<f64>,
+    /// ln(S*/K) at each of the times, NaN without one.
+    pub boundary: Vec<f64>,
+    /// Whether every boundary was found.
+    pub settled: Vec<bool>,
+}
+
+/// Solve every schedule at its level, on at most so many threads.
+#[must_use]
+pub fn solve_schedules(schedules: Schedules, threads: usize) -> Solved {
+    let count = schedules.x.len();
+    let mut rows = vec![[f64::NAN; RESULTS]; count];
+    let mut settled = vec![false; count];
+    let mut boundary = vec![f64::NAN; schedules.times.len()];
+    let workers = threads.clamp(1, count.max(1));
+    let share = count.div_ceil(workers).max(1);
+    std::thread::scope(|scope| {
+        let mut left = boundary.as_mut_slice();
+        let parts = rows.chunks_mut(share).zip(settled.chunks_mut(share));
+        for (part, (rows, settled)) in parts.enumerate() {
+            let start = part * share;
+            let end = start + rows.len();
+            let times = schedules.first_time[end] - schedules.first_time[start];
+            let (mine, rest) = std::mem::take(&mut left).split_at_mut(times);
+            left = rest;
+            let mut work = move || solve_rows(schedules, start, rows, settled, mine);
+            if workers == 1 {
+                work();
+            } else {
+                scope.spawn(work);
+            }
+        }
+    });
+    let mut numbers = vec![f64::NAN; RESULTS * count];
+    for (row, results) in rows.iter().enumerate() {
+        for (column, number) in results.iter().enumerate() {
+            numbers[column * count + row] = *number;
+        }
+    }
+    Solved {
+        numbers,
+        boundary,
+        settled,
+    }
+}
+
+fn solve_rows(
+    schedules: Schedules,
+    start: usize,
+    rows: &mut [[f64; RESULTS]],
+    settled: &mut [bool],
+    boundary: &mut [f64],
+) {
+    let origin = schedules.first_time[start];
+    for (k, (result, settled)) in rows.iter_mut().zip(settled).enumerate() {
+        let row = start + k;
+        let numbers = &schedules.stretches
+            [COLUMNS * schedules.first[row]..COLUMNS * schedules.first[row + 1]];
+        let parts: Vec<Stretch> = numbers
+            .chunks_exact(COLUMNS)
+            .map(|numbers| stretch(schedules.sign[row], numbers))
+            .collect();
+        let wanted = schedules.first_time[row]..schedules.first_time[row + 1];
+        let mut query = Query {
+            times: &schedules.times[wanted.clone()],
+            found: &mut boundary[wanted.start - origin..wanted.end - origin],
+        };
+        let fine = &FINENESS[schedules.level[row]];
+        *settled = solve(&parts, schedules.x[row], fine, &mut query, result).is_ok();
+    }
+}
+
+fn stretch(sign: f64, numbers: &[f64]) -> Stretch {
+    Stretch {
+        sign,
+        flow: Flow {
+            rate: numbers[1],
+            dividend: numbers[2],
+            volatility: numbers[3],
+        },
+        duration: numbers[0],
+        exercisable: numbers[4] != 0.0,
+        exercise_at_end: numbers[5] != 0.0,
+        fraction: numbers[6],
+        amount: numbers[7],
+        escrow: numbers[8],
+    }
+}
+
+/// Times from now at which the boundary is wanted, and the answers.
+struct Query<'a> {
+    times: &'a [f64],
+    found: &'a mut [f64],
+}
+
+/// The variance of ln(spot) and its logarithm at a stretch's end.
+#[derive(Clone, Copy)]
+struct Forecast {
+    variance: f64,
+    forward: f64,
+}
+
+fn forecast(parts: &[Stretch], x: f64) -> Vec<Forecast> {
+    let (mut variance, mut place) = (0.0, x);
+    parts
+        .iter()
+        .map(|part| {
+            let flow = &part.flow;
+            variance += flow.volatility * flow.volatility * part.duration;
+            place += (flow.rate - flow.dividend) * part.duration;
+            let here = Forecast {
+                variance,
+                forward: place,
+            };
+            let spot = place.exp();
+            let left = (spot * (1.0 - part.fraction) - part.amount).max(LEAST_FORWARD * spot);
+            place += (left / spot).ln();
+            here
+        })
+        .collect()
+}
+
+fn solve(
+    parts: &[Stretch],
+    x: f64,
+    level: &Level,
+    query: &mut Query,
+    result: &mut [f64; RESULTS],
+) -> Result<(), Unsettled> {
+    let forecasts = forecast(parts, x);
+    let deviation = forecasts.last().map_or(0.0, |f| f.variance).sqrt();
+    let mut held: Option<Held> = None;
+    let mut features: Vec<Feature> = Vec::new();
+    let mut end: f64 = parts.iter().map(|part| part.duration).sum();
+    let mut residual = 0.0_f64;
+    for (part, here) in parts.iter().zip(&forecasts).rev() {
+        let mut waiting = vec![*part];
+        let mut cuts = 0;
+        while let Some(part) = waiting.pop() {
+            if part.exercisable && part.is_two_sided() {
+                return Err(Unsettled);
+            }
+            let reach = level.reach * here.variance.sqrt()
+                + level.reach.min(BOUNDARY_REACH) * (deviation - here.variance.sqrt());
+            let ends = (here.forward.min(0.0) - reach, here.forward.max(0.0) + reach);
+            let mut fineness = Fineness {
+                spread: part.spread(),
+                points: level.panel_points,
+                kernel: level.kernel,
+                feature: level.feature,
+            };
+            let transfer = |fineness: &Fineness| match &held {
+                None => at_expiry(&part),
+                Some(later) => before_event(later, &part, &features, ends, fineness),
+            };
+            let mut before = transfer(&fineness);
+            let relevant = relevant(&before, &part, here);
+            let nodes_only = held.as_ref().is_some_and(|later| later.boundary.is_none());
+            if nodes_only && outset(&before, &part, relevant, nodes_only).begins() {
+                fineness.kernel = FINE_KERNEL;
+                before = transfer(&fineness);
+            }
+            let (start, split) = outset(&before, &part, relevant, nodes_only).find_start()?;
+            if start.is_some() && split > 0.0 && cuts < MOST_CUTS {
+                cuts += 1;
+                let (earlier, later) = part.parted(split);
+                waiting.extend([earlier, later]); // the later one needs panels of its own width
+                continue;
+            }
+            let mut at_zero = before.at_zero * (-part.flow.rate * part.duration).exp();
+            if part.exercisable && part.sign > 0.0 {
+                at_zero = at_zero.max(part.strike(part.duration));
+            }
+            let boundary = match start {
+                None => None,
+                Some(start) => Some(find_boundary(&before, &part, start, level)?),
+            };
+            let now = Held {
+                profile: before.profile,
+                points: level.panel_points,
+                stretch: part,
+                boundary,
+                at_zero,
+            };
+            residual = residual.max(violation(&now)?);
+            answer(query, end, before.contact, &now);
+            end -= part.duration;
+            features = carried(&before.features, &now);
+            held = Some(now);
+        }
+    }
+    let held = held.ok_or(Unsettled)?;
+    let [value, slope, second] = held.value(x);
+    *result = [value, slope, second, held.edge(), residual];
+    if value.is_finite() && slope.is_finite() && second.is_finite() {
+        Ok(())
+    } else {
+        Err(Unsettled)
+    }
+}
+
+/// The boundary; where smooth pasting does not find it, the other equation is tried.
+fn find_boundary(
+    before: &Transferred,
+    part: &Stretch,
+    start: Start,
+    level: &Level,
+) -> Result<Boundary, Unsettled> {
+    let other = match start.form {
+        Form::Plain => Some(Form::Shifted),
+        _ => None,
+    };
+    for form in std::iter::once(start.form).chain(other) {
+        let start = Start { form, ..start };
+        let (degree, points, value_points) = (level.degree, level.points, level.value_points);
+        let found = solve_boundary(&before.profile, part, &start, degree, points, value_points);
+        if found.residual <= RESIDUAL && found.last.is_finite() {
+            return Ok(found);
+        }
+    }
+    Err(Unsettled)
+}
+
+fn outset<'a>(
+    before: &'a Transferred,
+    part: &'a Stretch,
+    relevant: f64,
+    nodes_only: bool,
+) -> Outset<'a> {
+    Outset {
+        profile: &before.profile,
+        stretch: part,
+        contact: before.contact,
+        relevant,
+        features: &before.features,
+        nodes_only,
+    }
+}
+
+/// The x beyond which, on the side of exercise, the contact set does not matter while it begins.
+fn relevant(before: &Transferred, part: &Stretch, here: &Forecast) -> f64 {
+    let far = RELEVANT * here.variance.sqrt();
+    let near = RELEVANT * part.spread();
+    let bends = || {
+        before
+            .features
+            .iter()
+            .filter(|f| f.scale <= 0.0)
+            .map(|f| f.place)
+    };
+    if part.sign < 0.0 {
+        let bend = bends().reduce(f64::max).unwrap_or(0.0);
+        return (here.forward.max(0.0) + far).max(bend + near);
+    }
+    let bend = bends().reduce(f64::min).unwrap_or(0.0);
+    let gone = if part.amount > 0.0 && part.fraction < 1.0 {
+        (part.amount / (1.0 - part.fraction)).ln()
+    } else {
+        f64::NEG_INFINITY
+    };
+    (here.forward.min(0.0) - far)
+        .min(bend - near)
+        .max(gone + near / RELEVANT)
+}
+
+/// How far value and payoff are apart where they should be equal; refused where holding is worth less than exercise.
+fn violation(held: &Held) -> Result<f64, Unsettled> {
+    if held.boundary.is_none() {
+        return Ok(0.0);
+    }
+    let sign = held.stretch.sign;
+    let step = sign * CHECKED * held.stretch.spread();
+    let [inside, outside] = [-step, step].map(|step| {
+        let x = held.edge() + step;
+        held.continued(x)[0] - sign * (held.strike() - x.exp())
+    });
+    if outside < -LARGEST_VIOLATION {
+        return Err(Unsettled);
+    }
+    Ok(inside.abs())
+}
+
+/// The features at the stretch's beginning: moved by the drift and smoothed.
+fn carried(features: &[Feature], held: &Held) -> Vec<Feature> {
+    let (spread, shift) = (
+        held.stretch.spread(),
+        held.stretch.flow.drift() * held.stretch.duration,
+    );
+    let mut carried: Vec<Feature> = features
+        .iter()
+        .map(|f| Feature {
+            place: f.place - shift,
+            scale: f.scale.hypot(spread),
+        })
+        .collect();
+    if held.boundary.is_some() {
+        carried.push(Feature {
+            place: held.edge(),
+            scale: 0.0,
+        });
+    }
+    carried
+}
+
+/// Fill in the boundaries at the times that fall on the stretch's end, or inside and on its beginning.
+fn answer(query: &mut Query, end: f64, contact: f64, held: &Held) {
+    let duration = held.stretch.duration;
+    for (time, found) in query.times.iter().zip(query.found.iter_mut()) {
+        if (time - end).abs() <= SAME_TIME * end.max(1.0) {
+            *found = if contact.is_finite() {
+                contact
+            } else {
+                f64::NAN
+            };
+        } else if end - duration - SAME_TIME <= *time && *time < end {
+            if let Some(boundary) = &held.boundary {
+                *found = boundary.at(&held.profile, (end - time).min(duration));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{solve_schedules, Schedules};
+
+    /// American put, r = q = 5 %, volatility 25 %, one year, at the money: 9.569445299 per 100 of strike, from an
+    /// integral equation (tests/data names the source).
+    #[test]
+    fn a_flat_put_has_its_known_value() {
+        let stretch = [1.0, 0.05, 0.05, 0.25, 1.0, 1.0, 0.0, 0.0, 0.0];
+        let solved = solve_schedules(
+            Schedules {
+                sign: &[1.0],
+                x: &[0.0],
+                first: &[0, 1],
+                stretches: &stretch,
+                level: &[5],
+                times: &[],
+                first_time: &[0, 0],
+            },
+            1,
+        );
+        assert!(solved.settled[0]);
+        assert!((solved.numbers[0] - 0.095_694_452_99).abs() < 2e-9);
+    }
+}

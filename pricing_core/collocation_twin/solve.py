@@ -1,0 +1,257 @@
+"""Schedules from expiry to now, one at a time, in NumPy: the reference of the compiled kernel."""
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pricing_core.arrays import BoolVector, Matrix, Vector
+from pricing_core.collocation_twin.boundary import RESIDUAL, Boundary, Form, Start, solve_boundary
+from pricing_core.collocation_twin.flow import Flow
+from pricing_core.collocation_twin.held import Held
+from pricing_core.collocation_twin.panels import Feature, Fineness
+from pricing_core.collocation_twin.start import Outset, UnservedError, find_start
+from pricing_core.collocation_twin.stretch import Stretch
+from pricing_core.collocation_twin.transfer import Transferred, at_expiry, before_event
+
+
+class Level(NamedTuple):
+    """How finely a schedule is solved.
+
+    Parameters
+    ----------
+    degree, points : int
+        Of the boundary's polynomial, and nodes of each of its integrals.
+    value_points : int
+        Nodes of the integral that gives the value: near the boundary it sees the youngest contact sets closely.
+    panel_points : int
+        Gauss points of a panel.
+    kernel, feature : float
+        Widest panel, in spreads and in distances to a place where the value bends.
+    reach : float
+        Half the width of the interval of x, in standard deviations of ln(spot) at expiry.
+    """
+
+    degree: int
+    points: int
+    value_points: int
+    panel_points: int
+    kernel: float
+    feature: float
+    reach: float
+
+
+LEVELS = (
+    Level(2, 4, 8, 5, 2.0, 1.5, 4.6),
+    Level(3, 5, 12, 6, 2.0, 1.4, 5.2),
+    Level(4, 6, 16, 8, 2.0, 1.3, 5.8),
+    Level(6, 8, 20, 8, 1.6, 1.1, 6.4),
+    Level(8, 12, 24, 10, 1.6, 1.1, 6.9),
+    Level(12, 16, 32, 10, 1.4, 1.0, 7.3),
+    Level(16, 24, 40, 12, 1.4, 1.0, 7.6),
+)
+FINE_KERNEL = 0.4  # spreads: widest panel where the contact set begins at nodes
+CHECKED = 0.5  # spreads inside the contact set: where value and payoff are compared
+LARGEST_VIOLATION = 1e-4  # strikes, by which holding may be worth less than exercise outside the contact set
+BOUNDARY_REACH = 2.5  # deviations at expiry within which the boundary now is looked for
+MOST_CUTS = 4  # of one stretch
+RELEVANT = 5.0  # standard deviations of ln(spot) at a stretch's end within which its contact set matters
+LEAST_FORWARD = 0.1  # of a spot that a dividend would take to zero or less
+RESULTS = 5  # value, slope, second derivative by x; boundary now; residual
+
+
+class Query(NamedTuple):
+    """Times from now at which the boundary is wanted, increasing, and the answers."""
+
+    times: Vector
+    found: Vector
+
+
+def solve_schedules(
+    sign: Vector,
+    x: Vector,
+    first: NDArray[np.int64],
+    stretches: Matrix,
+    level: NDArray[np.int64],
+    times: Vector,
+    first_time: NDArray[np.int64],
+    threads: int,
+) -> tuple[Matrix, Vector, BoolVector]:
+    """Solve every schedule at its level.
+
+    Parameters
+    ----------
+    sign : Vector, shape (n,)
+        1 for a put, -1 for a call.
+    x : Vector, shape (n,)
+        ln(S/K) now.
+    first : int array, shape (n + 1,)
+        The first stretch of each schedule, and the number of stretches.
+    stretches : Matrix, shape (m, 9)
+        duration, rate, yield, volatility, exercisable, exercise at the end, fraction, amount, escrow; in the order of
+        time, in years and strikes.
+    level : int array, shape (n,)
+        Of `LEVELS`.
+    times : Vector, shape (t,)
+        Years from now at which boundaries are wanted, increasing for each schedule.
+    first_time : int array, shape (n + 1,)
+        The first time of each schedule, and the number of times.
+    threads : int
+        Not used here.
+
+    Returns
+    -------
+    Matrix, shape (5, n)
+        Value in strikes, its first and second derivative by x, the boundary ln(S*/K) now (NaN without one), and the
+        largest violation of complementarity that was seen, in strikes.
+    Vector, shape (t,)
+        Boundaries at the times, just before what happens then; NaN where there is none.
+    bool array, shape (n,)
+        Whether every boundary was found; nothing in the other columns may be used.
+    """
+    del threads
+    results, found = np.full((RESULTS, x.size), np.nan), np.full(times.size, np.nan)
+    settled = np.zeros(x.size, dtype=bool)
+    for row in range(x.size):
+        parts = [_stretch(sign[row], numbers) for numbers in stretches[first[row] : first[row + 1]].tolist()]
+        wanted = slice(int(first_time[row]), int(first_time[row + 1]))
+        query = Query(times[wanted], found[wanted])
+        with np.errstate(all="ignore"):
+            try:
+                settled[row] = _solve(parts, float(x[row]), LEVELS[level[row]], query, results[:, row])
+            except (UnservedError, ArithmeticError, np.linalg.LinAlgError):
+                settled[row] = False
+    return results, found, settled
+
+
+def _stretch(sign: float, numbers: list[float]) -> Stretch:
+    duration, rate, dividend, volatility, exercisable, at_end, fraction, amount, escrow = numbers
+    flow = Flow(rate, dividend, volatility)
+    return Stretch(float(sign), flow, duration, exercisable != 0.0, at_end != 0.0, fraction, amount, escrow)
+
+
+def _solve(parts: list[Stretch], x: float, level: Level, query: Query, result: Vector) -> bool:
+    """Fill the result; return whether all boundaries were found."""
+    deviation, variance, forward = _forecast(parts, x)
+    held: Held | None = None
+    features: tuple[Feature, ...] = ()
+    end, residual = math.fsum(part.duration for part in parts), 0.0
+    for k in reversed(range(len(parts))):
+        waiting = [parts[k]]
+        cuts = 0
+        while waiting:
+            part = waiting.pop()
+            if part.exercisable and part.is_two_sided():
+                return False
+            deviation_here = math.sqrt(variance[k])
+            reach = level.reach * deviation_here + min(level.reach, BOUNDARY_REACH) * (
+                deviation - deviation_here
+            )
+            ends = min(forward[k], 0.0) - reach, max(forward[k], 0.0) + reach
+            spread = part.flow.volatility * math.sqrt(part.duration)
+            fineness = Fineness(spread, level.panel_points, level.kernel, level.feature)
+            before = at_expiry(part) if held is None else before_event(held, part, features, ends, fineness)
+            nodes_only = held is not None and held.boundary is None
+            relevant = _relevant(before, part, forward[k], variance[k])
+            outset = Outset(before.profile, part, before.contact, relevant, before.features, nodes_only)
+            if nodes_only and outset.begins():
+                assert held is not None
+                before = before_event(held, part, features, ends, fineness._replace(kernel=FINE_KERNEL))
+                outset = replace(outset, profile=before.profile, features=before.features)
+            start, split = find_start(outset)
+            if start is not None and split > 0.0 and cuts < MOST_CUTS:
+                cuts += 1
+                waiting += part.parted(split)  # the later one needs panels of its own width
+                continue
+            held, left = _solve_stretch(before, part, start, level)
+            if held is None:
+                return False
+            residual = max(residual, left)
+            _answer(query, end, part, before.contact, held)
+            end -= part.duration
+            features = _carried(before.features, part, held)
+    assert held is not None
+    result[:3] = held.value(np.array([x]))[:, 0]
+    result[3], result[4] = held.edge, residual
+    return bool(np.all(np.isfinite(result[:3])))
+
+
+def _forecast(parts: list[Stretch], x: float) -> tuple[float, Vector, Vector]:
+    """Return the deviation of ln(spot) at expiry, and its variance and logarithm at each stretch's end."""
+    variance, forward = np.empty(len(parts)), np.empty(len(parts))
+    spread, place = 0.0, x
+    for k, part in enumerate(parts):
+        spread += part.flow.volatility**2 * part.duration
+        place += (part.flow.rate - part.flow.dividend) * part.duration
+        variance[k], forward[k] = spread, place
+        spot = math.exp(place)
+        left = max(spot * (1.0 - part.fraction) - part.amount, LEAST_FORWARD * spot)
+        place += math.log(left / spot)
+    return math.sqrt(spread), variance, forward
+
+
+def _relevant(before: Transferred, part: Stretch, forward: float, variance: float) -> float:
+    """Return the x beyond which, on the side of exercise, the contact set does not matter while it begins."""
+    far = RELEVANT * math.sqrt(variance)
+    near = RELEVANT * part.flow.volatility * math.sqrt(part.duration)
+    bends = [feature.place for feature in before.features if feature.scale == 0.0]
+    if part.sign < 0.0:
+        return max(max(forward, 0.0) + far, max(bends, default=0.0) + near)
+    gone = (
+        math.log(part.amount / (1.0 - part.fraction))
+        if part.amount > 0.0 and part.fraction < 1.0
+        else -math.inf
+    )
+    return max(min(min(forward, 0.0) - far, min(bends, default=0.0) - near), gone + near / RELEVANT)
+
+
+def _solve_stretch(
+    before: Transferred, part: Stretch, start: Start | None, level: Level
+) -> tuple[Held | None, float]:
+    """Return the value at the stretch's beginning, None if its boundary was not found, and what it violates."""
+    at_zero = before.at_zero * math.exp(-part.flow.rate * part.duration)
+    if part.exercisable and part.sign > 0.0:
+        at_zero = max(at_zero, part.strike(part.duration))
+    if start is None:
+        return Held(before.profile, part, None, at_zero), 0.0
+    boundary = _find_boundary(before, part, start, level)
+    if boundary is None:
+        return None, math.nan
+    held = Held(before.profile, part, boundary, at_zero)
+    step = part.sign * CHECKED * part.flow.volatility * math.sqrt(part.duration)
+    places = boundary.last + np.array([-step, step])
+    inside, outside = held.continued(places)[0] - part.sign * (held.strike - np.exp(places))
+    if outside < -LARGEST_VIOLATION:
+        return None, math.nan
+    return held, abs(float(inside))
+
+
+def _find_boundary(before: Transferred, part: Stretch, start: Start, level: Level) -> Boundary | None:
+    """Return the boundary; where smooth pasting does not find it, the other equation is tried."""
+    forms: tuple[Form, ...] = ("plain", "shifted") if start.form == "plain" else (start.form,)
+    for form in forms:
+        degrees = level.degree, level.points, level.value_points
+        boundary = solve_boundary(before.profile, part, replace(start, form=form), *degrees)
+        if boundary.residual <= RESIDUAL and math.isfinite(boundary.last):
+            return boundary
+    return None
+
+
+def _carried(features: tuple[Feature, ...], part: Stretch, held: Held) -> tuple[Feature, ...]:
+    """Return the features at the stretch's beginning: moved by the drift and smoothed."""
+    variance = part.flow.volatility**2 * part.duration
+    shift = part.flow.drift * part.duration
+    carried = tuple(Feature(f.place - shift, math.sqrt(f.scale**2 + variance)) for f in features)
+    return carried if held.boundary is None else (*carried, Feature(held.edge, 0.0))
+
+
+def _answer(query: Query, end: float, part: Stretch, contact: float, held: Held) -> None:
+    """Fill in the boundaries at the times that fall on the stretch's end, or inside and on its beginning."""
+    begin = end - part.duration
+    for i, time in enumerate(query.times.tolist()):
+        if abs(time - end) <= 1e-12 * max(end, 1.0):
+            query.found[i] = contact if math.isfinite(contact) else math.nan
+        elif begin - 1e-12 <= time < end and held.boundary is not None:
+            query.found[i] = held.boundary.at(min(end - time, part.duration))

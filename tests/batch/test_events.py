@@ -1,0 +1,204 @@
+"""Tables whose rows have curves, dividends, exercise times and dates."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from pricing_core.american import (
+    CashDividend,
+    Market,
+    Option,
+    PiecewiseConstant,
+    ProportionalDividend,
+    price,
+)
+from pricing_core.batch import run_batch
+from pricing_core.batch.csv_reader import BYTES_PER_READ, mentions
+from tests.problems.scheduled_stand_in import ScheduledStandIn
+
+Read = Callable[[Path], list[dict[str, str]]]
+PLAIN = {
+    "option_type": "put",
+    "spot": "100",
+    "strike": "100",
+    "expiry": "1",
+    "rate": "0.05",
+    "volatility": "0.2",
+}
+DATES = {"expiry": "", "valuation_date": "2026-01-01", "expiration_date": "2027-01-01"}
+CURVE = '{"times": [0.5, 1], "values": [0.1, 0.2]}'
+COARSE = 1e-3
+
+
+@pytest.fixture
+def scheduled(monkeypatch: pytest.MonkeyPatch) -> ScheduledStandIn:
+    return ScheduledStandIn(monkeypatch)
+
+
+def write(path: Path, *rows: dict[str, str]) -> Path:
+    """Write rows under all the columns that any of them has."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    with path.open("w", newline="") as file:
+        table = csv.DictWriter(file, names)
+        table.writeheader()
+        table.writerows(rows)
+    return path
+
+
+def test_every_event_of_a_csv_reaches_the_engine(
+    tmp_path: Path, read_table: Read, scheduled: ScheduledStandIn
+) -> None:
+    source = write(
+        tmp_path / "in.csv",
+        PLAIN,
+        PLAIN | {"rate": CURVE},
+        PLAIN | {"dividend_yield": CURVE, "volatility": CURVE},
+        PLAIN | {"exercise": "bermudan", "exercise_times": "[0.5, 0.25]"},
+        PLAIN | {"exercise_start": "0.5"},
+        PLAIN | {"cash_dividends": '[{"time": 0.5, "amount": 1}]', "dividend_model": "escrowed"},
+        PLAIN | DATES | {"proportional_dividends": '[{"ex_date": "2026-03-15", "fraction": 0.01}]'},
+    )
+    summary = run_batch(source, tmp_path / "out.csv", tolerance=COARSE)
+    assert (summary.priced, summary.rejected) == (7, 0)
+    curve = PiecewiseConstant((0.5, 1.0), (0.1, 0.2))
+    put, market = Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2)
+    ((contracts, tolerances, _, _),) = scheduled.calls
+    assert tolerances == [COARSE] * 6
+    assert contracts == [
+        (put, Market(100.0, curve, 0.2)),
+        (put, Market(100.0, 0.05, curve, curve)),
+        (Option("put", 100.0, 1.0, "bermudan", (0.25, 0.5)), market),
+        (Option("put", 100.0, 1.0, exercise_start=0.5), market),
+        (put, Market(100.0, 0.05, 0.2, 0.0, (CashDividend(0.5, 1.0),), dividend_model="escrowed")),
+        (put, Market(100.0, 0.05, 0.2, 0.0, (), (ProportionalDividend(0.2, 0.01),))),
+    ]
+    output = read_table(tmp_path / "out.csv")
+    assert [line["method"] for line in output] == ["premium-march", *["stand-in"] * 6]
+    assert [line["dividend_sensitivities"] for line in output] == ["", "", "", "", "", "[0.5]", ""]
+    assert output[1]["rate"] == CURVE
+
+
+def test_a_bad_event_rejects_its_row_alone_and_is_shown(
+    tmp_path: Path, read_table: Read, scheduled: ScheduledStandIn
+) -> None:
+    dividends = '[{"time": 0.5, "amount": 1.0}, {"time": 0.5, "amount": -1.0}]'
+    source = write(
+        tmp_path / "in.csv",
+        PLAIN | {"rate": CURVE},
+        PLAIN | {"cash_dividends": dividends},
+        PLAIN | {"cash_dividends": "[{]"},
+        PLAIN | {"volatility": '{"times": [1], "values": [99]}'},
+        PLAIN | {"exercise_times": "[0.5]"},
+        PLAIN | {"dividend_model": "other"},
+        PLAIN | {"exercise_start": "later"},
+        PLAIN | DATES | {"expiration_date": "2026-02-30"},
+        PLAIN | DATES | {"expiration_date": "2025-12-31"},
+        PLAIN | DATES | {"expiration_date": ""},
+        PLAIN | DATES | {"expiry": "1"},
+        PLAIN | {"expiry": ""},
+        PLAIN,
+    )
+    summary = run_batch(source, tmp_path / "out.csv", tolerance=COARSE)
+    assert (summary.priced, summary.rejected) == (2, 11)
+    rejects = read_table(tmp_path / "out.rejects.csv")
+    assert [(line["line"], line["field"], line["value"]) for line in rejects] == [
+        ("3", "cash_dividends[1].amount", "-1.0"),
+        ("4", "cash_dividends", "[{]"),
+        ("5", "volatility.values", "99.0"),
+        ("6", "exercise_times", "[0.5]"),
+        ("7", "dividend_model", "other"),
+        ("8", "exercise_start", "later"),
+        ("9", "expiration_date", "2026-02-30"),
+        ("10", "expiration_date", "2025-12-31"),
+        ("11", "expiration_date", ""),
+        ("12", "expiry", "1"),
+        ("13", "expiry", ""),
+    ]
+    assert rejects[0]["reason"] == "must be a number from 0 to 1e+30"
+    assert all(line["reason"].startswith("must be ") for line in rejects)
+
+
+def test_dates_price_as_their_expiry_does(tmp_path: Path, read_table: Read) -> None:
+    source = write(tmp_path / "in.csv", PLAIN | DATES, PLAIN | dict.fromkeys(DATES, "") | {"expiry": "1"})
+    run_batch(source, tmp_path / "out.csv", tolerance=COARSE)
+    dated, plain = read_table(tmp_path / "out.csv")
+    assert dated["status"] == "ok"
+    assert dated["price"] == plain["price"]
+
+
+def test_a_row_with_events_is_priced_as_the_library_does(tmp_path: Path, read_table: Read) -> None:
+    source = write(tmp_path / "in.csv", PLAIN | {"cash_dividends": '[{"time": 0.5, "amount": 3}]'})
+    run_batch(source, tmp_path / "out.csv", tolerance=COARSE)
+    (line,) = read_table(tmp_path / "out.csv")
+    market = Market(100.0, 0.05, 0.2, cash_dividends=(CashDividend(0.5, 3.0),))
+    valuation = price(Option("put", 100.0, 1.0), market, tolerance=COARSE)
+    assert line["price"] == repr(valuation.price)
+    assert json.loads(line["dividend_sensitivities"]) == list(valuation.dividend_sensitivities or ())
+
+
+def test_lists_structures_and_timestamps_of_parquet_are_read(
+    tmp_path: Path, scheduled: ScheduledStandIn
+) -> None:
+    moments = pa.array([1_767_225_600_000_000_000] * 3, pa.timestamp("ns"))  # the start of 2026
+    days = pa.array([20_819] * 3, pa.date32())  # and that of 2027
+    table = pa.table(
+        {
+            "option_type": ["put"] * 3,
+            "spot": [100.0] * 3,
+            "strike": [100.0] * 3,
+            "rate": [0.05] * 3,
+            "volatility": [
+                {"times": [9.0], "values": [0.2]},
+                {"times": [0.5, 1.0], "values": [0.1, 0.2]},
+                None,
+            ],
+            "valuation_date": moments,
+            "expiration_date": days,
+            "cash_dividends": [[{"time": 0.5, "ex_date": None, "amount": 1.0}], [], None],
+        }
+    )
+    pq.write_table(table, tmp_path / "in.parquet")
+    target = tmp_path / "out.parquet"
+    summary = run_batch(tmp_path / "in.parquet", target, tolerance=COARSE)
+    assert (summary.priced, summary.rejected) == (2, 1)
+    ((contracts, _, _, _),) = scheduled.calls
+    curve = PiecewiseConstant((0.5, 1.0), (0.1, 0.2))
+    assert contracts == [
+        (Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2, 0.0, (CashDividend(0.5, 1.0),))),
+        (Option("put", 100.0, 1.0), Market(100.0, 0.05, curve)),
+    ]
+    found = pq.read_table(target)
+    assert found.select(table.schema.names).equals(table)
+    assert [cell and json.loads(cell) for cell in found["dividend_sensitivities"].to_pylist()] == [
+        [0.5],
+        None,
+        None,
+    ]
+    assert found["status"].to_pylist() == ["ok", "ok", "invalid_input"]
+
+
+@pytest.mark.parametrize(("curves", "kind"), [(True, pa.string()), (False, pa.float64())])
+def test_rates_of_a_csv_are_numbers_in_parquet_unless_some_are_curves(
+    tmp_path: Path, scheduled: ScheduledStandIn, curves: bool, kind: pa.DataType
+) -> None:
+    source = write(tmp_path / "in.csv", PLAIN, PLAIN | {"rate": CURVE if curves else "0.04"})
+    target = tmp_path / "out.parquet"
+    assert run_batch(source, target, tolerance=COARSE).priced == 2
+    found = pq.read_table(target)
+    assert found.schema.field("rate").type == kind
+    assert found["rate"].to_pylist() == (["0.05", CURVE] if curves else [0.05, 0.04])
+    assert found["spot"].to_pylist() == [100.0, 100.0]
+
+
+@pytest.mark.parametrize("place", [0, BYTES_PER_READ - 3, BYTES_PER_READ, 2 * BYTES_PER_READ + 5])
+def test_a_word_is_found_wherever_the_reads_cut_the_file(tmp_path: Path, place: int) -> None:
+    path = tmp_path / "text"
+    path.write_bytes(b"." * place + b'"times"' + b"." * 10)
+    assert mentions(path, b'"times"')
+    path.write_bytes(b"." * place + b'"time"' + b"." * 10)
+    assert not mentions(path, b'"times"')
