@@ -48,7 +48,8 @@ pub fn solve_schedules<'py>(
 )> {
     let (sign, x, times) = (slice(&sign), slice(&x), slice(&times));
     let stretches: Vec<f64> = stretches.as_array().iter().copied().collect();
-    if stretches.len() % COLUMNS != 0 || sign.len() != x.len() || level.len()? != x.len() {
+    if !stretches.len().is_multiple_of(COLUMNS) || sign.len() != x.len() || level.len()? != x.len()
+    {
         return Err(PyValueError::new_err("the columns differ in length"));
     }
     let first = checked_parts(&slice(&first), x.len(), stretches.len() / COLUMNS)?;

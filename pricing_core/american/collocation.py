@@ -17,15 +17,9 @@ from pricing_core.american.schedule import Schedule
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
 FINEST = 6  # level
-PREMIUM_SHARE = (0.0, 1e-3, 2.5e-4, 5e-5, 5e-6, 1e-6, 2e-7)  # by level
-EUROPEAN_LEVEL = 3  # its values are closer than NEGLECTED of the level, for they have no boundary
-FIRST_LEVELS = (
-    (1e-4, 1),
-    (4e-6, 2),
-    (4e-7, 3),
-    (4e-8, 4),
-    (0.0, 5),
-)  # tolerances from which a level is tried first
+PREMIUM_SHARE = (0.0, 3e-3, 5e-4, 5e-5, 5e-6, 1e-6, 2e-7)  # by level
+EUROPEAN_LEVEL = 2  # its values are closer than NEGLECTED of the level, for they have no boundary
+FIRST_LEVELS = ((4e-6, 1), (4e-7, 2), (4e-8, 3), (0.0, 4))  # tolerances from which a level is tried first
 NEGLECTED = (
     1e-5,
     5e-7,

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 from pricing_core.american.contract import Option
 from pricing_core.american.curves import Curve, PiecewiseConstant
+from pricing_core.american.flat_price import price_flat
 from pricing_core.american.market import FlatMarket, Market
 from pricing_core.american.results import Valuation
-from pricing_core.american.valuation import price_flat
 
 VOLATILITY_SHARE = 0.01  # of the volatility: the step of the differences
 

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from pricing_core.american.book import Book, read_book
 from pricing_core.american.book_values import CLOSED, LEFT, BookValues, value_book
 from pricing_core.american.contract import check_kind, real_number
+from pricing_core.american.flat_price import price_left_over
 from pricing_core.american.results import DAYS_PER_YEAR, Valuation
 from pricing_core.american.scheduled import price_scheduled_many
 from pricing_core.american.tolerances import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
-from pricing_core.american.valuation import MARCH_METHOD, price_alone
+from pricing_core.american.valuation import MARCH_METHOD
 from pricing_core.errors import InvalidInputError
 from pricing_core.version import ENGINE_VERSION
 
@@ -143,7 +144,7 @@ def _price_part(
     _fill(book, values, part)
     for row in np.flatnonzero((values.path == LEFT) & ~np.isnan(book.spot)).tolist():
         try:
-            valuation = price_alone(
+            valuation = price_left_over(
                 book.option(row), book.market(row), tolerance=book.tolerance.item(row), greeks=greeks
             )
         except (InvalidInputError, ArithmeticError) as error:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from pricing_core.american.contract import Option, check_kind, real_number
 from pricing_core.american.extended_greeks import with_extended_greeks
+from pricing_core.american.flat_price import price_flat
 from pricing_core.american.market import Market
 from pricing_core.american.resolution import Resolution
 from pricing_core.american.results import Valuation
@@ -16,7 +17,7 @@ from pricing_core.american.tolerances import (
     check_moneyness,
 )
 from pricing_core.american.tridiagonal_step import LCPMethod
-from pricing_core.american.valuation import Method, price_flat, scheme_of
+from pricing_core.american.valuation import Method, scheme_of
 from pricing_core.errors import InvalidInputError
 
 

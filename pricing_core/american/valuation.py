@@ -37,36 +37,6 @@ Method: TypeAlias = Literal["auto", "lcs", "crank-nicolson"]
 MARCH_METHOD = "premium-march"
 
 
-def price_flat(
-    option: Option,
-    market: FlatMarket,
-    *,
-    tolerance: float,
-    method: Method = "auto",
-    lcp_method: LCPMethod = "tridiagonal",
-    greeks: bool = True,
-    resolution: Resolution | None = None,
-    interrupt: Callable[[], bool] | None = None,
-) -> Valuation:
-    """Price one option without events, its arguments checked; they are those of `pricing_core.american.price`."""
-    if method == "auto" and lcp_method == "tridiagonal" and resolution is None:
-        if interrupt is not None and interrupt():
-            return without_price(option, market.spot, european_value(option, market).value)
-        marched = march_value(option, market, tolerance, greeks)
-        if marched is not None:
-            return marched
-    return price_alone(
-        option,
-        market,
-        tolerance=tolerance,
-        method=method,
-        lcp_method=lcp_method,
-        greeks=greeks,
-        resolution=resolution,
-        interrupt=interrupt,
-    )
-
-
 def price_alone(
     option: Option,
     market: FlatMarket,
