@@ -87,7 +87,8 @@ def exercise_boundary(
     Returns
     -------
     ExerciseBoundary
-        All NaN where early exercise is never optimal.
+        All NaN where early exercise is never optimal. With events NaN, too, where the boundary is so far away, more
+        than five standard deviations of ln(spot), that it does not matter: a put before a dividend.
 
     Raises
     ------

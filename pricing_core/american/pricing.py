@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from pricing_core.american.collocated_greeks import Greeks
 from pricing_core.american.contract import Option, check_kind, real_number
 from pricing_core.american.extended_greeks import with_extended_greeks
 from pricing_core.american.flat_price import price_flat
@@ -9,7 +10,7 @@ from pricing_core.american.market import Market
 from pricing_core.american.resolution import Resolution
 from pricing_core.american.results import Valuation
 from pricing_core.american.schedule import without_events
-from pricing_core.american.scheduled import Greeks, price_scheduled
+from pricing_core.american.scheduled import price_scheduled
 from pricing_core.american.tolerances import (
     DEFAULT_TOLERANCE,
     LARGEST_TOLERANCE,

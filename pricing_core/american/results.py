@@ -73,8 +73,8 @@ class Valuation:
     status : str
         "ok", "tolerance_not_met" or "deadline".
     method : str
-        The time stepping, or what took its place: "closed-form", "zero-volatility", "worthless-underlying",
-        "expired", "none".
+        "premium-march"; "multiplier-collocation" with events; the time stepping on the general path; or what took
+        their place: "closed-form", "zero-volatility", "worthless-underlying", "expired", "none".
     engine_version : str
     diagnostics : Diagnostics
     """

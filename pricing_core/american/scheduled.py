@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Literal, TypeAlias
 
 import numpy as np
 
 from pricing_core.american.certain_schedule import certain_value, uncertainty
-from pricing_core.american.collocation import FINEST, is_served, pack, solve_book, solve_to_tolerance
+from pricing_core.american.collocated_greeks import DeadlinePassedError, Found, Greeks, collocated_greeks
+from pricing_core.american.collocation import is_served, solve_to_tolerance
 from pricing_core.american.contract import Option
 from pricing_core.american.limits import ClosedValue
 from pricing_core.american.market import Market
@@ -30,39 +30,9 @@ from pricing_core.american.tridiagonal_step import LCPMethod
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, PricingCoreError
 
-Greeks: TypeAlias = bool | Literal["extended"]
 COLLOCATION_METHOD = "multiplier-collocation"
 SURE_SHARE = 0.1  # of the tolerance: what chance may add where it is left out
-GENERAL_TOLERANCE = 1e-5  # of the general path's grid where it serves the derivatives
 SPOT_STEP = 1e-3  # of the spot, for the delta of a certain path
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """A value with its derivatives by the spot, in money, and how it was found.
-
-    Parameters
-    ----------
-    value, european, delta, gamma, error : float
-    boundary : float
-        S* now, NaN without one.
-    exercised : bool
-        Whether the spot lies in the closed exercise region.
-    method : str
-    diagnostics : Diagnostics
-    interrupted : bool
-    """
-
-    value: float
-    european: float
-    delta: float
-    gamma: float
-    error: float
-    boundary: float
-    exercised: bool
-    method: str
-    diagnostics: Diagnostics
-    interrupted: bool = False
 
 
 def price_scheduled_many(
@@ -89,7 +59,7 @@ def price_scheduled_many(
         [schedules[row] for row in served], np.array([tolerance[row] for row in served]), threads
     )
     found = {row: value for row, value in zip(served, values, strict=True) if value is not None}
-    derivatives = _collocated_greeks(contracts, schedules, found, greeks, threads)
+    derivatives = collocated_greeks(contracts, schedules, found, greeks, threads=threads)
     for row, schedule in schedules.items():
         option, market = contracts[row]
         try:
@@ -125,7 +95,12 @@ def price_scheduled(
     if use_collocation and is_served(schedule) and not _is_certain(schedule, tolerance):
         found = _collocate([schedule], np.array([tolerance]), 1)[0]
         if found is not None:
-            further = _collocated_greeks([(option, market)], {0: schedule}, {0: found}, greeks, 1)
+            further: dict[int, ScheduledGreeks] = {}
+            try:
+                rows = [(option, market)], {0: schedule}, {0: found}
+                further = collocated_greeks(*rows, greeks, interrupt=interrupt)
+            except DeadlinePassedError:
+                found = replace(found, interrupted=True)
             return _assembled(option, market, schedule, found, tolerance, further.get(0))
     return price_scheduled_alone(
         option, market, schedule, tolerance,
@@ -240,59 +215,6 @@ def escrow_now(schedule: Schedule) -> float:
     """Return A now, money."""
     first = schedule.segments[0]
     return first.escrow * math.exp(-first.rate * first.duration)
-
-
-def _collocated_greeks(
-    contracts: Sequence[tuple[Option, Market]],
-    schedules: dict[int, Schedule],
-    found: dict[int, Found],
-    greeks: Greeks,
-    threads: int,
-) -> dict[int, ScheduledGreeks]:
-    """Return the derivatives by the parameters of the rows that are held."""
-    if greeks is False:
-        return {}
-    held = [row for row, value in found.items() if not value.exercised]
-    plans = {row: plan_greeks(*contracts[row], extended=greeks == "extended") for row in held}
-    parts = {row: (schedules[row], *plans[row].schedules) for row in held}
-    derivatives: dict[int, ScheduledGreeks] = {}
-    for shift in (0, 1, -1):  # a neighbouring level serves where a bumped schedule does not settle
-        left = [row for row in held if row not in derivatives or not derivatives[row].is_whole()]
-        for row, values in _values_at(left, parts, found, shift, threads).items():
-            derivatives[row] = plans[row].finish(values[0][0], values[1:])
-    for row in held:
-        if not derivatives[row].is_whole():
-            solution = solve_schedule_lcs(schedules[row], GENERAL_TOLERANCE)
-            values = values_on_same_grid(solution, parts[row])
-            derivatives[row] = plans[row].finish(values[0][0], values[1:])
-    return derivatives
-
-
-def _values_at(
-    rows: list[int],
-    parts: dict[int, tuple[Schedule, ...]],
-    found: dict[int, Found],
-    shift: int,
-    threads: int,
-) -> dict[int, list[tuple[float, float]]]:
-    """Return (value, delta) in money of the rows' schedules, NaN where they do not settle, so many levels finer."""
-    every = [schedule for row in rows for schedule in parts[row]]
-    if not every:
-        return {}
-    levels = [min(max(found[row].diagnostics.solves - 1 + shift, 0), FINEST) for row in rows]
-    level = np.repeat(levels, [len(parts[row]) for row in rows]).astype(np.int64)
-    numbers, settled = solve_book(pack(every), level, threads)
-    pairs = [
-        (schedule.strike * value, schedule.strike / schedule.spot * slope) if sound else (math.nan, math.nan)
-        for schedule, value, slope, sound in zip(
-            every, numbers[0].tolist(), numbers[1].tolist(), settled.tolist(), strict=True
-        )
-    ]
-    values, at = {}, 0
-    for row in rows:
-        values[row] = pairs[at : at + len(parts[row])]
-        at += len(parts[row])
-    return values
 
 
 def _from_lcs(option: Option, solution: ScheduledSolution, lcp_method: str) -> Found:

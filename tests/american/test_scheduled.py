@@ -307,3 +307,23 @@ def test_a_table_holds_what_single_prices_are():
         assert table["price"][row] == alone.price
         assert table["vega"][row] == alone.vega
         assert table["dividend_sensitivities"][row] == (alone.dividend_sensitivities or ())
+
+
+def test_a_deadline_between_price_and_greeks_leaves_the_price():
+    option, market = CONTRACTS["put, quarterly dividends"]
+    calls = iter([False, True])
+    found = price(option, market, interrupt=lambda: next(calls))
+    assert found.status == "deadline"
+    assert found.price == price(option, market, greeks=False).price
+    assert found.vega is None
+    assert price(option, market, interrupt=lambda: True).price is None
+
+
+def test_a_sensitivity_that_does_not_settle_comes_from_a_neighbouring_level():
+    # At the level of the price the third of these bumped schedules has no boundary to be found.
+    dividends = cash(1.0, (0.2, 0.45, 0.7, 0.95))
+    found = price(PUT, Market(100.0, 0.05, 0.25, cash_dividends=dividends))
+    assert np.all(np.isfinite(found.dividend_sensitivities))
+    assert found.dividend_sensitivities == pytest.approx(
+        (0.45770, 0.47549, 0.44673, 0.33599), abs=2e-5
+    )  # lcs

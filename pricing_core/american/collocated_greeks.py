@@ -1,0 +1,133 @@
+"""Derivatives by the parameters of options with events, by the collocation at the level of their price."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from pricing_core.american.collocation import FINEST, pack, solve_book
+from pricing_core.american.contract import Option
+from pricing_core.american.market import Market
+from pricing_core.american.results import Diagnostics
+from pricing_core.american.schedule import Schedule
+from pricing_core.american.scheduled_greeks import ScheduledGreeks, plan_greeks
+from pricing_core.american.scheduled_lcs import solve_schedule_lcs, values_on_same_grid
+
+Greeks: TypeAlias = bool | Literal["extended"]
+GENERAL_TOLERANCE = 1e-5  # of the general path's grid where it serves the derivatives
+SEGMENTS_AT_ONCE = 500  # a fraction of a second between two looks at the clock
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A value with its derivatives by the spot, in money, and how it was found.
+
+    Parameters
+    ----------
+    value, european, delta, gamma, error : float
+    boundary : float
+        S* now, NaN without one.
+    exercised : bool
+        Whether the spot lies in the closed exercise region.
+    method : str
+    diagnostics : Diagnostics
+    interrupted : bool
+    """
+
+    value: float
+    european: float
+    delta: float
+    gamma: float
+    error: float
+    boundary: float
+    exercised: bool
+    method: str
+    diagnostics: Diagnostics
+    interrupted: bool = False
+
+
+class DeadlinePassedError(Exception):
+    """The interrupt came before the derivatives were found."""
+
+
+def collocated_greeks(
+    contracts: Sequence[tuple[Option, Market]],
+    schedules: dict[int, Schedule],
+    found: dict[int, Found],
+    greeks: Greeks,
+    *,
+    threads: int = 1,
+    interrupt: Callable[[], bool] | None = None,
+) -> dict[int, ScheduledGreeks]:
+    """Return the derivatives by the parameters of the rows that are held.
+
+    A bumped schedule may not settle where the contract itself does: then a neighbouring level serves, at last the
+    general path.
+
+    Raises
+    ------
+    DeadlinePassedError
+        The interrupt came before the end.
+    """
+    if greeks is False:
+        return {}
+    held = [row for row, value in found.items() if not value.exercised]
+    plans = {row: plan_greeks(*contracts[row], extended=greeks == "extended") for row in held}
+    parts = {row: (schedules[row], *plans[row].schedules) for row in held}
+    derivatives: dict[int, ScheduledGreeks] = {}
+    for shift in (0, 1, -1):
+        left = [row for row in held if row not in derivatives or not derivatives[row].is_whole()]
+        levels = [min(max(found[row].diagnostics.solves - 1 + shift, 0), FINEST) for row in left]
+        for row, values in _values_at(left, parts, levels, threads, interrupt):
+            derivatives[row] = plans[row].finish(values[0][0], values[1:])
+    for row in held:
+        if not derivatives[row].is_whole():
+            solution = solve_schedule_lcs(schedules[row], GENERAL_TOLERANCE, interrupt=interrupt)
+            if math.isnan(solution.value):
+                raise DeadlinePassedError
+            values = values_on_same_grid(solution, parts[row])
+            derivatives[row] = plans[row].finish(values[0][0], values[1:])
+    return derivatives
+
+
+def _values_at(
+    rows: list[int],
+    parts: dict[int, tuple[Schedule, ...]],
+    levels: list[int],
+    threads: int,
+    interrupt: Callable[[], bool] | None,
+) -> Iterator[tuple[int, list[tuple[float, float]]]]:
+    """Yield each row with the (value, delta) of its schedules, in money, NaN where they do not settle."""
+    every = [schedule for row in rows for schedule in parts[row]]
+    level = np.repeat(levels, [len(parts[row]) for row in rows]).astype(np.int64)
+    pairs: list[tuple[float, float]] = []
+    for part in _portions(every):
+        if interrupt is not None and interrupt():
+            raise DeadlinePassedError
+        numbers, settled = solve_book(pack(every[part]), level[part], threads)
+        pairs += [
+            (schedule.strike * value, schedule.strike / schedule.spot * slope)
+            if sound
+            else (math.nan, math.nan)
+            for schedule, value, slope, sound in zip(
+                every[part], numbers[0].tolist(), numbers[1].tolist(), settled.tolist(), strict=True
+            )
+        ]
+    at = 0
+    for row in rows:
+        yield row, pairs[at : at + len(parts[row])]
+        at += len(parts[row])
+
+
+def _portions(schedules: list[Schedule]) -> Iterator[slice]:
+    """Cut the list where the segments so far are enough for one call of the kernel."""
+    start, segments = 0, 0
+    for k, schedule in enumerate(schedules):
+        segments += len(schedule.segments)
+        if segments >= SEGMENTS_AT_ONCE:
+            yield slice(start, k + 1)
+            start, segments = k + 1, 0
+    if start < len(schedules):
+        yield slice(start, len(schedules))
