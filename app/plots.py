@@ -1,6 +1,7 @@
 """Pictures of results, as PNG; matplotlib is imported by whoever asks for one."""
 
 import math
+from dataclasses import replace
 from typing import BinaryIO
 
 import numpy as np
@@ -11,7 +12,7 @@ from pricing_core.american import ExerciseBoundary, Market, Option, PiecewiseCon
 from pricing_core.american.closed_form import perpetual_boundary
 from pricing_core.american.exercise_region import region_at_expiry
 from pricing_core.american.schedule import without_events
-from pricing_core.arrays import Vector
+from pricing_core.arrays import BoolVector, Vector
 
 BLUE, RED, GREY = "#1f5fa8", "#b5402f", "#5a6570"
 DOTS_PER_INCH = 150
@@ -25,6 +26,8 @@ def draw_boundary(found: ExerciseBoundary, option: Option, market: Market, file:
     file : BinaryIO
         Open for writing; receives a PNG image.
     """
+    if option.exercise == "bermudan":
+        found = _apart(found)
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     axes = figure.subplots()
     _draw_curve(axes, found.time, found.boundary, "exercise boundary")
@@ -61,6 +64,25 @@ def limits_at_expiry(option: Option, market: Market) -> list[float]:
 def _draw_curve(axes: Axes, time: Vector, boundary: Vector, label: str, style: str = "-") -> None:
     if np.isfinite(boundary).any():
         axes.plot(time, boundary, color=BLUE, linewidth=2.0, linestyle=style, label=label)
+        alone = _alone(boundary)
+        axes.plot(time[alone], boundary[alone], color=BLUE, linestyle="", marker="o")
+
+
+def _apart(found: ExerciseBoundary) -> ExerciseBoundary:
+    """Return the boundary with nothing between its times."""
+
+    def parted(values: Vector) -> Vector:
+        return np.column_stack([values, np.full(values.size, math.nan)]).ravel()[:-1]
+
+    other = None if found.other_boundary is None else parted(found.other_boundary)
+    time = np.repeat(found.time, 2)[:-1]
+    return replace(found, time=time, boundary=parted(found.boundary), other_boundary=other)
+
+
+def _alone(boundary: Vector) -> BoolVector:
+    """Return the points without neighbours: just before a dividend, or the dates of a Bermudan option."""
+    known = np.pad(np.isfinite(boundary), 1)
+    return np.asarray(known[1:-1] & ~known[:-2] & ~known[2:])
 
 
 def _draw_region(axes: Axes, found: ExerciseBoundary, option: Option) -> None:
@@ -72,6 +94,8 @@ def _draw_region(axes: Axes, found: ExerciseBoundary, option: Option) -> None:
     axes.fill_between(
         found.time, found.boundary, far, color=BLUE, alpha=0.12, linewidth=0.0, label="exercise"
     )
+    alone = _alone(found.boundary)
+    axes.vlines(found.time[alone], found.boundary[alone], far[alone], color=BLUE, alpha=0.3)
 
 
 def _frame(found: ExerciseBoundary, option: Option, levels: list[float]) -> tuple[float, float]:
