@@ -145,6 +145,7 @@ def test_the_volatility_is_recovered_where_vega_is_not_tiny():
     assert table["iterations"][visible].mean() < 5.0
 
 
+@slow_on_the_twin
 def test_rows_equal_single_searches_bit_for_bit_whatever_their_neighbours():
     contracts = random_contracts(600, 9)
     prices = price_many(contracts, tolerance=1e-6, greeks=False)["price"]

@@ -204,6 +204,7 @@ def test_greeks_are_differences_of_prices(name):
         assert found.dividend_sensitivities[0] == pytest.approx((moved[0] - moved[1]) / 0.02, abs=2e-4)
 
 
+@slow_on_the_twin
 def test_theta_is_the_change_of_the_value_as_time_passes():
     for name in ("put, quarterly dividends", "call, escrowed", "put, curves"):
         option, market = CONTRACTS[name]
@@ -232,6 +233,7 @@ def test_extended_greeks_are_differences_of_the_others():
     assert found.volga == pytest.approx((up.vega - down.vega) / 4e-3, rel=2e-2, abs=0.05)
 
 
+@slow_on_the_twin
 def test_extended_greeks_of_a_flat_market():
     found = price(PUT, FLAT, tolerance=1e-7, greeks="extended")
     up, down = (price(PUT, replace(FLAT, volatility=0.25 + by), tolerance=1e-8) for by in (1e-3, -1e-3))
@@ -319,6 +321,7 @@ def test_a_deadline_between_price_and_greeks_leaves_the_price():
     assert price(option, market, interrupt=lambda: True).price is None
 
 
+@slow_on_the_twin
 def test_a_sensitivity_that_does_not_settle_comes_from_a_neighbouring_level():
     # At the level of the price the third of these bumped schedules has no boundary to be found.
     dividends = cash(1.0, (0.2, 0.45, 0.7, 0.95))
