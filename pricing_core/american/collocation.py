@@ -30,7 +30,9 @@ NEGLECTED = (
     1e-13,
 )  # strikes: what lies beyond the interval of each level
 ROUNDING = 1e-13  # strikes
-LARGEST_LOG = 200.0  # of spot over strike
+FURTHEST = 30.0  # deviations between spot and strike
+LARGEST_CALL_DEVIATION = 4.0
+SAFE = 4.5  # deviations of the spot above what a dividend takes to nearly zero
 WIDEST = 400.0  # deviation at expiry over the spread of a segment
 LEAST_SPREAD = 1e-7
 
@@ -66,11 +68,40 @@ class Solved:
 
 
 def is_served(schedule: Schedule) -> bool:
-    """Whether the collocation may be tried: chance in every segment, and none far shorter than the whole."""
-    if schedule.spot <= 0.0 or abs(math.log(schedule.spot / schedule.strike)) > LARGEST_LOG:
+    """Whether the collocation may be tried.
+
+    There must be chance in every segment, and none far shorter than the whole; spot and strike must be within
+    reach of each other; a call's spot must not spread so far that its parts cancel; and no dividend may be likely
+    to take a put's spot to nearly zero, where the contact set begins in a way that is not followed.
+    """
+    if schedule.spot <= 0.0:
         return False
+    distance = abs(math.log(schedule.spot / schedule.strike))
     spreads = [segment.volatility * math.sqrt(segment.duration) for segment in schedule.segments]
-    return min(spreads) >= max(LEAST_SPREAD, math.hypot(*spreads) / WIDEST)
+    deviation = math.hypot(*spreads)
+    if min(spreads) < max(LEAST_SPREAD, deviation / WIDEST) or distance > FURTHEST * deviation:
+        return False
+    return _keeps_its_spot(schedule, spreads) if schedule.is_put else deviation <= LARGEST_CALL_DEVIATION
+
+
+def _keeps_its_spot(schedule: Schedule, spreads: list[float]) -> bool:
+    """Whether the dividends of a put are small against its spot when they are paid, with all but certainty."""
+    forward, variance = math.log(schedule.spot / schedule.strike), 0.0
+    for segment, spread in zip(schedule.segments, spreads, strict=True):
+        forward += (segment.rate - segment.dividend_yield) * segment.duration
+        variance += spread * spread
+        jumps = segment.fraction > 0.0 or segment.amount > 0.0 or segment.escrow > 0.0
+        if segment.exercisable and segment.dividend_yield < 0.0 < segment.rate and jumps:
+            return False  # exercise begins between two spots
+        if segment.amount > 0.0:
+            nearly_zero = math.log(segment.amount / schedule.strike) + spread
+            if nearly_zero > min(forward, 0.0) - SAFE * math.sqrt(variance):
+                return False
+            left = math.exp(forward) * (1.0 - segment.fraction) - segment.amount / schedule.strike
+            forward = math.log(left) if left > 0.0 else -math.inf
+        elif segment.fraction > 0.0:
+            forward += math.log1p(-segment.fraction) if segment.fraction < 1.0 else -math.inf
+    return math.isfinite(forward)
 
 
 def solve_to_tolerance(schedules: Sequence[Schedule], tolerance: Vector, threads: int) -> Solved:
