@@ -152,6 +152,7 @@ def test_the_finest_level_is_the_kernels_last():
 
 
 # Each of these was once wrong by up to a tenth of the strike with the status "ok".
+@slow_on_the_twin
 @pytest.mark.parametrize(
     ("option", "market", "right"),
     [
