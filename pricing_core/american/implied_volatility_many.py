@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pricing_core.american.book import Book, read_book
 from pricing_core.american.columns import as_numbers, broadcast_columns, plain
 from pricing_core.american.contract import check_kind, real_number
-from pricing_core.american.price_many import CHUNK, SMALLEST_CHUNK, _checked_threads
+from pricing_core.american.price_many import CHUNK, SMALLEST_CHUNK, checked_threads
 from pricing_core.american.tolerances import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
 from pricing_core.american.volatility_pricers import ANY_VOLATILITY, find_in_book, find_with_events
 from pricing_core.american.volatility_search import INVALID, STATUSES, Found, nothing_found
@@ -64,7 +64,7 @@ def implied_volatility_many(
     """
     real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
     check_kind("columns", columns, Mapping, "a mapping of names to columns")
-    workers = _checked_threads(threads)
+    workers = checked_threads(threads)
     cells, sides = _observed(option_price, bid, ask)
     count = sides.shape[1]
     book, reasons = read_book({**columns, "volatility": ANY_VOLATILITY}, tolerance)

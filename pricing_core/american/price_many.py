@@ -93,7 +93,7 @@ def price_many(
     real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
     check_kind("greeks", greeks, bool, "True or False")
     check_kind("share_solves", share_solves, bool, "True or False")
-    workers = _checked_threads(threads)
+    workers = checked_threads(threads)
     book, reasons = read_book(columns, tolerance)
     count = book.spot.size
     table: dict[str, NDArray[Any]] = dict(zip(NUMBERS, np.empty((len(NUMBERS), count)), strict=True))
@@ -123,7 +123,7 @@ def price_many(
     return table
 
 
-def _checked_threads(threads: object) -> int:
+def checked_threads(threads: object) -> int:
     """Return how many threads are meant; None means one."""
     if threads is None:
         return 1

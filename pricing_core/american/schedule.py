@@ -51,6 +51,10 @@ class Segment:
         """Years."""
         return self.end - self.start
 
+    def escrow_at(self, time: float) -> float:
+        """Return A at `time` (years from now) in the stretch, money; at its end before the dividends there."""
+        return self.escrow * math.exp(-self.rate * max(self.end - time, 0.0))
+
 
 @dataclass(frozen=True, slots=True)
 class Schedule:

@@ -213,8 +213,7 @@ def _collocate(schedules: Sequence[Schedule], tolerance: Vector, threads: int) -
 
 def escrow_now(schedule: Schedule) -> float:
     """Return A now, money."""
-    first = schedule.segments[0]
-    return first.escrow * math.exp(-first.rate * first.duration)
+    return schedule.segments[0].escrow_at(0.0)
 
 
 def _from_lcs(option: Option, solution: ScheduledSolution, lcp_method: str) -> Found:

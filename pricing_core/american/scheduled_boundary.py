@@ -82,5 +82,5 @@ def _escrow_at(segments: tuple[Segment, ...], time: float) -> float:
     """Return A just before what happens at `time`, money."""
     for segment in segments:
         if time <= segment.end * (1.0 + 1e-12):
-            return segment.escrow * math.exp(-segment.rate * max(segment.end - time, 0.0))
+            return segment.escrow_at(time)
     return 0.0

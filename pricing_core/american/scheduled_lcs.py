@@ -23,7 +23,6 @@ from pricing_core.american.scheduled_level import (
     solver_at_strike,
 )
 from pricing_core.american.scheduled_limits import (
-    escrow_at,
     exact_european,
     option_of,
     scheduled_region_at_expiry,
@@ -217,7 +216,7 @@ def _ends(solver: ScheduledSolver, times: tuple[float, ...], tolerance: float) -
     ends = np.full((len(times), 2), math.nan)
     for row, (t, found) in enumerate(zip(times, regions, strict=True)):
         segment = next((s for s in schedule.segments if t <= s.end), schedule.segments[-1])
-        region = actual_region(found, escrow_at(segment, t) / schedule.strike)
+        region = actual_region(found, segment.escrow_at(t) / schedule.strike)
         if t >= schedule.segments[-1].end:
             region = scheduled_region_at_expiry(schedule, region)
         ends[row] = region.boundaries(option_of(schedule))
@@ -371,7 +370,7 @@ def _region_near_strike(
     regions = solver.regions((0.0,), resolution)
     if regions is None:
         return EMPTY_REGION
-    return actual_region(regions[0], escrow_at(schedule.segments[0], 0.0) / schedule.strike)
+    return actual_region(regions[0], schedule.segments[0].escrow_at(0.0) / schedule.strike)
 
 
 def _worthless_underlying(

@@ -11,7 +11,7 @@ from pricing_core.american.interpolation import local_derivatives, run_around
 from pricing_core.american.resolution import Resolution, Scheme
 from pricing_core.american.schedule import Schedule
 from pricing_core.american.scheduled_grid import SpotRange, natural_stretching, spot_range
-from pricing_core.american.scheduled_limits import escrow_at, may_exercise_early, without_exercise
+from pricing_core.american.scheduled_limits import may_exercise_early, without_exercise
 from pricing_core.american.scheduled_sweep import LEAST_SHARE, Sweep, sweep_schedule
 from pricing_core.american.tridiagonal_step import LCPMethod
 from pricing_core.arrays import Vector
@@ -124,7 +124,7 @@ class ScheduledSolver:
         )
 
     def _escrow(self) -> float:
-        return escrow_at(self.schedule.segments[0], 0.0) / self.schedule.strike
+        return self.schedule.segments[0].escrow_at(0.0) / self.schedule.strike
 
 
 def make_scheduled_solver(

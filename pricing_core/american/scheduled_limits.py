@@ -34,11 +34,6 @@ def may_exercise_early(schedule: Schedule) -> bool:
     )
 
 
-def escrow_at(segment: Segment, time: float) -> float:
-    """Return A(time) in money, time in the segment."""
-    return segment.escrow * math.exp(-segment.rate * (segment.end - time))
-
-
 def exact_european(schedule: Schedule) -> Vector | None:
     """Return (v, v_s, v_ss) of the European option by the formula, shape (3,); None where it has none.
 
@@ -71,7 +66,7 @@ def value_at_zero(schedule: Schedule) -> tuple[float, float, bool]:
             value, slope = at_end, -1.0
         value *= math.exp(-segment.rate * segment.duration)
         slope *= math.exp(-segment.dividend_yield * segment.duration)
-        now = 1.0 - escrow_at(segment, segment.start) / schedule.strike
+        now = 1.0 - segment.escrow_at(segment.start) / schedule.strike
         exercised = segment.exercisable and now >= value
         if exercised:
             value, slope = now, -1.0

@@ -19,7 +19,6 @@ from pricing_core.american.grid import Grid
 from pricing_core.american.resolution import Resolution, integrate_stage
 from pricing_core.american.schedule import Schedule, Segment
 from pricing_core.american.scheduled_form import SegmentForm
-from pricing_core.american.scheduled_limits import escrow_at
 from pricing_core.american.tridiagonal_step import (
     LCPMethod,
     OptionStage,
@@ -130,7 +129,7 @@ def sweep_schedule(
         steps += run.accepted
         residual = max(residual, *(each.residual for each in run.states))
         fitted |= form.operators.fitted
-        escrow_after = escrow_at(segment, segment.start)
+        escrow_after = segment.escrow_at(segment.start)
         after = GridFunction.through(nodes, values, at_zero, weights)
     assert state is not None
     regions = tuple(found.get(t, EMPTY_REGION) for t in times)

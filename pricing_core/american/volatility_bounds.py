@@ -81,7 +81,7 @@ def schedule_bounds(schedule: Schedule) -> PriceBounds:
     sign = 1.0 if schedule.is_put else -1.0
     first, held = schedule.segments[0], 0.0 if schedule.is_put else schedule.spot
     european_lower, lower = certain_value(schedule, exercise=False), certain_value(schedule)
-    now = first.escrow * math.exp(-first.rate * first.duration)
+    now = first.escrow_at(0.0)
     at_once = sign * (schedule.strike - schedule.spot - now) if first.exercisable else 0.0
     upper, discount, share, spot = 0.0, 1.0, 1.0, schedule.spot
     for segment in schedule.segments:
