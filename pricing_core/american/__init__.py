@@ -1,7 +1,6 @@
 """American and European options, priced as linear complementarity systems."""
 
 from pricing_core.american.boundary import ExerciseBoundary, exercise_boundary
-from pricing_core.american.collocated_greeks import Greeks
 from pricing_core.american.contract import Option
 from pricing_core.american.curves import PiecewiseConstant
 from pricing_core.american.dividends import CashDividend, ProportionalDividend
@@ -13,6 +12,7 @@ from pricing_core.american.price_many import price_many
 from pricing_core.american.pricing import price
 from pricing_core.american.resolution import Resolution
 from pricing_core.american.results import Diagnostics, Valuation
+from pricing_core.american.solver_settings import Greeks
 from pricing_core.american.surface import ValueSurface, value_surface
 from pricing_core.american.vocabulary import contract_from
 

@@ -1,13 +1,13 @@
 """A table of contracts as arrays, one option per row, each row checked."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.book_rows import Events, read_dates, read_singly, without_event_cells
+from pricing_core.american.book_rows import Events, read_dates, read_rows
 from pricing_core.american.columns import as_numbers, broadcast_columns, equals
 from pricing_core.american.contract import LARGEST_EXPIRY, LARGEST_MONEY, SMALLEST_MONEY, Option, check_kind
 from pricing_core.american.market import (
@@ -45,8 +45,8 @@ class Book:
     spot, strike, expiry, rate, dividend_yield, volatility : Vector
     tolerance : Vector
         Fractions of the strike.
-    events : mapping of int to (Option, Market)
-        By row, the contracts with curves, dividends or exercise times; their numbers here are NaN.
+    events : Events
+        The contracts with curves, dividends or exercise times; the numbers of their rows here are NaN.
     """
 
     is_put: BoolVector
@@ -58,22 +58,18 @@ class Book:
     dividend_yield: Vector
     volatility: Vector
     tolerance: Vector
-    events: Events = field(default_factory=dict)
+    events: Events = field(default_factory=Events)
 
     def take(self, rows: NDArray[np.intp]) -> "Book":
-        """Return some of the rows."""
-        return self._part(rows, rows)
+        """Return some of the rows, without events."""
+        return self._part(rows)
 
     def slice(self, rows: slice) -> "Book":
-        """Return consecutive rows, without copying them."""
-        return self._part(rows, range(self.spot.size)[rows])
+        """Return consecutive rows, without events and without copying them."""
+        return self._part(rows)
 
-    def _part(self, rows: Any, places: Iterable[int]) -> "Book":
-        part = Book(*(getattr(self, name)[rows] for name in self.__slots__ if name != "events"))
-        if self.events:
-            found = ((new, self.events.get(int(old))) for new, old in enumerate(places))
-            part.events.update((new, contract) for new, contract in found if contract is not None)
-        return part
+    def _part(self, rows: Any) -> "Book":
+        return Book(*(getattr(self, name)[rows] for name in self.__slots__ if name != "events"))
 
     def option(self, row: int) -> Option:
         """Return the contract of one row."""
@@ -138,12 +134,11 @@ def read_book(columns: Mapping[str, Any], tolerance: float) -> tuple[Book, dict[
             sound &= (numbers[name] >= least) & (numbers[name] <= most)
         ratio = numbers["spot"] / numbers["strike"]
     sound &= (ratio == 0.0) | ((ratio >= 1e-29) & (ratio <= 1e29))
-    sound &= without_event_cells(table)
-    arrays: dict[str, Any] = {"is_put": is_put, "is_american": is_american, **numbers}
-    read = read_singly(table, arrays, np.flatnonzero(~sound).tolist())
     for name in ("rate", "dividend_yield"):
         numbers[name][np.abs(numbers[name]) < NEGLIGIBLE_RATE] = 0.0
-    return Book(**arrays, events=read.events), read.reasons
+    arrays: dict[str, Any] = {"is_put": is_put, "is_american": is_american, **numbers}
+    events, reasons = read_rows(table, arrays, sound)
+    return Book(**arrays, events=events), reasons
 
 
 def _check_names(columns: Mapping[str, Any]) -> None:

@@ -2,8 +2,9 @@
 
 import datetime as dt
 import math
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +12,14 @@ from numpy.typing import NDArray
 from pricing_core.american.columns import plain
 from pricing_core.american.contract import Option, real_number
 from pricing_core.american.dates import expiry_from_dates
-from pricing_core.american.market import FlatMarket, Market
+from pricing_core.american.market import FlatMarket
 from pricing_core.american.schedule import make_schedule, without_events
+from pricing_core.american.scheduled_book import Contract, ScheduledBook, scheduled_book
 from pricing_core.american.tolerances import LARGEST_TOLERANCE, SMALLEST_TOLERANCE, check_moneyness
 from pricing_core.american.vocabulary import DATES, contract_from, is_missing
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import InvalidInputError
 
-Events = dict[int, tuple[Option, Market]]
 EVENT_COLUMNS: Mapping[str, object] = {  # and what a row without events holds there, if anything
     "exercise_times": "[]",
     "exercise_start": 0.0,
@@ -26,22 +27,31 @@ EVENT_COLUMNS: Mapping[str, object] = {  # and what a row without events holds t
     "proportional_dividends": "[]",
     "dividend_model": "spot",
 }
+NUMBERS = ("strike", "expiry", "spot", "rate", "dividend_yield", "volatility")
 
 
-class RowsRead(NamedTuple):
-    """By row: the contracts with curves, dividends or exercise times, and what is wrong with others."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Events(Mapping[int, Contract]):
+    """By row of a table, the contracts that have curves, dividends or exercise times.
 
-    events: Events
-    reasons: dict[int, InvalidInputError]
+    Parameters
+    ----------
+    places : dict of int to int
+        From a row of the table to one of `book`.
+    book : ScheduledBook
+    """
 
+    places: dict[int, int] = field(default_factory=dict)
+    book: ScheduledBook = field(default_factory=lambda: scheduled_book([]))
 
-def without_event_cells(table: Mapping[str, NDArray[Any]]) -> BoolVector:
-    """Return which rows hold nothing in the columns of events."""
-    empty = np.ones(table["spot"].size, dtype=bool)
-    for name, default in EVENT_COLUMNS.items():
-        if name in table:
-            empty &= np.array([_is_default(cell, default) for cell in table[name].tolist()], dtype=bool)
-    return empty
+    def __getitem__(self, row: int) -> Contract:
+        return self.book.contract(self.places[row])
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.places)
+
+    def __len__(self) -> int:
+        return len(self.places)
 
 
 def read_dates(table: Mapping[str, NDArray[Any]], expiry: Vector) -> None:
@@ -60,36 +70,58 @@ def read_dates(table: Mapping[str, NDArray[Any]], expiry: Vector) -> None:
             expiry[row] = math.nan
 
 
-def read_singly(
-    table: Mapping[str, NDArray[Any]], arrays: Mapping[str, NDArray[Any]], rows: list[int]
-) -> RowsRead:
-    """Read rows, and write into the arrays of the book those that turn out plain; NaN in the others.
+def read_rows(
+    table: Mapping[str, NDArray[Any]], arrays: Mapping[str, NDArray[Any]], sound: BoolVector
+) -> tuple[Events, dict[int, InvalidInputError]]:
+    """Return the contracts with events, and by row what is wrong with others.
+
+    Into the arrays of the book go the numbers of rows that turn out plain, and NaN in the others.
 
     Parameters
     ----------
     table, arrays : mapping of str to array, shape (n,)
         The cells as they are given; the columns of the book by name.
-    rows : list of int
+    sound : bool array
+        Where the arrays hold what is allowed.
     """
-    read = RowsRead({}, {})
+
+    def contract(row: int) -> Contract:
+        return checked_contract({name: plain(column[row]) for name, column in table.items()})
+
+    plain_rows = sound & np.logical_and.reduce(
+        [_is_empty(table, *column) for column in EVENT_COLUMNS.items()]
+    )
+    events, reasons = _read_singly(np.flatnonzero(~plain_rows).tolist(), table, arrays, contract)
+    places = {row: place for place, row in enumerate(events)}
+    return Events(places, scheduled_book(list(events.values()))), reasons
+
+
+def _read_singly(
+    rows: list[int],
+    table: Mapping[str, NDArray[Any]],
+    arrays: Mapping[str, NDArray[Any]],
+    contract: Callable[[int], Contract],
+) -> tuple[dict[int, Contract], dict[int, InvalidInputError]]:
+    """Return by row the contracts with events, and what is wrong with others; write the numbers of the rest."""
+    events: dict[int, Contract] = {}
+    reasons: dict[int, InvalidInputError] = {}
     for row in rows:
-        cells = {name: plain(column[row]) for name, column in table.items()}
         simple: tuple[Option, FlatMarket] | None = None
-        tolerance = math.nan
+        tolerance, cell = math.nan, plain(table["tolerance"][row])
         try:
-            contract = checked_contract(cells)
-            tolerance = real_number("tolerance", cells["tolerance"], SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+            held = contract(row)
+            tolerance = real_number("tolerance", cell, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
         except InvalidInputError as fault:
-            read.reasons[row] = fault
+            reasons[row] = fault
         else:
-            simple = without_events(*contract)
+            simple = without_events(*held)
             if simple is None:
-                read.events[row] = contract
+                events[row] = held
         _write(arrays, row, simple, tolerance)
-    return read
+    return events, reasons
 
 
-def checked_contract(cells: Mapping[str, Any]) -> tuple[Option, Market]:
+def checked_contract(cells: Mapping[str, Any]) -> Contract:
     """Return a row's contract.
 
     Raises
@@ -102,6 +134,13 @@ def checked_contract(cells: Mapping[str, Any]) -> tuple[Option, Market]:
     if market.dividend_model == "escrowed" and option.expiry > 0.0:
         make_schedule(option, market)  # refuses dividends that are worth more than the spot
     return option, market
+
+
+def _is_empty(table: Mapping[str, NDArray[Any]], name: str, default: object) -> BoolVector:
+    """Return which rows hold nothing in a column of events."""
+    if name not in table:
+        return np.ones(table["spot"].size, dtype=bool)
+    return np.array([_is_default(cell, default) for cell in table[name].tolist()], dtype=bool)
 
 
 def _is_default(cell: object, default: object) -> bool:
@@ -122,13 +161,12 @@ def _years(start: object, end: object) -> float:
 def _write(
     arrays: Mapping[str, NDArray[Any]], row: int, simple: tuple[Option, FlatMarket] | None, tolerance: float
 ) -> None:
-    names = ("strike", "expiry", "spot", "rate", "dividend_yield", "volatility")
     if simple is None:
-        numbers = [math.nan] * len(names)
+        numbers = [math.nan] * len(NUMBERS)
     else:
         option, market = simple
         arrays["is_put"][row], arrays["is_american"][row] = option.is_put, option.exercise == "american"
-        numbers = [getattr(option if name in names[:2] else market, name) for name in names]
-    for name, number in zip(names, numbers, strict=True):
+        numbers = [getattr(option if name in NUMBERS[:2] else market, name) for name in NUMBERS]
+    for name, number in zip(NUMBERS, numbers, strict=True):
         arrays[name][row] = number
     arrays["tolerance"][row] = tolerance

@@ -10,6 +10,7 @@ from scipy.special import ndtr
 from pricing_core.american.book import Book
 from pricing_core.american.closed_form import ONE_OVER_SQRT_TWO_PI
 from pricing_core.american.premium import Puts, PutValues, solve_puts
+from pricing_core.american.priced_rows import PricedRows
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
 MARCHED, CLOSED, LEFT = 1, 2, 0  # how a row is valued; what is left takes the path of single options
@@ -21,32 +22,17 @@ LARGEST_LOG = 600.0  # of spot and strike: beyond, the closed formula overflows
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BookValues:
-    """Money per unit of underlying, by row; NaN in the rows that are left.
+class BookValues(PricedRows):
+    """The rows of a book, NaN in those that are left.
 
     Parameters
     ----------
-    value, european, delta, gamma, theta, vega, rho, dividend_rho, boundary, error : Vector
-        As in `pricing_core.american.Valuation`.
-    exercised : bool array
-        Whether the spot lies in the exercise region.
     path : int array
         MARCHED, CLOSED or LEFT.
     steps : int array
         Time steps of the finest march; 0 in closed form.
     """
 
-    value: Vector
-    european: Vector
-    delta: Vector
-    gamma: Vector
-    theta: Vector
-    vega: Vector
-    rho: Vector
-    dividend_rho: Vector
-    boundary: Vector
-    error: Vector
-    exercised: BoolVector
     path: NDArray[np.int8]
     steps: NDArray[np.int64]
 
@@ -65,7 +51,7 @@ def value_book(book: Book, *, greeks: bool, threads: int, shared: bool) -> BookV
         Whether rows that differ in spot and strike alone share a march.
     """
     count = book.spot.size
-    numbers = dict(zip(BookValues.__slots__[:10], np.full((10, count), np.nan), strict=True))
+    numbers = dict(zip(PricedRows.__slots__[:10], np.full((10, count), np.nan), strict=True))
     out = BookValues(
         **numbers,
         exercised=np.zeros(count, dtype=bool),

@@ -2,7 +2,11 @@
 
 import math
 
+import numpy as np
+
+from pricing_core.american.packed_schedules import PackedSchedules
 from pricing_core.american.schedule import Schedule, Segment
+from pricing_core.arrays import Vector
 
 SMALLEST_SPREAD = 1e-12  # sigma sqrt(T) below which chance makes no difference
 
@@ -32,22 +36,17 @@ def certain_value(schedule: Schedule, *, exercise: bool = True) -> float:
     return max(best, sign * (schedule.strike - spot) * discount, 0.0)
 
 
-def uncertainty(schedule: Schedule) -> float:
-    """Return a bound on what chance adds or takes, in money.
+def uncertainty(book: PackedSchedules) -> Vector:
+    """Return bounds on what chance adds or takes, in money, shape (n,).
 
     Dividends make the spot at most smaller; as for `deterministic_error`, |V - V(volatility 0)| is at most
-    2 S sup e^{-int q} sqrt(e^{int sigma**2} - 1).
+    2 S sup e^{-int q} sqrt(e^{int sigma**2} - 1), and int -q at most that of its positive part.
     """
-    variance = math.fsum(segment.volatility**2 * segment.duration for segment in schedule.segments)
-    if variance == 0.0 or schedule.spot == 0.0:
-        return 0.0
-    if variance > 1.0:
-        return math.inf
-    growth, largest = 0.0, 0.0
-    for segment in schedule.segments:
-        growth -= segment.dividend_yield * segment.duration
-        largest = max(largest, growth)
-    return 2.0 * schedule.spot * math.exp(largest) * math.sqrt(math.expm1(variance))
+    columns, starts = book.columns(), book.first[:-1]
+    variance = np.add.reduceat(columns.volatility**2 * columns.duration, starts)
+    growth = np.add.reduceat(np.maximum(-columns.dividend_yield, 0.0) * columns.duration, starts)
+    bound = 2.0 * book.spot * np.exp(growth) * np.sqrt(np.expm1(np.minimum(variance, 1.0)))
+    return np.where((variance > 1.0) & (book.spot > 0.0), np.inf, bound)
 
 
 def _stationary(strike: float, spot: float, segment: Segment) -> list[float]:

@@ -1,51 +1,19 @@
 """Derivatives by the parameters of options with events, by the collocation at the level of their price."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from pricing_core.american.collocation import FINEST, pack, solve_book
-from pricing_core.american.contract import Option
-from pricing_core.american.market import Market
-from pricing_core.american.results import Diagnostics
-from pricing_core.american.schedule import Schedule
+from pricing_core.american.collocation import FINEST, solve_book
+from pricing_core.american.packed_schedules import pack
+from pricing_core.american.schedule import Schedule, make_schedule
+from pricing_core.american.scheduled_book import Contract
 from pricing_core.american.scheduled_greeks import ScheduledGreeks, plan_greeks
 from pricing_core.american.scheduled_lcs import solve_schedule_lcs, values_on_same_grid
 
-Greeks: TypeAlias = bool | Literal["extended"]
 GENERAL_TOLERANCE = 1e-5  # of the general path's grid where it serves the derivatives
 SEGMENTS_AT_ONCE = 500  # a fraction of a second between two looks at the clock
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """A value with its derivatives by the spot, in money, and how it was found.
-
-    Parameters
-    ----------
-    value, european, delta, gamma, error : float
-    boundary : float
-        S* now, NaN without one.
-    exercised : bool
-        Whether the spot lies in the closed exercise region.
-    method : str
-    diagnostics : Diagnostics
-    interrupted : bool
-    """
-
-    value: float
-    european: float
-    delta: float
-    gamma: float
-    error: float
-    boundary: float
-    exercised: bool
-    method: str
-    diagnostics: Diagnostics
-    interrupted: bool = False
 
 
 class DeadlinePassedError(Exception):
@@ -53,15 +21,14 @@ class DeadlinePassedError(Exception):
 
 
 def collocated_greeks(
-    contracts: Sequence[tuple[Option, Market]],
-    schedules: dict[int, Schedule],
-    found: dict[int, Found],
-    greeks: Greeks,
+    contracts: Mapping[int, Contract],
+    levels: Mapping[int, int],
     *,
+    extended: bool,
     threads: int = 1,
     interrupt: Callable[[], bool] | None = None,
 ) -> dict[int, ScheduledGreeks]:
-    """Return the derivatives by the parameters of the rows that are held.
+    """Return the derivatives by the parameters of contracts that are held, each from the level of its price.
 
     A bumped schedule may not settle where the contract itself does: then a neighbouring level serves, at last the
     general path.
@@ -71,24 +38,21 @@ def collocated_greeks(
     DeadlinePassedError
         The interrupt came before the end.
     """
-    if greeks is False:
-        return {}
-    held = [row for row, value in found.items() if not value.exercised]
-    plans = {row: plan_greeks(*contracts[row], extended=greeks == "extended") for row in held}
-    parts = {row: (schedules[row], *plans[row].schedules) for row in held}
+    plans = {row: plan_greeks(*contract, extended=extended) for row, contract in contracts.items()}
+    parts = {row: (make_schedule(*contracts[row]), *plan.schedules) for row, plan in plans.items()}
     derivatives: dict[int, ScheduledGreeks] = {}
     for shift in (0, 1, -1):
-        left = [row for row in held if row not in derivatives or not derivatives[row].is_whole()]
-        levels = [min(max(found[row].diagnostics.solves - 1 + shift, 0), FINEST) for row in left]
-        for row, values in _values_at(left, parts, levels, threads, interrupt):
+        left = [row for row in plans if row not in derivatives or not derivatives[row].is_whole()]
+        shifted = [min(max(levels[row] + shift, 0), FINEST) for row in left]
+        for row, values in _values_at(left, parts, shifted, threads, interrupt):
             derivatives[row] = plans[row].finish(values[0][0], values[1:])
-    for row in held:
+    for row, plan in plans.items():
         if not derivatives[row].is_whole():
-            solution = solve_schedule_lcs(schedules[row], GENERAL_TOLERANCE, interrupt=interrupt)
+            solution = solve_schedule_lcs(parts[row][0], GENERAL_TOLERANCE, interrupt=interrupt)
             if math.isnan(solution.value):
                 raise DeadlinePassedError
             values = values_on_same_grid(solution, parts[row])
-            derivatives[row] = plans[row].finish(values[0][0], values[1:])
+            derivatives[row] = plan.finish(values[0][0], values[1:])
     return derivatives
 
 

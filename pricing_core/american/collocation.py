@@ -5,14 +5,13 @@ neighbours bounds the error of the finer one, unless they agree by chance: a sha
 added, where there is a boundary to resolve. Calibrated on random contracts, checked in tests.
 """
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core import kernel
+from pricing_core.american.packed_schedules import PackedSchedules, pack
 from pricing_core.american.schedule import Schedule
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
@@ -66,45 +65,49 @@ class Solved:
     settled: BoolVector
     level: NDArray[np.int64]
 
+    def take(self, rows: NDArray[np.intp]) -> "Solved":
+        """Return some of them."""
+        return Solved(*(getattr(self, name)[rows] for name in self.__slots__))
 
-def is_served(schedule: Schedule) -> bool:
-    """Whether the collocation may be tried.
+
+def is_served(book: PackedSchedules) -> BoolVector:
+    """Tell for which schedules the collocation may be tried.
 
     There must be chance in every segment, and none far shorter than the whole; spot and strike must be within
     reach of each other; a call's spot must not spread so far that its parts cancel; and no dividend may be likely
     to take a put's spot to nearly zero, where the contact set begins in a way that is not followed.
     """
-    if schedule.spot <= 0.0:
-        return False
-    distance = abs(math.log(schedule.spot / schedule.strike))
-    spreads = [segment.volatility * math.sqrt(segment.duration) for segment in schedule.segments]
-    deviation = math.hypot(*spreads)
-    if min(spreads) < max(LEAST_SPREAD, deviation / WIDEST) or distance > FURTHEST * deviation:
-        return False
-    return _keeps_its_spot(schedule, spreads) if schedule.is_put else deviation <= LARGEST_CALL_DEVIATION
+    starts, columns = book.first[:-1], book.columns()
+    spread = columns.volatility * np.sqrt(columns.duration)
+    deviation = np.sqrt(np.add.reduceat(spread * spread, starts))
+    least = np.minimum.reduceat(spread, starts)
+    served = (book.spot > 0.0) & (np.abs(book.x) <= FURTHEST * deviation)
+    served &= (least >= LEAST_SPREAD) & (least >= deviation / WIDEST)
+    narrow = np.where(book.sign > 0.0, _keeps_its_spot(book, spread), deviation <= LARGEST_CALL_DEVIATION)
+    return served & narrow
 
 
-def _keeps_its_spot(schedule: Schedule, spreads: list[float]) -> bool:
-    """Whether the dividends of a put are small against its spot when they are paid, with all but certainty."""
-    forward, variance = math.log(schedule.spot / schedule.strike), 0.0
-    for segment, spread in zip(schedule.segments, spreads, strict=True):
-        forward += (segment.rate - segment.dividend_yield) * segment.duration
-        variance += spread * spread
-        jumps = segment.fraction > 0.0 or segment.amount > 0.0 or segment.escrow > 0.0
-        if segment.exercisable and segment.dividend_yield < 0.0 < segment.rate and jumps:
-            return False  # exercise begins between two spots
-        if segment.amount > 0.0:
-            nearly_zero = math.log(segment.amount / schedule.strike) + spread
-            if nearly_zero > min(forward, 0.0) - SAFE * math.sqrt(variance):
-                return False
-            left = math.exp(forward) * (1.0 - segment.fraction) - segment.amount / schedule.strike
-            forward = math.log(left) if left > 0.0 else -math.inf
-        elif segment.fraction > 0.0:
-            forward += math.log1p(-segment.fraction) if segment.fraction < 1.0 else -math.inf
-    return math.isfinite(forward)
+def _keeps_its_spot(book: PackedSchedules, spread: Vector) -> BoolVector:
+    """Tell whether a put's dividends are small against its spot when they are paid, with all but certainty."""
+    columns = book.columns()
+    growth, left = np.exp((columns.rate - columns.dividend_yield) * columns.duration), 1.0 - columns.fraction
+    forward, variance = np.exp(book.x), np.zeros(book.x.size)
+    ahead, spreads = np.empty((2, spread.size))  # forward and variance at every end, before its dividend
+    for rows, at in book.by_place():
+        ahead[at] = grown = forward[rows] * growth[at]
+        forward[rows] = np.maximum(grown * left[at] - columns.amount[at], 0.0)
+        variance[rows] += spread[at] ** 2
+        spreads[at] = variance[rows]
+    with np.errstate(divide="ignore"):
+        lowest = np.minimum(np.log(ahead), 0.0) - SAFE * np.sqrt(spreads)
+        likely = np.log(columns.amount) + spread > lowest
+    jumps = (columns.fraction > 0.0) | (columns.amount > 0.0) | (columns.escrow > 0.0)
+    between = jumps & (columns.exercisable > 0.0) & (columns.dividend_yield < 0.0) & (columns.rate > 0.0)
+    # Where it lies between two spots, exercise begins in yet another way.
+    return ~np.logical_or.reduceat(likely | between, book.first[:-1]) & (forward > 0.0)
 
 
-def solve_to_tolerance(schedules: Sequence[Schedule], tolerance: Vector, threads: int) -> Solved:
+def solve_to_tolerance(book: PackedSchedules, tolerance: Vector, threads: int) -> Solved:
     """Refine every schedule until its stated error meets its tolerance, or to the finest level.
 
     Parameters
@@ -112,19 +115,16 @@ def solve_to_tolerance(schedules: Sequence[Schedule], tolerance: Vector, threads
     tolerance : Vector, shape (n,)
         Fractions of the strike.
     """
-    count = len(schedules)
-    book = pack(schedules)
-    level = np.array(
-        [next(first for least, first in FIRST_LEVELS if t >= least) for t in tolerance], dtype=np.int64
-    )
+    count = book.x.size
+    least, first = np.array(FIRST_LEVELS).T
+    level = first[np.argmax(tolerance[:, None] >= least, axis=1)].astype(np.int64)
     value, slope, curvature, boundary = np.full((4, count), np.nan)
     nothing = np.full(count, np.inf), np.zeros(count, dtype=bool), level.copy()
-    european, _ = solve_book(pack(schedules, exercise=False), np.maximum(level, EUROPEAN_LEVEL), threads)
+    european, _ = solve_book(book.european(), np.maximum(level, EUROPEAN_LEVEL), threads)
     solved = Solved(value, slope, curvature, boundary, european[0], *nothing)
-    coarse = np.full(count, np.nan)
+    found, settled = solve_book(book, level - 1, threads)
+    coarse = np.where(settled, found[0], np.nan)
     rows = np.arange(count)
-    found, settled = solve_book(book.take(rows), level - 1, threads)
-    coarse[settled] = found[0, settled]
     while rows.size:
         found, settled = solve_book(book.take(rows), level[rows], threads)
         _keep(solved, rows, level[rows], found, settled, coarse[rows])
@@ -156,51 +156,6 @@ def _keep(
         column[kept] = numbers[better]
     solved.error[kept], solved.level[kept] = error[better], level[better]
     solved.settled[kept] = True
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PackedSchedules:
-    """Schedules as the kernel takes them."""
-
-    sign: Vector  # (n,)
-    x: Vector  # (n,)
-    first: NDArray[np.int64]  # (n + 1,)
-    stretches: Matrix  # (m, 9)
-
-    def take(self, rows: NDArray[np.intp]) -> "PackedSchedules":
-        """Return some of them."""
-        if rows.size == self.x.size:
-            return self
-        counts = np.diff(self.first)[rows]
-        first = np.concatenate([[0], np.cumsum(counts)])
-        chosen = np.repeat(self.first[rows] - first[:-1], counts) + np.arange(first[-1])
-        return PackedSchedules(self.sign[rows], self.x[rows], first, self.stretches[chosen])
-
-
-def pack(schedules: Sequence[Schedule], *, exercise: bool = True) -> PackedSchedules:
-    """Return the schedules in units of their strikes; without exercise, those of the European options."""
-    rows = [
-        (
-            segment.end - segment.start,
-            segment.rate,
-            segment.dividend_yield,
-            segment.volatility,
-            float(exercise and segment.exercisable),
-            float(exercise and segment.exercise_at_end),
-            segment.fraction,
-            segment.amount / schedule.strike,
-            segment.escrow / schedule.strike,
-        )
-        for schedule in schedules
-        for segment in schedule.segments
-    ]
-    counts = [len(schedule.segments) for schedule in schedules]
-    return PackedSchedules(
-        np.array([1.0 if schedule.is_put else -1.0 for schedule in schedules]),
-        np.array([math.log(schedule.spot) - math.log(schedule.strike) for schedule in schedules]),
-        np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]).astype(np.int64),
-        np.array(rows, dtype=np.float64).reshape(len(rows), 9),
-    )
 
 
 def solve_book(book: PackedSchedules, level: NDArray[np.int64], threads: int) -> tuple[Matrix, BoolVector]:

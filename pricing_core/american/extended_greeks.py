@@ -8,6 +8,7 @@ from pricing_core.american.curves import Curve, PiecewiseConstant
 from pricing_core.american.flat_price import price_flat
 from pricing_core.american.market import FlatMarket, Market
 from pricing_core.american.results import Valuation
+from pricing_core.american.solver_settings import SolverSettings
 
 VOLATILITY_SHARE = 0.01  # of the volatility: the step of the differences
 
@@ -39,7 +40,7 @@ def _by_volatility(
         return 0.0, 0.0
     step = VOLATILITY_SHARE * flat.volatility
     up, down = (
-        price_flat(option, replace(flat, volatility=flat.volatility + by), tolerance=tolerance)
+        price_flat(option, replace(flat, volatility=flat.volatility + by), SolverSettings(tolerance))
         for by in (step, -step)
     )
     return _difference(up.delta, down.delta, step), _difference(up.vega, down.vega, step)

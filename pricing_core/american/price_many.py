@@ -11,32 +11,14 @@ from pricing_core.american.book import Book, read_book
 from pricing_core.american.book_values import CLOSED, LEFT, BookValues, value_book
 from pricing_core.american.contract import check_kind, real_number
 from pricing_core.american.flat_price import price_left_over
-from pricing_core.american.results import DAYS_PER_YEAR, Valuation
+from pricing_core.american.price_table import SENSITIVITIES, Table, empty_table, fill_row, fill_rows
+from pricing_core.american.priced_rows import PricedRows
 from pricing_core.american.scheduled import price_scheduled_many
+from pricing_core.american.solver_settings import SolverSettings
 from pricing_core.american.tolerances import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
 from pricing_core.american.valuation import MARCH_METHOD
 from pricing_core.errors import InvalidInputError
-from pricing_core.version import ENGINE_VERSION
 
-NUMBERS = (
-    "price",
-    "european_price",
-    "early_exercise_premium",
-    "intrinsic_value",
-    "delta",
-    "gamma",
-    "theta",
-    "theta_per_day",
-    "vega",
-    "vega_per_point",
-    "rho",
-    "rho_per_point",
-    "dividend_rho",
-    "exercise_boundary",
-    "error_estimate",
-)
-TEXTS = ("status", "method", "engine_version", "message")
-SENSITIVITIES = "dividend_sensitivities"
 MOST_THREADS = 1024
 CHUNK = 16384  # rows valued at a time: their arrays stay in the cache
 SMALLEST_CHUNK = 256  # fewer rows are not worth a thread
@@ -96,12 +78,7 @@ def price_many(
     workers = checked_threads(threads)
     book, reasons = read_book(columns, tolerance)
     count = book.spot.size
-    table: dict[str, NDArray[Any]] = dict(zip(NUMBERS, np.empty((len(NUMBERS), count)), strict=True))
-    table["exercise_now"] = np.zeros(count, dtype=bool)
-    table |= {name: np.full(count, "", dtype=object) for name in TEXTS}
-    if "cash_dividends" in columns:
-        table[SENSITIVITIES] = np.full(count, None, dtype=object)
-        table[SENSITIVITIES].fill(())
+    table = empty_table(count)
 
     def fill(rows: slice) -> None:
         part = {name: column[rows] for name, column in table.items()}
@@ -117,7 +94,13 @@ def price_many(
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(fill, chunks))
     if book.events:
-        _price_events(book, table, greeks=greeks, threads=workers)
+        places = np.array(list(book.events))
+        tolerances = book.tolerance[places]
+        events = price_scheduled_many(book.events.book, tolerances, greeks=greeks, threads=workers)
+        for name, column in events.items():
+            table[name][places] = column
+    if "cash_dividends" not in columns:
+        del table[SENSITIVITIES]
     for row, fault in reasons.items():
         table["status"][row], table["message"][row] = "invalid_input", str(fault)
     return table
@@ -136,77 +119,27 @@ def checked_threads(threads: object) -> int:
     raise InvalidInputError("threads", threads, f"an integer from 1 to {MOST_THREADS}")
 
 
-def _price_part(
-    book: Book, part: dict[str, NDArray[Any]], *, greeks: bool, threads: int, shared: bool
-) -> None:
+def _price_part(book: Book, part: Table, *, greeks: bool, threads: int, shared: bool) -> None:
     """Fill the rows of `part` with the values of `book`."""
     values = value_book(book, greeks=greeks, threads=threads, shared=shared)
     _fill(book, values, part)
     for row in np.flatnonzero((values.path == LEFT) & ~np.isnan(book.spot)).tolist():
         try:
-            valuation = price_left_over(
-                book.option(row), book.market(row), tolerance=book.tolerance.item(row), greeks=greeks
-            )
+            settings = SolverSettings(book.tolerance.item(row), greeks=greeks)
+            valuation = price_left_over(book.option(row), book.market(row), settings)
         except (InvalidInputError, ArithmeticError) as error:
             part["status"][row], part["message"][row] = "out_of_domain", str(error)
         else:
-            _fill_row(row, valuation, part)
+            fill_row(part, row, valuation)
 
 
-def _price_events(book: Book, table: dict[str, NDArray[Any]], *, greeks: bool, threads: int) -> None:
-    """Fill the rows of contracts with curves, dividends or exercise times."""
-    rows = sorted(book.events)
-    contracts = [book.events[row] for row in rows]
-    tolerances = book.tolerance[rows].tolist()
-    for row, valuation in zip(
-        rows, price_scheduled_many(contracts, tolerances, greeks=greeks, threads=threads), strict=True
-    ):
-        _fill_row(row, valuation, table)
-        if valuation.price is None:
-            table["message"][row] = valuation.diagnostics.solved_by  # the reason, where nothing did
-        if SENSITIVITIES in table:
-            table[SENSITIVITIES][row] = valuation.dividend_sensitivities or ()
-
-
-def _fill(book: Book, values: BookValues, part: dict[str, NDArray[Any]]) -> None:
-    numbers = {
-        "price": values.value,
-        "european_price": values.european,
-        "early_exercise_premium": values.value - values.european,
-        "intrinsic_value": np.maximum(
-            np.where(book.is_put, book.strike - book.spot, book.spot - book.strike), 0.0
-        ),
-        "delta": values.delta,
-        "gamma": values.gamma,
-        "theta": values.theta,
-        "theta_per_day": values.theta / DAYS_PER_YEAR,
-        "vega": values.vega,
-        "vega_per_point": values.vega / 100.0,
-        "rho": values.rho,
-        "rho_per_point": values.rho / 100.0,
-        "dividend_rho": values.dividend_rho,
-        "exercise_boundary": values.boundary,
-        "error_estimate": values.error,
-    }
-    for name, column in numbers.items():
-        part[name][:] = column
-    part["exercise_now"][:] = values.exercised
-    # One string object for a column, not one per row.
-    part["status"].fill("ok")
-    part["method"].fill(MARCH_METHOD)
-    part["engine_version"].fill(ENGINE_VERSION)
+def _fill(book: Book, values: BookValues, part: Table) -> None:
+    rows: NDArray[np.intp] | slice = slice(None)
+    priced: PricedRows = values
+    if np.any(values.path == LEFT):
+        rows = np.flatnonzero(values.path != LEFT)
+        book, priced = book.take(rows), values.priced(rows)
+    payoff = np.maximum(np.where(book.is_put, book.strike - book.spot, book.spot - book.strike), 0.0)
+    tolerance = book.tolerance * book.strike
+    fill_rows(part, rows, priced, payoff=payoff, tolerance=tolerance, method=MARCH_METHOD)
     part["method"][values.path == CLOSED] = "closed-form"
-    part["status"][values.error > book.tolerance * book.strike] = "tolerance_not_met"
-    left = values.path == LEFT  # invalid, or still to be priced
-    for name in TEXTS:
-        part[name][left] = ""
-    part["intrinsic_value"][left] = np.nan
-
-
-def _fill_row(row: int, valuation: Valuation, part: dict[str, NDArray[Any]]) -> None:
-    for name in NUMBERS:
-        number = getattr(valuation, name)
-        part[name][row] = np.nan if number is None else number
-    part["exercise_now"][row] = valuation.exercise_now
-    for name in TEXTS[:3]:
-        part[name][row] = getattr(valuation, name)

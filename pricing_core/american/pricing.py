@@ -1,8 +1,8 @@
 """The front door to one price: check, and choose the path."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
-from pricing_core.american.collocated_greeks import Greeks
 from pricing_core.american.contract import Option, check_kind, real_number
 from pricing_core.american.extended_greeks import with_extended_greeks
 from pricing_core.american.flat_price import price_flat
@@ -11,6 +11,7 @@ from pricing_core.american.resolution import Resolution
 from pricing_core.american.results import Valuation
 from pricing_core.american.schedule import without_events
 from pricing_core.american.scheduled import price_scheduled
+from pricing_core.american.solver_settings import Greeks, Method, SolverSettings
 from pricing_core.american.tolerances import (
     DEFAULT_TOLERANCE,
     LARGEST_TOLERANCE,
@@ -18,7 +19,6 @@ from pricing_core.american.tolerances import (
     check_moneyness,
 )
 from pricing_core.american.tridiagonal_step import LCPMethod
-from pricing_core.american.valuation import Method, scheme_of
 from pricing_core.errors import InvalidInputError
 
 
@@ -87,28 +87,11 @@ def price(
     _check_choice("method", method, ("auto", "lcs", "crank-nicolson"))
     _check_choice("lcp_method", lcp_method, ("tridiagonal", "policy", "psor", "lemke"))
     check_moneyness(option, market.spot)
+    settings = SolverSettings(tolerance, method, lcp_method, greeks, resolution, interrupt)
     plain = without_events(option, market)
     if plain is None:
-        return price_scheduled(
-            option,
-            market,
-            tolerance,
-            use_collocation=method == "auto" and lcp_method == "tridiagonal" and resolution is None,
-            scheme=scheme_of(method, resolution),
-            lcp_method=lcp_method,
-            greeks=greeks,
-            resolution=resolution,
-            interrupt=interrupt,
-        )
-    valuation = price_flat(
-        *plain,
-        tolerance=tolerance,
-        method=method,
-        lcp_method=lcp_method,
-        greeks=greeks is not False,
-        resolution=resolution,
-        interrupt=interrupt,
-    )
+        return price_scheduled(option, market, settings)
+    valuation = price_flat(*plain, replace(settings, greeks=greeks is not False))
     return with_extended_greeks(valuation, *plain, market, tolerance) if greeks == "extended" else valuation
 
 

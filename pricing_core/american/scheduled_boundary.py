@@ -10,6 +10,7 @@ from pricing_core.american.collocation import boundaries_at, is_served
 from pricing_core.american.contract import Option
 from pricing_core.american.exercise_region import region_at_expiry
 from pricing_core.american.market import FlatMarket, Market
+from pricing_core.american.packed_schedules import pack
 from pricing_core.american.schedule import Schedule, Segment, make_schedule
 from pricing_core.american.scheduled_lcs import boundaries_lcs
 from pricing_core.arrays import Matrix, Vector
@@ -67,7 +68,7 @@ def _at_expiry(option: Option, last: Segment) -> float:
 
 def _collocated(schedule: Schedule, times: Vector, tolerance: float) -> tuple[Vector, Vector] | None:
     """Return the boundary in money and the distance of two levels; None where they are not found."""
-    if not is_served(schedule):
+    if not is_served(pack([schedule]))[0]:
         return None
     level = LEVEL if tolerance > TIGHT_TOLERANCE else TIGHT_LEVEL
     (coarse, sound), (fine, settled) = (boundaries_at(schedule, times, k) for k in (level - 1, level))

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from pricing_core.american.contract import Option, check_kind
 from pricing_core.american.market import FlatMarket, Market
 from pricing_core.american.price_many import price_many
-from pricing_core.american.schedule import without_events
+from pricing_core.american.schedule import make_schedule, without_events
 from pricing_core.american.scheduled import price_scheduled_many
+from pricing_core.american.scheduled_book import scheduled_book
 from pricing_core.american.seen_later import seen_later
 from pricing_core.american.tolerances import DEFAULT_TOLERANCE
 from pricing_core.arrays import Matrix, Vector, as_vector
@@ -112,11 +113,13 @@ def _priced(
     if plain is not None:
         return _table({**_columns(*plain), "spot": spot}, spot, tolerance, threads)
     contracts = [(option, replace(market, spot=float(s))) for s in spot]
-    found = price_scheduled_many(contracts, [tolerance] * spot.size, greeks=False, threads=threads or 1)
-    for s, valuation in zip(spot, found, strict=True):
-        if valuation.price is None:
-            raise InvalidInputError("spots", float(s), _allowed(valuation.diagnostics.solved_by))
-    return {name: np.array([getattr(valuation, name) for valuation in found]) for name in FIELDS}
+    for contract in contracts:
+        try:
+            make_schedule(*contract)
+        except InvalidInputError as fault:  # escrowed dividends are worth the spot or more
+            raise InvalidInputError("spots", contract[1].spot, _allowed(str(fault))) from None
+    book, tolerances = scheduled_book(contracts), np.full(spot.size, tolerance)
+    return _checked(price_scheduled_many(book, tolerances, greeks=False, threads=threads or 1), spot)
 
 
 def _columns(option: Option, market: FlatMarket) -> dict[str, Any]:
@@ -135,6 +138,10 @@ def _table(
     columns: dict[str, Any], spot: Vector, tolerance: float, threads: int | None
 ) -> dict[str, NDArray[Any]]:
     table = price_many(columns, tolerance=tolerance, greeks=False, threads=threads, share_solves=True)
+    return _checked(table, spot)
+
+
+def _checked(table: dict[str, NDArray[Any]], spot: Vector) -> dict[str, NDArray[Any]]:
     refused = np.flatnonzero(np.isnan(table["price"]))
     if refused.size:
         row = int(refused[0])

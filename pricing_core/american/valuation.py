@@ -1,9 +1,7 @@
 """Price one option in a flat market: value, Greeks, exercise boundary and an honest error estimate."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal, TypeAlias
 
 from pricing_core.american.book import single_row
 from pricing_core.american.book_values import MARCHED, value_book
@@ -28,30 +26,16 @@ from pricing_core.american.limits import (
     is_deterministic,
 )
 from pricing_core.american.market import FlatMarket
-from pricing_core.american.resolution import Resolution, Scheme
+from pricing_core.american.resolution import Resolution
 from pricing_core.american.results import Diagnostics, Status, Valuation, assemble, without_price
-from pricing_core.american.tridiagonal_step import LCPMethod
-from pricing_core.errors import InvalidInputError
+from pricing_core.american.solver_settings import SolverSettings
 
-Method: TypeAlias = Literal["auto", "lcs", "crank-nicolson"]
 MARCH_METHOD = "premium-march"
 
 
-def price_alone(
-    option: Option,
-    market: FlatMarket,
-    *,
-    tolerance: float,
-    method: Method = "auto",
-    lcp_method: LCPMethod = "tridiagonal",
-    greeks: bool = True,
-    resolution: Resolution | None = None,
-    interrupt: Callable[[], bool] | None = None,
-) -> Valuation:
-    """Price one option, its arguments checked, without the march: by a formula or on the general path.
-
-    Parameters, returns and raises are those of `price`.
-    """
+def price_alone(option: Option, market: FlatMarket, settings: SolverSettings) -> Valuation:
+    """Price one option without the march: by a formula or on the general path."""
+    tolerance, interrupt = settings.tolerance, settings.interrupt
     if option.expiry == 0.0 or is_closed_form(option, market):
         solved_by = "expired" if option.expiry == 0.0 else "closed form"
         return _from_closed(option, market, european_value(option, market), solved_by, tolerance)
@@ -59,14 +43,15 @@ def price_alone(
     at_strike = replace(market, spot=max(market.spot, option.strike))  # a spot of 0 has no chance to show
     if is_deterministic(option, at_strike, tolerance):
         return _from_closed(option, market, deterministic, "zero volatility", tolerance)
-    first = _first_resolution(option, market, method, resolution)
+    first = _first_resolution(option, market, settings)
     if market.spot == 0.0:
         region = region_near_strike(option, market, tolerance, first.refined().refined(), interrupt)
         return _from_closed(option, market, deterministic, "worthless underlying", tolerance, region)
+    greeks, lcp_method = settings.greeks is not False, settings.lcp_method
     solver = make_solver(
         option, market, tolerance, first, lcp_method=lcp_method, tangents=greeks, interrupt=interrupt
     )
-    if resolution is None:
+    if settings.resolution is None:
         estimate = estimate_to_tolerance(solver, tolerance, first)
     else:
         estimate = estimate_at_resolution(solver, first)
@@ -80,28 +65,11 @@ def price_alone(
     return _from_estimate(option, market, estimate, tolerance, lcp_method, greeks)
 
 
-def _first_resolution(
-    option: Option, market: FlatMarket, method: Method, resolution: Resolution | None
-) -> Resolution:
+def _first_resolution(option: Option, market: FlatMarket, settings: SolverSettings) -> Resolution:
     """Return the resolution to begin with, its scheme settled."""
-    scheme = scheme_of(method, resolution)
-    if resolution is None:
-        return coarsest_resolution(option, market, scheme)
-    return replace(resolution, scheme=scheme)
-
-
-def scheme_of(method: Method, resolution: Resolution | None) -> Scheme:
-    """Return the one-step method, settled between `method` and `resolution`."""
-    wanted = None if resolution is None else resolution.scheme
-    if (
-        method != "auto"
-        and wanted is not None
-        and (wanted == "crank-nicolson") != (method == "crank-nicolson")
-    ):
-        raise InvalidInputError(
-            "method", method, f'"auto" where the resolution asks for the scheme "{wanted}"'
-        )
-    return wanted or ("crank-nicolson" if method == "crank-nicolson" else "sdirk2")
+    if settings.resolution is None:
+        return coarsest_resolution(option, market, settings.scheme)
+    return replace(settings.resolution, scheme=settings.scheme)
 
 
 def _from_estimate(
@@ -172,20 +140,13 @@ def march_value(option: Option, market: FlatMarket, tolerance: float, greeks: bo
     values = value_book(single_row(option, market, tolerance), greeks=greeks, threads=1, shared=False)
     if values.path[0] != MARCHED:
         return None
-    closed = ClosedValue(
-        *(getattr(values, name).item(0) for name in ("value", "delta", "gamma", "theta")),
-        *(getattr(values, name).item(0) for name in ("vega", "rho", "dividend_rho", "error")),
-    )
-    return assemble(
+    error = values.error.item()
+    return values.valuation(
         option,
         market.spot,
-        closed,
-        european=values.european.item(0),
-        boundary=values.boundary.item(0),
-        exercise_now=values.exercised.item(0),
-        status="ok" if closed.error <= tolerance * option.strike else "tolerance_not_met",
+        status="ok" if error <= tolerance * option.strike else "tolerance_not_met",
         method=MARCH_METHOD,
-        diagnostics=Diagnostics("premium march", steps_taken=values.steps.item(0)),
+        diagnostics=Diagnostics("premium march", steps_taken=values.steps.item()),
     )
 
 

@@ -14,6 +14,8 @@ from pricing_core.american.market import Market
 from pricing_core.american.results import Valuation
 from pricing_core.american.schedule import make_schedule, without_events
 from pricing_core.american.scheduled import price_scheduled_many
+from pricing_core.american.scheduled_book import scheduled_book
+from pricing_core.american.solver_settings import SolverSettings
 from pricing_core.american.valuation import march_value, price_alone
 from pricing_core.american.volatility_bounds import book_bounds, join_bounds, schedule_bounds
 from pricing_core.american.volatility_search import NO_CONVERGENCE, NOT_SERVED, Found, Pricer, Prices, search
@@ -77,7 +79,8 @@ def _find_left(book: Book, prices: Vector, interrupt: Callable[[], bool] | None)
         if marched is not None:
             return marched
         try:
-            return price_alone(option, market, tolerance=tolerance, greeks=False, interrupt=interrupt)
+            settings = SolverSettings(tolerance, greeks=False, interrupt=interrupt)
+            return price_alone(option, market, settings)
         except (InvalidInputError, ArithmeticError):  # out of what the engine can do
             return None
 
@@ -119,7 +122,9 @@ def find_with_events(
             (contracts[row][0], replace(contracts[row][1], volatility=number))
             for row, number in zip(rows.tolist(), volatility.tolist(), strict=True)
         ]
-        return _prices(price_scheduled_many(trial, tolerance.tolist(), greeks=False, threads=threads))
+        table = price_scheduled_many(scheduled_book(trial), tolerance, greeks=False, threads=threads)
+        no_vega = np.full(rows.size, np.nan)
+        return Prices(table["price"], table["european_price"], no_vega, table["error_estimate"])
 
     return _search_all(targets, price_at)
 

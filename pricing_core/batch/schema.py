@@ -9,7 +9,7 @@ from typing import Literal
 
 import pyarrow as pa
 
-from pricing_core.american.price_many import NUMBERS, SENSITIVITIES
+from pricing_core.american.price_table import NUMBERS, SENSITIVITIES
 from pricing_core.american.vocabulary import DATES
 from pricing_core.errors import InvalidInputError
 

@@ -8,10 +8,10 @@ from pricing_core.american.collocation import (
     FINEST,
     boundaries_at,
     is_served,
-    pack,
     solve_book,
     solve_to_tolerance,
 )
+from pricing_core.american.packed_schedules import pack
 from pricing_core.american.schedule import make_schedule
 from pricing_core.american.scheduled_lcs import solve_schedule_lcs
 from tests.problems.event_values import Event, event_values, quadrature_value
@@ -23,7 +23,7 @@ ONE_BOUNDARY = [case for case in event_values() if case.market.rate > 0.0]
 
 
 def solved(schedule, tolerance=1e-8):
-    found = solve_to_tolerance([schedule], np.array([tolerance]), 1)
+    found = solve_to_tolerance(pack([schedule]), np.array([tolerance]), 1)
     return schedule.strike * found.value[0], schedule.strike * found.error[0]
 
 
@@ -114,9 +114,9 @@ def random_schedules(seed, count):
 @slow_on_the_twin
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6])
 def test_values_are_within_their_tolerance_and_errors_are_stated_honestly(tolerance):
-    schedules = random_schedules(5, 150)
-    exact = solve_to_tolerance(schedules, np.full(150, 1e-8), 1)
-    found = solve_to_tolerance(schedules, np.full(150, tolerance), 1)
+    book = pack(random_schedules(5, 150))
+    exact = solve_to_tolerance(book, np.full(150, 1e-8), 1)
+    found = solve_to_tolerance(book, np.full(150, tolerance), 1)
     sure = exact.settled & found.settled & (exact.error <= 1e-7)
     assert sure.mean() > 0.97
     error = np.abs(found.value - exact.value)[sure]
@@ -138,12 +138,11 @@ def test_the_boundary_at_an_ex_time_is_that_just_before_it():
 
 def test_what_is_beyond_the_collocation_is_not_served():
     schedule = SCHEDULES["put, curves"]
-    assert is_served(schedule)
-    assert not is_served(replace(schedule, spot=0.0))
     certain = make_schedule(
         Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.0, cash_dividends=[{"time": 0.5, "amount": 1.0}])
     )
-    assert not is_served(certain)
+    served = is_served(pack([schedule, replace(schedule, spot=0.0), certain]))
+    assert served.tolist() == [True, False, False]
 
 
 def test_the_finest_level_is_the_kernels_last():
@@ -180,5 +179,5 @@ def test_the_finest_level_is_the_kernels_last():
     ids=["spread", "spot gone", "negative yield", "cancellation"],
 )
 def test_what_the_collocation_would_get_wrong_is_left_to_the_general_path(option, market, right):
-    assert not is_served(make_schedule(option, market))
+    assert not is_served(pack([make_schedule(option, market)]))[0]
     assert price(option, market, tolerance=1e-5, greeks=False).price == pytest.approx(right, rel=2e-3)

@@ -5,9 +5,9 @@ import pytest
 
 from pricing_core import kernel_name
 from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, price, price_many
+from pricing_core.american.price_table import NUMBERS, TEXTS
 from pricing_core.american.vocabulary import contract_from
 from pricing_core.errors import InvalidInputError
-from tests.problems.scheduled_stand_in import ScheduledStandIn
 
 COLUMNS = {
     "option_type": ["put", "call", "put", "put"],
@@ -306,51 +306,35 @@ CURVE = {"times": [0.25, 1.0], "values": [0.1, 0.2]}
 DIVIDEND = {"time": 0.5, "amount": 1.0}
 
 
-@pytest.fixture
-def scheduled(monkeypatch):
-    return ScheduledStandIn(monkeypatch)
-
-
-def test_rows_with_events_are_priced_all_at_once_and_the_others_as_ever(scheduled):
+def test_rows_with_events_are_single_prices_and_the_others_as_ever():
     book = {**COLUMNS, "rate": [0.05, CURVE, 0.05, 0.05], "tolerance": [1e-4, 1e-3, 1e-4, 1e-4]}
     dividends = [None, None, [DIVIDEND], []]
-    table = price_many({**book, "cash_dividends": dividends}, greeks=False, threads=3)
-    plain = price_many(COLUMNS, tolerance=1e-4, greeks=False)
+    table = price_many({**book, "cash_dividends": dividends}, threads=3)
+    plain = price_many(COLUMNS, tolerance=1e-4)
     assert_same_bits(take(plain, [0, 3]), take({name: table[name] for name in plain}, [0, 3]))
-    assert scheduled.calls == [
-        (
-            [
-                (Option("call", 100.0, 0.5), Market(110.0, PiecewiseConstant(**CURVE), 0.3, 0.03)),
-                (Option("put", 100.0, 1.0), Market(70.0, 0.05, 0.2, 0.0, (CashDividend(0.5, 1.0),))),
-            ],
-            [1e-3, 1e-4],
-            False,
-            3,
-        )
+    curved = Market(110.0, PiecewiseConstant(**CURVE), 0.3, 0.03)
+    paying = Market(70.0, 0.05, 0.2, 0.0, (CashDividend(0.5, 1.0),))
+    singles = [
+        price(Option("call", 100.0, 0.5), curved, tolerance=1e-3),
+        price(Option("put", 100.0, 1.0), paying, tolerance=1e-4),
     ]
-    assert table["price"][[1, 2]].tolist() == [0.0, 1.0]
-    assert np.isnan(table["vega"][[1, 2]]).all()
-    assert table["exercise_now"].tolist() == [
-        *plain["exercise_now"][:1],
-        False,
-        True,
-        *plain["exercise_now"][3:],
-    ]
-    assert table["method"][[1, 2]].tolist() == ["stand-in", "stand-in"]
-    assert table["dividend_sensitivities"].tolist() == [(), (), (0.5,), ()]
+    for row, single in zip((1, 2), singles, strict=True):
+        for name in (*NUMBERS, "exercise_now", *TEXTS[:3]):
+            assert table[name][row] == getattr(single, name), (row, name)
+    assert table["dividend_sensitivities"].tolist() == [(), (), singles[1].dividend_sensitivities, ()]
 
 
-def test_the_sensitivities_are_there_where_the_dividends_are(scheduled):
+def test_the_sensitivities_are_there_where_the_dividends_are():
     assert "dividend_sensitivities" not in price_many({**COLUMNS, "rate": CURVE}, tolerance=1e-3)
     assert "dividend_sensitivities" in price_many({**COLUMNS, "cash_dividends": None}, tolerance=1e-3)
 
 
-def test_one_curve_serves_all_rows(scheduled):
+def test_one_curve_serves_all_rows():
     table = price_many({**COLUMNS, "volatility": PiecewiseConstant(**CURVE)}, tolerance=1e-3)
-    assert table["method"].tolist() == ["stand-in", "stand-in", "stand-in", "expired"]
+    assert table["method"].tolist() == [*["multiplier-collocation"] * 3, "expired"]
 
 
-def test_empty_events_change_no_bit_and_need_no_other_engine(scheduled):
+def test_empty_events_change_no_bit():
     book = mixed_book(60, seed=6)
     count = book["spot"].size
     empty = {
@@ -365,7 +349,6 @@ def test_empty_events_change_no_bit_and_need_no_other_engine(scheduled):
     found = price_many({**book, **empty})
     assert found.pop("dividend_sensitivities").tolist() == [()] * count
     assert_same_bits(price_many(book), found)
-    assert not scheduled.calls
 
 
 def test_dates_give_the_bits_of_their_expiries():
@@ -377,19 +360,23 @@ def test_dates_give_the_bits_of_their_expiries():
     assert_same_bits(price_many({**book, "expiry": days / 365.0}), found)
 
 
-def test_a_row_with_events_that_has_no_price_says_why(scheduled):
-    scheduled.reason = "out of reach"
-    table = price_many({**COLUMNS, "cash_dividends": [[DIVIDEND], None, None, None]}, tolerance=1e-3)
+def test_a_row_with_events_that_has_no_price_says_why(monkeypatch):
+    def refuse(*arguments, **options):
+        raise ArithmeticError("out of reach")
+
+    monkeypatch.setattr("pricing_core.american.scheduled.solve_schedule_lcs", refuse)
+    wide = {**COLUMNS, "option_type": "call", "volatility": [9.0, 0.3, 0.2, 0.2]}  # the general path's
+    table = price_many({**wide, "cash_dividends": [[DIVIDEND], None, [DIVIDEND], None]}, tolerance=1e-3)
     assert (table["status"][0], table["message"][0]) == ("out_of_domain", "out of reach")
     assert np.isnan(table["price"]).tolist() == [True, False, False, False]
 
 
-def test_a_bad_event_is_told_in_its_row(scheduled):
+def test_a_bad_event_is_told_in_its_row():
     dividends = [[DIVIDEND], [DIVIDEND, {"time": 0.5, "amount": -1.0}], "[", None]
     table = price_many({**COLUMNS, "cash_dividends": dividends}, tolerance=1e-3)
     assert table["status"].tolist() == ["ok", "invalid_input", "invalid_input", "ok"]
     assert table["message"][1] == "cash_dividends[1].amount = -1.0: must be a number from 0 to 1e+30"
-    assert table["dividend_sensitivities"].tolist() == [(0.5,), (), (), ()]
+    assert [len(numbers) for numbers in table["dividend_sensitivities"]] == [1, 0, 0, 0]
 
 
 EVENTS = [

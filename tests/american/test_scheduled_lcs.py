@@ -13,6 +13,7 @@ from pricing_core.american.schedule import Schedule, Segment, make_schedule
 from pricing_core.american.scheduled_lcs import boundaries_lcs, solve_schedule_lcs, values_on_same_grid
 from pricing_core.american.scheduled_level import coarsest_scheduled_resolution, make_scheduled_solver
 from pricing_core.american.scheduled_limits import exact_european
+from pricing_core.american.solver_settings import SolverSettings
 from pricing_core.american.valuation import price_alone
 from pricing_core.errors import NumericalError
 from tests.problems.event_values import Event, event_values, quadrature_value
@@ -103,7 +104,7 @@ def test_without_events_it_agrees_with_the_general_path_of_flat_contracts(name):
     option, flat = FLAT[name]
     market = Market(flat.spot, flat.rate, flat.volatility, flat.dividend_yield)
     mine = solve_schedule_lcs(make_schedule(option, market), 1e-5)
-    other = price_alone(option, flat, tolerance=1e-5, method="lcs")
+    other = price_alone(option, flat, SolverSettings(1e-5, "lcs"))
     assert abs(mine.value - other.price) <= mine.error + other.error_estimate
     assert mine.delta == pytest.approx(other.delta, abs=2e-5)
     assert mine.gamma == pytest.approx(other.gamma, abs=2e-5)
@@ -432,7 +433,7 @@ def test_values_on_the_same_grid_give_smooth_differences():
     (value, delta), up, down = values_on_same_grid(solution, [base, *bumped])
     assert value == pytest.approx(solution.value, abs=5e-3)
     assert delta == pytest.approx(solution.delta, abs=5e-4)
-    vega = price_alone(option, flat, tolerance=1e-8, method="lcs").vega
+    vega = price_alone(option, flat, SolverSettings(1e-8, "lcs")).vega
     assert (up[0] - down[0]) / (steps[0] - steps[1]) == pytest.approx(vega, rel=2e-4)
 
 

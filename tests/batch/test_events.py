@@ -19,7 +19,6 @@ from pricing_core.american import (
 )
 from pricing_core.batch import run_batch
 from pricing_core.batch.csv_reader import BYTES_PER_READ, mentions
-from tests.problems.scheduled_stand_in import ScheduledStandIn
 
 Read = Callable[[Path], list[dict[str, str]]]
 PLAIN = {
@@ -35,11 +34,6 @@ CURVE = '{"times": [0.5, 1], "values": [0.1, 0.2]}'
 COARSE = 1e-3
 
 
-@pytest.fixture
-def scheduled(monkeypatch: pytest.MonkeyPatch) -> ScheduledStandIn:
-    return ScheduledStandIn(monkeypatch)
-
-
 def write(path: Path, *rows: dict[str, str]) -> Path:
     """Write rows under all the columns that any of them has."""
     names = list(dict.fromkeys(name for row in rows for name in row))
@@ -50,9 +44,7 @@ def write(path: Path, *rows: dict[str, str]) -> Path:
     return path
 
 
-def test_every_event_of_a_csv_reaches_the_engine(
-    tmp_path: Path, read_table: Read, scheduled: ScheduledStandIn
-) -> None:
+def test_every_event_of_a_csv_reaches_the_engine(tmp_path: Path, read_table: Read) -> None:
     source = write(
         tmp_path / "in.csv",
         PLAIN,
@@ -67,9 +59,7 @@ def test_every_event_of_a_csv_reaches_the_engine(
     assert (summary.priced, summary.rejected) == (7, 0)
     curve = PiecewiseConstant((0.5, 1.0), (0.1, 0.2))
     put, market = Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2)
-    ((contracts, tolerances, _, _),) = scheduled.calls
-    assert tolerances == [COARSE] * 6
-    assert contracts == [
+    contracts = [
         (put, Market(100.0, curve, 0.2)),
         (put, Market(100.0, 0.05, curve, curve)),
         (Option("put", 100.0, 1.0, "bermudan", (0.25, 0.5)), market),
@@ -77,15 +67,15 @@ def test_every_event_of_a_csv_reaches_the_engine(
         (put, Market(100.0, 0.05, 0.2, 0.0, (CashDividend(0.5, 1.0),), dividend_model="escrowed")),
         (put, Market(100.0, 0.05, 0.2, 0.0, (), (ProportionalDividend(0.2, 0.01),))),
     ]
+    valuations = [price(*contract, tolerance=COARSE, greeks=False) for contract in contracts]
     output = read_table(tmp_path / "out.csv")
-    assert [line["method"] for line in output] == ["premium-march", *["stand-in"] * 6]
-    assert [line["dividend_sensitivities"] for line in output] == ["", "", "", "", "", "[0.5]", ""]
+    assert [line["method"] for line in output] == ["premium-march", *["multiplier-collocation"] * 6]
+    assert [line["price"] for line in output[1:]] == [repr(valuation.price) for valuation in valuations]
+    assert [line["dividend_sensitivities"] != "" for line in output] == [False] * 5 + [True, False]
     assert output[1]["rate"] == CURVE
 
 
-def test_a_bad_event_rejects_its_row_alone_and_is_shown(
-    tmp_path: Path, read_table: Read, scheduled: ScheduledStandIn
-) -> None:
+def test_a_bad_event_rejects_its_row_alone_and_is_shown(tmp_path: Path, read_table: Read) -> None:
     dividends = '[{"time": 0.5, "amount": 1.0}, {"time": 0.5, "amount": -1.0}]'
     source = write(
         tmp_path / "in.csv",
@@ -141,9 +131,7 @@ def test_a_row_with_events_is_priced_as_the_library_does(tmp_path: Path, read_ta
     assert json.loads(line["dividend_sensitivities"]) == list(valuation.dividend_sensitivities or ())
 
 
-def test_lists_structures_and_timestamps_of_parquet_are_read(
-    tmp_path: Path, scheduled: ScheduledStandIn
-) -> None:
+def test_lists_structures_and_timestamps_of_parquet_are_read(tmp_path: Path) -> None:
     moments = pa.array([1_767_225_600_000_000_000] * 3, pa.timestamp("ns"))  # the start of 2026
     days = pa.array([20_819] * 3, pa.date32())  # and that of 2027
     table = pa.table(
@@ -166,16 +154,17 @@ def test_lists_structures_and_timestamps_of_parquet_are_read(
     target = tmp_path / "out.parquet"
     summary = run_batch(tmp_path / "in.parquet", target, tolerance=COARSE)
     assert (summary.priced, summary.rejected) == (2, 1)
-    ((contracts, _, _, _),) = scheduled.calls
     curve = PiecewiseConstant((0.5, 1.0), (0.1, 0.2))
-    assert contracts == [
+    contracts = [
         (Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2, 0.0, (CashDividend(0.5, 1.0),))),
         (Option("put", 100.0, 1.0), Market(100.0, 0.05, curve)),
     ]
     found = pq.read_table(target)
     assert found.select(table.schema.names).equals(table)
+    valuations = [price(*contract, tolerance=COARSE) for contract in contracts]
+    assert found["price"].to_pylist() == [*(valuation.price for valuation in valuations), None]
     assert [cell and json.loads(cell) for cell in found["dividend_sensitivities"].to_pylist()] == [
-        [0.5],
+        list(valuations[0].dividend_sensitivities or ()),
         None,
         None,
     ]
@@ -184,7 +173,7 @@ def test_lists_structures_and_timestamps_of_parquet_are_read(
 
 @pytest.mark.parametrize(("curves", "kind"), [(True, pa.string()), (False, pa.float64())])
 def test_rates_of_a_csv_are_numbers_in_parquet_unless_some_are_curves(
-    tmp_path: Path, scheduled: ScheduledStandIn, curves: bool, kind: pa.DataType
+    tmp_path: Path, curves: bool, kind: pa.DataType
 ) -> None:
     source = write(tmp_path / "in.csv", PLAIN, PLAIN | {"rate": CURVE if curves else "0.04"})
     target = tmp_path / "out.parquet"
