@@ -1,4 +1,4 @@
-"""The rows of a table that are more, or less, than plain numbers, read one by one."""
+"""The rows of a table that are more, or less, than plain numbers: dividends at once, the others one by one."""
 
 import datetime as dt
 import math
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pricing_core.american.columns import plain
 from pricing_core.american.contract import Option, real_number
 from pricing_core.american.dates import expiry_from_dates
+from pricing_core.american.dividend_rows import read_dividend_rows
 from pricing_core.american.market import FlatMarket
 from pricing_core.american.schedule import make_schedule, without_events
 from pricing_core.american.scheduled_book import Contract, ScheduledBook, scheduled_book
@@ -20,10 +21,10 @@ from pricing_core.american.vocabulary import DATES, contract_from, is_missing
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import InvalidInputError
 
-EVENT_COLUMNS: Mapping[str, object] = {  # and what a row without events holds there, if anything
+DIVIDENDS = "cash_dividends"
+OTHER_EVENTS: Mapping[str, object] = {  # and what a row without events holds there, if anything
     "exercise_times": "[]",
     "exercise_start": 0.0,
-    "cash_dividends": "[]",
     "proportional_dividends": "[]",
     "dividend_model": "spot",
 }
@@ -88,12 +89,17 @@ def read_rows(
     def contract(row: int) -> Contract:
         return checked_contract({name: plain(column[row]) for name, column in table.items()})
 
-    plain_rows = sound & np.logical_and.reduce(
-        [_is_empty(table, *column) for column in EVENT_COLUMNS.items()]
-    )
-    events, reasons = _read_singly(np.flatnonzero(~plain_rows).tolist(), table, arrays, contract)
-    places = {row: place for place, row in enumerate(events)}
-    return Events(places, scheduled_book(list(events.values()))), reasons
+    without = sound & np.logical_and.reduce([_is_empty(table, *column) for column in OTHER_EVENTS.items()])
+    unpaid = _is_empty(table, DIVIDENDS, "[]")
+    cells = table[DIVIDENDS].tolist() if DIVIDENDS in table else []
+    paying, book = read_dividend_rows(cells, np.flatnonzero(without & ~unpaid), arrays, contract)
+    rest = ~(without & unpaid)
+    rest[paying] = False
+    events, reasons = _read_singly(np.flatnonzero(rest).tolist(), table, arrays, contract)
+    for name in NUMBERS:
+        arrays[name][paying] = math.nan
+    places = {row: place for place, row in enumerate([*paying.tolist(), *events])}
+    return Events(places, book.joined(scheduled_book(list(events.values())))), reasons
 
 
 def _read_singly(

@@ -24,7 +24,7 @@ def parse_json(text: str) -> Any:
     [{'time': 0.25, 'amount': 1.0}]
     """
     try:
-        value = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_distinct_object)
+        value = DECODER.decode(text)
         json.dumps(value, ensure_ascii=False).encode("utf-8")  # fails on half of a surrogate pair
     except JSONTextError:
         raise
@@ -74,3 +74,7 @@ def _distinct_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(distinct) < len(pairs):
         raise JSONTextError("holds a key twice")
     return distinct
+
+
+# Raises a ValueError or RecursionError; half of a surrogate pair passes.
+DECODER = json.JSONDecoder(parse_constant=_refuse_constant, object_pairs_hook=_distinct_object)

@@ -1,3 +1,4 @@
+import json
 import math
 
 import numpy as np
@@ -426,3 +427,88 @@ def test_events_do_not_depend_on_their_neighbours_or_on_threads():
             name: [column[row]] if isinstance(column, list) else column for name, column in columns.items()
         }
         assert_same_bits(price_many(alone, tolerance=1e-3), take(together, [row]))
+
+
+TWO_DIVIDENDS = [{"time": 0.25, "amount": 2.0}, {"time": 0.75, "amount": 1.5}]
+DATED = {"expiry": None, "valuation_date": "2026-01-01", "expiration_date": "2027-01-01"}
+
+
+def of_contracts(rows):
+    """Return the columns of contracts with defaults in what they do not say."""
+    contract = {"option_type": "put", "exercise": "american", "spot": 95.0, "strike": 100.0, "expiry": 1.0}
+    rows = [{**contract, "rate": 0.05, "volatility": 0.25, **row} for row in rows]
+    return {name: [row.get(name) for row in rows] for name in dict.fromkeys(n for row in rows for n in row)}
+
+
+@pytest.mark.parametrize("greeks", [True, False])
+def test_dividends_have_the_same_bits_however_they_are_written(greeks):
+    ways = [
+        TWO_DIVIDENDS,
+        json.dumps(TWO_DIVIDENDS),
+        tuple(TWO_DIVIDENDS),
+        TWO_DIVIDENDS[::-1],
+        [CashDividend(**dividend) for dividend in TWO_DIVIDENDS],
+        [{**dividend, "ex_date": None} for dividend in TWO_DIVIDENDS],
+        [{name: np.float64(number) for name, number in dividend.items()} for dividend in TWO_DIVIDENDS],
+        [*TWO_DIVIDENDS, {"time": 1.5, "amount": 1.0}],
+    ]
+    changes = [{}, {"option_type": "call", "spot": 120.0}, {"spot": 60.0}, {"exercise": "european"}]
+    changes = changes[:1] if greeks else changes
+    columns = of_contracts([{**change, "cash_dividends": way} for change in changes for way in ways])
+    table = price_many(columns, tolerance=1e-3, greeks=greeks)
+    assert set(table["method"]) == {"multiplier-collocation"}
+    assert {len(numbers) for numbers in table.pop("dividend_sensitivities")} <= {0, 2, 3}
+    for start in range(0, len(ways) * len(changes), len(ways)):
+        first = take(table, [start] * len(ways))
+        assert_same_bits(first, take(table, range(start, start + len(ways))))
+
+
+def test_ex_dates_have_the_bits_of_their_times():
+    dated = [{"ex_date": "2026-03-15", "amount": 2.0}, {"ex_date": "2026-10-21", "amount": 1.5}]
+    timed = [{"time": days / 365.0, "amount": amount} for days, amount in ((73, 2.0), (293, 1.5))]
+    table = price_many(
+        of_contracts([{**DATED, "cash_dividends": cell} for cell in (dated, timed)]), tolerance=1e-3
+    )
+    assert table["status"].tolist() == ["ok", "ok"]
+    assert_same_bits(take(table, [0]), take(table, [1]))
+
+
+def test_plain_dividends_make_no_objects(monkeypatch):
+    def refuse(cells):
+        raise AssertionError(cells)
+
+    columns = of_contracts([{"cash_dividends": TWO_DIVIDENDS}, {"cash_dividends": json.dumps(TWO_DIVIDENDS)}])
+    expected = price_many(columns, tolerance=1e-3, greeks=False)
+    monkeypatch.setattr("pricing_core.american.book_rows.checked_contract", refuse)
+    assert_same_bits(expected, price_many(columns, tolerance=1e-3, greeks=False))
+
+
+# What `contract_from` says of a cell the table says of its row, whatever reads the plain ones.
+BAD_DIVIDENDS = [
+    [{"time": 0.5, "amount": True}],
+    [{"time": "0.5", "amount": 1.0}],
+    [{"time": 0.5, "amount": math.nan}],
+    [{"time": 0.5, "amount": 10**400}],
+    [{"time": 0.5, "amount": 2e30}],
+    [{"time": -0.5, "amount": 1.0}],
+    [{"time": 0.5}],
+    [{"time": 0.5, "sum": 1.0}],
+    [{"time": 0.5, "amount": 1.0, "tax": 0.0}],
+    [0.5, 1.0],
+    [DIVIDEND] * 1001,
+    '[{"time": 0.5, "amount": NaN}]',
+    '[{"time": 0.5, "time": 0.6, "amount": 1.0}]',
+    '[{"time": 0.5, "amount": 1.0}',
+    '{"time": 0.5, "amount": 1.0}',
+    "[" * 100_000,
+]
+
+
+@pytest.mark.parametrize("cell", BAD_DIVIDENDS, ids=lambda cell: repr(cell)[:40])
+def test_a_bad_cell_of_dividends_has_the_message_of_the_contract(cell):
+    columns = of_contracts([{"cash_dividends": way} for way in (TWO_DIVIDENDS, cell)])
+    with pytest.raises(InvalidInputError) as caught:
+        contract_from({name: column[1] for name, column in columns.items()})
+    table = price_many(columns, tolerance=1e-3, greeks=False)
+    assert table["status"].tolist() == ["ok", "invalid_input"]
+    assert table["message"].tolist() == ["", str(caught.value)]
