@@ -48,6 +48,7 @@ def solve_schedules(
     first: NDArray[np.int64],
     stretches: Matrix,
     level: NDArray[np.int64],
+    tolerance: Vector,
     times: Vector,
     first_time: NDArray[np.int64],
     threads: int,

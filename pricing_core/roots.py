@@ -6,13 +6,13 @@ MOST_STEPS = 60
 CLOSE = 1e-13
 
 
-def find_root(function: Callable[[float], float], a: float, b: float) -> float:
-    """Return a zero between a and b by the Illinois variant of false position, to 1e-13 (relative to 1 + |x|)."""
+def find_root(function: Callable[[float], float], a: float, b: float, close: float = CLOSE) -> float:
+    """Return a zero between a and b by the Illinois variant of false position, to `close` (relative to 1 + |x|)."""
     f_a, f_b = function(a), function(b)
     if f_a == 0.0:
         return a
     for _ in range(MOST_STEPS):
-        if abs(b - a) <= CLOSE * (1.0 + abs(b)) or f_b in (0.0, f_a):
+        if abs(b - a) <= close * (1.0 + abs(b)) or f_b in (0.0, f_a):
             break
         x = b - f_b * (b - a) / (f_b - f_a)
         if not min(a, b) < x < max(a, b):

@@ -25,7 +25,7 @@ fn checked_parts(first: &[i64], rows: usize, size: usize) -> PyResult<Vec<usize>
 
 /// Return (numbers, boundary, settled); see `collocation_twin.solve_schedules`.
 #[pyfunction]
-#[pyo3(signature = (sign, x, first, stretches, level, times, first_time, threads))]
+#[pyo3(signature = (sign, x, first, stretches, level, tolerance, times, first_time, threads))]
 #[allow(
     clippy::needless_pass_by_value,
     clippy::too_many_arguments,
@@ -38,6 +38,7 @@ pub fn solve_schedules<'py>(
     first: PyReadonlyArray1<'py, i64>,
     stretches: PyReadonlyArray2<'py, f64>,
     level: PyReadonlyArray1<'py, i64>,
+    tolerance: PyReadonlyArray1<'py, f64>,
     times: PyReadonlyArray1<'py, f64>,
     first_time: PyReadonlyArray1<'py, i64>,
     threads: usize,
@@ -47,9 +48,10 @@ pub fn solve_schedules<'py>(
     Bound<'py, PyArray1<bool>>,
 )> {
     let (sign, x, times) = (slice(&sign), slice(&x), slice(&times));
+    let tolerance = slice(&tolerance);
     let stretches: Vec<f64> = stretches.as_array().iter().copied().collect();
-    if !stretches.len().is_multiple_of(COLUMNS) || sign.len() != x.len() || level.len()? != x.len()
-    {
+    let lengths = [sign.len(), level.len()?, tolerance.len()];
+    if !stretches.len().is_multiple_of(COLUMNS) || lengths != [x.len(); 3] {
         return Err(PyValueError::new_err("the columns differ in length"));
     }
     let first = checked_parts(&slice(&first), x.len(), stretches.len() / COLUMNS)?;
@@ -68,6 +70,7 @@ pub fn solve_schedules<'py>(
         first: &first,
         stretches: &stretches,
         level: &level,
+        tolerance: &tolerance,
         times: &times,
         first_time: &first_time,
     };

@@ -1,4 +1,4 @@
-"""Derivatives by the parameters of options with events, by the collocation at the level of their price."""
+"""Derivatives by the parameters of options with events, by the collocation at the level above their price's."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -30,8 +30,8 @@ def collocated_greeks(
 ) -> dict[int, ScheduledGreeks]:
     """Return the derivatives by the parameters of contracts that are held, each from the level of its price.
 
-    A bumped schedule may not settle where the contract itself does: then a neighbouring level serves, at last the
-    general path.
+    The level above it gives every boundary a fixed degree: bumped or not, it is solved alike. A bumped schedule may
+    not settle where the contract itself does: then a neighbouring level serves, at last the general path.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def collocated_greeks(
     plans = {row: plan_greeks(*contract, extended=extended) for row, contract in contracts.items()}
     parts = {row: (make_schedule(*contracts[row]), *plan.schedules) for row, plan in plans.items()}
     derivatives: dict[int, ScheduledGreeks] = {}
-    for shift in (0, 1, -1):
+    for shift in (1, 2, 0):
         left = [row for row in plans if row not in derivatives or not derivatives[row].is_whole()]
         shifted = [min(max(levels[row] + shift, 0), FINEST) for row in left]
         for row, values in _values_at(left, parts, shifted, threads, interrupt):

@@ -1,8 +1,9 @@
 """Schedules to a tolerance, many at once, by the kernel's collocation of the multiplier.
 
-`pricing_core.collocation_twin` tells the scheme. Its levels gain a factor of about five each, so the distance of two
-neighbours bounds the error of the finer one, unless they agree by chance: a share of the early exercise premium is
-added, where there is a boundary to resolve. Calibrated on random contracts, checked in tests.
+`pricing_core.collocation_twin` tells the scheme. The kernel raises the degree of each boundary until the value changes
+by less than its share of the tolerance, weighed by the chance to get there: each degree gains a factor of three to ten,
+so that the last change bounds what is left. How finely the value itself is held is the level's; calibrated on random
+contracts, checked in tests.
 """
 
 from dataclasses import dataclass
@@ -16,8 +17,6 @@ from pricing_core.american.schedule import Schedule
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
 FINEST = 6  # level
-PREMIUM_SHARE = (0.0, 3e-3, 5e-4, 5e-5, 5e-6, 1e-6, 2e-7)  # by level
-EUROPEAN_LEVEL = 2  # its values are closer than NEGLECTED of the level, for they have no boundary
 FIRST_LEVELS = ((4e-6, 1), (4e-7, 2), (4e-8, 3), (0.0, 4))  # tolerances from which a level is tried first
 NEGLECTED = (
     1e-5,
@@ -29,6 +28,7 @@ NEGLECTED = (
     1e-13,
 )  # strikes: what lies beyond the interval of each level
 ROUNDING = 1e-13  # strikes
+LEAST_SHARE = 0.1  # of the tolerance, that is left for the boundaries
 FURTHEST = 30.0  # deviations between spot and strike
 LARGEST_CALL_DEVIATION = 4.0
 SAFE = 4.5  # deviations of the spot above what a dividend takes to nearly zero
@@ -108,7 +108,7 @@ def _keeps_its_spot(book: PackedSchedules, spread: Vector) -> BoolVector:
 
 
 def solve_to_tolerance(book: PackedSchedules, tolerance: Vector, threads: int) -> Solved:
-    """Refine every schedule until its stated error meets its tolerance, or to the finest level.
+    """Solve every schedule at the level of its tolerance, and at finer ones until its stated error meets that.
 
     Parameters
     ----------
@@ -120,17 +120,15 @@ def solve_to_tolerance(book: PackedSchedules, tolerance: Vector, threads: int) -
     level = first[np.argmax(tolerance[:, None] >= least, axis=1)].astype(np.int64)
     value, slope, curvature, boundary = np.full((4, count), np.nan)
     nothing = np.full(count, np.inf), np.zeros(count, dtype=bool), level.copy()
-    european, _ = solve_book(book.european(), np.maximum(level, EUROPEAN_LEVEL), threads)
+    european, _ = solve_book(book.european(), level, threads)
     solved = Solved(value, slope, curvature, boundary, european[0], *nothing)
-    found, settled = solve_book(book, level - 1, threads)
-    coarse = np.where(settled, found[0], np.nan)
     rows = np.arange(count)
     while rows.size:
-        found, settled = solve_book(book.take(rows), level[rows], threads)
-        _keep(solved, rows, level[rows], found, settled, coarse[rows])
-        coarse[rows] = np.where(settled, found[0], np.nan)
-        missed = ~(solved.error[rows] <= tolerance[rows]) & (level[rows] < FINEST)
-        rows = rows[missed]
+        beyond = np.array(NEGLECTED)[level[rows]] + ROUNDING
+        left = np.maximum(tolerance[rows] - beyond, LEAST_SHARE * tolerance[rows])
+        found, settled = solve_book(book.take(rows), level[rows], threads, left)
+        _keep(solved, rows, level[rows], found, settled, found[5] + beyond)
+        rows = rows[~(solved.error[rows] <= tolerance[rows]) & (level[rows] < FINEST)]
         level[rows] += 1
     return solved
 
@@ -141,14 +139,9 @@ def _keep(
     level: NDArray[np.int64],
     found: Matrix,
     settled: BoolVector,
-    coarse: Vector,
+    error: Vector,
 ) -> None:
     """Store what these rows found, unless what is there has the smaller error."""
-    has_boundary = found[4] != 0.0
-    premium = np.where(has_boundary, np.maximum(found[0] - solved.european[rows], 0.0), 0.0)
-    error = np.abs(found[0] - coarse) + np.array(PREMIUM_SHARE)[level] * premium
-    error += np.array(NEGLECTED)[level] + ROUNDING
-    error = np.where(np.isnan(error), np.inf, error)
     better = settled & ((error <= solved.error[rows]) | ~solved.settled[rows])
     kept = rows[better]
     columns = (solved.value, solved.slope, solved.curvature, solved.boundary)
@@ -158,11 +151,21 @@ def _keep(
     solved.settled[kept] = True
 
 
-def solve_book(book: PackedSchedules, level: NDArray[np.int64], threads: int) -> tuple[Matrix, BoolVector]:
-    """Return the kernel's numbers, shape (5, n), at these levels, and whether they may be used."""
+def solve_book(
+    book: PackedSchedules, level: NDArray[np.int64], threads: int, tolerance: Vector | None = None
+) -> tuple[Matrix, BoolVector]:
+    """Return the kernel's numbers, shape (6, n), and whether they may be used.
+
+    Parameters
+    ----------
+    tolerance : Vector, shape (n,), optional
+        Strikes, for the boundaries; each has its level's own degree without it.
+    """
     nothing, none = np.zeros(0), np.zeros(book.x.size + 1, dtype=np.int64)
+    if tolerance is None:
+        tolerance = np.zeros(book.x.size)
     found, _, settled = kernel.solve_schedules(
-        book.sign, book.x, book.first, book.stretches, level, nothing, none, threads
+        book.sign, book.x, book.first, book.stretches, level, tolerance, nothing, none, threads
     )
     return found, settled
 
@@ -171,7 +174,6 @@ def boundaries_at(schedule: Schedule, times: Vector, level: int) -> tuple[Vector
     """Return ln(S*/K) at increasing times from now, just before what happens then, and whether all were found."""
     book = pack([schedule])
     ends = np.array([0, times.size], dtype=np.int64)
-    _, boundary, settled = kernel.solve_schedules(
-        book.sign, book.x, book.first, book.stretches, np.array([level], dtype=np.int64), times, ends, 1
-    )
+    numbers = book.sign, book.x, book.first, book.stretches, np.array([level], dtype=np.int64), np.zeros(1)
+    _, boundary, settled = kernel.solve_schedules(*numbers, times, ends, 1)
     return boundary, bool(settled[0])

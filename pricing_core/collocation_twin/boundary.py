@@ -1,8 +1,8 @@
 """The exercise boundary on a stretch: a polynomial in the root of time that meets smooth pasting at every stage."""
 
 import math
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -12,17 +12,78 @@ from pricing_core.collocation_twin.multiplier import Source, source
 from pricing_core.collocation_twin.profile import Profile, propagate
 from pricing_core.collocation_twin.stretch import Stretch
 from pricing_core.collocation_twin.tables import Table, interpolation, table
-from pricing_core.roots import find_root
+from pricing_core.collocation_twin.touching import Touching, search_touching, touching_before
 
-Form: TypeAlias = Literal["plain", "tail", "shifted"]
-LADDER = (3, 6, 10, 16)  # degrees solved before the one that is asked for
+Form: TypeAlias = Literal["plain", "root", "tail", "shifted"]
 MOST_ITERATIONS = 40
-MOST_STEPS = 200  # of a search
 LEAST_STEP = 0.01
-SETTLED = 1e-6  # of the coefficients; Newton's method doubles the digits once more
+SETTLED = 1e-6  # of the boundary, or of a share; Newton's method doubles the digits once more
 COARSELY_SETTLED = 1e-4
-RESIDUAL = 1e-9  # of the slope, or of the value
+ENOUGH_SHARE = 0.1  # of the residual that is small enough
 SMALLEST_SHARE = 1e-12  # of a tail
+FIRST_GUESS, SOON = 0.8, 2.0  # spreads
+NEAREST = 1e-20  # of a square
+CELLS, CELL = 8, 0.6  # where two boundaries are compared: cells of so many spreads,
+SMOOTHED = 0.5  # and what the places are blurred by
+NEXT = 4  # first cells, whose chance weighs the violation inside the contact set,
+VIOLATION_SHARE = 0.4  # and its share in the value's error
+CHECKED = 0.5  # spreads inside the contact set: where value and payoff are compared
+
+
+class Rung(NamedTuple):
+    """A degree of the polynomial, and what belongs to it.
+
+    Parameters
+    ----------
+    degree, points : int
+        Of the boundary's polynomial, and nodes of each of its integrals.
+    value_points : int
+        Nodes of the integral that gives the value: near the boundary it sees the youngest contact sets closely.
+    """
+
+    degree: int
+    points: int
+    value_points: int
+
+
+RUNGS = (
+    Rung(2, 4, 8),
+    Rung(3, 5, 12),
+    Rung(4, 6, 16),
+    Rung(6, 8, 20),
+    Rung(8, 12, 24),
+    Rung(12, 16, 32),
+    Rung(16, 24, 40),
+)
+
+
+class Climb(NamedTuple):
+    """How far the degree is raised.
+
+    Parameters
+    ----------
+    top : int
+        The last rung.
+    budget : float or None
+        Strikes: where the value now changes less from one rung to the next is the end; None for the last rung alone.
+    enough : float
+        The residual that is small enough.
+    centre, deviation : float
+        x at the stretch's beginning as it is expected now, and its standard deviation.
+    """
+
+    top: int
+    budget: float | None
+    enough: float
+    centre: float
+    deviation: float
+
+    def chances(self, stretch: Stretch, origin: float) -> Vector:
+        """Return the chance to be in each of the cells from `origin` outwards at the stretch's beginning."""
+        spread = stretch.flow.volatility * math.sqrt(stretch.duration)
+        deviation = math.hypot(self.deviation, SMOOTHED * spread)
+        ends = stretch.sign * (origin - self.centre) + CELL * spread * np.arange(CELLS + 1)
+        return np.diff(ndtr(ends / deviation))
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,12 +92,15 @@ class Start:
 
     Parameters
     ----------
-    form : {"plain", "tail", "shifted"}
-        What is a polynomial in eta = sqrt((s - time)/(duration - time)): the boundary b; the share
-        N((b - centre)/scale), where the boundary comes from far away and the value without exercise fades towards the
-        payoff like a normal tail; b less the place where the value without exercise is the payoff.
+    form : {"plain", "root", "tail", "shifted"}
+        What is a polynomial in eta = sqrt((s - time)/(duration - time)): the boundary b; the square of b less the place
+        where it begins; the share N((b - centre)/scale), where the boundary comes from far away and the value without
+        exercise fades towards the payoff like a normal tail; b less the place where the value without exercise is the
+        payoff.
     time, place : float
         When, s, and where, x.
+    touching : Touching or None
+        Where the value without exercise is the payoff, at the stretch's beginning; forms "tail" and "shifted" need it.
     centre, scale : float
         Of the tail.
     """
@@ -44,8 +108,15 @@ class Start:
     form: Form
     time: float
     place: float
+    touching: Touching | None = None
     centre: float = 0.0
     scale: float = 1.0
+
+
+def shifted_start(profile: Profile, stretch: Stretch, time: float, place: float) -> Start:
+    """Return the start of a contact set that is measured from the touching point."""
+    touching = search_touching(profile, stretch, time, place, stretch.duration)
+    return Start("shifted", time, place, touching)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +129,17 @@ class Boundary:
     coefficients: Vector  # (m + 1,)
     shift: Vector  # (n,): of those nodes
     residual: float
+    enough: float  # residual
     profile: Profile
+    violation: float = (
+        0.0  # strikes: how far value and payoff are apart inside the contact set, at the beginning
+    )
+    error: float = 0.0  # strikes, of the value now; 0 where it was not asked for
+
+    @property
+    def is_found(self) -> bool:
+        """Whether every equation is met."""
+        return self.residual <= self.enough and math.isfinite(self.last)
 
     @property
     def span(self) -> float:
@@ -95,11 +176,16 @@ def _places(start: Start, sign: float, coefficients: Vector, shift: Vector) -> V
     if start.form == "tail":
         share = np.clip(coefficients, SMALLEST_SHARE, 1.0 - SMALLEST_SHARE)
         return np.asarray(start.centre + sign * start.scale * ndtri(share))
+    if start.form == "root":
+        return np.asarray(start.place - sign * np.sqrt(np.where(coefficients > NEAREST, coefficients, 0.0)))
     return coefficients + shift
 
 
 def _turns(start: Start, sign: float, coefficients: Vector) -> Vector:
     """Return the derivative of the place by the coefficient."""
+    if start.form == "root":
+        distance = np.sqrt(np.maximum(coefficients, NEAREST))
+        return np.asarray(np.where(coefficients > NEAREST, -0.5 * sign / distance, 0.0))
     if start.form != "tail":
         return np.ones(coefficients.shape)
     quantile = ndtri(np.clip(coefficients, SMALLEST_SHARE, 1.0 - SMALLEST_SHARE))
@@ -108,38 +194,17 @@ def _turns(start: Start, sign: float, coefficients: Vector) -> Vector:
 
 def _shifts(profile: Profile, stretch: Stretch, start: Start, times: Matrix) -> Matrix:
     """Return where the value without exercise is the payoff at each time; zeros unless the form is "shifted"."""
-    shifts = np.zeros(times.shape)
-    if start.form != "shifted":
-        return shifts
-    for index, s in np.ndenumerate(times):
-        shifts[index] = (
-            start.place
-            if s <= start.time * (1.0 + 1e-12)
-            else touching_point(profile, stretch, start.place, s)
-        )
-    return shifts
-
-
-def touching_point(profile: Profile, stretch: Stretch, place: float, s: float) -> float:
-    """Return where the value without exercise, below the payoff at `place`, meets it at time s."""
-
-    def above(x: float) -> float:
-        return float(propagate(profile, stretch.flow, np.array([x]), s)[0, 0]) - stretch.payoff(x, s)
-
-    step = (
-        stretch.sign * stretch.flow.volatility * math.sqrt(s)
-    )  # panels are fine enough for it next to the place
-    inside = place
-    for _ in range(MOST_STEPS):
-        if above(inside) <= 0.0:
-            break
-        inside -= step
-    outside = inside + step
-    for _ in range(MOST_STEPS):
-        if above(outside) >= 0.0:
-            break
-        inside, outside = outside, outside + step
-    return find_root(above, inside, outside)
+    shifts = np.zeros(times.size)
+    if start.form == "shifted" and start.touching is not None:
+        touching, every = start.touching, times.ravel()
+        for index in np.argsort(-every, kind="stable").tolist():
+            s = float(every[index])
+            if s <= start.time * (1.0 + 1e-12):
+                shifts[index] = start.place
+                continue
+            touching = touching_before(touching, profile, stretch, start.time, start.place, s)
+            shifts[index] = touching.x
+    return shifts.reshape(times.shape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,44 +256,71 @@ class _System:
         return slope, bend, parts.by_boundary_x
 
 
-def solve_boundary(
-    profile: Profile, stretch: Stretch, start: Start, degree: int, points: int, value_points: int
-) -> Boundary:
-    """Return the boundary of the contact set that begins as told; its residual says whether it was found.
-
-    Parameters
-    ----------
-    degree, points : int
-        Of the polynomial, and nodes of every integral.
-    value_points : int
-        Nodes of the integral for the value.
-    """
-    known: tuple[Vector, Table] | None = None
-    for m in (*(k for k in LADDER if k < degree), degree):
-        nodes = table(m, points if m == degree else m + 3)
-        system = _system(profile, stretch, start, nodes)
-        if known is None:
+def solve_boundary(profile: Profile, stretch: Stretch, start: Start, climb: Climb) -> Boundary:
+    """Return the boundary of the contact set that begins as told; its residual says whether it was found."""
+    last: Boundary | None = None
+    origin, chances, before = math.nan, np.zeros(CELLS), np.zeros(CELLS)
+    rungs = range(climb.top % 2, climb.top + 1, 2) if climb.budget is None else range(climb.top + 1)
+    for rung in rungs:
+        degree, points, value_points = RUNGS[rung]
+        is_last = rung == climb.top
+        system = _system(profile, stretch, start, table(degree, points))
+        if last is None:
             coefficients = _guess(system)
         else:
-            coefficients = interpolation(known[1].eta, nodes.eta) @ known[0]
+            coefficients = interpolation(last.nodes.eta, system.nodes.eta) @ last.coefficients
             coefficients[0] = _first(start, stretch.sign)
-        coefficients, residual = _newton(system, coefficients, SETTLED if m == degree else COARSELY_SETTLED)
-        known = coefficients, nodes
-    ends = table(degree, value_points)
-    times = start.time + (stretch.duration - start.time) * ends.sine**2
-    return Boundary(
-        stretch, start, ends, coefficients, _shifts(profile, stretch, start, times), residual, profile
-    )
+        settled = SETTLED if is_last or climb.budget is not None else COARSELY_SETTLED
+        coefficients, residual = _newton(system, coefficients, settled, climb.enough)
+        ends = table(degree, value_points)
+        times = start.time + (stretch.duration - start.time) * ends.sine**2
+        shift = _shifts(profile, stretch, start, times)
+        now = Boundary(stretch, start, ends, coefficients, shift, residual, climb.enough, profile)
+        if is_last or climb.budget is not None:
+            now = replace(now, violation=_violation_inside(now))
+        if climb.budget is not None:
+            if math.isnan(origin):
+                origin = now.last
+                chances = climb.chances(stretch, origin)
+            worth = _worth(now, origin)
+            is_known = now.is_found and (last is None or last.is_found)
+            distance = float(np.abs(worth - before) @ chances) if is_known else math.inf
+            seen = float(chances[:NEXT].sum()) * now.violation
+            now = replace(now, error=distance + VIOLATION_SHARE * seen)
+            if now.error <= climb.budget:
+                return now
+            if last is not None and last.is_found and last.error <= now.error:
+                now, worth = last, before  # where a degree fails or brings nothing, the one before stays
+            before = worth
+        last = now
+    assert last is not None
+    return last
+
+
+def _violation_inside(boundary: Boundary) -> float:
+    """Return how far value and payoff are apart inside the contact set, where they should be equal."""
+    stretch, s = boundary.stretch, boundary.stretch.duration
+    x = np.array([boundary.last - stretch.sign * CHECKED * stretch.flow.volatility * math.sqrt(s)])
+    held = propagate(boundary.profile, stretch.flow, x, s) + boundary.contribution(x)
+    return abs(float(held[0, 0]) - stretch.payoff(float(x[0]), s))
+
+
+def _worth(boundary: Boundary, origin: float) -> Vector:
+    """Return what exercise is worth at the cells' middles from `origin` outwards."""
+    spread = boundary.stretch.flow.volatility * math.sqrt(boundary.stretch.duration)
+    outwards = CELL * spread * np.linspace(0.5, CELLS - 0.5, CELLS)
+    x: Vector = origin + boundary.stretch.sign * outwards
+    worth: Vector = boundary.contribution(x)[0]
+    return worth
 
 
 def _system(profile: Profile, stretch: Stretch, start: Start, nodes: Table) -> _System:
     span = stretch.duration - start.time
     times = start.time + span * nodes.eta[1:] ** 2
-    stage_shift = _shifts(profile, stretch, start, times)
     node_times = start.time + span * (nodes.eta[1:, None] * nodes.sine) ** 2
-    return _System(
-        profile, stretch, start, nodes, times, stage_shift, _shifts(profile, stretch, start, node_times)
-    )
+    shifts = _shifts(profile, stretch, start, np.concatenate([times, node_times.ravel()]))
+    node_shift = shifts[times.size :].reshape(node_times.shape)
+    return _System(profile, stretch, start, nodes, times, shifts[: times.size], node_shift)
 
 
 def _first(start: Start, sign: float) -> float:
@@ -240,49 +332,59 @@ def _first(start: Start, sign: float) -> float:
 def _guess(system: _System) -> Vector:
     stretch, start, nodes = system.stretch, system.start, system.nodes
     coefficients = np.full(nodes.eta.size, _first(start, stretch.sign))
+    spread = stretch.flow.volatility * math.sqrt(stretch.duration - start.time)
     if start.form == "plain":
-        spread = stretch.flow.volatility * math.sqrt(stretch.duration - start.time)
-        step = 0.0 if stretch.is_continuous and stretch.exercise_at_end and system.profile.nodes.size else 0.8
-        coefficients -= stretch.sign * step * spread * nodes.eta
-    elif start.form == "tail":
-        for k, s in enumerate(system.times):
-            touching = touching_point(system.profile, stretch, start.place, float(s))
-            coefficients[k + 1] = ndtr(stretch.sign * (touching - start.centre) / start.scale)
+        is_smooth = stretch.is_continuous and stretch.exercise_at_end and system.profile.nodes.size
+        coefficients -= stretch.sign * (0.0 if is_smooth else FIRST_GUESS) * spread * nodes.eta
+    elif start.form == "root":
+        furthest = stretch.sign * (start.place - stretch.perpetual())
+        soon = SOON * spread * nodes.eta
+        coefficients = (
+            np.square(-furthest * np.expm1(-soon / furthest)) if math.isfinite(furthest) else soon**2
+        )
+    elif start.form == "tail" and start.touching is not None:
+        touching, profile = start.touching, system.profile
+        for k in reversed(range(system.times.size)):
+            s = float(system.times[k])
+            touching = touching_before(touching, profile, stretch, start.time, start.place, s)
+            coefficients[k + 1] = ndtr(stretch.sign * (touching.x - start.centre) / start.scale)
     return coefficients
 
 
-def _newton(system: _System, coefficients: Vector, settled: float) -> tuple[Vector, float]:
+def _newton(system: _System, coefficients: Vector, settled: float, enough: float) -> tuple[Vector, float]:
     """Return the zero of the residual and what is left of it, by Newton's method with halved steps."""
+    form, spread = system.start.form, system.stretch.flow.volatility * math.sqrt(system.stretch.duration)
     residual, jacobian = system.residual(coefficients)
     for _ in range(MOST_ITERATIONS):
         diagonal = np.diag(jacobian)
         lift = 1e-12 * np.max(np.abs(diagonal)) + 1e-300
         lifted = jacobian + np.diag(np.where(diagonal < 0.0, -lift, lift))
         step = np.asarray(np.linalg.solve(lifted, -residual), dtype=np.float64)
-        length = _longest_step(system, coefficients, step)
-        small = np.max(np.abs(step)) <= settled
+        furthest = _furthest_move(system, coefficients, step)
+        length = min(1.0, spread / furthest) if furthest > 0.0 else 1.0
+        small = (np.max(np.abs(step)) if form == "tail" else furthest) <= settled
         norm = np.max(np.abs(residual))
         while True:
             trial = coefficients.copy()
             trial[1:] += length * step
-            if system.start.form == "tail":
+            if form == "tail":
                 trial[1:] = np.clip(trial[1:], 1e-10, 1.0 - 1e-10)
+            elif form == "root":
+                trial[1:] = np.maximum(trial[1:], 0.1 * coefficients[1:])
             residual, jacobian = system.residual(trial)
             left = float(np.max(np.abs(residual)))
             if left <= (1.0 - 0.2 * length) * norm or length < LEAST_STEP or small or left < 1e-14:
                 break
             length *= 0.5
         coefficients = trial
-        if small or not math.isfinite(left):
+        if small or left <= ENOUGH_SHARE * enough or not math.isfinite(left):
             break
     return coefficients, float(np.max(np.abs(residual)))
 
 
-def _longest_step(system: _System, coefficients: Vector, step: Vector) -> float:
-    """Return the share of the step that moves the boundary by no more than half a spread."""
-    turns = np.abs(_turns(system.start, system.stretch.sign, np.clip(coefficients[1:], 1e-9, 1.0 - 1e-9)))
-    if system.start.form != "tail":
-        turns = np.ones(step.size)
-    furthest = float(np.max(np.abs(turns * step)))
-    spread = system.stretch.flow.volatility * math.sqrt(system.stretch.duration)
-    return min(1.0, spread / furthest) if furthest > 0.0 else 1.0
+def _furthest_move(system: _System, coefficients: Vector, step: Vector) -> float:
+    """Return how far the step moves the boundary at most."""
+    inside = coefficients[1:]
+    if system.start.form == "tail":
+        inside = np.clip(inside, 1e-9, 1.0 - 1e-9)
+    return float(np.max(np.abs(_turns(system.start, system.stretch.sign, inside) * step)))

@@ -42,20 +42,19 @@ class Fineness(NamedTuple):
 def panels(
     start: float, stop: float, features: tuple[Feature, ...], fineness: Fineness
 ) -> list[tuple[float, float]]:
-    """Return the interval's panels, halved until each is narrow enough."""
+    """Return the interval's panels, from its start each as wide as it may be."""
     smallest = SMALLEST_PANEL * fineness.spread
-    waiting, done = [(start, stop)], []
-    while waiting:
-        a, b = waiting.pop()
-        allowed = fineness.kernel * fineness.spread
+    done, a = [], start
+    while a < stop:
+        width, left = fineness.kernel * fineness.spread, stop - a
         for feature in features[-MOST_FEATURES:]:
-            distance = max(a - feature.place, feature.place - b, 0.0)
-            allowed = min(allowed, fineness.feature * max(feature.scale, distance, smallest))
-        if b - a > allowed:
-            middle = 0.5 * (a + b)
-            waiting += [(middle, b), (a, middle)]
-        else:
-            done.append((a, b))
+            distance = feature.place - a
+            share = fineness.feature / (1.0 + fineness.feature) if distance > 0.0 else fineness.feature
+            width = min(width, max(share * abs(distance), fineness.feature * max(feature.scale, smallest)))
+        # No crumb at the end.
+        b = stop if left <= width else a + (0.5 * left if left < 2.0 * width else width)
+        done.append((a, b))
+        a = b
     return done
 
 

@@ -8,10 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.arrays import BoolVector, Matrix, Vector
-from pricing_core.collocation_twin.boundary import RESIDUAL, Boundary, Form, Start, solve_boundary
+from pricing_core.collocation_twin.boundary import (
+    RUNGS,
+    Boundary,
+    Climb,
+    Start,
+    shifted_start,
+    solve_boundary,
+)
 from pricing_core.collocation_twin.flow import Flow
 from pricing_core.collocation_twin.held import Held
 from pricing_core.collocation_twin.panels import Feature, Fineness
+from pricing_core.collocation_twin.profile import Profile
 from pricing_core.collocation_twin.start import Outset, UnservedError, find_start
 from pricing_core.collocation_twin.stretch import Stretch
 from pricing_core.collocation_twin.transfer import Transferred, at_expiry, before_event
@@ -22,10 +30,6 @@ class Level(NamedTuple):
 
     Parameters
     ----------
-    degree, points : int
-        Of the boundary's polynomial, and nodes of each of its integrals.
-    value_points : int
-        Nodes of the integral that gives the value: near the boundary it sees the youngest contact sets closely.
     panel_points : int
         Gauss points of a panel.
     kernel, feature : float
@@ -34,9 +38,6 @@ class Level(NamedTuple):
         Half the width of the interval of x, in standard deviations of ln(spot) at expiry.
     """
 
-    degree: int
-    points: int
-    value_points: int
     panel_points: int
     kernel: float
     feature: float
@@ -44,22 +45,25 @@ class Level(NamedTuple):
 
 
 LEVELS = (
-    Level(2, 4, 8, 5, 2.0, 1.5, 4.6),
-    Level(3, 5, 12, 6, 2.0, 1.4, 5.2),
-    Level(4, 6, 16, 8, 2.0, 1.3, 5.8),
-    Level(6, 8, 20, 8, 1.6, 1.1, 6.4),
-    Level(8, 12, 24, 10, 1.6, 1.1, 6.9),
-    Level(12, 16, 32, 10, 1.4, 1.0, 7.3),
-    Level(16, 24, 40, 12, 1.4, 1.0, 7.6),
+    Level(5, 2.0, 1.5, 4.6),
+    Level(6, 2.0, 1.4, 5.2),
+    Level(8, 2.0, 1.3, 5.8),
+    Level(8, 1.6, 1.1, 6.4),
+    Level(10, 1.6, 1.1, 6.9),
+    Level(10, 1.4, 1.0, 7.3),
+    Level(12, 1.4, 1.0, 7.6),
 )
 FINE_KERNEL = 0.4  # spreads: widest panel where the contact set begins at nodes
-CHECKED = 0.5  # spreads inside the contact set: where value and payoff are compared
+CHECKED = 0.5  # spreads outside the contact set: where value and payoff are compared
 LARGEST_VIOLATION = 1e-4  # strikes, by which holding may be worth less than exercise outside the contact set
 BOUNDARY_REACH = 2.5  # deviations at expiry within which the boundary now is looked for
 MOST_CUTS = 4  # of one stretch
 RELEVANT = 5.0  # standard deviations of ln(spot) at a stretch's end within which its contact set matters
 LEAST_FORWARD = 0.1  # of a spot that a dividend would take to zero or less
-RESULTS = 5  # value, slope, second derivative by x; boundary now; residual
+RESIDUAL, ENOUGH = 1e-9, 0.01  # of the slope, or of the value; and as a share of the tolerance
+# Of what is left of the tolerance, for one boundary; and of the tolerance, at the least for all of them together.
+SHARE, LEAST_SHARE = 0.5, 0.2
+RESULTS = 6  # value, slope, second derivative by x; boundary now; residual; error
 
 
 class Query(NamedTuple):
@@ -75,6 +79,7 @@ def solve_schedules(
     first: NDArray[np.int64],
     stretches: Matrix,
     level: NDArray[np.int64],
+    tolerance: Vector,
     times: Vector,
     first_time: NDArray[np.int64],
     threads: int,
@@ -94,6 +99,8 @@ def solve_schedules(
         time, in years and strikes.
     level : int array, shape (n,)
         Of `LEVELS`.
+    tolerance : Vector, shape (n,)
+        Strikes, that the value may change by from one degree of a boundary to the next; 0 for the level's own degree.
     times : Vector, shape (t,)
         Years from now at which boundaries are wanted, increasing for each schedule.
     first_time : int array, shape (n + 1,)
@@ -103,9 +110,10 @@ def solve_schedules(
 
     Returns
     -------
-    Matrix, shape (5, n)
-        Value in strikes, its first and second derivative by x, the boundary ln(S*/K) now (NaN without one), and the
-        largest violation of complementarity that was seen, in strikes.
+    Matrix, shape (6, n)
+        Value in strikes, its first and second derivative by x, the boundary ln(S*/K) now (NaN without one), the
+        largest violation of complementarity that was seen, in strikes, and what the value may be off by for the
+        boundaries' degrees (0 at tolerance 0).
     Vector, shape (t,)
         Boundaries at the times, just before what happens then; NaN where there is none.
     bool array, shape (n,)
@@ -120,7 +128,9 @@ def solve_schedules(
         query = Query(times[wanted], found[wanted])
         with np.errstate(all="ignore"):
             try:
-                settled[row] = _solve(parts, float(x[row]), LEVELS[level[row]], query, results[:, row])
+                settled[row] = _solve(
+                    parts, float(x[row]), int(level[row]), float(tolerance[row]), query, results[:, row]
+                )
             except (UnservedError, ArithmeticError, np.linalg.LinAlgError):
                 settled[row] = False
     return results, found, settled
@@ -132,15 +142,20 @@ def _stretch(sign: float, numbers: list[float]) -> Stretch:
     return Stretch(float(sign), flow, duration, exercisable != 0.0, at_end != 0.0, fraction, amount, escrow)
 
 
-def _solve(parts: list[Stretch], x: float, level: Level, query: Query, result: Vector) -> bool:
+def _solve(
+    parts: list[Stretch], x: float, number: int, tolerance: float, query: Query, result: Vector
+) -> bool:
     """Fill the result; return whether all boundaries were found."""
+    level = LEVELS[number]
     deviation, variance, forward = _forecast(parts, x)
     held: Held | None = None
     features: tuple[Feature, ...] = ()
-    end, residual = math.fsum(part.duration for part in parts), 0.0
+    end, residual, error = math.fsum(part.duration for part in parts), 0.0, 0.0
+    least = LEAST_SHARE * tolerance / len(parts)
     for k in reversed(range(len(parts))):
         waiting = [parts[k]]
         cuts = 0
+        centre, left = forward[k], variance[k]
         while waiting:
             part = waiting.pop()
             if part.exercisable and part.is_two_sided():
@@ -165,16 +180,26 @@ def _solve(parts: list[Stretch], x: float, level: Level, query: Query, result: V
                 cuts += 1
                 waiting += part.parted(split)  # the later one needs panels of its own width
                 continue
-            held, left = _solve_stretch(before, part, start, level)
-            if held is None:
-                return False
-            residual = max(residual, left)
+            centre -= (part.flow.rate - part.flow.dividend) * part.duration
+            left -= spread**2
+            climb = Climb(
+                len(RUNGS) - 1 if tolerance > 0.0 else number,
+                max(least, SHARE * ((1.0 - LEAST_SHARE) * tolerance - error)) if tolerance > 0.0 else None,
+                max(RESIDUAL, ENOUGH * tolerance),
+                centre,
+                math.sqrt(max(left, 0.0)),
+            )
+            held = _solve_stretch(before, part, start, climb)
+            if held.boundary is not None:
+                residual = max(residual, held.boundary.violation)
+                error += held.boundary.error
+                _check_outside(held, held.boundary)
             _answer(query, end, part, before.contact, held)
             end -= part.duration
             features = _carried(before.features, part, held)
     assert held is not None
     result[:3] = held.value(np.array([x]))[:, 0]
-    result[3], result[4] = held.edge, residual
+    result[3:] = held.edge, residual, error
     return bool(np.all(np.isfinite(result[:3])))
 
 
@@ -207,36 +232,48 @@ def _relevant(before: Transferred, part: Stretch, forward: float, variance: floa
     return max(min(min(forward, 0.0) - far, min(bends, default=0.0) - near), gone + near / RELEVANT)
 
 
-def _solve_stretch(
-    before: Transferred, part: Stretch, start: Start | None, level: Level
-) -> tuple[Held | None, float]:
-    """Return the value at the stretch's beginning, None if its boundary was not found, and what it violates."""
+def _solve_stretch(before: Transferred, part: Stretch, start: Start | None, climb: Climb) -> Held:
+    """Return the value at the stretch's beginning."""
     at_zero = before.at_zero * math.exp(-part.flow.rate * part.duration)
     if part.exercisable and part.sign > 0.0:
         at_zero = max(at_zero, part.strike(part.duration))
-    if start is None:
-        return Held(before.profile, part, None, at_zero), 0.0
-    boundary = _find_boundary(before, part, start, level)
-    if boundary is None:
-        return None, math.nan
-    held = Held(before.profile, part, boundary, at_zero)
-    step = part.sign * CHECKED * part.flow.volatility * math.sqrt(part.duration)
-    places = boundary.last + np.array([-step, step])
-    inside, outside = held.continued(places)[0] - part.sign * (held.strike - np.exp(places))
-    if outside < -LARGEST_VIOLATION:
-        return None, math.nan
-    return held, abs(float(inside))
+    boundary = None if start is None else _find_boundary(before.profile, part, start, climb)
+    return Held(before.profile, part, boundary, at_zero)
 
 
-def _find_boundary(before: Transferred, part: Stretch, start: Start, level: Level) -> Boundary | None:
-    """Return the boundary; where smooth pasting does not find it, the other equation is tried."""
-    forms: tuple[Form, ...] = ("plain", "shifted") if start.form == "plain" else (start.form,)
-    for form in forms:
-        degrees = level.degree, level.points, level.value_points
-        boundary = solve_boundary(before.profile, part, replace(start, form=form), *degrees)
-        if boundary.residual <= RESIDUAL and math.isfinite(boundary.last):
-            return boundary
-    return None
+def _check_outside(held: Held, boundary: Boundary) -> None:
+    """Refuse what is worth less than exercise outside the contact set: next to it, and where it has left.
+
+    Raises
+    ------
+    UnservedError
+    """
+    part, start = held.stretch, boundary.start.place
+    spread = part.flow.volatility * math.sqrt(part.duration)
+    places = [boundary.last + part.sign * CHECKED * spread]
+    if part.sign * (start - boundary.last) > spread:
+        places += [0.5 * (start + boundary.last), start]
+    x = np.array(places)
+    outside = held.continued(x)[0] - part.sign * (held.strike - np.exp(x))
+    if np.any(outside < -LARGEST_VIOLATION):
+        raise UnservedError
+
+
+def _find_boundary(profile: Profile, part: Stretch, start: Start, climb: Climb) -> Boundary:
+    """Return the boundary; where smooth pasting does not find it, the other equation is tried.
+
+    Raises
+    ------
+    UnservedError
+        Neither does.
+    """
+    boundary = solve_boundary(profile, part, start, climb)
+    if not boundary.is_found and start.form in ("plain", "root"):
+        other = shifted_start(profile, part, start.time, start.place)
+        boundary = solve_boundary(profile, part, other, climb)
+    if not boundary.is_found:
+        raise UnservedError
+    return boundary
 
 
 def _carried(features: tuple[Feature, ...], part: Stretch, held: Held) -> tuple[Feature, ...]:

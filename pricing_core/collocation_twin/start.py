@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from pricing_core.collocation_twin.boundary import Start, touching_point
+from pricing_core.collocation_twin.boundary import Start, shifted_start
 from pricing_core.collocation_twin.panels import Feature
 from pricing_core.collocation_twin.profile import Profile, propagate
 from pricing_core.collocation_twin.stretch import Stretch
+from pricing_core.collocation_twin.touching import search_touching
 from pricing_core.roots import find_root
 
 TAIL_SPLIT = 2.0  # times the time at which it begins, a contact set from far away has arrived
@@ -19,6 +20,8 @@ SOONEST = 1e-3  # of the stretch
 WORTH_SPLITTING = 1.1
 SEEN = 0.02  # of the stretch: sooner the panels are too wide to show the tail
 AT_ONCE = 1e-9  # of the stretch
+# Of the stretch: how closely its time is looked for at which a contact set begins, and at which it has arrived.
+CLOSE, ROUGHLY = 1e-7, 1e-2
 FAST = 4.0  # spreads by which a contact set grows that spreads faster than diffusion follows
 STEEP = 1e-6  # of the slope far away: then value and payoff part like lines, not like a normal tail
 OVERHANGING = 1e-4  # of the slope far away: then the contact set begins somewhere else, with two ends
@@ -95,38 +98,46 @@ def find_start(outset: Outset) -> tuple[Start | None, float]:
     if sign * (outset.contact - relevant) > 0.0:
         place = (min if sign > 0.0 else max)(outset.contact, furthest)
         ahead = place + FAST * sign * stretch.flow.volatility * math.sqrt(duration)
-        if outset.above(ahead, duration) >= 0.0:
-            return Start("plain", 0.0, place), 0.0
-        return Start("shifted", 0.0, place), _arrival(outset, 0.0, place)
+        if outset.above(ahead, duration) < 0.0:
+            return _shifted(outset, 0.0, place)
+        is_smooth = stretch.is_continuous and stretch.exercise_at_end and outset.profile.nodes.size
+        is_gradual = sign * (furthest - outset.contact) <= 0.0
+        return Start("plain" if is_smooth or is_gradual else "root", 0.0, place), 0.0
     soon = (SEEN if outset.profile.nodes.size and outset.nodes_only else AT_ONCE) * duration
     begins = soon
     if outset.above(relevant, soon) > 0.0:
-        begins = find_root(lambda s: outset.above(relevant, s), soon, duration)
+        begins = find_root(lambda s: outset.above(relevant, s), soon, duration, CLOSE * duration)
     steepness = outset.height(relevant, begins) * math.exp(relevant)
     if steepness < -OVERHANGING:
         raise UnservedError
     if sign < 0.0 or steepness > STEEP:
-        return Start("shifted", begins, relevant), _arrival(outset, begins, relevant)
+        return _shifted(outset, begins, relevant)
     split = TAIL_SPLIT * begins
     worth = WORTH_SPLITTING * split < duration and split > 1e-6 * duration
     return _tail(outset, begins), split if worth else 0.0
 
 
-def _arrival(outset: Outset, begins: float, place: float) -> float:
+def _shifted(outset: Outset, begins: float, place: float) -> tuple[Start, float]:
+    start = shifted_start(outset.profile, outset.stretch, begins, place)
+    assert start.touching is not None
+    return start, _arrival(outset, begins, place, start.touching.x)
+
+
+def _arrival(outset: Outset, begins: float, place: float, end: float) -> float:
     """Return a time after that at which a contact set that grows far and fast has arrived; 0 where it does not.
 
     The boundary is near the place where the value without exercise is the payoff, which is followed until it has gone
     most of its way.
     """
     stretch = outset.stretch
-    end = touching_point(outset.profile, stretch, place, stretch.duration)
     if stretch.sign * (end - place) < FAR * stretch.flow.volatility * math.sqrt(stretch.duration):
         return 0.0
     most = place + MOST_OF_THE_WAY * (end - place)
     soon = max(begins, AT_ONCE * stretch.duration)
     if outset.above(most, soon) <= 0.0:
         return 0.0
-    arrival = ARRIVED * find_root(lambda s: outset.above(most, s), soon, stretch.duration)
+    close = ROUGHLY * stretch.duration
+    arrival = ARRIVED * find_root(lambda s: outset.above(most, s), soon, stretch.duration, close)
     return arrival if SOONEST * stretch.duration < arrival < stretch.duration / WORTH_SPLITTING else 0.0
 
 
@@ -140,4 +151,5 @@ def _tail(outset: Outset, begins: float) -> Start:
     low, high = (float(ndtri(min(max(outset.height(x, seen), LOWEST), HIGHEST))) for x in (deep, shallow))
     scale = abs((shallow - deep) / (high - low)) if high != low else math.inf
     scale = min(max(scale, 0.5 * abs(spread)), 5.0 * abs(spread))
-    return Start("tail", begins, outset.relevant, shallow - stretch.sign * scale * high, scale)
+    touching = search_touching(outset.profile, stretch, begins, outset.relevant, stretch.duration)
+    return Start("tail", begins, outset.relevant, touching, shallow - stretch.sign * scale * high, scale)

@@ -63,6 +63,16 @@ class Stretch:
             return math.log(rate / dividend)
         return self.sign * math.inf
 
+    def perpetual(self) -> float:
+        """Return the boundary of the option that never expires, as ln(S*/K); infinite where it is never exercised."""
+        rate, _, volatility = self.flow
+        square = self.flow.drift**2 + 2.0 * volatility**2 * rate
+        if square >= 0.0:
+            exponent = (-self.flow.drift - self.sign * math.sqrt(square)) / volatility**2
+            if exponent != 1.0 and exponent / (exponent - 1.0) > 0.0:
+                return math.log(exponent / (exponent - 1.0))
+        return -self.sign * math.inf
+
     def parted(self, s: float) -> "tuple[Stretch, Stretch]":
         """Cut the stretch at time s to its end: the earlier part and the later one, which keeps the event."""
         earlier = Stretch(

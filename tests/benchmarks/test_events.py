@@ -19,7 +19,7 @@ def test_dividends_are_paid_in_order_within_the_life_of_each_option(option_type:
 def test_the_kernel_is_counted_where_it_is_called() -> None:
     with metered() as meter:
         price_many(random_book("call", 3).columns(), tolerance=1e-4, greeks=False)
-    assert meter.solves >= 3 * 3  # two levels and the European value
+    assert meter.solves >= 3 * 2  # the American and the European value
     assert meter.seconds > 0.0
 
 

@@ -4,27 +4,41 @@ use super::multiplier::Views;
 use super::newton::newton;
 use super::normal::{distribution, quantile};
 use super::profile::Profile;
-use super::roots::{find_root, CLOSE};
 use super::stretch::Stretch;
 use super::tables::{interpolation, table, Table};
+use super::touching::Touching;
 use crate::lanes::normal::ONE_OVER_SQRT_TWO_PI;
 
-/// Degrees solved before the one that is asked for.
-const LADDER: [usize; 4] = [3, 6, 10, 16];
+/// Degree of the polynomial, nodes of each of its integrals, and nodes of the integral for the value: near the boundary
+/// it sees the youngest contact sets closely.
+pub const RUNGS: [(usize, usize, usize); 7] = [
+    (2, 4, 8),
+    (3, 5, 12),
+    (4, 6, 16),
+    (6, 8, 20),
+    (8, 12, 24),
+    (12, 16, 32),
+    (16, 24, 40),
+];
 /// Of the coefficients; Newton's method doubles the digits once more.
 const SETTLED: f64 = 1e-6;
 const COARSELY_SETTLED: f64 = 1e-4;
 /// Of a tail.
 const SMALLEST_SHARE: f64 = 1e-12;
 const FIRST_GUESS: f64 = 0.8;
+const SOON: f64 = 2.0;
+/// Of a square.
+const NEAREST: f64 = 1e-20;
 const MOST_STAGES: usize = 16;
-/// Of a search.
-const MOST_STEPS: usize = 200;
-/// Spreads, for the first guess of a boundary from far away.
-const ROUGHLY: f64 = 1e-2;
-/// Spreads, for a place that the boundary is measured from.
-const ROUNDING: f64 = 1e-8;
-const MOST_NEAR_STEPS: usize = 8;
+/// Where two boundaries are compared: cells of so many spreads, and what the places are blurred by.
+const CELLS: usize = 8;
+const CELL: f64 = 0.6;
+const SMOOTHED: f64 = 0.5;
+/// The first cells, whose chance weighs the violation inside the contact set, and its share in the value's error.
+const NEXT: usize = 4;
+const VIOLATION_SHARE: f64 = 0.4;
+/// Spreads inside the contact set: where value and payoff are compared.
+const CHECKED: f64 = 0.5;
 
 /// What is a polynomial in eta = sqrt((s - time)/(h - time)).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +47,8 @@ pub enum Form {
     Plain,
     /// The share N((b - centre)/scale).
     Tail { centre: f64, scale: f64 },
+    /// The square of b less the place where the contact set begins.
+    Root,
     /// b less the place where the value without exercise is the payoff.
     Shifted,
 }
@@ -43,9 +59,21 @@ pub struct Start {
     pub form: Form,
     pub time: f64,
     pub place: f64,
+    /// At the stretch's beginning; of no meaning where the form is `Plain`.
+    pub touching: Touching,
 }
 
 impl Start {
+    /// A contact set that is measured from the touching point.
+    pub fn shifted(profile: &Profile, stretch: &Stretch, time: f64, place: f64) -> Start {
+        Start {
+            form: Form::Shifted,
+            time,
+            place,
+            touching: Touching::search(profile, stretch, time, place, stretch.duration),
+        }
+    }
+
     /// The boundary that belongs to a coefficient, and its derivative.
     pub fn place_of(&self, sign: f64, coefficient: f64, shift: f64) -> (f64, f64) {
         match self.form {
@@ -53,6 +81,13 @@ impl Start {
                 let z = quantile(share(coefficient));
                 let density = ONE_OVER_SQRT_TWO_PI * (-0.5 * z * z).exp();
                 (centre + sign * scale * z, sign * scale / density)
+            }
+            Form::Root => {
+                if coefficient <= NEAREST {
+                    return (self.place, 0.0);
+                }
+                let distance = coefficient.sqrt();
+                (self.place - sign * distance, -0.5 * sign / distance)
             }
             _ => (coefficient + shift, 1.0),
         }
@@ -63,7 +98,7 @@ impl Start {
         match self.form {
             Form::Tail { centre, scale } => distribution(sign * (self.place - centre) / scale),
             Form::Plain => self.place,
-            Form::Shifted => 0.0,
+            Form::Root | Form::Shifted => 0.0,
         }
     }
 }
@@ -82,7 +117,7 @@ pub struct Past {
 /// The end of the contact set at every time of a stretch since it began, and what its multiplier is worth.
 pub struct Boundary {
     stretch: Stretch,
-    start: Start,
+    pub start: Start,
     nodes: &'static Table,
     coefficients: Vec<f64>,
     /// The contact sets as seen from the stretch's beginning.
@@ -90,6 +125,13 @@ pub struct Boundary {
     /// The boundary at the stretch's beginning.
     pub last: f64,
     pub residual: f64,
+    enough: f64,
+    /// What exercise is worth, at places outside the contact set.
+    worth: [f64; CELLS],
+    /// Strikes: how far value and payoff are apart inside the contact set, at the stretch's beginning.
+    pub violation: f64,
+    /// Strikes, of the value now; 0 where it was not asked for.
+    pub error: f64,
 }
 
 impl Boundary {
@@ -106,13 +148,78 @@ impl Boundary {
         let mut weights = vec![0.0; self.coefficients.len()];
         interpolation(&self.nodes.eta, eta, &mut weights);
         let coefficient = dot(&weights, &self.coefficients);
-        let shift = shift_at(profile, &self.stretch, &self.start, s);
+        let shift = shifts(profile, &self.stretch, &self.start, &[s])[0];
         self.start.place_of(self.stretch.sign, coefficient, shift).0
+    }
+
+    /// Whether every equation is met.
+    pub fn is_found(&self) -> bool {
+        self.residual <= self.enough && self.last.is_finite()
+    }
+
+    /// Keep the contact sets as seen from the stretch's beginning.
+    fn look_back(&mut self, profile: &Profile, nodes: &Table) {
+        let (stretch, start) = (&self.stretch, &self.start);
+        let span = stretch.duration - start.time;
+        let times: Vec<f64> = nodes
+            .sine
+            .iter()
+            .map(|sine| start.time + span * sine * sine)
+            .collect();
+        let shifts = shifts(profile, stretch, start, &times);
+        let seen = shifts.into_iter().enumerate().map(|(l, shift)| {
+            let behind = dot(nodes.row(nodes.degree - 1, l), &self.coefficients);
+            Past {
+                boundary: start.place_of(stretch.sign, behind, shift).0,
+                age: span * nodes.cosine[l] * nodes.cosine[l],
+                weight: span * nodes.weight[l],
+            }
+        });
+        self.past = seen.collect();
+    }
+
+    /// How far value and payoff are apart inside the contact set, where they should be equal.
+    fn violation_inside(&self, profile: &Profile) -> f64 {
+        let (stretch, s) = (&self.stretch, self.stretch.duration);
+        let x = self.last - stretch.sign * CHECKED * stretch.spread();
+        let held = profile.propagate(&stretch.flow, x, s)[0] + self.contribution(x)[0];
+        (held - stretch.payoff(x, s)).abs()
+    }
+
+    /// Keep what exercise is worth at the cells' middles from `origin` outwards.
+    fn weigh(&mut self, origin: f64) {
+        let (sign, spread) = (self.stretch.sign, self.stretch.spread());
+        let mut views = Views::with_room(CELLS * self.past.len());
+        for cell in 0..CELLS {
+            #[allow(clippy::cast_precision_loss)]
+            let x = origin + sign * spread * CELL * (cell as f64 + 0.5);
+            for past in &self.past {
+                views.push(x, past.boundary, past.age, past.weight);
+            }
+        }
+        views.integrate(sign, &self.stretch.flow);
+        let count = self.past.len();
+        self.worth = std::array::from_fn(|cell| views.sums(cell * count..(cell + 1) * count)[0]);
+    }
+
+    /// How much the two change the value now: their difference at the stretch's beginning, by the chance to be there.
+    ///
+    /// Without another one, by all that exercise on this stretch is worth.
+    fn distance(&self, before: Option<&Boundary>, chances: &[f64; CELLS]) -> f64 {
+        if !(self.is_found() && before.is_none_or(Boundary::is_found)) {
+            return f64::INFINITY;
+        }
+        let before = before.map_or([0.0; CELLS], |before| before.worth);
+        let changes = self.worth.iter().zip(before);
+        changes
+            .zip(chances)
+            .map(|((now, before), chance)| (now - before).abs() * chance)
+            .sum()
     }
 
     /// Value, slope and second derivative of the multiplier's part at x, at the beginning.
     pub fn contribution(&self, x: f64) -> [f64; 3] {
-        let mut views = Views::default();
+        let mut views = Views::with_room(self.past.len());
         for past in &self.past {
             views.push(x, past.boundary, past.age, past.weight);
         }
@@ -125,10 +232,6 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-fn shift_at(profile: &Profile, stretch: &Stretch, start: &Start, s: f64) -> f64 {
-    shifts(profile, stretch, start, &[s])[0]
-}
-
 /// Where the value without exercise is the payoff at each time; zeros unless the form is `Shifted`.
 fn shifts(profile: &Profile, stretch: &Stretch, start: &Start, times: &[f64]) -> Vec<f64> {
     let mut shifts = vec![0.0; times.len()];
@@ -137,59 +240,17 @@ fn shifts(profile: &Profile, stretch: &Stretch, start: &Start, times: &[f64]) ->
     }
     let mut order: Vec<usize> = (0..times.len()).collect();
     order.sort_by(|&i, &j| times[j].total_cmp(&times[i]));
-    let mut last = None;
+    let mut touching = start.touching;
     for index in order {
         let s = times[index];
         if s <= start.time * (1.0 + 1e-12) {
             shifts[index] = start.place;
             continue;
         }
-        let near = last.and_then(|x| touching_near(profile, stretch, x, s, ROUNDING));
-        let found = near.unwrap_or_else(|| touching_point(profile, stretch, start.place, s));
-        shifts[index] = found;
-        last = Some(found);
+        touching = touching.earlier(profile, stretch, start, s);
+        shifts[index] = touching.x;
     }
     shifts
-}
-
-/// Where the value without exercise, below the payoff at `place`, meets it at time s.
-pub fn touching_point(profile: &Profile, stretch: &Stretch, place: f64, s: f64) -> f64 {
-    let above = |x: f64| profile.propagate(&stretch.flow, x, s)[0] - stretch.payoff(x, s);
-    // Panels are fine enough for such a step next to the place.
-    let step = stretch.sign * stretch.flow.volatility * s.sqrt();
-    let mut inside = place;
-    for _ in 0..MOST_STEPS {
-        if above(inside) <= 0.0 {
-            break;
-        }
-        inside -= step;
-    }
-    let mut outside = inside + step;
-    for _ in 0..MOST_STEPS {
-        if above(outside) >= 0.0 {
-            break;
-        }
-        (inside, outside) = (outside, outside + step);
-    }
-    find_root(above, inside, outside, CLOSE)
-}
-
-/// The same by Newton's method from a place near it, until a step is below `close` spreads; None where it goes astray.
-fn touching_near(profile: &Profile, stretch: &Stretch, x: f64, s: f64, close: f64) -> Option<f64> {
-    let mut place = x;
-    for _ in 0..MOST_NEAR_STEPS {
-        let [value, by_x, _] = profile.propagate(&stretch.flow, place, s);
-        let slope = by_x + stretch.sign * place.exp();
-        let step = (value - stretch.payoff(place, s)) / slope;
-        if !(stretch.sign * slope > 0.0 && step.abs() < stretch.spread()) {
-            return None;
-        }
-        place -= step;
-        if step.abs() <= close * stretch.spread() {
-            return Some(place);
-        }
-    }
-    None
 }
 
 /// The equations of one degree.
@@ -218,7 +279,8 @@ impl<'a> System<'a> {
             .iter()
             .map(|eta| start.time + span * eta * eta)
             .collect();
-        let mut every = times.clone();
+        let mut every = Vec::with_capacity(times.len() * (1 + nodes.points));
+        every.extend_from_slice(&times);
         for eta in &nodes.eta[1..] {
             every.extend(
                 nodes
@@ -237,7 +299,7 @@ impl<'a> System<'a> {
             times,
             stage_shift,
             node_shift,
-            views: Views::default(),
+            views: Views::with_room(nodes.degree * nodes.points),
             turns: vec![0.0; nodes.degree * nodes.points],
         }
     }
@@ -277,14 +339,15 @@ impl<'a> System<'a> {
             let held = self.profile.propagate(&stretch.flow, x, self.times[k]);
             let range = k * points..(k + 1) * points;
             let parts = self.views.sums(range.clone());
+            let [value_by_boundary, slope_by_boundary] = self.views.by_boundary(range.clone());
             let paid = stretch.sign * x.exp();
             let slope = held[1] + parts[1] + paid;
             let (left, by_place, by_boundary) = if start.form == Form::Shifted {
                 let value = held[0] + parts[0] - stretch.payoff(x, self.times[k]);
-                (value, slope, &self.views.value_by_boundary[range.clone()])
+                (value, slope, value_by_boundary)
             } else {
                 let bend = held[2] + parts[2] + paid;
-                (slope, bend, &self.views.slope_by_boundary[range.clone()])
+                (slope, bend, slope_by_boundary)
             };
             residual[k] = left;
             let row = &mut jacobian[k * degree..(k + 1) * degree];
@@ -303,28 +366,64 @@ impl<'a> System<'a> {
         let (stretch, start) = (self.stretch, self.start);
         let mut coefficients = vec![start.first(stretch.sign); self.nodes.eta.len()];
         match start.form {
+            Form::Shifted => {}
             Form::Plain => {
                 let smooth =
                     stretch.is_continuous() && stretch.exercise_at_end && self.profile.has_nodes();
-                let spread = stretch.flow.volatility * (stretch.duration - start.time).sqrt();
                 let step = if smooth { 0.0 } else { FIRST_GUESS };
+                let spread = stretch.flow.volatility * (stretch.duration - start.time).sqrt();
                 for (coefficient, eta) in coefficients.iter_mut().zip(&self.nodes.eta) {
                     *coefficient -= stretch.sign * step * spread * eta;
                 }
             }
-            Form::Tail { centre, scale } => {
-                let mut touching = centre;
-                let stages = coefficients[1..].iter_mut().zip(&self.times);
-                for (coefficient, &s) in stages.rev() {
-                    let near = touching_near(self.profile, stretch, touching, s, ROUGHLY);
-                    touching = near
-                        .unwrap_or_else(|| touching_point(self.profile, stretch, start.place, s));
-                    *coefficient = distribution(stretch.sign * (touching - centre) / scale);
+            Form::Root => {
+                let furthest = stretch.sign * (start.place - stretch.perpetual());
+                for (coefficient, eta) in coefficients.iter_mut().zip(&self.nodes.eta) {
+                    let soon = SOON * stretch.spread() * eta;
+                    let distance = if furthest < f64::INFINITY {
+                        -furthest * (-soon / furthest).exp_m1()
+                    } else {
+                        soon
+                    };
+                    *coefficient = distance * distance;
                 }
             }
-            Form::Shifted => {}
+            Form::Tail { centre, scale } => {
+                let mut touching = start.touching;
+                let stages = coefficients[1..].iter_mut().zip(&self.times);
+                for (coefficient, &s) in stages.rev() {
+                    touching = touching.earlier(self.profile, stretch, start, s);
+                    *coefficient = distribution(stretch.sign * (touching.x - centre) / scale);
+                }
+            }
         }
         coefficients
+    }
+}
+
+/// How far the degree is raised.
+#[derive(Clone, Copy)]
+pub struct Climb {
+    /// The last rung.
+    pub top: usize,
+    /// Strikes: where the value now changes less from one rung to the next is the end; None for the last rung alone.
+    pub budget: Option<f64>,
+    /// The residual that is small enough.
+    pub enough: f64,
+    /// x at the stretch's beginning as it is expected now, and its standard deviation.
+    pub centre: f64,
+    pub deviation: f64,
+}
+
+impl Climb {
+    /// The chance to be in each of the cells from `origin` outwards at the stretch's beginning.
+    fn chances(&self, stretch: &Stretch, origin: f64) -> [f64; CELLS] {
+        let spread = stretch.spread();
+        let deviation = self.deviation.hypot(SMOOTHED * spread);
+        let place = stretch.sign * (origin - self.centre);
+        #[allow(clippy::cast_precision_loss)]
+        let below = |cell: usize| distribution((place + CELL * spread * cell as f64) / deviation);
+        std::array::from_fn(|cell| below(cell + 1) - below(cell))
     }
 }
 
@@ -333,86 +432,88 @@ pub fn solve_boundary(
     profile: &Profile,
     stretch: &Stretch,
     start: &Start,
-    degree: usize,
-    points: usize,
-    value_points: usize,
+    climb: &Climb,
 ) -> Boundary {
-    let mut known: Option<(Vec<f64>, &'static Table)> = None;
-    let lower = LADDER.into_iter().filter(|&m| m < degree);
-    for m in lower.chain(std::iter::once(degree)) {
-        let (settled, count) = if m == degree {
-            (SETTLED, points)
-        } else {
-            (COARSELY_SETTLED, m + 3)
-        };
-        let nodes = table(m, count);
+    let (mut rung, step) = match climb.budget {
+        Some(_) => (0, 1),
+        None => (climb.top % 2, 2),
+    };
+    let mut last: Option<Boundary> = None;
+    let (mut origin, mut chances) = (f64::NAN, [0.0; CELLS]);
+    loop {
+        let (degree, points, value_points) = RUNGS[rung];
+        let nodes = table(degree, points);
         let mut system = System::new(profile, stretch, start, nodes);
-        let mut coefficients = match &known {
+        let mut coefficients = match &last {
             None => system.guess(),
-            Some((before, old)) => refined(before, old, nodes, start.first(stretch.sign)),
+            Some(before) => refined(before, nodes, start.first(stretch.sign)),
         };
-        let residual = newton(&mut system, &mut coefficients, settled);
-        if m == degree {
-            let shift = system.stage_shift[m - 1];
-            let (last, _) = start.place_of(stretch.sign, coefficients[m], shift);
-            return Boundary {
-                stretch: *stretch,
-                start: *start,
-                nodes,
-                past: past(
-                    profile,
-                    stretch,
-                    start,
-                    &coefficients,
-                    table(m, value_points),
-                ),
-                coefficients,
-                last,
-                residual,
-            };
+        let settled = if rung < climb.top && climb.budget.is_none() {
+            COARSELY_SETTLED
+        } else {
+            SETTLED
+        };
+        let residual = newton(&mut system, &mut coefficients, settled, climb.enough);
+        let end = start.place_of(
+            stretch.sign,
+            coefficients[degree],
+            system.stage_shift[degree - 1],
+        );
+        let mut now = Boundary {
+            stretch: *stretch,
+            start: *start,
+            nodes,
+            past: Vec::new(),
+            coefficients,
+            last: end.0,
+            residual,
+            enough: climb.enough,
+            worth: [0.0; CELLS],
+            violation: 0.0,
+            error: 0.0,
+        };
+        if rung >= climb.top || climb.budget.is_some() {
+            now.look_back(profile, table(degree, value_points));
+            now.violation = now.violation_inside(profile);
         }
-        known = Some((coefficients, nodes));
-    }
-    unreachable!("the last degree returns")
-}
-
-/// The contact sets as seen from the stretch's beginning.
-fn past(
-    profile: &Profile,
-    stretch: &Stretch,
-    start: &Start,
-    coefficients: &[f64],
-    nodes: &Table,
-) -> Vec<Past> {
-    let span = stretch.duration - start.time;
-    let times: Vec<f64> = nodes
-        .sine
-        .iter()
-        .map(|sine| start.time + span * sine * sine)
-        .collect();
-    shifts(profile, stretch, start, &times)
-        .into_iter()
-        .enumerate()
-        .map(|(l, shift)| {
-            let behind = dot(nodes.row(nodes.degree - 1, l), coefficients);
-            Past {
-                boundary: start.place_of(stretch.sign, behind, shift).0,
-                age: span * nodes.cosine[l] * nodes.cosine[l],
-                weight: span * nodes.weight[l],
+        if let Some(budget) = climb.budget {
+            if origin.is_nan() {
+                origin = now.last;
+                chances = climb.chances(stretch, origin);
             }
-        })
-        .collect()
+            now.weigh(origin);
+            let seen = chances[..NEXT].iter().sum::<f64>() * now.violation;
+            now.error = now.distance(last.as_ref(), &chances) + VIOLATION_SHARE * seen;
+            if now.error <= budget {
+                return now;
+            }
+        }
+        // Where a degree fails or brings nothing, the one before stays.
+        let kept = match last.take() {
+            Some(before)
+                if climb.budget.is_some() && before.is_found() && before.error <= now.error =>
+            {
+                before
+            }
+            _ => now,
+        };
+        if rung >= climb.top {
+            return kept;
+        }
+        last = Some(kept);
+        rung += step;
+    }
 }
 
 /// The coefficients at the nodes of a higher degree.
-fn refined(before: &[f64], old: &Table, nodes: &Table, first: f64) -> Vec<f64> {
-    let mut weights = vec![0.0; before.len()];
+fn refined(before: &Boundary, nodes: &Table, first: f64) -> Vec<f64> {
+    let mut weights = vec![0.0; before.coefficients.len()];
     let mut after: Vec<f64> = nodes
         .eta
         .iter()
         .map(|&eta| {
-            interpolation(&old.eta, eta, &mut weights);
-            dot(&weights, before)
+            interpolation(&before.nodes.eta, eta, &mut weights);
+            dot(&weights, &before.coefficients)
         })
         .collect();
     after[0] = first;

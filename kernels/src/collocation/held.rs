@@ -15,6 +15,8 @@ pub struct Held {
     pub boundary: Option<Boundary>,
     /// The value at spot zero.
     pub at_zero: f64,
+    /// Whether a share is worth no less than the option gains or loses with it: there was no negative yield.
+    pub is_monotone: bool,
 }
 
 impl Held {

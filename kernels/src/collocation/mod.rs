@@ -4,6 +4,7 @@
 #![allow(clippy::similar_names, clippy::many_single_char_names)] // the formulas' names
 
 mod boundary;
+mod bumps;
 mod held;
 mod multiplier;
 mod newton;
@@ -15,6 +16,7 @@ mod solve;
 mod start;
 mod stretch;
 mod tables;
+mod touching;
 mod transfer;
 mod values;
 

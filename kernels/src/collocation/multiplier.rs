@@ -8,55 +8,53 @@ use crate::lanes::dispatch::{dispatch, Work};
 use crate::lanes::normal::{exp, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{Vector, LANES};
 
+const COLUMNS: usize = 9;
+const X: usize = 0;
+const BOUNDARY: usize = 1;
+const AGE: usize = 2;
+const WEIGHT: usize = 3;
+/// Weighted: value, its first and second derivative by x, and derivatives of value and slope by the boundary.
+const VALUE: usize = 4;
+const BY_X: usize = 5;
+const BY_XX: usize = 6;
+const VALUE_BY_BOUNDARY: usize = 7;
+const SLOPE_BY_BOUNDARY: usize = 8;
+
 /// Contact sets as seen from places: columns filled up to whole vectors with what has no weight.
-#[derive(Clone, Debug, Default)]
 pub struct Views {
     count: usize,
-    x: Vec<f64>,
-    pub boundary: Vec<f64>,
-    pub age: Vec<f64>,
-    pub weight: Vec<f64>,
-    /// Weighted: value, its first and second derivative by x, and derivatives of value and slope by the boundary.
-    value: Vec<f64>,
-    by_x: Vec<f64>,
-    by_xx: Vec<f64>,
-    pub value_by_boundary: Vec<f64>,
-    pub slope_by_boundary: Vec<f64>,
+    room: usize,
+    /// One column after the other.
+    numbers: Vec<f64>,
 }
 
 impl Views {
+    /// Room for so many.
+    pub fn with_room(count: usize) -> Self {
+        let room = count.next_multiple_of(LANES);
+        let mut views = Views {
+            count: 0,
+            room,
+            numbers: vec![0.0; COLUMNS * room],
+        };
+        views.numbers[AGE * room..(AGE + 1) * room].fill(1.0);
+        views
+    }
+
     pub fn clear(&mut self) {
         self.count = 0;
     }
 
     /// Add the contact set that ended at `boundary` so long ago, as seen from x.
     pub fn push(&mut self, x: f64, boundary: f64, age: f64, weight: f64) {
-        if self.count == self.x.len() {
-            let room = self.count + LANES;
-            self.x.resize(room, 0.0);
-            self.boundary.resize(room, 0.0);
-            self.age.resize(room, 1.0);
-            self.weight.resize(room, 0.0);
+        for (column, number) in [(X, x), (BOUNDARY, boundary), (AGE, age), (WEIGHT, weight)] {
+            self.numbers[column * self.room + self.count] = number;
         }
-        self.x[self.count] = x;
-        self.boundary[self.count] = boundary;
-        self.age[self.count] = age;
-        self.weight[self.count] = weight;
         self.count += 1;
     }
 
     /// Fill in what they contribute.
     pub fn integrate(&mut self, sign: f64, flow: &Flow) {
-        let room = self.x.len();
-        for column in [
-            &mut self.value,
-            &mut self.by_x,
-            &mut self.by_xx,
-            &mut self.value_by_boundary,
-            &mut self.slope_by_boundary,
-        ] {
-            column.resize(room, 0.0);
-        }
         dispatch(Integration {
             sign,
             flow,
@@ -66,7 +64,16 @@ impl Views {
 
     /// Value, first and second derivative by x of some of them together.
     pub fn sums(&self, range: Range<usize>) -> [f64; 3] {
-        [&self.value, &self.by_x, &self.by_xx].map(|column| column[range.clone()].iter().sum())
+        [VALUE, BY_X, BY_XX].map(|column| self.column(column, range.clone()).iter().sum())
+    }
+
+    /// The weighted derivatives by the boundary, of the value and of its slope, of some of them.
+    pub fn by_boundary(&self, range: Range<usize>) -> [&[f64]; 2] {
+        [VALUE_BY_BOUNDARY, SLOPE_BY_BOUNDARY].map(|column| self.column(column, range.clone()))
+    }
+
+    fn column(&self, column: usize, range: Range<usize>) -> &[f64] {
+        &self.numbers[column * self.room..][range]
     }
 }
 
@@ -74,11 +81,6 @@ struct Integration<'a> {
     sign: f64,
     flow: &'a Flow,
     views: &'a mut Views,
-}
-
-#[inline(always)]
-fn store<V: Vector>(values: V, column: &mut [f64]) {
-    column[..LANES].copy_from_slice(&values.lanes());
 }
 
 impl Work for Integration<'_> {
@@ -90,10 +92,8 @@ impl Work for Integration<'_> {
         let (rate, dividend, drift) = (flow.rate, flow.dividend, flow.drift());
         let one = V::all(1.0);
         for start in (0..views.count).step_by(LANES) {
-            let x = load::<V>(&views.x[start..]);
-            let age = load::<V>(&views.age[start..]);
-            let boundary = load::<V>(&views.boundary[start..]);
-            let weight = load::<V>(&views.weight[start..]);
+            let [x, boundary, age, weight] = [X, BOUNDARY, AGE, WEIGHT]
+                .map(|column| load::<V>(&views.numbers[column * views.room + start..]));
             let spread = age.sqrt().times(flow.volatility);
             let inverse = one / spread;
             let d2 = (age.times_plus(V::all(drift), x) - boundary) * inverse;
@@ -105,25 +105,28 @@ impl Work for Integration<'_> {
             let interest = weighted_normal(d2.times(-sign), density, one) * bond.times(rate);
             // e^x n(d1) e^{-q age} = e^boundary n(d2) e^{-r age}
             let density = density * bond;
-            let dividends =
-                weighted_normal(d1.times(-sign), density * spot, stock).times(dividend * sign);
+            let dividends = if dividend == 0.0 {
+                V::zero()
+            } else {
+                weighted_normal(d1.times(-sign), density * spot, stock).times(dividend * sign)
+            };
             let at_boundary = spot.times(dividend);
             let multiplier = V::all(rate) - at_boundary;
             let density = density * inverse;
             let flux = multiplier * density * weight;
             let turn = flux * d2 * inverse;
             let dividends = dividends * weight;
-            store(
-                interest.times(sign) * weight - dividends,
-                &mut views.value[start..],
-            );
-            store(-(flux + dividends), &mut views.by_x[start..]);
-            store(
-                (at_boundary * density).times_plus(weight, turn - dividends),
-                &mut views.by_xx[start..],
-            );
-            store(flux, &mut views.value_by_boundary[start..]);
-            store(-turn, &mut views.slope_by_boundary[start..]);
+            let curved = (at_boundary * density).times_plus(weight, turn - dividends);
+            for (column, numbers) in [
+                (VALUE, interest.times(sign) * weight - dividends),
+                (BY_X, -(flux + dividends)),
+                (BY_XX, curved),
+                (VALUE_BY_BOUNDARY, flux),
+                (SLOPE_BY_BOUNDARY, -turn),
+            ] {
+                let at = column * views.room + start;
+                views.numbers[at..at + LANES].copy_from_slice(&numbers.lanes());
+            }
         }
     }
 }

@@ -5,11 +5,16 @@ use super::boundary::{Form, System};
 const MOST_ITERATIONS: usize = 40;
 const LEAST_STEP: f64 = 0.01;
 const SMALLEST_COEFFICIENT: f64 = 1e-10;
+const LEAST_SHARE: f64 = 1e-9;
+/// Of what is enough.
+const SHARE: f64 = 0.1;
 const LIFT: f64 = 1e-12;
 const NOTHING_LEFT: f64 = 1e-14;
 
 /// Replace the coefficients behind the first by a zero of the residual; return what is left of it.
-pub fn newton(system: &mut System, coefficients: &mut [f64], settled: f64) -> f64 {
+///
+/// The iteration ends after a step that moves the boundary by less than `settled`, or once the residual is `enough`.
+pub fn newton(system: &mut System, coefficients: &mut [f64], settled: f64, enough: f64) -> f64 {
     let m = system.nodes.degree;
     let (mut residual, mut jacobian) = (vec![0.0; m], vec![0.0; m * m]);
     let mut trial = coefficients.to_vec();
@@ -21,14 +26,23 @@ pub fn newton(system: &mut System, coefficients: &mut [f64], settled: f64) -> f6
         if !eliminate(&mut jacobian, &mut step) {
             return f64::NAN;
         }
-        let mut length = longest_step(system, coefficients, &step);
-        let small = largest(&step) <= settled;
+        let furthest = furthest_move(system, coefficients, &step);
+        let mut length = (system.stretch.spread() / furthest).min(1.0);
+        let small = if matches!(system.start.form, Form::Tail { .. }) {
+            largest(&step) <= settled
+        } else {
+            furthest <= settled
+        };
         loop {
             for k in 0..m {
                 trial[k + 1] = coefficients[k + 1] + length * step[k];
-                if matches!(system.start.form, Form::Tail { .. }) {
-                    trial[k + 1] =
-                        trial[k + 1].clamp(SMALLEST_COEFFICIENT, 1.0 - SMALLEST_COEFFICIENT);
+                match system.start.form {
+                    Form::Tail { .. } => {
+                        trial[k + 1] =
+                            trial[k + 1].clamp(SMALLEST_COEFFICIENT, 1.0 - SMALLEST_COEFFICIENT);
+                    }
+                    Form::Root => trial[k + 1] = trial[k + 1].max(0.1 * coefficients[k + 1]),
+                    _ => {}
                 }
             }
             system.residual(&trial, &mut residual, &mut jacobian);
@@ -43,7 +57,8 @@ pub fn newton(system: &mut System, coefficients: &mut [f64], settled: f64) -> f6
             length *= 0.5;
         }
         coefficients.copy_from_slice(&trial);
-        if small || !largest(&residual).is_finite() {
+        let left = largest(&residual);
+        if small || left <= SHARE * enough || !left.is_finite() {
             break;
         }
     }
@@ -71,28 +86,17 @@ fn lift_diagonal(jacobian: &mut [f64], m: usize) {
     }
 }
 
-/// The share of the step that moves the boundary by no more than a spread.
-fn longest_step(system: &System, coefficients: &[f64], step: &[f64]) -> f64 {
-    let furthest = step
-        .iter()
-        .zip(&coefficients[1..])
-        .map(|(s, c)| {
-            let turn = if matches!(system.start.form, Form::Tail { .. }) {
-                system
-                    .start
-                    .place_of(system.stretch.sign, c.clamp(1e-9, 1.0 - 1e-9), 0.0)
-                    .1
-            } else {
-                1.0
-            };
-            (s * turn).abs()
-        })
-        .fold(0.0, f64::max);
-    if furthest > 0.0 {
-        (system.stretch.spread() / furthest).min(1.0)
-    } else {
-        1.0
-    }
+/// How far the step moves the boundary at most.
+fn furthest_move(system: &System, coefficients: &[f64], step: &[f64]) -> f64 {
+    let moves = step.iter().zip(&coefficients[1..]).map(|(step, c)| {
+        let c = if matches!(system.start.form, Form::Tail { .. }) {
+            c.clamp(LEAST_SHARE, 1.0 - LEAST_SHARE)
+        } else {
+            *c
+        };
+        (step * system.start.place_of(system.stretch.sign, c, 0.0).1).abs()
+    });
+    moves.fold(0.0, f64::max)
 }
 
 /// Solve the system in place by elimination with row exchanges; false where it is singular or not finite.

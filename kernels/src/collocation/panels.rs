@@ -45,24 +45,32 @@ pub fn append_nodes(
     let smallest = SMALLEST_PANEL * fineness.spread;
     let rule = legendre(fineness.points);
     let recent = &features[features.len().saturating_sub(MOST_FEATURES)..];
-    let mut waiting = vec![interval];
-    while let Some((a, b)) = waiting.pop() {
-        let mut allowed = fineness.kernel * fineness.spread;
+    let (mut a, stop) = interval;
+    while a < stop {
+        let mut width = fineness.kernel * fineness.spread;
         for feature in recent {
-            let distance = (a - feature.place).max(feature.place - b).max(0.0);
-            allowed = allowed.min(fineness.feature * feature.scale.max(distance).max(smallest));
+            let least = fineness.feature * feature.scale.max(smallest);
+            let allowed = if feature.place > a {
+                fineness.feature / (1.0 + fineness.feature) * (feature.place - a)
+            } else {
+                fineness.feature * (a - feature.place)
+            };
+            width = width.min(allowed.max(least));
         }
-        if b - a > allowed {
-            let middle = 0.5 * (a + b);
-            waiting.push((middle, b));
-            waiting.push((a, middle));
-        } else {
-            let (half, middle) = (0.5 * (b - a), 0.5 * (a + b));
-            panels.push(Panel { middle, half });
-            for (point, weight) in rule {
-                nodes.push(middle + half * point);
-                weights.push(half * weight);
-            }
+        // No crumb at the end.
+        let left = stop - a;
+        if left <= width {
+            width = left;
+        } else if left < 2.0 * width {
+            width = 0.5 * left;
         }
+        let b = if width < left { a + width } else { stop };
+        let (half, middle) = (0.5 * (b - a), 0.5 * (a + b));
+        panels.push(Panel { middle, half });
+        for (point, weight) in rule {
+            nodes.push(middle + half * point);
+            weights.push(half * weight);
+        }
+        a = b;
     }
 }

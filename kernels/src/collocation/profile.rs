@@ -7,7 +7,7 @@ use crate::lanes::normal::{exp, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{Vector, LANES};
 
 /// In standard deviations: what lies further away has no weight.
-const FURTHEST: f64 = 9.0;
+const FURTHEST: f64 = 7.5;
 
 /// constant + slope e^x for lower < x < upper; the ends may be infinite.
 #[derive(Clone, Copy, Debug)]

@@ -32,9 +32,49 @@ pub fn find_root(mut function: impl FnMut(f64) -> f64, mut a: f64, mut b: f64, c
     b
 }
 
+/// The zero between a < b of a function that rises, or falls, from its values and slopes: Newton's steps inside the
+/// interval, halves of it where they leave it, until one is below `close`.
+pub fn find_crossing(
+    mut function: impl FnMut(f64) -> (f64, f64),
+    (mut a, mut b): (f64, f64),
+    rises: bool,
+    close: f64,
+) -> f64 {
+    let mut x = 0.5 * (a + b);
+    for _ in 0..MOST_STEPS {
+        let (value, slope) = function(x);
+        if (value > 0.0) == rises {
+            b = x;
+        } else {
+            a = x;
+        }
+        let newton = x - value / slope;
+        let next = if a <= newton && newton <= b {
+            newton
+        } else {
+            0.5 * (a + b)
+        };
+        let step = (next - x).abs();
+        x = next;
+        if step <= close {
+            break;
+        }
+    }
+    x
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{find_root, CLOSE};
+    use super::{find_crossing, find_root, CLOSE};
+
+    #[test]
+    fn a_crossing_is_found_whether_the_function_rises_or_falls() {
+        for sign in [1.0, -1.0] {
+            let cubic = |x: f64| (sign * (x * x * x - 2.0), sign * 3.0 * x * x);
+            let root = find_crossing(cubic, (0.0, 2.0), sign > 0.0, 1e-8);
+            assert!((root - 2f64.cbrt()).abs() < 1e-15 * 4.0);
+        }
+    }
 
     #[test]
     fn a_root_is_found_from_either_side() {

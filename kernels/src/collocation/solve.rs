@@ -1,6 +1,6 @@
 //! Schedules from expiry to now, each by itself.
 
-use super::boundary::{solve_boundary, Boundary, Form, Start};
+use super::boundary::{solve_boundary, Boundary, Climb, Form, Start, RUNGS};
 use super::held::Held;
 use super::panels::{Feature, Fineness};
 use super::start::Outset;
@@ -11,28 +11,14 @@ use super::Unsettled;
 /// How finely a schedule is solved; as in `collocation_twin.solve.Level`.
 #[derive(Clone, Copy)]
 struct Level {
-    degree: usize,
-    points: usize,
-    value_points: usize,
     panel_points: usize,
     kernel: f64,
     feature: f64,
     reach: f64,
 }
 
-const fn level(
-    degree: usize,
-    points: usize,
-    value_points: usize,
-    panel_points: usize,
-    kernel: f64,
-    feature: f64,
-    reach: f64,
-) -> Level {
+const fn level(panel_points: usize, kernel: f64, feature: f64, reach: f64) -> Level {
     Level {
-        degree,
-        points,
-        value_points,
         panel_points,
         kernel,
         feature,
@@ -40,24 +26,24 @@ const fn level(
     }
 }
 
-/// The number of levels.
-pub const LEVELS: usize = 7;
+/// The number of levels, and of rungs of a boundary.
+pub const LEVELS: usize = RUNGS.len();
 const FINENESS: [Level; LEVELS] = [
-    level(2, 4, 8, 5, 2.0, 1.5, 4.6),
-    level(3, 5, 12, 6, 2.0, 1.4, 5.2),
-    level(4, 6, 16, 8, 2.0, 1.3, 5.8),
-    level(6, 8, 20, 8, 1.6, 1.1, 6.4),
-    level(8, 12, 24, 10, 1.6, 1.1, 6.9),
-    level(12, 16, 32, 10, 1.4, 1.0, 7.3),
-    level(16, 24, 40, 12, 1.4, 1.0, 7.6),
+    level(5, 2.0, 1.5, 4.6),
+    level(6, 2.0, 1.4, 5.2),
+    level(8, 2.0, 1.3, 5.8),
+    level(8, 1.6, 1.1, 6.4),
+    level(10, 1.6, 1.1, 6.9),
+    level(10, 1.4, 1.0, 7.3),
+    level(12, 1.4, 1.0, 7.6),
 ];
 /// Numbers of a stretch.
 pub const COLUMNS: usize = 9;
-/// Value, slope, second derivative by x; boundary now; residual.
-pub const RESULTS: usize = 5;
+/// Value, slope, second derivative by x; boundary now; residual; error.
+pub const RESULTS: usize = 6;
 /// Spreads: widest panel where the contact set begins at nodes.
 const FINE_KERNEL: f64 = 0.4;
-/// Spreads inside the contact set: where value and payoff are compared.
+/// Spreads outside the contact set: where value and payoff are compared.
 const CHECKED: f64 = 0.5;
 /// Strikes, by which holding may be worth less than exercise outside the contact set.
 const LARGEST_VIOLATION: f64 = 1e-4;
@@ -69,8 +55,12 @@ const BOUNDARY_REACH: f64 = 2.5;
 const MOST_CUTS: usize = 4;
 /// Of a spot that a dividend would take to zero or less.
 const LEAST_FORWARD: f64 = 0.1;
-/// Of the slope, or of the value.
+/// Of the slope, or of the value; and as a share of the tolerance.
 const RESIDUAL: f64 = 1e-9;
+const ENOUGH: f64 = 0.01;
+/// Of what is left of the tolerance, for one boundary; and of the tolerance, at the least for all of them together.
+const SHARE: f64 = 0.5;
+const LEAST_SHARE: f64 = 0.2;
 const SAME_TIME: f64 = 1e-12;
 
 /// What is to be solved; see `collocation_twin.solve_schedules`.
@@ -86,6 +76,8 @@ pub struct Schedules<'a> {
     pub stretches: &'a [f64],
     /// Below `LEVELS`.
     pub level: &'a [usize],
+    /// Strikes, that boundaries may change the value by; 0 for the level's own rung.
+    pub tolerance: &'a [f64],
     /// Years from now at which boundaries are wanted.
     pub times: &'a [f64],
     /// The first time of each schedule, and the number of times.
@@ -162,8 +154,16 @@ fn solve_rows(
             times: &schedules.times[wanted.clone()],
             found: &mut boundary[wanted.start - origin..wanted.end - origin],
         };
-        let fine = &FINENESS[schedules.level[row]];
-        *settled = solve(&parts, schedules.x[row], fine, &mut query, result).is_ok();
+        let (level, tolerance) = (schedules.level[row], schedules.tolerance[row]);
+        *settled = solve(
+            &parts,
+            schedules.x[row],
+            level,
+            tolerance,
+            &mut query,
+            result,
+        )
+        .is_ok();
     }
 }
 
@@ -220,31 +220,36 @@ fn forecast(parts: &[Stretch], x: f64) -> Vec<Forecast> {
 fn solve(
     parts: &[Stretch],
     x: f64,
-    level: &Level,
+    level: usize,
+    tolerance: f64,
     query: &mut Query,
     result: &mut [f64; RESULTS],
 ) -> Result<(), Unsettled> {
+    let fine = &FINENESS[level];
     let forecasts = forecast(parts, x);
     let deviation = forecasts.last().map_or(0.0, |f| f.variance).sqrt();
     let mut held: Option<Held> = None;
     let mut features: Vec<Feature> = Vec::new();
     let mut end: f64 = parts.iter().map(|part| part.duration).sum();
-    let mut residual = 0.0_f64;
+    let (mut residual, mut error) = (0.0_f64, 0.0);
+    #[allow(clippy::cast_precision_loss)]
+    let least = LEAST_SHARE * tolerance / parts.len() as f64;
     for (part, here) in parts.iter().zip(&forecasts).rev() {
         let mut waiting = vec![*part];
         let mut cuts = 0;
+        let (mut centre, mut variance) = (here.forward, here.variance);
         while let Some(part) = waiting.pop() {
             if part.exercisable && part.is_two_sided() {
                 return Err(Unsettled);
             }
-            let reach = level.reach * here.variance.sqrt()
-                + level.reach.min(BOUNDARY_REACH) * (deviation - here.variance.sqrt());
+            let reach = fine.reach * here.variance.sqrt()
+                + fine.reach.min(BOUNDARY_REACH) * (deviation - here.variance.sqrt());
             let ends = (here.forward.min(0.0) - reach, here.forward.max(0.0) + reach);
             let mut fineness = Fineness {
                 spread: part.spread(),
-                points: level.panel_points,
-                kernel: level.kernel,
-                feature: level.feature,
+                points: fine.panel_points,
+                kernel: fine.kernel,
+                feature: fine.feature,
             };
             let transfer = |fineness: &Fineness| match &held {
                 None => at_expiry(&part),
@@ -268,18 +273,34 @@ fn solve(
             if part.exercisable && part.sign > 0.0 {
                 at_zero = at_zero.max(part.strike(part.duration));
             }
+            centre -= (part.flow.rate - part.flow.dividend) * part.duration;
+            variance -= part.spread().powi(2);
+            let climb = Climb {
+                top: if tolerance > 0.0 { LEVELS - 1 } else { level },
+                budget: (tolerance > 0.0)
+                    .then(|| least.max(SHARE * ((1.0 - LEAST_SHARE) * tolerance - error))),
+                enough: RESIDUAL.max(ENOUGH * tolerance),
+                centre,
+                deviation: variance.max(0.0).sqrt(),
+            };
             let boundary = match start {
                 None => None,
-                Some(start) => Some(find_boundary(&before, &part, start, level)?),
+                Some(start) => Some(find_boundary(&before, &part, start, &climb)?),
             };
             let now = Held {
                 profile: before.profile,
-                points: level.panel_points,
+                points: fine.panel_points,
                 stretch: part,
                 boundary,
                 at_zero,
+                is_monotone: part.flow.dividend >= 0.0
+                    && held.as_ref().is_none_or(|later| later.is_monotone),
             };
-            residual = residual.max(violation(&now)?);
+            if let Some(boundary) = &now.boundary {
+                residual = residual.max(boundary.violation);
+                error += boundary.error;
+                check_outside(&now, boundary)?;
+            }
             answer(query, end, before.contact, &now);
             end -= part.duration;
             features = carried(&before.features, &now);
@@ -288,7 +309,7 @@ fn solve(
     }
     let held = held.ok_or(Unsettled)?;
     let [value, slope, second] = held.value(x);
-    *result = [value, slope, second, held.edge(), residual];
+    *result = [value, slope, second, held.edge(), residual, error];
     if value.is_finite() && slope.is_finite() && second.is_finite() {
         Ok(())
     } else {
@@ -301,17 +322,16 @@ fn find_boundary(
     before: &Transferred,
     part: &Stretch,
     start: Start,
-    level: &Level,
+    climb: &Climb,
 ) -> Result<Boundary, Unsettled> {
-    let other = match start.form {
-        Form::Plain => Some(Form::Shifted),
-        _ => None,
-    };
-    for form in std::iter::once(start.form).chain(other) {
-        let start = Start { form, ..start };
-        let (degree, points, value_points) = (level.degree, level.points, level.value_points);
-        let found = solve_boundary(&before.profile, part, &start, degree, points, value_points);
-        if found.residual <= RESIDUAL && found.last.is_finite() {
+    let found = solve_boundary(&before.profile, part, &start, climb);
+    if found.is_found() {
+        return Ok(found);
+    }
+    if matches!(start.form, Form::Plain | Form::Root) {
+        let start = Start::shifted(&before.profile, part, start.time, start.place);
+        let found = solve_boundary(&before.profile, part, &start, climb);
+        if found.is_found() {
             return Ok(found);
         }
     }
@@ -360,21 +380,22 @@ fn relevant(before: &Transferred, part: &Stretch, here: &Forecast) -> f64 {
         .max(gone + near / RELEVANT)
 }
 
-/// How far value and payoff are apart where they should be equal; refused where holding is worth less than exercise.
-fn violation(held: &Held) -> Result<f64, Unsettled> {
-    if held.boundary.is_none() {
-        return Ok(0.0);
+/// Refuse what is worth less than exercise outside the contact set: next to it, and where it has left.
+fn check_outside(held: &Held, boundary: &Boundary) -> Result<(), Unsettled> {
+    let (sign, spread) = (held.stretch.sign, held.stretch.spread());
+    let mut places = vec![boundary.last + sign * CHECKED * spread];
+    if sign * (boundary.start.place - boundary.last) > spread {
+        places.extend([
+            0.5 * (boundary.start.place + boundary.last),
+            boundary.start.place,
+        ]);
     }
-    let sign = held.stretch.sign;
-    let step = sign * CHECKED * held.stretch.spread();
-    let [inside, outside] = [-step, step].map(|step| {
-        let x = held.edge() + step;
-        held.continued(x)[0] - sign * (held.strike() - x.exp())
-    });
-    if outside < -LARGEST_VIOLATION {
-        return Err(Unsettled);
+    for x in places {
+        if held.continued(x)[0] - sign * (held.strike() - x.exp()) < -LARGEST_VIOLATION {
+            return Err(Unsettled);
+        }
     }
-    Ok(inside.abs())
+    Ok(())
 }
 
 /// The features at the stretch's beginning: moved by the drift and smoothed.
@@ -433,6 +454,7 @@ mod tests {
                 first: &[0, 1],
                 stretches: &stretch,
                 level: &[5],
+                tolerance: &[0.0],
                 times: &[],
                 first_time: &[0, 0],
             },

@@ -1,11 +1,12 @@
 //! Where, when and how the contact set of a stretch begins.
 
-use super::boundary::{touching_point, Form, Start};
+use super::boundary::{Form, Start};
 use super::normal::quantile;
 use super::panels::Feature;
 use super::profile::Profile;
-use super::roots::{find_root, CLOSE};
+use super::roots::find_root;
 use super::stretch::Stretch;
+use super::touching::Touching;
 use super::Unsettled;
 
 /// Times the time at which it begins, a contact set from far away has arrived.
@@ -24,6 +25,9 @@ const STEEP: f64 = 1e-6;
 /// Of the slope far away: then the contact set begins somewhere else, with two ends.
 const OVERHANGING: f64 = 1e-4;
 const AT_ONCE: f64 = 1e-9;
+/// Of the stretch: how closely its time is looked for at which a contact set begins, and at which it has arrived.
+const CLOSE: f64 = 1e-7;
+const ROUGHLY: f64 = 1e-2;
 /// Spreads by which a contact set grows that spreads faster than diffusion follows.
 const FAST: f64 = 4.0;
 /// Spreads from the bend towards exercise at which a tail is looked at, and the least and largest height.
@@ -73,13 +77,23 @@ impl Outset<'_> {
                 self.contact.max(furthest)
             };
             let ahead = place + FAST * sign * stretch.spread();
-            let (form, split) = if self.above(ahead, stretch.duration) < 0.0 {
-                (Form::Shifted, self.arrival(0.0, place))
-            } else {
-                (Form::Plain, 0.0)
+            if self.above(ahead, stretch.duration) < 0.0 {
+                return Ok(self.shifted(0.0, place));
+            }
+            let smooth =
+                stretch.is_continuous() && stretch.exercise_at_end && self.profile.has_nodes();
+            let gradual = sign * (furthest - self.contact) <= 0.0;
+            let start = Start {
+                form: if smooth || gradual {
+                    Form::Plain
+                } else {
+                    Form::Root
+                },
+                time: 0.0,
+                place,
+                touching: Touching::default(),
             };
-            let time = 0.0;
-            return Ok((Some(Start { form, time, place }), split));
+            return Ok((Some(start), 0.0));
         }
         let place = self.relevant;
         let above = |s: f64| self.above(place, s);
@@ -91,7 +105,7 @@ impl Outset<'_> {
         };
         let soon = share * duration;
         let time = if above(soon) > 0.0 {
-            find_root(above, soon, duration, CLOSE)
+            find_root(above, soon, duration, CLOSE * duration)
         } else {
             soon
         };
@@ -100,24 +114,31 @@ impl Outset<'_> {
             return Err(Unsettled);
         }
         if sign < 0.0 || steepness > STEEP {
-            let form = Form::Shifted;
-            let start = Start { form, time, place };
-            return Ok((Some(start), self.arrival(time, place)));
+            return Ok(self.shifted(time, place));
         }
         let split = TAIL_SPLIT * time;
         let worth = WORTH_SPLITTING * split < duration && split > 1e-6 * duration;
-        let form = self.tail(time);
-        let start = Start { form, time, place };
+        let start = Start {
+            form: self.tail(time),
+            time,
+            place,
+            touching: Touching::search(self.profile, stretch, time, place, duration),
+        };
         Ok((Some(start), if worth { split } else { 0.0 }))
+    }
+
+    /// The start of a contact set that is measured from the touching point, and when it has arrived.
+    fn shifted(&self, time: f64, place: f64) -> (Option<Start>, f64) {
+        let start = Start::shifted(self.profile, self.stretch, time, place);
+        (Some(start), self.arrival(time, place, start.touching.x))
     }
 
     /// A time after that at which a contact set that grows far and fast has arrived; 0 where it does not.
     ///
     /// The boundary is near the place where the value without exercise is the payoff, which is followed until it has gone
     /// most of its way.
-    fn arrival(&self, begins: f64, place: f64) -> f64 {
+    fn arrival(&self, begins: f64, place: f64, end: f64) -> f64 {
         let stretch = self.stretch;
-        let end = touching_point(self.profile, stretch, place, stretch.duration);
         if stretch.sign * (end - place) < FAR * stretch.spread() {
             return 0.0;
         }
@@ -127,7 +148,8 @@ impl Outset<'_> {
             return 0.0;
         }
         let above = |s: f64| self.above(most, s);
-        let arrival = ARRIVED * find_root(above, soon, stretch.duration, CLOSE);
+        let close = ROUGHLY * stretch.duration;
+        let arrival = ARRIVED * find_root(above, soon, stretch.duration, close);
         let worth =
             SOONEST * stretch.duration < arrival && WORTH_SPLITTING * arrival < stretch.duration;
         if worth {

@@ -83,6 +83,21 @@ impl Stretch {
         }
     }
 
+    /// The boundary of the option that never expires, as ln(S*/K); infinite where that is never exercised.
+    pub fn perpetual(&self) -> f64 {
+        let flow = &self.flow;
+        let half = 0.5 * flow.volatility * flow.volatility;
+        let drift = flow.drift();
+        let root = (drift * drift + 4.0 * half * flow.rate).sqrt();
+        let exponent = (-drift - self.sign * root) / (2.0 * half);
+        let ratio = exponent / (exponent - 1.0);
+        if ratio > 0.0 {
+            ratio.ln()
+        } else {
+            -self.sign * f64::INFINITY
+        }
+    }
+
     /// The stretch cut at time s to its end: the earlier part and the later one, which keeps the event.
     pub fn parted(&self, s: f64) -> (Stretch, Stretch) {
         let earlier = Stretch {

@@ -3,12 +3,21 @@
 use super::held::Held;
 use super::panels::{append_nodes, Feature, Fineness};
 use super::profile::{Piece, Profile};
-use super::roots::{find_root, CLOSE};
+use super::roots::{find_crossing, find_root, CLOSE};
 use super::stretch::Stretch;
 use super::values::Continuation;
+use crate::lanes::dispatch::{dispatch, Work};
+use crate::lanes::normal::{exp, ln};
+use crate::lanes::vector::{Vector, LANES};
 
+/// Room is made for so many at once.
+const USUAL_PANELS: usize = 40;
 /// Intervals in which the holder's choice may change.
 const SCANNED: u32 = 48;
+/// Of a place: so short a step of Newton's method leaves nothing but rounding.
+const NEAR: f64 = 1e-8;
+/// In strikes, instead of nothing: its logarithm is finite.
+const LEAST_SPOT: f64 = 1e-300;
 const INDIFFERENT: f64 = 1e-14;
 const SAME_END: f64 = 1e-12;
 
@@ -29,7 +38,7 @@ pub fn at_expiry(stretch: &Stretch) -> Transferred {
     let at_zero = if sign > 0.0 { 1.0 } else { 0.0 };
     let mut pieces = vec![piece(f64::NEG_INFINITY, f64::INFINITY, at_zero, 0.0)];
     if keep > 0.0 {
-        let (strike, gone) = (ln((1.0 + amount) / keep), ln(amount / keep));
+        let (strike, gone) = (logarithm((1.0 + amount) / keep), logarithm(amount / keep));
         pieces = if sign > 0.0 {
             vec![
                 piece(gone, strike, 1.0 + amount, -keep),
@@ -80,7 +89,7 @@ fn bend(place: f64) -> Feature {
     Feature { place, scale: 0.0 }
 }
 
-fn ln(x: f64) -> f64 {
+fn logarithm(x: f64) -> f64 {
     if x > 0.0 {
         x.ln()
     } else {
@@ -97,7 +106,17 @@ struct Drop {
 
 impl Drop {
     fn after(self, x: f64) -> f64 {
-        (self.keep * x.exp() - self.amount).max(1e-300).ln()
+        (self.keep * x.exp() - self.amount).max(LEAST_SPOT).ln()
+    }
+
+    fn after_all(self, places: &[f64]) -> Vec<f64> {
+        let mut after = vec![0.0; places.len()];
+        dispatch(Dropping {
+            drop: self,
+            places,
+            after: &mut after,
+        });
+        after
     }
 
     #[allow(clippy::float_cmp)] // no event at all
@@ -105,7 +124,29 @@ impl Drop {
         if self.amount == 0.0 && self.keep == 1.0 {
             return x;
         }
-        ln((x.exp() + self.amount) / self.keep)
+        logarithm((x.exp() + self.amount) / self.keep)
+    }
+}
+
+struct Dropping<'a> {
+    drop: Drop,
+    places: &'a [f64],
+    after: &'a mut [f64],
+}
+
+impl Work for Dropping<'_> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run<V: Vector>(self) {
+        let chunks = self.places.chunks(LANES).zip(self.after.chunks_mut(LANES));
+        for (places, after) in chunks {
+            let mut lanes = [places[0]; LANES];
+            lanes[..places.len()].copy_from_slice(places);
+            let spot = exp(V::from_lanes(lanes)).times(self.drop.keep);
+            let left = spot.plus(-self.drop.amount).max(V::all(LEAST_SPOT));
+            after.copy_from_slice(&ln(left).lanes()[..places.len()]);
+        }
     }
 }
 
@@ -131,7 +172,7 @@ pub fn before_event(
     if !(ends.0 < edge && edge < ends.1) {
         edge = f64::NAN; // a contact set that far away is continued like what is held
     }
-    let gone = ln(stretch.amount / drop.keep);
+    let gone = logarithm(stretch.amount / drop.keep);
     let (mut lower, mut upper) = (gone, f64::INFINITY);
     let mut pieces = Vec::new();
     if gone > f64::NEG_INFINITY {
@@ -231,7 +272,9 @@ impl Sample<'_> {
         bends: &[Feature],
         fineness: &Fineness,
     ) -> Profile {
-        let (mut panels, mut nodes, mut weighted) = (Vec::new(), Vec::new(), Vec::new());
+        let room = USUAL_PANELS * fineness.points;
+        let mut panels = Vec::with_capacity(USUAL_PANELS);
+        let (mut nodes, mut weighted) = (Vec::with_capacity(room), Vec::with_capacity(room));
         for &interval in self.held {
             append_nodes(
                 interval,
@@ -242,7 +285,7 @@ impl Sample<'_> {
                 &mut weighted,
             );
         }
-        let after: Vec<f64> = nodes.iter().map(|&node| self.drop.after(node)).collect();
+        let after = self.drop.after_all(&nodes);
         for (weight, value) in weighted
             .iter_mut()
             .zip(self.later.values(continuation, &after))
@@ -280,7 +323,7 @@ fn worthless(later: &Held, stretch: &Stretch) -> Transferred {
     }
 }
 
-/// The features where they are before the event; their scales shrink as ln(spot) does.
+/// The features where they are before the event; their scales shrink as logarithm(spot) does.
 fn moved(features: &[Feature], drop: Drop) -> Vec<Feature> {
     features
         .iter()
@@ -354,21 +397,52 @@ fn split_held(
     exercised: &mut Vec<Interval>,
 ) {
     let (sign, strike) = (stretch.sign, stretch.strike(0.0));
+    let above = |x: f64| later.value(drop.after(x))[0] - sign * (strike - x.exp());
+    if later.is_monotone {
+        // What holding is worth more falls towards the side of exercise.
+        let (far, near) = if sign > 0.0 {
+            (start, stop)
+        } else {
+            (stop, start)
+        };
+        if above(far) > INDIFFERENT {
+            held.push((start, stop));
+            return;
+        }
+        if above(near) <= INDIFFERENT {
+            exercised.push(open_ends);
+            return;
+        }
+        let excess = |x: f64| {
+            let after = drop.after(x);
+            let [value, by_x, _] = later.value(after);
+            let by_spot = drop.keep * by_x * (-after).exp() + sign;
+            (value - sign * (strike - x.exp()), by_spot * x.exp())
+        };
+        let end = find_crossing(excess, (start, stop), sign > 0.0, NEAR);
+        if sign > 0.0 {
+            exercised.push((open_ends.0, end));
+            held.push((end, stop));
+        } else {
+            held.push((start, end));
+            exercised.push((end, open_ends.1));
+        }
+        return;
+    }
     let scanned: Vec<f64> = (0..=SCANNED)
         .map(|i| start + (stop - start) * f64::from(i) / f64::from(SCANNED))
         .collect();
-    let after: Vec<f64> = scanned.iter().map(|&x| drop.after(x)).collect();
+    let after = drop.after_all(&scanned);
     let better: Vec<bool> = later
         .values(continuation, &after)
         .iter()
         .zip(&scanned)
         .map(|(value, x)| value - sign * (strike - x.exp()) > INDIFFERENT)
         .collect();
-    let mut above = |x: f64| later.value(drop.after(x))[0] - sign * (strike - x.exp());
     let mut cuts = vec![start];
     for k in 0..better.len() - 1 {
         if better[k] != better[k + 1] {
-            cuts.push(find_root(&mut above, scanned[k], scanned[k + 1], CLOSE));
+            cuts.push(find_root(&above, scanned[k], scanned[k + 1], CLOSE));
         }
     }
     cuts.push(stop);
