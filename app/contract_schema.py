@@ -7,11 +7,26 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from pricing_core.american import Market, Option
-from pricing_core.american.contract import LARGEST_EXPIRY, LARGEST_MONEY, SMALLEST_MONEY, Exercise, OptionType
-from pricing_core.american.dividends import LATEST
-from pricing_core.american.market import LARGEST_RATE, LARGEST_VOLATILITY, SMALLEST_RATE, DividendModel
-from pricing_core.american.tolerances import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
-from pricing_core.american.vocabulary import NAMES, contract_from
+from pricing_core.american.contracts.contract import (
+    LARGEST_EXPIRY,
+    LARGEST_MONEY,
+    SMALLEST_MONEY,
+    Exercise,
+    OptionType,
+)
+from pricing_core.american.contracts.dividends import LATEST
+from pricing_core.american.contracts.market import (
+    LARGEST_RATE,
+    LARGEST_VOLATILITY,
+    SMALLEST_RATE,
+    DividendModel,
+)
+from pricing_core.american.contracts.tolerances import (
+    DEFAULT_TOLERANCE,
+    LARGEST_TOLERANCE,
+    SMALLEST_TOLERANCE,
+)
+from pricing_core.american.contracts.vocabulary import NAMES, contract_from
 
 MOST_EVENTS = 366  # dividends of one kind, or exercise times, of one request
 MOST_PIECES = 100  # of one curve

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pricing_core.american import ExerciseBoundary, Market, Option, PiecewiseConstant
-from pricing_core.american.closed_form import perpetual_boundary
-from pricing_core.american.exercise_region import region_at_expiry
-from pricing_core.american.schedule import without_events
+from pricing_core.american.contracts.schedule import without_events
+from pricing_core.american.flat.closed_form import perpetual_boundary
+from pricing_core.american.flat.exercise_region import region_at_expiry
 from pricing_core.arrays import BoolVector, Vector
 
 BLUE, RED, GREY = "#1f5fa8", "#b5402f", "#5a6570"

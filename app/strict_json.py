@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from pricing_core.american.json_text import JSONTextError, parse_json
+from pricing_core.american.contracts.json_text import JSONTextError, parse_json
 
 
 class InvalidJsonError(ValueError):

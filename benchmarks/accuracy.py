@@ -7,9 +7,9 @@ import numpy as np
 
 from benchmarks.classic_sets import Outputs, Problem
 from pricing_core.american.boundary import boundaries_at
-from pricing_core.american.exercise_region import region_at_expiry
-from pricing_core.american.resolution import Solution
-from pricing_core.american.spot_values import region_of, values_at
+from pricing_core.american.flat.exercise_region import region_at_expiry
+from pricing_core.american.flat.resolution import Solution
+from pricing_core.american.flat.spot_values import region_of, values_at
 
 OUTPUTS = ("price", "delta", "gamma", "boundary")
 UNITS = {

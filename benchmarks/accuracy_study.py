@@ -8,7 +8,7 @@ from benchmarks.accuracy import OUTPUTS, Error, errors, extrapolated, outputs_of
 from benchmarks.classic_sets import Outputs, Problem
 from benchmarks.stepping_methods import Method, domain_of
 from benchmarks.timing import Task, least_seconds
-from pricing_core.american.grid import Domain
+from pricing_core.american.flat.grid import Domain
 
 LEAST_STEPS = 6
 EXTRAPOLATED = ", extrapolated"

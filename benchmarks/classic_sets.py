@@ -10,8 +10,8 @@ import numpy as np
 
 from benchmarks.integral_equation import put_values, solve_put_boundary
 from pricing_core.american import Option
-from pricing_core.american.contract import OptionType
-from pricing_core.american.market import FlatMarket
+from pricing_core.american.contracts.contract import OptionType
+from pricing_core.american.contracts.market import FlatMarket
 from pricing_core.arrays import Vector
 
 NEAR_BOUNDARY = 0.01  # of the boundary: closer to it gamma is not compared, because it jumps there

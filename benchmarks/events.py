@@ -25,10 +25,10 @@ from benchmarks.machine import cpu_model
 from benchmarks.portfolios import DAYS_PER_YEAR, STRIKE, Portfolio
 from pricing_core import kernel
 from pricing_core.american import contract_from, price_many
-from pricing_core.american.collocation import solve_book
-from pricing_core.american.packed_schedules import PackedSchedules, pack
-from pricing_core.american.schedule import make_schedule
-from pricing_core.american.scheduled import COLLOCATION_METHOD
+from pricing_core.american.contracts.schedule import make_schedule
+from pricing_core.american.events.collocation import solve_book
+from pricing_core.american.events.packed_schedules import PackedSchedules, pack
+from pricing_core.american.events.scheduled import COLLOCATION_METHOD
 from pricing_core.arrays import Matrix, Vector
 
 TOLERANCES = (1e-4, 1e-5, 1e-6)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pricing_core.american.operators import ThreePointOperator
-from pricing_core.american.semidiscrete import ComplementarityForm
-from pricing_core.american.tridiagonal_step import OptionState, TridiagonalStage
+from pricing_core.american.flat.operators import ThreePointOperator
+from pricing_core.american.flat.semidiscrete import ComplementarityForm
+from pricing_core.american.flat.tridiagonal_step import OptionState, TridiagonalStage
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcp import LCP
 from pricing_core.linalg import solve_tridiagonal

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from pricing_core.american import Option
-from pricing_core.american.closed_form import ONE_OVER_SQRT_TWO_PI, perpetual_boundary
-from pricing_core.american.exercise_region import region_at_expiry
-from pricing_core.american.market import FlatMarket
+from pricing_core.american.contracts.market import FlatMarket
+from pricing_core.american.flat.closed_form import ONE_OVER_SQRT_TWO_PI, perpetual_boundary
+from pricing_core.american.flat.exercise_region import region_at_expiry
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import NumericalError
 

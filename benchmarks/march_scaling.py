@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.timing import Task, least_seconds
-from pricing_core.american.premium import Puts, PutValues, solve_puts
+from pricing_core.american.flat.premium import Puts, PutValues, solve_puts
 from pricing_core.arrays import Vector
 from pricing_core.premium_twin.mesh import STEPS, classify, mesh_of
 

@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.accuracy import OUTPUTS, Error, errors, outputs_of
 from benchmarks.classic_sets import Outputs, Problem
 from benchmarks.stepping_methods import STEPPER_NAMES, Method, domain_of
-from pricing_core.american.resolution import Scheme, TimeMesh
+from pricing_core.american.flat.resolution import Scheme, TimeMesh
 
 FITTED = 3  # the finest runs, for the order
 SCHEMES: tuple[Scheme, ...] = ("implicit-euler", "sdirk2", "crank-nicolson")

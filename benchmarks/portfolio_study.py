@@ -14,7 +14,7 @@ from benchmarks.portfolios import Portfolio
 from benchmarks.quantlib_peers import FINITE_DIFFERENCES, QD_FP, CallOverhead
 from benchmarks.work_precision import ENGINE, Measurement, engine_methods, measure, points, single_methods
 from pricing_core.american import price_many
-from pricing_core.american.tolerances import SMALLEST_TOLERANCE
+from pricing_core.american.contracts.tolerances import SMALLEST_TOLERANCE
 from pricing_core.arrays import Vector
 
 COMPARED = ((QD_FP, 1e-5), (QD_FP, 1e-6), (QD_FP, 2e-7), (FINITE_DIFFERENCES, 5e-5))  # at these RMSEs

@@ -8,8 +8,8 @@ from benchmarks.classic_sets import Problem
 from benchmarks.integral_equation import put_values, solve_put_boundary
 from benchmarks.stepping_methods import Method, domain_of
 from pricing_core.american.boundary import boundaries_at
-from pricing_core.american.exercise_region import region_at_expiry
-from pricing_core.american.spot_values import region_of, values_at
+from pricing_core.american.flat.exercise_region import region_at_expiry
+from pricing_core.american.flat.spot_values import region_of, values_at
 from pricing_core.arrays import Vector
 
 POINTS = 160

@@ -6,13 +6,13 @@ from typing import Literal, TypeAlias
 from benchmarks.classic_sets import Problem
 from benchmarks.explicit_projection import ExplicitProjection
 from pricing_core.american import Resolution
-from pricing_core.american.crank_nicolson import DAMPED_STEPS, CrankNicolson, damped_until
-from pricing_core.american.engine import settled_domain
-from pricing_core.american.grid import Domain, make_grid
-from pricing_core.american.resolution import Formulation, Scheme, Solution, TimeMesh, solve_at
-from pricing_core.american.semidiscrete import ValueForm
-from pricing_core.american.time_mesh import square_root_mesh, uniform_mesh
-from pricing_core.american.tridiagonal_step import LCPMethod, OptionState, TridiagonalStage, start_state
+from pricing_core.american.flat.crank_nicolson import DAMPED_STEPS, CrankNicolson, damped_until
+from pricing_core.american.flat.engine import settled_domain
+from pricing_core.american.flat.grid import Domain, make_grid
+from pricing_core.american.flat.resolution import Formulation, Scheme, Solution, TimeMesh, solve_at
+from pricing_core.american.flat.semidiscrete import ValueForm
+from pricing_core.american.flat.time_mesh import square_root_mesh, uniform_mesh
+from pricing_core.american.flat.tridiagonal_step import LCPMethod, OptionState, TridiagonalStage, start_state
 from pricing_core.stepping import FixedStep, ImplicitEuler, OneStepMethod, integrate
 
 Peer: TypeAlias = Literal["explicit projection", "undamped"]

@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.portfolios import Portfolio, everyday, option_chains, spot_ladders
 from benchmarks.timing import Task, least_seconds
 from pricing_core.american import Market, Option, price, price_many
-from pricing_core.american.tolerances import DEFAULT_TOLERANCE
+from pricing_core.american.contracts.tolerances import DEFAULT_TOLERANCE
 
 TOLERANCE = 1e-5
 LATENCY_TURNS = 25

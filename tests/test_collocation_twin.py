@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pricing_core import collocation_twin, kernel
-from pricing_core.american.packed_schedules import pack
+from pricing_core.american.events.packed_schedules import pack
 from tests.problems.schedules import SCHEDULES
 
 NO_TIMES = np.zeros(0)

@@ -7,21 +7,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.american.contract import Option, check_kind, real_number
-from pricing_core.american.engine import coarsest_resolution, make_solver
-from pricing_core.american.exercise_region import ExerciseRegion, region_at_expiry
-from pricing_core.american.limits import is_deterministic
-from pricing_core.american.market import FlatMarket, Market
-from pricing_core.american.premium import Puts, solve_boundaries
-from pricing_core.american.resolution import Solution
-from pricing_core.american.schedule import without_events
-from pricing_core.american.scheduled_boundary import event_times, schedule_of_boundary, scheduled_boundary
-from pricing_core.american.spot_values import region_of
-from pricing_core.american.tolerances import (
+from pricing_core.american.contracts.contract import Option, check_kind, real_number
+from pricing_core.american.contracts.market import FlatMarket, Market
+from pricing_core.american.contracts.schedule import without_events
+from pricing_core.american.contracts.tolerances import (
     DEFAULT_TOLERANCE,
     LARGEST_TOLERANCE,
     SMALLEST_TOLERANCE,
 )
+from pricing_core.american.events.scheduled_boundary import (
+    event_times,
+    schedule_of_boundary,
+    scheduled_boundary,
+)
+from pricing_core.american.flat.engine import coarsest_resolution, make_solver
+from pricing_core.american.flat.exercise_region import ExerciseRegion, region_at_expiry
+from pricing_core.american.flat.limits import is_deterministic
+from pricing_core.american.flat.premium import Puts, solve_boundaries
+from pricing_core.american.flat.resolution import Solution
+from pricing_core.american.flat.spot_values import region_of
 from pricing_core.arrays import Matrix, Vector, as_vector
 from pricing_core.errors import InvalidInputError, NumericalError
 

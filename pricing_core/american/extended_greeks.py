@@ -3,10 +3,10 @@
 import math
 from dataclasses import replace
 
-from pricing_core.american.contract import Option
-from pricing_core.american.curves import Curve, PiecewiseConstant
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.curves import Curve, PiecewiseConstant
+from pricing_core.american.contracts.market import FlatMarket, Market
 from pricing_core.american.flat_price import price_flat
-from pricing_core.american.market import FlatMarket, Market
 from pricing_core.american.results import Valuation
 from pricing_core.american.solver_settings import SolverSettings
 

@@ -2,11 +2,11 @@
 
 import math
 
-from pricing_core.american.contract import Option
-from pricing_core.american.limits import european_value
-from pricing_core.american.market import FlatMarket, Market
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.market import FlatMarket, Market
+from pricing_core.american.events.scheduled import price_scheduled_alone
+from pricing_core.american.flat.limits import european_value
 from pricing_core.american.results import Valuation, without_price
-from pricing_core.american.scheduled import price_scheduled_alone
 from pricing_core.american.solver_settings import SolverSettings
 from pricing_core.american.valuation import march_value, price_alone
 

@@ -7,15 +7,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.book import Book, read_book
-from pricing_core.american.book_values import CLOSED, LEFT, BookValues, value_book
-from pricing_core.american.contract import check_kind, real_number
+from pricing_core.american.contracts.contract import check_kind, real_number
+from pricing_core.american.contracts.tolerances import (
+    DEFAULT_TOLERANCE,
+    LARGEST_TOLERANCE,
+    SMALLEST_TOLERANCE,
+)
+from pricing_core.american.events.scheduled import price_scheduled_many
 from pricing_core.american.flat_price import price_left_over
 from pricing_core.american.price_table import SENSITIVITIES, Table, empty_table, fill_row, fill_rows
 from pricing_core.american.priced_rows import PricedRows
-from pricing_core.american.scheduled import price_scheduled_many
 from pricing_core.american.solver_settings import SolverSettings
-from pricing_core.american.tolerances import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
+from pricing_core.american.tables.book import Book, read_book
+from pricing_core.american.tables.book_values import CLOSED, LEFT, BookValues, value_book
 from pricing_core.american.valuation import MARCH_METHOD
 from pricing_core.errors import InvalidInputError
 

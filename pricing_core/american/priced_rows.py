@@ -5,8 +5,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.contract import Option
-from pricing_core.american.limits import ClosedValue
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.flat.limits import ClosedValue
 from pricing_core.american.results import (
     NO_FURTHER_GREEKS,
     Diagnostics,

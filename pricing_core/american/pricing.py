@@ -3,22 +3,22 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-from pricing_core.american.contract import Option, check_kind, real_number
-from pricing_core.american.extended_greeks import with_extended_greeks
-from pricing_core.american.flat_price import price_flat
-from pricing_core.american.market import Market
-from pricing_core.american.resolution import Resolution
-from pricing_core.american.results import Valuation
-from pricing_core.american.schedule import without_events
-from pricing_core.american.scheduled import price_scheduled
-from pricing_core.american.solver_settings import Greeks, Method, SolverSettings
-from pricing_core.american.tolerances import (
+from pricing_core.american.contracts.contract import Option, check_kind, real_number
+from pricing_core.american.contracts.market import Market
+from pricing_core.american.contracts.schedule import without_events
+from pricing_core.american.contracts.tolerances import (
     DEFAULT_TOLERANCE,
     LARGEST_TOLERANCE,
     SMALLEST_TOLERANCE,
     check_moneyness,
 )
-from pricing_core.american.tridiagonal_step import LCPMethod
+from pricing_core.american.events.scheduled import price_scheduled
+from pricing_core.american.extended_greeks import with_extended_greeks
+from pricing_core.american.flat.resolution import Resolution
+from pricing_core.american.flat.tridiagonal_step import LCPMethod
+from pricing_core.american.flat_price import price_flat
+from pricing_core.american.results import Valuation
+from pricing_core.american.solver_settings import Greeks, Method, SolverSettings
 from pricing_core.errors import InvalidInputError
 
 

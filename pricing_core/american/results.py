@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from pricing_core.american.contract import Option
-from pricing_core.american.limits import ClosedValue
-from pricing_core.american.resolution import Resolution
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.flat.limits import ClosedValue
+from pricing_core.american.flat.resolution import Resolution
 from pricing_core.version import ENGINE_VERSION
 
 Status: TypeAlias = Literal["ok", "tolerance_not_met", "invalid_input", "out_of_domain", "deadline"]

@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from pricing_core.american.resolution import Resolution, Scheme
-from pricing_core.american.tridiagonal_step import LCPMethod
+from pricing_core.american.flat.resolution import Resolution, Scheme
+from pricing_core.american.flat.tridiagonal_step import LCPMethod
 from pricing_core.errors import InvalidInputError
 
 Method: TypeAlias = Literal["auto", "lcs", "crank-nicolson"]

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pricing_core.american.contract import Option, check_kind
-from pricing_core.american.market import FlatMarket, Market
+from pricing_core.american.contracts.contract import Option, check_kind
+from pricing_core.american.contracts.market import FlatMarket, Market
+from pricing_core.american.contracts.schedule import make_schedule, without_events
+from pricing_core.american.contracts.seen_later import seen_later
+from pricing_core.american.contracts.tolerances import DEFAULT_TOLERANCE
+from pricing_core.american.events.scheduled import price_scheduled_many
+from pricing_core.american.events.scheduled_book import scheduled_book
 from pricing_core.american.price_many import price_many
-from pricing_core.american.schedule import make_schedule, without_events
-from pricing_core.american.scheduled import price_scheduled_many
-from pricing_core.american.scheduled_book import scheduled_book
-from pricing_core.american.seen_later import seen_later
-from pricing_core.american.tolerances import DEFAULT_TOLERANCE
 from pricing_core.arrays import Matrix, Vector, as_vector
 from pricing_core.errors import InvalidInputError
 

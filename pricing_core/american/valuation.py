@@ -3,10 +3,9 @@
 import math
 from dataclasses import replace
 
-from pricing_core.american.book import single_row
-from pricing_core.american.book_values import MARCHED, value_book
-from pricing_core.american.contract import Option
-from pricing_core.american.engine import (
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.market import FlatMarket
+from pricing_core.american.flat.engine import (
     Estimate,
     coarsest_resolution,
     estimate_at_resolution,
@@ -14,8 +13,8 @@ from pricing_core.american.engine import (
     make_solver,
     region_near_strike,
 )
-from pricing_core.american.exercise_region import EMPTY_REGION, ExerciseRegion, region_at_expiry
-from pricing_core.american.limits import (
+from pricing_core.american.flat.exercise_region import EMPTY_REGION, ExerciseRegion, region_at_expiry
+from pricing_core.american.flat.limits import (
     ClosedValue,
     deterministic_error,
     deterministic_value,
@@ -25,10 +24,11 @@ from pricing_core.american.limits import (
     is_closed_form,
     is_deterministic,
 )
-from pricing_core.american.market import FlatMarket
-from pricing_core.american.resolution import Resolution
+from pricing_core.american.flat.resolution import Resolution
 from pricing_core.american.results import Diagnostics, Status, Valuation, assemble, without_price
 from pricing_core.american.solver_settings import SolverSettings
+from pricing_core.american.tables.book import single_row
+from pricing_core.american.tables.book_values import MARCHED, value_book
 
 MARCH_METHOD = "premium-march"
 

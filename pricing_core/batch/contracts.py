@@ -6,10 +6,10 @@ from typing import Any
 
 import pyarrow as pa
 
-from pricing_core.american.book_rows import checked_contract
-from pricing_core.american.contract import real_number
-from pricing_core.american.tolerances import LARGEST_TOLERANCE, SMALLEST_TOLERANCE
-from pricing_core.american.vocabulary import DATES
+from pricing_core.american.contracts.contract import real_number
+from pricing_core.american.contracts.tolerances import LARGEST_TOLERANCE, SMALLEST_TOLERANCE
+from pricing_core.american.contracts.vocabulary import DATES
+from pricing_core.american.tables.book_rows import checked_contract
 from pricing_core.batch.chunk import Chunk, is_empty, python_value
 from pricing_core.batch.schema import COLUMNS, Column
 from pricing_core.errors import InvalidInputError

@@ -10,8 +10,8 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from pricing_core.american import price_many
-from pricing_core.american.columns import as_objects
 from pricing_core.american.price_table import SENSITIVITIES
+from pricing_core.american.tables.columns import as_objects
 from pricing_core.arrays import Vector
 from pricing_core.batch.contracts import Contracts, explain
 from pricing_core.batch.schema import RESULT_FLAG, RESULT_NUMBERS, RESULT_TEXTS, result_schema

@@ -8,8 +8,12 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from pricing_core.american.contract import real_number
-from pricing_core.american.tolerances import DEFAULT_TOLERANCE, LARGEST_TOLERANCE, SMALLEST_TOLERANCE
+from pricing_core.american.contracts.contract import real_number
+from pricing_core.american.contracts.tolerances import (
+    DEFAULT_TOLERANCE,
+    LARGEST_TOLERANCE,
+    SMALLEST_TOLERANCE,
+)
 from pricing_core.batch.chunk import Chunk
 from pricing_core.batch.contracts import Contracts, read_contracts
 from pricing_core.batch.reader import TableReader, open_table

@@ -9,8 +9,8 @@ from typing import Literal
 
 import pyarrow as pa
 
+from pricing_core.american.contracts.vocabulary import DATES
 from pricing_core.american.price_table import NUMBERS, SENSITIVITIES
-from pricing_core.american.vocabulary import DATES
 from pricing_core.errors import InvalidInputError
 
 

@@ -8,7 +8,7 @@ from pricing_core.collocation_twin.flow import Flow
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """As `pricing_core.american.schedule.Segment`; s is the time to its end.
+    """As `pricing_core.american.contracts.schedule.Segment`; s is the time to its end.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pricing_core.american import Market, Option, exercise_boundary, price
-from pricing_core.american.closed_form import perpetual_boundary
+from pricing_core.american.flat.closed_form import perpetual_boundary
 from pricing_core.errors import InvalidInputError, NumericalError
 from tests.problems.true_values import true_boundaries
 

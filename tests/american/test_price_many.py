@@ -6,8 +6,8 @@ import pytest
 
 from pricing_core import kernel_name
 from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, price, price_many
+from pricing_core.american.contracts.vocabulary import contract_from
 from pricing_core.american.price_table import NUMBERS, TEXTS
-from pricing_core.american.vocabulary import contract_from
 from pricing_core.errors import InvalidInputError
 
 COLUMNS = {
@@ -365,7 +365,7 @@ def test_a_row_with_events_that_has_no_price_says_why(monkeypatch):
     def refuse(*arguments, **options):
         raise ArithmeticError("out of reach")
 
-    monkeypatch.setattr("pricing_core.american.scheduled.solve_schedule_lcs", refuse)
+    monkeypatch.setattr("pricing_core.american.events.scheduled.solve_schedule_lcs", refuse)
     wide = {**COLUMNS, "option_type": "call", "volatility": [9.0, 0.3, 0.2, 0.2]}  # the general path's
     table = price_many({**wide, "cash_dividends": [[DIVIDEND], None, [DIVIDEND], None]}, tolerance=1e-3)
     assert (table["status"][0], table["message"][0]) == ("out_of_domain", "out of reach")
@@ -479,7 +479,7 @@ def test_plain_dividends_make_no_objects(monkeypatch):
 
     columns = of_contracts([{"cash_dividends": TWO_DIVIDENDS}, {"cash_dividends": json.dumps(TWO_DIVIDENDS)}])
     expected = price_many(columns, tolerance=1e-3, greeks=False)
-    monkeypatch.setattr("pricing_core.american.book_rows.checked_contract", refuse)
+    monkeypatch.setattr("pricing_core.american.tables.book_rows.checked_contract", refuse)
     assert_same_bits(expected, price_many(columns, tolerance=1e-3, greeks=False))
 
 

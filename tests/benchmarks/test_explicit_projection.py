@@ -4,9 +4,9 @@ import pytest
 from benchmarks.classic_sets import Problem, classic_problems
 from benchmarks.explicit_projection import ExplicitProjection, ImplicitSystem
 from benchmarks.stepping_methods import Method, domain_of
-from pricing_core.american.grid import make_grid
-from pricing_core.american.semidiscrete import ValueForm
-from pricing_core.american.tridiagonal_step import TridiagonalStage, start_state
+from pricing_core.american.flat.grid import make_grid
+from pricing_core.american.flat.semidiscrete import ValueForm
+from pricing_core.american.flat.tridiagonal_step import TridiagonalStage, start_state
 from pricing_core.lcp import solve
 
 EXACT = Method("exact", "implicit-euler", "uniform")

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from pricing_core.american import Market, Option
-from pricing_core.american.grid import exercise_domain, make_grid
-from pricing_core.american.semidiscrete import ValueForm
+from pricing_core.american.flat.grid import exercise_domain, make_grid
+from pricing_core.american.flat.semidiscrete import ValueForm
 from pricing_core.lcs import LCS, relative_degree
 from pricing_core.lcs.exact_degree import exact_degree
 from tests.problems.lcs_problems import problems

@@ -1,7 +1,7 @@
 """A zoo of options with events, one of each kind that begins a contact set in its own way."""
 
 from pricing_core.american import Market, Option
-from pricing_core.american.schedule import Schedule, make_schedule
+from pricing_core.american.contracts.schedule import Schedule, make_schedule
 
 QUARTERS = (0.125, 0.375, 0.625, 0.875)
 

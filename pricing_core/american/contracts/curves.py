@@ -1,0 +1,118 @@
+"""Rates, yields and volatilities that are constant between given times."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+
+from pricing_core.american.contracts.contract import LARGEST_EXPIRY, real_number
+from pricing_core.errors import InvalidInputError
+
+MOST_PIECES = 1000
+IN_WORDS = 'a number or {"times": [...], "values": [...]}'
+
+
+@dataclass(frozen=True, slots=True)
+class PiecewiseConstant:
+    """A function of time: values[i] up to times[i], the last value for ever.
+
+    Parameters
+    ----------
+    times : sequence of float, shape (n,)
+        Years from now, increasing, above 0; the last one ends nothing.
+    values : sequence of float, shape (n,)
+
+    Raises
+    ------
+    InvalidInputError
+        A time or a value is no finite number, the times do not increase, or the lengths differ.
+
+    Examples
+    --------
+    >>> curve = PiecewiseConstant(times=[0.5, 1.0], values=[0.04, 0.06])
+    >>> curve.at(0.25), curve.at(0.5), curve.at(7.0), curve.integral(0.0, 1.0)
+    (0.04, 0.06, 0.06, 0.05)
+    """
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        times = _numbers("times", self.times)
+        values = _numbers("values", self.values)
+        if len(times) != len(values):
+            raise InvalidInputError(
+                "values", f"{len(values)} values", f"as many as there are times ({len(times)})"
+            )
+        if times[0] <= 0.0 or any(late <= early for early, late in pairwise(times)):
+            raise InvalidInputError("times", list(times), "increasing, above 0")
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "values", values)
+
+    def at(self, time: float) -> float:
+        """Return the value that holds from `time` on."""
+        for end, value in zip(self.times, self.values, strict=True):
+            if time < end:
+                return value
+        return self.values[-1]
+
+    def integral(self, start: float, end: float) -> float:
+        """Return the integral from start to end, 0 <= start <= end."""
+        cuts = [start, *self.knots(start, end), end]
+        return math.fsum((b - a) * self.at(a) for a, b in pairwise(cuts))
+
+    def knots(self, start: float, end: float) -> list[float]:
+        """Return the times strictly between start and end at which the value changes."""
+        return [
+            time
+            for time, before, after in zip(self.times, self.values, self.values[1:], strict=False)
+            if before != after and start < time < end
+        ]
+
+
+Curve: TypeAlias = float | PiecewiseConstant
+
+
+def read_curve(field: str, value: object, least: float, most: float) -> Curve:
+    """Return a number, or a curve that is none, as it is meant: a float where it is constant.
+
+    Parameters
+    ----------
+    value : float, PiecewiseConstant, or mapping with "times" and "values"
+    least, most : float
+        What each of the values must lie between.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming `field`.
+    """
+    if isinstance(value, Mapping):
+        if set(value) != {"times", "values"}:
+            raise InvalidInputError(field, dict(value), IN_WORDS)
+        value = _named(field, value)
+    if not isinstance(value, PiecewiseConstant):
+        return real_number(field, value, least, most)
+    for number in value.values:
+        real_number(f"{field}.values", number, least, most)
+    return value.values[0] if len(set(value.values)) == 1 else value
+
+
+def _named(field: str, value: Mapping[str, object]) -> PiecewiseConstant:
+    try:
+        return PiecewiseConstant(value["times"], value["values"])  # type: ignore[arg-type]  # checked inside
+    except InvalidInputError as fault:
+        raise InvalidInputError(f"{field}.{fault.field}", fault.value, fault.allowed) from None
+
+
+def _numbers(field: str, values: object) -> tuple[float, ...]:
+    """Return a sequence of finite numbers, at least one and not too many."""
+    if not isinstance(values, Sequence | np.ndarray) or isinstance(values, str | bytes):
+        raise InvalidInputError(field, values, "a list of numbers")
+    if not 1 <= len(values) <= MOST_PIECES:
+        raise InvalidInputError(field, f"{len(values)} entries", f"1 to {MOST_PIECES} numbers")
+    limits = (0.0, 10.0 * LARGEST_EXPIRY) if field == "times" else (-math.inf, math.inf)
+    return tuple(real_number(field, value, *limits) for value in values)

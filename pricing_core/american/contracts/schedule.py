@@ -1,0 +1,160 @@
+"""The life of an option cut at its events: flat stretches between curve knots, ex-times and exercise times.
+
+In the escrowed model the spot here is S* = S - A(t), A(t) the present value of the cash dividends still due, which
+is lognormal and does not jump; exercise at t brings K - A(t) - S* (a put) or its negative (a call).
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.curves import Curve, PiecewiseConstant
+from pricing_core.american.contracts.market import FlatMarket, Market
+from pricing_core.errors import InvalidInputError
+
+NEGLIGIBLE = 1e-10  # of the strike, or of the spot: a dividend that makes no difference
+SAME_TIME = 1e-12  # years, relative to the expiry: times closer than that are one
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A stretch of time without events inside, and the event at its end.
+
+    Parameters
+    ----------
+    start, end : float
+        Years from now.
+    rate, dividend_yield, volatility : float
+    exercisable : bool
+        Whether the holder may exercise at every time of the stretch, both ends included.
+    exercise_at_end : bool
+        Whether the holder may exercise at its end, before the dividends there.
+    fraction, amount : float
+        The spot's drop at the end, s -> max(s (1 - fraction) - amount, 0). Escrowed: amount is 0.
+    escrow : float
+        A at the end of the stretch, before the dividends there; e^{-rate (end - t)} as much at t. 0 in the spot model.
+    """
+
+    start: float
+    end: float
+    rate: float
+    dividend_yield: float
+    volatility: float
+    exercisable: bool
+    exercise_at_end: bool
+    fraction: float
+    amount: float
+    escrow: float
+
+    @property
+    def duration(self) -> float:
+        """Years."""
+        return self.end - self.start
+
+    def escrow_at(self, time: float) -> float:
+        """Return A at `time` (years from now) in the stretch, money; at its end before the dividends there."""
+        return self.escrow * math.exp(-self.rate * max(self.end - time, 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """An option's segments from now to expiry, and the spot that diffuses in them.
+
+    Parameters
+    ----------
+    is_put : bool
+    strike, spot : float
+        Money; the spot is S* in the escrowed model.
+    segments : tuple of Segment
+        In the order of time, at least one; the last one ends at expiry.
+    """
+
+    is_put: bool
+    strike: float
+    spot: float
+    segments: tuple[Segment, ...]
+
+
+def make_schedule(option: Option, market: Market) -> Schedule:
+    """Cut the option's life, which must be longer than 0, at its events.
+
+    Raises
+    ------
+    InvalidInputError
+        Escrowed dividends are worth the spot or more.
+    """
+    T = option.expiry
+    least = NEGLIGIBLE * option.strike
+    cash = [d for d in market.cash_dividends if 0.0 < d.time <= T and d.amount > least]
+    proportional = [d for d in market.proportional_dividends if 0.0 < d.time <= T and d.fraction > NEGLIGIBLE]
+    cuts = {T, *(d.time for d in cash), *(d.time for d in proportional), *option.exercise_times}
+    if 0.0 < option.exercise_start < T:
+        cuts.add(option.exercise_start)
+    for curve in (market.rate, market.dividend_yield, market.volatility):
+        if isinstance(curve, PiecewiseConstant):
+            cuts.update(curve.knots(0.0, T))
+    ends = _distinct(sorted(cuts), T)
+    escrowed = market.dividend_model == "escrowed"
+    segments: list[Segment] = []
+    due = 0.0  # escrow just after the event at `end`
+    for k in reversed(range(len(ends))):
+        start, end = ends[k - 1] if k else 0.0, ends[k]
+        rate = _at(market.rate, 0.5 * (start + end))
+
+        def here(time: float, end: float = end) -> bool:
+            return abs(time - end) <= SAME_TIME * T
+
+        amount = math.fsum(d.amount for d in cash if here(d.time))
+        escrow = due + amount if escrowed else 0.0
+        american = option.exercise == "american"
+        segments.append(
+            Segment(
+                start,
+                end,
+                rate,
+                _at(market.dividend_yield, 0.5 * (start + end)),
+                _at(market.volatility, 0.5 * (start + end)),
+                exercisable=american and start >= option.exercise_start - SAME_TIME * T,
+                exercise_at_end=(american and end >= option.exercise_start - SAME_TIME * T)
+                or any(here(time) for time in option.exercise_times),
+                fraction=1.0 - math.prod(1.0 - d.fraction for d in proportional if here(d.time)),
+                amount=0.0 if escrowed else amount,
+                escrow=escrow,
+            )
+        )
+        due = escrow * math.exp(-rate * (end - start))
+    if due > 0.0 and due >= market.spot:
+        raise InvalidInputError("cash_dividends", due, "worth less today than the spot in the escrowed model")
+    return Schedule(option.is_put, option.strike, market.spot - due, tuple(reversed(segments)))
+
+
+def _at(curve: Curve, time: float) -> float:
+    return curve.at(time) if isinstance(curve, PiecewiseConstant) else curve
+
+
+def _distinct(times: list[float], expiry: float) -> list[float]:
+    """Return the times without those that rounding alone keeps apart; the last is the expiry itself."""
+    kept: list[float] = []
+    for time in times:
+        if time > SAME_TIME * expiry and (not kept or time - kept[-1] > SAME_TIME * expiry):
+            kept.append(time)
+    if expiry - kept[-1] <= SAME_TIME * expiry:
+        kept[-1] = expiry
+    return kept
+
+
+def without_events(option: Option, market: Market) -> tuple[Option, FlatMarket] | None:
+    """Return the same contract in a flat market, exercisable from now on or at expiry only; None if it is not that."""
+    flat = market.flat_until(option.expiry)
+    at_expiry_only = (
+        option.exercise == "european"
+        or (option.exercise == "bermudan" and option.exercise_times == (option.expiry,))
+        or 0.0 < option.exercise_start == option.expiry
+    )
+    if flat is None or (option.exercise == "bermudan" and not at_expiry_only):
+        return None
+    if option.exercise_start > 0.0 and not at_expiry_only:
+        return None
+    if at_expiry_only and option.exercise != "european":
+        option = replace(option, exercise="european", exercise_times=(), exercise_start=0.0)
+    return option, flat

@@ -1,0 +1,208 @@
+"""An option with events at one resolution: the grid it is solved on, and what the solve says at the spot."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pricing_core.american.contracts.schedule import Schedule
+from pricing_core.american.events.scheduled_grid import SpotRange, natural_stretching, spot_range
+from pricing_core.american.events.scheduled_limits import may_exercise_early, without_exercise
+from pricing_core.american.events.scheduled_sweep import LEAST_SHARE, Sweep, sweep_schedule
+from pricing_core.american.flat.exercise_region import EMPTY_REGION, ExerciseRegion
+from pricing_core.american.flat.interpolation import local_derivatives, run_around
+from pricing_core.american.flat.resolution import Resolution, Scheme
+from pricing_core.american.flat.tridiagonal_step import LCPMethod
+from pricing_core.arrays import Vector
+
+COARSEST_INTERVALS, COARSEST_STEPS = 64, 16
+MOST_COARSEST_INTERVALS, MOST_COARSEST_STEPS = 768, 128
+TRUNCATION_SHARE, LARGEST_TRUNCATION = 0.01, 1e-6  # of the tolerance; fraction of the strike
+STEPS_PER_RATE = 4.0  # per unit of |rate| * duration
+STEPS_PER_DRIFT = 2.0  # per standard deviation that the spot drifts
+FINEST_CELL = 1e-5  # of the strike: differences over less are rounding
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Level:
+    """What the solves at one resolution say at the spot.
+
+    Parameters
+    ----------
+    american, european : Vector, shape (3,)
+        v, v_s, v_ss in units of the strike.
+    exercised : bool
+    region : ExerciseRegion
+        In ln(S/K) of the actual spot.
+    resolution : Resolution
+    steps : int
+    residual : float
+    fitted : bool
+        As in `Sweep`.
+    """
+
+    american: Vector
+    european: Vector
+    exercised: bool
+    region: ExerciseRegion
+    resolution: Resolution
+    steps: int
+    residual: float
+    fitted: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScheduledSolver:
+    """One schedule's solves at different resolutions, all on the same range of spots.
+
+    Parameters
+    ----------
+    span : SpotRange
+    covers_strike : bool
+        The range includes what the strike, as a spot, may become; else it is worlds apart from that.
+    truncation : float
+        What the ends of the range neglect, as a fraction of the strike.
+    """
+
+    schedule: Schedule
+    span: SpotRange
+    covers_strike: bool
+    truncation: float
+    lcp_method: LCPMethod = "tridiagonal"
+    interrupt: Callable[[], bool] | None = None
+
+    @property
+    def spot(self) -> float:
+        """In units of the strike."""
+        return self.schedule.spot / self.schedule.strike
+
+    def solve(self, resolution: Resolution) -> Level | None:
+        """Return the solves with and without early exercise, None where they were interrupted."""
+        held = self._sweep(without_exercise(self.schedule), resolution)
+        if held is None:
+            return None
+        sweep = self._sweep(self.schedule, resolution) if may_exercise_early(self.schedule) else held
+        if sweep is None:
+            return None
+        exercised = sweep.region.contains(self.spot)
+        return Level(
+            self.exercised() if exercised else at_spot(sweep, self.spot),
+            at_spot(held, self.spot),
+            exercised,
+            actual_region(sweep.region, self._escrow()),
+            resolution,
+            sweep.steps,
+            sweep.residual,
+            sweep.fitted,
+        )
+
+    def value_and_slope(self, resolution: Resolution) -> tuple[float, float] | None:
+        """Return v and v_s at the spot from one solve, None where it was interrupted."""
+        sweep = self._sweep(self.schedule, resolution)
+        if sweep is None:
+            return None
+        found = self.exercised() if sweep.region.contains(self.spot) else at_spot(sweep, self.spot)
+        return float(found[0]), float(found[1])
+
+    def regions(self, times: tuple[float, ...], resolution: Resolution) -> tuple[ExerciseRegion, ...] | None:
+        """Return the exercise regions at these times in s = S/K of the spot that diffuses, None where interrupted."""
+        sweep = self._sweep(self.schedule, resolution, times)
+        return None if sweep is None else sweep.regions
+
+    def exercised(self) -> Vector:
+        """Return (v, v_s, v_ss) of what exercise now brings, shape (3,)."""
+        sign = 1.0 if self.schedule.is_put else -1.0
+        return np.array([sign * (1.0 - self._escrow() - self.spot), -sign, 0.0])
+
+    def _sweep(
+        self, schedule: Schedule, resolution: Resolution, times: tuple[float, ...] = ()
+    ) -> Sweep | None:
+        grid = self.span.grid(resolution.intervals, resolution.stretching)
+        return sweep_schedule(
+            schedule, grid, resolution, lcp_method=self.lcp_method, times=times, interrupt=self.interrupt
+        )
+
+    def _escrow(self) -> float:
+        return self.schedule.segments[0].escrow_at(0.0) / self.schedule.strike
+
+
+def make_scheduled_solver(
+    schedule: Schedule,
+    tolerance: float,
+    lcp_method: LCPMethod = "tridiagonal",
+    interrupt: Callable[[], bool] | None = None,
+) -> ScheduledSolver:
+    """Choose the range: what the spot and the strike may become, or the spot alone where these do not meet."""
+    truncation = min(TRUNCATION_SHARE * tolerance, LARGEST_TRUNCATION)
+    spot = schedule.spot / schedule.strike
+    span = spot_range(schedule, truncation, (spot, spot))
+    of_strike = spot_range(schedule, truncation, (1.0, 1.0))
+    together = span.low < of_strike.high and of_strike.low < span.high
+    if together:
+        span = spot_range(schedule, truncation, (min(spot, 1.0), max(spot, 1.0)))
+    return ScheduledSolver(schedule, span, together, truncation, lcp_method, interrupt)
+
+
+def solver_at_strike(
+    schedule: Schedule, tolerance: float, interrupt: Callable[[], bool] | None
+) -> ScheduledSolver:
+    """Return a solver whose range is that of the strike: for the exercise region, which the spot does not change.
+
+    A put's may shrink to nothing before a cash dividend, and is followed there.
+    """
+    solver = make_scheduled_solver(replace(schedule, spot=schedule.strike), tolerance, interrupt=interrupt)
+    if schedule.is_put and any(segment.amount > 0.0 for segment in schedule.segments):
+        return replace(solver, span=solver.span.down_to_zero())
+    return solver
+
+
+def coarsest_scheduled_resolution(solver: ScheduledSolver, scheme: Scheme) -> Resolution:
+    """Return the first of the doubling resolutions: fine enough for the rates and for the drift."""
+    span, segments = solver.span, solver.schedule.segments
+    width = math.log(span.high / max(span.low, span.shift))
+    steps, cells = 1.0, 1.0
+    for segment in segments:
+        drift, root = abs(segment.rate - segment.dividend_yield), math.sqrt(segment.duration)
+        # A segment's share of the steps goes like the root of its length.
+        share = max(root / math.sqrt(segments[-1].end), LEAST_SHARE)
+        needed = STEPS_PER_RATE * abs(segment.rate) * segment.duration
+        if segment.volatility > 0.0:
+            needed = max(needed, STEPS_PER_DRIFT * drift * root / segment.volatility)
+            cells = max(cells, 0.5 * width * drift / segment.volatility**2 / COARSEST_INTERVALS)
+        steps = max(steps, needed / share / COARSEST_STEPS)
+    return Resolution(
+        COARSEST_INTERVALS * min(math.ceil(cells), MOST_COARSEST_INTERVALS // COARSEST_INTERVALS),
+        COARSEST_STEPS * min(math.ceil(steps), MOST_COARSEST_STEPS // COARSEST_STEPS),
+        scheme=scheme,
+        stretching=natural_stretching(span.spread),
+    )
+
+
+def at_spot(sweep: Sweep, s: float) -> Vector:
+    """Return (v, v_s, v_ss) at s, shape (3,), from the nodes on its side of the exercise boundary."""
+    nodes = sweep.grid.nodes
+    free = np.concatenate([~sweep.contact[:1], ~sweep.contact, ~sweep.contact[-1:]])
+    nearest = int(np.argmin(np.abs(nodes - s)))
+    if not free[nearest]:  # between the boundary and the first free node
+        nearest = min(max(nearest + (1 if s > sweep.region.upper else -1), 0), free.size - 1)
+    usable = run_around(free, nearest) if free[nearest] else ~free
+    if nodes[0] == 0.0:  # its first cells are far finer than rounding allows differences of
+        cell = nodes[min(nearest + 1, nodes.size - 1)] - nodes[max(nearest - 1, 0)]
+        stride = max(math.ceil(2.0 * FINEST_CELL / cell), 1)
+        thinned = np.zeros(nodes.size, dtype=bool)
+        thinned[nearest % stride :: stride] = True
+        usable = usable & thinned
+    return np.asarray(local_derivatives(nodes, sweep.values[None, :], usable, s)[0])
+
+
+def actual_region(region: ExerciseRegion, escrow: float) -> ExerciseRegion:
+    """Return the region in ln(S/K) of the actual spot from that in s = S*/K; escrow in units of the strike."""
+    upper = region.upper + escrow
+    if region.lower > region.upper or upper <= 0.0:
+        return EMPTY_REGION
+    lower = region.lower + escrow
+    return ExerciseRegion(
+        math.log(lower) if lower > 0.0 else -math.inf,
+        math.log(upper) if upper < math.inf else math.inf,
+    )

@@ -1,0 +1,174 @@
+"""The implied volatilities of a table of quotes, one status per row."""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pricing_core.american.contracts.contract import check_kind, real_number
+from pricing_core.american.contracts.tolerances import (
+    DEFAULT_TOLERANCE,
+    LARGEST_TOLERANCE,
+    SMALLEST_TOLERANCE,
+)
+from pricing_core.american.implied.volatility_pricers import ANY_VOLATILITY, find_in_book, find_with_events
+from pricing_core.american.implied.volatility_search import INVALID, STATUSES, Found, nothing_found
+from pricing_core.american.price_many import CHUNK, SMALLEST_CHUNK, checked_threads
+from pricing_core.american.tables.book import Book, read_book
+from pricing_core.american.tables.columns import as_numbers, broadcast_columns, plain
+from pricing_core.arrays import Vector
+from pricing_core.errors import InvalidInputError
+
+
+def implied_volatility_many(
+    columns: Mapping[str, Any],
+    option_price: Any = None,
+    *,
+    bid: Any = None,
+    ask: Any = None,
+    tolerance: float = DEFAULT_TOLERANCE,
+    threads: int | None = None,
+) -> dict[str, NDArray[Any]]:
+    """Return one implied volatility per row; a bad row gets a status and a message, never an exception.
+
+    Parameters
+    ----------
+    columns : mapping of str to array_like, shape (n,), or scalar
+        Those of `price_many`; a volatility is not needed, and ignored.
+    option_price : array_like, shape (n,), or scalar, optional
+        Money per unit of underlying, >= 0.
+    bid, ask : array_like, shape (n,), or scalar, optional
+        In the place of option_price, whose part their mean takes; 0 <= bid <= ask, ask > 0.
+    tolerance : float
+        For rows without a tolerance of their own, as in `implied_volatility`.
+    threads : int, optional
+        How many to use, >= 1; one by default. The results do not depend on it.
+
+    Returns
+    -------
+    dict of str to array, shape (n,)
+        The fields of `ImpliedVolatility` by name, missing numbers NaN, and "message", the reason where the status is
+        "invalid_input"; bid_volatility and ask_volatility where bid and ask are given. A row's numbers do not
+        depend on the other rows.
+
+    Raises
+    ------
+    InvalidInputError
+        A column is missing or unknown, or lengths differ; tolerance or threads out of range; both or neither of
+        price and quote are given.
+
+    Examples
+    --------
+    >>> quotes = {"option_type": "put", "spot": 100.0, "strike": [90.0, 100.0, 140.0], "expiry": 1.0, "rate": 0.05}
+    >>> table = implied_volatility_many(quotes, option_price=[2.4, 6.0904, 40.0])
+    >>> table["volatility"].round(3).tolist(), table["status"].tolist()
+    ([0.197, 0.2, nan], ['ok', 'ok', 'not_identifiable'])
+    """
+    real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+    check_kind("columns", columns, Mapping, "a mapping of names to columns")
+    workers = checked_threads(threads)
+    cells, sides = _observed(option_price, bid, ask)
+    count = sides.shape[1]
+    book, reasons = read_book({**columns, "volatility": ANY_VOLATILITY}, tolerance)
+    if book.spot.size == 1 and count != 1:  # one contract, many prices
+        book, reasons = read_book({**columns, "volatility": np.full(count, ANY_VOLATILITY)}, tolerance)
+    rows = book.spot.size
+    if count not in (1, rows):
+        raise InvalidInputError(
+            "option_price, bid, ask", f"{count} rows", f"one, or as many as columns: {rows}"
+        )
+    cells = {name: np.broadcast_to(column, (rows,)) for name, column in cells.items()}
+    sides = np.broadcast_to(sides, (sides.shape[0], rows))
+    reasons |= _faults(cells, sides, reasons)
+    found = [_find(book, prices, list(reasons), workers) for prices in sides]
+    return _table(found, {row: str(fault) for row, fault in sorted(reasons.items())})
+
+
+def _observed(option_price: Any, bid: Any, ask: Any) -> tuple[dict[str, NDArray[Any]], NDArray[np.float64]]:
+    """Return the columns as they are given, and prices, or mids, bids and asks, NaN where one is not allowed."""
+    given = {"option_price": option_price, "bid": bid, "ask": ask}
+    given = {name: column for name, column in given.items() if column is not None}
+    if set(given) not in ({"option_price"}, {"bid", "ask"}):
+        names = ", ".join(given) or "none of them"
+        raise InvalidInputError("option_price, bid, ask", names, "option_price alone, or bid and ask")
+    cells = broadcast_columns(given)
+    numbers = {name: as_numbers(column) for name, column in cells.items()}
+    with np.errstate(all="ignore"):
+        if option_price is not None:
+            rows = numbers["option_price"].reshape(1, -1)
+            bad = ~((rows[0] >= 0.0) & (rows[0] < np.inf))
+        else:
+            low, high = numbers["bid"], numbers["ask"]
+            rows = np.stack([0.5 * (low + high), low, high])
+            bad = ~((low >= 0.0) & (low <= high) & (high > 0.0) & (high < np.inf))
+    rows[:, bad] = np.nan
+    return cells, rows
+
+
+def _faults(
+    cells: Mapping[str, NDArray[Any]], sides: NDArray[np.float64], known: Mapping[int, InvalidInputError]
+) -> dict[int, InvalidInputError]:
+    """Return by row what is wrong with the prices."""
+    faults = {}
+    for row in np.flatnonzero(np.isnan(sides[0])).tolist():
+        if row not in known:
+            faults[row] = _fault({name: plain(column[row]) for name, column in cells.items()})
+    return faults
+
+
+def _fault(quote: Mapping[str, Any]) -> InvalidInputError:
+    try:
+        numbers = {name: real_number(name, cell, 0.0) for name, cell in quote.items()}
+    except InvalidInputError as fault:
+        return fault
+    return InvalidInputError("ask", quote["ask"], f"above 0 and at least the bid, {numbers['bid']:g}")
+
+
+def _find(book: Book, prices: Vector, refused: list[int], workers: int) -> Found:
+    """Search every row that is not refused."""
+    found = nothing_found(prices.size, INVALID)
+    wanted = np.ones(prices.size, dtype=bool)
+    wanted[refused] = False
+    special = np.array([row for row in book.events if wanted[row]], dtype=np.intp)
+    wanted[special] = False
+    rows = np.flatnonzero(wanted)
+    size = min(CHUNK, max(SMALLEST_CHUNK, -(-rows.size // workers)))
+    parts = [rows[start : start + size] for start in range(0, rows.size, size)]
+    _each(parts, lambda part: found.store(part, find_in_book(book.take(part), prices[part])), workers)
+    if special.size:
+        contracts = [book.events[row] for row in special.tolist()]
+        tolerance = book.tolerance[special]
+        found.store(special, find_with_events(contracts, prices[special], tolerance, threads=workers))
+    return found
+
+
+def _each(tasks: list[Any], do: Callable[[Any], None], workers: int) -> None:
+    """Do the tasks, which write to rows of their own, on as many threads."""
+    if workers == 1 or len(tasks) < 2:
+        for task in tasks:
+            do(task)
+        return
+    with ThreadPoolExecutor(workers) as pool:  # the kernel and NumPy release the interpreter
+        list(pool.map(do, tasks))
+
+
+def _table(sides: list[Found], messages: Mapping[int, str]) -> dict[str, NDArray[Any]]:
+    """Return the columns of the result; `sides` holds prices, or mids, bids and asks."""
+    middle = sides[0]
+    message = np.full(middle.status.size, "", dtype=object)
+    for row, text in messages.items():
+        message[row] = text
+    table = {
+        "volatility": middle.volatility,
+        "status": np.array(STATUSES, dtype=object)[middle.status],
+        "european_price": middle.european,
+        "price": middle.price,
+        "error_estimate": middle.error,
+        "iterations": middle.pricings,
+        "message": message,
+    }
+    for name, side in zip(("bid_volatility", "ask_volatility"), sides[1:], strict=False):
+        table[name] = side.volatility
+    return table

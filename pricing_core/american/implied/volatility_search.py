@@ -1,0 +1,289 @@
+"""The search for the volatilities at which a pricer meets given prices: safeguarded Newton, many at once.
+
+Newton's steps are taken in the coordinate of `volatility_targets`. The first prices come at a coarse tolerance, with
+their vega where that is cheap; the last ones, a coarse step away, without, and the slope is that of the secant. A
+bracket holds every step, and is halved where the steps take too many prices.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pricing_core.american.contracts.market import LARGEST_VOLATILITY
+from pricing_core.american.contracts.tolerances import SMALLEST_TOLERANCE
+from pricing_core.american.implied.volatility_targets import (
+    Coordinate,
+    Targets,
+    choose_coordinate,
+    first_volatility,
+)
+from pricing_core.arrays import BoolVector, Vector
+
+ImpliedStatus: TypeAlias = Literal[
+    "ok", "below_lower_bound", "above_upper_bound", "not_identifiable", "no_convergence", "invalid_input"
+]
+STATUSES: tuple[ImpliedStatus, ...] = (
+    "ok",
+    "below_lower_bound",
+    "above_upper_bound",
+    "not_identifiable",
+    "no_convergence",
+    "invalid_input",
+)
+OK, BELOW, ABOVE, NOT_IDENTIFIABLE, NO_CONVERGENCE, INVALID, NOT_SERVED, OPEN = range(8)
+MOST_PRICINGS = 60
+PATIENCE = 6  # pricings; from then on every other step halves the bracket, or widens it
+ROUNDING = 1e-12  # of strike and spot: what a price may miss its bounds by
+COARSE = 1e-4  # tolerance of the first prices
+COARSE_SHARE = 0.05  # of the time value that their tolerance may be
+COARSE_GAIN = 4.0  # tolerances of the last prices: a coarse one that is less is not worth a stage of its own
+COARSE_REACH = 4.0  # coarse tolerances between price and target at which the coarse stage has done its work
+FINE_SHARE = 0.25  # of the tolerance, for the last prices
+GAP_SHARE = 0.5  # of the tolerance, for the distance of price and target
+GAP_OF_TIME_VALUE = 0.05  # the same, of the time value: a small one deserves a volatility, too
+LARGEST_ERROR = 10.0  # tolerances, of a price that is believed; what it is is stated
+FIRST_SLOPE = 2.0  # of y over the volatility, next to the exercise region
+LARGEST_FACTOR = 3.0  # of the volatility in a step without Newton and bracket
+LARGEST_NEWTON = 2.5  # change of the volatility's logarithm in a Newton step
+NARROWEST_BRACKET = 1e-10  # relative
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prices:
+    """A pricer's answer, every field of shape (n,); NaN where it does not serve the option.
+
+    Parameters
+    ----------
+    value, european, vega, error : Vector
+        As in `pricing_core.american.Valuation`; vega is NaN where it is not asked for, or costs too much.
+    """
+
+    value: Vector
+    european: Vector
+    vega: Vector
+    error: Vector
+
+
+# Prices some of the options, at volatilities, to tolerances, with or without vega.
+Pricer: TypeAlias = Callable[[NDArray[np.intp], Vector, Vector, bool], Prices]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """What came of the search; every field has shape (n,).
+
+    Parameters
+    ----------
+    status : int array
+        OK and its companions above; NOT_SERVED where the pricer did not serve the option.
+    volatility, price, european, error : Vector
+        NaN unless OK; the last three are the pricer's at the volatility.
+    pricings : int array
+    """
+
+    status: NDArray[np.int8]
+    volatility: Vector
+    price: Vector
+    european: Vector
+    error: Vector
+    pricings: NDArray[np.int64]
+
+    def store(self, rows: NDArray[np.intp], part: "Found") -> None:
+        """Put in what was found of some of the rows elsewhere."""
+        for name in Found.__slots__:
+            getattr(self, name)[rows] = getattr(part, name)
+
+
+def nothing_found(count: int, status: int) -> Found:
+    """Return the result of so many rows before, or without, a search."""
+    volatility, price, european, error = np.full((4, count), np.nan)
+    pricings = np.zeros(count, dtype=np.int64)
+    return Found(np.full(count, status, dtype=np.int8), volatility, price, european, error, pricings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    """Where the search stands; every field has shape (n,).
+
+    `here` is the volatility to be priced next, between `low` and `high`; `slope` is dy/dsigma, `before` and `y_before`
+    are the last point of the stage, `goal` is y of the target.
+    """
+
+    here: Vector
+    low: Vector
+    high: Vector
+    slope: Vector
+    vega: Vector
+    before: Vector
+    y_before: Vector
+    goal: Vector
+    coarse: Vector
+    fine: Vector
+    is_fine: BoolVector
+
+
+def search(targets: Targets, price_at: Pricer) -> Found:
+    """Find the volatilities, 0 to 15, at which the prices are met to the tolerance.
+
+    Each price is the pricer's to a quarter of the tolerance, 1e-8 at best, and met within half the tolerance, or a
+    twentieth of the time value where that is less and more than the price's own error. A price whose own error is more
+    than ten tolerances is not believed.
+
+    Parameters
+    ----------
+    targets : Targets
+    price_at : Pricer
+        Of a value that does not fall with the volatility.
+    """
+    with np.errstate(all="ignore"):
+        found = _settled_by_bounds(targets)
+        coordinate = choose_coordinate(targets)
+        state = _start(targets, coordinate)
+        for _ in range(MOST_PRICINGS):
+            rows = np.flatnonzero(found.status == OPEN)
+            if rows.size == 0:
+                break
+            is_fine = state.is_fine[rows]
+            for part, tolerances in ((rows[~is_fine], state.coarse), (rows[is_fine], state.fine)):
+                if part.size:
+                    tolerance, with_vega = tolerances[part], tolerances is state.coarse
+                    prices = price_at(part, state.here[part], tolerance, with_vega)
+                    _advance(targets, coordinate, found, state, part, prices, tolerance)
+        found.status[found.status == OPEN] = NO_CONVERGENCE
+    return found
+
+
+def _settled_by_bounds(targets: Targets) -> Found:
+    """Return the statuses that the bounds settle."""
+    found = nothing_found(targets.price.size, OPEN)
+    rounding = ROUNDING * (targets.spot + targets.strike)
+    allowed = np.maximum(targets.tolerance * targets.strike, rounding)
+    found.status[targets.price >= targets.bounds.upper - rounding] = ABOVE
+    found.status[targets.price <= targets.bounds.lower + rounding] = NOT_IDENTIFIABLE
+    found.status[targets.price < targets.bounds.lower - allowed] = BELOW
+    return found
+
+
+def _start(targets: Targets, coordinate: Coordinate) -> _State:
+    count = targets.price.size
+    goal, _ = coordinate.of(np.arange(count), targets.share(np.arange(count), targets.price))
+    time_value = (targets.price - targets.bounds.lower) / targets.strike
+    fine = np.maximum(FINE_SHARE * targets.tolerance, SMALLEST_TOLERANCE)
+    coarse = np.minimum(np.maximum(COARSE_SHARE * time_value, COARSE_GAIN * fine), COARSE)
+    slope = np.where(coordinate.is_root, np.nan, np.sqrt(targets.expiry))  # exact for a European option
+    vega, before, y_before = np.full((3, count), np.nan)
+    return _State(
+        here=np.minimum(first_volatility(targets, coordinate, goal), LARGEST_VOLATILITY),
+        low=np.zeros(count),
+        high=np.full(count, np.inf),
+        slope=slope,
+        vega=vega,
+        before=before,
+        y_before=y_before,
+        goal=goal,
+        coarse=np.where(coarse < COARSE_GAIN * fine, fine, coarse),
+        fine=fine,
+        is_fine=np.zeros(count, dtype=bool),
+    )
+
+
+def _advance(
+    targets: Targets,
+    coordinate: Coordinate,
+    found: Found,
+    state: _State,
+    rows: NDArray[np.intp],
+    prices: Prices,
+    tolerance: Vector,
+) -> None:
+    """Take in one price of each of `rows`, all of them coarse or all fine: settle, or choose where to go next."""
+    here, gap = state.here[rows], prices.value - targets.price[rows]
+    found.pricings[rows] += 1
+    state.low[rows] = np.where(gap < 0.0, here, state.low[rows])
+    state.high[rows] = np.where(gap < 0.0, state.high[rows], here)
+    low, high = state.low[rows], state.high[rows]
+    narrow = (high < math.inf) & (high - low <= NARROWEST_BRACKET * high)
+    final = tolerance <= state.fine[rows]
+    found.status[rows] = status = _status(targets, rows, prices, here, gap, narrow, final, tolerance)
+    settled = status == OK
+    found.volatility[rows[settled]] = here[settled]
+    found.price[rows[settled]] = prices.value[settled]
+    found.european[rows[settled]] = prices.european[settled]
+    found.error[rows[settled]] = prices.error[settled]
+    state.here[rows] = _next(targets, coordinate, found, state, rows, prices, gap)
+    near = np.abs(gap) <= COARSE_REACH * tolerance * targets.strike[rows]
+    refined = rows[~final & (narrow | near)]
+    state.is_fine[refined] = True
+    # What coarse prices say of the bracket need not hold, and with fine ones they make no secant.
+    state.low[refined], state.high[refined], state.before[refined] = 0.0, np.inf, np.nan
+
+
+def _status(
+    targets: Targets,
+    rows: NDArray[np.intp],
+    prices: Prices,
+    here: Vector,
+    gap: Vector,
+    narrow: BoolVector,
+    final: BoolVector,
+    tolerance: Vector,
+) -> NDArray[np.int8]:
+    """Return what becomes of `rows`; `final` tells whose prices are fine, `narrow` whose bracket is closed."""
+    strike = targets.strike[rows]
+    most = GAP_SHARE * targets.tolerance[rows] * strike
+    # Chasing a small time value ends where the price's own error begins.
+    time_value = targets.price[rows] - targets.bounds.lower[rows]
+    wanted = np.minimum(most, np.maximum(GAP_OF_TIME_VALUE * time_value, prices.error))
+    reached = np.abs(gap) <= np.where(narrow, most, wanted)
+    sure = prices.error <= LARGEST_ERROR * targets.tolerance[rows] * strike
+    status = np.full(rows.size, OPEN, dtype=np.int8)
+    status[final & (narrow | reached)] = NO_CONVERGENCE
+    status[final & reached & sure] = OK
+    reach = np.where(final, most, COARSE_REACH * tolerance * strike)
+    status[(here >= LARGEST_VOLATILITY) & (gap < -reach)] = ABOVE
+    status[np.isnan(gap)] = NOT_SERVED
+    return status
+
+
+def _next(
+    targets: Targets,
+    coordinate: Coordinate,
+    found: Found,
+    state: _State,
+    rows: NDArray[np.intp],
+    prices: Prices,
+    gap: Vector,
+) -> Vector:
+    """Return the next volatilities: Newton's in y, else Newton's in the price, else inside the bracket."""
+    here, low, high = state.here[rows], state.low[rows], state.high[rows]
+    y, by_share = coordinate.of(rows, targets.share(rows, prices.value))
+    _learn(targets, state, rows, prices, y, by_share)
+    widened = np.where(gap < 0.0, LARGEST_FACTOR, 1.0 / LARGEST_FACTOR) * here
+    bracketed = (low > 0.0) & (high < math.inf)
+    there = np.where(bracketed, np.sqrt(low * high), widened)
+    slow = (found.pricings[rows] >= PATIENCE) & (found.pricings[rows] % 2 == 0)
+    for step in (-gap / state.vega[rows], (state.goal[rows] - y) / state.slope[rows]):
+        newton = here + step
+        inside = (newton > low) & (newton < high) & (np.abs(np.log(newton / here)) <= LARGEST_NEWTON)
+        there = np.where(inside & (y > 0.0) & ~slow, newton, there)
+    next_volatility: Vector = np.minimum(there, LARGEST_VOLATILITY)
+    return next_volatility
+
+
+def _learn(
+    targets: Targets, state: _State, rows: NDArray[np.intp], prices: Prices, y: Vector, by_share: Vector
+) -> None:
+    """Take the slopes from the vega, or from the last two prices of the stage, where they are of use."""
+    here, slope = state.here[rows], state.slope[rows]
+    slope = np.where(np.isnan(slope), FIRST_SLOPE * y / here, slope)
+    span = targets.bounds.upper[rows] - targets.bounds.lower[rows]
+    secant = (y - state.y_before[rows]) / (here - state.before[rows])
+    for better in (secant, prices.vega / span * by_share):
+        slope = np.where(np.isfinite(better) & (better > 0.0), better, slope)
+    state.slope[rows] = slope
+    state.vega[rows] = np.where(prices.vega > 0.0, prices.vega, state.vega[rows])
+    state.before[rows], state.y_before[rows] = here, y

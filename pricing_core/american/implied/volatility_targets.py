@@ -1,0 +1,90 @@
+"""Prices whose volatilities are looked for, and the coordinate in which the search for them is nearly straight."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pricing_core.american.flat.black_spread import black_spread, black_time_value
+from pricing_core.american.implied.volatility_bounds import PriceBounds
+from pricing_core.arrays import BoolVector, Vector
+
+LARGEST_MONEYNESS = 600.0  # e to the power of more overflows
+ROOT_SHARE = 0.02  # of the time value that is possible: below, one won by not exercising grows like a square
+SMALLEST_START = 1e-6  # spread
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Targets:
+    """Prices to meet, and what bounds them; every field has shape (n,), money per unit of underlying.
+
+    Parameters
+    ----------
+    price : Vector
+    bounds : PriceBounds
+    spot, strike, expiry : Vector
+    tolerance : Vector
+        Fractions of the strike.
+    """
+
+    price: Vector
+    bounds: PriceBounds
+    spot: Vector
+    strike: Vector
+    expiry: Vector
+    tolerance: Vector
+
+    def share(self, rows: NDArray[np.intp], value: Vector) -> Vector:
+        """Return the time value as a share of the largest that is possible."""
+        lower = self.bounds.lower[rows]
+        return (value - lower) / (self.bounds.upper[rows] - lower)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Coordinate:
+    """A function y of the price, by row; every field has shape (n,).
+
+    Parameters
+    ----------
+    moneyness : Vector
+        |ln(F/K)| of the Black formula that has the option's bounds.
+    is_root : bool array
+        Whether y is the root of the share instead.
+    """
+
+    moneyness: Vector
+    is_root: BoolVector
+
+    def of(self, rows: NDArray[np.intp], share: Vector) -> tuple[Vector, Vector]:
+        """Return y and its derivative by the share, for options `rows`."""
+        y = black_spread(self.moneyness[rows], share)
+        _, by_spread = black_time_value(self.moneyness[rows], y)
+        root, is_root = np.sqrt(share), self.is_root[rows]
+        return np.where(is_root, root, y), np.where(is_root, 0.5 / root, 1.0 / by_spread)
+
+
+def choose_coordinate(targets: Targets) -> Coordinate:
+    """Return the coordinate that is nearly straight around the targets.
+
+    That is the spread at which Black's formula, with the option's bounds in the place of its own, gives the time
+    value; for a European option it is sigma sqrt(T) itself. Next to the exercise region, where the time value grows
+    like the square of what the volatility exceeds the least one that makes holding worth while, it is the root.
+    """
+    bounds = targets.bounds
+    span = bounds.upper - bounds.lower
+    inside = np.where(bounds.lower > 0.0, np.log(bounds.upper / span), bounds.out_of_the_money)
+    is_root = bounds.at_once & (targets.price - bounds.lower < ROOT_SHARE * span)
+    return Coordinate(np.clip(inside, 0.0, LARGEST_MONEYNESS), is_root)
+
+
+def first_volatility(targets: Targets, coordinate: Coordinate, goal: Vector) -> Vector:
+    """Return where the search begins: the coordinate itself as a spread, or that of the option as a European one.
+
+    Next to the exercise region the second is taken, which is too large, but outside the region.
+    """
+    bounds = targets.bounds
+    share = (targets.price - bounds.european_lower) / (bounds.european_upper - bounds.european_lower)
+    european = black_spread(np.minimum(np.abs(bounds.out_of_the_money), LARGEST_MONEYNESS), share)
+    spread = np.where(coordinate.is_root, european, goal)
+    start: Vector = np.maximum(spread, SMALLEST_START) / np.sqrt(targets.expiry)
+    return start

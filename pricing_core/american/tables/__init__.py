@@ -1,0 +1,1 @@
+"""Tables of contracts: columns in, checked rows out."""

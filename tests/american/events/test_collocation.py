@@ -1,0 +1,183 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pricing_core.american import Market, Option, price
+from pricing_core.american.contracts.schedule import make_schedule
+from pricing_core.american.events.collocation import (
+    FINEST,
+    boundaries_at,
+    is_served,
+    solve_book,
+    solve_to_tolerance,
+)
+from pricing_core.american.events.packed_schedules import pack
+from pricing_core.american.events.scheduled_lcs import solve_schedule_lcs
+from tests.problems.event_values import Event, event_values, quadrature_value
+from tests.problems.schedules import SCHEDULES
+from tests.problems.true_values import true_values
+from tests.problems.twins import slow_on_the_twin
+
+ONE_BOUNDARY = [case for case in event_values() if case.market.rate > 0.0]
+
+
+def solved(schedule, tolerance=1e-8):
+    found = solve_to_tolerance(pack([schedule]), np.array([tolerance]), 1)
+    return schedule.strike * found.value[0], schedule.strike * found.error[0]
+
+
+@pytest.mark.parametrize("case", ONE_BOUNDARY, ids=lambda case: case.name)
+def test_calls_with_a_dividend_have_their_exact_values(case):
+    value, error = solved(make_schedule(case.option, case.market))
+    assert value == pytest.approx(case.price, abs=2e-8)
+    assert error <= 1e-8 * case.option.strike
+
+
+@slow_on_the_twin
+@pytest.mark.parametrize("case", true_values(), ids=lambda case: case.name)
+def test_without_events_it_is_an_independent_check_of_the_march(case):
+    # The same schedule cut in two where nothing happens makes two stretches, the second of which starts smoothly.
+    option, market = case.option, case.market
+    if market.rate <= 0.0 or market.dividend_yield < 0.0:
+        pytest.skip("exercised nowhere or between two boundaries")
+    schedule = make_schedule(option, market)
+    value, error = solved(schedule)
+    marched = price(option, market, tolerance=1e-8)
+    far = option.expiry > 100.0  # the error of so long a life is understated: 1.4e-6 for 8e-7
+    assert abs(value - marched.price) <= (8.0 if far else 2.0) * (error + marched.error_estimate)
+
+
+@slow_on_the_twin
+@pytest.mark.parametrize("name", SCHEDULES)
+def test_the_general_path_agrees_within_both_errors(name):
+    value, error = solved(SCHEDULES[name], 1e-7)
+    general = solve_schedule_lcs(SCHEDULES[name], 1e-5)
+    assert abs(value - general.value) <= error + general.error
+
+
+@pytest.mark.parametrize("option_type", ["put", "call"])
+def test_two_dividends_agree_with_nested_quadrature(option_type):
+    option = Option(option_type, 100.0, 1.0, "bermudan", (0.25, 0.6))
+    dividends = ({"time": 0.25, "amount": 3.0}, {"time": 0.6, "amount": 2.0})
+    market = Market(95.0, 0.06, 0.3, 0.01, cash_dividends=dividends)
+    events = (Event(0.25, 3.0, exercise=True), Event(0.6, 2.0, exercise=True))
+    wanted = quadrature_value(option_type == "put", 100.0, 95.0, 1.0, 0.06, 0.01, 0.3, events)
+    value, _ = solved(make_schedule(option, market))
+    assert value == pytest.approx(wanted, abs=1e-7)
+
+
+# The gain of each level of the collocation over the one before, at the least, in the median over four levels.
+GAINS = [
+    ("put, quarterly dividends", 2.5),
+    ("put, fractions", 1.5),
+    ("put, curves", 3.0),
+    ("put, escrowed", 3.0),
+    ("put, window", 3.0),
+    ("put, dividend at expiry", 2.5),
+    ("call, yield above the rate", 3.0),
+    ("call, curves", 5.0),
+]
+
+
+@slow_on_the_twin
+@pytest.mark.parametrize(("name", "gain"), GAINS)
+def test_convergence_by_level(name, gain):
+    book = pack([SCHEDULES[name]])
+    values = [solve_book(book, np.array([level]), 1)[0][0, 0] for level in range(6)]
+    errors = np.abs(np.array(values[:5]) - values[5])
+    assert errors[4] < 2e-7
+    assert (errors[0] / errors[4]) ** 0.25 > gain
+
+
+def random_schedules(seed, count):
+    rng = np.random.default_rng(seed)
+    schedules = []
+    while len(schedules) < count:
+        expiry = float(np.exp(rng.uniform(np.log(0.05), np.log(3.0))))
+        times = rng.uniform(0.0, expiry, rng.integers(1, 6))
+        dividends = [
+            {"time": t, "amount": float(np.exp(rng.uniform(np.log(0.1), np.log(3.0))))} for t in times
+        ]
+        option = Option(str(rng.choice(["put", "call"])), 100.0, expiry)
+        market = Market(
+            100.0 * float(np.exp(rng.normal(0.0, 0.2))),
+            rng.uniform(0.005, 0.08),
+            rng.uniform(0.1, 0.7),
+            float(rng.choice([0.0, 0.03])),
+            cash_dividends=dividends,
+        )
+        schedules.append(make_schedule(option, market))
+    return schedules
+
+
+@slow_on_the_twin
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6])
+def test_values_are_within_their_tolerance_and_errors_are_stated_honestly(tolerance):
+    book = pack(random_schedules(5, 150))
+    exact = solve_to_tolerance(book, np.full(150, 1e-8), 1)
+    found = solve_to_tolerance(book, np.full(150, tolerance), 1)
+    sure = exact.settled & found.settled & (exact.error <= 1e-7)
+    assert sure.mean() > 0.97
+    error = np.abs(found.value - exact.value)[sure]
+    met = found.error[sure] <= tolerance
+    assert met.mean() > 0.97
+    assert np.all(error[met] <= tolerance)
+    assert np.mean(error <= found.error[sure] + 1e-8) > 0.95
+
+
+def test_the_boundary_at_an_ex_time_is_that_just_before_it():
+    case = next(
+        case for case in ONE_BOUNDARY if case.boundary is not None and case.market.dividend_model == "spot"
+    )
+    schedule = make_schedule(case.option, case.market)
+    found, settled = boundaries_at(schedule, np.array([case.ex_time]), 4)
+    assert settled
+    assert schedule.strike * np.exp(found[0]) == pytest.approx(case.boundary, abs=1e-5)
+
+
+def test_what_is_beyond_the_collocation_is_not_served():
+    schedule = SCHEDULES["put, curves"]
+    certain = make_schedule(
+        Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.0, cash_dividends=[{"time": 0.5, "amount": 1.0}])
+    )
+    served = is_served(pack([schedule, replace(schedule, spot=0.0), certain]))
+    assert served.tolist() == [True, False, False]
+
+
+def test_the_finest_level_is_the_kernels_last():
+    with pytest.raises((ValueError, IndexError)):
+        solve_book(pack([SCHEDULES["put, curves"]]), np.array([FINEST + 1]), 1)
+
+
+# Each of these was once wrong by up to a tenth of the strike with the status "ok".
+@slow_on_the_twin
+@pytest.mark.parametrize(
+    ("option", "market", "right"),
+    [
+        (
+            Option("put", 100.0, 5.0),
+            Market(90.0, 0.08, 2.0, cash_dividends=[{"time": 3.75, "amount": 1.0}]),
+            83.9471,
+        ),
+        (
+            Option("put", 100.0, 1.0, "bermudan", (0.5, 1.0)),
+            Market(90.0, 0.1, 0.3, cash_dividends=[{"time": 0.25, "amount": 72.0}]),
+            75.10437,
+        ),
+        (
+            Option("put", 100.0, 2.0),
+            Market(100.0, 0.01, 0.45, -0.03, cash_dividends=[{"time": 2.0, "amount": 1.0}]),
+            22.335213,
+        ),
+        (
+            Option("call", 100.0, 30.0, "european"),
+            Market(50.0, 0.05, 1.8, {"times": [23.8, 24.8, 30.0], "values": [0.05, -0.05, 0.1]}),
+            9.5069,
+        ),
+    ],
+    ids=["spread", "spot gone", "negative yield", "cancellation"],
+)
+def test_what_the_collocation_would_get_wrong_is_left_to_the_general_path(option, market, right):
+    assert not is_served(pack([make_schedule(option, market)]))[0]
+    assert price(option, market, tolerance=1e-5, greeks=False).price == pytest.approx(right, rel=2e-3)

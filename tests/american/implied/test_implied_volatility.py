@@ -1,0 +1,358 @@
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from pricing_core import kernel_name
+from pricing_core.american import (
+    CashDividend,
+    Market,
+    Option,
+    PiecewiseConstant,
+    ProportionalDividend,
+    implied_volatility,
+    implied_volatility_many,
+    price,
+    price_many,
+)
+from pricing_core.american.contracts.schedule import make_schedule, without_events
+from pricing_core.american.flat.black_spread import black_spread, black_time_value
+from pricing_core.american.implied.volatility_bounds import book_bounds, schedule_bounds
+from pricing_core.american.tables.book import read_book, single_row
+from pricing_core.errors import InvalidInputError
+from tests.problems.twins import slow_on_the_twin
+
+COMPILED = kernel_name() == "rust"  # the twin is some hundred times slower
+PUT, CALL = Option("put", 100.0, 1.0), Option("call", 100.0, 1.0)
+PLAIN = Market(100.0, 0.05, 0.2)
+
+
+def random_contracts(count, seed, exercise="american"):
+    rng = np.random.default_rng(seed)
+    return {
+        "option_type": np.where(rng.random(count) < 0.5, "put", "call"),
+        "exercise": exercise,
+        "spot": rng.uniform(60.0, 150.0, count),
+        "strike": 100.0,
+        "expiry": rng.uniform(20 / 365, 3.0, count),
+        "rate": rng.uniform(0.0, 0.1, count),
+        "dividend_yield": rng.uniform(0.0, 0.1, count),
+        "volatility": rng.uniform(0.1, 0.6, count),
+    }
+
+
+@slow_on_the_twin
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-6])
+@pytest.mark.parametrize("exercise", ["american", "european"])
+def test_prices_at_the_implied_volatility_are_the_ones_observed(exercise, tolerance):
+    contracts = random_contracts(5000 if COMPILED else 300, 7, exercise)
+    observed = price_many(contracts, tolerance=1e-7, greeks=False)
+    table = implied_volatility_many(contracts, observed["price"], tolerance=tolerance)
+    ok = table["status"] == "ok"
+    assert np.isin(table["status"], ["ok", "not_identifiable"]).all()
+    assert not observed["exercise_now"][ok].any()
+    assert ok.mean() > 0.9
+    assert np.max(np.abs(table["price"] - observed["price"])[ok]) <= tolerance * 100.0
+    columns = {name: column[ok] if np.ndim(column) else column for name, column in contracts.items()}
+    again = price_many({**columns, "volatility": table["volatility"][ok]}, tolerance=1e-7, greeks=False)
+    assert np.max(np.abs(again["price"] - observed["price"][ok])) <= tolerance * 100.0
+    assert np.allclose(again["european_price"], table["european_price"][ok], rtol=0, atol=1e-8)
+
+
+def test_negative_rates_and_two_boundaries_are_served_too():
+    for option, market in (
+        (Option("put", 100.0, 1.0), Market(90.0, -0.02, 0.2, -0.05)),  # exercised between two boundaries
+        (Option("call", 100.0, 1.0), Market(115.0, -0.05, 0.2, -0.02)),
+        (Option("put", 100.0, 1.0), Market(90.0, -0.03, 0.2, 0.01)),  # never exercised
+    ):
+        observed = price(option, market, tolerance=1e-5).price
+        found = implied_volatility(option, market, observed, tolerance=1e-5)
+        assert found.status == "ok"
+        assert abs(found.price - observed) <= 1e-5 * 100.0
+        assert found.volatility == pytest.approx(0.2, abs=1e-3)
+
+
+def with_dividends(contracts, seed):
+    """Return the contracts with one to three cash dividends each before expiry."""
+    rng = np.random.default_rng(seed)
+    cash = [
+        [{"time": time, "amount": rng.uniform(0.2, 2.0)} for time in rng.uniform(0.0, T, rng.integers(1, 4))]
+        for T in contracts["expiry"].tolist()
+    ]
+    return {**contracts, "cash_dividends": cash}
+
+
+@slow_on_the_twin
+@pytest.mark.parametrize("count", [60 if COMPILED else 4, pytest.param(5000, marks=pytest.mark.nightly)])
+def test_prices_with_cash_dividends_are_met_too(count):
+    tolerance = 1e-5
+    contracts = with_dividends(random_contracts(count, 11), 12)
+    observed = price_many(contracts, tolerance=1e-6, greeks=False)
+    table = implied_volatility_many(contracts, observed["price"], tolerance=tolerance)
+    ok = table["status"] == "ok"
+    assert np.isin(table["status"], ["ok", "not_identifiable", "no_convergence"]).all()
+    assert (table["status"] == "no_convergence").mean() <= 1e-3  # where the engine's errors are large
+    assert ok.mean() > 0.7
+    assert np.max(np.abs(table["price"] - observed["price"])[ok]) <= tolerance * 100.0
+    error = np.abs(table["volatility"] - contracts["volatility"])[ok]
+    assert np.median(error) < 1e-4
+    row = int(np.flatnonzero(ok)[0])
+    cells = {
+        name: np.broadcast_to(column, count)[row].item()
+        for name, column in random_contracts(count, 11).items()
+    }
+    market = Market(
+        cells["spot"], cells["rate"], 0.9, cells["dividend_yield"], contracts["cash_dividends"][row]
+    )
+    option = Option(cells["option_type"], cells["strike"], cells["expiry"])
+    single = implied_volatility(option, market, observed["price"][row], tolerance=tolerance)
+    assert single.volatility == table["volatility"][row]
+
+
+@pytest.mark.parametrize(
+    ("option", "market"),
+    [
+        (Option("put", 100.0, 1.0, "bermudan", exercise_times=(0.25, 0.5, 0.75)), PLAIN),
+        (Option("call", 100.0, 1.0), Market(100.0, PiecewiseConstant([0.5, 1.0], [0.02, 0.06]), 0.2, 0.03)),
+        (
+            Option("put", 100.0, 1.0),
+            Market(100.0, 0.05, 0.2, cash_dividends=[CashDividend(0.5, 3.0)], dividend_model="escrowed"),
+        ),
+        (
+            Option("call", 100.0, 1.0, "european"),
+            Market(100.0, 0.05, 0.2, proportional_dividends=[ProportionalDividend(0.5, 0.03)]),
+        ),
+    ],
+)
+def test_contracts_with_other_events_have_implied_volatilities(option, market):
+    observed = price(option, market, tolerance=1e-6, greeks=False).price
+    found = implied_volatility(option, market, observed, tolerance=1e-5)
+    assert found.status == "ok"
+    assert found.volatility == pytest.approx(0.2, abs=1e-4)
+    assert abs(found.price - observed) <= 1e-5 * option.strike
+
+
+@slow_on_the_twin
+def test_the_volatility_is_recovered_where_vega_is_not_tiny():
+    contracts = random_contracts(2000 if COMPILED else 50, 8)
+    observed = price_many(contracts, tolerance=1e-8)
+    table = implied_volatility_many(contracts, observed["price"], tolerance=1e-7)
+    visible = observed["vega"] > 1.0  # money, for a strike of 100
+    assert (table["status"][visible] == "ok").all()
+    error = np.abs(table["volatility"] - contracts["volatility"])[visible]
+    assert np.max(error * observed["vega"][visible]) <= 3e-5  # three tolerances of the strike
+    assert table["iterations"][visible].mean() < 5.0
+
+
+@slow_on_the_twin
+def test_rows_equal_single_searches_bit_for_bit_whatever_their_neighbours():
+    contracts = random_contracts(600, 9)
+    prices = price_many(contracts, tolerance=1e-6, greeks=False)["price"]
+    table = implied_volatility_many(contracts, prices, tolerance=1e-5, threads=2)
+    for row in (0, 17, 599):
+        cells = {name: np.broadcast_to(column, 600)[row].item() for name, column in contracts.items()}
+        option = Option(cells["option_type"], cells["strike"], cells["expiry"])
+        market = Market(cells["spot"], cells["rate"], 0.9, cells["dividend_yield"])
+        single = implied_volatility(option, market, prices[row], tolerance=1e-5)
+        assert single.status == table["status"][row]
+        assert single.iterations == table["iterations"][row]
+        for name in ("volatility", "price", "european_price"):
+            assert getattr(single, name) == table[name][row] or math.isnan(table[name][row])
+
+
+@pytest.mark.parametrize(
+    ("option", "market", "observed", "status"),
+    [
+        (PUT, Market(70.0, 0.05, 0.2), 29.9, "below_lower_bound"),
+        (PUT, Market(70.0, 0.05, 0.2), 29.99995, "not_identifiable"),  # half the tolerance below
+        (PUT, Market(70.0, 0.05, 0.2), 30.0, "not_identifiable"),
+        (PUT, Market(70.0, 0.05, 0.2), 30.01, "ok"),
+        (PUT, PLAIN, 0.0, "not_identifiable"),
+        (PUT, PLAIN, 100.0, "above_upper_bound"),
+        (PUT, Market(100.0, -0.05, 0.2, -0.02), 100.1, "ok"),  # interest is earned by waiting
+        (PUT, Market(100.0, -0.05, 0.2, -0.02), 100.0 * math.exp(0.05), "above_upper_bound"),
+        (CALL, PLAIN, 100.0, "above_upper_bound"),
+        (CALL, PLAIN, 4.87, "below_lower_bound"),  # 100 - 100 e^{-0.05} = 4.877
+        (CALL, PLAIN, 4.88, "ok"),
+        (CALL, Market(100.0, 0.05, 0.2, -0.02), 101.0, "ok"),
+        (CALL, Market(100.0, 0.05, 0.2, -0.02), 100.0 * math.exp(0.02), "above_upper_bound"),
+        (Option("put", 100.0, 1.0, "european"), PLAIN, 95.2, "above_upper_bound"),  # 100 e^{-0.05} = 95.12
+        (
+            Option("put", 100.0, 1.0, "european"),
+            Market(70.0, 0.05, 0.2),
+            25.2,
+            "ok",
+        ),  # 25.12 at no volatility
+        (Option("call", 100.0, 1.0, "european"), Market(100.0, 0.0, 0.2, 0.1), 90.5, "above_upper_bound"),
+        (Option("put", 100.0, 0.0), Market(90.0, 0.05, 0.2), 10.0, "not_identifiable"),
+        (Option("put", 100.0, 0.0), Market(90.0, 0.05, 0.2), 10.1, "above_upper_bound"),
+        (Option("put", 100.0, 0.0), Market(90.0, 0.05, 0.2), 9.9, "below_lower_bound"),
+        (Option("call", 100.0, 1.0), Market(0.0, 0.05, 0.2), 0.0, "not_identifiable"),
+        (Option("put", 100.0, 1e-5), PLAIN, 20.0, "above_upper_bound"),  # 15 is not enough so near expiry
+    ],
+)
+def test_every_price_gets_its_status(option, market, observed, status):
+    found = implied_volatility(option, market, observed)
+    assert found.status == status
+    missing = [number is None for number in (found.volatility, found.price, found.european_price)]
+    assert missing == [status != "ok"] * 3
+    if status == "ok":
+        assert found.price == pytest.approx(observed, abs=1e-6 * option.strike)
+
+
+def test_a_price_that_the_engine_cannot_give_ends_without_convergence(monkeypatch):
+    def refuse(*arguments, **options):
+        raise ArithmeticError
+
+    module = sys.modules["pricing_core.american.implied.volatility_pricers"]
+    monkeypatch.setattr(module, "price_alone", refuse)
+    monkeypatch.setattr(module, "march_value", lambda *arguments: None)
+    two_boundaries = Market(90.0, -0.02, 0.2, -0.05)
+    assert implied_volatility(PUT, two_boundaries, 14.0).status == "no_convergence"
+
+
+def test_an_interrupted_search_ends_without_convergence():
+    market = Market(100.0, 0.05, 0.2, cash_dividends=[CashDividend(0.5, 1.0)])
+    assert implied_volatility(PUT, market, 6.5, interrupt=lambda: True).status == "no_convergence"
+    assert implied_volatility(PUT, market, 6.5, interrupt=lambda: False).status == "ok"
+
+
+def test_the_spread_of_a_time_value_is_found_at_any_moneyness():
+    rng = np.random.default_rng(2)
+    k, spread = 10.0 ** rng.uniform(-6.0, 1.0, 2000), 10.0 ** rng.uniform(-2.0, 1.0, 2000)
+    value, slope = black_time_value(k, spread)
+    visible = (value > 1e-12) & (value < 1.0 - 1e-9)
+    found = black_spread(k[visible], value[visible])
+    again, _ = black_time_value(k[visible], found)
+    assert np.max(np.abs(again / value[visible] - 1.0)) < 1e-6
+    exact = np.abs(found - spread[visible]) * slope[visible]
+    assert np.max(exact / (value * (1.0 - value))[visible]) < 1e-6
+    assert black_spread(np.zeros(3), np.array([-1.0, 0.0, 1.0])).tolist() == [0.0, 0.0, math.inf]
+
+
+def test_a_call_is_the_put_with_spot_and_strike_exchanged():
+    put = implied_volatility(Option("put", 110.0, 0.7), Market(95.0, 0.06, 0.2, 0.02), 17.0, tolerance=1e-7)
+    call = implied_volatility(Option("call", 95.0, 0.7), Market(110.0, 0.02, 0.2, 0.06), 17.0, tolerance=1e-7)
+    assert put.volatility == pytest.approx(call.volatility, abs=1e-6)
+    assert put.european_price == pytest.approx(call.european_price, abs=1e-4)
+
+
+def test_the_implied_volatility_of_a_european_option_is_that_of_the_closed_formula():
+    market = Market(100.0, 0.03, 0.27, 0.01)
+    for option_type in ("put", "call"):
+        for strike in (40.0, 100.0, 250.0):
+            option = Option(option_type, strike, 2.0, "european")
+            observed = price(option, market).price
+            found = implied_volatility(option, market, observed, tolerance=1e-8)
+            assert found.volatility == pytest.approx(0.27, abs=1e-6)
+            assert found.european_price == found.price
+
+
+def test_a_tiny_time_value_deserves_a_volatility_too():
+    option, market = Option("call", 100.0, 0.1), Market(70.0, 0.03, 0.25, 0.01)
+    observed = price(option, market, tolerance=1e-8).price
+    assert observed < 1e-5
+    assert implied_volatility(option, market, observed).volatility == pytest.approx(0.25, abs=2e-3)
+
+
+def test_quotes_have_three_volatilities():
+    found = implied_volatility(PUT, PLAIN, bid=6.0, ask=6.2)
+    assert found.bid_volatility < found.volatility < found.ask_volatility
+    assert found.volatility == implied_volatility(PUT, PLAIN, 6.1).volatility
+    assert found.bid_volatility == pytest.approx(implied_volatility(PUT, PLAIN, 6.0).volatility, abs=1e-9)
+    deep = implied_volatility(PUT, Market(70.0, 0.05, 0.2), bid=29.5, ask=31.0)
+    assert (deep.status, deep.bid_volatility) == ("ok", None)
+    assert deep.ask_volatility > deep.volatility
+    assert implied_volatility(PUT, PLAIN, 6.1).bid_volatility is None
+
+
+@pytest.mark.parametrize(
+    ("field", "quote"),
+    [
+        ("option_price", {"option_price": math.nan}),
+        ("option_price", {"option_price": -1.0}),
+        ("option_price", {"option_price": "6.1"}),
+        ("option_price", {"option_price": 6.0, "ask": 6.2}),
+        ("option_price", {}),
+        ("bid", {"ask": 6.2}),
+        ("bid", {"bid": -0.1, "ask": 6.2}),
+        ("ask", {"bid": 6.0}),
+        ("ask", {"bid": 6.0, "ask": math.inf}),
+        ("ask", {"bid": 6.3, "ask": 6.2}),
+        ("ask", {"bid": 0.0, "ask": 0.0}),
+        ("tolerance", {"option_price": 6.0, "tolerance": 0.0}),
+    ],
+)
+def test_nonsense_is_refused_by_name(field, quote):
+    with pytest.raises(InvalidInputError) as refusal:
+        implied_volatility(PUT, PLAIN, **quote)
+    assert refusal.value.field == field
+
+
+def test_nonsense_in_a_table_gets_a_status_and_a_message():
+    columns = {"option_type": "put", "spot": 100.0, "strike": 100.0, "expiry": 1.0, "rate": 0.05}
+    table = implied_volatility_many(columns, [6.1, math.nan, None, -1.0, "6"])
+    assert table["status"].tolist() == ["ok", *["invalid_input"] * 4]
+    assert table["message"][3] == "option_price = -1.0: must be a finite number >= 0"
+    assert np.isnan(table["volatility"][1:]).all()
+    quotes = implied_volatility_many(columns, bid=[6.0, 6.3, 0.0, -1.0, 0.0], ask=[6.2, 6.2, 0.0, 1.0, 0.1])
+    assert quotes["status"].tolist() == ["ok", *["invalid_input"] * 3, "ok"]
+    assert quotes["message"][1] == "ask = 6.2: must be above 0 and at least the bid, 6.3"
+    assert quotes["bid_volatility"][0] < quotes["volatility"][0] < quotes["ask_volatility"][0]
+    assert np.isnan(quotes["bid_volatility"][4])  # nobody bids
+    contracts = implied_volatility_many({**columns, "spot": [100.0, -1.0]}, 6.1)
+    assert contracts["status"].tolist() == ["ok", "invalid_input"]
+    assert contracts["message"][1] == "spot = -1.0: must be a number from 0 to 1e+30"
+    assert implied_volatility_many({**columns, "spot": []}, [])["volatility"].shape == (0,)
+
+
+@pytest.mark.parametrize(
+    ("columns", "options"),
+    [
+        ({}, {}),
+        ({}, {"option_price": 6.0, "bid": 5.0, "ask": 7.0}),
+        ({}, {"bid": 5.0}),
+        ({"spot": [100.0, 101.0]}, {"option_price": [6.0, 6.0, 6.0]}),
+        ({"colour": "blue"}, {"option_price": 6.0}),
+        ({}, {"option_price": 6.0, "threads": 0}),
+    ],
+)
+def test_a_table_as_a_whole_can_be_refused(columns, options):
+    contract = {"option_type": "put", "spot": 100.0, "strike": 100.0, "expiry": 1.0, "rate": 0.05}
+    with pytest.raises(InvalidInputError):
+        implied_volatility_many({**contract, **columns}, **options)
+
+
+def test_bounds_of_a_schedule_are_those_of_the_book_where_there_are_no_events():
+    contracts = random_contracts(200, 3)
+    book, _ = read_book(contracts, 1e-6)
+    expected = book_bounds(book)
+    for row in range(200):
+        flat = book.market(row)
+        market = Market(flat.spot, flat.rate, flat.volatility, flat.dividend_yield)
+        found = schedule_bounds(make_schedule(book.option(row), market))
+        for one, all_of_them in zip(found, expected, strict=True):
+            assert one[0] == pytest.approx(all_of_them[row], rel=1e-12)
+
+
+def test_bounds_with_dividends_can_be_computed_by_hand():
+    cash = Market(100.0, 0.05, 0.2, cash_dividends=[CashDividend(0.5, 4.0)])
+    put = schedule_bounds(make_schedule(Option("put", 110.0, 1.0), cash))
+    just_after = 110.0 * math.exp(-0.025) - (100.0 - 4.0 * math.exp(-0.025))  # worth more than 10 now
+    assert put.lower[0] == pytest.approx(just_after)
+    assert put.upper[0] == 110.0
+    assert not put.at_once[0]
+    proportional = Market(100.0, 0.0, 0.2, proportional_dividends=[ProportionalDividend(0.5, 0.1)])
+    call = schedule_bounds(make_schedule(Option("call", 80.0, 1.0, "european"), proportional))
+    assert (call.lower[0], call.upper[0]) == (pytest.approx(10.0), pytest.approx(90.0))
+    escrowed = Market(100.0, 0.0, 0.2, cash_dividends=[CashDividend(0.5, 10.0)], dividend_model="escrowed")
+    call = schedule_bounds(make_schedule(Option("call", 80.0, 1.0), escrowed))
+    assert (call.lower[0], call.upper[0]) == (pytest.approx(20.0), pytest.approx(90.0))
+    bermudan = Option("put", 100.0, 1.0, "bermudan", exercise_times=(0.5,))
+    curve = Market(90.0, PiecewiseConstant([0.5, 1.0], [0.02, 0.1]), 0.2)
+    put = schedule_bounds(make_schedule(bermudan, curve))
+    assert put.lower[0] == pytest.approx(100.0 * math.exp(-0.01) - 90.0)
+    assert put.upper[0] == pytest.approx(100.0 * math.exp(-0.01))
+    assert without_events(bermudan, curve) is None
+    assert single_row(*without_events(PUT, PLAIN), 1e-6).spot[0] == 100.0
