@@ -260,8 +260,7 @@ def solve_boundary(profile: Profile, stretch: Stretch, start: Start, climb: Clim
     """Return the boundary of the contact set that begins as told; its residual says whether it was found."""
     last: Boundary | None = None
     origin, chances, before = math.nan, np.zeros(CELLS), np.zeros(CELLS)
-    rungs = range(climb.top % 2, climb.top + 1, 2) if climb.budget is None else range(climb.top + 1)
-    for rung in rungs:
+    for rung in range(climb.top + 1):
         degree, points, value_points = RUNGS[rung]
         is_last = rung == climb.top
         system = _system(profile, stretch, start, table(degree, points))

@@ -219,17 +219,11 @@ def _forecast(parts: list[Stretch], x: float) -> tuple[float, Vector, Vector]:
 
 def _relevant(before: Transferred, part: Stretch, forward: float, variance: float) -> float:
     """Return the x beyond which, on the side of exercise, the contact set does not matter while it begins."""
-    far = RELEVANT * math.sqrt(variance)
-    near = RELEVANT * part.flow.volatility * math.sqrt(part.duration)
-    bends = [feature.place for feature in before.features if feature.scale == 0.0]
-    if part.sign < 0.0:
-        return max(max(forward, 0.0) + far, max(bends, default=0.0) + near)
-    gone = (
-        math.log(part.amount / (1.0 - part.fraction))
-        if part.amount > 0.0 and part.fraction < 1.0
-        else -math.inf
-    )
-    return max(min(min(forward, 0.0) - far, min(bends, default=0.0) - near), gone + near / RELEVANT)
+    sign, spread = part.sign, part.flow.volatility * math.sqrt(part.duration)
+    furthest = min(sign * forward, 0.0) - RELEVANT * math.sqrt(variance)
+    bends = [sign * feature.place for feature in before.features if feature.scale == 0.0]
+    bend = min((x for x in bends if x > furthest), default=0.0)
+    return sign * min(furthest, bend - RELEVANT * spread)
 
 
 def _solve_stretch(before: Transferred, part: Stretch, start: Start | None, climb: Climb) -> Held:

@@ -110,7 +110,7 @@ def find_start(outset: Outset) -> tuple[Start | None, float]:
     steepness = outset.height(relevant, begins) * math.exp(relevant)
     if steepness < -OVERHANGING:
         raise UnservedError
-    if sign < 0.0 or steepness > STEEP:
+    if sign < 0.0 or steepness > STEEP or relevant < stretch.gone():
         return _shifted(outset, begins, relevant)
     split = TAIL_SPLIT * begins
     worth = WORTH_SPLITTING * split < duration and split > 1e-6 * duration

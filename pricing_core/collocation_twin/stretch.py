@@ -73,6 +73,11 @@ class Stretch:
                 return math.log(exponent / (exponent - 1.0))
         return -self.sign * math.inf
 
+    def gone(self) -> float:
+        """Return the x up to which the event takes the whole spot."""
+        kept = 1.0 - self.fraction
+        return math.log(self.amount / kept) if self.amount > 0.0 and kept > 0.0 else -math.inf
+
     def parted(self, s: float) -> "tuple[Stretch, Stretch]":
         """Cut the stretch at time s to its end: the earlier part and the later one, which keeps the event."""
         earlier = Stretch(

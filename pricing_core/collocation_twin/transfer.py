@@ -98,7 +98,7 @@ def before_event(
     sign, edge = stretch.sign, drop.before(later.edge) if later.boundary is not None else math.nan
     if not ends[0] < edge < ends[1]:  # a contact set that far away is continued like what is held
         edge = math.nan
-    gone = _log(stretch.amount / drop.keep)  # -inf without an amount
+    gone = stretch.gone()
     lower, upper = gone, math.inf
     pieces = [Piece(-math.inf, gone, later.at_zero, 0.0)] if gone > -math.inf else []
     if not math.isnan(edge):
@@ -135,7 +135,14 @@ def before_event(
     values = later.value(drop.after(nodes))[0] if nodes.size else nodes
     pieces += _tails(later, drop, held, (lower, upper), inside)
     profile = Profile(tuple(pieces), nodes, weights * values)
-    return Transferred(profile, contact, edges, moved, later.at_zero)
+    return Transferred(profile, contact, edges, moved, _at_zero(later, stretch))
+
+
+def _at_zero(later: Held, stretch: Stretch) -> float:
+    """Return what the option is worth at spot zero, after what its holder may do then."""
+    if stretch.exercise_at_end and stretch.sign > 0.0:
+        return max(later.at_zero, stretch.strike(0.0))
+    return later.at_zero
 
 
 def _worthless(later: Held, stretch: Stretch) -> Transferred:
@@ -147,7 +154,9 @@ def _worthless(later: Held, stretch: Stretch) -> Transferred:
     contact, edges = _contact(exercised, stretch.sign)
     empty = np.zeros(0)
     features = tuple(Feature(x, 0.0) for x in edges)
-    return Transferred(Profile(tuple(pieces), empty, empty), contact, edges, features, later.at_zero)
+    return Transferred(
+        Profile(tuple(pieces), empty, empty), contact, edges, features, _at_zero(later, stretch)
+    )
 
 
 def _log(x: float) -> float:

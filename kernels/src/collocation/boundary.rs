@@ -434,10 +434,7 @@ pub fn solve_boundary(
     start: &Start,
     climb: &Climb,
 ) -> Boundary {
-    let (mut rung, step) = match climb.budget {
-        Some(_) => (0, 1),
-        None => (climb.top % 2, 2),
-    };
+    let mut rung = 0;
     let mut last: Option<Boundary> = None;
     let (mut origin, mut chances) = (f64::NAN, [0.0; CELLS]);
     loop {
@@ -501,7 +498,7 @@ pub fn solve_boundary(
             return kept;
         }
         last = Some(kept);
-        rung += step;
+        rung += 1;
     }
 }
 

@@ -356,28 +356,12 @@ fn outset<'a>(
 
 /// The x beyond which, on the side of exercise, the contact set does not matter while it begins.
 fn relevant(before: &Transferred, part: &Stretch, here: &Forecast) -> f64 {
-    let far = RELEVANT * here.variance.sqrt();
-    let near = RELEVANT * part.spread();
-    let bends = || {
-        before
-            .features
-            .iter()
-            .filter(|f| f.scale <= 0.0)
-            .map(|f| f.place)
-    };
-    if part.sign < 0.0 {
-        let bend = bends().reduce(f64::max).unwrap_or(0.0);
-        return (here.forward.max(0.0) + far).max(bend + near);
-    }
-    let bend = bends().reduce(f64::min).unwrap_or(0.0);
-    let gone = if part.amount > 0.0 && part.fraction < 1.0 {
-        (part.amount / (1.0 - part.fraction)).ln()
-    } else {
-        f64::NEG_INFINITY
-    };
-    (here.forward.min(0.0) - far)
-        .min(bend - near)
-        .max(gone + near / RELEVANT)
+    let sign = part.sign;
+    let furthest = (sign * here.forward).min(0.0) - RELEVANT * here.variance.sqrt();
+    let bends = before.features.iter().filter(|f| f.scale <= 0.0);
+    let seen = bends.map(|f| sign * f.place).filter(|&x| x > furthest);
+    let bend = seen.reduce(f64::min).unwrap_or(0.0);
+    sign * furthest.min(bend - RELEVANT * part.spread())
 }
 
 /// Refuse what is worth less than exercise outside the contact set: next to it, and where it has left.

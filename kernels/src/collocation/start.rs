@@ -113,7 +113,7 @@ impl Outset<'_> {
         if steepness < -OVERHANGING {
             return Err(Unsettled);
         }
-        if sign < 0.0 || steepness > STEEP {
+        if sign < 0.0 || steepness > STEEP || place < stretch.gone() {
             return Ok(self.shifted(time, place));
         }
         let split = TAIL_SPLIT * time;

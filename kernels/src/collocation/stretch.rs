@@ -98,6 +98,16 @@ impl Stretch {
         }
     }
 
+    /// The x up to which the event takes the whole spot.
+    pub fn gone(&self) -> f64 {
+        let ratio = self.amount / (1.0 - self.fraction);
+        if ratio > 0.0 {
+            ratio.ln()
+        } else {
+            f64::NEG_INFINITY
+        }
+    }
+
     /// The stretch cut at time s to its end: the earlier part and the later one, which keeps the event.
     pub fn parted(&self, s: f64) -> (Stretch, Stretch) {
         let earlier = Stretch {

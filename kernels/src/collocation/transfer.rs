@@ -172,7 +172,7 @@ pub fn before_event(
     if !(ends.0 < edge && edge < ends.1) {
         edge = f64::NAN; // a contact set that far away is continued like what is held
     }
-    let gone = logarithm(stretch.amount / drop.keep);
+    let gone = stretch.gone();
     let (mut lower, mut upper) = (gone, f64::INFINITY);
     let mut pieces = Vec::new();
     if gone > f64::NEG_INFINITY {
@@ -250,7 +250,16 @@ pub fn before_event(
         profile: sample.profile(&continuation, pieces, &bends, fineness),
         contact: contact_end,
         features: bends,
-        at_zero: later.at_zero,
+        at_zero: at_zero(later, stretch),
+    }
+}
+
+/// What the option is worth at spot zero, after what its holder may do then.
+fn at_zero(later: &Held, stretch: &Stretch) -> f64 {
+    if stretch.exercise_at_end && stretch.sign > 0.0 {
+        later.at_zero.max(stretch.strike(0.0))
+    } else {
+        later.at_zero
     }
 }
 
@@ -319,7 +328,7 @@ fn worthless(later: &Held, stretch: &Stretch) -> Transferred {
         profile: Profile::new(&pieces, Vec::new(), Vec::new(), Vec::new()),
         contact,
         features: edges.into_iter().map(bend).collect(),
-        at_zero: later.at_zero,
+        at_zero: at_zero(later, stretch),
     }
 }
 

@@ -12,6 +12,10 @@ from pricing_core.american.events.scheduled_book import Contract
 from pricing_core.american.events.scheduled_greeks import ScheduledGreeks, plan_greeks
 from pricing_core.american.events.scheduled_lcs import solve_schedule_lcs, values_on_same_grid
 
+CLOSE, CLOSE_LEVEL = (
+    1e-8,
+    4,
+)  # strikes: the boundaries' tolerance where their degrees are their own, and the level
 GENERAL_TOLERANCE = 1e-5  # of the general path's grid where it serves the derivatives
 SEGMENTS_AT_ONCE = 500  # a fraction of a second between two looks at the clock
 
@@ -30,8 +34,8 @@ def collocated_greeks(
 ) -> dict[int, ScheduledGreeks]:
     """Return the derivatives by the parameters of contracts that are held, each from the level of its price.
 
-    The level above it gives every boundary a fixed degree: bumped or not, it is solved alike. A bumped schedule may
-    not settle where the contract itself does: then a neighbouring level serves, at last the general path.
+    The level above it gives every boundary a fixed degree: bumped or not, it is solved alike. Where a bumped schedule
+    does not settle so, the next level serves, then degrees of its own to a small tolerance, at last the general path.
 
     Raises
     ------
@@ -41,10 +45,11 @@ def collocated_greeks(
     plans = {row: plan_greeks(*contract, extended=extended) for row, contract in contracts.items()}
     parts = {row: (make_schedule(*contracts[row]), *plan.schedules) for row, plan in plans.items()}
     derivatives: dict[int, ScheduledGreeks] = {}
-    for shift in (1, 2, 0):
+    for above in (1, 2, None):
         left = [row for row in plans if row not in derivatives or not derivatives[row].is_whole()]
-        shifted = [min(max(levels[row] + shift, 0), FINEST) for row in left]
-        for row, values in _values_at(left, parts, shifted, threads, interrupt):
+        level = {row: CLOSE_LEVEL if above is None else min(levels[row] + above, FINEST) for row in left}
+        tolerance = CLOSE if above is None else 0.0
+        for row, values in _values_at(level, parts, tolerance, threads, interrupt):
             derivatives[row] = plans[row].finish(values[0][0], values[1:])
     for row, plan in plans.items():
         if not derivatives[row].is_whole():
@@ -57,20 +62,21 @@ def collocated_greeks(
 
 
 def _values_at(
-    rows: list[int],
+    levels: Mapping[int, int],
     parts: dict[int, tuple[Schedule, ...]],
-    levels: list[int],
+    tolerance: float,
     threads: int,
     interrupt: Callable[[], bool] | None,
 ) -> Iterator[tuple[int, list[tuple[float, float]]]]:
     """Yield each row with the (value, delta) of its schedules, in money, NaN where they do not settle."""
-    every = [schedule for row in rows for schedule in parts[row]]
-    level = np.repeat(levels, [len(parts[row]) for row in rows]).astype(np.int64)
+    every = [schedule for row in levels for schedule in parts[row]]
+    level = np.repeat(list(levels.values()), [len(parts[row]) for row in levels]).astype(np.int64)
     pairs: list[tuple[float, float]] = []
     for part in _portions(every):
         if interrupt is not None and interrupt():
             raise DeadlinePassedError
-        numbers, settled = solve_book(pack(every[part]), level[part], threads)
+        tolerances = np.full(level[part].size, tolerance)
+        numbers, settled = solve_book(pack(every[part]), level[part], threads, tolerances)
         pairs += [
             (schedule.strike * value, schedule.strike / schedule.spot * slope)
             if sound
@@ -80,7 +86,7 @@ def _values_at(
             )
         ]
     at = 0
-    for row in rows:
+    for row in levels:
         yield row, pairs[at : at + len(parts[row])]
         at += len(parts[row])
 

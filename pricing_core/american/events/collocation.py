@@ -31,7 +31,8 @@ ROUNDING = 1e-13  # strikes
 LEAST_SHARE = 0.1  # of the tolerance, that is left for the boundaries
 FURTHEST = 30.0  # deviations between spot and strike
 LARGEST_CALL_DEVIATION = 4.0
-SAFE = 4.5  # deviations of the spot above what a dividend takes to nearly zero
+LARGEST_DRIFT = 6.0  # of ln(spot) in a segment, over its spread
+SAFE = 3.5  # deviations of the spot above what a dividend takes to zero
 WIDEST = 400.0  # deviation at expiry over the spread of a segment
 LEAST_SPREAD = 1e-7
 
@@ -73,9 +74,9 @@ class Solved:
 def is_served(book: PackedSchedules) -> BoolVector:
     """Tell for which schedules the collocation may be tried.
 
-    There must be chance in every segment, and none far shorter than the whole; spot and strike must be within
-    reach of each other; a call's spot must not spread so far that its parts cancel; and no dividend may be likely
-    to take a put's spot to nearly zero, where the contact set begins in a way that is not followed.
+    There must be chance in every segment, no less than LARGEST_DRIFT allows, and none far shorter than the whole; spot
+    and strike must be within reach of each other; a call's spot must not spread so far that its parts cancel; and no
+    dividend may be likely to take a put's spot to zero, where the contact set begins in a way that is not followed.
     """
     starts, columns = book.first[:-1], book.columns()
     spread = columns.volatility * np.sqrt(columns.duration)
@@ -83,6 +84,8 @@ def is_served(book: PackedSchedules) -> BoolVector:
     least = np.minimum.reduceat(spread, starts)
     served = (book.spot > 0.0) & (np.abs(book.x) <= FURTHEST * deviation)
     served &= (least >= LEAST_SPREAD) & (least >= deviation / WIDEST)
+    drift = np.abs(columns.rate - columns.dividend_yield) * columns.duration
+    served &= np.logical_and.reduceat(drift <= LARGEST_DRIFT * spread, starts)
     narrow = np.where(book.sign > 0.0, _keeps_its_spot(book, spread), deviation <= LARGEST_CALL_DEVIATION)
     return served & narrow
 
@@ -100,7 +103,7 @@ def _keeps_its_spot(book: PackedSchedules, spread: Vector) -> BoolVector:
         spreads[at] = variance[rows]
     with np.errstate(divide="ignore"):
         lowest = np.minimum(np.log(ahead), 0.0) - SAFE * np.sqrt(spreads)
-        likely = np.log(columns.amount) + spread > lowest
+        likely = np.log(columns.amount) > lowest
     jumps = (columns.fraction > 0.0) | (columns.amount > 0.0) | (columns.escrow > 0.0)
     between = jumps & (columns.exercisable > 0.0) & (columns.dividend_yield < 0.0) & (columns.rate > 0.0)
     # Where it lies between two spots, exercise begins in yet another way.

@@ -15,6 +15,7 @@ from pricing_core.american.priced_rows import PricedRows
 from pricing_core.american.results import NO_FURTHER_GREEKS, FurtherGreeks
 from pricing_core.arrays import BoolVector, Vector
 
+ROUGH = 1e-6  # strikes: a larger error that misses its tolerance is one for the general path
 SURE_SHARE = 0.1  # of the tolerance: what chance may add where it is left out
 
 
@@ -85,7 +86,7 @@ def is_certain(schedules: PackedSchedules, tolerance: Vector) -> BoolVector:
 
 
 def collocate(schedules: PackedSchedules, tolerance: Vector, threads: int) -> Settled:
-    """Solve the schedules that the collocation serves.
+    """Solve the schedules that the collocation serves; what it leaves rougher than the general path could is left out.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def collocate(schedules: PackedSchedules, tolerance: Vector, threads: int) -> Se
     rows = np.flatnonzero(is_served(schedules) & ~is_certain(schedules, tolerance))
     served = schedules.take(rows)
     solved = solve_to_tolerance(served, tolerance[rows], threads)
-    sound = np.flatnonzero(solved.settled & np.isfinite(solved.error))
+    sound = np.flatnonzero(solved.settled & (solved.error <= np.maximum(tolerance[rows], ROUGH)))
     solved = solved.take(sound)
     return Settled(rows[sound], solved.level, _in_money(served.take(sound), solved))
 
