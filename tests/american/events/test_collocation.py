@@ -91,40 +91,60 @@ def test_convergence_by_level(name, gain):
     assert (errors[0] / errors[4]) ** 0.25 > gain
 
 
+def random_curve(rng, expiry, least, most):
+    times = np.sort(rng.uniform(0.02, 0.95, 3)) * expiry
+    return {"times": [*times, expiry], "values": list(rng.uniform(least, most, 4))}
+
+
 def random_schedules(seed, count):
     rng = np.random.default_rng(seed)
     schedules = []
     while len(schedules) < count:
         expiry = float(np.exp(rng.uniform(np.log(0.05), np.log(3.0))))
         times = rng.uniform(0.0, expiry, rng.integers(1, 6))
-        dividends = [
-            {"time": t, "amount": float(np.exp(rng.uniform(np.log(0.1), np.log(3.0))))} for t in times
-        ]
+        kind = rng.choice(["cash", "fractions", "curves", "bermudan", "escrowed"])
         option = Option(str(rng.choice(["put", "call"])), 100.0, expiry)
-        market = Market(
-            100.0 * float(np.exp(rng.normal(0.0, 0.2))),
-            rng.uniform(0.005, 0.08),
-            rng.uniform(0.1, 0.7),
-            float(rng.choice([0.0, 0.03])),
-            cash_dividends=dividends,
-        )
-        schedules.append(make_schedule(option, market))
+        events = {
+            "cash_dividends": [
+                {"time": t, "amount": float(np.exp(rng.uniform(np.log(0.1), np.log(3.0))))} for t in times
+            ]
+        }
+        volatility = rng.uniform(0.1, 0.7)
+        rate, dividend_yield = rng.uniform(0.005, 0.08), float(rng.choice([0.0, 0.03]))
+        if kind == "fractions":
+            amounts = events.pop("cash_dividends")
+            events["proportional_dividends"] = [
+                {"time": dividend["time"], "fraction": 0.01 * dividend["amount"]} for dividend in amounts
+            ]
+        elif kind == "curves":
+            rate, dividend_yield = random_curve(rng, expiry, 0.0, 0.08), random_curve(rng, expiry, 0.0, 0.06)
+            volatility = random_curve(rng, expiry, 0.6 * volatility, 1.4 * volatility)
+        elif kind == "bermudan":
+            option = Option(option.option_type, 100.0, expiry, "bermudan", (*np.sort(times), expiry))
+        elif kind == "escrowed":
+            events["dividend_model"] = "escrowed"
+        spot = 100.0 * float(np.exp(rng.normal(0.0, 0.2)))
+        schedules.append(make_schedule(option, Market(spot, rate, volatility, dividend_yield, **events)))
     return schedules
 
 
 @slow_on_the_twin
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6])
-def test_values_are_within_their_tolerance_and_errors_are_stated_honestly(tolerance):
-    book = pack(random_schedules(5, 150))
-    exact = solve_to_tolerance(book, np.full(150, 1e-8), 1)
-    found = solve_to_tolerance(book, np.full(150, tolerance), 1)
-    sure = exact.settled & found.settled & (exact.error <= 1e-7)
-    assert sure.mean() > 0.97
+@pytest.mark.parametrize(
+    ("seed", "count"), [(5, 200), pytest.param(6, 3000, marks=pytest.mark.nightly)], ids=["few", "many"]
+)
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6, 1e-7])
+def test_values_are_within_their_tolerance_and_errors_are_stated_honestly(tolerance, seed, count):
+    book = pack(random_schedules(seed, count))
+    exact = solve_to_tolerance(book, np.full(count, 1e-9), 1)
+    found = solve_to_tolerance(book, np.full(count, tolerance), 1)
+    assert found.settled.mean() > 0.998
+    sure = exact.settled & found.settled & (exact.error <= max(1e-8, 0.02 * tolerance))
+    assert sure.mean() > 0.93
     error = np.abs(found.value - exact.value)[sure]
     met = found.error[sure] <= tolerance
-    assert met.mean() > 0.97
-    assert np.all(error[met] <= tolerance)
-    assert np.mean(error <= found.error[sure] + 1e-8) > 0.95
+    assert met.mean() > 0.99
+    assert np.mean(error[met] <= tolerance) > 0.9995
+    assert np.mean(error <= found.error[sure] + 1e-8) > 0.999
 
 
 def test_the_boundary_at_an_ex_time_is_that_just_before_it():
