@@ -2,6 +2,7 @@
 
 import asyncio
 import difflib
+import math
 from collections.abc import Awaitable, Callable
 from typing import Any, TypeAlias, TypeVar
 
@@ -12,13 +13,16 @@ from pydantic_core import ErrorDetails
 from app.contract_schema import CURVE, CURVE_IN_WORDS, KEYS, NUMBER
 from app.errors import BodyTimeoutError, BodyTooLargeError, InvalidRequestError, UnsupportedMediaTypeError
 from app.json_schema import inline_schema
-from app.schemas import FieldError
 from app.settings import Settings
 from app.strict_json import parse_object
+from pricing_core.american.contracts.contract import range_in_words
+from pricing_core.errors import InvalidInputError, Told
 
 Model = TypeVar("Model", bound=BaseModel)
 Location: TypeAlias = tuple[int | str, ...]
 LONGEST_NAME = 40
+LENGTHS = ("too_long", "too_short")  # kinds of fault, as pydantic calls them
+OF_NUMBERS = ("float_type", "finite_number", "greater_than_equal", "less_than_equal")
 
 
 def json_body(model: type[Model]) -> Callable[[Request], Awaitable[Model]]:
@@ -31,7 +35,7 @@ def json_body(model: type[Model]) -> Callable[[Request], Awaitable[Model]]:
         try:
             return model.model_validate(parse_object(raw))
         except ValidationError as error:
-            raise InvalidRequestError(_field_errors(error, model)) from None
+            raise InvalidRequestError(_faults(error, model)) from None
 
     return read
 
@@ -69,13 +73,12 @@ async def _read_bytes(request: Request, settings: Settings) -> bytes:
     return bytes(raw)
 
 
-def _field_errors(error: ValidationError, model: type[BaseModel]) -> list[FieldError]:
-    names = list(model.model_fields)
+def _faults(error: ValidationError, model: type[BaseModel]) -> list[InvalidInputError]:
     return [
-        _unknown_key(found["loc"], names)
+        _unknown_key(found["loc"], list(model.model_fields))
         if found["type"] == "extra_forbidden"
-        else FieldError(field=_path(found["loc"]), allowed=_allowed(found))
-        for found in error.errors(include_url=False, include_input=False)
+        else InvalidInputError(_path(found["loc"]), _value(found), _allowed(found, model))
+        for found in error.errors(include_url=False)
     ]
 
 
@@ -85,8 +88,13 @@ def _path(location: Location) -> str:
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
 
 
-def _allowed(found: ErrorDetails) -> str:
-    """Return what completes "must be ..." from a message such as "Input should be less than 15"."""
+def _value(found: ErrorDetails) -> object:
+    """Return what was given; the length of a list that is too long or too short."""
+    return Told(f"{len(found['input'])} entries") if found["type"] in LENGTHS else found["input"]
+
+
+def _allowed(found: ErrorDetails, model: type[BaseModel]) -> str:
+    """Return what completes "must be ...": of numbers the whole range, as the library has it."""
     limits: dict[str, Any] = found.get("ctx", {})
     words = {
         "missing": "given",
@@ -96,15 +104,33 @@ def _allowed(found: ErrorDetails) -> str:
         "model_type": "a JSON object",
     }
     allowed = words.get(found["type"], found["msg"].removeprefix("Input should be "))
+    if found["type"] in OF_NUMBERS:
+        schema = schema_at(inline_schema(model), found["loc"])
+        allowed = range_in_words(schema.get("minimum", -math.inf), schema.get("maximum", math.inf))
     return f"{allowed} or {CURVE_IN_WORDS}" if found["loc"][-1] == NUMBER else allowed
 
 
-def _unknown_key(location: Location, names: list[str]) -> FieldError:
-    """Name an unknown key only in words of our own: the vocabulary's, or the nearest name."""
-    *place, key = location
+def schema_at(schema: dict[str, Any], location: Location) -> dict[str, Any]:
+    """Return the part of a model's schema that a value of the body is checked against."""
+    for part in location:
+        if part in (NUMBER, CURVE):
+            kind = "object" if part == CURVE else "number"
+            schema = next(choice for choice in schema["oneOf"] if choice["type"] == kind)
+        else:
+            schema = schema["items"] if isinstance(part, int) else schema["properties"][part]
+        choices = [choice for choice in schema.get("anyOf", [schema]) if choice.get("type") != "null"]
+        schema = choices[0]
+    return schema
+
+
+def _unknown_key(location: Location, names: list[str]) -> InvalidInputError:
+    """Name an unknown key, cut short, and the ones that are known, the nearest once more."""
+    *place, last = location
+    key = str(last)
     if place:
         names = list(KEYS[str(place[0])])
-    nearest = difflib.get_close_matches(str(key)[:LONGEST_NAME], names, n=1)
+    nearest = difflib.get_close_matches(key[:LONGEST_NAME], names, n=1)
     hint = f"; did you mean {nearest[0]}?" if nearest else ""
-    where = f"every key of {_path(tuple(place))}" if place else "every key"
-    return FieldError(field=where, allowed=f"one of {', '.join(names)}{hint}")
+    short = key if len(key) <= LONGEST_NAME else key[: LONGEST_NAME - 3] + "..."
+    where = f"{_path(tuple(place))}.{short}".removeprefix(".")
+    return InvalidInputError(where, None, f"one of the names {', '.join(names)}{hint}")

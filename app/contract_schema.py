@@ -10,11 +10,13 @@ from pricing_core.american import Market, Option
 from pricing_core.american.contracts.contract import (
     LARGEST_EXPIRY,
     LARGEST_MONEY,
+    MOST_EXERCISE_TIMES,
     SMALLEST_MONEY,
     Exercise,
     OptionType,
 )
-from pricing_core.american.contracts.dividends import LATEST
+from pricing_core.american.contracts.curves import MOST_PIECES
+from pricing_core.american.contracts.dividends import LATEST, MOST_DIVIDENDS
 from pricing_core.american.contracts.market import (
     LARGEST_RATE,
     LARGEST_VOLATILITY,
@@ -28,8 +30,6 @@ from pricing_core.american.contracts.tolerances import (
 )
 from pricing_core.american.contracts.vocabulary import NAMES, contract_from
 
-MOST_EVENTS = 366  # dividends of one kind, or exercise times, of one request
-MOST_PIECES = 100  # of one curve
 LONGEST_DATE = 40  # characters
 NUMBER, CURVE = "number", "curve"  # what a rate may be; no field of a model has such a name
 CURVE_IN_WORDS = '{"times": [...], "values": [...]}'
@@ -97,8 +97,8 @@ KEYS: dict[str, tuple[str, ...]] = {  # of the objects inside a field
 }
 
 
-def _events(description: str, example: object) -> Any:
-    return Field(default_factory=list, max_length=MOST_EVENTS, description=description, examples=[[example]])
+def _events(most: int, description: str, example: object) -> Any:
+    return Field(default_factory=list, max_length=most, description=description, examples=[[example]])
 
 
 class Contract(Strict):
@@ -134,10 +134,12 @@ class Contract(Strict):
         examples=[0.0],
     )
     cash_dividends: list[CashAmount] = _events(
+        MOST_DIVIDENDS,
         "Amounts of money with a time in years from now each, or with dates an ex_date.",
         {"time": 0.25, "amount": 1.0},
     )
     proportional_dividends: list[ProportionalAmount] = _events(
+        MOST_DIVIDENDS,
         "Fractions of the spot, 0 to 1, with a time in years from now each, or with dates an ex_date.",
         {"time": 0.25, "fraction": 0.01},
     )
@@ -152,7 +154,9 @@ class Contract(Strict):
         description="american: at any time up to expiry; european: at expiry; bermudan: also at exercise_times.",
         examples=["american"],
     )
-    exercise_times: list[Time] = _events("With bermudan alone, and then at least one: years from now.", 0.5)
+    exercise_times: list[Time] = _events(
+        MOST_EXERCISE_TIMES, "With bermudan alone, and then at least one: years from now.", 0.5
+    )
     exercise_start: Time = Field(
         0.0, description="With american alone: no exercise before it, years from now.", examples=[0.0]
     )

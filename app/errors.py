@@ -1,6 +1,6 @@
-"""From exception to answer: one table of problem types, one body (RFC 9457), the input never repeated."""
+"""From exception to answer: one table of problem types, one body (RFC 9457); of the input it names keys and numbers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fastapi import FastAPI, Request
@@ -21,9 +21,9 @@ class ServiceError(Exception):
 class InvalidRequestError(ServiceError):
     """Fields are not what they must be."""
 
-    def __init__(self, errors: list[FieldError]) -> None:
-        self.errors = errors[:SHOWN_ERRORS]
-        super().__init__("; ".join(f"{error.field} must be {error.allowed}" for error in self.errors))
+    def __init__(self, faults: Sequence[InvalidInputError]) -> None:
+        self.faults = tuple(faults[:SHOWN_ERRORS])
+        super().__init__("; ".join(fault.message_for_strangers for fault in self.faults))
 
 
 class UnsupportedMediaTypeError(ServiceError):
@@ -143,7 +143,7 @@ def install_handlers(app: FastAPI, retry_after: int) -> None:
 
 def _detail(error: Exception, kind: ProblemType) -> str:
     if isinstance(error, InvalidInputError):
-        return error.message_without_value
+        return error.message_for_strangers
     if isinstance(error, (ServiceError, InvalidJsonError)):
         return str(error)
     if isinstance(error, NumericalError):
@@ -154,6 +154,9 @@ def _detail(error: Exception, kind: ProblemType) -> str:
 
 
 def _field_errors(error: Exception) -> list[FieldError]:
-    if isinstance(error, InvalidInputError):
-        return [FieldError(field=error.field, allowed=error.allowed)]
-    return error.errors if isinstance(error, InvalidRequestError) else []
+    faults = error.faults if isinstance(error, InvalidRequestError) else (error,)
+    return [
+        FieldError(field=fault.field, allowed=fault.allowed)
+        for fault in faults
+        if isinstance(fault, InvalidInputError)
+    ]

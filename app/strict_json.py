@@ -6,7 +6,7 @@ from pricing_core.american.contracts.json_text import JSONTextError, parse_json
 
 
 class InvalidJsonError(ValueError):
-    """The body is not one JSON object; the message does not repeat any of it."""
+    """The body is not one JSON object; the message repeats no more of it than a key."""
 
 
 def parse_object(raw: bytes) -> dict[str, Any]:

@@ -13,6 +13,15 @@ PricingCoreError
 SHOWN_CHARACTERS = 40
 
 
+class Told(str):
+    """Words of our own in the place of a value, such as "1001 entries": shown without quotes, safe to send."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
 class PricingCoreError(Exception):
     """The root of the tree."""
 
@@ -39,12 +48,18 @@ class InvalidInputError(PricingCoreError, ValueError):
         self.field = field
         self.value = value
         self.allowed = allowed
-        super().__init__(f"{field} = {_shown(value)}: must be {allowed}")
+        super().__init__(f"{field} = {shown(value)}: must be {allowed}")
 
     @property
     def message_without_value(self) -> str:
-        """The sentence that is safe to send to a stranger."""
+        """The sentence that repeats nothing of what was given."""
         return f"{self.field} must be {self.allowed}"
+
+    @property
+    def message_for_strangers(self) -> str:
+        """The sentence that is safe to send: the value is in it where that is a number, or in our own words."""
+        safe = isinstance(self.value, int | float | Told) and not isinstance(self.value, bool)
+        return str(self) if safe else self.message_without_value
 
     def __reduce__(self) -> tuple[type["InvalidInputError"], tuple[str, object, str]]:
         return type(self), (self.field, self.value, self.allowed)
@@ -74,6 +89,7 @@ class StepSizeError(NumericalError):
     """Step-size control could not meet its tolerance."""
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
+    """Return what a message shows of a value: its repr, at most 40 characters of it."""
     text = repr(value)
     return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told
 
 OptionType: TypeAlias = Literal["put", "call"]
 Exercise: TypeAlias = Literal["american", "european", "bermudan"]
@@ -79,7 +79,7 @@ class Option:
             raise InvalidInputError("exercise_times", list(times), 'empty unless exercise is "bermudan"')
         if not 1 <= len(times) <= MOST_EXERCISE_TIMES:
             raise InvalidInputError(
-                "exercise_times", f"{len(times)} times", f"1 to {MOST_EXERCISE_TIMES} times"
+                "exercise_times", Told(f"{len(times)} times"), f"1 to {MOST_EXERCISE_TIMES} times"
             )
         read = {real_number("exercise_times", time, 0.0, LARGEST_EXPIRY) for time in times}
         for time in read:
@@ -120,7 +120,7 @@ def real_number(
     InvalidInputError
         It is not; the message names `field` and the range.
     """
-    allowed = _range_in_words(least, most)
+    allowed = range_in_words(least, most)
     if isinstance(value, (str, bytes, bool)) or value is None:
         raise InvalidInputError(field, value, allowed)
     if isinstance(value, np.generic) and value.dtype.kind not in "fiu":  # truth values, dates, durations
@@ -140,7 +140,8 @@ def check_kind(field: str, value: object, kind: type, allowed: str) -> None:
         raise InvalidInputError(field, value, allowed)
 
 
-def _range_in_words(least: float, most: float) -> str:
+def range_in_words(least: float, most: float) -> str:
+    """Return what a number must be, completing "must be ..."."""
     if math.isfinite(least) and math.isfinite(most):
         return f"a number from {least:g} to {most:g}"
     if math.isfinite(least):

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from pricing_core.american.contracts.contract import LARGEST_EXPIRY, real_number
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told
 
 MOST_PIECES = 1000
 IN_WORDS = 'a number or {"times": [...], "values": [...]}'
@@ -45,7 +45,7 @@ class PiecewiseConstant:
         values = _numbers("values", self.values)
         if len(times) != len(values):
             raise InvalidInputError(
-                "values", f"{len(values)} values", f"as many as there are times ({len(times)})"
+                "values", Told(f"{len(values)} values"), f"as many as there are times ({len(times)})"
             )
         if times[0] <= 0.0 or any(late <= early for early, late in pairwise(times)):
             raise InvalidInputError("times", list(times), "increasing, above 0")
@@ -113,6 +113,6 @@ def _numbers(field: str, values: object) -> tuple[float, ...]:
     if not isinstance(values, Sequence | np.ndarray) or isinstance(values, str | bytes):
         raise InvalidInputError(field, values, "a list of numbers")
     if not 1 <= len(values) <= MOST_PIECES:
-        raise InvalidInputError(field, f"{len(values)} entries", f"1 to {MOST_PIECES} numbers")
+        raise InvalidInputError(field, Told(f"{len(values)} entries"), f"1 to {MOST_PIECES} numbers")
     limits = (0.0, 10.0 * LARGEST_EXPIRY) if field == "times" else (-math.inf, math.inf)
     return tuple(real_number(field, value, *limits) for value in values)

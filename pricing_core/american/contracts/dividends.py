@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.american.contracts.contract import LARGEST_EXPIRY, LARGEST_MONEY, real_number
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told
 
 MOST_DIVIDENDS = 1000
 LATEST = 10.0 * LARGEST_EXPIRY  # years
@@ -93,7 +93,7 @@ def _entries(field: str, value: object) -> Sequence[object] | NDArray[Any]:
     if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str | bytes):
         raise InvalidInputError(field, value, "a list of dividends")
     if len(value) > MOST_DIVIDENDS:
-        raise InvalidInputError(field, f"{len(value)} entries", f"at most {MOST_DIVIDENDS} dividends")
+        raise InvalidInputError(field, Told(f"{len(value)} entries"), f"at most {MOST_DIVIDENDS} dividends")
     return value
 
 

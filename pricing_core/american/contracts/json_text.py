@@ -1,13 +1,14 @@
 """JSON as tables, command lines and requests write it, read strictly: RFC 8259 and nothing beyond."""
 
 import json
+from collections import Counter
 from typing import Any
 
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, shown
 
 
 class JSONTextError(ValueError):
-    """The text is not JSON; the message completes "it ..." and repeats none of the text."""
+    """The text is not JSON; the message completes "it ...", and repeats no more of it than a key."""
 
 
 def parse_json(text: str) -> Any:
@@ -72,7 +73,8 @@ def _refuse_constant(_: str) -> float:
 def _distinct_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     distinct = dict(pairs)
     if len(distinct) < len(pairs):
-        raise JSONTextError("holds a key twice")
+        (twice, _), *_ = Counter(key for key, _ in pairs).most_common(1)
+        raise JSONTextError(f"holds the key {shown(twice)} twice")
     return distinct
 
 
