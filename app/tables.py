@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from pricing_core.american import ExerciseBoundary, ImpliedVolatility, Valuation
@@ -100,6 +101,9 @@ def print_summary(summary: "BatchSummary", target: Path, rejects: Path) -> None:
             ("  of them, tolerance not met", f"{summary.below_tolerance:,}", "status tolerance_not_met")
         )
     rows.append(("rejected", f"{summary.rejected:,}", str(rejects) if summary.rejected else ""))
+    if summary.unread:
+        names = ", ".join(name if name.isprintable() else repr(name) for name in summary.unread)
+        rows.append(("columns not read", f"{len(summary.unread):,}", names))
     _print(("batch", "rows", "in"), rows)
 
 
@@ -132,7 +136,7 @@ def _shown(value: object) -> str:
 def _print(names: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
     table = Table(*names, box=None, pad_edge=False)
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(escape, row))
     console = Console(highlight=False, width=WIDEST)
     with console.capture() as text:
         console.print(table)

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pyarrow as pa
@@ -19,7 +19,7 @@ from pricing_core.batch.contracts import Contracts, read_contracts
 from pricing_core.batch.reader import TableReader, open_table
 from pricing_core.batch.replacement import replacement
 from pricing_core.batch.results import Reasons, price_contracts
-from pricing_core.batch.schema import CURVE_COLUMNS, NUMBER_COLUMNS, result_schema
+from pricing_core.batch.schema import CURVE_COLUMNS, NUMBER_COLUMNS, result_schema, unread_columns
 from pricing_core.batch.writer import RejectsWriter, check_ending, table_writer
 from pricing_core.errors import InvalidInputError
 
@@ -34,17 +34,21 @@ class BatchSummary:
     ----------
     below_tolerance : int
         Priced rows whose error estimate is wider than asked for.
+    unread : tuple of str
+        Columns that passed through without being read, in their order: a misspelling shows here.
     """
 
     rows: int = 0
     priced: int = 0
     rejected: int = 0
     below_tolerance: int = 0
+    unread: tuple[str, ...] = ()
 
     def plus(self, results: pa.RecordBatch, rejected: int) -> "BatchSummary":
         """Return the summary with one more chunk counted in."""
         statuses = results.column("status").to_pylist()
-        return BatchSummary(
+        return replace(
+            self,
             rows=self.rows + len(statuses),
             priced=self.priced + len(statuses) - rejected,
             rejected=self.rejected + rejected,
@@ -100,9 +104,9 @@ def run_batch(
     tolerance = real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
     check_ending(target)
     _check_distinct(source, target, rejects)
-    summary = BatchSummary()
     with ExitStack() as stack:
         reader = stack.enter_context(open_table(source))
+        summary = BatchSummary(unread=unread_columns(reader.schema.names))
         # Entered first, renamed last: where the output is, its rejects are.
         output = stack.enter_context(replacement(target))
         explained = stack.enter_context(replacement(rejects))

@@ -132,6 +132,18 @@ def check_names(names: Sequence[str]) -> None:
             )
 
 
+def unread_columns(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the columns of a table that pass through without being read.
+
+    Examples
+    --------
+    >>> unread_columns(["id", "spot", "dividends"])
+    ('id', 'dividends')
+    """
+    read = {column.name for column in COLUMNS}
+    return tuple(name for name in names if name not in read)
+
+
 def check_types(schema: pa.Schema) -> None:
     """Accept the column types of a Parquet table; an all-null column counts as empty cells.
 

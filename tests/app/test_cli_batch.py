@@ -39,7 +39,9 @@ def test_all_priced_is_status_0_and_a_summary(tmp_path: Path) -> None:
         ["read", "2"],
         ["priced", "2"],
         ["rejected", "0"],
+        ["columns", "not"],
     ]
+    assert found.stdout.splitlines()[-1].split() == ["columns", "not", "read", "2", "id,", "desk"]
     assert [(row["id"], row["desk"], row["status"]) for row in read(target)] == [
         ("0", "A, B", "ok"),
         ("1", "A, B", "ok"),
@@ -55,6 +57,18 @@ def test_rejected_rows_are_status_1_and_explained_in_the_stated_file(tmp_path: P
     assert str(rejects) in found.stdout
     assert [(row["line"], row["field"], row["value"]) for row in read(rejects)] == [("3", "strike", "abc")]
     assert [row["status"] for row in read(target)] == ["ok", "invalid_input", "ok"]
+
+
+def test_a_misspelt_column_shows_in_the_summary(tmp_path: Path) -> None:
+    source = tmp_path / "in.csv"
+    source.write_text(
+        'option_type,spot,strike,expiry,rate,volatility,dividends,tol,yield,[red]\nput,100,90,1,0.05,0.2,"[]",1,1,1\n'
+    )
+    found = pricing("batch", source, tmp_path / "out.csv")
+    assert found.returncode == 0
+    assert found.stdout.splitlines()[-1].split() == [
+        *("columns", "not", "read", "4", "dividends,", "tol,", "yield,", "[red]")
+    ]
 
 
 def test_quiet_says_nothing(tmp_path: Path) -> None:
