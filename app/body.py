@@ -10,7 +10,7 @@ from fastapi import Request
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from app.contract_schema import CURVE, CURVE_IN_WORDS, KEYS, NUMBER
+from app.contract_schema import CURVE, CURVE_IN_WORDS, DATE, DATE_IN_WORDS, KEYS, NUMBER
 from app.errors import BodyTimeoutError, BodyTooLargeError, InvalidRequestError, UnsupportedMediaTypeError
 from app.json_schema import inline_schema
 from app.settings import Settings
@@ -21,6 +21,7 @@ from pricing_core.errors import InvalidInputError, Told
 Model = TypeVar("Model", bound=BaseModel)
 Location: TypeAlias = tuple[int | str, ...]
 LONGEST_NAME = 40
+KINDS = {NUMBER: "number", CURVE: "object", DATE: "string"}  # of a rate or a time, and their types in JSON
 LENGTHS = ("too_long", "too_short")  # kinds of fault, as pydantic calls them
 OF_NUMBERS = ("float_type", "finite_number", "greater_than_equal", "less_than_equal")
 
@@ -84,7 +85,7 @@ def _faults(error: ValidationError, model: type[BaseModel]) -> list[InvalidInput
 
 def _path(location: Location) -> str:
     """Return ("cash_dividends", 1, "amount") as cash_dividends[1].amount, without the kind of a rate."""
-    parts = [part for part in location if part not in (NUMBER, CURVE)]
+    parts = [part for part in location if part not in KINDS]
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
 
 
@@ -107,15 +108,16 @@ def _allowed(found: ErrorDetails, model: type[BaseModel]) -> str:
     if found["type"] in OF_NUMBERS:
         schema = schema_at(inline_schema(model), found["loc"])
         allowed = range_in_words(schema.get("minimum", -math.inf), schema.get("maximum", math.inf))
-    return f"{allowed} or {CURVE_IN_WORDS}" if found["loc"][-1] == NUMBER else allowed
+    if found["loc"][-1] != NUMBER:
+        return allowed
+    return f"{allowed} or {CURVE_IN_WORDS if found['loc'][0] in KEYS else DATE_IN_WORDS}"
 
 
 def schema_at(schema: dict[str, Any], location: Location) -> dict[str, Any]:
     """Return the part of a model's schema that a value of the body is checked against."""
     for part in location:
-        if part in (NUMBER, CURVE):
-            kind = "object" if part == CURVE else "number"
-            schema = next(choice for choice in schema["oneOf"] if choice["type"] == kind)
+        if part in KINDS:
+            schema = next(choice for choice in schema["oneOf"] if choice["type"] == KINDS[part])
         else:
             schema = schema["items"] if isinstance(part, int) else schema["properties"][part]
         choices = [choice for choice in schema.get("anyOf", [schema]) if choice.get("type") != "null"]

@@ -30,6 +30,13 @@ def number_or_curve(text: str | float) -> float | str:
     return text if isinstance(text, str) and text.lstrip().startswith("{") else number(text)
 
 
+def number_or_date(text: str | float) -> float | str:
+    """Read a number; a date stays for the contract to read."""
+    from pricing_core.american.contracts.dates import is_meant_as_date  # noqa: PLC0415
+
+    return text if isinstance(text, str) and is_meant_as_date(text) else number(text)
+
+
 def dividend(text: str) -> tuple[str, float]:
     """Read TIME:NUMBER; the time may be an ISO date, which holds colons itself."""
     time, colon, amount = text.rpartition(":")
@@ -45,6 +52,11 @@ def _number_option(name: str, words: str) -> Any:
 def _curve_option(name: str, words: str) -> Any:
     words += ', or {"times": [...], "values": [...]}'
     return typer.Option(name, parser=number_or_curve, metavar="FLOAT|JSON", help=words)
+
+
+def _time_option(name: str, words: str) -> Any:
+    words += "; in years, or an ISO date where there are dates"
+    return typer.Option(name, parser=number_or_date, metavar="FLOAT|DATE", help=words)
 
 
 def _dividend_option(name: str, metavar: str, words: str) -> Any:
@@ -72,10 +84,10 @@ def contract_of(
     dividend_model: Annotated[str, typer.Option("--dividend-model", help="spot or escrowed")] = "spot",
     exercise: Annotated[str, typer.Option("--exercise", help="american, european or bermudan")] = "american",
     exercise_time: Annotated[
-        list[float] | None, _number_option("--exercise-time", "years, bermudan only; may be repeated")
+        list[Any] | None, _time_option("--exercise-time", "bermudan only; may be repeated")
     ] = None,
     exercise_start: Annotated[
-        float, _number_option("--exercise-start", "years, american only: no exercise before it")
+        Any, _time_option("--exercise-start", "american only: no exercise before it")
     ] = 0.0,
 ) -> Contract:
     """Return the contract by the names of the vocabulary, without what is not given."""

@@ -31,7 +31,8 @@ from pricing_core.american.contracts.tolerances import (
 from pricing_core.american.contracts.vocabulary import NAMES, contract_from
 
 LONGEST_DATE = 40  # characters
-NUMBER, CURVE = "number", "curve"  # what a rate may be; no field of a model has such a name
+NUMBER, CURVE, DATE = "number", "curve", "date"  # what a rate or a time may be; no field has such a name
+DATE_IN_WORDS = "with valuation_date an ISO date"
 CURVE_IN_WORDS = '{"times": [...], "values": [...]}'
 
 
@@ -89,6 +90,15 @@ RateOrCurve: TypeAlias = Annotated[
 ]
 VolatilityOrCurve: TypeAlias = Annotated[
     Annotated[Volatility, Tag(NUMBER)] | Annotated[VolatilityCurve, Tag(CURVE)], Discriminator(_kind)
+]
+
+
+def _kind_of_time(value: object) -> str:
+    return DATE if isinstance(value, str) else NUMBER
+
+
+TimeOrDate: TypeAlias = Annotated[
+    Annotated[Time, Tag(NUMBER)] | Annotated[Date, Tag(DATE)], Discriminator(_kind_of_time)
 ]
 KEYS: dict[str, tuple[str, ...]] = {  # of the objects inside a field
     **dict.fromkeys(("rate", "dividend_yield", "volatility"), tuple(RateCurve.model_fields)),
@@ -154,11 +164,15 @@ class Contract(Strict):
         description="american: at any time up to expiry; european: at expiry; bermudan: also at exercise_times.",
         examples=["american"],
     )
-    exercise_times: list[Time] = _events(
-        MOST_EXERCISE_TIMES, "With bermudan alone, and then at least one: years from now.", 0.5
+    exercise_times: list[TimeOrDate] = _events(
+        MOST_EXERCISE_TIMES,
+        "With bermudan alone, and then at least one: years from now, or with valuation_date ISO dates.",
+        0.5,
     )
-    exercise_start: Time = Field(
-        0.0, description="With american alone: no exercise before it, years from now.", examples=[0.0]
+    exercise_start: TimeOrDate = Field(
+        0.0,
+        description="With american alone: no exercise before it, years from now, or with valuation_date an ISO date.",
+        examples=[0.0],
     )
     tolerance: float = Field(
         DEFAULT_TOLERANCE,

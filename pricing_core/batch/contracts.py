@@ -7,6 +7,7 @@ from typing import Any
 import pyarrow as pa
 
 from pricing_core.american.contracts.contract import real_number
+from pricing_core.american.contracts.dates import is_meant_as_date
 from pricing_core.american.contracts.tolerances import LARGEST_TOLERANCE, SMALLEST_TOLERANCE
 from pricing_core.american.contracts.vocabulary import DATES
 from pricing_core.american.tables.book_rows import checked_contract
@@ -104,6 +105,8 @@ def _read_cell(column: Column, cell: Any, default: Any, optional: bool) -> Any:
     if column.kind == "text":
         return str(cell).strip(" \t")
     if column.kind in ("list", "date") or (column.kind == "curve" and _is_curve(cell)):
+        return cell.strip(" \t") if isinstance(cell, str) else cell
+    if column.kind == "time" and is_meant_as_date(cell):
         return cell.strip(" \t") if isinstance(cell, str) else cell
     number = read_number(column.name, cell)
     if column.name != "tolerance":

@@ -14,12 +14,19 @@ from pricing_core.american.contracts.tolerances import (
     LARGEST_TOLERANCE,
     SMALLEST_TOLERANCE,
 )
+from pricing_core.american.contracts.vocabulary import DATES
 from pricing_core.batch.chunk import Chunk
 from pricing_core.batch.contracts import Contracts, read_contracts
 from pricing_core.batch.reader import TableReader, open_table
 from pricing_core.batch.replacement import replacement
 from pricing_core.batch.results import Reasons, price_contracts
-from pricing_core.batch.schema import CURVE_COLUMNS, NUMBER_COLUMNS, result_schema, unread_columns
+from pricing_core.batch.schema import (
+    CURVE_COLUMNS,
+    NUMBER_COLUMNS,
+    TIME_COLUMNS,
+    result_schema,
+    unread_columns,
+)
 from pricing_core.batch.writer import RejectsWriter, check_ending, table_writer
 from pricing_core.errors import InvalidInputError
 
@@ -138,6 +145,8 @@ def rejects_path(target: Path) -> Path:
 def numbers_as_text(reader: TableReader) -> tuple[str, ...]:
     """Return the columns that hold numbers alone, and as text."""
     names = NUMBER_COLUMNS if reader.may_hold_curves else (*NUMBER_COLUMNS, *CURVE_COLUMNS)
+    if not any(name in DATES for name in reader.schema.names):
+        names = (*names, *TIME_COLUMNS)
     return tuple(
         field.name for field in reader.schema if field.name in names and pa.types.is_string(field.type)
     )

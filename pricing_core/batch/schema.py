@@ -22,8 +22,8 @@ class Column:
     ----------
     name : str
         In the vocabulary of the public interface.
-    kind : {"number", "text", "curve", "list", "date"}
-        A curve is a number too; curves and lists may be JSON text.
+    kind : {"number", "text", "curve", "list", "date", "time"}
+        A curve is a number too, a time is a number or a date; curves and lists may be JSON text.
     meaning : str
         Unit or choice, for the message that asks for the column.
     required : bool
@@ -31,7 +31,7 @@ class Column:
     """
 
     name: str
-    kind: Literal["number", "text", "curve", "list", "date"]
+    kind: Literal["number", "text", "curve", "list", "date", "time"]
     meaning: str
     required: bool = True
 
@@ -44,8 +44,8 @@ COLUMNS = (
     Column("rate", "curve", "1/year"),
     Column("volatility", "curve", "1/sqrt(year)"),
     Column("exercise", "text", "american, european or bermudan", required=False),
-    Column("exercise_times", "list", "years", required=False),
-    Column("exercise_start", "number", "years", required=False),
+    Column("exercise_times", "list", "years or dates", required=False),
+    Column("exercise_start", "time", "years or a date", required=False),
     Column("dividend_yield", "curve", "1/year", required=False),
     Column("cash_dividends", "list", "years and money", required=False),
     Column("proportional_dividends", "list", "years and fractions of the spot", required=False),
@@ -55,6 +55,7 @@ COLUMNS = (
     Column("tolerance", "number", "fraction of the strike", required=False),
 )
 NUMBER_COLUMNS = tuple(column.name for column in COLUMNS if column.kind == "number")
+TIME_COLUMNS = tuple(column.name for column in COLUMNS if column.kind == "time")
 CURVE_COLUMNS = tuple(column.name for column in COLUMNS if column.kind == "curve")
 
 
@@ -186,6 +187,10 @@ TYPES: Mapping[str, tuple[Sequence[Callable[[pa.DataType], bool]], str]] = {
     "curve": (
         (_is_number, _is_text, pa.types.is_struct),
         "numbers (double), or of text or structures for curves",
+    ),
+    "time": (
+        (_is_number, _is_text, pa.types.is_date, pa.types.is_timestamp),
+        "numbers (double), or of dates, timestamps or text (string)",
     ),
     "list": ((_is_text, _is_list), "lists, or of text (string)"),
     "date": ((_is_text, pa.types.is_date, pa.types.is_timestamp), "dates, timestamps or text (string)"),

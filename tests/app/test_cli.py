@@ -308,6 +308,17 @@ def test_dates_and_ex_dates_are_read(pricing: Any, asked: list[Any]) -> None:
     assert market == Market(100.0, 0.05, 0.2, cash_dividends=(CashDividend(0.2, 1.5),))
 
 
+def test_exercise_times_may_be_dates_where_there_are_dates(pricing: Any, asked: list[Any]) -> None:
+    dates = ["--valuation-date", "2026-01-01", "--expiration-date", "2027-01-01"]
+    times = ["--exercise", "bermudan", "--exercise-time", "2026-03-15", "--exercise-time", "0.5"]
+    assert pricing("price", *UNDATED, *dates, *times)[0] == 0
+    assert pricing("price", *UNDATED, *dates, "--exercise-start", "2026-03-15")[0] == 0
+    assert [option for option, *_ in asked] == [
+        Option("put", 100.0, 1.0, "bermudan", (0.2, 0.5)),
+        Option("put", 100.0, 1.0, exercise_start=0.2),
+    ]
+
+
 def test_extended_greeks_are_printed_where_they_are_there(pricing: Any, asked: list[Any]) -> None:
     lines = pricing("price", *PUT, "--extended-greeks")[1].splitlines()
     assert asked[0][-1]["greeks"] == "extended"

@@ -115,6 +115,8 @@ def test_a_body_that_is_not_one_plain_json_object_is_a_422(
         ("exercise_start", "-1"),
         ("exercise_start", "2"),
         ("exercise_start", "false"),
+        ("exercise_start", '"2026-07-01"'),
+        ("exercise_start", f'"{CANARY * 10}"'),
         ("valuation_date", "20260101"),
         ("valuation_date", f'"{CANARY * 10}"'),
         ("expiration_date", "true"),
@@ -178,6 +180,8 @@ SOUND = '{"time": 0.5, "amount": 1}'
         ("dividend_yield", '{"times": [1], "values": [null]}', "dividend_yield.values[0]"),
         ("exercise_times", "[0.5, true]", "exercise_times[1]"),
         ("exercise_times", "[0.5, 201]", "exercise_times[1]"),
+        ("exercise_times", f'[0.5, "{CANARY}"]', "exercise_times[1]"),
+        ("exercise_times", '["2026-07-01"]', "exercise_times[0]"),
     ],
     ids=lambda value: repr(value)[:50],
 )

@@ -194,6 +194,24 @@ def test_events_reach_the_engine_and_extended_greeks_come_back(
     assert body["dividend_sensitivities"] == [0.25, 0.5]
 
 
+def test_exercise_times_may_be_dates_where_there_are_dates(
+    client: TestClient, question: dict[str, Any]
+) -> None:
+    del question["expiry"]
+    question |= {"valuation_date": "2026-01-01", "expiration_date": "2027-01-01", "tolerance": 1e-2}
+    pairs = [
+        (
+            {"exercise": "bermudan", "exercise_times": ["2026-03-15", 0.5]},
+            {"exercise": "bermudan", "exercise_times": [0.2, 0.5]},
+        ),
+        ({"exercise_start": "2026-03-15"}, {"exercise_start": 0.2}),
+    ]
+    for dated, timed in pairs:
+        answers = [client.post("/v1/price", json=question | times) for times in (dated, timed)]
+        assert [answer.status_code for answer in answers] == [200, 200]
+        assert answers[0].json() == answers[1].json()
+
+
 def test_dates_may_take_the_place_of_the_expiry(client: TestClient, question: dict[str, Any]) -> None:
     dates = {"expiry": None, "valuation_date": "2026-01-01", "expiration_date": "2027-01-01T00:00"}
     gone = {"cash_dividends": [{"ex_date": "2025-06-01", "amount": 1.0}]}

@@ -53,10 +53,12 @@ def test_every_event_of_a_csv_reaches_the_engine(tmp_path: Path, read_table: Rea
         PLAIN | {"exercise": "bermudan", "exercise_times": "[0.5, 0.25]"},
         PLAIN | {"exercise_start": "0.5"},
         PLAIN | {"cash_dividends": '[{"time": 0.5, "amount": 1}]', "dividend_model": "escrowed"},
+        PLAIN | DATES | {"exercise": "bermudan", "exercise_times": '["2026-07-02T12:00", 0.25]'},
+        PLAIN | DATES | {"exercise_start": "2026-07-02T12:00"},
         PLAIN | DATES | {"proportional_dividends": '[{"ex_date": "2026-03-15", "fraction": 0.01}]'},
     )
     summary = run_batch(source, tmp_path / "out.csv", tolerance=COARSE)
-    assert (summary.priced, summary.rejected) == (7, 0)
+    assert (summary.priced, summary.rejected) == (9, 0)
     curve = PiecewiseConstant((0.5, 1.0), (0.1, 0.2))
     put, market = Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2)
     contracts = [
@@ -65,13 +67,15 @@ def test_every_event_of_a_csv_reaches_the_engine(tmp_path: Path, read_table: Rea
         (Option("put", 100.0, 1.0, "bermudan", (0.25, 0.5)), market),
         (Option("put", 100.0, 1.0, exercise_start=0.5), market),
         (put, Market(100.0, 0.05, 0.2, 0.0, (CashDividend(0.5, 1.0),), dividend_model="escrowed")),
+        (Option("put", 100.0, 1.0, "bermudan", (0.25, 0.5)), market),
+        (Option("put", 100.0, 1.0, exercise_start=0.5), market),
         (put, Market(100.0, 0.05, 0.2, 0.0, (), (ProportionalDividend(0.2, 0.01),))),
     ]
     valuations = [price(*contract, tolerance=COARSE, greeks=False) for contract in contracts]
     output = read_table(tmp_path / "out.csv")
-    assert [line["method"] for line in output] == ["premium-march", *["multiplier-collocation"] * 6]
+    assert [line["method"] for line in output] == ["premium-march", *["multiplier-collocation"] * 8]
     assert [line["price"] for line in output[1:]] == [repr(valuation.price) for valuation in valuations]
-    assert [line["dividend_sensitivities"] != "" for line in output] == [False] * 5 + [True, False]
+    assert [line["dividend_sensitivities"] != "" for line in output] == [False] * 5 + [True] + [False] * 3
     assert output[1]["rate"] == CURVE
 
 

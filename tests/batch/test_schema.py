@@ -90,7 +90,11 @@ def test_curves_lists_and_dates_may_be_stored_in_every_way(name: str, found: pa.
         ("cash_dividends", pa.float64(), "a column of lists, or of text (string)"),
         ("exercise_times", STRUCTURE, "a column of lists, or of text (string)"),
         ("valuation_date", pa.int64(), "a column of dates, timestamps or text (string)"),
-        ("exercise_start", pa.string(), "a column of numbers (double)"),
+        (
+            "exercise_start",
+            pa.bool_(),
+            "a column of numbers (double), or of dates, timestamps or text (string)",
+        ),
     ],
     ids=str,
 )

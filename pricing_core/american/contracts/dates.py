@@ -93,6 +93,19 @@ def years_from(start: dt.datetime, field: str, date: object) -> float:
     return (end - start).total_seconds() / SECONDS_PER_YEAR
 
 
+def is_meant_as_date(value: object) -> bool:
+    """Tell a date, or a text that starts as one, from a number and its text.
+
+    Examples
+    --------
+    >>> [is_meant_as_date(value) for value in ("2026-13-01", dt.date(2026, 3, 20), "2026", "1e-05", 0.5)]
+    [True, True, False, False, False]
+    """
+    if isinstance(value, str):
+        return re.match(r"\s*\d{4}-", value) is not None
+    return isinstance(value, dt.date | np.datetime64)
+
+
 def _parsed(text: str) -> dt.datetime | str:
     """Return the date-time; the text where there is no such day or hour."""
     try:

@@ -20,6 +20,7 @@ OPTIONAL = (
     *("dividend_model", "valuation_date", "expiration_date"),
 )
 DATES = ("valuation_date", "expiration_date")
+DATE_KINDS = (str, dt.date, np.datetime64)  # what a date may be given as, where a number is none
 LISTS = {
     "exercise_times": "a list of times",
     "cash_dividends": 'a list of {"time": ..., "amount": ...}',
@@ -38,7 +39,8 @@ def contract_from(contract: Mapping[str, Any]) -> tuple[Option, Market]:
 
         - valuation_date and expiration_date, as `year_fraction` takes them, in the place of expiry;
         - with them, ex_date in the place of a dividend's time: without a time of day the start of that day. A
-          dividend before the valuation date has gone from the spot already, as one at time 0.
+          dividend before the valuation date has gone from the spot already, as one at time 0;
+        - with them, dates among exercise_times and as exercise_start; a start before the valuation date is 0.
 
         Lists and curves may be JSON text. None, NaN and blank text stand for an optional value that is not given.
 
@@ -72,10 +74,10 @@ def contract_from(contract: Mapping[str, Any]) -> tuple[Option, Market]:
     for name in REQUIRED:
         if name not in contract:
             raise InvalidInputError(name, "missing", "given")
-    values = {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in contract.items()}
+    values = {name: _unpacked(v) if isinstance(v, np.ndarray) else v for name, v in contract.items()}
     given = {name: v for name, v in values.items() if name not in OPTIONAL or not is_missing(v)}
     expiry, start = _life(given, values)
-    return _option(given, expiry), _market(given, start)
+    return _option(given, expiry, start), _market(given, start)
 
 
 def is_missing(value: object) -> bool:
@@ -109,14 +111,14 @@ def _life(given: Mapping[str, Any], values: Mapping[str, Any]) -> tuple[Any, dt.
     return expiry_from_dates(given["valuation_date"], given["expiration_date"]), start
 
 
-def _option(given: Mapping[str, Any], expiry: Any) -> Option:
+def _option(given: Mapping[str, Any], expiry: Any, start: dt.datetime | None) -> Option:
     return Option(
         given["option_type"],
         given["strike"],
         expiry,
         given.get("exercise", "american"),
-        _listed("exercise_times", given),
-        given.get("exercise_start", 0.0),
+        _exercise_times(given, expiry, start),
+        _exercise_start(given.get("exercise_start", 0.0), expiry, start),
     )
 
 
@@ -130,6 +132,44 @@ def _market(given: Mapping[str, Any], start: dt.datetime | None) -> Market:
         _timed("proportional_dividends", given, start),
         given.get("dividend_model", "spot"),
     )
+
+
+def _exercise_times(given: Mapping[str, Any], expiry: Any, start: dt.datetime | None) -> Any:
+    """Return the exercise times with dates as years from now."""
+    entries = _listed("exercise_times", given)
+    if not isinstance(entries, Sequence) or isinstance(entries, str | bytes):
+        return entries
+    times = list(entries)
+    for i, entry in enumerate(entries):
+        if isinstance(entry, DATE_KINDS):
+            times[i] = _years(f"exercise_times[{i}]", entry, start)
+            if not 0.0 < times[i] <= expiry:
+                allowed = "after valuation_date, and not after expiration_date"
+                raise InvalidInputError(f"exercise_times[{i}]", str(entry), allowed)
+    return tuple(times)
+
+
+def _exercise_start(value: Any, expiry: Any, start: dt.datetime | None) -> Any:
+    """Return the start of the exercise window, a date as years from now: 0 where the window is open already."""
+    if not isinstance(value, DATE_KINDS):
+        return value
+    years = max(_years("exercise_start", value, start), 0.0)
+    if years > expiry:
+        raise InvalidInputError("exercise_start", str(value), "a date that is not after expiration_date")
+    return years
+
+
+def _years(field: str, date: object, start: dt.datetime | None) -> float:
+    """Return the years from the valuation date to another date."""
+    if start is None:
+        allowed = "a number of years from now; a date where there is a valuation_date"
+        raise InvalidInputError(field, date, allowed)
+    return years_from(start, field, date)
+
+
+def _unpacked(array: np.ndarray[Any, Any]) -> Any:
+    """Return an array as lists; NumPy itself would make numbers of dates to the nanosecond."""
+    return (array.astype("M8[us]") if array.dtype.kind == "M" else array).tolist()
 
 
 def _curve(field: str, value: Any) -> Any:

@@ -74,7 +74,7 @@ def _as_array(name: str, values: object) -> NDArray[Any]:
         array = np.asarray(values)
         if array.ndim == 1 and isinstance(values, list | tuple) and _is_mixed(values, array.dtype.kind):
             return as_objects(values)
-        if name in DATES and array.dtype.kind == "M":
+        if name in (*DATES, "exercise_start") and array.dtype.kind == "M":
             return array.astype("M8[us]").astype(object)  # date-times; None where there is none
         return array
     except ValueError:

@@ -1,5 +1,6 @@
 """One flat mapping makes the option and the market, wherever it comes from."""
 
+import datetime as dt
 import math
 
 import numpy as np
@@ -81,6 +82,33 @@ def test_ex_dates_are_times_from_the_valuation_date():
     ]
 
 
+@pytest.mark.parametrize(
+    "times",
+    [
+        ["2026-03-15", "2027-01-01"],
+        ["2026-03-15T00:00", 1.0],
+        [dt.date(2026, 3, 15), dt.datetime(2027, 1, 1)],
+        np.array(["2026-03-15", "2027-01-01"], "M8[ns]"),
+        '["2026-03-15", 1]',
+    ],
+    ids=repr,
+)
+def test_exercise_times_may_be_dates(times):
+    option, _ = contract_from({**DATED, "exercise": "bermudan", "exercise_times": times})
+    assert option.exercise_times == (0.2, 1.0)
+
+
+@pytest.mark.parametrize(
+    "start", ["2026-03-15", dt.date(2026, 3, 15), np.datetime64("2026-03-15", "ns"), 0.2]
+)
+def test_an_exercise_window_may_start_on_a_date(start):
+    assert contract_from({**DATED, "exercise_start": start})[0].exercise_start == 0.2
+
+
+def test_a_window_that_has_started_is_open_now():
+    assert contract_from({**DATED, "exercise_start": "2025-06-01"})[0] == contract_from(DATED)[0]
+
+
 def test_a_dividend_before_the_valuation_has_gone_already():
     dated = {**DATED, "valuation_date": "2026-01-01T10:00", "expiration_date": "2027-01-01T10:00"}
     for ex_date in ("2026-01-01", "1999-01-01"):
@@ -137,6 +165,22 @@ def test_a_dividend_of_the_far_future_is_after_expiry_and_no_fault():
         (
             {**DATED, "cash_dividends": [{"ex_date": "2026-05-01T00:00Z", "amount": 1.0}]},
             "must be given without a UTC offset, as the other dates are",
+        ),
+        (
+            {**PLAIN, "exercise": "bermudan", "exercise_times": [0.5, "2026-05-01"]},
+            "exercise_times[1] = '2026-05-01': must be a number of years from now; a date where there is a",
+        ),
+        (
+            {**DATED, "exercise": "bermudan", "exercise_times": ["2026-01-01"]},
+            "exercise_times[0] = '2026-01-01': must be after valuation_date, and not after expiration_date",
+        ),
+        (
+            {**DATED, "exercise": "bermudan", "exercise_times": ["2026-13-01"]},
+            "exercise_times[0] = '2026-13-01': must be an ISO date or date-time such as",
+        ),
+        (
+            {**DATED, "exercise_start": "2027-01-02"},
+            "exercise_start = '2027-01-02': must be a date that is not after expiration_date",
         ),
         ({**PLAIN, "exercise_times": "0.5"}, "exercise_times = 0.5: must be a list of times"),
         (
