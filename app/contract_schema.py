@@ -15,8 +15,7 @@ from pricing_core.american.contracts.contract import (
     Exercise,
     OptionType,
 )
-from pricing_core.american.contracts.curves import MOST_PIECES
-from pricing_core.american.contracts.dividends import LATEST, MOST_DIVIDENDS
+from pricing_core.american.contracts.dividends import LATEST
 from pricing_core.american.contracts.market import (
     LARGEST_RATE,
     LARGEST_VOLATILITY,
@@ -30,6 +29,9 @@ from pricing_core.american.contracts.tolerances import (
 )
 from pricing_core.american.contracts.vocabulary import NAMES, contract_from
 
+# Fewer than the library takes: the deadline is not asked while one solve, or its derivatives, are under way.
+MOST_DIVIDENDS = 366  # of one kind, of one request
+MOST_PIECES = 100  # of one curve
 LONGEST_DATE = 40  # characters
 NUMBER, CURVE, DATE = "number", "curve", "date"  # what a rate or a time may be; no field has such a name
 DATE_IN_WORDS = "with valuation_date an ISO date"
