@@ -45,8 +45,8 @@ def price_many(
         those of contracts with events: exercise_times, exercise_start, cash_dividends, proportional_dividends,
         dividend_model; valuation_date and expiration_date in the place of expiry, or beside it where each row has
         the one or the other. Cells are what `contract_from` takes: with dates, exercise times may be dates; rate,
-        dividend_yield and volatility may be curves, a column of lists holds a list per row; lists and curves may be JSON text. A single list of times
-        or of dividends, and a single curve, serve all rows.
+        dividend_yield and volatility may be curves, a column of lists holds a list per row; lists and
+        curves may be JSON text. A single list of times or of dividends, and a single curve, serve all rows.
     tolerance : float
         For rows without a tolerance of their own.
     greeks : bool
