@@ -74,7 +74,7 @@ def _options(
 
 
 @app.command("price")
-@takes_contract
+@takes_contract(required=("spot", "volatility"))
 def price_command(
     contract: Contract,
     tolerance: ToleranceArgument = 1e-6,
@@ -101,7 +101,7 @@ def price_command(
 
 
 @app.command("boundary")
-@takes_contract
+@takes_contract(required=("volatility",))
 def boundary_command(
     contract: Contract,
     tolerance: ToleranceArgument = 1e-6,
@@ -136,7 +136,7 @@ def boundary_command(
 
 
 @app.command("implied-volatility")
-@takes_contract
+@takes_contract(required=("spot",), hidden=("volatility",))
 def implied_volatility_command(
     contract: Contract,
     option_price: Annotated[
@@ -147,8 +147,9 @@ def implied_volatility_command(
     tolerance: ToleranceArgument = 1e-6,
     as_json: JsonArgument = False,
 ) -> None:
-    """Find the volatility at which the option is worth its price, or its bid and ask; --volatility is ignored."""
+    """Find the volatility at which the option is worth its price, or its bid and ask."""
     with one_line_errors():
+        from app.no_volatility import why_no_volatility  # noqa: PLC0415
         from app.tables import implied_volatility_json, print_implied_volatility  # noqa: PLC0415
         from pricing_core.american import contract_from, implied_volatility  # noqa: PLC0415
 
@@ -157,10 +158,12 @@ def implied_volatility_command(
         with standard_output():
             if as_json:
                 print(implied_volatility_json(found))
-            else:
+            elif found.volatility is not None:
                 print_implied_volatility(found)
         if found.volatility is None:
-            print_failure(f"there is no implied volatility: {found.status}")
+            observed = 0.5 * (bid + ask) if bid is not None and ask is not None else option_price
+            reason = why_no_volatility(found.status, option, market, observed or 0.0)
+            print_failure(f"there is no implied volatility: {reason}")
             raise typer.Exit(FAILED)
 
 

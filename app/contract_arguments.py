@@ -5,8 +5,9 @@ Heavy imports wait inside the functions, so that help and errors are quick.
 
 import inspect
 from collections.abc import Callable
+from copy import copy
 from functools import wraps
-from typing import Annotated, Any, TypeAlias, get_type_hints
+from typing import Annotated, Any, TypeAlias, get_args, get_type_hints
 
 import typer
 
@@ -70,7 +71,10 @@ def contract_of(
     rate: Annotated[Any, _curve_option("--rate", "1/year, continuously compounded")],
     spot: Annotated[float | None, _number_option("--spot", "money per unit of underlying")] = None,
     volatility: Annotated[Any, _curve_option("--volatility", "1/sqrt(year)")] = None,
-    expiry: Annotated[float | None, _number_option("--expiry", "time to expiry, years")] = None,
+    expiry: Annotated[
+        float | None,
+        _number_option("--expiry", "time to expiry, years; required unless both dates are given"),
+    ] = None,
     valuation_date: Annotated[str | None, typer.Option("--valuation-date", help=DATE_HELP)] = None,
     expiration_date: Annotated[str | None, typer.Option("--expiration-date", help=DATE_HELP)] = None,
     dividend_yield: Annotated[Any, _curve_option("--dividend-yield", "1/year, continuous")] = 0.0,
@@ -111,23 +115,43 @@ def contract_of(
     return {name: value for name, value in contract.items() if value is not None}
 
 
-def takes_contract(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options of a contract; it is called with the contract in their place, first."""
-    options, hints = (
-        inspect.signature(contract_of).parameters,
-        get_type_hints(contract_of, include_extras=True),
-    )
-    own = list(inspect.signature(command).parameters.values())[1:]
+def takes_contract(
+    *, required: tuple[str, ...] = (), hidden: tuple[str, ...] = ()
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options of a contract; it is called with the contract in their place, first.
 
-    @wraps(command)
-    def run(**given: Any) -> None:
-        command(contract_of(**{name: given.pop(name) for name in options}), **given)
+    Parameters
+    ----------
+    required : tuple of str
+        Options that this command cannot do without, beside those that none can.
+    hidden : tuple of str
+        Options that it takes and does not use: its help leaves them out.
+    """
+    hints = get_type_hints(contract_of, include_extras=True)
+    options = dict(inspect.signature(contract_of).parameters)
+    for name in required:
+        options[name] = options[name].replace(default=inspect.Parameter.empty)
+    for name in hidden:
+        kind, option = get_args(hints[name])
+        option = copy(option)
+        option.hidden = True
+        hints[name] = Annotated[kind, option]
+        options[name] = options[name].replace(annotation=hints[name])
 
-    parameters = [*options.values(), *own]
-    keyword_only = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in parameters]
-    run.__signature__ = inspect.Signature(keyword_only)  # type: ignore[attr-defined]  # what Typer reads
-    run.__annotations__ = hints | get_type_hints(command, include_extras=True)
-    return run
+    def give(command: Callable[..., None]) -> Callable[..., None]:
+        own = list(inspect.signature(command).parameters.values())[1:]
+
+        @wraps(command)
+        def run(**given: Any) -> None:
+            command(contract_of(**{name: given.pop(name) for name in options}), **given)
+
+        parameters = [*options.values(), *own]
+        keyword_only = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in parameters]
+        run.__signature__ = inspect.Signature(keyword_only)  # type: ignore[attr-defined]  # what Typer reads
+        run.__annotations__ = hints | get_type_hints(command, include_extras=True)
+        return run
+
+    return give
 
 
 def _dividends(given: list[tuple[str, float]] | None, what: str) -> list[dict[str, Any]]:

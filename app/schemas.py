@@ -19,8 +19,9 @@ EXAMPLE: Mapping[str, JsonValue] = {
 }
 
 
-def _example(**others: JsonValue) -> ConfigDict:
-    examples: list[JsonValue] = [{**EXAMPLE, **others}]
+def _example(without: tuple[str, ...] = (), **others: JsonValue) -> ConfigDict:
+    given = {name: value for name, value in EXAMPLE.items() if name not in without}
+    examples: list[JsonValue] = [{**given, **others}]
     return ConfigDict(json_schema_extra={"examples": examples})
 
 
@@ -61,7 +62,7 @@ class BoundaryRequest(Contract):
 class ImpliedVolatilityRequest(Contract):
     """One option, its market without volatility, and what the option costs there."""
 
-    model_config = _example(option_price=6.09)
+    model_config = _example(without=("volatility",), option_price=6.09)
 
     spot: Money = Field(description="Money per unit of the underlying.", examples=[100.0])
     volatility: VolatilityOrCurve | None = Field(

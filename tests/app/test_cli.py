@@ -351,4 +351,50 @@ def test_an_implied_volatility_is_that_of_the_library(pricing: Any) -> None:
 def test_no_implied_volatility_is_one_line_and_status_2(pricing: Any) -> None:
     status, output, errors = pricing("implied-volatility", *PUT, "--option-price", "101", "--json")
     assert (status, json.loads(output)["volatility"]) == (2, None)
-    assert errors == "pricing: there is no implied volatility: above_upper_bound\n"
+    assert errors == (
+        "pricing: there is no implied volatility: above_upper_bound: 101 is not below 100, "
+        "what the option is worth less than at any volatility\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--option-price", "200"], "above_upper_bound: 200 is not below 100, what"),
+        (["--bid", "150", "--ask", "250"], "above_upper_bound: 200 is not below 100, what"),
+        (
+            ["--spot", "90", "--option-price", "9"],
+            "below_lower_bound: 9 is below 10, what the option is worth",
+        ),
+        (
+            ["--spot", "50", "--option-price", "50"],
+            "not_identifiable: the option is worth 50 at volatility 0",
+        ),
+        (
+            ["--exercise", "european", "--cash-dividend", "0.5:1", "--option-price", "96"],
+            "above_upper_bound: 96 is not below 95.12294245, what",
+        ),
+    ],
+)
+def test_the_bound_that_a_price_lies_beyond_is_told_and_no_table(
+    pricing: Any, arguments: list[str], words: str
+) -> None:
+    quoted = [word for word in PUT if word not in ("--volatility", "0.2")]
+    status, output, errors = pricing("implied-volatility", *quoted, *arguments)
+    assert (status, output, len(errors.splitlines())) == (2, "", 1)
+    assert words in errors
+
+
+@pytest.mark.parametrize(
+    ("command", "required"),
+    [
+        ("price", {"--option-type", "--strike", "--rate", "--spot", "--volatility"}),
+        ("boundary", {"--option-type", "--strike", "--rate", "--volatility"}),
+        ("implied-volatility", {"--option-type", "--strike", "--rate", "--spot"}),
+    ],
+)
+def test_help_marks_what_is_required(command: str, required: set[str]) -> None:
+    text = CliRunner().invoke(app, [command, "--help"]).stdout
+    options = ["--" + part for part in text.split("\n  --")[1:]]
+    assert {part.split()[0] for part in options if "[required]" in part} == required
+    assert ("--volatility FLOAT" in text) == (command != "implied-volatility")

@@ -59,6 +59,7 @@ def test_the_described_body_has_ranges_and_its_example_is_answered(client: TestC
     assert schema["properties"]["rate"]["oneOf"][1]["properties"]["values"]["items"]["maximum"] == 2.0
     assert all(field.get("description") and field.get("examples") for field in schema["properties"].values())
     (example,) = schema["examples"]
+    assert ("volatility" in example) == (address != "/v1/implied-volatility")
     assert client.post(address, json=example | {"tolerance": 1e-3}).status_code == 200
     alone = {"exercise_times", "valuation_date", "expiration_date", "bid", "ask"}  # these need one another
     for name, field in schema["properties"].items():
