@@ -11,7 +11,7 @@ from pricing_core.batch.replacement import check_replaceable, replacement
 from pricing_core.batch.writer import CsvWriter
 from pricing_core.errors import InvalidInputError
 
-COLUMNS = ("time", "time_to_expiry", "boundary", "other_boundary")
+COLUMNS = ("time", "time_to_expiry", "boundary", "other_boundary", "error_estimate")
 
 
 def check_boundary_files(table: Path | None, picture: Path | None) -> None:

@@ -3,6 +3,7 @@
 import io
 import sys
 from contextlib import suppress
+from math import isnan
 from pathlib import Path
 from typing import Annotated
 
@@ -126,13 +127,19 @@ def boundary_command(
         found = exercise_boundary(option, market, time or None, tolerance=tolerance)
         if csv is not None:
             write_boundary_csv(csv, found)
-        if plot is not None:
+        drawable = not all(map(isnan, found.boundary.tolist()))
+        if plot is not None and drawable:
             write_boundary_plot(plot, found, option, market)
         with standard_output():
             if as_json:
                 print(boundary_json(found))
             elif csv is None and plot is None:
                 print_boundary(found)
+        if plot is not None and not drawable:
+            print_failure(
+                "there is no exercise boundary to draw: at none of these times is exercise best at any spot"
+            )
+            raise typer.Exit(FAILED)
 
 
 @app.command("implied-volatility")

@@ -149,6 +149,10 @@ class BoundaryResponse(Strict):
     other_boundary: list[float | None] | None = Field(
         description="The farther end of the exercise region where it has two, money.", examples=[None]
     )
+    error_estimate: list[float | None] = Field(
+        description="Estimated absolute error of boundary, money; null where there is none.",
+        examples=[[0.0004, 0.0]],
+    )
 
 
 class HealthResponse(Strict):

@@ -108,10 +108,11 @@ def print_summary(summary: "BatchSummary", target: Path, rejects: Path) -> None:
 
 
 def boundary_columns(found: ExerciseBoundary) -> dict[str, list[float | None]]:
-    """Return the columns by name, None where there is no boundary."""
+    """Return the columns by name, None where there is no boundary, or no estimate of its error."""
     columns = {"time": found.time, "time_to_expiry": found.time_to_expiry, "boundary": found.boundary}
     if found.other_boundary is not None:
         columns["other_boundary"] = found.other_boundary
+    columns["error_estimate"] = found.error_estimate
     return {
         name: [None if math.isnan(value) else value for value in values.tolist()]
         for name, values in columns.items()

@@ -47,6 +47,7 @@ async def post_boundary(
         time_to_expiry=found.time_to_expiry.tolist(),
         boundary=null_for_nan(found.boundary),
         other_boundary=None if found.other_boundary is None else null_for_nan(found.other_boundary),
+        error_estimate=null_for_nan(found.error_estimate),
     )
 
 

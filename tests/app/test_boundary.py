@@ -11,12 +11,14 @@ def test_the_boundary_of_a_put_rises_to_the_strike(client: TestClient, question:
     answer = client.post("/v1/boundary", json=question | {"times": [0.0, 0.5, 0.9, 1.0]})
     assert answer.status_code == 200
     body = answer.json()
-    assert set(body) == {"time", "time_to_expiry", "boundary", "other_boundary"}
+    assert set(body) == {"time", "time_to_expiry", "boundary", "other_boundary", "error_estimate"}
     assert body["time"] == [0.0, 0.5, 0.9, 1.0]
     assert body["time_to_expiry"] == pytest.approx([1.0, 0.5, 0.1, 0.0])
     assert np.all(np.diff(body["boundary"]) > 0.0)
     assert body["boundary"][-1] == pytest.approx(100.0)
     assert body["other_boundary"] is None
+    assert body["error_estimate"][-1] == 0.0
+    assert all(0.0 < error < 0.1 for error in body["error_estimate"][:-1])
 
 
 def test_the_default_times_run_from_now_to_expiry(client: TestClient, question: dict[str, Any]) -> None:
@@ -34,7 +36,7 @@ def test_the_spot_may_be_left_out(client: TestClient, question: dict[str, Any]) 
 
 def test_no_boundary_is_null(client: TestClient, question: dict[str, Any]) -> None:
     body = client.post("/v1/boundary", json=question | {"exercise": "european", "times": [0.0, 0.5]}).json()
-    assert body["boundary"] == [None, None]
+    assert body["boundary"] == body["error_estimate"] == [None, None]
 
 
 @pytest.mark.parametrize(

@@ -250,6 +250,8 @@ def test_boundary_in_its_three_forms_agrees_with_the_library(tmp_path: Path) -> 
     rows = list(csv.DictReader(table.read_text().splitlines()))
     assert [float(row["boundary"]) for row in rows] == expected.boundary.tolist()
     assert [row["other_boundary"] for row in rows] == ["", ""]
+    assert body["error_estimate"] == expected.error_estimate.tolist()
+    assert [float(row["error_estimate"]) for row in rows] == expected.error_estimate.tolist()
     assert picture.read_bytes().startswith(PNG)
 
 
@@ -258,7 +260,17 @@ def test_boundary_prints_a_table_with_units_where_no_form_is_asked_for(pricing: 
     lines = output.splitlines()
     assert status == 0
     assert "boundary (money)" in lines[0]
-    assert lines[1].split() == ["0.25", "0.75", "-"]
+    assert "error_estimate (money)" in lines[0]
+    assert lines[1].split() == ["0.25", "0.75", "-", "-"]
+
+
+def test_a_boundary_that_is_nowhere_is_not_drawn(pricing: Any, tmp_path: Path) -> None:
+    picture, table = tmp_path / "boundary.png", tmp_path / "boundary.csv"
+    files = ["--plot", str(picture), "--csv", str(table)]
+    status, output, errors = pricing("boundary", *PUT, "--exercise", "european", *files)
+    assert (status, output, len(errors.splitlines())) == (2, "", 1)
+    assert "there is no exercise boundary to draw" in errors
+    assert (picture.exists(), table.exists()) == (False, True)
 
 
 EVENTS = ["--cash-dividend", "0.5:1.5", "--cash-dividend", "0.25:2", "--proportional-dividend", "0.75:0.01"]
