@@ -40,10 +40,18 @@ def number_or_date(text: str | float) -> float | str:
 
 def dividend(text: str) -> tuple[str, float]:
     """Read TIME:NUMBER; the time may be an ISO date, which holds colons itself."""
-    time, colon, amount = text.rpartition(":")
+    from pricing_core.american.contracts.dates import IN_WORDS, is_meant_as_date  # noqa: PLC0415
+    from pricing_core.plain_number import PLAIN_NUMBER  # noqa: PLC0415
+
+    time, colon, amount = (part.strip() for part in text.rpartition(":"))
     if not colon:
         raise typer.BadParameter(f"{text!r} must be TIME:AMOUNT or TIME:FRACTION, such as 0.25:1.5")
-    return time.strip(), number(amount)
+    if not (PLAIN_NUMBER.fullmatch(time) or is_meant_as_date(time)):
+        raise typer.BadParameter(f"{text!r}: the time {time!r} must be a number of years, or {IN_WORDS}")
+    try:
+        return time, number(amount)
+    except typer.BadParameter as fault:
+        raise typer.BadParameter(f"{text!r}: behind the time, {fault.message}") from None
 
 
 def _number_option(name: str, words: str) -> Any:

@@ -176,8 +176,14 @@ def _write_rejects(faults: RejectsWriter, chunk: Chunk, reasons: Reasons) -> Non
     for index, fault in sorted(reasons.items()):
         # As it stands in the file, not as it was read; a fault of the whole row names no field.
         cell = chunk.cell(index, fault.field) if fault.field else None
-        value = str(fault.value) if cell is None else cell
+        value = _value_in_words(fault) if cell is None else cell
         faults.write(chunk.lines[index], fault.field, value, f"must be {fault.allowed}")
+
+
+def _value_in_words(fault: InvalidInputError) -> str:
+    """Return a value that is no cell: a whole line as it is, a text inside a list in quotes, as a text."""
+    is_text = isinstance(fault.value, str) and fault.field
+    return repr(fault.value) if is_text else str(fault.value)
 
 
 def _check_distinct(source: Path, target: Path, rejects: Path) -> None:

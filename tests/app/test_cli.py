@@ -118,6 +118,14 @@ def test_a_missing_number_is_null_in_json_and_a_dash_in_the_table(pricing: Any) 
         (["price", *PUT, "--exercise", "bermudan"], "exercise"),
         (["price", *PUT, "--tolerance", "1"], "tolerance"),
         (["price", *PUT, "--cash-dividend", "0.25"], "'0.25' must be TIME:AMOUNT or TIME:FRACTION"),
+        (
+            ["price", *PUT, "--cash-dividend", "x:1"],
+            "'x:1': the time 'x' must be a number of years, or an ISO",
+        ),
+        (
+            ["price", *PUT, "--cash-dividend", "0.25:"],
+            "'0.25:': behind the time, '' must be a number such as",
+        ),
         (["price", *PUT, "--cash-dividend", "0.25:one"], "'one' must be a number such as 0.05 or 5e-2"),
         (
             ["price", *PUT, "--cash-dividend", "0.25:1", "--cash-dividend", "1:-1"],

@@ -157,7 +157,7 @@ SOUND = '{"time": 0.5, "amount": 1}'
         ("cash_dividends", '[{"time": -0.1, "amount": 1}]', "cash_dividends[0].time"),
         ("cash_dividends", '[{"time": 3000, "amount": 1}]', "cash_dividends[0].time"),
         ("cash_dividends", '[{"time": "0.5", "amount": 1}]', "cash_dividends[0].time"),
-        ("cash_dividends", '[{"amount": 1}]', "cash_dividends[0]"),
+        ("cash_dividends", '[{"amount": 1}]', "cash_dividends[0].time"),
         ("cash_dividends", f"[{SOUND}, null]", "cash_dividends[1]"),
         ("cash_dividends", "[[0.5, 1]]", "cash_dividends[0]"),
         ("cash_dividends", '[{"ex_date": 20260101, "amount": 1}]', "cash_dividends[0].ex_date"),

@@ -117,6 +117,22 @@ def test_a_bad_event_rejects_its_row_alone_and_is_shown(tmp_path: Path, read_tab
     assert all(line["reason"].startswith("must be ") for line in rejects)
 
 
+def test_a_text_inside_a_list_is_shown_as_one_and_a_missing_part_is_named(
+    tmp_path: Path, read_table: Read
+) -> None:
+    source = write(
+        tmp_path / "in.csv",
+        PLAIN | {"cash_dividends": '[{"time": 0.25, "amount": "1.0"}]'},
+        PLAIN | {"cash_dividends": '[{"time": 0.25}]'},
+    )
+    run_batch(source, tmp_path / "out.csv", tolerance=COARSE)
+    rejects = read_table(tmp_path / "out.rejects.csv")
+    assert [(line["field"], line["value"], line["reason"]) for line in rejects] == [
+        ("cash_dividends[0].amount", "'1.0'", "must be a number from 0 to 1e+30"),
+        ("cash_dividends[0].amount", "missing", "must be given"),
+    ]
+
+
 def test_dates_price_as_their_expiry_does(tmp_path: Path, read_table: Read) -> None:
     source = write(tmp_path / "in.csv", PLAIN | DATES, PLAIN | dict.fromkeys(DATES, "") | {"expiry": "1"})
     run_batch(source, tmp_path / "out.csv", tolerance=COARSE)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.american.contracts.contract import LARGEST_EXPIRY, LARGEST_MONEY, real_number
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import SHOWN_CHARACTERS, InvalidInputError, Told
 
 MOST_DIVIDENDS = 1000
 LATEST = 10.0 * LARGEST_EXPIRY  # years
@@ -99,8 +99,16 @@ def _entries(field: str, value: object) -> Sequence[object] | NDArray[Any]:
 
 def _fields(field: str, index: int, entry: object, what: str) -> tuple[float, float]:
     """Return (time, amount or fraction) of a mapping, checked, faults named by their place in the list."""
-    if not isinstance(entry, Mapping) or set(entry) != {"time", what}:
+    if not isinstance(entry, Mapping):
         raise InvalidInputError(f"{field}[{index}]", entry, f'{{"time": ..., "{what}": ...}}')
+    needed = {"time": "given, or ex_date where there is a valuation_date", what: "given"}
+    for name, allowed in needed.items():
+        if name not in entry:
+            raise InvalidInputError(f"{field}[{index}].{name}", Told("missing"), allowed)
+    for name, value in entry.items():
+        if name not in needed:
+            allowed = f"left out: a dividend has time and {what}"
+            raise InvalidInputError(f"{field}[{index}].{str(name)[:SHOWN_CHARACTERS]}", value, allowed)
     most = LARGEST_MONEY if what == "amount" else 1.0
     return (
         real_number(f"{field}[{index}].time", entry["time"], 0.0, LATEST),

@@ -1,5 +1,6 @@
 """Columns of a table of contracts as arrays of one length."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 from pricing_core.american.contracts.contract import real_number
 from pricing_core.american.contracts.vocabulary import DATES, LISTS, is_missing
 from pricing_core.arrays import BoolVector, Vector
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told
 
 
 def broadcast_columns(columns: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
@@ -28,10 +29,26 @@ def broadcast_columns(columns: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     arrays = {name: _as_array(name, values) for name, values in columns.items()}
     lengths = {array.size for array in arrays.values() if array.ndim == 1}
     if any(array.ndim > 1 for array in arrays.values()) or len(lengths) > 1:
-        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
-        raise InvalidInputError("columns", shapes, "scalars and vectors of one length")
+        raise _ragged(arrays)
     length = lengths.pop() if lengths else 1
     return {name: np.broadcast_to(array, (length,)) for name, array in arrays.items()}
+
+
+def _ragged(arrays: Mapping[str, NDArray[Any]]) -> InvalidInputError:
+    """Return the fault of columns whose lengths differ, which names those unlike most, the shortest first."""
+    counts = Counter(array.size for array in arrays.values() if array.ndim == 1)
+    usual = max(counts, key=lambda length: (counts[length], length), default=None)
+    others = [
+        (array.size, name if array.ndim == 1 else f"{name}, shape {array.shape}, of")
+        for name, array in arrays.items()
+        if array.ndim > 1 or (array.ndim == 1 and array.size != usual)
+    ]
+    lengths = ", ".join(map(str, sorted(counts)))
+    named = ", ".join(f"{name} {size}" for size, name in sorted(others))
+    most = "" if usual is None else f": {usual} as most have"
+    return InvalidInputError(
+        "columns", Told(f"lengths {lengths}"), f"scalars and vectors of one length{most}, not {named}"
+    )
 
 
 def as_numbers(column: NDArray[Any]) -> Vector:

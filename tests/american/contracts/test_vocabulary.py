@@ -147,6 +147,18 @@ def test_a_dividend_of_the_far_future_is_after_expiry_and_no_fault():
         ),
         ({**PLAIN, "cash_dividends": [0.5]}, 'cash_dividends[0] = 0.5: must be {"time": ..., "amount": ...}'),
         (
+            {**PLAIN, "cash_dividends": [{"time": 0.25}]},
+            "cash_dividends[0].amount = missing: must be given",
+        ),
+        (
+            {**PLAIN, "proportional_dividends": [{"fraction": 0.25}]},
+            "proportional_dividends[0].time = missing: must be given, or ex_date where there is a valuation_date",
+        ),
+        (
+            {**PLAIN, "cash_dividends": [{"time": 0.25, "amount": 1.0, "fraction": 0.1}]},
+            "cash_dividends[0].fraction = 0.1: must be left out: a dividend has time and amount",
+        ),
+        (
             {**PLAIN, "cash_dividends": [{"time": 1, "amount": 1}, {"time": 1, "amount": -1.0}]},
             "cash_dividends[1].amount = -1.0: must be a number from 0 to 1e+30",
         ),

@@ -212,6 +212,16 @@ def test_columns_of_different_lengths_are_refused(rate):
     assert caught.value.field == "columns"
 
 
+def test_the_columns_unlike_the_others_are_named_the_shortest_first():
+    columns = {**ROW, "spot": [90.0, 100.0, 110.0], "strike": [1.0, 2.0, 3.0], "rate": [0.0] * 4}
+    with pytest.raises(InvalidInputError) as caught:
+        read_book({**columns, "volatility": [0.2, 0.3], "expiry": [[1.0, 2.0]]}, 1e-6)
+    assert str(caught.value) == (
+        "columns = lengths 2, 3, 4: must be scalars and vectors of one length: 3 as most have, "
+        "not expiry, shape (1, 2), of 2, volatility 2, rate 4"
+    )
+
+
 def test_a_single_contract_makes_a_book_of_one_row():
     option, market = Option("call", 90.0, 0.5, "european"), FlatMarket(100.0, 0.05, 0.2, 0.01)
     book = single_row(option, market, 1e-5)
