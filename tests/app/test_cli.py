@@ -372,19 +372,19 @@ def test_no_implied_volatility_is_one_line_and_status_2(pricing: Any) -> None:
     status, output, errors = pricing("implied-volatility", *PUT, "--option-price", "101", "--json")
     assert (status, json.loads(output)["volatility"]) == (2, None)
     assert errors == (
-        "pricing: there is no implied volatility: above_upper_bound: 101 is not below 100, "
-        "what the option is worth less than at any volatility\n"
+        "pricing: there is no implied volatility: above_upper_bound: 101 must be below 100: "
+        "no volatility makes the option worth that\n"
     )
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--option-price", "200"], "above_upper_bound: 200 is not below 100, what"),
-        (["--bid", "150", "--ask", "250"], "above_upper_bound: 200 is not below 100, what"),
+        (["--option-price", "200"], "above_upper_bound: 200 must be below 100:"),
+        (["--bid", "150", "--ask", "250"], "above_upper_bound: 200 must be below 100:"),
         (
             ["--spot", "90", "--option-price", "9"],
-            "below_lower_bound: 9 is below 10, what the option is worth",
+            "below_lower_bound: 9 must be at least 10, what the option",
         ),
         (
             ["--spot", "50", "--option-price", "50"],
@@ -392,7 +392,7 @@ def test_no_implied_volatility_is_one_line_and_status_2(pricing: Any) -> None:
         ),
         (
             ["--exercise", "european", "--cash-dividend", "0.5:1", "--option-price", "96"],
-            "above_upper_bound: 96 is not below 95.12294245, what",
+            "above_upper_bound: 96 must be below 95.12294245:",
         ),
     ],
 )
