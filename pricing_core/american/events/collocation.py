@@ -32,7 +32,7 @@ LEAST_SHARE = 0.1  # of the tolerance, that is left for the boundaries
 FURTHEST = 30.0  # deviations between spot and strike
 LARGEST_CALL_DEVIATION = 4.0
 LARGEST_DRIFT = 6.0  # of ln(spot) in a segment, over its spread
-SAFE = 3.5  # deviations of the spot above what a dividend takes to zero
+SAFE = 3.5  # deviations by which the spot may fall before its dividends take it to zero
 WIDEST = 400.0  # deviation at expiry over the spread of a segment
 LEAST_SPREAD = 1e-7
 
@@ -94,16 +94,16 @@ def _keeps_its_spot(book: PackedSchedules, spread: Vector) -> BoolVector:
     """Tell whether a put's dividends are small against its spot when they are paid, with all but certainty."""
     columns = book.columns()
     growth, left = np.exp((columns.rate - columns.dividend_yield) * columns.duration), 1.0 - columns.fraction
-    forward, variance = np.exp(book.x), np.zeros(book.x.size)
-    ahead, spreads = np.empty((2, spread.size))  # forward and variance at every end, before its dividend
+    forward, (variance, paid) = np.exp(book.x), np.zeros((2, book.x.size))
+    lowest = np.empty(spread.size)  # at every end, before its dividend, on a path that falls as far as it may
     for rows, at in book.by_place():
-        ahead[at] = grown = forward[rows] * growth[at]
-        forward[rows] = np.maximum(grown * left[at] - columns.amount[at], 0.0)
+        ahead = forward[rows] * growth[at]
         variance[rows] += spread[at] ** 2
-        spreads[at] = variance[rows]
-    with np.errstate(divide="ignore"):
-        lowest = np.minimum(np.log(ahead), 0.0) - SAFE * np.sqrt(spreads)
-        likely = np.log(columns.amount) > lowest
+        fallen = np.exp(-SAFE * np.sqrt(variance[rows]))
+        lowest[at] = np.minimum(ahead, 1.0) * fallen - paid[rows] * (1.0 - fallen)
+        forward[rows] = np.maximum(ahead * left[at] - columns.amount[at], 0.0)
+        paid[rows] += columns.amount[at]
+    likely = (columns.amount > 0.0) & (columns.amount >= lowest)
     jumps = (columns.fraction > 0.0) | (columns.amount > 0.0) | (columns.escrow > 0.0)
     between = jumps & (columns.exercisable > 0.0) & (columns.dividend_yield < 0.0) & (columns.rate > 0.0)
     # Where it lies between two spots, exercise begins in yet another way.

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.curves import Curve, PiecewiseConstant
@@ -29,7 +30,14 @@ class ScheduledGreeks:
 
     def is_whole(self) -> bool:
         """Tell whether none of them is NaN; vanna and volga, which may be left out, aside."""
-        numbers = (self.vega, self.rho, self.dividend_rho, *(self.further.dividend_sensitivities or ()))
+        further = self.further
+        pieces = (further.dividend_sensitivities, further.rate_bucket_rho, further.volatility_bucket_vega)
+        numbers = (
+            self.vega,
+            self.rho,
+            self.dividend_rho,
+            *chain.from_iterable(part or () for part in pieces),
+        )
         return not any(math.isnan(number) for number in numbers)
 
 
@@ -124,10 +132,12 @@ def _differences(option: Option, market: Market, extended: bool) -> Iterator[_Di
         yield _by_amount(market, index, dividend, option.expiry)
     for name in ("rate", "volatility") if extended else ():
         curve = getattr(market, name)
-        for piece in range(len(curve.values)) if isinstance(curve, PiecewiseConstant) else ():
-            step = steps[name]
-            bumped = (_with(market, name, _shifted(curve, by, piece)) for by in (step, -step))
-            yield _central(tuple(bumped), step)
+        step, pieces = steps[name], curve.values if isinstance(curve, PiecewiseConstant) else ()
+        for piece, at in enumerate(pieces):
+            forward = name == "rate" and 0.0 <= at < step  # as above
+            by = (0.0, step, 2.0 * step) if forward else (step, -step)
+            bumped = tuple(_with(market, name, _shifted(curve, shift, piece)) for shift in by)
+            yield (_forward if forward else _central)(bumped, step)
 
 
 def _central(markets: tuple[Market, ...], step: float) -> _Difference:

@@ -330,3 +330,9 @@ def test_a_sensitivity_that_does_not_settle_comes_from_a_neighbouring_level():
     assert found.dividend_sensitivities == pytest.approx(
         (0.45770, 0.47549, 0.44673, 0.33599), abs=1e-4
     )  # lcs
+
+
+def test_a_piece_without_interest_has_its_rho():
+    curve = PiecewiseConstant((0.5, 1.0), (0.05, 0.0))
+    found = price(Option("put", 100.0, 1.0), Market(100.0, curve, 0.2), greeks="extended")
+    assert sum(found.rate_bucket_rho) == pytest.approx(found.rho, rel=0.02)
