@@ -5,6 +5,8 @@ is lognormal and does not jump; exercise at t brings K - A(t) - S* (a put) or it
 """
 
 import math
+from bisect import bisect_left
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from pricing_core.american.contracts.contract import Option
@@ -94,6 +96,9 @@ def make_schedule(option: Option, market: Market) -> Schedule:
         if isinstance(curve, PiecewiseConstant):
             cuts.update(curve.knots(0.0, T))
     ends = _distinct(sorted(cuts), T)
+    amounts = _by_end(ends, ((d.time, d.amount) for d in cash))
+    fractions = _by_end(ends, ((d.time, d.fraction) for d in proportional))
+    dates = _by_end(ends, ((time, 1.0) for time in option.exercise_times))
     escrowed = market.dividend_model == "escrowed"
     segments: list[Segment] = []
     due = 0.0  # escrow just after the event at `end`
@@ -101,10 +106,7 @@ def make_schedule(option: Option, market: Market) -> Schedule:
         start, end = ends[k - 1] if k else 0.0, ends[k]
         rate = _at(market.rate, 0.5 * (start + end))
 
-        def here(time: float, end: float = end) -> bool:
-            return abs(time - end) <= SAME_TIME * T
-
-        amount = math.fsum(d.amount for d in cash if here(d.time))
+        amount = math.fsum(amounts.get(k, ()))
         escrow = due + amount if escrowed else 0.0
         american = option.exercise == "american"
         segments.append(
@@ -115,9 +117,8 @@ def make_schedule(option: Option, market: Market) -> Schedule:
                 _at(market.dividend_yield, 0.5 * (start + end)),
                 _at(market.volatility, 0.5 * (start + end)),
                 exercisable=american and start >= option.exercise_start - SAME_TIME * T,
-                exercise_at_end=(american and end >= option.exercise_start - SAME_TIME * T)
-                or any(here(time) for time in option.exercise_times),
-                fraction=1.0 - math.prod(1.0 - d.fraction for d in proportional if here(d.time)),
+                exercise_at_end=(american and end >= option.exercise_start - SAME_TIME * T) or k in dates,
+                fraction=1.0 - math.prod(1.0 - fraction for fraction in fractions.get(k, ())),
                 amount=0.0 if escrowed else amount,
                 escrow=escrow,
             )
@@ -126,6 +127,17 @@ def make_schedule(option: Option, market: Market) -> Schedule:
     if due > 0.0 and due >= market.spot:
         raise InvalidInputError("cash_dividends", due, "worth less today than the spot in the escrowed model")
     return Schedule(option.is_put, option.strike, market.spot - due, tuple(reversed(segments)))
+
+
+def _by_end(ends: list[float], events: Iterable[tuple[float, float]]) -> dict[int, list[float]]:
+    """Return the numbers of events by the place among the ends of the one at their time."""
+    found: dict[int, list[float]] = {}
+    same = SAME_TIME * ends[-1]
+    for time, number in events:
+        place = bisect_left(ends, time - same)
+        if place < len(ends) and abs(ends[place] - time) <= same:
+            found.setdefault(place, []).append(number)
+    return found
 
 
 def _at(curve: Curve, time: float) -> float:
