@@ -30,6 +30,7 @@ from pricing_core.arrays import Matrix, Vector, as_vector
 from pricing_core.errors import InvalidInputError, NumericalError
 
 DEFAULT_POINTS = 101
+FEWEST_POINTS, JUST_AFTER = 12, 1e-6  # between two events, and of the time between them
 INTERRUPTED = "interrupted before the boundary was found: allow more time"
 DOUBLINGS = 4  # of the coarsest resolution; one less for tolerances above 1e-4
 ACCURACY_SHARE = 0.1  # of the root of the tolerance: 1e-4 by default, 1e-5 at the smallest tolerance
@@ -150,7 +151,7 @@ def _with_events(
     elif option.exercise == "bermudan":  # there is none between
         chosen = np.unique(np.concatenate([[0.0], event_times(schedule)]))
     else:
-        chosen = np.unique(np.concatenate([_default_times(option), event_times(schedule)]))
+        chosen = _times_around(event_times(schedule))
     if interrupt is not None and interrupt():
         raise NumericalError(INTERRUPTED)
     ends, error = scheduled_boundary(option, schedule, chosen, tolerance, interrupt)
@@ -251,6 +252,15 @@ def _default_times(option: Option) -> Vector:
     if option.expiry == 0.0:
         return np.zeros(1)
     return option.expiry * (1.0 - np.linspace(1.0, 0.0, DEFAULT_POINTS) ** 2)
+
+
+def _times_around(events: Vector) -> Vector:
+    """Return 0, the events' times, the last of which is the expiry, and others: close before, and one just after."""
+    count = max(FEWEST_POINTS, DEFAULT_POINTS // events.size)
+    inside = 1.0 - np.linspace(1.0, 0.0, count) ** 2
+    inside[0] = JUST_AFTER
+    starts = np.concatenate([[0.0], events[:-1]])
+    return np.unique(np.concatenate([[0.0], events, (starts + np.outer(inside, events - starts)).ravel()]))
 
 
 def _checked_times(option: Option, times: ArrayLike) -> Vector:
