@@ -80,7 +80,7 @@ class Climb(NamedTuple):
 
     def chances(self, stretch: Stretch, origin: float) -> Vector:
         """Return the chance to be in each of the cells from `origin` outwards at the stretch's beginning."""
-        spread = stretch.flow.volatility * math.sqrt(stretch.duration)
+        spread = stretch.spread
         deviation = math.hypot(self.deviation, SMOOTHED * spread)
         ends = stretch.sign * (origin - self.centre) + CELL * spread * np.arange(CELLS + 1)
         return np.diff(ndtr(ends / deviation))
@@ -299,15 +299,14 @@ def solve_boundary(profile: Profile, stretch: Stretch, start: Start, climb: Clim
 def _violation_inside(boundary: Boundary) -> float:
     """Return how far value and payoff are apart inside the contact set, where they should be equal."""
     stretch, s = boundary.stretch, boundary.stretch.duration
-    x = np.array([boundary.last - stretch.sign * CHECKED * stretch.flow.volatility * math.sqrt(s)])
+    x = np.array([boundary.last - stretch.sign * CHECKED * stretch.spread])
     held = propagate(boundary.profile, stretch.flow, x, s) + boundary.contribution(x)
     return abs(float(held[0, 0]) - stretch.payoff(float(x[0]), s))
 
 
 def _worth(boundary: Boundary, origin: float) -> Vector:
     """Return what exercise is worth at the cells' middles from `origin` outwards."""
-    spread = boundary.stretch.flow.volatility * math.sqrt(boundary.stretch.duration)
-    outwards = CELL * spread * np.linspace(0.5, CELLS - 0.5, CELLS)
+    outwards = CELL * boundary.stretch.spread * np.linspace(0.5, CELLS - 0.5, CELLS)
     x: Vector = origin + boundary.stretch.sign * outwards
     worth: Vector = boundary.contribution(x)[0]
     return worth
@@ -333,8 +332,8 @@ def _guess(system: _System) -> Vector:
     coefficients = np.full(nodes.eta.size, _first(start, stretch.sign))
     spread = stretch.flow.volatility * math.sqrt(stretch.duration - start.time)
     if start.form == "plain":
-        is_smooth = stretch.is_continuous and stretch.exercise_at_end and system.profile.nodes.size
-        coefficients -= stretch.sign * (0.0 if is_smooth else FIRST_GUESS) * spread * nodes.eta
+        step = 0.0 if system.profile.continues(stretch) else FIRST_GUESS
+        coefficients -= stretch.sign * step * spread * nodes.eta
     elif start.form == "root":
         furthest = stretch.sign * (start.place - stretch.perpetual())
         soon = SOON * spread * nodes.eta
@@ -352,7 +351,7 @@ def _guess(system: _System) -> Vector:
 
 def _newton(system: _System, coefficients: Vector, settled: float, enough: float) -> tuple[Vector, float]:
     """Return the zero of the residual and what is left of it, by Newton's method with halved steps."""
-    form, spread = system.start.form, system.stretch.flow.volatility * math.sqrt(system.stretch.duration)
+    form, spread = system.start.form, system.stretch.spread
     residual, jacobian = system.residual(coefficients)
     for _ in range(MOST_ITERATIONS):
         diagonal = np.diag(jacobian)

@@ -9,6 +9,7 @@ from scipy.special import ndtr
 
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.collocation_twin.flow import Flow
+from pricing_core.collocation_twin.stretch import Stretch
 
 ONE_OVER_SQRT_TWO_PI = 1.0 / math.sqrt(2.0 * math.pi)
 FURTHEST = 9.0  # standard deviations: what lies further away has no weight
@@ -39,6 +40,10 @@ class Profile:
     pieces: tuple[Piece, ...]
     nodes: Vector
     weighted: Vector
+
+    def continues(self, stretch: Stretch) -> bool:
+        """Whether this end of the stretch is but a place in a contact set's history, at which nothing happens."""
+        return stretch.is_continuous and stretch.exercise_at_end and self.nodes.size > 0
 
 
 def normal_density(z: Vector) -> Vector:

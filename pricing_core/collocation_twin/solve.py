@@ -165,7 +165,7 @@ def _solve(
                 deviation - deviation_here
             )
             ends = min(forward[k], 0.0) - reach, max(forward[k], 0.0) + reach
-            spread = part.flow.volatility * math.sqrt(part.duration)
+            spread = part.spread
             fineness = Fineness(spread, level.panel_points, level.kernel, level.feature)
             before = at_expiry(part) if held is None else before_event(held, part, features, ends, fineness)
             nodes_only = held is not None and held.boundary is None
@@ -219,7 +219,7 @@ def _forecast(parts: list[Stretch], x: float) -> tuple[float, Vector, Vector]:
 
 def _relevant(before: Transferred, part: Stretch, forward: float, variance: float) -> float:
     """Return the x beyond which, on the side of exercise, the contact set does not matter while it begins."""
-    sign, spread = part.sign, part.flow.volatility * math.sqrt(part.duration)
+    sign, spread = part.sign, part.spread
     furthest = min(sign * forward, 0.0) - RELEVANT * math.sqrt(variance)
     bends = [sign * feature.place for feature in before.features if feature.scale == 0.0]
     bend = min((x for x in bends if x > furthest), default=0.0)
@@ -243,7 +243,7 @@ def _check_outside(held: Held, boundary: Boundary) -> None:
     UnservedError
     """
     part, start = held.stretch, boundary.start.place
-    spread = part.flow.volatility * math.sqrt(part.duration)
+    spread = part.spread
     places = [boundary.last + part.sign * CHECKED * spread]
     if part.sign * (start - boundary.last) > spread:
         places += [0.5 * (start + boundary.last), start]

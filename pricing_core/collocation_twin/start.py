@@ -97,12 +97,11 @@ def find_start(outset: Outset) -> tuple[Start | None, float]:
     sign, furthest, duration = stretch.sign, stretch.furthest(), stretch.duration
     if sign * (outset.contact - relevant) > 0.0:
         place = (min if sign > 0.0 else max)(outset.contact, furthest)
-        ahead = place + FAST * sign * stretch.flow.volatility * math.sqrt(duration)
+        ahead = place + FAST * sign * stretch.spread
         if outset.above(ahead, duration) < 0.0:
             return _shifted(outset, 0.0, place)
-        is_smooth = stretch.is_continuous and stretch.exercise_at_end and outset.profile.nodes.size
         is_gradual = sign * (furthest - outset.contact) <= 0.0
-        return Start("plain" if is_smooth or is_gradual else "root", 0.0, place), 0.0
+        return Start("plain" if is_gradual or outset.profile.continues(stretch) else "root", 0.0, place), 0.0
     soon = (SEEN if outset.profile.nodes.size and outset.nodes_only else AT_ONCE) * duration
     begins = soon
     if outset.above(relevant, soon) > 0.0:
@@ -130,7 +129,7 @@ def _arrival(outset: Outset, begins: float, place: float, end: float) -> float:
     most of its way.
     """
     stretch = outset.stretch
-    if stretch.sign * (end - place) < FAR * stretch.flow.volatility * math.sqrt(stretch.duration):
+    if stretch.sign * (end - place) < FAR * stretch.spread:
         return 0.0
     most = place + MOST_OF_THE_WAY * (end - place)
     soon = max(begins, AT_ONCE * stretch.duration)

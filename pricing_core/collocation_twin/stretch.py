@@ -33,6 +33,11 @@ class Stretch:
     escrow: float
 
     @property
+    def spread(self) -> float:
+        """The deviation of ln(spot) over the stretch."""
+        return self.flow.volatility * math.sqrt(self.duration)
+
+    @property
     def is_continuous(self) -> bool:
         """Whether nothing happens to the spot at the end."""
         return self.fraction == 0.0 and self.amount == 0.0

@@ -188,18 +188,24 @@ impl Boundary {
 
     /// Keep what exercise is worth at the cells' middles from `origin` outwards.
     fn weigh(&mut self, origin: f64) {
-        let (sign, spread) = (self.stretch.sign, self.stretch.spread());
-        let mut views = Views::with_room(CELLS * self.past.len());
-        for cell in 0..CELLS {
-            #[allow(clippy::cast_precision_loss)]
-            let x = origin + sign * spread * CELL * (cell as f64 + 0.5);
+        let outwards = self.stretch.sign * self.stretch.spread() * CELL;
+        #[allow(clippy::cast_precision_loss)]
+        let places: [f64; CELLS] =
+            std::array::from_fn(|cell| origin + outwards * (cell as f64 + 0.5));
+        let (views, count) = (self.seen_from(&places), self.past.len());
+        self.worth = std::array::from_fn(|cell| views.sums(cell * count..(cell + 1) * count)[0]);
+    }
+
+    /// The contact sets as seen from each of the places, one after the other.
+    fn seen_from(&self, places: &[f64]) -> Views {
+        let mut views = Views::with_room(places.len() * self.past.len());
+        for x in places {
             for past in &self.past {
-                views.push(x, past.boundary, past.age, past.weight);
+                views.push(*x, past.boundary, past.age, past.weight);
             }
         }
-        views.integrate(sign, &self.stretch.flow);
-        let count = self.past.len();
-        self.worth = std::array::from_fn(|cell| views.sums(cell * count..(cell + 1) * count)[0]);
+        views.integrate(self.stretch.sign, &self.stretch.flow);
+        views
     }
 
     /// How much the two change the value now: their difference at the stretch's beginning, by the chance to be there.
@@ -219,12 +225,7 @@ impl Boundary {
 
     /// Value, slope and second derivative of the multiplier's part at x, at the beginning.
     pub fn contribution(&self, x: f64) -> [f64; 3] {
-        let mut views = Views::with_room(self.past.len());
-        for past in &self.past {
-            views.push(x, past.boundary, past.age, past.weight);
-        }
-        views.integrate(self.stretch.sign, &self.stretch.flow);
-        views.sums(0..self.past.len())
+        self.seen_from(&[x]).sums(0..self.past.len())
     }
 }
 
@@ -368,9 +369,11 @@ impl<'a> System<'a> {
         match start.form {
             Form::Shifted => {}
             Form::Plain => {
-                let smooth =
-                    stretch.is_continuous() && stretch.exercise_at_end && self.profile.has_nodes();
-                let step = if smooth { 0.0 } else { FIRST_GUESS };
+                let step = if self.profile.continues(stretch) {
+                    0.0
+                } else {
+                    FIRST_GUESS
+                };
                 let spread = stretch.flow.volatility * (stretch.duration - start.time).sqrt();
                 for (coefficient, eta) in coefficients.iter_mut().zip(&self.nodes.eta) {
                     *coefficient -= stretch.sign * step * spread * eta;

@@ -1,7 +1,7 @@
 //! The value as a function of x = ln(S/K) at one instant, and what it is worth earlier if it is not exercised.
 
 use super::panels::Panel;
-use super::stretch::Flow;
+use super::stretch::{Flow, Stretch};
 use crate::lanes::dispatch::{dispatch, Work};
 use crate::lanes::normal::{exp, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{Vector, LANES};
@@ -75,6 +75,11 @@ impl Profile {
     /// Whether the value is known at nodes anywhere.
     pub fn has_nodes(&self) -> bool {
         !self.nodes.is_empty()
+    }
+
+    /// Whether this end of the stretch is but a place in a contact set's history, at which nothing happens.
+    pub fn continues(&self, stretch: &Stretch) -> bool {
+        stretch.is_continuous() && stretch.exercise_at_end && self.has_nodes()
     }
 
     /// The nodes of one panel and the values there times their weights.

@@ -80,11 +80,9 @@ impl Outset<'_> {
             if self.above(ahead, stretch.duration) < 0.0 {
                 return Ok(self.shifted(0.0, place));
             }
-            let smooth =
-                stretch.is_continuous() && stretch.exercise_at_end && self.profile.has_nodes();
             let gradual = sign * (furthest - self.contact) <= 0.0;
             let start = Start {
-                form: if smooth || gradual {
+                form: if gradual || self.profile.continues(stretch) {
                     Form::Plain
                 } else {
                     Form::Root
