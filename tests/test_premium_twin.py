@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pricing_core import premium_twin
 from pricing_core.arrays import Vector
 from pricing_core.premium_twin.march import LATER_STEPS, SECOND_STEP, STAGE
+from tests.problems.twins import slow_on_the_twin
 
 ROUNDING = 1e-12
 # The last bits of ln(S/K) become 1e-16/spread in xi: at a spread of 0.01, 2e-12 in the derivatives.
@@ -132,6 +133,7 @@ def test_boundaries_equal_those_of_the_twin(compiled: ModuleType, steps: int) ->
     np.testing.assert_allclose(boundary[settled], expected[settled], rtol=0.0, atol=1e-11)
 
 
+@slow_on_the_twin
 @pytest.mark.parametrize("threads", [1, 2, 5])
 @pytest.mark.parametrize("greeks", [False, True])
 def test_a_row_does_not_depend_on_the_others(implementation: ModuleType, greeks: bool, threads: int) -> None:

@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request
 
 from app.body import json_body, request_body
+from app.errors import DeadlineError
 from app.pool import Interrupt
 from app.responses import problem_responses
 from app.schemas import ImpliedVolatilityRequest, ImpliedVolatilityResponse
@@ -24,20 +25,24 @@ async def post_implied_volatility(
 ) -> ImpliedVolatilityResponse:
     """Find the volatility at which the option is worth option_price, or lies between bid and ask.
 
-    Where there is none, the answer is 200 with a status that says why, and volatility null. Unknown keys are
-    refused.
+    Where there is none, the answer is 200 with a status that says why, and volatility null; where the deadline passes
+    first, 503 with Retry-After. Unknown keys are refused.
     """
     option, market = question.contract({"volatility": 1.0})
 
     def work(interrupt: Interrupt) -> ImpliedVolatility:
-        return implied_volatility(
+        found = implied_volatility(
             option,
             market,
             question.option_price,
             bid=question.bid,
             ask=question.ask,
             tolerance=question.tolerance,
+            interrupt=interrupt,
         )
+        if found.status == "no_convergence" and interrupt():
+            raise DeadlineError("the deadline passed first; a wider tolerance is faster")
+        return found
 
     found = await request.app.state.pool.run(work)
     names = ImpliedVolatilityResponse.model_fields

@@ -56,7 +56,9 @@ LEVELS = (
 FINE_KERNEL = 0.4  # spreads: widest panel where the contact set begins at nodes
 CHECKED = 0.5  # spreads outside the contact set: where value and payoff are compared
 LARGEST_VIOLATION = 1e-4  # strikes, by which holding may be worth less than exercise outside the contact set
-BOUNDARY_REACH = 2.5  # deviations at expiry within which the boundary now is looked for
+BOUNDARY_REACH = (
+    2.5  # deviations at expiry within which boundaries are looked for: the one now, and any asked for
+)
 MOST_CUTS = 4  # of one stretch
 RELEVANT = 5.0  # standard deviations of ln(spot) at a stretch's end within which its contact set matters
 LEAST_FORWARD = 0.1  # of a spot that a dividend would take to zero or less
@@ -148,6 +150,7 @@ def _solve(
     """Fill the result; return whether all boundaries were found."""
     level = LEVELS[number]
     deviation, variance, forward = _forecast(parts, x)
+    exercised = any(part.exercisable or part.exercise_at_end for part in parts)
     held: Held | None = None
     features: tuple[Feature, ...] = ()
     end, residual, error = math.fsum(part.duration for part in parts), 0.0, 0.0
@@ -160,16 +163,14 @@ def _solve(
             part = waiting.pop()
             if part.exercisable and part.is_two_sided():
                 return False
-            deviation_here = math.sqrt(variance[k])
-            reach = level.reach * deviation_here + min(level.reach, BOUNDARY_REACH) * (
-                deviation - deviation_here
-            )
-            ends = min(forward[k], 0.0) - reach, max(forward[k], 0.0) + reach
+            here = math.sqrt(variance[k])
+            ends = _interval(level, part, forward[k], (here, deviation), exercised)
             spread = part.spread
             fineness = Fineness(spread, level.panel_points, level.kernel, level.feature)
             before = at_expiry(part) if held is None else before_event(held, part, features, ends, fineness)
             nodes_only = held is not None and held.boundary is None
-            relevant = _relevant(before, part, forward[k], variance[k])
+            asked = BOUNDARY_REACH * deviation if query.times.size else 0.0
+            relevant = _relevant(before, part, forward[k], max(asked, RELEVANT * here))
             outset = Outset(before.profile, part, before.contact, relevant, before.features, nodes_only)
             if nodes_only and outset.begins():
                 assert held is not None
@@ -217,10 +218,23 @@ def _forecast(parts: list[Stretch], x: float) -> tuple[float, Vector, Vector]:
     return math.sqrt(spread), variance, forward
 
 
-def _relevant(before: Transferred, part: Stretch, forward: float, variance: float) -> float:
+def _interval(
+    level: Level, part: Stretch, forward: float, deviations: tuple[float, float], exercised: bool
+) -> tuple[float, float]:
+    """Return the interval of x that matters: where the spot may be then, and as far as a boundary may be."""
+    here, at_expiry = deviations
+    near = level.reach * here
+    if not exercised:
+        return forward - near, forward + near
+    far = near + min(level.reach, BOUNDARY_REACH) * (at_expiry - here)
+    below, above = (far, near) if part.sign > 0.0 else (near, far)
+    return min(forward, 0.0) - below, max(forward, 0.0) + above
+
+
+def _relevant(before: Transferred, part: Stretch, forward: float, reach: float) -> float:
     """Return the x beyond which, on the side of exercise, the contact set does not matter while it begins."""
     sign, spread = part.sign, part.spread
-    furthest = min(sign * forward, 0.0) - RELEVANT * math.sqrt(variance)
+    furthest = min(sign * forward, 0.0) - reach
     bends = [sign * feature.place for feature in before.features if feature.scale == 0.0]
     bend = min((x for x in bends if x > furthest), default=0.0)
     return sign * min(furthest, bend - RELEVANT * spread)

@@ -7,6 +7,7 @@ import pytest
 from pricing_core.american import Market, Option, Resolution, price
 from pricing_core.errors import InvalidInputError
 from tests.problems.true_values import true_values
+from tests.problems.twins import slow_on_the_twin
 
 DEFAULT_TOLERANCE = 1e-6
 TRUE_VALUES = true_values()
@@ -81,6 +82,7 @@ def test_value_form_of_the_chapter_agrees_with_the_premium_form(option_type):
     assert chapter.vega is None
 
 
+@slow_on_the_twin
 @pytest.mark.parametrize(
     ("option", "market"),
     [
@@ -145,6 +147,7 @@ def test_exercise_and_its_boundary_agree(put):
         assert valuation.price >= valuation.intrinsic_value
 
 
+@slow_on_the_twin
 def test_a_perpetual_option_is_the_limit_of_a_long_one():
     """K = 40, r = 0.06, sigma = 0.2: S* = 30 and V(36) = 10 (30/36)**3 = 5.787037037 (Merton 1973)."""
     valuation = price(Option("put", 40.0, 200.0), Market(36.0, 0.06, 0.2))

@@ -150,6 +150,25 @@ def test_an_overloaded_service_answers_503_and_stays_alive(
 def test_a_deadline_ends_the_engine_s_work_with_a_503(question: dict[str, Any], address: str) -> None:
     with TestClient(create_app(Settings(deadline_seconds=1e-6))) as client:
         answer = client.post(address, json=question | {"tolerance": 1e-8})
+    _assert_deadline(answer)
+
+
+def test_a_deadline_ends_the_search_for_a_volatility_with_a_503() -> None:
+    contract = {
+        "option_type": "call",
+        "spot": 60.0,
+        "strike": 60.0,
+        "expiry": 1.0,
+        "rate": {"times": [0.25], "values": [0.02]},
+        "cash_dividends": [{"time": (day + 1) / 367, "amount": 0.01} for day in range(366)],
+        "option_price": 7.0,
+        "tolerance": 1e-8,
+    }
+    with TestClient(create_app(Settings(deadline_seconds=0.05))) as client:
+        _assert_deadline(client.post("/v1/implied-volatility", json=contract))
+
+
+def _assert_deadline(answer: Any) -> None:
     assert answer.status_code == 503
     assert answer.headers["retry-after"] == "1"
     assert answer.json()["type"] == "/docs#deadline"

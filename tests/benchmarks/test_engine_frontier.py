@@ -20,6 +20,7 @@ from benchmarks.throughput import (
 )
 from benchmarks.wide_set import ToleranceKept
 from benchmarks.work_precision import ENGINE, Measurement
+from tests.problems.twins import slow_on_the_twin
 
 TINY = Sizes(
     published=4,
@@ -126,6 +127,7 @@ def test_without_shared_solves_ladders_are_not_measured():
     assert "Shared solves are not offered by this version" in report.sections[3].text
 
 
+@slow_on_the_twin
 @pytest.mark.usefixtures("without_quantlib")
 def test_without_quantlib_the_report_is_on_this_project_alone_and_says_so():
     report = compose(findings(TINY))

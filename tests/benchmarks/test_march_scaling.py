@@ -2,8 +2,10 @@ import numpy as np
 import pytest
 
 from benchmarks.march_scaling import STEP_COUNTS, march_costs
+from tests.problems.twins import slow_on_the_twin
 
 
+@slow_on_the_twin
 def test_more_steps_mean_more_labels_and_less_error():
     costs = march_costs(40, 2000.0)
     assert tuple(cost.steps for cost in costs) == STEP_COUNTS
@@ -17,5 +19,6 @@ def test_more_steps_mean_more_labels_and_less_error():
         assert cost.with_derivatives > cost.microseconds
 
 
+@slow_on_the_twin
 def test_cycles_are_unknown_without_a_clock():
     assert march_costs(4, None)[0].cycles is None

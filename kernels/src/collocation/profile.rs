@@ -31,6 +31,8 @@ pub struct Profile {
     ends: Vec<f64>,
     constants: Vec<f64>,
     slopes: Vec<f64>,
+    /// e^x at the ends.
+    spots: Vec<f64>,
     /// What holds far to the right.
     constant: f64,
     slope: f64,
@@ -69,6 +71,7 @@ impl Profile {
         pad(&mut profile.ends, last);
         pad(&mut profile.constants, 0.0);
         pad(&mut profile.slopes, 0.0);
+        profile.spots = profile.ends.iter().map(|end| end.exp()).collect();
         profile
     }
 
@@ -181,29 +184,33 @@ impl Work for Propagation<'_> {
             second = turned.times_plus(z, second - weight);
         }
         let scale = ONE_OVER_SQRT_TWO_PI * bond * inverse;
-        let mut out = [
-            scale * sum(zeroth) + profile.constant * bond + profile.slope * stock,
-            scale * inverse * sum(first) + profile.slope * stock,
-            scale * inverse * inverse * sum(second) + profile.slope * stock,
-        ];
+        zeroth = zeroth.times(scale);
+        first = first.times(scale * inverse);
+        second = second.times(scale * inverse * inverse);
+        let (in_bonds, in_stocks) = (V::all(bond), V::all(stock));
         for start in (0..profile.ends.len()).step_by(LANES) {
-            let end = load::<V>(&profile.ends[start..]);
+            let z = load::<V>(&profile.ends[start..])
+                .plus(-centre)
+                .times(inverse);
             let constant = load::<V>(&profile.constants[start..]);
             let slope = load::<V>(&profile.slopes[start..]);
-            let z = end.plus(-centre).times(inverse);
-            let one = V::all(1.0);
-            let density = exp((z * z).times(-0.5)).times(ONE_OVER_SQRT_TWO_PI);
-            let shifted = z.plus(-spread);
-            let density_2 = exp((shifted * shifted).times(-0.5)).times(ONE_OVER_SQRT_TWO_PI);
-            let in_bond = constant * weighted_normal(z, density, one).times(bond);
-            let in_stock = slope * weighted_normal(shifted, density_2, one).times(stock);
-            let there = slope * exp(end);
+            let spot = load::<V>(&profile.spots[start..]);
+            let density = exp((z * z).times(-0.5)).times(ONE_OVER_SQRT_TWO_PI * bond);
+            let in_bond = constant * weighted_normal(z, density, in_bonds);
+            // e^x n(z - spread) e^{-q s} = e^end n(z) e^{-r s}
+            let in_stock = slope * weighted_normal(z.plus(-spread), density * spot, in_stocks);
+            let there = slope * spot;
             let whole = constant + there;
-            let density = density.times(bond * inverse);
-            out[0] += sum(in_bond + in_stock);
-            out[1] += sum(in_stock - whole * density);
-            out[2] += sum(in_stock - (whole * z.times(inverse) + there) * density);
+            let density = density.times(inverse);
+            zeroth = zeroth + in_bond + in_stock;
+            first = first + in_stock - whole * density;
+            second = second + in_stock - (whole * z.times(inverse) + there) * density;
         }
-        out
+        let far = profile.slope * stock;
+        [
+            sum(zeroth) + profile.constant * bond + far,
+            sum(first) + far,
+            sum(second) + far,
+        ]
     }
 }

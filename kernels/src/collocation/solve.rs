@@ -49,7 +49,7 @@ const CHECKED: f64 = 0.5;
 const LARGEST_VIOLATION: f64 = 1e-4;
 /// Standard deviations of ln(spot) at a stretch's end within which its contact set matters.
 const RELEVANT: f64 = 5.0;
-/// Deviations at expiry within which the boundary now is looked for.
+/// Deviations at expiry within which boundaries are looked for: the one now, and any that is asked for.
 const BOUNDARY_REACH: f64 = 2.5;
 /// Of one stretch.
 const MOST_CUTS: usize = 4;
@@ -228,6 +228,9 @@ fn solve(
     let fine = &FINENESS[level];
     let forecasts = forecast(parts, x);
     let deviation = forecasts.last().map_or(0.0, |f| f.variance).sqrt();
+    let exercised = parts
+        .iter()
+        .any(|part| part.exercisable || part.exercise_at_end);
     let mut held: Option<Held> = None;
     let mut features: Vec<Feature> = Vec::new();
     let mut end: f64 = parts.iter().map(|part| part.duration).sum();
@@ -242,9 +245,7 @@ fn solve(
             if part.exercisable && part.is_two_sided() {
                 return Err(Unsettled);
             }
-            let reach = fine.reach * here.variance.sqrt()
-                + fine.reach.min(BOUNDARY_REACH) * (deviation - here.variance.sqrt());
-            let ends = (here.forward.min(0.0) - reach, here.forward.max(0.0) + reach);
+            let ends = interval(fine, &part, here, deviation, exercised);
             let mut fineness = Fineness {
                 spread: part.spread(),
                 points: fine.panel_points,
@@ -256,7 +257,13 @@ fn solve(
                 Some(later) => before_event(later, &part, &features, ends, fineness),
             };
             let mut before = transfer(&fineness);
-            let relevant = relevant(&before, &part, here);
+            let asked = if query.times.is_empty() {
+                0.0
+            } else {
+                BOUNDARY_REACH * deviation
+            };
+            let far = asked.max(RELEVANT * here.variance.sqrt());
+            let relevant = relevant(&before, &part, here.forward, far);
             let nodes_only = held.as_ref().is_some_and(|later| later.boundary.is_none());
             if nodes_only && outset(&before, &part, relevant, nodes_only).begins() {
                 fineness.kernel = FINE_KERNEL;
@@ -317,6 +324,27 @@ fn solve(
     }
 }
 
+/// The interval of x that matters at a stretch's end: where the spot may be then, and as far as a boundary may be.
+fn interval(
+    fine: &Level,
+    part: &Stretch,
+    here: &Forecast,
+    deviation: f64,
+    exercised: bool,
+) -> (f64, f64) {
+    let near = fine.reach * here.variance.sqrt();
+    if !exercised {
+        return (here.forward - near, here.forward + near);
+    }
+    let far = near + fine.reach.min(BOUNDARY_REACH) * (deviation - here.variance.sqrt());
+    let (below, above) = if part.sign > 0.0 {
+        (far, near)
+    } else {
+        (near, far)
+    };
+    (here.forward.min(0.0) - below, here.forward.max(0.0) + above)
+}
+
 /// The boundary; where smooth pasting does not find it, the other equation is tried.
 fn find_boundary(
     before: &Transferred,
@@ -355,9 +383,9 @@ fn outset<'a>(
 }
 
 /// The x beyond which, on the side of exercise, the contact set does not matter while it begins.
-fn relevant(before: &Transferred, part: &Stretch, here: &Forecast) -> f64 {
+fn relevant(before: &Transferred, part: &Stretch, forward: f64, reach: f64) -> f64 {
     let sign = part.sign;
-    let furthest = (sign * here.forward).min(0.0) - RELEVANT * here.variance.sqrt();
+    let furthest = (sign * forward).min(0.0) - reach;
     let bends = before.features.iter().filter(|f| f.scale <= 0.0);
     let seen = bends.map(|f| sign * f.place).filter(|&x| x > furthest);
     let bend = seen.reduce(f64::min).unwrap_or(0.0);

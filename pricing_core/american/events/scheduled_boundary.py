@@ -9,13 +9,15 @@ import numpy as np
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.market import FlatMarket, Market
 from pricing_core.american.contracts.schedule import Schedule, Segment, make_schedule
-from pricing_core.american.events.collocation import boundaries_at, is_served
+from pricing_core.american.events.collocation import FINEST, boundaries_at, is_served
 from pricing_core.american.events.packed_schedules import pack
 from pricing_core.american.events.scheduled_lcs import boundaries_lcs
 from pricing_core.american.flat.exercise_region import region_at_expiry
 from pricing_core.arrays import Matrix, Vector
 
-LEVEL, TIGHT_LEVEL, TIGHT_TOLERANCE = 4, 5, 1e-7
+FIRST_LEVEL, TIGHT_LEVEL, TIGHT_TOLERANCE = 4, 5, 1e-7
+ACCURACY_SHARE = 0.1  # of the root of the tolerance, relative to the boundary
+CAUTION = 3.0  # the stated error in distances of two levels
 
 
 def schedule_of_boundary(option: Option, market: Market) -> Schedule:
@@ -67,16 +69,23 @@ def _at_expiry(option: Option, last: Segment) -> float:
 
 
 def _collocated(schedule: Schedule, times: Vector, tolerance: float) -> tuple[Vector, Vector] | None:
-    """Return the boundary in money and the distance of two levels; None where they are not found."""
+    """Return the boundary in money and its error from two levels that are close enough, or from the closest two."""
     if not is_served(pack([schedule]))[0]:
         return None
-    level = LEVEL if tolerance > TIGHT_TOLERANCE else TIGHT_LEVEL
-    (coarse, sound), (fine, settled) = (boundaries_at(schedule, times, k) for k in (level - 1, level))
-    if not (sound and settled):
-        return None
     escrow = np.array([_escrow_at(schedule.segments, float(time)) for time in times])
-    near = schedule.strike * np.exp(fine) + escrow
-    return near, np.abs(near - schedule.strike * np.exp(coarse) - escrow)
+    best: tuple[Vector, Vector] | None = None
+    coarse: Vector | None = None
+    for level in range((FIRST_LEVEL if tolerance > TIGHT_TOLERANCE else TIGHT_LEVEL) - 1, FINEST + 1):
+        places, settled = boundaries_at(schedule, times, level)
+        fine = schedule.strike * np.exp(places) + escrow if settled else None
+        if fine is not None and coarse is not None:
+            error = np.abs(fine - coarse)
+            if best is None or np.nansum(error) < np.nansum(best[1]):
+                best = fine, error
+            if np.nanmax(error / fine, initial=0.0) <= ACCURACY_SHARE * math.sqrt(tolerance):
+                break
+        coarse = fine
+    return None if best is None else (best[0], CAUTION * best[1])
 
 
 def _escrow_at(segments: tuple[Segment, ...], time: float) -> float:

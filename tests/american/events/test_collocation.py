@@ -15,6 +15,7 @@ from pricing_core.american.events.collocation import (
 from pricing_core.american.events.packed_schedules import pack
 from pricing_core.american.events.scheduled_lcs import solve_schedule_lcs
 from tests.problems.event_values import Event, event_values, quadrature_value
+from tests.problems.random_events import random_contracts
 from tests.problems.schedules import SCHEDULES
 from tests.problems.true_values import true_values
 from tests.problems.twins import slow_on_the_twin
@@ -91,50 +92,13 @@ def test_convergence_by_level(name, gain):
     assert (errors[0] / errors[4]) ** 0.25 > gain
 
 
-def random_curve(rng, expiry, least, most):
-    times = np.sort(rng.uniform(0.02, 0.95, 3)) * expiry
-    return {"times": [*times, expiry], "values": list(rng.uniform(least, most, 4))}
-
-
-def random_schedules(seed, count):
-    rng = np.random.default_rng(seed)
-    schedules = []
-    while len(schedules) < count:
-        expiry = float(np.exp(rng.uniform(np.log(0.05), np.log(3.0))))
-        times = rng.uniform(0.0, expiry, rng.integers(1, 6))
-        kind = rng.choice(["cash", "fractions", "curves", "bermudan", "escrowed"])
-        option = Option(str(rng.choice(["put", "call"])), 100.0, expiry)
-        events = {
-            "cash_dividends": [
-                {"time": t, "amount": float(np.exp(rng.uniform(np.log(0.1), np.log(3.0))))} for t in times
-            ]
-        }
-        volatility = rng.uniform(0.1, 0.7)
-        rate, dividend_yield = rng.uniform(0.005, 0.08), float(rng.choice([0.0, 0.03]))
-        if kind == "fractions":
-            amounts = events.pop("cash_dividends")
-            events["proportional_dividends"] = [
-                {"time": dividend["time"], "fraction": 0.01 * dividend["amount"]} for dividend in amounts
-            ]
-        elif kind == "curves":
-            rate, dividend_yield = random_curve(rng, expiry, 0.0, 0.08), random_curve(rng, expiry, 0.0, 0.06)
-            volatility = random_curve(rng, expiry, 0.6 * volatility, 1.4 * volatility)
-        elif kind == "bermudan":
-            option = Option(option.option_type, 100.0, expiry, "bermudan", (*np.sort(times), expiry))
-        elif kind == "escrowed":
-            events["dividend_model"] = "escrowed"
-        spot = 100.0 * float(np.exp(rng.normal(0.0, 0.2)))
-        schedules.append(make_schedule(option, Market(spot, rate, volatility, dividend_yield, **events)))
-    return schedules
-
-
 @slow_on_the_twin
 @pytest.mark.parametrize(
     ("seed", "count"), [(5, 200), pytest.param(6, 3000, marks=pytest.mark.nightly)], ids=["few", "many"]
 )
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6, 1e-7])
 def test_values_are_within_their_tolerance_and_errors_are_stated_honestly(tolerance, seed, count):
-    book = pack(random_schedules(seed, count))
+    book = pack([make_schedule(*contract) for contract in random_contracts(seed, count)])
     exact = solve_to_tolerance(book, np.full(count, 1e-9), 1)
     found = solve_to_tolerance(book, np.full(count, tolerance), 1)
     assert found.settled.mean() > 0.998
@@ -166,6 +130,7 @@ def test_what_is_beyond_the_collocation_is_not_served():
     assert served.tolist() == [True, False, False]
 
 
+@slow_on_the_twin
 @pytest.mark.parametrize("volatility", [0.0005, 0.001, 0.002])
 def test_where_there_is_next_to_no_chance_the_general_path_serves(volatility):
     option = Option("put", 100.0, 1.0)

@@ -41,6 +41,7 @@ def errors_of_forward(carry, yields=YIELDS):
     return np.abs(carry.forward - expected)
 
 
+@slow_on_the_twin
 def test_the_yield_of_an_american_chain_is_recovered():
     chain, prices = synthetic_chain()
     carry = implied_carry({**chain, "option_price": prices})
