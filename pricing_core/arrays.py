@@ -1,5 +1,6 @@
 """Array aliases and the conversion every public constructor uses."""
 
+from fractions import Fraction
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -46,12 +47,22 @@ def as_square_matrix(field: str, value: ArrayLike) -> Matrix:
 
 def _finite(field: str, value: ArrayLike, ndim: int) -> NDArray[np.float64]:
     raw: Any = np.asarray(value)
-    if raw.dtype.kind not in "fiu":
+    if raw.dtype.kind not in "fiu" and not _holds_fractions(raw):
         raise InvalidInputError(field, value, "real numbers")
-    array = np.array(raw, dtype=np.float64)
+    try:
+        array = np.array(raw, dtype=np.float64)
+    except OverflowError as error:
+        raise InvalidInputError(field, value, "of a size that floating-point numbers reach") from error
     if array.ndim != ndim:
         raise InvalidInputError(field, f"shape {array.shape}", ("a number", "a vector", "a matrix")[ndim])
     if not np.isfinite(array).all():
         raise InvalidInputError(field, value, "finite")
     array.flags.writeable = False
     return array
+
+
+def _holds_fractions(raw: NDArray[Any]) -> bool:
+    """Tell whether an array of objects holds nothing but Fraction, int and float."""
+    return raw.dtype.kind == "O" and all(
+        isinstance(entry, Fraction | int | float) and not isinstance(entry, bool) for entry in raw.ravel()
+    )

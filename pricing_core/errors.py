@@ -7,7 +7,9 @@ PricingCoreError
     ├── RayTerminationError            Lemke's method stopped on a ray: nothing is proved
     ├── IterationLimitError            an iteration did not converge within its limit
     ├── RelativeDegreeError            the time-stepping scheme cannot converge for this system
-    └── StepSizeError                  step-size control reached its smallest or its last step
+    ├── StepSizeError                  step-size control reached its smallest or its last step
+    ├── NonUniqueError                 a state has several continuations, and none was chosen
+    └── ZenoError                      infinitely many events accumulate, and nothing goes on from their limit
 """
 
 SHOWN_CHARACTERS = 40
@@ -87,6 +89,14 @@ class RelativeDegreeError(NumericalError):
 
 class StepSizeError(NumericalError):
     """Step-size control could not meet its tolerance."""
+
+
+class NonUniqueError(NumericalError):
+    """A state has several continuations, and nothing says which one to take."""
+
+
+class ZenoError(NumericalError):
+    """Events accumulate at an instant from which there is no continuation."""
 
 
 def shown(value: object) -> str:

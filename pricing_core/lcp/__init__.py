@@ -1,7 +1,14 @@
 """Linear complementarity problems: find z with 0 <= w = M z + q _|_ z >= 0."""
 
 from pricing_core.lcp.enumeration import SolutionSet, enumerate_solutions
+from pricing_core.lcp.extended_horizontal import (
+    ExtendedHorizontalLCP,
+    ExtendedHorizontalSolution,
+    solve_extended_horizontal,
+)
 from pricing_core.lcp.feasibility import infeasibility_certificate
+from pricing_core.lcp.horizontal import HorizontalLCP, HorizontalSolution, solve_horizontal
+from pricing_core.lcp.least_norm import least_norm_solution
 from pricing_core.lcp.lemke import solve_lemke
 from pricing_core.lcp.murty import solve_murty
 from pricing_core.lcp.policy_iteration import solve_policy_iteration
@@ -10,22 +17,32 @@ from pricing_core.lcp.problem import LCP, LCPSolution, natural_residual, scaled_
 from pricing_core.lcp.psor import solve_psor
 from pricing_core.lcp.solve import Method, solve
 from pricing_core.lcp.tridiagonal import solve_brennan_schwartz, solve_double_sweep
+from pricing_core.lcp.w_property import column_w_violation, has_column_w_property
 from pricing_core.linalg.matrix_classes import is_p_matrix
 
 __all__ = [
     "LCP",
+    "ExtendedHorizontalLCP",
+    "ExtendedHorizontalSolution",
     "Face",
+    "HorizontalLCP",
+    "HorizontalSolution",
     "LCPSolution",
     "Method",
     "SolutionSet",
+    "column_w_violation",
     "enumerate_solutions",
+    "has_column_w_property",
     "infeasibility_certificate",
     "is_p_matrix",
+    "least_norm_solution",
     "natural_residual",
     "scaled_residual",
     "solve",
     "solve_brennan_schwartz",
     "solve_double_sweep",
+    "solve_extended_horizontal",
+    "solve_horizontal",
     "solve_lemke",
     "solve_murty",
     "solve_policy_iteration",

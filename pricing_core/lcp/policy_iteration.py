@@ -7,6 +7,7 @@ from pricing_core import kernel
 from pricing_core.arrays import BoolVector, Vector, as_vector
 from pricing_core.errors import InvalidInputError, IterationLimitError, NumericalError
 from pricing_core.lcp.basis import basic_point
+from pricing_core.lcp.policies import iterate_policies
 from pricing_core.lcp.problem import (
     DEFAULT_TOLERANCE,
     LCP,
@@ -18,6 +19,7 @@ from pricing_core.lcp.problem import (
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
 ROUNDING = 1e-14  # scaled: a smaller violation does not move its index to the other side
+REMEDY = "raise max_iterations, or use Lemke where M is no M-matrix"
 SOLVED = 1e-13  # of scaled_residual: ends the iteration where rounding keeps indices moving
 
 
@@ -85,33 +87,32 @@ def _solve_tridiagonal(problem: LCP, M: Tridiagonal, basic_set: BoolVector, limi
             "a pivot is zero: M is no M-matrix, or a principal submatrix is singular; use Lemke"
         ) from None
     if systems > limit and not scaled_residual(problem, z) <= SOLVED:
-        raise _no_convergence(limit)
+        raise IterationLimitError(f"policy iteration did not converge within {limit} iterations: {REMEDY}")
     return z, min(systems, limit)
 
 
 def _solve_general(problem: LCP, basic_set: BoolVector, limit: int) -> tuple[Vector, int]:
     seen: set[bytes] = set()
-    for iteration in range(1, limit + 1):
+
+    def evaluate(basic_set: BoolVector) -> tuple[BoolVector, Vector]:
         seen.add(basic_set.tobytes())
-        z = basic_point(problem, basic_set)
+        return basic_set, basic_point(problem, basic_set)
+
+    def improve(value: tuple[BoolVector, Vector]) -> BoolVector | None:
+        basic_set, z = value
         _, slack = scaled_parts(problem, z)
         following = np.where(basic_set, z > 0.0, slack < -ROUNDING)
         if np.array_equal(following, basic_set) or scaled_residual(problem, np.maximum(z, 0.0)) <= SOLVED:
-            return z, iteration
+            return None
         if following.tobytes() in seen:
             raise IterationLimitError(
-                f"policy iteration came back to a basic set after {iteration} iterations: "
+                f"policy iteration came back to a basic set after {len(seen)} iterations: "
                 "M is no M-matrix; use Lemke"
             )
-        basic_set = following
-    raise _no_convergence(limit)
+        return following
 
-
-def _no_convergence(limit: int) -> IterationLimitError:
-    return IterationLimitError(
-        f"policy iteration did not converge within {limit} iterations: "
-        "raise max_iterations, or use Lemke where M is no M-matrix"
-    )
+    (_, z), iterations = iterate_policies(evaluate, improve, basic_set, limit=limit, remedy=REMEDY)
+    return z, iterations
 
 
 def _first_basic_set(problem: LCP, start: ArrayLike | None) -> BoolVector:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 
 from pricing_core.arrays import Matrix, Vector
+from pricing_core.errors import StepSizeError
 from pricing_core.lcp import LCP
 from pricing_core.lcs.system import LCS
 
@@ -40,6 +41,11 @@ class OneStepProblem:
 def one_step_problem(system: LCS, h: float) -> OneStepProblem:
     """Factor (I - hA) and form M = D + h C (I - hA)^-1 B.
 
+    Raises
+    ------
+    StepSizeError
+        1/h is an eigenvalue of A.
+
     Examples
     --------
     For x' = u, y = x the matrix is h itself, as G(s) = 1/s:
@@ -47,6 +53,13 @@ def one_step_problem(system: LCS, h: float) -> OneStepProblem:
     >>> one_step_problem(LCS([[0.0]], [[1.0]], [[1.0]]), 0.25).M
     array([[0.25]])
     """
-    factors = lu_factor(np.eye(system.shape[0]) - h * system.A)
-    response = h * lu_solve(factors, system.B)
+    matrix = np.eye(system.shape[0]) - h * system.A
+    # lu_solve with several right-hand sides wakes BLAS threads even for 2 x 2: a millisecond on a busy machine.
+    try:
+        response = np.asarray(h * np.linalg.solve(matrix, system.B), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        raise StepSizeError(
+            f"I - h A is singular for h = {h:g}: 1/h is an eigenvalue of A; take another step"
+        ) from None
+    factors = lu_factor(matrix)
     return OneStepProblem(system, h, system.D + system.C @ response, response, factors)

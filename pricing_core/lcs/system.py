@@ -1,12 +1,14 @@
 """The linear complementarity system and its piecewise constant inputs."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pricing_core.arrays import Matrix, Vector, as_matrix, as_square_matrix, as_vector
 from pricing_core.errors import InvalidInputError
+from pricing_core.lcs.exosystem import Exosystem
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,24 +30,35 @@ class PiecewiseConstant:
 
     times: Vector  # (m,)
     values: Matrix  # (m, n)
+    given: NDArray[Any]  # (m, n): the values as given, for exact arithmetic
 
     def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
         knots = as_vector("times", times)
         if knots.size == 0 or np.any(np.diff(knots) <= 0):
             raise InvalidInputError("times", times, "a non-empty increasing vector")
         rows = np.asarray(values)
-        table = as_matrix("values", rows[:, None] if rows.ndim == 1 else rows)
+        rows = rows[:, None] if rows.ndim == 1 else rows
+        table = as_matrix("values", rows)
         if table.shape[0] != knots.size:
             raise InvalidInputError(
                 "values", f"{table.shape[0]} rows", f"one row for each of the {knots.size} times"
             )
         object.__setattr__(self, "times", knots)
         object.__setattr__(self, "values", table)
+        object.__setattr__(self, "given", _as_given(rows, table))
+
+    @property
+    def size(self) -> int:
+        """n, the number of components."""
+        return int(self.values.shape[1])
 
     def after(self, t: float) -> Vector:
         """Return the value that holds just after t, shape (n,)."""
-        index = min(int(np.searchsorted(self.times, t, side="right")), self.times.size - 1)
-        return np.asarray(self.values[index])
+        return np.asarray(self.values[self._piece_after(t)])
+
+    def given_after(self, t: float) -> NDArray[Any]:
+        """Return the value that holds just after t as it was given, shape (n,)."""
+        return np.asarray(self.given[self._piece_after(t)])
 
     def before(self, t: float) -> Vector:
         """Return the value that holds just before t, shape (n,)."""
@@ -57,10 +70,16 @@ class PiecewiseConstant:
         """The times at which the value changes."""
         return self.times[:-1]
 
+    def _piece_after(self, t: float) -> int:
+        return min(int(np.searchsorted(self.times, t, side="right")), self.times.size - 1)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LCS:
     """x' = Ax + Bu + f, y = Cx + Du + g, 0 <= y _|_ u >= 0 (11.69), with inputs f and g.
+
+    Entries may be `Fraction`: simulation rounds them, the exact methods take them as they are, and every
+    float for the rational number that `pricing_core.linalg.rational.rational` states.
 
     Parameters
     ----------
@@ -69,7 +88,7 @@ class LCS:
     C : array_like, shape (k, n)
     D : array_like, shape (k, k), optional
         Zero where missing.
-    f, g : array_like of shape (n,) and (k,), or PiecewiseConstant, optional
+    f, g : array_like of shape (n,) and (k,), PiecewiseConstant or Exosystem, optional
         Zero where missing.
 
     Raises
@@ -87,8 +106,9 @@ class LCS:
     B: Matrix
     C: Matrix
     D: Matrix
-    f: PiecewiseConstant
-    g: PiecewiseConstant
+    f: PiecewiseConstant | Exosystem
+    g: PiecewiseConstant | Exosystem
+    given: tuple[NDArray[Any], ...]  # A, B, C, D as given, for exact arithmetic
 
     def __init__(
         self,
@@ -96,8 +116,8 @@ class LCS:
         B: ArrayLike,
         C: ArrayLike,
         D: ArrayLike | None = None,
-        f: ArrayLike | PiecewiseConstant | None = None,
-        g: ArrayLike | PiecewiseConstant | None = None,
+        f: ArrayLike | PiecewiseConstant | Exosystem | None = None,
+        g: ArrayLike | PiecewiseConstant | Exosystem | None = None,
     ) -> None:
         state = as_square_matrix("A", A)
         n = state.shape[0]
@@ -106,6 +126,8 @@ class LCS:
         object.__setattr__(self, "B", as_matrix("B", B, (n, k)))
         object.__setattr__(self, "C", as_matrix("C", C, (k, n)))
         object.__setattr__(self, "D", as_matrix("D", np.zeros((k, k)) if D is None else D, (k, k)))
+        pairs = ((A, self.A), (B, self.B), (C, self.C), (self.D if D is None else D, self.D))
+        object.__setattr__(self, "given", tuple(_as_given(raw, matrix) for raw, matrix in pairs))
         object.__setattr__(self, "f", _as_input("f", f, n))
         object.__setattr__(self, "g", _as_input("g", g, k))
 
@@ -115,10 +137,23 @@ class LCS:
         return self.B.shape[0], self.B.shape[1]
 
 
-def _as_input(field: str, value: ArrayLike | PiecewiseConstant | None, size: int) -> PiecewiseConstant:
-    if isinstance(value, PiecewiseConstant):
-        if value.values.shape[1] != size:
-            raise InvalidInputError(field, f"{value.values.shape[1]} columns", f"{size} columns")
+def _as_input(
+    field: str, value: ArrayLike | PiecewiseConstant | Exosystem | None, size: int
+) -> PiecewiseConstant | Exosystem:
+    if isinstance(value, PiecewiseConstant | Exosystem):
+        if value.size != size:
+            raise InvalidInputError(field, f"{value.size} components", f"{size} components")
         return value
-    constant = as_vector(field, np.zeros(size) if value is None else value, size)
+    constant = np.zeros(size) if value is None else np.asarray(value)
+    as_vector(field, constant, size)
     return PiecewiseConstant([0.0], constant[None, :])
+
+
+def _as_given(raw: ArrayLike, rounded: Matrix) -> NDArray[Any]:
+    """Return the array of floats, or a copy of the integers and fractions that were given in its place."""
+    entries = np.asarray(raw)
+    if entries.dtype.kind == "f":
+        return rounded
+    own = np.array(entries)
+    own.flags.writeable = False
+    return own

@@ -1,5 +1,6 @@
 """The implicit stage of a linear complementarity system, and its way onto the constraints at the start."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
@@ -7,12 +8,13 @@ import numpy as np
 
 from pricing_core.arrays import Vector
 from pricing_core.errors import InfeasibleError, NumericalError
-from pricing_core.lcp import LCP, Method, solve
+from pricing_core.lcp import LCP, Method, least_norm_solution, solve
 from pricing_core.lcs.one_step_problem import OneStepProblem, one_step_problem
 from pricing_core.lcs.system import LCS
 from pricing_core.stepping import OneStepMethod, Step
 
-Scheme: TypeAlias = Literal["implicit-euler", "sdirk2"]
+Scheme: TypeAlias = Literal["implicit-euler", "sdirk2", "theta"]
+Multipliers: TypeAlias = Literal["any", "least-norm"]
 REMEMBERED_STEP_SIZES = 16
 
 
@@ -34,6 +36,7 @@ class LCSStage:
 
     system: LCS
     lcp_method: Method = "auto"
+    multipliers: Multipliers = "any"
     _problems: dict[float, OneStepProblem] = field(default_factory=dict, init=False, repr=False)
 
     def solve(self, t: float, base: Vector, h: float, near: LCSState) -> LCSState:
@@ -46,8 +49,17 @@ class LCSStage:
         """
         problem = self._problem(h)
         free = problem.free_state(base, t)
-        solution = solve(problem.lcp(free, t), method=self.lcp_method, start=near.multiplier > near.slack)
-        return LCSState(free + problem.response @ solution.z, solution.z, solution.w)
+        posed = problem.lcp(free, t)
+        solution = solve(posed, method=self.lcp_method, start=near.multiplier > near.slack)
+        u = solution.z
+        if self.multipliers == "least-norm":
+            u = least_norm_solution(posed, u)
+        return LCSState(free + problem.response @ u, u, problem.M @ u + posed.q)
+
+    def rate(self, t: float, state: LCSState) -> Vector:
+        """Return x' = Ax + Bu + f just after t."""
+        system = self.system
+        return np.asarray(system.A @ state.value + system.B @ state.multiplier + system.f.after(t))
 
     def _problem(self, h: float) -> OneStepProblem:
         if h not in self._problems:
@@ -61,15 +73,15 @@ class LCSStage:
 class SwitchControl:
     """Adds to a method's error estimate what a switch of mode at an unknown time inside the step may cost.
 
-    Where {i: u_i > y_i} differs between the ends of a step, the rate x' = Ax + Bu + f changed by B (u_end -
-    u_start) at some time in it. The time is unknown by up to h, and x by h |B (u_end - u_start)|. Step doubling
-    does not see that: the whole step and its two halves may all end on y = 0 exactly.
+    Where {i: u_i > y_i} differs between the ends of a step, the rate changed with u, for x' = Ax + Bu + f by
+    B (u_end - u_start), at some time in it. The time is unknown by up to h, and x by h times that change. Step
+    doubling does not see that: the whole step and its two halves may all end on y = 0 exactly.
 
     A switch is located to within `resolution` and no closer, so that h falls no lower on its account.
     """
 
     method: OneStepMethod[LCSState]
-    system: LCS
+    change_of_rate: Callable[[LCSState, LCSState], Vector]  # due to u, from the first state to the second
     resolution: float  # in the units of t
 
     @property
@@ -83,8 +95,8 @@ class SwitchControl:
         before, after = state.multiplier > state.slack, step.state.multiplier > step.state.slack
         if step.error is None or h <= self.resolution or np.array_equal(before, after):
             return step
-        change_of_rate = self.system.B @ (step.state.multiplier - state.multiplier)
-        return Step(step.state, step.value, np.abs(step.error) + h * np.abs(change_of_rate))
+        change = self.change_of_rate(state, step.state)
+        return Step(step.state, step.value, np.abs(step.error) + h * np.abs(change))
 
 
 def continue_from(system: LCS, x: Vector, t: float, tolerance: float) -> LCSState | None:

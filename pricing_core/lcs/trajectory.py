@@ -1,41 +1,65 @@
 """A simulated trajectory: states, multipliers, slacks and events."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.arrays import IndexSet, Matrix, Vector
 from pricing_core.errors import InvalidInputError
+from pricing_core.lcs.flow import Flow, evaluate
+from pricing_core.lcs.multipliers import least_norm_multipliers
+
+EventKind = Literal["switch", "jump", "input", "grazing", "zeno"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Event:
-    """A jump of the state, or a change of the input that leaves the state continuous.
+    """What happens at one instant.
 
     Parameters
     ----------
     time : float
-    kind : {"jump", "input"}
+    kind : {"switch", "jump", "input", "grazing", "zeno"}
+        A change of mode with a continuous state; a jump of the state; a change of the input alone; an output that
+        touches zero without crossing it; the limit of infinitely many events.
     x_before, x_after : Vector, shape (n,)
     impulse : Vector, shape (k,)
-        Coefficients of delta in u; zero for "input".
+        Coefficients of delta in u; zero but for "jump".
+    mode_before, mode_after : tuple of int, or None
+        The pairs with y_i = 0; None where time stepping does not tell, before the start, and behind an unknown limit.
+    multiplicity : int
+        How often the state is reinitialised at this instant (11.78): 0 where it is continuous.
+    energy_lost : float or None
+        x_before^T Q x_before / 2 less the same afterwards, with a storage function Q of a passive system.
+    order_sensitive : bool
+        Several constraints become active together, and the state afterwards would be another if they did so one
+        after the other, in one order at least (section 11.8).
+    ratio : float or None
+        Of a "zeno" event: what each round of events is shorter by than the one before.
     """
 
     time: float
-    kind: Literal["jump", "input"]
+    kind: EventKind
     x_before: Vector
     x_after: Vector
     impulse: Vector
+    mode_before: IndexSet | None = None
+    mode_after: IndexSet | None = None
+    multiplicity: int = 0
+    energy_lost: float | None = None
+    order_sensitive: bool = False
+    ratio: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
     """x(t), u(t), y(t) at the times of the steps, or at `t_eval` where that was given.
 
-    Calling it gives x, right-continuous, linear between stored times. At a jump inside the interval the time
-    is stored twice, before and after; `t[0]` holds the state after a jump at the start.
+    Calling it gives x, right-continuous: exactly as it flows where the run was driven by events, linear between
+    stored times where it stepped. Without `t_eval` the time of an event is stored twice, before and after.
 
     Parameters
     ----------
@@ -45,7 +69,7 @@ class Trajectory:
     events : tuple of Event
     status : {"finished", "interrupted"}
     scheme : str
-        The one-step method that was used.
+        "event-driven", or the one-step method that was used.
     accepted, rejected, forced : int
         Step counters, see `pricing_core.stepping.Integration`.
     """
@@ -60,6 +84,7 @@ class Trajectory:
     accepted: int
     rejected: int
     forced: int
+    flows: tuple[Flow, ...] = field(default=(), repr=False)
 
     def __call__(self, t: ArrayLike) -> Matrix:
         """Return x(t), shape (n,) for a scalar, (len(t), n) for a vector.
@@ -70,14 +95,35 @@ class Trajectory:
             t lies outside the simulated interval.
         """
         wanted = np.asarray(t, dtype=np.float64)
-        if not np.all((wanted >= self.t[0]) & (wanted <= self.t[-1])):
-            raise InvalidInputError("t", t, f"inside [{self.t[0]:g}, {self.t[-1]:g}]")
-        right = np.clip(np.searchsorted(self.t, wanted, side="right"), 1, max(1, self.t.size - 1))
+        start, end = (self.flows[0].start, self.flows[-1].end) if self.flows else (self.t[0], self.t[-1])
+        if not np.all((wanted >= start) & (wanted <= end)):
+            raise InvalidInputError("t", t, f"inside [{start:g}, {end:g}]")
+        if self.flows:
+            x = evaluate(self.flows, wanted.ravel())[0]
+            return x.reshape(*wanted.shape, x.shape[1])
         if self.t.size == 1:
             return np.broadcast_to(self.x[0], (*wanted.shape, self.x.shape[1])).copy()
+        right = np.clip(np.searchsorted(self.t, wanted, side="right"), 1, self.t.size - 1)
         left = right - 1
         width = self.t[right] - self.t[left]
         weight = np.where(width > 0.0, (wanted - self.t[left]) / np.where(width > 0.0, width, 1.0), 1.0)[
             ..., None
         ]
         return np.asarray((1.0 - weight) * self.x[left] + weight * self.x[right])
+
+    def refined(self, count: int) -> "Trajectory":
+        """Return the run at `count` times or somewhat more, evenly over the interval, and at each event twice.
+
+        Where it stepped nothing is known between the steps, and the trajectory itself is returned.
+        """
+        if not self.flows:
+            return self
+        spacing = (self.flows[-1].end - self.flows[0].start) / count
+        times = [
+            np.linspace(flow.start, flow.end, math.ceil((flow.end - flow.start) / spacing) + 1)
+            for flow in self.flows
+        ]
+        parts = [flow.at(t) for flow, t in zip(self.flows, times, strict=True)]
+        x, u, y = (np.concatenate(part) for part in zip(*parts, strict=True))
+        u, y = least_norm_multipliers(self.flows[0].form.system, u, y)
+        return replace(self, t=np.concatenate(times), x=x, u=u, y=y)

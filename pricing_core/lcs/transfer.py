@@ -20,9 +20,9 @@ def relative_degree(system: LCS) -> int:
     Time stepping converges up to 2: the multiplier of a mode of relative degree 3 contains delta', which no
     step of size h can hold. Modes with singular G_II say nothing and are passed over.
 
-    The power is read off the growth of G_II^-1 between two large real s. For k <= 6 and n <= 12 that is
-    done in exact arithmetic (unless its numbers grow too long, see `exact_degree`), and no scaling of the
-    data can mislead. Larger systems are computed in floating point: there a leading coefficient that is tiny
+    For k <= 6 and n <= 12 every G_II is inverted in exact arithmetic (unless its numbers grow too long, see
+    `exact_degree`), and no scaling of the data can mislead. In larger systems the power is read off the
+    growth of G_II^-1 between two large real s, in floating point: there a leading coefficient that is tiny
     beside the others passes for zero, and a G_II of condition above 1e11 for singular. For k > 10 a matrix D,
     or CB where D = 0, that is positive definite, an M-matrix or an H-matrix with positive diagonal settles it
     (0, or 1: every G_II is then dominated by that term); otherwise only modes of one or two indices and the

@@ -7,7 +7,7 @@ from pricing_core.stepping.controller import (
     PIController,
     StepSizeController,
 )
-from pricing_core.stepping.implicit import ImplicitEuler, ImplicitStage, Sdirk2
+from pricing_core.stepping.implicit import ImplicitEuler, ImplicitStage, Sdirk2, ThetaMethod
 from pricing_core.stepping.integrate import Integration, integrate
 from pricing_core.stepping.method import OneStepMethod, Step, StepDoubling
 
@@ -24,5 +24,6 @@ __all__ = [
     "Step",
     "StepDoubling",
     "StepSizeController",
+    "ThetaMethod",
     "integrate",
 ]

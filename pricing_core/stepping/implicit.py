@@ -32,6 +32,14 @@ class ImplicitStage(Protocol[ImplicitState]):
         ...
 
 
+class RatedStage(ImplicitStage[ImplicitState], Protocol[ImplicitState]):
+    """An implicit stage that also tells F itself."""
+
+    def rate(self, t: float, state: ImplicitState) -> Vector:
+        """Return F(t, state) just after t."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class ImplicitEuler(Generic[ImplicitState]):
     """y+ = y + h F(t + h, y+): order 1, L-stable; a state off the constraints is carried onto them."""
@@ -71,4 +79,26 @@ class Sdirk2(Generic[ImplicitState]):
         first = self.stage.solve(t + SDIRK2_THETA * h, state.value, SDIRK2_THETA * h, state)
         base = state.value + (1.0 - SDIRK2_THETA) / SDIRK2_THETA * (first.value - state.value)
         end = self.stage.solve(t + h, base, SDIRK2_THETA * h, first)
+        return Step(end, np.ravel(end.value))
+
+
+@dataclass(frozen=True, slots=True)
+class ThetaMethod(Generic[ImplicitState]):
+    """y+ = y + (1 - theta) h F(t, y) + theta h F(t + h, y+): order 2 for theta = 1/2, the trapezoidal rule, else 1.
+
+    Stable for theta >= 1/2; only theta = 1 damps the fastest components. It must start on the constraints.
+    """
+
+    stage: RatedStage[ImplicitState]
+    theta: float
+
+    @property
+    def order(self) -> int:
+        """2 or 1."""
+        return 2 if self.theta == 0.5 else 1
+
+    def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
+        """Go from t to t + h."""
+        base = state.value + (1.0 - self.theta) * h * self.stage.rate(t, state)
+        end = self.stage.solve(t + h, base, self.theta * h, state)
         return Step(end, np.ravel(end.value))

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from pricing_core.errors import StepSizeError
 from pricing_core.lcp import solve
 from pricing_core.lcs import LCS, one_step_problem
 
@@ -29,3 +30,8 @@ def test_the_solution_satisfies_the_three_equations_of_the_step():
     assert np.all(solution.w >= -1e-15)
     assert solution.z @ solution.w == pytest.approx(0.0, abs=1e-15)
     assert solution.z.max() > 0
+
+
+def test_a_step_for_which_the_matrix_is_singular_is_refused():
+    with pytest.raises(StepSizeError, match="take another step"):
+        one_step_problem(LCS([[2.0]], [[1.0]], [[1.0]]), 0.5)

@@ -1,3 +1,5 @@
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -49,3 +51,17 @@ def test_piecewise_constant_values_on_both_sides_of_a_knot():
 def test_shapes_that_do_not_fit_are_named(field, make):
     with pytest.raises(InvalidInputError, match=f"^{field} = "):
         make()
+
+
+def test_fractions_are_rounded_for_simulation_and_kept_for_exact_methods():
+    third = Fraction(1, 3)
+    system = LCS([[third]], [[1]], [[10**30]], g=[third])
+    assert system.A[0, 0] == 1 / 3
+    assert system.given[0][0, 0] == third
+    assert system.given[2][0, 0] == 10**30
+    assert system.g.given_after(0.0)[0] == third
+
+
+def test_fractions_beyond_floating_point_are_refused():
+    with pytest.raises(InvalidInputError, match="A"):
+        LCS([[Fraction(10**400)]], [[1]], [[1]])

@@ -1,0 +1,149 @@
+"""The horizontal linear complementarity problem M w = N z + q, 0 <= w _|_ z >= 0."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pricing_core.arrays import BoolVector, Matrix, Vector, as_matrix, as_square_matrix, as_vector
+from pricing_core.errors import NumericalError
+from pricing_core.lcp.problem import LCP
+from pricing_core.lcp.solve import solve
+
+RANK = 1e-10  # of columns of length 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HorizontalLCP:
+    """Find w and z with M w = N z + q and 0 <= w _|_ z >= 0; with M = I it is an LCP.
+
+    Parameters
+    ----------
+    M, N : array_like, shape (n, n)
+        Either may be singular.
+    q : array_like, shape (n,)
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes that do not fit, entries that are not finite.
+    """
+
+    M: Matrix  # (n, n)
+    N: Matrix  # (n, n)
+    q: Vector  # (n,)
+
+    def __init__(self, M: ArrayLike, N: ArrayLike, q: ArrayLike) -> None:
+        object.__setattr__(self, "M", as_square_matrix("M", M))
+        object.__setattr__(self, "N", as_matrix("N", N, self.M.shape))
+        object.__setattr__(self, "q", as_vector("q", q, self.M.shape[0]))
+
+    def residual(self, w: Vector, z: Vector) -> float:
+        """Return the largest of |M w - N z - q| and |min(w, z)|: zero exactly at the solutions."""
+        equation = np.abs(self.M @ w - self.N @ z - self.q)
+        return float(max(equation.max(initial=0.0), np.abs(np.minimum(w, z)).max(initial=0.0)))
+
+
+class HorizontalSolution(NamedTuple):
+    """A solution of a horizontal LCP, its residual, and the method that solved the LCP behind it."""
+
+    w: Vector  # (n,)
+    z: Vector  # (n,)
+    residual: float
+    method: str
+
+
+def solve_horizontal(problem: HorizontalLCP) -> HorizontalSolution:
+    """Solve a horizontal LCP that has a nonsingular complementary matrix, by the LCP of that matrix.
+
+    Raises
+    ------
+    NumericalError
+        Every complementary matrix is singular; or as `pricing_core.lcp.solve`.
+    InfeasibleError, RayTerminationError
+        As `pricing_core.lcp.solve`.
+
+    Notes
+    -----
+    Cost: that of `complementary_basis` and of the LCP. Source: Cottle, Pang, Stone 1992, section 1.5;
+    Sznajder and Gowda 1995.
+
+    Examples
+    --------
+    w = z + 1 in the first row, w + z = 2 in the second, where M is singular:
+
+    >>> problem = HorizontalLCP([[1, -1], [0, 0]], [[0, 0], [-1, -1]], [-3, 2])
+    >>> solution = solve_horizontal(problem)
+    >>> solution.w, solution.z
+    (array([0., 3.]), array([2., 0.]))
+    """
+    traded = complementary_basis(problem.M, problem.N)
+    table = exchanged(problem.M, problem.N, traded, problem.q[:, None])
+    n = problem.q.size
+    found = solve(LCP(table[:, :n], table[:, n]))
+    slack = np.maximum(found.w, 0.0)  # rounding apart
+    w, z = np.where(traded, found.z, slack), np.where(traded, slack, found.z)
+    return HorizontalSolution(w, z, problem.residual(w, z), found.method)
+
+
+def complementary_basis(M: Matrix, N: Matrix) -> BoolVector:
+    """Return for each pair whether z_i, rather than w_i, is among n unknowns that the equations determine.
+
+    The columns, M_i or N_i for each i, are chosen from the last pair to the first, M_i where both are possible.
+
+    Raises
+    ------
+    NumericalError
+        Every such matrix of n columns is singular, to within 1e-10.
+
+    Notes
+    -----
+    Cost: n rank decisions as a rule; a choice that proves wrong later is taken back.
+
+    Examples
+    --------
+    >>> complementary_basis(np.array([[1.0, -1.0], [0.0, 0.0]]), np.array([[0.0, 0.0], [-1.0, -1.0]]))
+    array([ True, False])
+    """
+    n = len(M)
+    pairs = _unit_columns(M), _unit_columns(N)
+    waiting: list[tuple[bool, ...]] = [()]  # the choices for the last pairs
+    while waiting:
+        chosen = waiting.pop()
+        first = n - len(chosen)
+        columns = [pairs[traded][:, first + i] for i, traded in enumerate(chosen)]
+        fixed = np.column_stack([*columns, np.zeros((n, 0))])
+        everything = np.hstack([fixed, pairs[0][:, :first], pairs[1][:, :first]])
+        if _rank(fixed) < len(chosen) or _rank(everything) < n:
+            continue
+        if first == 0:
+            return np.array(chosen, dtype=np.bool_)
+        waiting += [(True, *chosen), (False, *chosen)]
+    raise NumericalError(
+        "every choice of one column of each pair gives a singular matrix: the equations of this horizontal "
+        "problem do not determine as many unknowns as there are pairs"
+    )
+
+
+def exchanged(M: Matrix, N: Matrix, traded: BoolVector, right: Matrix) -> Matrix:
+    """Return [P, R] with s = P m + R r for M w = N z + right r.
+
+    s collects w_i, or z_i where traded, and m the others, shape (n, n + columns of `right`).
+
+    Examples
+    --------
+    >>> exchanged(np.eye(1), np.array([[2.0]]), np.array([True]), np.array([[3.0]]))
+    array([[ 0.5, -1.5]])
+    """
+    dependent, independent = np.where(traded, -N, M), np.where(traded, -M, N)
+    return np.asarray(np.linalg.solve(dependent, np.hstack([independent, right]))) + 0.0
+
+
+def _unit_columns(M: Matrix) -> Matrix:
+    lengths = np.linalg.norm(M, axis=0)
+    return np.asarray(M / np.where(lengths > 0.0, lengths, 1.0))
+
+
+def _rank(columns: Matrix) -> int:
+    return int(np.linalg.matrix_rank(columns, tol=RANK)) if columns.shape[1] else 0

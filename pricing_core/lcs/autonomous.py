@@ -1,0 +1,110 @@
+"""A system with inputs as one without: the inputs' own states follow those of the system."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from pricing_core.arrays import Matrix, Vector
+from pricing_core.lcs.balancing import Units, balancing_units
+from pricing_core.lcs.exosystem import Exosystem
+from pricing_core.lcs.rational_system import EXACT_SIZE, has_short_numbers, rational_system
+from pricing_core.lcs.system import LCS, PiecewiseConstant
+from pricing_core.linalg.rational import as_fractions, rational, rational_array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AutonomousForm:
+    """z' = A z + B u, y = C z + D u with z = (x, w), w' = S w: (11.69) with f = E_f w and g = E_g w.
+
+    Parameters
+    ----------
+    system : LCS
+        Of z, without offsets, in units in which its entries are of order 1.
+    units : Units
+        Of that system, in the units that were given.
+    states : int
+        n, the number of leading entries of z that are x.
+    inputs : tuple of Exosystem
+        Whose states make up w: one for f and one for g, or one that both share.
+    is_exact : bool
+        Whether ranks are decided in rational arithmetic: for small systems whose numbers look meant as they are.
+    """
+
+    system: LCS
+    units: Units
+    states: int
+    inputs: tuple[Exosystem, ...]
+    is_exact: bool
+
+    def state_after(self, x: Vector, t: float) -> Vector:
+        """Return z with the inputs as they are just after t, shape (n + p,)."""
+        return np.concatenate([x, *(signal.state_after(t) for signal in self.inputs)])
+
+    def knots(self, t0: float, t1: float) -> list[float]:
+        """Return the times strictly inside at which an input starts anew."""
+        return sorted({float(t) for signal in self.inputs for t in signal.jumps if t0 < t < t1})
+
+
+def autonomous_form(system: LCS) -> AutonomousForm:
+    """Return the system without inputs that has the same solutions.
+
+    Examples
+    --------
+    A constant force is a state that does not change:
+
+    >>> form = autonomous_form(LCS([[0.0]], [[1.0]], [[1.0]], f=[-9.81]))
+    >>> form.system.A * form.units.rate * form.units.state[:, None] / form.units.state
+    array([[ 0.  , -9.81],
+           [ 0.  ,  0.  ]])
+    >>> form.state_after(np.array([2.0]), 0.0)
+    array([2., 1.])
+    """
+    n, k = system.shape
+    f, g = (as_exosystem(signal) for signal in (system.f, system.g))
+    inputs = (f,) if _share_states(system.f, system.g) else (f, g)
+    A, B, C, D = system.given
+    size = sum(signal.generator.shape[0] for signal in inputs)
+    to_f, to_g = np.zeros((n, size)), np.zeros((k, size))
+    to_f[:, : f.output.shape[1]] = f.output
+    to_g[:, size - g.output.shape[1] :] = g.output
+    generator = block_diag(*(signal.generator for signal in inputs))
+    combined = LCS(
+        np.vstack([np.hstack([A, to_f]), np.hstack([np.zeros((size, n)), generator])]),
+        np.vstack([B, np.zeros((size, k))]),
+        np.hstack([C, to_g]),
+        D,
+    )
+    units = balancing_units(combined.A, combined.B, combined.C, combined.D)
+    is_exact = sum(combined.shape) <= EXACT_SIZE and has_short_numbers(combined)
+    return AutonomousForm(_balanced(combined, units, is_exact), units, n, inputs, is_exact)
+
+
+def _balanced(system: LCS, units: Units, is_exact: bool) -> LCS:
+    if not is_exact:
+        return LCS(*units.apply(system.A, system.B, system.C, system.D))
+    powers = Units(rational_array(units.state), rational_array(units.pair), rational(units.rate))
+    return LCS(*(as_fractions(matrix) for matrix in powers.apply(*rational_system(system))))
+
+
+def as_exosystem(signal: PiecewiseConstant | Exosystem) -> Exosystem:
+    """Return the input as an exosystem: one state if it is constant, else one for each component that changes."""
+    if isinstance(signal, Exosystem):
+        return signal
+    values: Matrix = signal.values
+    if values.shape[0] == 1:
+        used = np.any(values != 0.0)
+        output = values.T if used else np.zeros((values.shape[1], 0))
+        return Exosystem(np.zeros((output.shape[1],) * 2), output, np.ones((1, output.shape[1])))
+    changing = np.flatnonzero(np.any(values != 0.0, axis=0))
+    output = np.eye(values.shape[1])[:, changing]
+    starts = np.concatenate([signal.times[:1] - 1.0, signal.jumps])
+    return Exosystem(np.zeros((changing.size,) * 2), output, values[:, changing], starts)
+
+
+def _share_states(f: PiecewiseConstant | Exosystem, g: PiecewiseConstant | Exosystem) -> bool:
+    """Tell whether both inputs were given as outputs of one exosystem."""
+    if not (isinstance(f, Exosystem) and isinstance(g, Exosystem)):
+        return False
+    pairs = ((f.generator, g.generator), (f.states, g.states), (f.times, g.times))
+    return all(np.array_equal(one, other) for one, other in pairs)

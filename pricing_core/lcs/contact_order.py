@@ -1,0 +1,75 @@
+"""Whether constraints that become active together lead elsewhere when they do so one after the other (section 11.8)."""
+
+import itertools
+
+import numpy as np
+
+from pricing_core.arrays import IndexSet, Vector
+from pricing_core.lcs.mode_dynamics import ModeDynamics
+from pricing_core.lcs.mode_selection import ModeSelector
+
+MOST_TOGETHER = 4  # constraints whose orders are all tried
+MOST_REBOUNDS = 50
+SAME_STATE = 1e-8
+
+
+def depends_on_order(
+    selector: ModeSelector, z: Vector, active: IndexSet, crossed: tuple[int, ...], at_start: bool
+) -> bool:
+    """Tell whether the state after a jump depends on the order in which the constraints are met.
+
+    Parameters
+    ----------
+    z : Vector, shape (N,)
+        Before the jump, in the form's units.
+    active : tuple of int
+        The mode before.
+    crossed : tuple of int
+        What is violated; at the start, when it is not known, what the mode without constraints violates.
+    """
+    if at_start:
+        crossed = _violated(selector.dynamics(active), z)
+    contacts = [i for i in crossed if i not in active]
+    if not 2 <= len(contacts) <= MOST_TOGETHER:
+        return False
+    ends = [_one_by_one(selector, z, active, order) for order in itertools.permutations(contacts)]
+    known = [end for end in ends if end is not None]
+    size = SAME_STATE * float(np.max(np.abs(z), initial=0.0))
+    return any(float(np.max(np.abs(end - known[0]))) > size for end in known[1:])
+
+
+def _one_by_one(selector: ModeSelector, z: Vector, active: IndexSet, order: tuple[int, ...]) -> Vector | None:
+    """Return the state after the constraints are met in this order, None where that does not end."""
+    dynamics = selector.dynamics(active)
+    for _ in range(MOST_REBOUNDS):
+        violated = [i for i in order if i in _violated(dynamics, z)]
+        if not violated or dynamics is None:
+            return None if dynamics is None else z
+        looked_at = tuple(sorted({*dynamics.mode, violated[0]}))
+        dynamics = _restricted(selector, z, looked_at)
+        if dynamics is None:
+            return None
+        z = dynamics.basis @ dynamics.coordinates_of(z)
+    return None
+
+
+def _restricted(selector: ModeSelector, z: Vector, looked_at: IndexSet) -> ModeDynamics | None:
+    """Return the mode that admits z as far as these constraints see."""
+    pairs = list(looked_at)
+    for count in range(len(pairs), -1, -1):
+        for mode in itertools.combinations(pairs, count):
+            dynamics = selector.dynamics(mode)
+            if dynamics is not None and np.all(_signs(dynamics, z)[pairs] >= 0.0):
+                return dynamics
+    return None
+
+
+def _violated(dynamics: ModeDynamics | None, z: Vector) -> tuple[int, ...]:
+    if dynamics is None:
+        return ()
+    return tuple(np.flatnonzero(_signs(dynamics, z) < 0.0).tolist())
+
+
+def _signs(dynamics: ModeDynamics, z: Vector) -> Vector:
+    leading, _ = dynamics.leading_impulses(z)
+    return np.where(leading != 0.0, leading, dynamics.initial_signs(dynamics.coordinates_of(z)))

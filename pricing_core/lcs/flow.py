@@ -1,0 +1,65 @@
+"""The flow in one mode between two events, as a chain of Taylor polynomials."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pricing_core.arrays import IndexSet, Matrix, Vector
+from pricing_core.lcs.autonomous import AutonomousForm
+from pricing_core.lcs.mode_dynamics import DEGREE, ModeDynamics
+
+
+@dataclass(slots=True, eq=False)
+class Flow:
+    """z(t) = V c(t) from start to end; the coordinates are kept at the start of every step.
+
+    Parameters
+    ----------
+    form : AutonomousForm
+    dynamics : ModeDynamics
+    start, end : float
+    times : list of float
+        Of the steps' starts.
+    coordinates : list of Vector, shape (d,)
+    """
+
+    form: AutonomousForm
+    dynamics: ModeDynamics
+    start: float
+    end: float
+    times: list[float] = field(default_factory=list)
+    coordinates: list[Vector] = field(default_factory=list)
+
+    @property
+    def mode(self) -> IndexSet:
+        """I."""
+        return self.dynamics.mode
+
+    def at(self, t: Vector) -> tuple[Matrix, Matrix, Matrix]:
+        """Return x, u and y at increasing times of this flow, shapes (m, n), (m, k), (m, k)."""
+        form, dynamics = self.form, self.dynamics
+        steps = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 1)
+        c = np.empty((t.size, dynamics.rate.shape[0]))
+        for step in np.unique(steps):
+            rows = steps == step
+            place = (t[rows] - self.times[step]) * form.units.rate / dynamics.step
+            powers = place[:, None] ** np.arange(DEGREE + 1)
+            c[rows] = powers @ dynamics.expansion(self.coordinates[step])
+        x = (c @ dynamics.basis.T * form.units.state)[:, : form.states]
+        outputs = c @ dynamics.outputs.T
+        active = np.zeros(outputs.shape[1], dtype=bool)
+        active[list(dynamics.mode)] = True
+        u = np.where(active, outputs, 0.0) * form.units.pair
+        y = np.where(active, 0.0, outputs) / form.units.pair
+        return x, u, y
+
+
+def evaluate(flows: tuple[Flow, ...], t: Vector) -> tuple[Matrix, Matrix, Matrix]:
+    """Return x, u and y at times in any order, right-continuous, shapes (m, n), (m, k), (m, k)."""
+    which = np.clip(np.searchsorted([flow.start for flow in flows], t, side="right") - 1, 0, len(flows) - 1)
+    n, k = flows[0].form.states, flows[0].dynamics.outputs.shape[0]
+    x, u, y = np.empty((t.size, n)), np.empty((t.size, k)), np.empty((t.size, k))
+    for index in np.unique(which):
+        rows = which == index
+        x[rows], u[rows], y[rows] = flows[index].at(t[rows])
+    return x, u, y

@@ -1,0 +1,167 @@
+"""Which mode a state goes on in: the index sets of S(z), nearest to the current one first."""
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from pricing_core.arrays import IndexSet, Vector
+from pricing_core.errors import InfeasibleError, NonUniqueError, NumericalError
+from pricing_core.lcp import LCP, solve
+from pricing_core.lcs.autonomous import AutonomousForm
+from pricing_core.lcs.mode_dynamics import ModeDynamics, mode_dynamics
+from pricing_core.lcs.slow_part import SlowPart, slow_part
+
+OnNonUnique: TypeAlias = Literal["raise", "first"] | Callable[[float, Vector, tuple[IndexSet, ...]], IndexSet]
+
+LARGEST_COMPLETE = 10  # pairs up to which all 2**k modes are looked at
+SEARCHED = (1e2, 1e4, 1e6)  # real s, in the form's units, at which large systems are solved for their mode
+SAME_STATE = 1e-8  # relative: futures this close are one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModeSelector:
+    """The mode selection rule I in S(z) of (11.78), with the dynamics of every mode that was looked at.
+
+    Parameters
+    ----------
+    form : AutonomousForm
+    is_unique : bool
+        Whether the state is known to have one continuation only: then the first mode found is taken.
+    on_nonunique : {"raise", "first"} or callable
+        A callable is given t, x and the modes, and returns one of them.
+    """
+
+    form: AutonomousForm
+    is_unique: bool
+    on_nonunique: OnNonUnique
+    _known: dict[IndexSet, ModeDynamics | None] = field(default_factory=dict, init=False, repr=False)
+    _slow: dict[int, SlowPart | None] = field(default_factory=dict, init=False, repr=False)
+    _taken: dict[tuple[IndexSet, IndexSet | None], IndexSet] = field(
+        default_factory=dict, init=False, repr=False
+    )
+
+    def dynamics(self, mode: IndexSet) -> ModeDynamics | None:
+        """Return the dynamics of a mode, None where u is not unique in it."""
+        if mode not in self._known:
+            self._known[mode] = mode_dynamics(self.form, mode)
+        return self._known[mode]
+
+    def slow_part(self, dynamics: ModeDynamics) -> SlowPart | None:
+        """Return what is left of a mode once its fast part has died out, None where it has none."""
+        key = id(dynamics)  # all dynamics are kept
+        if key not in self._slow:
+            self._slow[key] = slow_part(dynamics)
+        return self._slow[key]
+
+    def select(self, z: Vector, t: float, near: IndexSet, without: IndexSet | None = None) -> ModeDynamics:
+        """Return the dynamics of the mode in which z goes on.
+
+        Parameters
+        ----------
+        z : Vector, shape (N,)
+            In the form's units.
+        near : tuple of int
+            The mode so far: others are tried in the order of their distance from it.
+        without : tuple of int, optional
+            A mode that is known not to go on.
+
+        Raises
+        ------
+        InfeasibleError
+            There is no admissible mode.
+        NonUniqueError
+            There are several, with different futures.
+        """
+        k = self.form.system.shape[1]
+        one_is_enough = self.is_unique or k > LARGEST_COMPLETE
+        if one_is_enough or self.on_nonunique == "first":
+            found = next(self._admitting(z, near, without), None)
+            if found is None:
+                raise self._no_mode(z, t)
+            if one_is_enough:
+                self._taken[near, without] = found.mode
+            return found
+        every = list(self._admitting(z, near, without))
+        if not every:
+            raise self._no_mode(z, t)
+        if all(self._same_future(every[0], other, z) for other in every[1:]):
+            return every[0]
+        return self._chosen(every, z, t)
+
+    def _admitting(self, z: Vector, near: IndexSet, without: IndexSet | None) -> Iterator[ModeDynamics]:
+        for mode in self._candidates(z, near, self._taken.get((near, without), near)):
+            dynamics = None if mode == without else self.dynamics(mode)
+            if dynamics is not None and dynamics.admits(z):
+                yield dynamics
+
+    def _candidates(self, z: Vector, near: IndexSet, last: IndexSet) -> Iterator[IndexSet]:
+        """Yield the mode taken last time, the nearest, what large s suggests; if they are few, all by distance."""
+        k = self.form.system.shape[1]
+        tried = {last}
+        yield last
+        if near not in tried:
+            tried.add(near)
+            yield near
+        for mode in self._from_problems(z):
+            if mode not in tried:
+                tried.add(mode)
+                yield mode
+        if k <= LARGEST_COMPLETE:
+            for distance in range(1, k + 1):
+                for changed in itertools.combinations(range(k), distance):
+                    mode = tuple(sorted(set(near) ^ set(changed)))
+                    if mode not in tried:
+                        yield mode
+
+    def _from_problems(self, z: Vector) -> Iterator[IndexSet]:
+        """Yield the modes that solve the problem (11.77) at large real s."""
+        A, B, C, D = self.form.system.A, self.form.system.B, self.form.system.C, self.form.system.D
+        for s in SEARCHED:
+            resolved = np.linalg.solve(s * np.eye(A.shape[0]) - A, np.column_stack([B, z]))
+            try:
+                solution = solve(LCP(D + C @ resolved[:, :-1], s * (C @ resolved[:, -1])))
+            except NumericalError:
+                continue
+            yield tuple(np.flatnonzero(solution.z > solution.w).tolist())
+
+    def _same_future(self, one: ModeDynamics, other: ModeDynamics, z: Vector) -> bool:
+        """Tell whether the states after the jump and all their derivatives agree."""
+        a, b = one.coordinates_of(z), other.coordinates_of(z)
+        rates = one.rate, other.rate
+        step = min(one.step, other.step, 1.0)
+        for _ in range(z.size + 1):
+            here, there = one.basis @ a, other.basis @ b
+            size = max(float(np.max(np.abs(here), initial=0.0)), float(np.max(np.abs(z), initial=0.0)))
+            if np.any(np.abs(here - there) > SAME_STATE * size):
+                return False
+            a, b = step * (rates[0] @ a), step * (rates[1] @ b)
+        return True
+
+    def _chosen(self, every: list[ModeDynamics], z: Vector, t: float) -> ModeDynamics:
+        modes = tuple(dynamics.mode for dynamics in every)
+        x = (z * self.form.units.state)[: self.form.states]
+        if callable(self.on_nonunique):
+            wanted = tuple(self.on_nonunique(t, x, modes))
+            if wanted not in modes:
+                raise NonUniqueError(
+                    f"on_nonunique chose the mode {wanted} at t = {t:.12g}: not one of {modes}"
+                )
+            return every[modes.index(wanted)]
+        raise NonUniqueError(
+            f"several continuations from x = {_shown(x)} at t = {t:.12g}, in the modes {modes}: "
+            'choose with on_nonunique="first" or a function of (t, x, modes)'
+        )
+
+    def _no_mode(self, z: Vector, t: float) -> InfeasibleError:
+        x = (z * self.form.units.state)[: self.form.states]
+        return InfeasibleError(
+            f"no mode goes on from x = {_shown(x)} at t = {t:.12g}: S(x) holds no set with a unique input; "
+            'see `rational_complementarity`, or step with method="time-stepping"'
+        )
+
+
+def _shown(x: Vector) -> str:
+    return np.array2string(x, precision=6, threshold=8)

@@ -1,0 +1,155 @@
+"""Time stepping of a linear complementarity system with error control."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pricing_core.arrays import Vector
+from pricing_core.errors import InvalidInputError
+from pricing_core.lcp import Method
+from pricing_core.lcs.stepping_scheme import (
+    ATOL,
+    RTOL,
+    SMALLEST_STEP,
+    choose_scheme,
+    one_step_method,
+    stepped_trajectory,
+)
+from pricing_core.lcs.system import LCS
+from pricing_core.lcs.time_stepping import (
+    LCSStage,
+    LCSState,
+    Multipliers,
+    Scheme,
+    SwitchControl,
+    continue_from,
+    jump,
+)
+from pricing_core.lcs.trajectory import Event, Trajectory
+from pricing_core.stepping import FixedStep, PIController, StepDoubling, integrate
+from pricing_core.stepping.controller import StepSizeController
+from pricing_core.stepping.method import OneStepMethod
+
+JUMP_STEP = 1e-10  # fraction of the interval that stands for an instant
+
+
+class StepChoices(NamedTuple):
+    """The numerical choices of a stepped simulation; see `simulate`."""
+
+    scheme: Scheme | Literal["auto"]
+    theta: float | None
+    h: float | None
+    rtol: float | None
+    atol: ArrayLike | None
+    lcp_method: Method
+    multipliers: Multipliers
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """What they come to."""
+
+    method: OneStepMethod[LCSState]
+    controller: StepSizeController
+    consistent_within: float
+    interrupt: Callable[[], bool] | None
+
+
+def simulate_by_steps(
+    system: LCS,
+    x0: Vector,
+    t_span: tuple[float, float],
+    t_eval: Vector | None,
+    choices: StepChoices,
+    interrupt: Callable[[], bool] | None,
+) -> Trajectory:
+    """Simulate from x0 over t_span, one LCP per implicit stage (11.65); see `simulate`."""
+    t0, t1 = t_span
+    chosen = choose_scheme(system, choices.scheme)
+    h = choices.h
+    size = float(np.max(np.abs(x0), initial=0.0))
+    if choices.multipliers not in ("any", "least-norm"):
+        raise InvalidInputError("multipliers", choices.multipliers, '"any" or "least-norm"')
+    stage = LCSStage(system, choices.lcp_method, choices.multipliers)
+    one_step = one_step_method(stage, chosen, choices.theta)
+    run = _Run(
+        method=one_step
+        if h is not None
+        else SwitchControl(
+            StepDoubling(one_step), partial(_change_of_rate, system), SMALLEST_STEP * (t1 - t0)
+        ),
+        controller=FixedStep(h)
+        if h is not None
+        else PIController(
+            RTOL if choices.rtol is None else choices.rtol,
+            ATOL if choices.atol is None else choices.atol,
+            start=1e-3,
+        ),
+        consistent_within=1e-12 * max(1.0, size) * max(1.0, float(np.max(np.abs(system.C), initial=0.0))),
+        interrupt=interrupt,
+    )
+    return _assemble(system, x0, t_span, run, t_eval, chosen)
+
+
+def _assemble(
+    system: LCS, x: Vector, span: tuple[float, float], run: _Run, reported: Vector | None, scheme: str
+) -> Trajectory:
+    """Integrate between the times at which an input changes, with a jump wherever the state must."""
+    t0, t1 = span
+    knots = sorted({float(k) for k in (*system.f.jumps, *system.g.jumps) if t0 < k < t1})
+    times: list[float] = []
+    states: list[LCSState] = []
+    events: list[Event] = []
+    counts = np.zeros(3, dtype=int)
+    status: Literal["finished", "interrupted"] = "finished"
+    for begin, end in zip([t0, *knots], [*knots, t1], strict=True):
+        state, event = _enter(system, x, begin, begin > t0, (t1 - t0) * JUMP_STEP, run.consistent_within)
+        events += [] if event is None else [event]
+        integration = integrate(
+            run.method,
+            state,
+            (begin, end),
+            controller=run.controller,
+            stop_times=() if reported is None else reported,
+            smallest_h=SMALLEST_STEP * (end - begin),
+            force_smallest=scheme == "implicit-euler",
+            interrupt=run.interrupt,
+        )
+        times += integration.t.tolist()
+        states += integration.states
+        counts += integration.accepted, integration.rejected, integration.forced
+        x = integration.states[-1].value
+        status = integration.status
+        if status == "interrupted":
+            break
+    accepted, rejected, forced = counts.tolist()
+    return stepped_trajectory(
+        times,
+        states,
+        reported,
+        events=events,
+        status=status,
+        scheme=scheme,
+        counts=(accepted, rejected, forced),
+    )
+
+
+def _change_of_rate(system: LCS, before: LCSState, after: LCSState) -> Vector:
+    return np.asarray(system.B @ (after.multiplier - before.multiplier))
+
+
+def _enter(
+    system: LCS, x: Vector, t: float, input_changes: bool, h: float, consistent_within: float
+) -> tuple[LCSState, Event | None]:
+    """Return the state just after t, and the jump or change of input if there is one."""
+    state = continue_from(system, x, t, consistent_within)
+    if state is not None:
+        return state, Event(t, "input", x, x, np.zeros(system.shape[1])) if input_changes else None
+    landed = jump(system, x, t, h)
+    event = Event(t, "jump", x, landed.value, h * landed.multiplier)
+    # The multiplier of the jump is impulse / h; what holds after it is the ordinary one.
+    return continue_from(system, landed.value, t, consistent_within) or landed, event

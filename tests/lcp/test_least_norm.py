@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+from pricing_core.lcp import LCP, least_norm_solution, solve
+
+
+def test_a_unique_solution_is_returned_as_it_is():
+    problem = LCP([[2.0, 1.0], [1.0, 2.0]], [-5.0, -6.0])
+    solution = solve(problem).z
+    assert least_norm_solution(problem, solution) is solution
+
+
+def test_on_a_segment_it_is_the_point_nearest_the_origin():
+    """Cottle, Pang, Stone 1992, 4.1.14: all z >= 0 with z1 + z2 = 1."""
+    problem = LCP(np.ones((2, 2)), [-1.0, -1.0])
+    assert least_norm_solution(problem, np.array([1.0, 0.0])) == pytest.approx([0.5, 0.5], abs=1e-12)
+
+
+def test_kept_products_stay():
+    problem = LCP(np.zeros((3, 3)), np.zeros(3))
+    found = least_norm_solution(problem, np.array([3.0, 0.0, 1.0]), kept=np.array([[1.0, 2.0, 0.0]]))
+    assert found == pytest.approx([0.6, 1.2, 0.0], abs=1e-12)
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=40, deadline=None)
+def test_no_solution_is_shorter(seed):
+    """M = F F^T of low rank: against a general minimiser on {z >= 0, F^T z = F^T z0, q^T z = q^T z0}."""
+    rng = np.random.default_rng(seed)
+    n, rank = 5, 2
+    F = rng.integers(-2, 3, (n, rank)).astype(float)
+    planted = np.where(rng.random(n) < 0.6, rng.integers(0, 3, n), 0).astype(float)
+    slack = np.where(planted > 0.0, 0.0, rng.integers(0, 2, n)).astype(float)
+    problem = LCP(F @ F.T, slack - F @ (F.T @ planted))
+    found = least_norm_solution(problem, planted)
+    w = problem.M @ found + problem.q
+    assert found.min() >= 0.0
+    assert w.min() >= -1e-9
+    assert abs(found @ w) < 1e-9
+    others = minimize(
+        lambda z: z @ z,
+        planted,
+        jac=lambda z: 2.0 * z,
+        bounds=[(0.0, 0.0 if s > 0.0 else None) for s in slack],
+        constraints={"type": "eq", "fun": lambda z: F.T @ (z - planted), "jac": lambda z: F.T},
+        method="SLSQP",
+    )
+    assert found @ found <= others.fun + 1e-6
