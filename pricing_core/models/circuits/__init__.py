@@ -1,0 +1,1 @@
+"""Circuits with ideal diodes (11.2.1)."""

@@ -1,0 +1,147 @@
+"""From the elements of a circuit to its linear complementarity system, all eliminations in rational numbers."""
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pricing_core.arrays import Matrix
+from pricing_core.errors import InvalidInputError, Told
+from pricing_core.lcs import LCS, Exosystem
+from pricing_core.linalg.rational import (
+    RationalMatrix,
+    as_fractions,
+    rational_array,
+    rounded,
+)
+from pricing_core.linalg.rational_definite import negative_vector
+from pricing_core.models.circuits.circuit_lcs import CircuitLCS
+from pricing_core.models.circuits.elements import Capacitor, Element, Inductor
+from pricing_core.models.circuits.equations import Number, Symbol
+from pricing_core.models.circuits.hidden_constraints import (
+    completed,
+    continuous_coordinates,
+)
+from pricing_core.models.circuits.ports import chosen_multipliers
+from pricing_core.models.circuits.readings import Readings, SourceSignals
+from pricing_core.models.circuits.signals import Value, stacked
+from pricing_core.models.circuits.solution import solved_states, solved_unknowns
+from pricing_core.models.circuits.sources import CurrentSource, VoltageSource
+from pricing_core.models.circuits.tableau import tableau
+from pricing_core.models.circuits.topology import check_topology
+
+CONTINUOUS = 1e-9  # relative: smaller steps of a source are rounding
+
+
+def assemble(elements: Sequence[Element]) -> CircuitLCS:
+    """Return the system of the circuit.
+
+    Hidden constraints are completed, multipliers chosen, the states expressed by coordinates x = W s that stay
+    continuous when sources step, and everything else solved for (x, u, e, e', ...).
+
+    Raises
+    ------
+    InvalidInputError
+        See `DiodeCircuit.to_lcs`.
+    """
+    check_topology(elements)
+    equations = tableau(elements)
+    full = completed(equations)
+    u, y = chosen_multipliers(equations, full.K)
+    W = continuous_coordinates(equations, full.P_s, u)
+    n, k = W.shape[0], len(u)
+    states = solved_states(full, W, k)
+    unknowns = solved_unknowns(full, states, u)
+    X, U, E = slice(0, n), slice(n, n + k), slice(n + k, None)
+    slopes = W @ equations.rate @ unknowns
+    A, B, C, D = slopes[:, X], slopes[:, U], unknowns[y][:, X], unknowns[y][:, U]
+    M = equations.M
+    Q = states[:, X].T @ M @ states[:, X]
+    values = [e.value for e in elements if isinstance(e, VoltageSource | CurrentSource)]
+    sources = SourceSignals(
+        tuple(name for _, name in equations.sources),
+        stacked(values),
+        full.R.shape[1] // max(len(values), 1) - 1,
+    )
+    _check_steps(sources, rounded(unknowns[y][:, E]))
+    f, g = (_input(sources, values, rows) for rows in (slopes[:, E], unknowns[y][:, E]))
+    given = rational_array(np.array([_initial(e) for e in elements if isinstance(e, Capacitor | Inductor)]))
+    named = [j for j, (kind, _) in enumerate(equations.unknowns) if kind != "reverse"]
+    return CircuitLCS(
+        system=LCS(as_fractions(A), as_fractions(B), as_fractions(C), as_fractions(D), f, g),
+        state_names=_state_names(elements, states[:, X], states[:, E], sources.names),
+        x0=rounded(W @ given),
+        multiplier_names=tuple(_port_name(equations.unknowns[j]) for j in u),
+        slack_names=tuple(_port_name(equations.unknowns[j]) for j in y),
+        stored_energy=rounded(Q),
+        is_passive=_satisfies(Q, A, B, C, D),
+        readings=Readings(
+            tuple("{}({})".format(*equations.unknowns[j]) for j in named),
+            *(rounded(unknowns[named][:, part]) for part in (X, U, E)),
+        ),
+        element_states=Readings(
+            tuple(name for _, name in equations.states), *(rounded(states[:, part]) for part in (X, U, E))
+        ),
+        storage=rounded(M),
+        initial_element_states=rounded(given),
+        sources=sources,
+    )
+
+
+def _input(
+    sources: SourceSignals, values: Sequence[Value], rows: RationalMatrix
+) -> ArrayLike | Exosystem | None:
+    """Return the input rows (e, e', ...): a vector of exact numbers where all sources are constant."""
+    if all(isinstance(value, int | float | Fraction) for value in values):
+        constant = rational_array(np.array([*values, *[0] * (rows.shape[1] - len(values))], dtype=object))
+        return as_fractions(rows @ constant)
+    return sources.times(rounded(rows))
+
+
+def _check_steps(sources: SourceSignals, g: Matrix) -> None:
+    """Refuse a source that steps where a slack contains its derivative."""
+    count = len(sources.names)
+    sizes = np.abs(sources.output).max(axis=1, initial=0.0)
+    differentiated = np.flatnonzero(np.any(g[:, count:] != 0.0, axis=0))
+    for t in sources.signal.jumps:
+        steps = np.abs(sources.after(t) - sources.before(t)) > CONTINUOUS * sizes
+        for column in differentiated[steps[differentiated]]:
+            name = sources.names[column % count]
+            remedy = "continuous, since the circuit differentiates it: use a piecewise linear source"
+            raise InvalidInputError("value of source", Told(name), remedy)
+
+
+def _initial(store: Capacitor | Inductor) -> Number:
+    return store.initial_voltage if isinstance(store, Capacitor) else store.initial_current
+
+
+def _port_name(symbol: Symbol) -> str:
+    kind, name = symbol
+    return f"i({name})" if kind == "i" else f"-v({name})"
+
+
+def _state_names(
+    elements: Sequence[Element], X: RationalMatrix, E: RationalMatrix, sources: Sequence[str]
+) -> tuple[str, ...]:
+    """Name each x_i after the first state s that is x_i but for a share of the sources, which is subtracted."""
+    stores = [e for e in elements if isinstance(e, Capacitor | Inductor)]
+    names = []
+    for unit in np.eye(X.shape[1], dtype=int):
+        row = next(j for j in range(len(stores)) if np.all(X[j] == unit))
+        name = f"{'v' if isinstance(stores[row], Capacitor) else 'i'}({stores[row].name})"
+        for column in np.flatnonzero(E[row] != 0).tolist():
+            share, order = float(E[row, column]), column // len(sources)
+            sign = "-" if share > 0 else "+"
+            factor = "" if abs(share) == 1.0 else f"{abs(share):g} "
+            name += f" {sign} {factor}{sources[column % len(sources)]}" + "'" * order
+        names.append(name)
+    return tuple(names)
+
+
+def _satisfies(
+    Q: RationalMatrix, A: RationalMatrix, B: RationalMatrix, C: RationalMatrix, D: RationalMatrix
+) -> bool:
+    """Tell whether the matrix of (11.6) is negative semidefinite."""
+    coupling = Q @ B - C.T
+    return negative_vector(-np.block([[A.T @ Q + Q @ A, coupling], [coupling.T, -(D + D.T)]])) is None

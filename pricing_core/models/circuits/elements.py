@@ -1,0 +1,245 @@
+"""The elements that store or dissipate energy, ideal diodes and ideal transformers, with their equations.
+
+The current of a branch flows from its first node through the element to its second one.
+"""
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import NamedTuple, Protocol
+
+from pricing_core.errors import InvalidInputError
+from pricing_core.linalg.rational import rational
+from pricing_core.models.circuits.equations import Number, Row, current, total, voltage
+
+
+class Branch(NamedTuple):
+    """A path of current between two nodes."""
+
+    name: str
+    plus: str
+    minus: str
+
+
+class Element(Protocol):
+    """What a netlist is made of."""
+
+    @property
+    def name(self) -> str:
+        """Its own among the circuit's elements."""
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """The branches that carry its currents."""
+
+    @property
+    def equations(self) -> tuple[Row, ...]:
+        """Rows whose sums are zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resistor:
+    """v = ohms i.
+
+    Examples
+    --------
+    >>> Resistor("R1", "a", "0", 5).equations
+    ({('v', 'a'): 1, ('i', 'R1'): -5},)
+    """
+
+    name: str
+    plus: str
+    minus: str
+    ohms: Number
+
+    def __post_init__(self) -> None:
+        checked_ends(self.name, self.plus, self.minus)
+        checked_positive(f"ohms of {self.name}", self.ohms)
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """One."""
+        return (Branch(self.name, self.plus, self.minus),)
+
+    @property
+    def equations(self) -> tuple[Row, ...]:
+        """Ohm's law."""
+        return (total(voltage(self.plus, self.minus), current(self.name, -rational(self.ohms))),)
+
+
+@dataclass(frozen=True, slots=True)
+class Capacitor:
+    """farads v' = i, its voltage v a state that starts at initial_voltage."""
+
+    name: str
+    plus: str
+    minus: str
+    farads: Number
+    initial_voltage: Number = 0
+
+    def __post_init__(self) -> None:
+        checked_ends(self.name, self.plus, self.minus)
+        checked_positive(f"farads of {self.name}", self.farads)
+        checked_number(f"initial_voltage of {self.name}", self.initial_voltage)
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """One."""
+        return (Branch(self.name, self.plus, self.minus),)
+
+    @property
+    def equations(self) -> tuple[Row, ...]:
+        """The voltage is the state."""
+        return (total(voltage(self.plus, self.minus), {("state", self.name): rational(-1)}),)
+
+    @property
+    def force(self) -> Row:
+        """What the stored charge changes by: the current."""
+        return current(self.name)
+
+
+@dataclass(frozen=True, slots=True)
+class Inductor:
+    """henries i' = v, its current i a state that starts at initial_current."""
+
+    name: str
+    plus: str
+    minus: str
+    henries: Number
+    initial_current: Number = 0
+
+    def __post_init__(self) -> None:
+        checked_ends(self.name, self.plus, self.minus)
+        checked_positive(f"henries of {self.name}", self.henries)
+        checked_number(f"initial_current of {self.name}", self.initial_current)
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """One."""
+        return (Branch(self.name, self.plus, self.minus),)
+
+    @property
+    def equations(self) -> tuple[Row, ...]:
+        """The current is the state."""
+        return (total(current(self.name), {("state", self.name): rational(-1)}),)
+
+    @property
+    def force(self) -> Row:
+        """What the stored flux changes by: the voltage."""
+        return voltage(self.plus, self.minus)
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """Two coupled inductors: mutual inductance coefficient sqrt(L1 L2), |coefficient| < 1."""
+
+    name: str
+    first: str
+    second: str
+    coefficient: Number
+
+    def __post_init__(self) -> None:
+        field = f"coefficient of {self.name}"
+        checked_words(f"inductors of {self.name}", self.first, self.second)
+        checked_number(field, self.coefficient)
+        if not (-1 < self.coefficient < 1) or self.coefficient == 0:
+            remedy = "between -1 and 1, and not 0; perfect coupling is an ideal transformer"
+            raise InvalidInputError(field, self.coefficient, remedy)
+        if self.first == self.second:
+            raise InvalidInputError(f"inductors of {self.name}", self.first, "two different inductors")
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """None."""
+        return ()
+
+    @property
+    def equations(self) -> tuple[Row, ...]:
+        """None: the coupling is in the inductance matrix."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Diode:
+    """An ideal diode: 0 <= i _|_ v(cathode) - v(anode) >= 0, i its current from anode to cathode."""
+
+    name: str
+    anode: str
+    cathode: str
+
+    def __post_init__(self) -> None:
+        checked_ends(self.name, self.anode, self.cathode)
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """One."""
+        return (Branch(self.name, self.anode, self.cathode),)
+
+    @property
+    def equations(self) -> tuple[Row, ...]:
+        """Its reverse voltage gets a name; the rest is complementarity."""
+        return (total(voltage(self.cathode, self.anode), {("reverse", self.name): rational(-1)}),)
+
+
+@dataclass(frozen=True, slots=True)
+class Transformer:
+    """An ideal transformer: v(primary) = ratio v(secondary), i(secondary) = -ratio i(primary)."""
+
+    name: str
+    primary_plus: str
+    primary_minus: str
+    secondary_plus: str
+    secondary_minus: str
+    ratio: Number
+
+    def __post_init__(self) -> None:
+        checked_ends(f"the primary of {self.name}", self.primary_plus, self.primary_minus)
+        checked_ends(f"the secondary of {self.name}", self.secondary_plus, self.secondary_minus)
+        checked_number(f"ratio of {self.name}", self.ratio)
+        if self.ratio == 0:
+            raise InvalidInputError(f"ratio of {self.name}", self.ratio, "a number other than zero")
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """The primary, NAME.primary, and the secondary, NAME.secondary."""
+        return (
+            Branch(f"{self.name}.primary", self.primary_plus, self.primary_minus),
+            Branch(f"{self.name}.secondary", self.secondary_plus, self.secondary_minus),
+        )
+
+    @property
+    def equations(self) -> tuple[Row, ...]:
+        """Those of the voltages and of the currents."""
+        primary, secondary = self.branches
+        ratio = rational(self.ratio)
+        return (
+            total(voltage(primary.plus, primary.minus), voltage(secondary.plus, secondary.minus, -ratio)),
+            total(current(secondary.name), current(primary.name, ratio)),
+        )
+
+
+def checked_ends(name: str, plus: str, minus: str) -> None:
+    """Refuse nodes that are no strings, and an element both of whose ends are the same node."""
+    checked_words(f"nodes of {name}", plus, minus)
+    if plus == minus:
+        raise InvalidInputError(f"nodes of {name}", plus, "two different nodes")
+
+
+def checked_words(field: str, *words: str) -> None:
+    """Refuse names that are no strings."""
+    for word in words:
+        if not isinstance(word, str):
+            raise InvalidInputError(field, word, 'a string; the ground is "0"')
+
+
+def checked_number(field: str, value: Number) -> None:
+    """Refuse what is no finite real number."""
+    if isinstance(value, bool) or not isinstance(value, int | float | Fraction) or not math.isfinite(value):
+        raise InvalidInputError(field, value, "a finite number")
+
+
+def checked_positive(field: str, value: Number) -> None:
+    """Refuse what is no positive number."""
+    checked_number(field, value)
+    if value <= 0:
+        raise InvalidInputError(field, value, "a positive number")

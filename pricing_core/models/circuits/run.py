@@ -1,0 +1,123 @@
+"""A simulated circuit: its trajectory, and the voltages and currents along it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pricing_core.arrays import Matrix, Vector
+from pricing_core.errors import InvalidInputError
+from pricing_core.lcs import Event, Trajectory
+from pricing_core.models.circuits.circuit_lcs import CircuitLCS
+from pricing_core.models.circuits.equations import GROUND
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CircuitRun:
+    """What `DiodeCircuit.simulate` returns.
+
+    Parameters
+    ----------
+    circuit : CircuitLCS
+    trajectory : Trajectory
+        Of x, u and y. The energy_lost of its events is what capacitors and inductors lose by jumping.
+    energy_lost_at_start : float
+        What the elements' initial voltages and currents lose at once where a loop of capacitors and voltage sources, or
+        a cut-set of inductors and current sources, contradicts them; jumps through diodes are events.
+    voltages : dict
+        Of the nodes at the times t, shape (m,) each.
+    currents : dict
+        Of the elements, from the first node to the second one; of a transformer NAME.primary and NAME.secondary.
+    """
+
+    circuit: CircuitLCS
+    trajectory: Trajectory
+    energy_lost_at_start: float
+    voltages: dict[str, Vector]
+    currents: dict[str, Vector]
+
+    @property
+    def t(self) -> Vector:
+        """The times, in seconds, shape (m,)."""
+        return self.trajectory.t
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """The events of the trajectory."""
+        return self.trajectory.events
+
+    def refined(self, count: int) -> "CircuitRun":
+        """Return the run at `count` times or somewhat more, as `pricing_core.lcs.Trajectory.refined` does."""
+        fine = read_run(self.circuit, self.trajectory.refined(count), from_elements=False)
+        return replace(fine, energy_lost_at_start=self.energy_lost_at_start)
+
+    def voltage(self, plus: str, minus: str = GROUND) -> Vector:
+        """Return v(plus) - v(minus) at the times t.
+
+        Raises
+        ------
+        InvalidInputError
+            The circuit has no such node.
+        """
+        for node in (plus, minus):
+            if node not in self.voltages:
+                raise InvalidInputError("node", node, f"one of {', '.join(self.voltages)}")
+        return self.voltages[plus] - self.voltages[minus]
+
+    def current(self, branch: str) -> Vector:
+        """Return the current of an element at the times t.
+
+        Raises
+        ------
+        InvalidInputError
+            The circuit has no such element.
+        """
+        if branch not in self.currents:
+            raise InvalidInputError("element", branch, f"one of {', '.join(self.currents)}")
+        return self.currents[branch]
+
+
+def read_run(circuit: CircuitLCS, trajectory: Trajectory, *, from_elements: bool) -> CircuitRun:
+    """Return the run with everything read off the trajectory.
+
+    Parameters
+    ----------
+    from_elements : bool
+        The run started from the elements' initial voltages and currents.
+    """
+    sources = _sources_along(circuit, trajectory.t)
+    values = circuit.readings(trajectory.x, trajectory.u, sources)
+    voltages: dict[str, Vector] = {GROUND: np.zeros(trajectory.t.size)}
+    currents: dict[str, Vector] = {}
+    for name, column in zip(circuit.readings.names, values.T, strict=True):
+        (voltages if name[0] == "v" else currents)[name[2:-1]] = column
+    start = float(trajectory.flows[0].start) if trajectory.flows else float(trajectory.t[0])
+    events = tuple(_with_energy(circuit, event, start) for event in trajectory.events)
+    lost = 0.0
+    if from_elements:
+        settled = circuit.states_of_elements(circuit.x0, circuit.sources.after(start))
+        lost = circuit.energy_of_jump(circuit.initial_element_states, settled)
+    return CircuitRun(circuit, replace(trajectory, events=events), lost, voltages, currents)
+
+
+def _sources_along(circuit: CircuitLCS, t: Vector) -> Matrix:
+    """Return the sources at the times: before a step where a time comes twice, then after it."""
+    sources = circuit.sources
+    steps = set(sources.signal.jumps.tolist())
+    rows = []
+    for i, time in enumerate(t.tolist()):
+        is_before = time in steps and 0 < i < t.size - 1 and t[i - 1] < time == t[i + 1]
+        rows.append(sources.before(time) if is_before else sources.after(time))
+    return np.array(rows)
+
+
+def _with_energy(circuit: CircuitLCS, event: Event, start: float) -> Event:
+    sources = circuit.sources
+    after = sources.after(event.time)
+    before = sources.before(event.time) if event.time > start else after
+    jump = (
+        circuit.states_of_elements(event.x_before, before),
+        circuit.states_of_elements(event.x_after, after),
+    )
+    if event.kind in ("jump", "input"):
+        return replace(event, energy_lost=circuit.energy_of_jump(*jump))
+    return event

@@ -1,0 +1,91 @@
+"""The values of sources over time, and all of them together as the output of one exosystem."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from pricing_core.arrays import Matrix
+from pricing_core.errors import InvalidInputError
+from pricing_core.lcs import Exosystem, PiecewiseConstant
+from pricing_core.models.circuits.elements import checked_number
+from pricing_core.models.circuits.equations import Number
+
+
+@dataclass(frozen=True, slots=True)
+class Sine:
+    """offset + amplitude sin(2 pi frequency t + phase), t in seconds.
+
+    Parameters
+    ----------
+    amplitude, offset : float
+        Volts or amperes.
+    frequency : float
+        Hertz, positive.
+    phase : float
+        Radians.
+    """
+
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("amplitude", "frequency", "phase", "offset"):
+            checked_number(name, getattr(self, name))
+        if self.frequency <= 0.0:
+            raise InvalidInputError("frequency", self.frequency, "a positive number of hertz")
+
+
+Value: TypeAlias = Number | Sine | PiecewiseConstant | Exosystem
+
+_CONSTANT = Exosystem([[0.0]], [[1.0]], [1.0])
+
+
+def stacked(values: Sequence[Value]) -> Exosystem:
+    """Return the exosystem whose output has one component for each value.
+
+    Constants share one state, sines of the same frequency two; anything else brings its own. The states start anew at
+    the knots of all.
+
+    Examples
+    --------
+    >>> both = stacked([5.0, Sine(2.0, frequency=50.0), Sine(1.0, frequency=50.0, phase=np.pi / 2)])
+    >>> both.generator.shape, both.after(0.005).round(12)
+    ((3, 3), array([5., 2., 0.]))
+    """
+    blocks: dict[object, Exosystem] = {}
+    weights: list[dict[object, Matrix]] = []
+    for i, value in enumerate(values):
+        parts = _parts(value, i)
+        blocks.update({key: block for key, block, _ in parts})
+        weights.append({key: weight for key, _, weight in parts})
+    if not blocks:
+        blocks["constant"] = _CONSTANT
+    none = {key: np.zeros((1, block.generator.shape[0])) for key, block in blocks.items()}
+    rows = [np.hstack([row.get(key, zero) for key, zero in none.items()]) for row in weights]
+    output = np.vstack([np.zeros((0, sum(zero.shape[1] for zero in none.values()))), *rows])
+    start = min(float(block.times[0]) for block in blocks.values())
+    times = np.unique(np.concatenate([[start], *(block.jumps for block in blocks.values())]))
+    states = [np.concatenate([block.state_after(float(t)) for block in blocks.values()]) for t in times]
+    return Exosystem(block_diag(*(block.generator for block in blocks.values())), output, states, times)
+
+
+def _parts(value: Value, index: int) -> list[tuple[object, Exosystem, Matrix]]:
+    """Return the blocks of which the value is the weighted sum: key, block, weights of its states."""
+    if isinstance(value, Sine):
+        omega = 2.0 * math.pi * value.frequency
+        oscillator = Exosystem([[0.0, omega], [-omega, 0.0]], np.eye(2), [0.0, 1.0])  # (sin, cos)
+        size = value.amplitude * np.array([[math.cos(value.phase), math.sin(value.phase)]])
+        offset = [("constant", _CONSTANT, np.array([[value.offset]]))] if value.offset else []
+        return [(value.frequency, oscillator, size), *offset]
+    if isinstance(value, PiecewiseConstant):
+        starts = np.concatenate([value.times[:1] - 1.0, value.jumps])
+        return [((index,), Exosystem([[0.0]], [[1.0]], value.values, starts), np.eye(1))]
+    if isinstance(value, Exosystem):
+        return [((index,), value, value.output)]
+    return [("constant", _CONSTANT, np.array([[float(value)]]))]

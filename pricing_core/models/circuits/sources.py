@@ -1,0 +1,124 @@
+"""Independent and controlled sources, with their equations."""
+
+from dataclasses import dataclass
+
+from pricing_core.errors import InvalidInputError
+from pricing_core.lcs import Exosystem, PiecewiseConstant
+from pricing_core.linalg.rational import rational
+from pricing_core.models.circuits.elements import Branch, checked_ends, checked_number, checked_words
+from pricing_core.models.circuits.equations import Number, Row, current, total, voltage
+from pricing_core.models.circuits.signals import Sine, Value
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VoltageSource:
+    """v(plus) - v(minus) = value; its current flows from plus through the source to minus."""
+
+    name: str
+    plus: str
+    minus: str
+    value: Value
+
+    def __post_init__(self) -> None:
+        checked_ends(self.name, self.plus, self.minus)
+        checked_value(self.name, self.value)
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """One."""
+        return (Branch(self.name, self.plus, self.minus),)
+
+    @property
+    def equations(self) -> tuple[Row, ...]:
+        """The voltage is given."""
+        return (total(voltage(self.plus, self.minus), {("source", self.name): rational(-1)}),)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CurrentSource:
+    """i = value, from plus through the source to minus."""
+
+    name: str
+    plus: str
+    minus: str
+    value: Value
+
+    def __post_init__(self) -> None:
+        checked_ends(self.name, self.plus, self.minus)
+        checked_value(self.name, self.value)
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """One."""
+        return (Branch(self.name, self.plus, self.minus),)
+
+    @property
+    def equations(self) -> tuple[Row, ...]:
+        """The current is given."""
+        return (total(current(self.name), {("source", self.name): rational(-1)}),)
+
+
+@dataclass(frozen=True, slots=True)
+class VoltageControlled:
+    """A source of gain (v(control_plus) - v(control_minus)): volts (VCVS) or amperes (VCCS)."""
+
+    name: str
+    plus: str
+    minus: str
+    control_plus: str
+    control_minus: str
+    gain: Number
+    of_voltage: bool  # whether the source is one of voltage
+
+    def __post_init__(self) -> None:
+        checked_ends(self.name, self.plus, self.minus)
+        checked_words(f"control of {self.name}", self.control_plus, self.control_minus)
+        checked_number(f"gain of {self.name}", self.gain)
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """The output; the control draws no current."""
+        return (Branch(self.name, self.plus, self.minus),)
+
+    @property
+    def equations(self) -> tuple[Row, ...]:
+        """The output follows the control."""
+        output = voltage(self.plus, self.minus) if self.of_voltage else current(self.name)
+        return (total(output, voltage(self.control_plus, self.control_minus, -rational(self.gain))),)
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentControlled:
+    """A source of gain i(control): volts (CCVS) or amperes (CCCS)."""
+
+    name: str
+    plus: str
+    minus: str
+    control: str  # the branch whose current controls
+    gain: Number
+    of_voltage: bool  # whether the source is one of voltage
+
+    def __post_init__(self) -> None:
+        checked_ends(self.name, self.plus, self.minus)
+        checked_words(f"control of {self.name}", self.control)
+        checked_number(f"gain of {self.name}", self.gain)
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """The output."""
+        return (Branch(self.name, self.plus, self.minus),)
+
+    @property
+    def equations(self) -> tuple[Row, ...]:
+        """The output follows the control."""
+        output = voltage(self.plus, self.minus) if self.of_voltage else current(self.name)
+        return (total(output, current(self.control, -rational(self.gain))),)
+
+
+def checked_value(name: str, value: Value) -> None:
+    """Refuse what is no scalar signal."""
+    if isinstance(value, PiecewiseConstant | Exosystem):
+        if value.size != 1:
+            raise InvalidInputError(f"value of {name}", f"{value.size} components", "one component")
+    elif not isinstance(value, Sine):
+        checked_number(f"value of {name}", value)

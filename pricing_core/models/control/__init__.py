@@ -1,0 +1,1 @@
+"""The parts of optimal control with state constraints: collocation, structure, arcs, shooting."""

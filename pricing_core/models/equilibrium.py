@@ -1,0 +1,167 @@
+"""Variational inequalities: x in K with <F(x), z - x> >= 0 for all z in K (11.36)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pricing_core.arrays import Matrix, Vector
+from pricing_core.errors import IterationLimitError, NumericalError
+from pricing_core.lcp import LCP, solve
+from pricing_core.models.convex_set import ConvexSet, Polyhedron, active_set, jacobian
+from pricing_core.models.tangent_cone import project_velocity
+
+REGULAR = 1e-10  # reciprocal condition number from which on F's matrix is inverted
+CONVERGED = 1e-11  # of the size of x and F
+ACCEPTED = 1e-8
+MOST_STEPS = 500
+HALVINGS = 8
+SAFE = 0.7  # of the inverse Lipschitz constant, for the steps of the extragradient method
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Equilibrium:
+    """A solution of (11.36): F(x) = H(x)^T u, 0 <= h(x) _|_ u >= 0.
+
+    Parameters
+    ----------
+    x : Vector, shape (n,)
+    u : Vector, shape (k,)
+        The multipliers of the constraints.
+    residual : float
+        max |x - P(x - F(x))|: zero exactly at the solutions.
+    method : {"lcp", "newton"}
+    """
+
+    x: Vector
+    u: Vector
+    residual: float
+    method: Literal["lcp", "newton"]
+
+
+def solve_affine(matrix: Matrix, vector: Vector, K: Polyhedron) -> Equilibrium:
+    """Solve (11.36) for F(x) = matrix x + vector on a polyhedron by one LCP.
+
+    Raises
+    ------
+    InfeasibleError, RayTerminationError
+        There is no solution, or none was found.
+    NumericalError
+        The solution misses the variational inequality.
+
+    Notes
+    -----
+    With a regular matrix x is eliminated: M = H matrix^-1 H^T. Otherwise x = p - q with p, q >= 0.
+
+    Examples
+    --------
+    >>> found = solve_affine(np.eye(2), np.array([1.0, 2.0]), Polyhedron(np.eye(2), np.zeros(2)))
+    >>> found.x, found.u
+    (array([0., 0.]), array([1., 2.]))
+    """
+    H, h, n = K.H, K.h, vector.size
+    if float(np.linalg.cond(matrix)) * REGULAR < 1.0:
+        inner = np.linalg.solve(matrix, np.column_stack([H.T, -vector]))
+        u = solve(LCP(H @ inner[:, :-1], H @ inner[:, -1] - h)).z
+        x = inner[:, :-1] @ u + inner[:, -1]
+    else:
+        k = h.size
+        M = np.block([[matrix, -matrix, -H.T], [-matrix, matrix, H.T], [H, -H, np.zeros((k, k))]])
+        z = solve(LCP(M, np.concatenate([vector, -vector, -h]))).z
+        x, u = z[:n] - z[n : 2 * n], z[2 * n :]
+    return _checked(lambda at: matrix @ at + vector, K, x, u, "lcp")
+
+
+def solve_smooth(F: Callable[[Vector], Vector], K: ConvexSet, start: Vector) -> Equilibrium:
+    """Solve (11.36) from a start by Newton's method for variational inequalities, made safe by extragradient steps.
+
+    Each step solves the problem with F and h linearised, the curvature of h included (Josephy 1979); where that does
+    not bring the residual down, an extragradient step is made, which converges where F is monotone (Korpelevich 1976).
+
+    Raises
+    ------
+    IterationLimitError
+        500 steps do not reach a residual of 1e-8: F is not monotone, or there is no solution.
+
+    Examples
+    --------
+    >>> found = solve_smooth(lambda x: np.exp(x) - 2.0, Polyhedron([[-1.0]], [-3.0]), np.zeros(1))
+    >>> found.x.round(12)
+    array([0.69314718])
+    """
+    x, length = K.project(start), 1.0
+    best, best_residual = x, np.inf
+    for _ in range(MOST_STEPS):
+        residual = _residual(F, K, x)
+        if residual < best_residual:
+            best, best_residual = x, residual
+        if residual <= CONVERGED * _size(F, x):
+            break
+        following = _newton_step(F, K, x, residual)
+        if following is None:
+            following, length = _extragradient_step(F, K, x, length)
+        x = following
+    u = _multipliers(F, K, best)
+    return _checked(F, K, best, u, "newton")
+
+
+def _residual(F: Callable[[Vector], Vector], K: ConvexSet, x: Vector) -> float:
+    return float(np.max(np.abs(x - K.project(x - F(x)))))
+
+
+def _size(F: Callable[[Vector], Vector], x: Vector) -> float:
+    return max(1.0, float(np.max(np.abs(x))), float(np.max(np.abs(F(x)))))
+
+
+def _multipliers(F: Callable[[Vector], Vector], K: ConvexSet, x: Vector) -> Vector:
+    active, H = active_set(K, x), K.gradients(x)
+    u = np.zeros(len(H))
+    u[active] = project_velocity(H[active], -F(x)).u
+    return u
+
+
+def _newton_step(F: Callable[[Vector], Vector], K: ConvexSet, x: Vector, residual: float) -> Vector | None:
+    """Return a point with at most 0.9 of the residual on the way to the solution of the linearised problem."""
+    u, H = _multipliers(F, K, x), K.gradients(x)
+    matrix = jacobian(F, x)
+    if not isinstance(K, Polyhedron) and u.any():
+        matrix = matrix - jacobian(lambda at: np.asarray(K.gradients(at).T @ u), x)
+    try:
+        target = solve_affine(matrix, F(x) - matrix @ x, Polyhedron(H, H @ x - K.slack(x))).x
+    except NumericalError:
+        return None
+    for halving in range(HALVINGS):
+        candidate = K.project(x + 0.5**halving * (target - x))
+        if _residual(F, K, candidate) <= 0.9 * residual:
+            return candidate
+    return None
+
+
+def _extragradient_step(
+    F: Callable[[Vector], Vector], K: ConvexSet, x: Vector, length: float
+) -> tuple[Vector, float]:
+    """Return P(x - length F(P(x - length F(x)))) with a length that suits the slope of F, and the next length."""
+    slope = F(x)
+    while True:
+        middle = K.project(x - length * slope)
+        if (
+            length * np.linalg.norm(F(middle) - slope) <= SAFE * np.linalg.norm(middle - x)
+            or length < CONVERGED
+        ):
+            return K.project(x - length * F(middle)), 1.5 * length
+        length *= 0.5
+
+
+def _checked(
+    F: Callable[[Vector], Vector], K: ConvexSet, x: Vector, u: Vector, method: Literal["lcp", "newton"]
+) -> Equilibrium:
+    residual = _residual(F, K, x)
+    if not residual <= ACCEPTED * _size(F, x):
+        if method == "newton":
+            raise IterationLimitError(
+                f"{MOST_STEPS} steps leave a residual of {residual:.1e}: try another start, or simulate from there; "
+                "there may be no equilibrium"
+            )
+        raise NumericalError(f"the LCP's solution leaves a residual of {residual:.1e}: rescale the problem")
+    return Equilibrium(x, u, residual, method)

@@ -1,0 +1,200 @@
+"""Linear mechanical systems with unilateral constraints and impacts (section 11.2.2, example 11.2)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import cho_factor, cho_solve
+
+from pricing_core.arrays import IndexSet, Matrix, Vector, as_matrix, as_square_matrix, as_vector
+from pricing_core.errors import InvalidInputError
+from pricing_core.lcp import LCP, least_norm_solution, solve
+from pricing_core.lcs import LCS, Exosystem, PiecewiseConstant, Trajectory, simulate
+from pricing_core.lcs.event_driven import drive_by_events
+
+PENETRATES = 1e-12
+SYMMETRIC = 1e-12
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MechanicalSystem:
+    """M q'' + D q' + K q = F^T u + force, 0 <= y = F q + offset _|_ u >= 0 (11.85)-(11.87), state x = (q, q').
+
+    At an impact the velocity is projected on what the active constraints allow, in the metric of M: an inelastic
+    collision. With a coefficient of restitution e Newton's law takes its place: F v+ >= -e F v- where there is
+    contact, with equality where there is an impulse.
+
+    Parameters
+    ----------
+    mass : array_like, shape (n, n)
+        M, symmetric and positive definite.
+    damping, stiffness : array_like, shape (n, n)
+        D and K.
+    F : array_like, shape (k, n)
+    force : array_like of shape (n,), PiecewiseConstant or Exosystem, optional
+    offset : array_like, shape (k,), optional
+    restitution : float
+        e, from 0 to 1.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes that do not fit, a mass matrix that is not symmetric and positive definite, e outside [0, 1].
+
+    Examples
+    --------
+    A ball dropped from a height of 1:
+
+    >>> ball = MechanicalSystem([[1.0]], [[0.0]], [[0.0]], [[1.0]], force=[-9.81])
+    >>> impact = ball.simulate([1.0], [0.0], (0.0, 1.0)).events[0]
+    >>> round(impact.time, 6), round(impact.energy_lost, 6)
+    (0.451524, 9.81)
+    """
+
+    mass: Matrix
+    damping: Matrix
+    stiffness: Matrix
+    F: Matrix
+    force: PiecewiseConstant | Exosystem
+    offset: Vector
+    restitution: float
+
+    def __init__(
+        self,
+        mass: ArrayLike,
+        damping: ArrayLike,
+        stiffness: ArrayLike,
+        F: ArrayLike,
+        force: ArrayLike | PiecewiseConstant | Exosystem | None = None,
+        offset: ArrayLike | None = None,
+        restitution: float = 0.0,
+    ) -> None:
+        M = as_square_matrix("mass", mass)
+        n = M.shape[0]
+        if np.max(np.abs(M - M.T)) > SYMMETRIC * np.max(np.abs(M)) or np.linalg.eigvalsh(M).min() <= 0.0:
+            raise InvalidInputError("mass", mass, "symmetric and positive definite")
+        normals = as_matrix("F", F)
+        if normals.shape[1] != n:
+            raise InvalidInputError(
+                "F", f"{normals.shape[1]} columns", f"{n} columns, one for each coordinate"
+            )
+        k = normals.shape[0]
+        if not 0.0 <= restitution <= 1.0:
+            raise InvalidInputError("restitution", restitution, "a number from 0 to 1")
+        if not isinstance(force, PiecewiseConstant | Exosystem):
+            constant = as_vector("force", np.zeros(n) if force is None else force, n)
+            force = PiecewiseConstant([0.0], constant[None, :])
+        elif force.size != n:
+            raise InvalidInputError("force", f"{force.size} components", f"{n} components")
+        object.__setattr__(self, "mass", M)
+        object.__setattr__(self, "damping", as_matrix("damping", damping, (n, n)))
+        object.__setattr__(self, "stiffness", as_matrix("stiffness", stiffness, (n, n)))
+        object.__setattr__(self, "F", normals)
+        object.__setattr__(self, "force", force)
+        object.__setattr__(self, "offset", as_vector("offset", np.zeros(k) if offset is None else offset, k))
+        object.__setattr__(self, "restitution", float(restitution))
+
+    def to_lcs(self) -> LCS:
+        """Return the system of x = (q, q'): relative degree 2, G(s) = F (s^2 M + s D + K)^-1 F^T (11.88)."""
+        n, k = self.mass.shape[0], self.F.shape[0]
+        inverse = cho_factor(self.mass)
+        rates = cho_solve(inverse, np.hstack([-self.stiffness, -self.damping]))
+        return LCS(
+            np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), rates]),
+            np.vstack([np.zeros((n, k)), cho_solve(inverse, self.F.T)]),
+            np.hstack([self.F, np.zeros((k, n))]),
+            f=_accelerations(self.force, inverse),
+            g=self.offset,
+        )
+
+    def energy(self, q: ArrayLike, v: ArrayLike) -> float:
+        """Return v^T M v / 2 + q^T K q / 2, for a symmetric K."""
+        position, velocity = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
+        return float(0.5 * (velocity @ self.mass @ velocity + position @ self.stiffness @ position))
+
+    def simulate(
+        self,
+        q0: ArrayLike,
+        v0: ArrayLike,
+        t_span: tuple[float, float],
+        *,
+        t_eval: ArrayLike | None = None,
+        max_events: int = 100_000,
+        interrupt: Callable[[], bool] | None = None,
+    ) -> Trajectory:
+        """Simulate from event to event; x = (q, q'), and impacts carry the energy that they lose.
+
+        Parameters
+        ----------
+        q0, v0 : array_like, shape (n,)
+        t_span, t_eval, max_events, interrupt
+            As in `pricing_core.lcs.simulate`.
+
+        Raises
+        ------
+        InvalidInputError
+            q0 violates a constraint, or an argument lies outside what is allowed.
+        """
+        n = self.mass.shape[0]
+        position, velocity = as_vector("q0", q0, n), as_vector("v0", v0, n)
+        gaps = self.F @ position + self.offset
+        sizes = np.abs(self.F) @ np.abs(position) + np.abs(self.offset)
+        violated = np.flatnonzero(gaps < -PENETRATES * sizes)
+        if violated.size:
+            i = int(violated[0])
+            raise InvalidInputError(
+                "q0", q0, f"such that constraint {i} holds: F q + offset is {gaps[i]:.6g} there"
+            )
+        x0 = np.concatenate([position, velocity])
+        if self.restitution == 0.0:
+            trajectory = simulate(
+                self.to_lcs(), x0, t_span, t_eval=t_eval, max_events=max_events, interrupt=interrupt
+            )
+        else:
+            times = None if t_eval is None else as_vector("t_eval", t_eval)
+            trajectory = drive_by_events(
+                self.to_lcs(),
+                x0,
+                t_span,
+                times,
+                max_events=max_events,
+                rebound=self._rebound,
+                interrupt=interrupt,
+            )
+        return replace(
+            trajectory,
+            events=tuple(
+                replace(event, energy_lost=self._kinetic(event.x_before) - self._kinetic(event.x_after))
+                if event.kind == "jump"
+                else event
+                for event in trajectory.events
+            ),
+        )
+
+    def _kinetic(self, x: Vector) -> float:
+        v = x[self.mass.shape[0] :]
+        return float(0.5 * v @ self.mass @ v)
+
+    def _rebound(self, before: Vector, after: Vector, contacts: IndexSet) -> tuple[Vector, Vector]:
+        """Return the state after an impact by Newton's law, and the impulse: of least norm where that is open."""
+        n = self.mass.shape[0]
+        v, normals = before[n:], self.F[list(contacts)]
+        response = cho_solve(cho_factor(self.mass), normals.T)
+        closing = normals @ v
+        problem = LCP(normals @ response, (1.0 + self.restitution) * closing)
+        impulse = np.zeros(self.F.shape[0])
+        impulse[list(contacts)] = least_norm_solution(problem, solve(problem).z)
+        landed = v + response @ impulse[list(contacts)]
+        return np.concatenate([after[:n], landed]), impulse
+
+
+def _accelerations(
+    force: PiecewiseConstant | Exosystem, inverse: tuple[Matrix, bool]
+) -> PiecewiseConstant | Exosystem:
+    """Return (0, M^-1 force)."""
+    if isinstance(force, PiecewiseConstant):
+        values = cho_solve(inverse, force.values.T).T
+        return PiecewiseConstant(force.times, np.hstack([np.zeros_like(values), values]))
+    output = cho_solve(inverse, force.output)
+    return Exosystem(force.generator, np.vstack([np.zeros_like(output), output]), force.states, force.times)

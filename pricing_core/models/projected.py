@@ -1,0 +1,258 @@
+"""Projected dynamical systems (section 11.2.6): the motion -F(x), kept inside a closed convex set."""
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pricing_core.arrays import IndexSet, Matrix, Vector, as_square_matrix, as_vector
+from pricing_core.errors import InvalidInputError
+from pricing_core.lcs import LCS, Trajectory, simulate
+from pricing_core.models.convex_set import (
+    ConvexSet,
+    MatrixFunction,
+    Polyhedron,
+    SmoothSet,
+    VectorFunction,
+    active_set,
+    check_inside,
+)
+from pricing_core.models.equilibrium import Equilibrium, solve_affine, solve_smooth
+from pricing_core.models.projected_heun import ProjectedHeun
+from pricing_core.models.tangent_cone import ProjectedVelocity, project_velocity
+from pricing_core.models.trajectory import ModelTrajectory, Pieces, Switch, as_they_are, of_lcs
+from pricing_core.stepping import PIController, StepDoubling, integrate
+
+AffineMap: TypeAlias = tuple[ArrayLike, ArrayLike]
+Method: TypeAlias = Literal["auto", "event-driven", "stepping"]
+RTOL, ATOL = 1e-6, 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProjectedSystem:
+    """x' = pi(x, -F(x)): the projection of -F(x) on the tangent cone of K at x (11.39).
+
+    Parameters
+    ----------
+    F : (matrix, vector), or callable
+        F(x) = matrix x + vector, or a function from (n,) to (n,).
+    H, h : array_like, shapes (k, n) and (k,)
+        K = {x | H x >= h}.
+    constraints : callable, optional
+        Instead of H and h: from (n,) to (k,), concave and differentiable, K = {x | constraints(x) >= 0}.
+    constraint_gradients : callable, optional
+        Their gradients as rows, (k, n); central differences where missing.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes that do not fit; both or neither of H, h and constraints.
+    InfeasibleError
+        {x | H x >= h} is empty, with the combination of rows that proves it.
+
+    Examples
+    --------
+    F(x) = x - (-1, -2) on the positive quadrant: x1 arrives at ln 2, x2 at ln 1.5.
+
+    >>> system = ProjectedSystem((np.eye(2), [1, 2]), np.eye(2), [0, 0])
+    >>> run = system.simulate([1, 1], (0, 1))
+    >>> [round(event.time, 12) for event in run.events], run.u[-1].round(12)
+    ([0.405465108108, 0.69314718056], array([1., 2.]))
+    >>> system.equilibrium().x
+    array([0., 0.])
+    """
+
+    F: Callable[[Vector], Vector]
+    K: ConvexSet
+    affine: tuple[Matrix, Vector] | None
+
+    def __init__(
+        self,
+        F: AffineMap | VectorFunction,
+        H: ArrayLike | None = None,
+        h: ArrayLike | None = None,
+        *,
+        constraints: VectorFunction | None = None,
+        constraint_gradients: MatrixFunction | None = None,
+    ) -> None:
+        if (constraints is None) == (H is None) or (H is None) != (h is None):
+            raise InvalidInputError("H", H, "given together with h, and only where there are no constraints=")
+        K: ConvexSet
+        if constraints is not None:
+            K = SmoothSet(constraints, constraint_gradients)
+        else:
+            assert H is not None
+            assert h is not None
+            K = Polyhedron(H, h)
+        object.__setattr__(self, "K", K)
+        affine = None if callable(F) else _affine(F)
+        object.__setattr__(self, "affine", affine)
+        if affine is not None and isinstance(K, Polyhedron) and K.H.shape[1] != affine[1].size:
+            raise InvalidInputError("H", f"{K.H.shape[1]} columns", f"{affine[1].size} columns, as F has")
+        object.__setattr__(self, "F", F if affine is None else lambda x: affine[0] @ x + affine[1])
+
+    def velocity(self, x: ArrayLike) -> ProjectedVelocity:
+        """Return pi(x, -F(x)) and the multipliers u of all constraints, by the LCP (11.43).
+
+        Examples
+        --------
+        >>> ProjectedSystem((np.eye(2), [1, 2]), np.eye(2), [0, 0]).velocity([0, 1])
+        ProjectedVelocity(v=array([ 0., -3.]), u=array([1., 0.]))
+        """
+        at = as_vector("x", x)
+        check_inside("x", self.K, at)
+        active, H = active_set(self.K, at), self.K.gradients(at)
+        v, u = project_velocity(H[active], -self._rate(at))
+        multipliers = np.zeros(len(H))
+        multipliers[active] = u
+        return ProjectedVelocity(v, multipliers)
+
+    def inward_normals(self, x: ArrayLike) -> Matrix:
+        """Return the unit normals that generate the cone of inward normals at x (11.40), none inside K, as rows."""
+        at = as_vector("x", x)
+        normals = self.K.gradients(at)[active_set(self.K, at)]
+        return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+    def projection(self, x: ArrayLike) -> Vector:
+        """Return P(x), the point of K that is nearest to x (11.37)."""
+        return self.K.project(as_vector("x", x))
+
+    def to_lcs(self) -> LCS:
+        """Return (11.44): x' = -F(x) + H^T u, y = H x - h, 0 <= y _|_ u >= 0, for affine F and a polyhedron.
+
+        Raises
+        ------
+        InvalidInputError
+            F or the constraints are functions.
+        """
+        if self.affine is None or not isinstance(self.K, Polyhedron):
+            raise InvalidInputError("F", self.F, "(matrix, vector), with H and h, where an LCS is asked for")
+        matrix, vector = self.affine
+        return LCS(-matrix, self.K.H.T, self.K.H, f=-vector, g=-self.K.h)
+
+    def simulate(
+        self,
+        x0: ArrayLike,
+        t_span: tuple[float, float],
+        *,
+        method: Method = "auto",
+        t_eval: ArrayLike | None = None,
+        rtol: float = RTOL,
+        atol: float = ATOL,
+    ) -> ModelTrajectory:
+        """Simulate from x0 in K over t_span.
+
+        Parameters
+        ----------
+        x0 : array_like, shape (n,)
+        t_span : (float, float)
+        method : {"auto", "event-driven", "stepping"}
+            "event-driven" simulates (11.44) exactly, for affine F and polyhedra, and is what "auto" takes for these.
+            "stepping" takes steps of `ProjectedHeun` whose local error is kept below atol + rtol |x|.
+        t_eval : array_like, optional
+            Times to report.
+        rtol, atol : float
+            For "stepping".
+
+        Returns
+        -------
+        ModelTrajectory
+            u are the multipliers, y the slacks h(x); a constraint is on piece 1 while it is active, else on piece 0.
+
+        Raises
+        ------
+        InvalidInputError
+            x0 is outside K, with the constraint that says so; a method that does not fit.
+        StepSizeError
+            The tolerance could not be met.
+        """
+        size = None if self.affine is None else self.affine[1].size
+        start = as_vector("x0", x0, size)
+        check_inside("x0", self.K, start)
+        exact = self.affine is not None and isinstance(self.K, Polyhedron)
+        if method not in ("auto", "event-driven", "stepping"):
+            raise InvalidInputError("method", method, '"auto", "event-driven" or "stepping"')
+        if method == "stepping" or (method == "auto" and not exact):
+            return self._simulate_by_steps(start, t_span, t_eval, PIController(rtol, atol))
+        # The state is unique (11.39), whatever the multipliers.
+        run = simulate(self.to_lcs(), start, t_span, t_eval=t_eval, on_nonunique="first")
+        return of_lcs(run, as_they_are, partial(self._pieces, k=run.y.shape[1]))
+
+    def equilibrium(self, start: ArrayLike | None = None) -> Equilibrium:
+        """Return a stationary point: a solution of the variational inequality (11.36), checked.
+
+        Parameters
+        ----------
+        start : array_like, shape (n,), optional
+            Where Newton's method starts, for functions F or constraints; needed there.
+
+        Raises
+        ------
+        InvalidInputError
+            No start where one is needed.
+        InfeasibleError, RayTerminationError, IterationLimitError, NumericalError
+            There is no equilibrium, or none was found.
+        """
+        if self.affine is not None and isinstance(self.K, Polyhedron):
+            return solve_affine(*self.affine, self.K)
+        if start is None:
+            raise InvalidInputError(
+                "start", start, "a point near the equilibrium, where F or K is a function"
+            )
+        return solve_smooth(self._rate, self.K, as_vector("start", start))
+
+    def _rate(self, x: Vector) -> Vector:
+        return as_vector("F(x)", self.F(x), x.size)
+
+    def _simulate_by_steps(
+        self, x0: Vector, t_span: tuple[float, float], t_eval: ArrayLike | None, controller: PIController
+    ) -> ModelTrajectory:
+        wanted = None if t_eval is None else as_vector("t_eval", t_eval)
+        if wanted is not None and not np.all((wanted >= t_span[0]) & (wanted <= t_span[1])):
+            raise InvalidInputError("t_eval", t_eval, f"inside [{t_span[0]:g}, {t_span[1]:g}]")
+        run = integrate(
+            StepDoubling(ProjectedHeun(self._rate, self.K)),
+            self.K.project(x0),
+            t_span,
+            controller=controller,
+            stop_times=[] if wanted is None else wanted.tolist(),
+        )
+        x = np.array(run.states)
+        u = np.array([self.velocity(state).u for state in run.states])
+        y = np.array([self.K.slack(state) for state in run.states])
+        read = partial(self._pieces, k=u.shape[1])
+        pieces = [read(tuple(active_set(self.K, state))) for state in run.states]
+        switches = tuple(
+            Switch(float(run.t[i + 1]), before, after)
+            for i, (before, after) in enumerate(itertools.pairwise(pieces))
+            if before != after
+        )
+        rows = slice(None) if wanted is None else np.searchsorted(run.t, wanted)
+        steps = Trajectory(
+            t=run.t,
+            x=x,
+            u=u,
+            y=y,
+            events=(),
+            status=run.status,
+            scheme="projected-heun",
+            accepted=run.accepted,
+            rejected=run.rejected,
+            forced=run.forced,
+        )
+        return ModelTrajectory(run.t[rows], x[rows], u[rows], y[rows], switches, steps, as_they_are, read)
+
+    @staticmethod
+    def _pieces(mode: IndexSet, k: int) -> Pieces:
+        return tuple(int(i in mode) for i in range(k))
+
+
+def _affine(F: object) -> tuple[Matrix, Vector]:
+    if not isinstance(F, tuple | list) or len(F) != 2:
+        raise InvalidInputError("F", F, "a pair (matrix, vector), or a function")
+    matrix = as_square_matrix("F[0]", F[0])
+    return matrix, as_vector("F[1]", F[1], len(matrix))

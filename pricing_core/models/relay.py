@@ -1,0 +1,250 @@
+"""Linear systems with relays in the loop (sections 11.2.4 and 11.7), with sliding modes."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+from types import MappingProxyType
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pricing_core.arrays import IndexSet, Matrix, Vector, as_vector
+from pricing_core.errors import InvalidInputError
+from pricing_core.lcs import LCS, WellPosedness, simulate, theorem_11_6, well_posedness
+from pricing_core.lcs.mode_selection import OnNonUnique
+from pricing_core.models.horizontal_system import HorizontalSystem
+from pricing_core.models.named_characteristics import relay_step
+from pricing_core.models.piecewise_linear import PiecewiseLinearSystem
+from pricing_core.models.trajectory import ModelTrajectory, Pieces, of_lcs
+
+Form: TypeAlias = Literal["input-output", "dae"]
+FORMS = ("input-output", "dae")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RelaySystem:
+    """x' = Ax + Bu, y = Cx + Du, u_i = -sgn y_i (11.89), or between other bounds.
+
+    u_i = lower_i where y_i > 0, u_i = upper_i where y_i < 0, and lower_i <= u_i <= upper_i where y_i = 0: there the
+    system may slide.
+
+    Parameters
+    ----------
+    A, B, C : array_like, shapes (n, n), (n, k), (k, n)
+    D : array_like, shape (k, k), optional
+        Zero where missing.
+    lower, upper : float or array_like of shape (k,)
+        lower < upper; -1 and 1 where missing.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes that do not fit, entries that are not finite, a lower bound that is not below its upper one.
+
+    Examples
+    --------
+    Example 11.1, Filippov's spiral: from (3, 1) the origin is reached at t = 2.
+
+    >>> spiral = RelaySystem(np.zeros((2, 2)), [[1, -2], [2, 1]], np.eye(2))
+    >>> spiral.well_posedness().theorems["11.6"]
+    'holds'
+    >>> trajectory = spiral.simulate([3, 1], (0, 2.5), t_eval=[1, 2.5])
+    >>> print(trajectory.x.round(9).tolist(), trajectory.events[-1].kind)
+    [[1.333333333, -0.666666667], [0.0, 0.0]] zeno
+    """
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    lower: Vector  # (k,)
+    upper: Vector  # (k,)
+    given: tuple[NDArray[Any], ...]  # A, B, C, D as given, for exact arithmetic
+
+    def __init__(
+        self,
+        A: ArrayLike,
+        B: ArrayLike,
+        C: ArrayLike,
+        D: ArrayLike | None = None,
+        lower: ArrayLike = -1.0,
+        upper: ArrayLike = 1.0,
+    ) -> None:
+        plant = LCS(A, B, C, D)  # checks the shapes
+        k = plant.shape[1]
+        for name in ("A", "B", "C", "D", "given"):
+            object.__setattr__(self, name, getattr(plant, name))
+        for name, bound in (("lower", lower), ("upper", upper)):
+            given = np.asarray(bound)
+            object.__setattr__(
+                self, name, as_vector(name, np.full(k, bound) if given.ndim == 0 else given, k)
+            )
+        for i in np.flatnonzero(self.lower >= self.upper).tolist():
+            raise InvalidInputError(
+                f"lower[{i}]", float(self.lower[i]), f"less than upper[{i}] = {self.upper[i]:g}"
+            )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(n, k): the number of states and of relays."""
+        return self.B.shape[0], self.B.shape[1]
+
+    def to_dae(self) -> HorizontalSystem:
+        """Return (11.30) with y = y1 - y2, u = lower + (upper - lower) u1 and u1 + u2 = 1: w = (y1, y2), z = (u1, u2).
+
+        With the bounds -1 and 1 these are (11.28), for the relay with the sign of (11.89).
+        """
+        n, k = self.shape
+        one, zero, span = np.eye(k), np.zeros((k, k)), self.upper - self.lower
+        return HorizontalSystem(
+            self.A,
+            np.zeros((n, 2 * k)),
+            np.hstack([self.B * span, np.zeros((n, k))]),
+            np.vstack([self.C, np.zeros((k, n))]),
+            np.block([[one, -one], [zero, zero]]),
+            np.block([[self.D * span, zero], [-one, -one]]),
+            self.B @ self.lower,
+            np.concatenate([self.D @ self.lower, np.ones(k)]),
+        )
+
+    def to_lcs(self, form: Form = "input-output") -> LCS:
+        """Return the complementarity system with the same states.
+
+        Parameters
+        ----------
+        form : {"input-output", "dae"}
+            "input-output" is (11.33): u1 = (u - lower)/(upper - lower), y2 = 1 - u1, y = y1 - u2, inputs
+            (u1, u2), outputs (y1, y2). "dae" is (11.30), whose equations are solved for u1 and the y2 of (11.28):
+            outputs (u1, y2), inputs (y1, u2).
+
+        Examples
+        --------
+        >>> RelaySystem([[0]], [[1]], [[1]]).to_lcs().D
+        array([[ 0.,  1.],
+               [-1.,  0.]])
+        >>> RelaySystem([[0]], [[1]], [[1]]).to_lcs("dae").D
+        array([[ 0., -1.],
+               [ 1.,  0.]])
+        """
+        _check_form(form)
+        if form == "dae":
+            return self.to_dae().to_lcs()
+        n, k = self.shape
+        one, zero, span = np.eye(k), np.zeros((k, k)), self.upper - self.lower
+        return LCS(
+            self.A,
+            np.hstack([self.B * span, np.zeros((n, k))]),
+            np.vstack([self.C, np.zeros((k, n))]),
+            np.block([[self.D * span, one], [-one, zero]]),
+            self.B @ self.lower,
+            np.concatenate([self.D @ self.lower, np.ones(k)]),
+        )
+
+    def to_piecewise_linear(self) -> PiecewiseLinearSystem:
+        """Return the piecewise linear system whose characteristics are the relays, with the same pieces."""
+        steps = [relay_step(*bounds) for bounds in zip(self.lower.tolist(), self.upper.tolist(), strict=True)]
+        A, B, C, D = self.given
+        return PiecewiseLinearSystem(A, B, C, D, steps)
+
+    def simulate(
+        self,
+        x0: ArrayLike,
+        t_span: tuple[float, float],
+        *,
+        form: Form = "input-output",
+        method: Literal["event-driven", "time-stepping"] = "event-driven",
+        t_eval: ArrayLike | None = None,
+        on_nonunique: OnNonUnique = "raise",
+        h: float | None = None,
+    ) -> ModelTrajectory:
+        """Simulate from x0 over t_span; switches, and the start and end of sliding, are located to rounding.
+
+        Parameters
+        ----------
+        x0 : array_like, shape (n,)
+        t_span : (float, float)
+        form : {"input-output", "dae"}
+            Which of the two complementarity systems is simulated; the states are the same.
+        method, t_eval, on_nonunique, h
+            See `pricing_core.lcs.simulate`.
+
+        Returns
+        -------
+        ModelTrajectory
+            Pieces: 0 where u_i = upper_i, 1 where the relay slides, 2 where u_i = lower_i.
+
+        Raises
+        ------
+        NonUniqueError
+            A state has several continuations, as 0 has for x' = sgn x.
+        ZenoError, InfeasibleError, InvalidInputError
+            As `pricing_core.lcs.simulate`.
+
+        Examples
+        --------
+        >>> run = RelaySystem([[0]], [[1]], [[1]]).simulate([2], (0, 3), t_eval=[1, 3])
+        >>> run.u.tolist(), run.switches
+        ([[-1.0], [0.0]], (Switch(time=2.0, before=(2,), after=(1,)),))
+        """
+        _check_form(form)
+        k = self.shape[1]
+        if (
+            on_nonunique == "raise"
+            and method == "event-driven"
+            and theorem_11_6(*self.given).status == "holds"
+        ):
+            on_nonunique = "first"  # it is the only one: no need to look for others
+        run = simulate(
+            self.to_lcs(form), x0, t_span, method=method, t_eval=t_eval, on_nonunique=on_nonunique, h=h
+        )
+        dae = self.to_dae() if form == "dae" else None
+        return of_lcs(run, partial(self._relay, dae), lambda mode: _pieces(mode, k, dae))
+
+    def well_posedness(self) -> WellPosedness:
+        """Report what is known of existence and uniqueness from all x0: by theorem 11.6 on G, else on (11.33).
+
+        The verdict is local: theorem 11.6 does not exclude that switches accumulate (example 11.1).
+
+        Notes
+        -----
+        Cost: see `pricing_core.lcs.well_posedness`, with twice as many pairs; k <= 6 for a complete report.
+
+        Examples
+        --------
+        >>> report = RelaySystem([[0]], [[-1]], [[1]]).well_posedness()  # x' = sgn x
+        >>> report.verdict, report.witness, report.theorems["11.6"]
+        ('ill-posed', array([0.]), 'silent')
+        """
+        finding = theorem_11_6(*self.given)
+        report = well_posedness(self.to_lcs())
+        report = replace(
+            report,
+            theorems=MappingProxyType({**report.theorems, "11.6": finding.status}),
+            reasons=MappingProxyType({**report.reasons, "11.6": finding.reason}),
+        )
+        if finding.status != "holds" or report.verdict == "well-posed":
+            return report
+        return replace(report, verdict="well-posed", basis=f"theorem 11.6: {finding.reason}")
+
+    def _relay(self, dae: HorizontalSystem | None, u: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:
+        """Return the relays' outputs and inputs from those of one of the complementarity systems."""
+        k = self.shape[1]
+        if dae is not None:
+            w, z = dae.pairs(u, y)
+            share, given = z[:, :k], w[:, :k] - w[:, k:]
+        else:
+            share, given = u[:, :k], y[:, :k] - u[:, k:]
+        return self.lower + (self.upper - self.lower) * share, given
+
+
+def _check_form(form: str) -> None:
+    if form not in FORMS:
+        raise InvalidInputError("form", form, '"input-output" or "dae"')
+
+
+def _pieces(mode: IndexSet, k: int, dae: HorizontalSystem | None) -> Pieces:
+    """Return for each relay 0, 1 or 2: at its upper bound, sliding, at its lower bound."""
+    if dae is not None:
+        vanishing = dae.where_w_vanishes(mode)  # y1 = 0 and y2 = 0
+        return tuple(int(piece) for piece in 1 + vanishing[k:] - vanishing[:k].astype(int))
+    return tuple(2 - (i in mode) - (k + i in mode) for i in range(k))

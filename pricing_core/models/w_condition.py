@@ -1,0 +1,81 @@
+"""When a piecewise linear system has one continuation: the W-property of its pieces for large s."""
+
+import itertools
+import math
+from collections.abc import Sequence
+
+from flint import fmpq, fmpq_poly
+
+from pricing_core.lcs import LCS, Finding
+from pricing_core.lcs.total_invertibility import LARGEST_PAIRS, transfer_minors
+from pricing_core.linalg.rational import rational_array
+from pricing_core.models.characteristic import Characteristic
+
+MOST_REPRESENTATIVES = 20_000
+
+
+def w_condition(plant: LCS, characteristics: Sequence[Characteristic]) -> Finding:
+    """Tell whether diag(dy) - G(s) diag(du) has, for all large s, determinants of one sign on all pieces; exact.
+
+    Parameters
+    ----------
+    plant : LCS
+        Its A, B, C, D alone are read.
+    characteristics : sequence of Characteristic, length k
+
+    Returns
+    -------
+    Finding
+        See `PiecewiseLinearSystem.w_property`.
+
+    Examples
+    --------
+    >>> step = Characteristic([(0, 1), (0, -1)])
+    >>> w_condition(LCS([[0]], [[-1]], [[1]]), [step]).reason
+    'with the slopes (vertical) the determinant has another sign than that of the first pieces'
+    """
+    k = plant.shape[1]
+    directions = [_distinct_directions(curve) for curve in characteristics]
+    if k > LARGEST_PAIRS or math.prod(len(each) for each in directions) > MOST_REPRESENTATIVES:
+        return Finding("silent", f"at most {MOST_REPRESENTATIVES} combinations of pieces are examined")
+    minors = [fmpq_poly(minor) for minor in transfer_minors(plant)]
+    wanted = 0
+    for chosen in itertools.product(*directions):
+        sign = _sign_at_infinity(_determinant(minors, chosen))
+        if sign in (0, -wanted):
+            slopes = ", ".join(_slope(direction) for direction in chosen)
+            kind = "vanishes" if sign == 0 else "has another sign than that of the first pieces"
+            return Finding("silent", f"with the slopes ({slopes}) the determinant {kind}")
+        wanted = sign
+    return Finding("holds", "the determinants of all combinations of pieces have one sign for large s")
+
+
+def _distinct_directions(curve: Characteristic) -> list[tuple[fmpq, fmpq]]:
+    """Return (dy, du) of all pieces, exact and each once, up to positive factors."""
+    points = rational_array(curve.points)
+    between = [(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(points)]
+    rays = [rational_array(curve.tangents[j]) for j in (0, -1)]
+    found: list[tuple[fmpq, fmpq]] = []
+    for dy, du in ((rays[0][0], rays[0][1]), *between, (rays[1][0], rays[1][1])):
+        size = abs(dy) if dy else abs(du)
+        if (direction := (dy / size, du / size)) not in found:
+            found.append(direction)
+    return found
+
+
+def _determinant(minors: list[fmpq_poly], directions: Sequence[tuple[fmpq, fmpq]]) -> fmpq_poly:
+    """Return det(diag(dy) - G diag(du)) times the positive polynomial of the minors det G_II."""
+    total = fmpq_poly()
+    for members, minor in enumerate(minors):
+        factors = (-du if members >> i & 1 else dy for i, (dy, du) in enumerate(directions))
+        total += minor * math.prod(factors, start=fmpq(1))
+    return total
+
+
+def _sign_at_infinity(p: fmpq_poly) -> int:
+    degree = p.degree()
+    return 0 if degree < 0 else int(p[degree] > 0) - int(p[degree] < 0)
+
+
+def _slope(direction: tuple[fmpq, fmpq]) -> str:
+    return "vertical" if direction[0] == 0 else f"{float(direction[1].p) / float(direction[1].q):g}"

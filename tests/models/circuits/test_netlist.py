@@ -1,0 +1,103 @@
+"""Netlists are read as SPICE would, and what is no netlist is refused by line."""
+
+import math
+from fractions import Fraction
+
+import pytest
+
+from pricing_core.errors import InvalidInputError
+from pricing_core.models import DiodeCircuit, Sine
+from tests.problems import circuits
+
+BRIDGE = """* A diode bridge that feeds a resistor from an LC oscillator
+C  A B 1u IC=10
+L  a b 10mH
+D1 a p ideal
+D2 b p ; the other half
+D3 0 a
+D4 GND b
+R  P 0
++    1k
+.model ideal D
+.end
+anything
+"""
+
+
+def test_the_bridge_as_a_netlist_is_the_bridge():
+    read, built = DiodeCircuit.from_netlist(BRIDGE), circuits.diode_bridge()
+    assert [element.name for element in read.elements] == ["C", "L", "D1", "D2", "D3", "D4", "R"]
+    one, other = read.simulate((0.0, 1e-3), t_eval=[1e-3]), built.simulate((0.0, 1e-3), t_eval=[1e-3])
+    assert one.voltage("A", "B") == pytest.approx(other.voltage("a", "b"), rel=1e-12)
+    assert one.current("R") == pytest.approx(other.current("R"), rel=1e-12)
+
+
+def test_every_kind_of_element_is_read():
+    netlist = """
+    .title all of them
+    V1 1 0 DC 5
+    V2 2 0 SIN(1 10 50)
+    V3 3 0 SIN(0, 2, 1k, 0, 0, 90)
+    I1 0 4 PWL(0 0 1m 2m 2m 0)
+    R1 4 0 1MEG
+    E1 5 0 1 0 2.5
+    G1 0 6 1 0 1m
+    R2 6 0 1
+    F1 0 7 v1 3
+    R3 7 0 1
+    H1 8 0 R1 -2
+    L1 1 9 1m IC = 2m
+    L2 9 0 4m
+    K1 l1 L2 0.5
+    X1 1 0 10 0 10
+    C1 10 0 1n
+    """
+    elements = {element.name: element for element in DiodeCircuit.from_netlist(netlist).elements}
+    assert elements["V1"].value == 5
+    assert elements["V2"].value == Sine(10.0, 50.0, 0.0, offset=1.0)
+    assert elements["V3"].value.phase == pytest.approx(math.pi / 2)
+    assert elements["I1"].value.after(0.5e-3) == pytest.approx([1e-3])
+    assert elements["R1"].ohms == 10**6
+    assert (elements["E1"].gain, elements["E1"].of_voltage) == (Fraction(5, 2), True)
+    assert (elements["G1"].gain, elements["G1"].of_voltage) == (Fraction(1, 1000), False)
+    assert (elements["F1"].control, elements["F1"].of_voltage) == ("V1", False)
+    assert (elements["H1"].gain, elements["H1"].of_voltage) == (-2, True)
+    assert elements["L1"].initial_current == Fraction(2, 1000)
+    assert (elements["K1"].first, elements["K1"].coefficient) == ("L1", Fraction(1, 2))
+    assert elements["X1"].ratio == 10
+    assert DiodeCircuit.from_netlist(netlist).to_lcs().system.shape == (1, 0)  # C1 hangs on V1
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("R1 a 0", r"line 2 .* = 'R1 a 0': must be of the form R<name> node node ohms"),
+        ("R1 a 0 5 IC=3", r"must be of the form R<name>"),
+        ("R1 a 0 5x7", r"= '5x7': must be a number such as"),
+        ("R1 a 0 1e999", r"must be a number"),
+        ("R1 a 0 1mil", r"must be a number"),
+        ("R1 a 0 -5", r"ohms of R1.* must be a positive number"),
+        ("Q1 a b c", r"= 'Q1': must be an element whose name begins with one of R C L D V.*title"),
+        ("C1 a 0 1 IC=", r"must be of the form \.\.\. NAME=value"),
+        ("c0 a 0 1", r"= 'c0': must be a name that no other element has"),
+        ("D1 a 0 m 4", r"must be of the form D<name> anode cathode \[model\]"),
+        ("V1 a 0", r"must be of the form V<name> plus minus value"),
+        ("V1 a 0 DC", r"must be one value"),
+        ("V1 a 0 1 2", r"must be one value"),
+        ("V1 a 0 SIN(0 1)", r"must be SIN\(offset amplitude hertz"),
+        ("V1 a 0 SIN(0 1 50 1m)", r"delay=0"),
+        ("V1 a 0 PWL(0 1 2)", r"must be PWL\(time value"),
+        ("V1 a 0 PULSE(0 1)", r"= 'PULSE': must be a number"),
+        (".tran 1u 1m", r"must be left out.*simulate"),
+        (".model m D(IS=1e-12)", r"diodes are ideal"),
+        ("()", r"must be an element"),
+    ],
+)
+def test_a_line_that_cannot_be_read_is_named(line, message):
+    with pytest.raises(InvalidInputError, match=message):
+        DiodeCircuit.from_netlist(f"C0 a 0 1u\n{line}\n")
+
+
+def test_a_continuation_needs_a_beginning():
+    with pytest.raises(InvalidInputError, match=r"line 1 .* must be the continuation"):
+        DiodeCircuit.from_netlist("+ 5")

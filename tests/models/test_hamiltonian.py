@@ -1,0 +1,97 @@
+import math
+
+import numpy as np
+import pytest
+
+from pricing_core.errors import InvalidInputError
+from pricing_core.models import HamiltonianSystem, MechanicalSystem
+
+G = 9.81
+
+
+def pendulum(restitution=0.0, wall=-0.3):
+    """Angle q from the vertical, a wall at q = wall."""
+    return HamiltonianSystem(
+        energy=lambda q, p: 0.5 * p[0] ** 2 - G * math.cos(q[0]),
+        gradient=lambda q, p: (np.array([G * math.sin(q[0])]), p),
+        constraints=lambda q: q - wall,
+        constraint_jacobian=lambda q: np.eye(1),
+        restitution=restitution,
+    )
+
+
+def test_between_impacts_the_energy_does_not_change():
+    swing = pendulum(wall=-10.0).simulate([1.0], [0.0], (0.0, 10.0), steps=500)
+    assert np.ptp(swing.energy) < 1e-11
+    assert not swing.impulses.any()
+
+
+def test_the_angle_converges_with_order_two_between_impacts():
+    fine = pendulum(wall=-10.0).simulate([1.0], [0.0], (0.0, 2.0), steps=3200).q[-1]
+    errors = [
+        abs(pendulum(wall=-10.0).simulate([1.0], [0.0], (0.0, 2.0), steps=steps).q[-1] - fine).item()
+        for steps in (50, 100, 200)
+    ]
+    assert -np.polyfit(range(3), np.log2(errors), 1)[0] == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize("e", [0.0, 0.6, 1.0])
+def test_an_impact_adds_no_energy_and_turns_the_velocity_by_newton_s_law(e):
+    swing = pendulum(e).simulate([1.0], [0.0], (0.0, 3.0), steps=3000)
+    assert np.all(np.diff(swing.energy) <= 1e-11)
+    assert swing.gaps.min() > -5e-3
+    hit = int(np.flatnonzero(swing.impulses[:, 0] > 0.1)[0])
+    speed = -math.sqrt(2.0 * G * (math.cos(0.3) - math.cos(1.0)))
+    assert swing.p[hit - 1, 0] == pytest.approx(speed, rel=5e-3)
+    assert swing.p[hit, 0] == pytest.approx(-e * swing.p[hit - 1, 0], abs=1e-12)
+    if e == 1.0:
+        assert np.ptp(swing.energy) < 1e-9
+
+
+def test_a_mass_that_depends_on_the_place_keeps_its_energy():
+    """A bead on the parabola y = x^2 / 2: H = p^2 / (2 (1 + x^2)) + G x^2 / 2."""
+    bead = HamiltonianSystem(
+        energy=lambda q, p: 0.5 * p[0] ** 2 / (1.0 + q[0] ** 2) + 0.5 * G * q[0] ** 2,
+        gradient=lambda q, p: (
+            np.array([-(p[0] ** 2) * q[0] / (1.0 + q[0] ** 2) ** 2 + G * q[0]]),
+            p / (1.0 + q[0] ** 2),
+        ),
+        constraints=lambda q: q + 0.5,
+        constraint_jacobian=lambda q: np.eye(1),
+        restitution=0.5,
+    )
+    slide = bead.simulate([1.0], [0.0], (0.0, 4.0), steps=4000)
+    free = slide.impulses[1:, 0] == 0.0
+    assert np.abs(np.diff(slide.energy)[free]).max() < 1e-11
+    assert np.diff(slide.energy).max() < 1e-9
+    assert slide.energy[-1] < 0.6 * slide.energy[0]
+
+
+def test_linear_mechanics_is_the_limit_of_small_steps():
+    stiffness = np.array([[2.0, -1.0], [-1.0, 1.0]])
+    F = np.array([[1.0, 0.0], [1.0, -1.0]])
+    exact = MechanicalSystem(np.eye(2), np.zeros((2, 2)), stiffness, F).simulate(
+        [0.3, 0.1], [-0.5, 0.2], (0.0, 3.0)
+    )
+    same = HamiltonianSystem(
+        energy=lambda q, p: float(0.5 * (p @ p + q @ stiffness @ q)),
+        gradient=lambda q, p: (stiffness @ q, p),
+        constraints=lambda q: F @ q,
+        constraint_jacobian=lambda q: F,
+    )
+    distances = []
+    for steps in (1000, 2000, 4000):
+        found = same.simulate([0.3, 0.1], [-0.5, 0.2], (0.0, 3.0), steps=steps)
+        distances.append(np.abs(np.hstack([found.q[-1], found.p[-1]]) - exact(3.0)).max())
+    assert distances[2] < 2e-3
+    assert distances[2] < 0.6 * distances[0]
+
+
+@pytest.mark.parametrize(
+    ("field", "arguments"),
+    [("q0", {"q0": [-1.0]}), ("p0", {"p0": [0.0, 1.0]}), ("steps", {"steps": 0})],
+)
+def test_bad_arguments_are_refused(field, arguments):
+    given = {"q0": [1.0], "p0": [0.0], "t_span": (0.0, 1.0), "steps": 10, **arguments}
+    with pytest.raises(InvalidInputError, match=field):
+        pendulum().simulate(**given)

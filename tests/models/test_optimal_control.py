@@ -1,0 +1,300 @@
+"""The maximum principle, the closed forms, and what is refused."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+from pricing_core.errors import InfeasibleError, InvalidInputError, NumericalError
+from pricing_core.models import OptimalControl, StateConstrainedLQ
+from tests.problems.control_problems import CONTROL_PROBLEMS, FORCE, INTEGRATOR, POSITION, ControlProblem
+
+every_problem = pytest.mark.parametrize("known", CONTROL_PROBLEMS, ids=lambda known: known.name)
+
+
+@every_problem
+def test_closed_forms_are_met_to_rounding(known: ControlProblem):
+    answer = known.problem.solve()
+    assert answer.status == "solved"
+    assert answer.cost == pytest.approx(known.cost, abs=1e-12)
+    assert answer.switching_times == pytest.approx(known.switching_times, abs=1e-9)
+    found = [(time, weights.item()) for time, weights in answer.multiplier_atoms]
+    assert found == [pytest.approx(atom, abs=1e-9) for atom in known.atoms]
+
+
+def test_on_its_boundary_arc_the_scalar_example_is_constant():
+    answer = CONTROL_PROBLEMS[0].problem.solve()
+    on = answer.t > answer.switching_times[0] + 1e-9
+    for values, expected in ((answer.x, 1), (answer.control, 1), (answer.costate, 1), (answer.multiplier, 2)):
+        assert values[on] == pytest.approx(expected, abs=1e-12)
+    assert np.all(answer.multiplier[answer.t < answer.switching_times[0] - 1e-9] == 0.0)
+
+
+def random_problem(seed: int) -> StateConstrainedLQ:
+    """Return a problem of up to four states, with constraints of order 1 or 2 and slack at the start."""
+    rng = np.random.default_rng(seed)
+    n, m, k = rng.integers(1, 5), rng.integers(1, 3), rng.integers(1, 3)
+    A, B, C = rng.normal(size=(n, n)), rng.normal(size=(n, m)), rng.normal(size=(k, n))
+    if seed % 2 and m < n:
+        C[:] = np.linalg.svd(B.T)[2][-1]
+    root, x0 = rng.normal(size=(n, n)), 2.0 * rng.normal(size=n)
+    bound = C @ x0 - rng.uniform(0.05, 2.0, size=k)
+    return StateConstrainedLQ(A, B, C, root @ root.T, x0, float(rng.uniform(0.5, 4.0)), bound)
+
+
+def solved_or_skipped(problem: StateConstrainedLQ) -> OptimalControl:
+    try:
+        answer = problem.solve()
+    except NumericalError:
+        assume(False)
+    assume(answer.status == "solved")
+    return answer
+
+
+def check_maximum_principle(problem: StateConstrainedLQ, answer: OptimalControl) -> None:
+    """(11.24) with its atoms: equations of motion, stationarity, signs, complementarity, jumps, the end."""
+    n, z = problem.A.shape[0], np.hstack([answer.x, answer.costate])
+    system = problem.to_lcs()
+    size = 1.0 + np.max(np.abs(z))
+    assert answer.x[0] == pytest.approx(problem.x0, abs=1e-9 * size)
+    assert np.array_equal(answer.control, answer.costate @ problem.B)
+    slack = answer.x @ problem.C.T - problem.bound
+    assert np.min(slack) >= -1e-8 * size
+    assert np.min(answer.multiplier, initial=0.0) >= -1e-8 * size
+    assert np.max(np.abs(slack * answer.multiplier), initial=0.0) <= 1e-8 * size**2
+    jumps = np.flatnonzero(np.diff(answer.t) == 0.0)
+    atoms = dict(answer.multiplier_atoms)
+    for j in jumps:
+        atom = atoms.get(float(answer.t[j]), np.zeros(problem.C.shape[0]))
+        assert np.all(atom >= -1e-8 * size)
+        assert atom @ np.abs(slack[j]) <= 1e-8 * size**2
+        step = np.concatenate([np.zeros(n), -problem.C.T @ atom])
+        assert z[j + 1] - z[j] == pytest.approx(step, abs=1e-8 * size)
+    last = atoms.get(problem.horizon, np.zeros(problem.C.shape[0]))
+    assert answer.costate[-1] == pytest.approx(problem.C.T @ last, abs=1e-8 * size)
+    assert last @ np.abs(slack[-1]) <= 1e-8 * size**2
+    # z' = A z + B eta, integrated over every two samples
+    rate = z @ system.A.T + answer.multiplier @ system.B.T
+    for a, b in segments(answer):
+        integral = simpson(answer.t[a:b], rate[a:b])
+        assert np.diff(z[a:b:2], axis=0) == pytest.approx(integral, abs=1e-5 * size)
+
+
+def segments(answer: OptimalControl) -> list[tuple[int, int]]:
+    jumps = np.flatnonzero(np.diff(answer.t) == 0.0)
+    return list(zip([0, *(jumps + 1)], [*(jumps + 1), answer.t.size], strict=True))
+
+
+def simpson(t: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Integrate over each pair of equal intervals."""
+    return (values[:-2:2] + 4.0 * values[1:-1:2] + values[2::2]) * np.diff(t)[::2, None] / 3.0
+
+
+@every_problem
+def test_known_solutions_satisfy_the_maximum_principle(known: ControlProblem):
+    check_maximum_principle(known.problem, known.problem.solve())
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000))
+def test_the_maximum_principle_holds(seed: int):
+    problem = random_problem(seed)
+    check_maximum_principle(problem, solved_or_skipped(problem))
+
+
+@pytest.mark.parametrize(
+    ("seed", "junctions"),
+    [
+        (20094, 2),  # leaves its arc just before the horizon, order 1
+        (20059, 2),  # the same, order 2, where collocation sees contact up to the horizon
+        (20178, 5),  # one constraint hands over to another and back
+    ],
+)
+def test_structures_that_the_first_guess_misses_are_repaired(seed: int, junctions: int):
+    problem = random_problem(seed)
+    answer = problem.solve()
+    assert (answer.status, answer.switching_times.size) == ("solved", junctions)
+    check_maximum_principle(problem, answer)
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000))
+def test_the_cost_is_half_of_what_the_multipliers_say(seed: int):
+    """(lambda^T x)' = x^T Q x + u^T u - eta^T C x, and C x = bound wherever eta is not zero."""
+    problem = random_problem(seed)
+    answer = solved_or_skipped(problem)
+    forces = answer.multiplier @ problem.bound
+    total = sum(weights @ problem.bound for _, weights in answer.multiplier_atoms)
+    for a, b in segments(answer):
+        total += np.sum(simpson(answer.t[a:b], forces[a:b, None]))
+    dual = 0.5 * (total - answer.costate[0] @ answer.x[0])
+    assert answer.cost == pytest.approx(dual, rel=1e-6, abs=1e-6)
+
+
+def exact_cost(problem: StateConstrainedLQ, control: np.ndarray, per: int = 8) -> tuple[float, float]:
+    """Return cost and least slack of a piecewise constant control: exact flow, Simpson's rule within pieces."""
+    n, m = problem.B.shape
+    h = problem.horizon / (len(control) * per)
+    block = expm(h * np.block([[problem.A, problem.B], [np.zeros((m, n + m))]]))[:n]
+    x, states, cost = problem.x0, [problem.x0], 0.0
+    weights = np.array([1.0, *([4.0, 2.0] * (per // 2))[:-1], 1.0]) * h / 3.0
+    for u in control:
+        piece = [x]
+        for _ in range(per):
+            x = block @ np.concatenate([x, u])
+            piece.append(x)
+        states += piece[1:]
+        terms = [v @ problem.Q @ v + u @ u for v in piece]
+        cost += 0.5 * float(weights @ terms)
+    return cost, float(np.min(np.array(states) @ problem.C.T - problem.bound))
+
+
+@every_problem
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(st.integers(0, 10_000))
+def test_no_feasible_control_is_cheaper(known: ControlProblem, seed: int):
+    """The optimum, disturbed and pushed away from the constraint, costs more unless it leaves it."""
+    problem, answer = known.problem, known.problem.solve()
+    rng = np.random.default_rng(seed)
+    middles = (np.arange(400) + 0.5) * problem.horizon / 400
+    control = np.interp(middles, answer.t, answer.control[:, 0])
+    push = 10.0 ** rng.uniform(-4, 0)
+    phases = rng.uniform(0, 6, size=3)
+    wave = sum(np.sin((k + 1) * middles + phases[k]) / (k + 1) for k in range(3))
+    disturbed = control + push * (rng.uniform(0, 1.5) + rng.normal() * 0.3 * wave)
+    cost, slack = exact_cost(problem, disturbed[:, None])
+    assert cost >= answer.cost - 1e-9 or slack < 0.0
+
+
+def test_some_disturbed_controls_are_feasible():
+    problem, answer = CONTROL_PROBLEMS[0].problem, CONTROL_PROBLEMS[0].problem.solve()
+    middles = (np.arange(400) + 0.5) * problem.horizon / 400
+    control = np.interp(middles, answer.t, answer.control[:, 0])
+    cost, slack = exact_cost(problem, control[:, None] + 1e-3)
+    assert slack > 0.0
+    assert answer.cost < cost < answer.cost + 1e-2
+
+
+def test_without_contact_the_answer_is_the_riccati_one():
+    answer = StateConstrainedLQ([[0]], [[1]], [[1]], [[1]], [1], 2.0, [-5]).solve()
+    assert answer.cost == pytest.approx(0.5 * np.tanh(2.0), rel=1e-12)  # P = tanh(T - t)
+    assert answer.multiplier_atoms == ()
+    assert answer.switching_times.size == 0
+
+
+def test_contact_is_held_from_a_start_on_the_bound():
+    answer = StateConstrainedLQ([[-1]], [[1]], [[1]], [[1]], [1], 2.0, [1]).solve()
+    assert answer.status == "solved"
+    assert answer.x == pytest.approx(1.0, abs=1e-12)
+    assert answer.cost == pytest.approx(2.0, rel=1e-12)
+
+
+def test_simultaneous_contacts_of_two_equal_parts():
+    A, one = -np.eye(2), np.eye(2)
+    answer = StateConstrainedLQ(A, one, one, one, [2, 2], 3.0, [1, 1]).solve()
+    assert answer.status == "solved"
+    assert answer.cost == pytest.approx(2 * CONTROL_PROBLEMS[0].cost, rel=1e-12)
+
+
+def test_the_time_unit_does_not_matter():
+    slow = CONTROL_PROBLEMS[0].problem
+    speed = 1e4
+    fast = StateConstrainedLQ(
+        speed * slow.A, speed * slow.B, slow.C, speed**2 * slow.Q / speed**2, slow.x0, 3.0 / speed, [1]
+    ).solve()
+    assert fast.status == "solved"
+    assert fast.cost * speed == pytest.approx(CONTROL_PROBLEMS[0].cost, rel=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1e-8, 1e8])
+def test_the_unit_of_the_state_does_not_matter(unit: float):
+    answer = StateConstrainedLQ([[-1]], [[1]], [[1]], [[1]], [2 * unit], 3.0, [unit]).solve()
+    assert answer.status == "solved"
+    assert answer.cost == pytest.approx(CONTROL_PROBLEMS[0].cost * unit**2, rel=1e-9)
+
+
+def test_without_constraints_there_is_nothing_to_switch():
+    answer = StateConstrainedLQ([[0]], [[1]], np.zeros((0, 1)), [[1]], [1], 2.0).solve()
+    assert answer.cost == pytest.approx(0.5 * np.tanh(2.0), rel=1e-12)
+
+
+def test_accumulating_touch_points_leave_the_answer_to_collocation():
+    chain = StateConstrainedLQ(
+        np.eye(3, k=1), [[0], [0], [1]], [[1, 0, 0]], np.diag([1.0, 0, 0]), [1, -1, 0], 8.0, [0.2]
+    )
+    assert chain.constraint_orders == (3,)
+    answer = chain.solve()
+    assert answer.status == "structure not resolved"
+    finer = chain.solve(intervals=400)
+    assert answer.cost == pytest.approx(finer.cost, rel=1e-3)
+    assert np.min(answer.x[:, 0]) >= 0.2 - 1e-6
+
+
+def test_infeasible_problems_come_with_a_proof():
+    with pytest.raises(InfeasibleError, match=r"no control keeps C x >= bound up to horizon = 3: proved"):
+        StateConstrainedLQ([[-1, 0], [0, 0]], [[0], [1]], [[1, 0]], np.eye(2), [2, 0], 3.0, [1]).solve()
+
+
+def test_constraints_that_leave_one_control():
+    """x1' = x2 with x2 held between 1/2 and 1/2: u = 0."""
+    held = StateConstrainedLQ(
+        INTEGRATOR, FORCE, [[0, -1], [1, 0], [0, 1]], np.eye(2), [0, 0.5], 8.0, [-0.5, 0, 0.5]
+    )
+    answer = held.solve()
+    assert answer.status == "structure not resolved"  # the two active constraints depend on one another
+    assert answer.cost == pytest.approx(0.5 * (8.0 * 0.25 + 8.0**3 / 12.0), rel=1e-3)
+
+
+def test_constraints_that_contradict_one_another_say_how_large_a_control_would_be():
+    """x2' = x1 - x2 stays above 0.9 only where x1 does not stay below 0.1."""
+    contrary = StateConstrainedLQ(
+        [[0, 0], [1, -1]], [[1], [0]], [[-1, 0], [0, 1]], np.eye(2), [0, 1], 3.0, [-0.1, 0.9]
+    )
+    with pytest.raises(NumericalError, match=r"any control that does has int u\^T u dt >= [1-9]"):
+        contrary.solve()
+
+
+SCALAR = {"A": [[-1]], "B": [[1]], "C": [[1]], "Q": [[1]], "x0": [2], "horizon": 3.0, "bound": [1]}
+
+
+@pytest.mark.parametrize(
+    ("field", "change"),
+    [
+        ("A", {"A": [[1, 2]]}),
+        ("A", {"A": [[float("nan")]]}),
+        ("B", {"B": [[1], [2]]}),
+        ("C", {"C": [[1, 2]]}),
+        ("Q", {"Q": [[1, 0], [0, 1]]}),
+        ("Q", {"Q": [[-1]]}),
+        ("x0", {"x0": [2, 3]}),
+        ("x0", {"x0": [0.5]}),
+        ("bound", {"bound": [1, 2]}),
+        ("horizon", {"horizon": 0.0}),
+        ("horizon", {"horizon": -1.0}),
+        ("horizon", {"horizon": float("inf")}),
+        ("horizon", {"horizon": "long"}),
+        ("horizon", {"horizon": 1e300}),
+        ("A", {"A": np.zeros((0, 0))}),
+    ],
+)
+def test_bad_input_is_refused_by_name(field: str, change: dict[str, object]):
+    with pytest.raises(InvalidInputError) as caught:
+        StateConstrainedLQ(**{**SCALAR, **change})
+    assert caught.value.field == field
+
+
+def test_an_asymmetric_weight_is_refused():
+    with pytest.raises(InvalidInputError, match="symmetric"):
+        StateConstrainedLQ(INTEGRATOR, FORCE, POSITION, [[1, 1], [0, 1]], [1, 0], 1.0)
+
+
+def test_a_start_that_must_leave_at_once_is_refused():
+    with pytest.raises(InvalidInputError, match="derivative 1 of the vanishing slack 0 is -1"):
+        StateConstrainedLQ(INTEGRATOR, FORCE, POSITION, np.eye(2), [0, -1], 1.0)
+
+
+@pytest.mark.parametrize("intervals", [7, 20_001, 50.0])
+def test_the_number_of_intervals_is_bounded(intervals: float):
+    with pytest.raises(InvalidInputError, match="intervals"):
+        StateConstrainedLQ(**SCALAR).solve(intervals=intervals)

@@ -1,0 +1,190 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pricing_core.errors import InfeasibleError, InvalidInputError, IterationLimitError, NumericalError
+from pricing_core.lcs import simulate
+from pricing_core.models import ProjectedSystem
+
+
+def steady(x):
+    return pytest.approx(x, abs=1e-10)
+
+
+def quadrant() -> ProjectedSystem:
+    """F(x) = x - (-1, -2) on x >= 0."""
+    return ProjectedSystem((np.eye(2), [1.0, 2.0]), np.eye(2), np.zeros(2))
+
+
+def disc() -> ProjectedSystem:
+    """Pushed to the right in the unit disc, without gradients."""
+    return ProjectedSystem(lambda x: [-1.0, 0.0], constraints=lambda x: [1 - x @ x])
+
+
+def cournot() -> ProjectedSystem:
+    """Three firms, unit costs 10, 20, 60, capacities 30, 50, 50, price 100 - Q; F_i = -d profit_i / d q_i."""
+    H = np.vstack([np.eye(3), -np.eye(3)])
+    return ProjectedSystem((np.eye(3) + 1.0, [-90.0, -80.0, -40.0]), H, [0, 0, 0, -30, -50, -50])
+
+
+def profit(i: int, q: np.ndarray) -> float:
+    return (100.0 - q.sum() - (10.0, 20.0, 60.0)[i]) * q[i]
+
+
+def random_monotone(seed: int) -> tuple[ProjectedSystem, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    n, k = int(rng.integers(1, 4)), int(rng.integers(1, 5))
+    N = rng.normal(size=(n, n))
+    matrix = N @ N.T + 0.3 * np.eye(n) + (N - N.T)
+    system = ProjectedSystem(
+        (matrix, 2.0 * rng.normal(size=n)), rng.normal(size=(k, n)), -np.abs(rng.normal(size=k))
+    )
+    return system, system.projection(2.0 * rng.normal(size=n))
+
+
+def test_the_quadrant_is_reached_at_its_exact_times():
+    run = quadrant().simulate([1.0, 1.0], (0.0, 2.0), t_eval=[0.2, 0.5, 2.0])
+    assert [event.time for event in run.events] == pytest.approx([math.log(1.5), math.log(2.0)], rel=1e-13)
+    assert [switch.after for switch in run.switches] == [(0, 1), (1, 1)]
+    assert run.x == steady(
+        np.array([[2 * math.exp(-0.2) - 1, 3 * math.exp(-0.2) - 2], [2 * math.exp(-0.5) - 1, 0], [0, 0]])
+    )
+    assert run.u == steady(np.array([[0, 0], [0, 2], [1, 2]]))
+
+
+def test_the_equilibrium_of_the_quadrant_is_where_the_motion_ends():
+    found = quadrant().equilibrium()
+    assert found.x == steady([0.0, 0.0])
+    assert found.u == steady([1.0, 2.0])
+    assert quadrant().velocity(found.x).v == steady([0.0, 0.0])
+
+
+def test_an_oligopoly_settles_in_its_nash_equilibrium():
+    """The first firm at its capacity, the third out of the market: (30, 25, 0) at the price 45."""
+    system = cournot()
+    found = system.equilibrium()
+    assert found.x == steady([30.0, 25.0, 0.0])
+    assert found.u == steady([0.0, 0.0, 15.0, 5.0, 0.0, 0.0])
+    run = system.simulate([10.0, 10.0, 10.0], (0.0, 30.0))
+    assert run.x[-1] == pytest.approx([30.0, 25.0, 0.0], abs=1e-9)
+    for i, capacity in enumerate((30.0, 50.0, 50.0)):
+        for quantity in np.linspace(0.0, capacity, 101):
+            other = np.where(np.arange(3) == i, quantity, found.x)
+            assert profit(i, other) <= profit(i, found.x) + 1e-9
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 100_000))
+def test_stationary_points_are_the_solutions_of_the_variational_inequality(seed):
+    system, x0 = random_monotone(seed)
+    found = system.equilibrium()
+    matrix, vector = system.affine
+    F = matrix @ found.x + vector
+    assert system.K.H.T @ found.u == pytest.approx(F, abs=1e-8)
+    assert system.velocity(found.x).v == pytest.approx(np.zeros(F.size), abs=1e-7)
+    rng = np.random.default_rng(seed)
+    for _ in range(20):
+        assert F @ (system.projection(3.0 * rng.normal(size=F.size)) - found.x) >= -1e-8
+    assert system.simulate(x0, (0.0, 60.0)).x[-1] == pytest.approx(found.x, abs=1e-6)
+    newton = ProjectedSystem(lambda x: matrix @ x + vector, system.K.H, system.K.h).equilibrium(x0)
+    assert newton.x == pytest.approx(found.x, abs=1e-8)
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.integers(0, 100_000))
+def test_projected_dynamics_are_the_complementarity_system(seed):
+    """(11.39), stepped through projections, and (11.44), driven by events, have the same states and multipliers."""
+    system, x0 = random_monotone(seed)
+    times = np.linspace(0.0, 2.0, 9)
+    lcs = system.simulate(x0, (0.0, 2.0), t_eval=times)
+    stepped = system.simulate(x0, (0.0, 2.0), t_eval=times, method="stepping", rtol=1e-4)
+    assert stepped.x == pytest.approx(lcs.x, abs=2e-3)
+    for x, u in zip(lcs.x, lcs.u, strict=True):
+        direction, multipliers = system.velocity(x)
+        assert direction == pytest.approx(-system.F(x) + system.K.H.T @ u, abs=1e-6)
+        assert system.K.H.T @ multipliers == pytest.approx(system.K.H.T @ u, abs=1e-6)
+    backward = simulate(system.to_lcs(), x0, (0.0, 2.0), method="time-stepping", h=1e-2, t_eval=times)
+    assert backward.x == pytest.approx(lcs.x, abs=0.1)
+
+
+def test_a_constraint_may_be_left_again():
+    """A rotation x' = (x2, -x1) presses against x1 <= 1 while x2 > 0: along it to (1, 0), then on the unit circle."""
+    system = ProjectedSystem(([[0, -1], [1, 0]], [0, 0]), [[-1, 0]], [-1])
+    run = system.simulate([0.0, 2.0], (0.0, math.pi), t_eval=[math.pi])
+    assert [event.time for event in run.events] == pytest.approx(
+        [math.pi / 6, math.pi / 6 + math.sqrt(3.0)], rel=1e-12
+    )
+    left = math.pi - math.pi / 6 - math.sqrt(3.0)
+    assert run.x[-1] == steady([math.cos(left), -math.sin(left)])
+
+
+def test_more_constraints_than_dimensions_may_meet_in_a_corner():
+    system = ProjectedSystem((np.eye(2), [1, 1]), [[1, 0], [0, 1], [1, 1], [2, 1]], [0, 0, 0, 0])
+    run = system.simulate([1.0, 1.0], (0.0, 2.0))
+    assert run.x[-1] == steady([0.0, 0.0])
+    assert run.events[0].time == pytest.approx(math.log(2.0), rel=1e-12)
+    assert system.equilibrium().x == steady([0.0, 0.0])
+
+
+@pytest.mark.parametrize(("rtol", "error"), [(1e-4, 1e-3), (1e-6, 2e-5), (1e-8, 1e-6)])
+def test_a_smooth_boundary_is_slid_along(rtol, error):
+    """Straight to the circle, and on it theta' = -sin theta: tan(theta/2) = tan(theta0/2) e^{-t}."""
+    theta = math.pi - 2.5
+    run = disc().simulate([math.cos(2.5), math.sin(2.5)], (0.0, 3.0), rtol=rtol, atol=rtol / 100)
+    left = 3.0 - 2.0 * math.cos(theta)
+    end = 2 * math.atan(math.tan(theta / 2) * math.exp(-left))
+    assert run.x[-1] == pytest.approx([math.cos(end), math.sin(end)], abs=error)
+    assert run.switches[-1].after == (1,)
+    assert run.y.min() > -1e-9
+
+
+def test_general_motions_have_their_equilibria():
+    """Newton on the disc, whose curvature matters, and where F is not affine."""
+    far = ProjectedSystem(lambda x: x - np.array([3.0, 4.0]), constraints=lambda x: [1 - x @ x])
+    found = far.equilibrium([0.0, 0.0])
+    assert found.x == pytest.approx([0.6, 0.8], abs=1e-9)
+    assert found.u == pytest.approx([2.0], abs=1e-8)  # F = x - (3, 4) = -4 x = H^T u with H = -2 x^T
+    cubic = ProjectedSystem(lambda x: x**3 - [8.0, -1.0], np.eye(2), np.zeros(2)).equilibrium([5.0, 5.0])
+    assert cubic.x == pytest.approx([2.0, 0.0], abs=1e-9)
+
+
+def test_a_game_without_equilibrium_is_reported():
+    with pytest.raises(NumericalError):
+        ProjectedSystem((np.zeros((1, 1)), [-1.0]), [[1.0]], [0.0]).equilibrium()
+    with pytest.raises(IterationLimitError, match="try another start"):
+        ProjectedSystem(lambda x: -1.0 - np.exp(-x), [[1.0]], [0.0]).equilibrium([0.0])
+
+
+def test_normals_and_projections_of_a_corner():
+    assert quadrant().inward_normals([0.0, 0.0]).tolist() == [[1.0, 0.0], [0.0, 1.0]]
+    assert quadrant().inward_normals([1.0, 1.0]).shape == (0, 2)
+    assert quadrant().projection([-1.0, 2.0]).tolist() == [0.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: quadrant().simulate([1.0, -0.5], (0, 1)), r"x0 = .*constraint 1 is -0.5 < 0"),
+        (lambda: disc().simulate([1.0, 1.0], (0, 1)), r"x0 = .*constraint 0 is -1 < 0"),
+        (lambda: disc().to_lcs(), r"F = .*\(matrix, vector\)"),
+        (lambda: disc().equilibrium(), "start"),
+        (lambda: quadrant().simulate([1.0, 1.0], (0, 1), method="euler"), "method = 'euler'"),
+        (lambda: disc().simulate([0.0, 0.0], (0, 1), t_eval=[2.0]), "t_eval"),
+        (lambda: ProjectedSystem((np.eye(2), [0, 0])), "H = None"),
+        (lambda: ProjectedSystem((np.eye(2), [0, 0]), np.eye(2)), "together with h"),
+        (lambda: ProjectedSystem((np.eye(2), [0, 0]), np.eye(3), np.zeros(3)), "H = .*3 columns"),
+        (lambda: ProjectedSystem(np.eye(2), np.eye(2), np.zeros(2)), r"(?s)F = .*pair"),
+        (lambda: disc().simulate([0.0, 0.0], (0, 1), method="event-driven"), "F = "),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(InvalidInputError, match=message):
+        call()
+
+
+def test_an_empty_polyhedron_is_refused():
+    with pytest.raises(InfeasibleError, match=r"row 0.*row 1"):
+        ProjectedSystem((np.eye(1), [0]), [[1], [-1]], [1, 0])
