@@ -1,0 +1,108 @@
+"""Growth rates: the cycle-time vector, and the largest ratio of weight to holding."""
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from pricing_core.errors import InvalidInputError, Told
+from pricing_core.max_plus.arcs import Arcs, arcs_of
+from pricing_core.max_plus.circuits import a_circuit, named
+from pricing_core.max_plus.howard import howard
+from pricing_core.max_plus.matrices import (
+    EPSILON,
+    MaxPlusMatrix,
+    Numbers,
+    Scalar,
+    alike,
+    as_square,
+    dense,
+)
+from pricing_core.max_plus.spectrum import loudest, mean_of_circuits, plain
+
+
+def cycle_time(A: object) -> Numbers:
+    """Return lim x(k) / k of x(k+1) = A x(k), whatever the finite x(0): one number per node, shape (n,).
+
+    A node's cycle time is the largest circuit mean that it hears of, -inf if it hears of no circuit.
+
+    Parameters
+    ----------
+    A : array_like or scipy.sparse, shape (n, n)
+        Entries are finite or epsilon.
+
+    Raises
+    ------
+    InvalidInputError
+        A is not square, is empty, or an entry is NaN or +inf.
+
+    Notes
+    -----
+    Source: Heidergott, Olsder, van der Woude 2006, Theorem 3.17; Gunawardena 2003.
+
+    Examples
+    --------
+    >>> cycle_time([[3.0, -np.inf], [2.0, 4.0]])
+    array([3., 4.])
+    """
+    graph = arcs_of(as_square("A", A, top=False))
+    return loudest(graph, mean_of_circuits(graph).ratio)
+
+
+def cycle_ratio(A: object, holding: object) -> Scalar:
+    """Return the largest ratio of sum A to sum `holding` over all circuits; -inf without a circuit.
+
+    With one unit of holding on each arc this is `eigenvalue`. In a timed event graph A holds the times of
+    the places and `holding` their tokens, and the ratio is the time between two firings.
+
+    Parameters
+    ----------
+    A : array_like or scipy.sparse, shape (n, n)
+        Entries are finite or epsilon.
+    holding : array_like or scipy.sparse, shape (n, n)
+        Numbers >= 0 where A has entries; others are not looked at. Sparse: what is not stored is 0.
+
+    Returns
+    -------
+    float, or Fraction where both are exact
+
+    Raises
+    ------
+    InvalidInputError
+        A circuit has no holding at all, and is named; or shapes, NaN, +inf, a negative holding.
+
+    Notes
+    -----
+    Policy iteration for semi-Markov problems; cost as for `eigenvalue`.
+    Source: Baccelli, Cohen, Olsder, Quadrat 1992, section 2.5; Dasdan 2004.
+
+    Examples
+    --------
+    The circuit of both nodes has the ratio 9/3, the first one's loop 3/2:
+
+    >>> cycle_ratio([[3.0, 7.0], [2.0, -np.inf]], [[2, 1], [2, 0]])
+    3.0
+    """
+    matrix, times = alike(as_square("A", A, top=False), _holding(holding))
+    if matrix.shape != times.shape:
+        raise InvalidInputError("holding", Told(f"shape {times.shape}"), f"of the shape {matrix.shape} of A")
+    graph = arcs_of(matrix)
+    return largest_ratio(graph, _at(times, graph))
+
+
+def largest_ratio(graph: Arcs, holding: Numbers) -> Scalar:
+    """Return the largest ratio of weight to holding, both per arc; raises as `cycle_ratio` does."""
+    if (holding < 0).any() or not (holding < np.inf).all():
+        raise InvalidInputError("holding", plain(holding.min()), "finite and >= 0 where A has an entry")
+    circuit = a_circuit(graph.only(holding == 0))
+    if circuit:
+        raise InvalidInputError("holding", 0.0, f"positive somewhere on the circuit {named(circuit)}")
+    return plain(howard(graph, holding).ratio.max())
+
+
+def _holding(holding: object) -> MaxPlusMatrix:
+    return as_square("holding", holding)
+
+
+def _at(times: MaxPlusMatrix, graph: Arcs) -> Numbers:
+    full = dense(times)
+    found: Numbers = full[graph.head, graph.tail]
+    return np.where(found == EPSILON, 0.0, found) if isinstance(times, csr_array) else found

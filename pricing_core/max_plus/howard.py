@@ -1,0 +1,238 @@
+"""Howard's policy iteration for the largest cycle ratio of every class of a graph.
+
+One algorithm, two users
+------------------------
+The spectral problem of the max-plus algebra and the complementarity problem of an American option are both
+of the form
+
+    min over the choices k of row i of (N_k x + q_k)_i = 0    for all rows i,
+
+and Howard's iteration (1960) solves both: take one choice per row (a *policy*), *evaluate* it, that is solve
+the equations that are left, and *improve* it, that is take in each row a choice whose residual is least, until
+no residual is negative.
+
+* Here the choices of row i are the arcs j -> i; their residuals are x_i + lambda h_ij - A_ij - x_j. A policy
+  leaves a graph with one arc into each node, and its equations are solved along trees and circuits.
+* For an LCP there are two choices in row i, z_i and (M z + q)_i; a policy is a basic set. For the option they
+  are "exercise" and "continue", and the equations are tridiagonal (`pricing_core.lcp.solve_policy_iteration`).
+* With any number of affine choices per row the equations are the vertical LCP of Cottle and Dantzig (1970),
+  see `pricing_core.max_plus.vertical`, which contains both: (11.66)-(11.67) is its row with two choices.
+
+Where x = A x + b has one arc per row, the equations min(x - b, x - P x - c) = 0 are an LCP, and both
+implementations go through the same policies; the tests hold them against each other.
+All three run the loop of `pricing_core.lcp.policies`.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order
+
+from pricing_core.lcp.policies import iterate_policies
+from pricing_core.max_plus.arcs import Arcs, IntVector
+from pricing_core.max_plus.matrices import EPSILON, Numbers, is_exact, zero_like
+
+ROUNDING = 2.0**-44  # of the largest potential or weight: what is gained beyond that is no gain
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HowardSolution:
+    """The largest cycle ratio of every class, and the potential that proves it.
+
+    On the arcs j -> i inside a class, weight + potential_j - ratio * holding <= potential_i, and equality
+    holds for the arc of the policy; on circuits this says that no ratio is larger.
+    """
+
+    label: IntVector  # (n,): the class of each node
+    ratio: Numbers  # (n,): of its class; -inf where the node is on no circuit
+    potential: Numbers  # (n,): 0 there
+    arc: IntVector  # (n,): index of the policy's arc into each node; -1 there
+    tolerance: float  # by which the inequality may fail
+    iterations: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Value:
+    """What a policy is worth: after the repair in `_Classes.evaluate` it has one circuit per class."""
+
+    arc: IntVector
+    ratio: Numbers
+    potential: Numbers
+    tolerance: float  # gains below are rounding
+
+
+def howard(graph: Arcs, holding: Numbers, *, max_iterations: int = 1000) -> HowardSolution:
+    """Find the largest ratio of weight to holding over the circuits of every class.
+
+    Parameters
+    ----------
+    graph : Arcs
+        n nodes and m arcs; all classes are treated at once.
+    holding : array, shape (m,)
+        What each arc counts, >= 0, with a positive sum on every circuit; ones for the cycle mean.
+    max_iterations : int
+        A few tens are usual, whatever the size.
+
+    Raises
+    ------
+    IterationLimitError
+        `max_iterations` were not enough.
+
+    Notes
+    -----
+    Each iteration costs O(m + n log n), all in NumPy and SciPy. The ratio is that of a circuit, so that
+    its error is that of one sum; float comparisons leave out gains below 2**-44 of the potentials.
+    Source: Cochet-Terrasson, Cohen, Gaubert, McGettrick, Quadrat 1998; the repair is that of Dasdan 2004.
+    """
+    label = graph.classes()
+    inner = np.flatnonzero(label[graph.head] == label[graph.tail])
+    n = graph.size
+    ratio = np.full(n, EPSILON, dtype=graph.weight.dtype)
+    potential = np.full(n, zero_like(graph.weight))
+    arc = np.full(n, -1)
+    if not inner.size:
+        return HowardSolution(label, ratio, potential, arc, 0, 0)
+    nodes, ends = np.unique(np.concatenate([graph.head[inner], graph.tail[inner]]), return_inverse=True)
+    head, tail = np.split(ends, 2)
+    classes = _Classes(
+        Arcs(nodes.size, head, tail, graph.weight[inner]),
+        holding[inner],
+        np.unique(label[nodes], return_inverse=True)[1],
+    )
+    value, iterations = iterate_policies(
+        classes.evaluate, classes.improve, classes.heaviest_arcs(), limit=max_iterations
+    )
+    ratio[nodes], potential[nodes] = value.ratio[classes.label], value.potential
+    arc[nodes] = inner[value.arc]
+    return HowardSolution(label, ratio, potential, arc, value.tolerance, iterations)
+
+
+@dataclass(frozen=True, eq=False)
+class _Classes:
+    """A disjoint union of strongly connected graphs with a circuit each."""
+
+    graph: Arcs
+    holding: Numbers  # (m,)
+    label: IntVector  # (n,): 0 ... number of classes - 1
+
+    @cached_property
+    def _key(self) -> IntVector:
+        return np.asarray(self.graph.head * self.graph.size + self.graph.tail)
+
+    @cached_property
+    def _heads_by_tail(self) -> csr_array:
+        n = self.graph.size
+        ones = np.ones(self.graph.head.size, dtype=np.int8)
+        return csr_array((ones, (self.graph.tail, self.graph.head)), shape=(n, n))
+
+    def _rounding(self, potential: Numbers, missed: Numbers) -> float:
+        """Return the gain below which a float comparison says nothing.
+
+        `missed` is by how much the potentials fail the policy's own equations, which along a circuit of many arcs
+        is more than the rounding of one sum.
+        """
+        if is_exact(potential):
+            return 0  # a float would make floats of Fractions
+        size = max(np.abs(potential).max(), np.abs(self.graph.weight).max())
+        return float(ROUNDING * size + 4.0 * np.abs(missed).max())
+
+    def heaviest_arcs(self) -> IntVector:
+        """Return the policy of the heaviest arc into each node."""
+        return self._attaining(self.graph.weight, self.graph.largest_by_head(self.graph.weight))
+
+    def evaluate(self, arc: IntVector) -> _Value:
+        """Find the best circuit of each class, lead all its nodes there, and measure the ways."""
+        before = self.graph.tail[arc]
+        root, ratio = self._best_circuits(arc, before)
+        n = self.graph.size
+        is_root = np.zeros(n, dtype=np.bool_)
+        is_root[root] = True
+        end, _ = _follow(np.where(is_root, np.arange(n), before), np.zeros(n))
+        arc = self._led_to(arc, is_root[end])
+        reduced = self.graph.weight[arc] - ratio[self.label] * self.holding[arc]
+        reduced[is_root] = zero_like(reduced)
+        _, potential = _follow(np.where(is_root, np.arange(n), self.graph.tail[arc]), reduced)
+        missed = self.graph.weight[arc] - ratio[self.label] * self.holding[arc]
+        missed = missed + potential[self.graph.tail[arc]] - potential
+        return _Value(arc, ratio, potential, self._rounding(potential, missed))
+
+    def improve(self, value: _Value) -> IntVector | None:
+        """Return the policy of the arcs that gain most, or None where none gains."""
+        gain = self.graph.weight + value.potential[self.graph.tail]
+        gain = gain - value.ratio[self.label[self.graph.head]] * self.holding
+        best = self.graph.largest_by_head(gain)
+        better = best > value.potential + value.tolerance
+        return np.where(better, self._attaining(gain, best), value.arc) if better.any() else None
+
+    def _attaining(self, value: Numbers, best: Numbers) -> IntVector:
+        attaining = np.flatnonzero(value == best[self.graph.head])
+        found = np.empty(self.graph.size, dtype=np.int64)
+        found[self.graph.head[attaining[::-1]]] = attaining[::-1]  # the first one stays
+        return found
+
+    def _best_circuits(self, arc: IntVector, before: IntVector) -> tuple[IntVector, Numbers]:
+        """Return for each class a node of the policy's best circuit, and its ratio."""
+        far, steps = before, 1
+        while steps < before.size:
+            far, steps = far[far], 2 * steps
+        on_circuit = np.unique(far)
+        place = np.searchsorted(on_circuit, before[on_circuit])
+        least = np.arange(on_circuit.size)
+        steps = 1
+        while steps < 2 * on_circuit.size:
+            least, place, steps = np.minimum(least, least[place]), place[place], 2 * steps
+        roots, circuit = np.unique(least, return_inverse=True)
+        weight = _sums(circuit, self.graph.weight[arc[on_circuit]], roots.size)
+        ratio = weight / _sums(circuit, self.holding[arc[on_circuit]], roots.size)
+        root = on_circuit[roots]
+        order = np.lexsort((-root, ratio.astype(np.float64), self.label[root]))
+        if is_exact(ratio):
+            order = np.array(
+                sorted(range(root.size), key=lambda k: (self.label[root[k]], ratio[k], -root[k]))
+            )
+        last = np.flatnonzero(np.diff(self.label[root[order]], append=-1))
+        return root[order[last]], ratio[order[last]]
+
+    def _led_to(self, arc: IntVector, led: np.ndarray) -> IntVector:
+        """Return the policy with the other nodes led, by the fewest arcs, to those that are."""
+        if led.all():
+            return arc
+        n, graph = self.graph.size, self._heads_by_tail
+        start = np.flatnonzero(led)
+        extended = csr_array(
+            (
+                np.ones(graph.nnz + start.size, dtype=np.int8),
+                np.concatenate([graph.indices, start]),
+                np.append(graph.indptr, graph.nnz + start.size),
+            ),
+            shape=(n + 1, n + 1),
+        )
+        before = breadth_first_order(extended, n, directed=True, return_predecessors=True)[1]
+        lost = np.flatnonzero(~led)
+        repaired = arc.copy()
+        repaired[lost] = np.searchsorted(self._key, lost * n + before[lost])
+        return repaired
+
+
+def _follow(before: IntVector, weight: Numbers) -> tuple[IntVector, Numbers]:
+    """Follow a graph with one arc into each node back for at least n arcs; return the ends and the weights.
+
+    Roots are their own predecessors, of weight zero. By doubling: O(n log n).
+    """
+    total, steps = weight, 1
+    while steps < before.size:
+        further = before[before]
+        if np.array_equal(further, before):
+            break
+        total, before, steps = total + total[before], further, 2 * steps
+    return before, total
+
+
+def _sums(label: IntVector, values: Numbers, count: int) -> Numbers:
+    if is_exact(values):
+        sums = np.zeros(count, dtype=object)
+        np.add.at(sums, label, values)
+        return sums
+    return np.bincount(label, values, minlength=count)

@@ -1,0 +1,64 @@
+"""How fast and how late: throughput and latency of a system."""
+
+import numpy as np
+
+from pricing_core.errors import NumericalError
+from pricing_core.max_plus.algebra import add, multiply
+from pricing_core.max_plus.cycle_time import cycle_time
+from pricing_core.max_plus.matrices import EPSILON, TOP, Numbers, Scalar, dense
+from pricing_core.max_plus.spectrum import plain
+from pricing_core.max_plus.star import star
+from pricing_core.max_plus.system import MaxPlusSystem
+
+
+def throughput(system: MaxPlusSystem) -> Numbers:
+    """Return how often each output happens per unit of time if inputs never make it wait, shape (p,).
+
+    It is the inverse of the largest cycle time that the output sees; inf where it sees none above 0.
+
+    Examples
+    --------
+    >>> throughput(MaxPlusSystem([[2.0, 5.0], [3.0, 3.0]]))
+    array([0.25, 0.25])
+    """
+    paces = np.where(system.C == EPSILON, EPSILON, cycle_time(system.A)).max(axis=1)
+    return np.array([1 / pace if pace > 0 else TOP for pace in paces])
+
+
+def latency(system: MaxPlusSystem, period: Scalar | None = None) -> Numbers:
+    """Return how long after the k-th input, at k times `period`, the k-th output is at most: shape (p, m).
+
+    If u(k) = k period then y(k) <= k period + latency, and equality holds from some k on. Entries are epsilon
+    where the output does not hear of the input, and top where it falls behind without end.
+
+    Parameters
+    ----------
+    system : MaxPlusSystem
+        Starting from epsilon.
+    period : float or Fraction, optional
+        Time between inputs. Default: the largest cycle time of the system.
+
+    Raises
+    ------
+    NumericalError
+        No period was told, and the system has no circuit.
+
+    Notes
+    -----
+    The latency is D + C (A - period)* (B - period). Cost: O(n**3).
+    Source: Geilen, Stuijk 2010 (latency of a max-plus matrix).
+
+    Examples
+    --------
+    >>> latency(MaxPlusSystem([[2.0]], [[3.0]], [[1.0]]))
+    array([[2.]])
+    """
+    pace = max(cycle_time(system.A)) if period is None else period
+    if pace == EPSILON:
+        raise NumericalError("the system has no circuit and so no period of its own: tell one")
+    states = multiply(star(_less(system.A, pace)), _less(system.B, pace))
+    return dense(add(system.D, multiply(system.C, states)))
+
+
+def _less(M: Numbers, pace: Scalar) -> Numbers:
+    return np.asarray(M - (plain(pace) if M.dtype == np.object_ else float(pace)))

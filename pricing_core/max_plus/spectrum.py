@@ -1,0 +1,129 @@
+"""Eigenvalues: the largest circuit mean, and for a reducible matrix all of them."""
+
+from fractions import Fraction
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from pricing_core.arrays import BoolVector
+from pricing_core.errors import InvalidInputError
+from pricing_core.max_plus.arcs import Arcs, arcs_of
+from pricing_core.max_plus.howard import HowardSolution, howard
+from pricing_core.max_plus.karp import karp
+from pricing_core.max_plus.matrices import EPSILON, Numbers, Scalar, as_square
+
+MeanMethod: TypeAlias = Literal["howard", "karp"]
+
+
+def eigenvalue(A: object, *, method: MeanMethod = "howard") -> Scalar:
+    """Return the largest mean weight of a circuit, which is the largest eigenvalue; -inf without a circuit.
+
+    A x = lambda + x has a solution x other than epsilon for this lambda, and for no larger one. An irreducible
+    matrix has no other eigenvalue.
+
+    Parameters
+    ----------
+    A : array_like or scipy.sparse, shape (n, n)
+        Entries are finite or epsilon.
+    method : "howard" or "karp"
+        Howard's policy iteration, some tens of sweeps over the arcs, or Karp's algorithm, O(n m) time and
+        O(n**2) memory per class.
+
+    Returns
+    -------
+    float, or Fraction for an exact A
+
+    Raises
+    ------
+    InvalidInputError
+        A is not square, is empty, or an entry is NaN or +inf.
+
+    Notes
+    -----
+    Source: Baccelli, Cohen, Olsder, Quadrat 1992, Theorem 3.23; Karp 1978; Cochet-Terrasson et al. 1998.
+
+    Examples
+    --------
+    >>> eigenvalue([[3.0, 7.0], [2.0, 4.0]])
+    4.5
+    >>> eigenvalue([[-np.inf, 1.0], [-np.inf, -np.inf]])
+    -inf
+    """
+    graph = arcs_of(as_square("A", A, top=False))
+    if method == "karp":
+        return plain(karp(graph))
+    if method != "howard":
+        raise InvalidInputError("method", method, '"howard" or "karp"')
+    return plain(mean_of_circuits(graph).ratio.max())
+
+
+def eigenvalues(A: object) -> Numbers:
+    """Return all eigenvalues, largest first, each once: shape (k,).
+
+    The mean of a class is an eigenvalue if no class that hears from it, however indirectly, has a larger one.
+    -inf is an eigenvalue if a column is epsilon. Everything else is not.
+
+    Parameters
+    ----------
+    A : array_like or scipy.sparse, shape (n, n)
+        Entries are finite or epsilon.
+
+    Returns
+    -------
+    array of float, or of Fraction for an exact A
+
+    Raises
+    ------
+    InvalidInputError
+        A is not square, is empty, or an entry is NaN or +inf.
+
+    Notes
+    -----
+    Means of floats closer than rounding are one. Source: Butkovič 2010, Theorem 4.5.4.
+
+    Examples
+    --------
+    The first node hears from the second. If it has the smaller mean, nothing forbids a vector with epsilon at the
+    second node; if it has the larger one, no vector that is finite at the second could grow by 3 at both:
+
+    >>> eigenvalues([[3.0, 0.0], [-np.inf, 5.0]])
+    array([5., 3.])
+    >>> eigenvalues([[5.0, 0.0], [-np.inf, 3.0]])
+    array([5.])
+    """
+    graph = arcs_of(as_square("A", A, top=False))
+    solution = mean_of_circuits(graph)
+    spectral = spectral_nodes(graph, solution)
+    found = -np.sort(-solution.ratio[spectral])
+    apart = np.append(np.full(min(found.size, 1), True), found[:-1] - found[1:] > 2 * solution.tolerance)
+    unheard = np.setdiff1d(np.arange(graph.size), graph.tail).size > 0
+    return np.append(found[apart.astype(np.bool_)], [EPSILON] if unheard else [])
+
+
+def mean_of_circuits(graph: Arcs) -> HowardSolution:
+    """Return Howard's solution with one unit of holding on each arc."""
+    return howard(graph, np.ones(graph.head.size, dtype=graph.weight.dtype))
+
+
+def spectral_nodes(graph: Arcs, solution: HowardSolution) -> BoolVector:
+    """Return which nodes lie on circuits in a class whose mean is an eigenvalue, shape (n,)."""
+    heard = loudest(graph.reversed(), solution.ratio)
+    return np.asarray((solution.ratio != EPSILON) & (heard <= solution.ratio + 2 * solution.tolerance))
+
+
+def loudest(graph: Arcs, ratio: Numbers) -> Numbers:
+    """Return for each node the largest ratio among the nodes from which a path leads to it, shape (n,)."""
+    found = ratio.copy()
+    waiting = np.flatnonzero(ratio != EPSILON)
+    while waiting.size:
+        arcs = graph.out_of(waiting)
+        head, heard = graph.head[arcs], found[graph.tail[arcs]]
+        louder = np.asarray(heard > found[head])
+        np.maximum.at(found, head[louder], heard[louder])
+        waiting = np.unique(head[louder])
+    return found
+
+
+def plain(value: Scalar) -> Scalar:
+    """Return Python's own number."""
+    return value if isinstance(value, Fraction) else float(value)

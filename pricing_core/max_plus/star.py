@@ -1,0 +1,101 @@
+"""The star A* = I + A + A^2 + ... and the plus A+ = A + A^2 + ..., with top where they diverge."""
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from pricing_core.max_plus.algebra import times
+from pricing_core.max_plus.matrices import (
+    EPSILON,
+    TOP,
+    MaxPlusMatrix,
+    Numbers,
+    as_square,
+    dense,
+    is_exact,
+    sparse,
+    zero_like,
+)
+
+
+def star(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
+    """Return A* = I + A + A^2 + ...: the largest weights of paths of any length from j to i.
+
+    Where a path may run through a circuit of positive weight the sum diverges and the entry is top, +inf;
+    all other entries are finite or epsilon, and right.
+
+    Parameters
+    ----------
+    A : array_like or scipy.sparse, shape (n, n)
+    tolerance : float, optional
+        A circuit diverges if it weighs more than this. Default: 0 for an exact A, and for floats what
+        rounding may make of a circuit of weight zero, n**2 max |A| 2**-52.
+
+    Returns
+    -------
+    array, shape (n, n); csr_array where A is sparse
+
+    Raises
+    ------
+    InvalidInputError
+        A is not square, is empty, or an entry is NaN.
+
+    Notes
+    -----
+    Kleene's elimination: A_ij becomes max(A_ij, A_ik + (A_kk)* + A_kj) for k = 1 ... n, with 0 or top for the
+    star of a number. Cost: O(n**3), also for a sparse A; see `least_solution` for one column.
+    Source: Baccelli, Cohen, Olsder, Quadrat 1992, sections 2.3 and 3.2.3 (Theorem 3.20: A* converges
+    if and only if no circuit has a positive weight).
+
+    Examples
+    --------
+    >>> star([[-1.0, 2.0], [-np.inf, -3.0]])
+    array([[  0.,   2.],
+           [-inf,   0.]])
+
+    The first node's circuit diverges, the second does not hear of it:
+
+    >>> star([[2.0, 3.0], [-np.inf, -1.0]])
+    array([[ inf,  inf],
+           [-inf,   0.]])
+    """
+    closed = plus(A, tolerance=tolerance)
+    table = dense(closed).copy()
+    own = np.diagonal(table)
+    np.fill_diagonal(table, [TOP if entry == TOP else zero_like(table) for entry in own])
+    return sparse(table) if isinstance(closed, csr_array) else table
+
+
+def plus(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
+    """Return A+ = A + A^2 + ...: the largest weights of paths of at least one arc; see `star`.
+
+    Raises
+    ------
+    InvalidInputError
+        A is not square, is empty, or an entry is NaN.
+
+    Examples
+    --------
+    >>> plus([[-1.0, 2.0], [-np.inf, -3.0]])
+    array([[ -1.,   2.],
+           [-inf,  -3.]])
+    """
+    matrix = as_square("A", A)
+    table = dense(matrix).copy()
+    allowed = rounding_of_circuits(table) if tolerance is None else tolerance
+    for k in range(len(table)):
+        diverges = table[k, k] > allowed
+        if not diverges:
+            table[k, k] = min(table[k, k], zero_like(table))
+        through = times(table[:, k, None], table[k])
+        if diverges:
+            through = np.where(through == EPSILON, EPSILON, TOP)
+        np.maximum(table, through, out=table)
+    return sparse(table) if isinstance(matrix, csr_array) else table
+
+
+def rounding_of_circuits(A: Numbers) -> float:
+    """Return what rounding may make of a circuit of weight zero: n**2 max |A| 2**-52, 0 for Fractions."""
+    if is_exact(A):
+        return 0
+    largest = np.max(np.abs(A), initial=0.0, where=np.isfinite(A))
+    return float(len(A) ** 2 * largest * np.finfo(np.float64).eps)

@@ -1,0 +1,162 @@
+"""Max-plus linear systems: x(k+1) = A x(k) + B u(k), y(k) = C x(k) + D u(k)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pricing_core.errors import InvalidInputError, NumericalError, Told
+from pricing_core.max_plus.algebra import multiply
+from pricing_core.max_plus.arcs import arcs_of, rounding_of
+from pricing_core.max_plus.circuits import heaviest_circuit, named
+from pricing_core.max_plus.matrices import EPSILON, Numbers, as_matrix, as_square, dense
+from pricing_core.max_plus.spectrum import mean_of_circuits
+from pricing_core.max_plus.star import star
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MaxPlusSystem:
+    """x(k+1) = A x(k) + B u(k), y(k) = C x(k) + D u(k), with + the maximum and products sums.
+
+    x_i(k) is the time at which event i happens for the k-th time.
+
+    Parameters
+    ----------
+    A : array_like, shape (n, n)
+    B : array_like, shape (n, m), optional
+        Default: no input, a column of epsilon.
+    C : array_like, shape (p, n), optional
+        Default: the identity, every state is seen.
+    D : array_like, shape (p, m), optional
+        Default: epsilon.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes do not fit, an entry is NaN or +inf.
+
+    Examples
+    --------
+    >>> MaxPlusSystem([[3.0, 7.0], [2.0, 4.0]]).C
+    array([[  0., -inf],
+           [-inf,   0.]])
+    """
+
+    A: Numbers  # (n, n)
+    B: Numbers  # (n, m)
+    C: Numbers  # (p, n)
+    D: Numbers  # (p, m)
+
+    def __init__(self, A: object, B: object = None, C: object = None, D: object = None) -> None:
+        own = dense(as_square("A", A, top=False))
+        n = len(own)
+        inputs = np.full((n, 1), EPSILON) if B is None else _block("B", B, rows=n)
+        outputs = (
+            np.where(np.eye(n, dtype=np.bool_), 0.0, EPSILON) if C is None else _block("C", C, columns=n)
+        )
+        shape = len(outputs), inputs.shape[1]
+        direct = np.full(shape, EPSILON) if D is None else _block("D", D, *shape)
+        for name, value in zip("ABCD", (own, inputs, outputs, direct), strict=True):
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(n, m, p): the numbers of states, inputs and outputs."""
+        return len(self.A), self.B.shape[1], len(self.C)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImplicitSystem:
+    """x(k) = A0 x(k) + A1 x(k-1) + ... + Aq x(k-q) + B u(k-1), y(k) = C x(k).
+
+    Parameters
+    ----------
+    A : sequence of q + 1 array_like, shape (n, n)
+        A0, A1, ..., Aq with q >= 1.
+    B, C : array_like, shapes (n, m) and (p, n), optional
+        As in `MaxPlusSystem`.
+    names : sequence of str, optional
+        Of the states, for messages.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes do not fit, an entry is NaN or +inf, or there is no A1.
+    """
+
+    A: tuple[Numbers, ...]  # q + 1 of (n, n)
+    B: Numbers | None  # (n, m)
+    C: Numbers | None  # (p, n)
+    names: tuple[str, ...]
+
+    def __init__(
+        self, A: Sequence[object], B: object = None, C: object = None, names: Sequence[str] = ()
+    ) -> None:
+        if len(A) < 2:
+            raise InvalidInputError("A", Told(f"{len(A)} matrices"), "at least A0 and A1")
+        first = dense(as_square("A[0]", A[0], top=False))
+        n = len(first)
+        later = [_block(f"A[{k}]", A[k], n, n) for k in range(1, len(A))]
+        object.__setattr__(self, "A", (first, *later))
+        object.__setattr__(self, "B", None if B is None else _block("B", B, rows=n))
+        object.__setattr__(self, "C", None if C is None else _block("C", C, columns=n))
+        object.__setattr__(self, "names", tuple(names) or tuple(str(i) for i in range(n)))
+
+    def explicit(self) -> MaxPlusSystem:
+        """Return the first-order system with the same x and y: shape q n, the state above its past.
+
+        x(k) = A0* (A1 x(k-1) + ... + B u(k-1)) by the star; then (x(k), ..., x(k-q+1)) is the state.
+
+        Raises
+        ------
+        NumericalError
+            A circuit of A0 has a positive weight, so that its events would wait for themselves: it is named.
+
+        Notes
+        -----
+        Where a circuit of A0 weighs exactly 0, this is the least solution of several.
+        Source: Baccelli, Cohen, Olsder, Quadrat 1992, section 2.5.3. Cost: O((q n)**3).
+
+        Examples
+        --------
+        >>> E = -np.inf
+        >>> ImplicitSystem(([[E, E], [2.0, E]], [[3.0, 7.0], [E, E]])).explicit().A
+        array([[3., 7.],
+               [5., 9.]])
+        """
+        closed = self._star()
+        n, order = len(closed), len(self.A) - 1
+        steps = [dense(multiply(closed, one)) for one in self.A[1:]]
+        A = np.full((n * order, n * order), EPSILON, dtype=closed.dtype)
+        A[:n] = np.hstack(steps)
+        past = np.arange(n * (order - 1))
+        A[n + past, past] = closed[0, 0] * 0
+        B = None if self.B is None else _below(dense(multiply(closed, self.B)), n * order)
+        seen = np.where(np.eye(n, dtype=np.bool_), 0.0, EPSILON) if self.C is None else self.C
+        C = _below(seen.T, n * order).T
+        return MaxPlusSystem(A, B, C)
+
+    def _star(self) -> Numbers:
+        graph = arcs_of(self.A[0])
+        solution = mean_of_circuits(graph)
+        if solution.ratio.max() > rounding_of(graph):
+            circuit = heaviest_circuit(graph, solution)
+            raise NumericalError(
+                f"the circuit {named(circuit, self.names)} of A0 has a positive weight: its events wait for "
+                "themselves and never happen; move an arc of it to A1"
+            )
+        return dense(star(self.A[0]))
+
+
+def _below(top: Numbers, rows: int) -> Numbers:
+    """Return the matrix with rows of epsilon below, so that there are `rows`."""
+    return np.vstack([top, np.full((rows - len(top), top.shape[1]), EPSILON)])
+
+
+def _block(field: str, M: object, rows: int | None = None, columns: int | None = None) -> Numbers:
+    matrix = dense(as_matrix(field, M, top=False))
+    for wanted, found, what in ((rows, matrix.shape[0], "rows"), (columns, matrix.shape[1], "columns")):
+        if wanted is not None and found != wanted:
+            raise InvalidInputError(field, Told(f"shape {matrix.shape}"), f"a matrix with {wanted} {what}")
+    return matrix
