@@ -10,7 +10,12 @@ from typing import NamedTuple, Protocol, cast
 from benchmarks.report import Report, write_report
 from pricing_core.errors import InvalidInputError
 
-MODULES = {"engine-frontier": "benchmarks.engine_frontier", "crank-nicolson": "benchmarks.crank_nicolson"}
+MODULES = {
+    "engine-frontier": "benchmarks.engine_frontier",
+    "crank-nicolson": "benchmarks.crank_nicolson",
+    "lcs-work-precision": "benchmarks.lcs_work_precision",
+    "max-plus": "benchmarks.max_plus",
+}
 
 
 class Benchmark(Protocol):

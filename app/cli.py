@@ -1,6 +1,7 @@
 """The `pricing` command; heavy imports wait inside the commands, so that help and errors are quick."""
 
 import io
+import json
 import sys
 from contextlib import suppress
 from math import isnan
@@ -21,7 +22,7 @@ from app.reporting import (
 )
 
 app = typer.Typer(
-    help="American options solved as linear complementarity systems.",
+    help="American options solved as linear complementarity systems, and the systems themselves.",
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     add_completion=False,
@@ -38,6 +39,8 @@ ToleranceArgument = Annotated[
     ),
 ]
 JsonArgument = Annotated[bool, typer.Option("--json", help="print one JSON object")]
+CsvArgument = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="write a CSV table")]
+PlotArgument = Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="draw a picture")]
 
 
 def main() -> None:
@@ -113,17 +116,18 @@ def boundary_command(
         ),
     ] = None,
     as_json: JsonArgument = False,
-    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="write a CSV table")] = None,
-    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="draw a picture")] = None,
+    csv: CsvArgument = None,
+    plot: PlotArgument = None,
 ) -> None:
     """Find the spot at which to exercise, over the life of the option; --spot is checked, but not needed."""
     with one_line_errors():
-        from app.boundary_files import check_boundary_files, write_boundary_csv, write_boundary_plot  # noqa: PLC0415
+        from app.boundary_files import write_boundary_csv, write_boundary_plot  # noqa: PLC0415
+        from app.output_files import check_output_files  # noqa: PLC0415
         from app.tables import boundary_json, print_boundary  # noqa: PLC0415
         from pricing_core.american import contract_from, exercise_boundary  # noqa: PLC0415
 
         option, market = contract_from({"spot": contract["strike"]} | contract)
-        check_boundary_files(csv, plot)
+        check_output_files(csv, plot)
         found = exercise_boundary(option, market, time or None, tolerance=tolerance)
         if csv is not None:
             write_boundary_csv(csv, found)
@@ -203,12 +207,57 @@ def batch_command(
         raise typer.Exit(SOME_REJECTED if summary.rejected else 0)
 
 
+@app.command("simulate")
+def simulate_command(
+    source: Annotated[
+        Path | None, typer.Argument(metavar="SYSTEM.json", help="a model file; --schema says what it holds")
+    ] = None,
+    as_json: JsonArgument = False,
+    csv: CsvArgument = None,
+    plot: PlotArgument = None,
+    schema: Annotated[bool, typer.Option("--schema", help="print the JSON Schema of model files")] = False,
+) -> None:
+    """Simulate a complementarity system: where it ends, and what happens on the way."""
+    with one_line_errors():
+        if schema:
+            from app.model_files import schema as schema_of_models  # noqa: PLC0415
+
+            with standard_output():
+                print(json.dumps(schema_of_models(), indent=1))
+            return
+        if source is None:
+            from pricing_core.errors import InvalidInputError, Told  # noqa: PLC0415
+
+            raise InvalidInputError("SYSTEM.json", Told("missing"), "a model file, or --schema given")
+        from app.model_files import simulate_file  # noqa: PLC0415
+        from app.output_files import check_output_files, write_columns  # noqa: PLC0415
+        from app.simulation_tables import print_simulation, simulation_columns, simulation_json  # noqa: PLC0415
+
+        check_output_files(csv, plot)
+        simulation = simulate_file(source)
+        if csv is not None:
+            write_columns(csv, simulation_columns(simulation))
+        if plot is not None:
+            from app.simulation_plots import draw_simulation  # noqa: PLC0415
+            from pricing_core.batch.replacement import replacement  # noqa: PLC0415
+
+            with replacement(plot) as file:
+                draw_simulation(simulation, file)
+        with standard_output():
+            if as_json:
+                print(simulation_json(simulation))
+            elif csv is None and plot is None:
+                print_simulation(simulation)
+
+
 @app.command("benchmark")
 def benchmark_command(
     output: Annotated[Path, typer.Option("--output", metavar="DIR", help="made where it is missing")],
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NAME", help="engine-frontier, crank-nicolson; default: all"),
+        typer.Argument(
+            metavar="NAME", help="engine-frontier, crank-nicolson, lcs-work-precision, max-plus; default: all"
+        ),
     ] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="under a minute, to see that it works; the figures mean little")

@@ -85,7 +85,7 @@ def print_boundary(found: ExerciseBoundary) -> None:
     columns = boundary_columns(found)
     names = tuple(f"{name} ({'years' if name.startswith('time') else 'money'})" for name in columns)
     rows = zip(*columns.values(), strict=True)
-    _print(names, (tuple(_shown(value) for value in row) for row in rows))
+    print_table(names, (tuple(_shown(value) for value in row) for row in rows))
 
 
 def boundary_json(found: ExerciseBoundary) -> str:
@@ -104,7 +104,7 @@ def print_summary(summary: "BatchSummary", target: Path, rejects: Path) -> None:
     if summary.unread:
         names = ", ".join(name if name.isprintable() else repr(name) for name in summary.unread)
         rows.append(("columns not read", f"{len(summary.unread):,}", names))
-    _print(("batch", "rows", "in"), rows)
+    print_table(("batch", "rows", "in"), rows)
 
 
 def boundary_columns(found: ExerciseBoundary) -> dict[str, list[float | None]]:
@@ -121,7 +121,7 @@ def boundary_columns(found: ExerciseBoundary) -> dict[str, list[float | None]]:
 
 def _print_results(found: object, units: Mapping[str, str]) -> None:
     rows = ((name, _shown(getattr(found, name)), unit) for name, unit in units.items())
-    _print(("result", "value", "unit"), rows)
+    print_table(("result", "value", "unit"), rows)
 
 
 def _shown(value: object) -> str:
@@ -134,7 +134,8 @@ def _shown(value: object) -> str:
     return f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
-def _print(names: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
+def print_table(names: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
+    """Print rows of texts under their headings, in columns."""
     table = Table(*names, box=None, pad_edge=False)
     for row in rows:
         table.add_row(*map(escape, row))

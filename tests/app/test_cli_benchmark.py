@@ -52,14 +52,21 @@ def test_without_a_name_all_benchmarks_run_and_their_reports_are_named(
     folder = tmp_path / "new" / "folder"
     status, output, errors = pricing("benchmark", "--quick", "--output", str(folder))
     assert (status, errors) == (0, "")
-    assert asked == [("engine-frontier", True), ("crank-nicolson", True)]
+    assert asked == [
+        ("engine-frontier", True),
+        ("crank-nicolson", True),
+        ("lcs-work-precision", True),
+        ("max-plus", True),
+    ]
     assert output == (
         f"engine-frontier: {folder}/engine-frontier.html (0 s)\n"
         f"crank-nicolson: {folder}/crank-nicolson.html (0 s)\n"
+        f"lcs-work-precision: {folder}/lcs-work-precision.html (0 s)\n"
+        f"max-plus: {folder}/max-plus.html (0 s)\n"
     )
     assert sorted(path.name for path in folder.iterdir()) == [
         f"{name}.{ending}"
-        for name in ("crank-nicolson", "engine-frontier")
+        for name in ("crank-nicolson", "engine-frontier", "lcs-work-precision", "max-plus")
         for ending in ("html", "json", "md")
     ]
 
@@ -77,7 +84,8 @@ def test_an_unknown_name_ends_with_one_line_before_anything_runs(
     folder = tmp_path / "new"
     status, output, errors = pricing("benchmark", "crank-nicolson", "fastest", "--output", str(folder))
     assert (status, output, asked) == (2, "", [])
-    assert errors == "pricing: benchmark = 'fastest': must be one of engine-frontier, crank-nicolson\n"
+    known = "engine-frontier, crank-nicolson, lcs-work-precision, max-plus"
+    assert errors == f"pricing: benchmark = 'fastest': must be one of {known}\n"
     assert not folder.exists()
 
 

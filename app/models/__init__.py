@@ -1,0 +1,1 @@
+"""One module per model that `pricing simulate` reads; see `app.model_files`."""

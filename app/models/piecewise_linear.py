@@ -1,0 +1,74 @@
+"""The model "piecewise-linear": x' = Ax + Bu, y = Cx + Du, (y_i, u_i) on the graph of characteristic i (11.34)."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from app.model_keys import NUMBER, VECTOR, Key, array_schema, choice
+from app.models.inputs import ON_NONUNIQUE
+from app.models.plant import PLANT
+from app.models.times import SPAN_AND_TIMES, times_in
+from app.simulation import Simulation, of_model
+from pricing_core.errors import InvalidInputError
+from pricing_core.models import Characteristic, PiecewiseLinearSystem
+from pricing_core.models.characteristic_file import NAMED, characteristic_from_json
+
+NUMBERS = {"type": "array", "items": {"type": "number"}}
+SLOPE = {"anyOf": [{"type": "number"}, {"enum": ["inf", "-inf"]}]}
+POINTS = {
+    "type": "object",
+    "properties": {
+        "points": {"type": "array", "items": {**NUMBERS, "minItems": 2, "maxItems": 2}, "minItems": 1},
+        "left_slope": {**SLOPE, "description": "0 where missing"},
+        "right_slope": {**SLOPE, "description": "0 where missing"},
+    },
+    "required": ["points"],
+    "additionalProperties": False,
+}
+BY_NAME = {
+    "type": "object",
+    "description": "one name, with its arguments",
+    "properties": {
+        name: {"type": "object", "additionalProperties": {"anyOf": [{"type": "number"}, NUMBERS]}}
+        for name in NAMED
+    },
+    "minProperties": 1,
+    "maxProperties": 1,
+    "additionalProperties": False,
+}
+
+
+def _read_characteristics(field: str, value: Any) -> list[Characteristic]:
+    if not isinstance(value, list):
+        raise InvalidInputError(field, value, "a list with one characteristic for each input")
+    return [characteristic_from_json(f"{field}[{i}]", entry) for i, entry in enumerate(value)]
+
+
+CHARACTERISTICS = Key(_read_characteristics, array_schema({"anyOf": [POINTS, BY_NAME]}))
+METHOD: Mapping[str, Key] = {
+    "method": choice("event-driven", "time-stepping").described("event-driven where missing"),
+    "on_nonunique": ON_NONUNIQUE,
+    "h": NUMBER.described("constant step of time stepping"),
+}
+KEYS: Mapping[str, Key] = {
+    **PLANT,
+    "characteristics": CHARACTERISTICS.described("k of them, each a polyline in (y, u)", required=True),
+    "x0": VECTOR.described("n numbers: the state at the start", required=True),
+    **SPAN_AND_TIMES,
+    **METHOD,
+}
+
+
+def simulate(values: Mapping[str, Any]) -> Simulation:
+    """Simulate the piecewise linear system of a model file.
+
+    Parameters
+    ----------
+    values : mapping
+        What `KEYS` read.
+    """
+    system = PiecewiseLinearSystem(
+        values["A"], values["B"], values["C"], values.get("D"), values["characteristics"]
+    )
+    options = {name: values[name] for name in METHOD if name in values}
+    run = system.simulate(values["x0"], values["t_span"], t_eval=times_in(values), **options)
+    return of_model(run, ("value u", "argument y"))

@@ -1,0 +1,49 @@
+"""The model "projected": -F(x) projected on what Hx >= h allows (11.39), for F(x) = matrix x + vector."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from app.model_keys import MATRIX, NUMBER, VECTOR, Key, choice, object_schema, read_object
+from app.models.times import SPAN_AND_TIMES, times_in
+from app.simulation import Modes, Simulation, numbered, of_model
+from pricing_core.errors import InvalidInputError
+from pricing_core.models import ProjectedSystem
+
+AFFINE = {
+    "matrix": MATRIX.described("n x n, by rows", required=True),
+    "vector": VECTOR.described("n numbers", required=True),
+}
+METHOD: Mapping[str, Key] = {
+    "method": choice("event-driven", "stepping").described("event-driven where missing"),
+    "rtol": NUMBER.described("relative tolerance of stepping"),
+    "atol": NUMBER.described("absolute tolerance of stepping"),
+}
+KEYS: Mapping[str, Key] = {
+    "F": Key(lambda field, value: read_object(field, value, AFFINE), object_schema(AFFINE)).described(
+        "F(x) = matrix x + vector", required=True
+    ),
+    "H": MATRIX.described("k x n, by rows", required=True),
+    "h": VECTOR.described("k numbers", required=True),
+    "x0": VECTOR.described("n numbers with H x0 >= h: the state at the start", required=True),
+    **SPAN_AND_TIMES,
+    **METHOD,
+}
+PARTS = {"F[0]": "F.matrix", "F[1]": "F.vector"}  # as the library and as files call them
+
+
+def simulate(values: Mapping[str, Any]) -> Simulation:
+    """Simulate the projected system of a model file.
+
+    Parameters
+    ----------
+    values : mapping
+        What `KEYS` read.
+    """
+    F = values["F"]
+    try:
+        system = ProjectedSystem((F["matrix"], F["vector"]), values["H"], values["h"])
+    except InvalidInputError as fault:
+        raise InvalidInputError(PARTS.get(fault.field, fault.field), fault.value, fault.allowed) from None
+    options = {name: values[name] for name in METHOD if name in values}
+    run = system.simulate(values["x0"], values["t_span"], t_eval=times_in(values), **options)
+    return of_model(run, ("multiplier", "slack"), modes=Modes(numbered("y", run.y.shape[1])))

@@ -1,0 +1,45 @@
+"""The model "relay": x' = Ax + Bu, y = Cx + Du, u_i = -sgn y_i, or between other bounds (11.89)."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from app.model_keys import NUMBER, VECTOR, Key, choice
+from app.models.inputs import NUMBER_OR_VECTOR, ON_NONUNIQUE
+from app.models.plant import PLANT
+from app.models.times import SPAN_AND_TIMES, times_in
+from app.simulation import Modes, Simulation, numbered, of_model
+from pricing_core.models import RelaySystem
+
+SYSTEM: Mapping[str, Key] = {
+    **PLANT,
+    "lower": NUMBER_OR_VECTOR.described("u_i where y_i > 0; -1 where missing"),
+    "upper": NUMBER_OR_VECTOR.described("u_i where y_i < 0; 1 where missing"),
+}
+METHOD: Mapping[str, Key] = {
+    "form": choice("input-output", "dae").described("which complementarity system is simulated"),
+    "method": choice("event-driven", "time-stepping").described("event-driven where missing"),
+    "on_nonunique": ON_NONUNIQUE,
+    "h": NUMBER.described("constant step of time stepping"),
+}
+KEYS: Mapping[str, Key] = {
+    **SYSTEM,
+    "x0": VECTOR.described("n numbers: the state at the start", required=True),
+    **SPAN_AND_TIMES,
+    **METHOD,
+}
+PIECES = ("upper", "slides", "lower")
+
+
+def simulate(values: Mapping[str, Any]) -> Simulation:
+    """Simulate the relays of a model file.
+
+    Parameters
+    ----------
+    values : mapping
+        What `KEYS` read.
+    """
+    system = RelaySystem(**{name: values[name] for name in SYSTEM if name in values})
+    options = {name: values[name] for name in METHOD if name in values}
+    run = system.simulate(values["x0"], values["t_span"], t_eval=times_in(values), **options)
+    modes = Modes(numbered("u", run.u.shape[1]), run.pieces, PIECES)
+    return of_model(run, ("relay output", "relay input"), modes=modes)

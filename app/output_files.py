@@ -1,0 +1,38 @@
+"""The files that a command writes beside what it prints: a CSV table and a PNG picture."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pyarrow as pa
+
+from pricing_core.batch.replacement import check_replaceable, replacement
+from pricing_core.batch.writer import CsvWriter
+from pricing_core.errors import InvalidInputError
+
+
+def check_output_files(table: Path | None, picture: Path | None) -> None:
+    """Accept the names of the files before there is anything to write.
+
+    Raises
+    ------
+    InvalidInputError
+        The picture does not end in .png, or both are one file.
+    OSError
+        A file cannot be written there.
+    """
+    if picture is not None and picture.suffix.lower() != ".png":
+        raise InvalidInputError("plot", picture.name, "a .png file")
+    if table is not None and picture is not None and os.path.realpath(table) == os.path.realpath(picture):
+        raise InvalidInputError("plot", str(picture), "another file than that of csv")
+    for path in (table, picture):
+        if path is not None:
+            check_replaceable(path)
+
+
+def write_columns(path: Path, columns: Mapping[str, Sequence[float | None]]) -> None:
+    """Write columns of numbers as CSV, an empty cell where there is none."""
+    names = list(columns)
+    arrays = [pa.array(column, pa.float64()) for column in columns.values()]
+    with replacement(path) as file, CsvWriter(file, names) as rows:
+        rows.write(pa.RecordBatch.from_arrays(arrays, names=names))
