@@ -29,6 +29,14 @@ def as_vector(field: str, value: ArrayLike, size: int | None = None) -> Vector:
     return array
 
 
+def as_increasing(field: str, value: ArrayLike) -> Vector:
+    """Return a read-only, non-empty, finite and increasing vector, or raise InvalidInputError naming `field`."""
+    array = as_vector(field, value)
+    if array.size == 0 or np.any(np.diff(array) <= 0.0):
+        raise InvalidInputError(field, value, "a non-empty increasing vector")
+    return array
+
+
 def as_matrix(field: str, value: ArrayLike, shape: tuple[int, int] | None = None) -> Matrix:
     """Return a read-only finite float matrix, or raise InvalidInputError naming `field`."""
     array = _finite(field, value, ndim=2)

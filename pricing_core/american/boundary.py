@@ -11,6 +11,7 @@ from pricing_core.american.contracts.contract import Option, check_kind, real_nu
 from pricing_core.american.contracts.market import FlatMarket, Market
 from pricing_core.american.contracts.schedule import without_events
 from pricing_core.american.contracts.tolerances import (
+    BOUNDARY_ACCURACY,
     DEFAULT_TOLERANCE,
     LARGEST_TOLERANCE,
     SMALLEST_TOLERANCE,
@@ -33,7 +34,6 @@ DEFAULT_POINTS = 101
 FEWEST_POINTS, JUST_AFTER = 12, 1e-6  # between two events, and of the time between them
 INTERRUPTED = "interrupted before the boundary was found: allow more time"
 DOUBLINGS = 4  # of the coarsest resolution; one less for tolerances above 1e-4
-ACCURACY_SHARE = 0.1  # of the root of the tolerance: 1e-4 by default, 1e-5 at the smallest tolerance
 NEIGHBOURS = 4  # nodes of the local interpolation in sqrt(tau)
 
 
@@ -171,7 +171,7 @@ def _march(
     puts = Puts(
         np.zeros(years.size), rate * years, dividend_yield * years, market.volatility * np.sqrt(years)
     )
-    found, relative, settled = solve_boundaries(puts, ACCURACY_SHARE * math.sqrt(tolerance))
+    found, relative, settled = solve_boundaries(puts, BOUNDARY_ACCURACY * math.sqrt(tolerance))
     boundary, error = np.full(tau.size, limit.boundaries(option)[0]), np.zeros(tau.size)
     boundary[later] = option.strike * np.exp(np.where(settled, found if option.is_put else -found, math.nan))
     # Monotone in time, as the boundary is (Jaillet, Lamberton, Lapeyre 1990): tau decreases along the array.

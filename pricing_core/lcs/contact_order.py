@@ -59,7 +59,7 @@ def _restricted(selector: ModeSelector, z: Vector, looked_at: IndexSet) -> ModeD
     for count in range(len(pairs), -1, -1):
         for mode in itertools.combinations(pairs, count):
             dynamics = selector.dynamics(mode)
-            if dynamics is not None and np.all(_signs(dynamics, z)[pairs] >= 0.0):
+            if dynamics is not None and np.all(dynamics.signs(z)[pairs] >= 0.0):
                 return dynamics
     return None
 
@@ -67,9 +67,4 @@ def _restricted(selector: ModeSelector, z: Vector, looked_at: IndexSet) -> ModeD
 def _violated(dynamics: ModeDynamics | None, z: Vector) -> tuple[int, ...]:
     if dynamics is None:
         return ()
-    return tuple(np.flatnonzero(_signs(dynamics, z) < 0.0).tolist())
-
-
-def _signs(dynamics: ModeDynamics, z: Vector) -> Vector:
-    leading, _ = dynamics.leading_impulses(z)
-    return np.where(leading != 0.0, leading, dynamics.initial_signs(dynamics.coordinates_of(z)))
+    return tuple(np.flatnonzero(dynamics.signs(z) < 0.0).tolist())

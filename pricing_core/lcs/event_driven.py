@@ -36,19 +36,12 @@ def drive_by_events(
     t_span: tuple[float, float],
     t_eval: Vector | None,
     *,
-    on_nonunique: OnNonUnique = "raise",
-    max_events: int = 100_000,
-    rebound: Rebound | None = None,
-    interrupt: Callable[[], bool] | None = None,
+    on_nonunique: OnNonUnique,
+    max_events: int,
+    rebound: Rebound | None,
+    interrupt: Callable[[], bool] | None,
 ) -> Trajectory:
-    """Simulate from x0 over t_span from event to event; see `simulate`.
-
-    Parameters
-    ----------
-    rebound : callable, optional
-        Another law for jumps than the projection of (11.78), for systems with D = 0: given the states before and after
-        that and the pairs with y_i = 0, it returns the state to go on from and the impulse of u.
-    """
+    """Simulate from x0 over t_span from event to event; see `simulate`."""
     form = autonomous_form(system)
     selector = ModeSelector(form, has_unique_steps(form), on_nonunique)
     run = _Run(form, selector, t_span, max_events, rebound, interrupt)

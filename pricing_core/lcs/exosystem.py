@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
-from pricing_core.arrays import Matrix, Vector, as_matrix, as_square_matrix, as_vector
+from pricing_core.arrays import Matrix, Vector, as_increasing, as_matrix, as_square_matrix
 from pricing_core.errors import InvalidInputError
 
 
@@ -53,9 +53,7 @@ class Exosystem:
         S = as_square_matrix("generator", generator)
         rows = np.asarray(states)
         w = as_matrix("states", rows[None, :] if rows.ndim == 1 else rows)
-        knots = as_vector("times", times)
-        if knots.size == 0 or np.any(np.diff(knots) <= 0):
-            raise InvalidInputError("times", times, "a non-empty increasing vector")
+        knots = as_increasing("times", times)
         if w.shape != (knots.size, S.shape[0]):
             allowed = f"one row of {S.shape[0]} numbers for each of the {knots.size} times"
             raise InvalidInputError("states", f"shape {w.shape}", allowed)
@@ -135,11 +133,9 @@ def piecewise_linear(times: ArrayLike, values: ArrayLike) -> Exosystem:
     >>> [polyline.after(t).item() for t in (-1.0, 0.5, 2.0, 9.0)]
     [0.0, 1.0, 1.0, 0.0]
     """
-    knots = as_vector("times", times)
+    knots = as_increasing("times", times)
     rows = np.asarray(values)
     table = as_matrix("values", rows[:, None] if rows.ndim == 1 else rows)
-    if knots.size == 0 or np.any(np.diff(knots) <= 0):
-        raise InvalidInputError("times", times, "a non-empty increasing vector")
     if table.shape[0] != knots.size:
         raise InvalidInputError(
             "values", f"{table.shape[0]} rows", f"one row for each of the {knots.size} times"

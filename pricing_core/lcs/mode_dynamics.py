@@ -98,12 +98,14 @@ class ModeDynamics:
             rows, largest = rows @ scaled, REACH * largest
         return signs
 
+    def signs(self, z: Vector) -> Vector:
+        """Return each output's sign from z on: of its leading impulse, else just after the jump."""
+        leading, _ = self.leading_impulses(z)
+        return np.where(leading != 0.0, leading, self.initial_signs(self.coordinates_of(z)))
+
     def admits(self, z: Vector) -> bool:
         """Tell whether I is in S(z) (11.77): every output is initially nonnegative (Definition 11.1)."""
-        leading, _ = self.leading_impulses(z)
-        if np.any(leading < 0.0):
-            return False
-        return bool(np.all((leading > 0.0) | (self.initial_signs(self.coordinates_of(z)) >= 0.0)))
+        return bool(np.all(self.signs(z) >= 0.0))
 
     def continues(self, c: Vector) -> bool:
         """Tell whether the mode can go on from the coordinates c."""

@@ -6,9 +6,9 @@ from typing import Literal
 from numpy.typing import ArrayLike
 
 from pricing_core.arrays import as_vector
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcp import Method
-from pricing_core.lcs.event_driven import drive_by_events
+from pricing_core.lcs.event_driven import Rebound, drive_by_events
 from pricing_core.lcs.mode_selection import OnNonUnique
 from pricing_core.lcs.simulation_times import checked_span, checked_times
 from pricing_core.lcs.stepped_simulation import StepChoices, simulate_by_steps
@@ -28,6 +28,7 @@ def simulate(
     t_eval: ArrayLike | None = None,
     on_nonunique: OnNonUnique = "raise",
     max_events: int = MAX_EVENTS,
+    rebound: Rebound | None = None,
     scheme: Scheme | Literal["auto"] = "auto",
     theta: float | None = None,
     h: float | None = None,
@@ -61,6 +62,10 @@ def simulate(
         first continuation that is found is taken.
     max_events : int
         Of an event-driven run.
+    rebound : callable, optional
+        Another law for the jumps of an event-driven run than the projection of (11.78), for systems with D = 0: given
+        the states before and after that and the pairs with y_i = 0, it returns the state to go on from and the
+        impulse of u.
     scheme : {"auto", "implicit-euler", "sdirk2", "theta"}
         Of time stepping. "auto" takes the second-order "sdirk2" for relative degree 0 and 1, where the state is
         continuous after the start, and "implicit-euler" for relative degree 2, where it may jump at any time.
@@ -115,6 +120,8 @@ def simulate(
     span = checked_span(t_span)
     reported = None if t_eval is None else checked_times(t_eval, span)
     if method == "time-stepping":
+        if rebound is not None:
+            raise InvalidInputError("rebound", Told("a law"), 'left out with method="time-stepping"')
         choices = StepChoices(scheme, theta, h, rtol, atol, lcp_method, multipliers)
         return simulate_by_steps(system, start, span, reported, choices, interrupt)
     if method != "event-driven":
@@ -128,5 +135,12 @@ def simulate(
             "on_nonunique", on_nonunique, '"raise", "first" or a function of (t, x, modes)'
         )
     return drive_by_events(
-        system, start, span, reported, on_nonunique=on_nonunique, max_events=max_events, interrupt=interrupt
+        system,
+        start,
+        span,
+        reported,
+        on_nonunique=on_nonunique,
+        max_events=max_events,
+        rebound=rebound,
+        interrupt=interrupt,
     )

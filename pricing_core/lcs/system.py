@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pricing_core.arrays import Matrix, Vector, as_matrix, as_square_matrix, as_vector
+from pricing_core.arrays import Matrix, Vector, as_increasing, as_matrix, as_square_matrix, as_vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs.exosystem import Exosystem
 
@@ -33,9 +33,7 @@ class PiecewiseConstant:
     given: NDArray[Any]  # (m, n): the values as given, for exact arithmetic
 
     def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
-        knots = as_vector("times", times)
-        if knots.size == 0 or np.any(np.diff(knots) <= 0):
-            raise InvalidInputError("times", times, "a non-empty increasing vector")
+        knots = as_increasing("times", times)
         rows = np.asarray(values)
         rows = rows[:, None] if rows.ndim == 1 else rows
         table = as_matrix("values", rows)

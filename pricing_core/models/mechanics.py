@@ -10,8 +10,8 @@ from scipy.linalg import cho_factor, cho_solve
 from pricing_core.arrays import IndexSet, Matrix, Vector, as_matrix, as_square_matrix, as_vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcp import LCP, least_norm_solution, solve
-from pricing_core.lcs import LCS, Exosystem, PiecewiseConstant, Trajectory, simulate
-from pricing_core.lcs.event_driven import drive_by_events
+from pricing_core.lcs import LCS, Exosystem, PiecewiseConstant, Trajectory
+from pricing_core.lcs.simulate import MAX_EVENTS, simulate
 
 PENETRATES = 1e-12
 SYMMETRIC = 1e-12
@@ -120,7 +120,7 @@ class MechanicalSystem:
         t_span: tuple[float, float],
         *,
         t_eval: ArrayLike | None = None,
-        max_events: int = 100_000,
+        max_events: int = MAX_EVENTS,
         interrupt: Callable[[], bool] | None = None,
     ) -> Trajectory:
         """Simulate from event to event; x = (q, q'), and impacts carry the energy that they lose.
@@ -147,21 +147,15 @@ class MechanicalSystem:
                 "q0", q0, f"such that constraint {i} holds: F q + offset is {gaps[i]:.6g} there"
             )
         x0 = np.concatenate([position, velocity])
-        if self.restitution == 0.0:
-            trajectory = simulate(
-                self.to_lcs(), x0, t_span, t_eval=t_eval, max_events=max_events, interrupt=interrupt
-            )
-        else:
-            times = None if t_eval is None else as_vector("t_eval", t_eval)
-            trajectory = drive_by_events(
-                self.to_lcs(),
-                x0,
-                t_span,
-                times,
-                max_events=max_events,
-                rebound=self._rebound,
-                interrupt=interrupt,
-            )
+        trajectory = simulate(
+            self.to_lcs(),
+            x0,
+            t_span,
+            t_eval=t_eval,
+            max_events=max_events,
+            rebound=self._rebound if self.restitution > 0.0 else None,
+            interrupt=interrupt,
+        )
         return replace(
             trajectory,
             events=tuple(

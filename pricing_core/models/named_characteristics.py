@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import as_vector
+from pricing_core.arrays import as_increasing, as_vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.models.characteristic import Characteristic
 
@@ -116,10 +116,8 @@ def gain_schedule(
     >>> gain_schedule([-1.0, 1.0], [5.0, 1.0, 5.0])([0.5, 2.0])
     array([0.5, 6. ])
     """
-    at = as_vector("thresholds", thresholds)
+    at = as_increasing("thresholds", thresholds)
     slopes = as_vector("gains", gains, at.size + 1)
-    if at.size == 0 or np.any(np.diff(at) <= 0.0):
-        raise InvalidInputError("thresholds", thresholds, "a non-empty increasing vector")
     if offsets is None:
         joined = np.concatenate([[0.0], np.cumsum((slopes[:-1] - slopes[1:]) * at)])
         shift = joined - joined[int(np.searchsorted(at, 0.0))]

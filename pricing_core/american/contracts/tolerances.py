@@ -5,6 +5,9 @@ from pricing_core.errors import InvalidInputError
 
 SMALLEST_TOLERANCE, LARGEST_TOLERANCE = 1e-8, 1e-2  # fractions of the strike
 DEFAULT_TOLERANCE = 1e-6
+BOUNDARY_ACCURACY = (
+    0.1  # relative, of the root of the tolerance: 1e-4 by default, 1e-5 at the smallest tolerance
+)
 LARGEST_RATIO = 1e30  # of spot and strike, either way
 
 

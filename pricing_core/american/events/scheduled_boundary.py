@@ -9,6 +9,7 @@ import numpy as np
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.market import FlatMarket, Market
 from pricing_core.american.contracts.schedule import Schedule, Segment, make_schedule
+from pricing_core.american.contracts.tolerances import BOUNDARY_ACCURACY
 from pricing_core.american.events.collocation import FINEST, boundaries_at, is_served
 from pricing_core.american.events.packed_schedules import pack
 from pricing_core.american.events.scheduled_lcs import boundaries_lcs
@@ -16,7 +17,6 @@ from pricing_core.american.flat.exercise_region import region_at_expiry
 from pricing_core.arrays import Matrix, Vector
 
 FIRST_LEVEL, TIGHT_LEVEL, TIGHT_TOLERANCE = 4, 5, 1e-7
-ACCURACY_SHARE = 0.1  # of the root of the tolerance, relative to the boundary
 CAUTION = 3.0  # the stated error in distances of two levels
 
 
@@ -82,7 +82,7 @@ def _collocated(schedule: Schedule, times: Vector, tolerance: float) -> tuple[Ve
             error = np.abs(fine - coarse)
             if best is None or np.nansum(error) < np.nansum(best[1]):
                 best = fine, error
-            if np.nanmax(error / fine, initial=0.0) <= ACCURACY_SHARE * math.sqrt(tolerance):
+            if np.nanmax(error / fine, initial=0.0) <= BOUNDARY_ACCURACY * math.sqrt(tolerance):
                 break
         coarse = fine
     return None if best is None else (best[0], CAUTION * best[1])

@@ -11,9 +11,7 @@ from pricing_core.models.circuits.signals import Sine, Value
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class VoltageSource:
-    """v(plus) - v(minus) = value; its current flows from plus through the source to minus."""
-
+class _IndependentSource:
     name: str
     plus: str
     minus: str
@@ -27,6 +25,11 @@ class VoltageSource:
     def branches(self) -> tuple[Branch, ...]:
         """One."""
         return (Branch(self.name, self.plus, self.minus),)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VoltageSource(_IndependentSource):
+    """v(plus) - v(minus) = value; its current flows from plus through the source to minus."""
 
     @property
     def equations(self) -> tuple[Row, ...]:
@@ -35,22 +38,8 @@ class VoltageSource:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CurrentSource:
+class CurrentSource(_IndependentSource):
     """i = value, from plus through the source to minus."""
-
-    name: str
-    plus: str
-    minus: str
-    value: Value
-
-    def __post_init__(self) -> None:
-        checked_ends(self.name, self.plus, self.minus)
-        checked_value(self.name, self.value)
-
-    @property
-    def branches(self) -> tuple[Branch, ...]:
-        """One."""
-        return (Branch(self.name, self.plus, self.minus),)
 
     @property
     def equations(self) -> tuple[Row, ...]:
