@@ -25,6 +25,7 @@ MODULES = {
     "projected": "app.models.projected",
     "mechanics": "app.models.mechanics",
     "circuit": "app.models.circuit",
+    "optimal-control": "app.models.optimal_control",
     "max-plus": "app.models.max_plus",
 }
 TITLE = "A model for `pricing simulate`"

@@ -21,7 +21,6 @@ from pricing_core.models.named_characteristics import (
 )
 from pricing_core.models.nonlinear_control import CollocatedControl, ControlAffineProblem
 from pricing_core.models.optimal_control import StateConstrainedLQ
-from pricing_core.models.optimal_control_file import optimal_control_from
 from pricing_core.models.piecewise_linear import PiecewiseLinearSystem
 from pricing_core.models.projected import ProjectedSystem
 from pricing_core.models.relay import RelaySystem
@@ -49,7 +48,6 @@ __all__ = [
     "dead_zone",
     "gain_schedule",
     "ideal_diode",
-    "optimal_control_from",
     "relay_step",
     "resistor",
     "saturation",

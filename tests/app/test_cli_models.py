@@ -8,11 +8,13 @@ from typing import Any
 
 import pytest
 
+from pricing_core.models import StateConstrainedLQ
+
 MODELS = Path(__file__).parents[2] / "examples" / "models"
 PNG = b"\x89PNG\r\n\x1a\n"
 EXAMPLES = (
     *("relays_to_origin", "saturation", "oligopoly"),
-    *("bouncing_ball", "rectifier_netlist", "railway"),
+    *("bouncing_ball", "rectifier_netlist", "railway", "cart_to_floor"),
 )
 COLUMNS = {
     "relays_to_origin": "t x1 x2 u1 u2 y1 y2",
@@ -21,6 +23,7 @@ COLUMNS = {
     "bouncing_ball": "t q1 v1 u1 y1",
     "rectifier_netlist": "t v(in) v(out) i(V1) i(D1) i(C1) i(R1)",
     "railway": "k|west|west ring|east|east ring",
+    "cart_to_floor": "t x1 x2 u1 lambda1 lambda2 eta1",
 }
 
 
@@ -130,6 +133,21 @@ def test_a_circuit_may_be_a_list_of_elements(simulate: Any) -> None:
     assert found["events"][0]["energy_lost"] == pytest.approx(3.0)
 
 
+def test_the_cart_stays_on_the_floor_once_it_is_there(answer: Any) -> None:
+    """The front door tells what the library does: the junction, the atom there, the arcs, the cost."""
+    found = answer("cart_to_floor")
+    control = StateConstrainedLQ(
+        [[0, 1], [0, 0]], [[0], [1]], [[1, 0]], [[4, 0], [0, 0]], [2, 0], 4.0, bound=[1]
+    ).solve()
+    (junction,) = found["events"]
+    assert (junction["kind"], junction["mode_before"], junction["mode_after"]) == ("switch", [], [0])
+    assert (found["status"], found["cost"]) == ("solved", control.cost)
+    assert junction["time"] == control.switching_times[0]
+    assert junction["x_after"] == pytest.approx([1.0, 0.0], abs=1e-9)
+    first = found["multiplier_atoms"][0]
+    assert junction["impulse"] == first["weights"] == control.multiplier_atoms[0][1].tolist()
+
+
 def test_the_railway_runs_every_58_minutes(answer: Any) -> None:
     found = answer("railway")
     assert found["cycle_time"] == [58.0] * 4
@@ -198,6 +216,12 @@ WRONG = [
     ),
     ("rectifier_netlist", {"netlist": None, "elements": 1}, "elements = 1: must be a list"),
     ("rectifier_netlist", {"x0": [1, 2]}, "x0 = "),
+    ("cart_to_floor", {"Q": None}, "Q = missing: must be n x n, by rows: the cost is"),
+    ("cart_to_floor", {"Q": [[-1, 0], [0, 0]]}, "Q = "),
+    ("cart_to_floor", {"x0": [0, 0]}, "x0 = [0.0, 0.0]: must be a state with C x0 >= bound"),
+    ("cart_to_floor", {"horizon": "no"}, "horizon = 'no': must be a number"),
+    ("cart_to_floor", {"intervals": 3}, "intervals = 3: must be a whole number from 8 to 20000"),
+    ("cart_to_floor", {"t_span": [0, 1]}, "key = 't_span': must be one of model, A, B, C, Q, "),
     ("railway", {"steps": None}, "steps = missing: must be events to compute"),
     ("railway", {"steps": 0}, "steps = 0: must be a whole number from 1 to 100000"),
     ("railway", {"t_span": [0, 1]}, "key = 't_span': must be one of model, steps, "),

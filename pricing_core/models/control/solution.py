@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.arrays import IndexSet, Matrix, Vector
 from pricing_core.models.control.collocation import Collocation
 from pricing_core.models.control.problem import LQData
 from pricing_core.models.control.resolve import Resolved
@@ -35,8 +35,11 @@ class OptimalControl:
         The atoms of eta: at junctions and touch points of constraints of order >= 2, and at the horizon.
     cost : float
         (11.21), with its factor 1/2.
-    switching_times : Vector
+    switching_times : Vector, shape (s,)
         Junctions and touch points inside (0, T).
+    arcs : tuple of tuple of int
+        The constraints that are active before, between and after those times, s + 1 sets; none where the structure is
+        not resolved.
     status : {"solved", "structure not resolved"}
         In the second case the values are those of collocation, accurate to its step; the multiplier is what each
         interval holds of eta, divided by its length.
@@ -52,6 +55,7 @@ class OptimalControl:
     control: Matrix
     cost: float
     switching_times: Vector
+    arcs: tuple[IndexSet, ...]
     status: Status
     residual: float
 
@@ -61,6 +65,7 @@ def solved(data: LQData, answer: Resolved) -> OptimalControl:
     shot, plan, samples = answer.shot, answer.plan, answer.samples
     costate = np.vstack([part.costate for part in samples])
     size = max(1.0, float(np.max(np.abs(costate))))
+    lengths = np.diff(shot.times)
     return OptimalControl(
         t=np.concatenate([part.t for part in samples]),
         x=np.vstack([part.x for part in samples]),
@@ -69,7 +74,8 @@ def solved(data: LQData, answer: Resolved) -> OptimalControl:
         multiplier_atoms=_atoms(data, answer, NOTHING * size),
         control=costate @ data.B,
         cost=cost(data, plan, shot),
-        switching_times=np.unique(shot.times[1:-1]),
+        switching_times=np.unique(shot.times)[1:-1],
+        arcs=tuple(arc.mode for arc, length in zip(plan.arcs, lengths, strict=True) if length > 0.0),
         status="solved",
         residual=shot.residual,
     )
@@ -104,6 +110,7 @@ def unresolved(data: LQData, answer: Collocation) -> OptimalControl:
         control=costate @ data.B,
         cost=answer.cost,
         switching_times=np.zeros(0),
+        arcs=(),
         status="structure not resolved",
         residual=float("nan"),
     )
