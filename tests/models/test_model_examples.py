@@ -9,6 +9,16 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 HEADLINES = {
     "relay": ["theorem 11.6 holds: well-posed", "origin reached at t = 2.000000000000"],
     "friction": ["end at 3.141593, 6.283185, 9.424778", "sticks at q = 0.700000000000", "u = 0.700000000000"],
+    # sqrt(2/g) to the floor, (1 + e)/(1 - e) times as long to rest, 1 - e^2 of the energy lost.
+    "bouncing_ball": [
+        "first impact at t = 0.451523640986, 5.003100000 of 9.810000000 lost",
+        "at rest from t = 2.558633965586 on, each bounce 0.700000000 of",
+        "bears u = 9.810000000000",
+    ],
+    "pendulum": [
+        "first impact at t = 0.552: a quarter of the period is 0.5508",
+        "swing 3 reaches 0.587: 0.5866",
+    ],
     "oligopoly": [
         "30.000 and earns  1050.00",
         "25.000 and earns   625.00",
