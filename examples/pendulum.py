@@ -3,6 +3,7 @@
 Run it from the root of the project: .venv/bin/python examples/pendulum.py
 """
 
+from itertools import pairwise
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -29,7 +30,7 @@ quarter = ellipk(np.sin(START / 2.0) ** 2) / np.sqrt(GRAVITY)
 print(f"first impact at t = {run.t[impacts[0]]:.3f}: a quarter of the period is {quarter:.4f}")
 free = np.delete(np.diff(run.energy), impacts - 1)
 print(f"between impacts the energy changes by at most {np.abs(free).max():.0e} in a step")
-for count, (start, end) in enumerate(zip(impacts[:3], impacts[1:4], strict=True), start=1):
+for count, (start, end) in enumerate(pairwise(impacts[:4]), start=1):
     amplitude = np.arccos(1.0 - RESTITUTION ** (2 * count) * (1.0 - np.cos(START)))
     print(f"swing {count} reaches {run.q[start:end, 0].max():.3f}: {amplitude:.4f} by the law of impact")
 
