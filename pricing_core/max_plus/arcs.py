@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from pricing_core.arrays import BoolVector
-from pricing_core.max_plus.matrices import EPSILON, MaxPlusMatrix, Numbers, is_exact
+from pricing_core.max_plus.matrices import EPSILON, MaxPlusMatrix, Numbers
 
 IntVector = NDArray[np.int64]
 
@@ -110,10 +110,3 @@ def arcs_of(A: MaxPlusMatrix) -> Arcs:
         return Arcs(n, head, A.indices.astype(np.int64), np.asarray(A.data))
     head, tail = np.nonzero(A != EPSILON)
     return Arcs(n, head, tail, A[head, tail])
-
-
-def rounding_of(graph: Arcs) -> float:
-    """Return what rounding may make of a path of weight zero through all nodes; 0 for Fractions."""
-    if is_exact(graph.weight):
-        return 0  # a float would make floats of Fractions
-    return float(graph.size * np.max(np.abs(graph.weight), initial=0.0) * np.finfo(np.float64).eps)

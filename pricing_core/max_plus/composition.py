@@ -4,10 +4,10 @@ import numpy as np
 
 from pricing_core.errors import InvalidInputError, NumericalError, Told
 from pricing_core.max_plus.algebra import add, multiply
-from pricing_core.max_plus.arcs import arcs_of, rounding_of
-from pricing_core.max_plus.circuits import heaviest_circuit, named
+from pricing_core.max_plus.arcs import arcs_of
+from pricing_core.max_plus.circuits import named
+from pricing_core.max_plus.divergence import diverging_circuit
 from pricing_core.max_plus.matrices import EPSILON, Numbers, as_matrix, dense
-from pricing_core.max_plus.spectrum import mean_of_circuits
 from pricing_core.max_plus.star import star
 from pricing_core.max_plus.system import MaxPlusSystem
 
@@ -98,12 +98,10 @@ def feedback(system: MaxPlusSystem, K: object) -> MaxPlusSystem:
     if gain.shape != (m, p):
         raise InvalidInputError("K", Told(f"shape {gain.shape}"), f"a matrix of shape {(m, p)}")
     loop = _product(gain, system.D)
-    graph = arcs_of(loop)
-    solution = mean_of_circuits(graph)
-    if solution.ratio.max() > rounding_of(graph):
-        circuit = named(heaviest_circuit(graph, solution))
+    circuit = diverging_circuit(arcs_of(loop))
+    if circuit:
         raise NumericalError(
-            f"the circuit {circuit} of the inputs in K D has a positive weight: they wait for themselves"
+            f"the circuit {named(circuit)} of the inputs in K D has a positive weight: they wait for themselves"
         )
     closed = dense(star(loop))
     inputs, outputs = _product(system.B, closed), _product(system.D, closed)

@@ -1,13 +1,14 @@
 """The critical graph: the circuits whose mean is the largest, and its cyclicity."""
 
 from dataclasses import dataclass
-from math import gcd, lcm
+from math import lcm
 
 import numpy as np
 
-from pricing_core.max_plus.arcs import Arcs, arcs_of, rounding_of
+from pricing_core.arrays import BoolVector
+from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of
 from pricing_core.max_plus.howard import HowardSolution
-from pricing_core.max_plus.matrices import Scalar, as_square
+from pricing_core.max_plus.matrices import EPSILON, Scalar, as_square
 from pricing_core.max_plus.spectrum import mean_of_circuits, plain
 
 
@@ -52,7 +53,8 @@ def critical_graph(A: object, *, tolerance: float | None = None) -> CriticalGrap
         Entries are finite or epsilon.
     tolerance : float, optional
         By how much an arc of a critical circuit may miss equality. Default: 0 for an exact A, for floats what
-        rounding may do. Circuits that tie in theory may be parted by it: `exact` data decide.
+        rounding may do to the arc's own weight and to the mean of its class. Circuits that tie in theory may be
+        parted by it: `exact` data decide.
 
     Raises
     ------
@@ -72,14 +74,7 @@ def critical_graph(A: object, *, tolerance: float | None = None) -> CriticalGrap
     """
     graph = arcs_of(as_square("A", A, top=False))
     solution = mean_of_circuits(graph)
-    largest = solution.ratio.max()
-    own = np.asarray((solution.ratio >= largest - 2 * solution.tolerance) & (solution.ratio > -np.inf))
-    critical = critical_arcs(graph.among(own), solution, tolerance)
-    components = critical_components(critical)
-    pairs = sorted(zip(critical.tail.tolist(), critical.head.tolist(), strict=True))
-    return CriticalGraph(
-        plain(largest), tuple(pairs), components, tuple(_cyclicity(critical, nodes) for nodes in components)
-    )
+    return critical_graph_of(graph, solution, tolerance)
 
 
 def cyclicity(A: object) -> int:
@@ -102,17 +97,25 @@ def cyclicity(A: object) -> int:
     return critical_graph(A).cyclicity
 
 
-def critical_arcs(graph: Arcs, solution: HowardSolution, tolerance: float | None = None) -> Arcs:
-    """Return those arcs that lie on circuits of the largest mean of their class."""
-    inner = graph.inside_classes()
-    missing = (
-        solution.ratio[inner.head]
-        + solution.potential[inner.head]
-        - inner.weight
-        - solution.potential[inner.tail]
+def critical_graph_of(graph: Arcs, solution: HowardSolution, tolerance: float | None = None) -> CriticalGraph:
+    """Return the critical graph that Howard's solution shows; see `critical_graph`."""
+    largest = (solution.ratio - solution.error).max()
+    own = np.asarray((solution.ratio + solution.error >= largest) & (solution.ratio > EPSILON))
+    critical = critical_arcs(graph, solution, own, tolerance)
+    components = critical_components(critical)
+    pairs = sorted(zip(critical.tail.tolist(), critical.head.tolist(), strict=True))
+    return CriticalGraph(
+        plain(solution.ratio.max()), tuple(pairs), components, _cyclicities(critical, components)
     )
-    allowed = 2 * solution.tolerance + rounding_of(graph) if tolerance is None else tolerance
-    return inner.only(np.asarray(missing <= allowed)).inside_classes()
+
+
+def critical_arcs(
+    graph: Arcs, solution: HowardSolution, own: BoolVector, tolerance: float | None = None
+) -> Arcs:
+    """Return those arcs that lie on circuits of the largest mean of their class, in the classes of `own` nodes."""
+    allowed = solution.slack if tolerance is None else tolerance
+    tight = solution.inner & own[graph.head] & (solution.reduced >= -allowed)
+    return graph.only(np.asarray(tight)).inside_classes()
 
 
 def critical_components(critical: Arcs) -> tuple[tuple[int, ...], ...]:
@@ -124,17 +127,26 @@ def critical_components(critical: Arcs) -> tuple[tuple[int, ...], ...]:
     return tuple(sorted(tuple(part.tolist()) for part in parts if part.size))
 
 
-def _cyclicity(critical: Arcs, nodes: tuple[int, ...]) -> int:
-    """Return the greatest common divisor of circuit lengths: of level(tail) + 1 - level(head) over the arcs."""
-    inside = np.zeros(critical.size, dtype=np.bool_)
-    inside[list(nodes)] = True
-    arcs = critical.among(inside)
-    level = np.full(critical.size, -1)
-    level[nodes[0]] = depth = 0
-    waiting = np.array([nodes[0]])
+def _cyclicities(critical: Arcs, components: tuple[tuple[int, ...], ...]) -> tuple[int, ...]:
+    """Return for each component the greatest common divisor of level(tail) + 1 - level(head) over its arcs."""
+    level = _levels(critical, np.array([nodes[0] for nodes in components], dtype=np.int64))
+    component = np.empty(critical.size, dtype=np.int64)
+    for k, nodes in enumerate(components):
+        component[list(nodes)] = k
+    order = np.argsort(component[critical.head], kind="stable")
+    steps = np.abs(level[critical.tail] + 1 - level[critical.head])[order]
+    first = np.flatnonzero(np.diff(component[critical.head][order], prepend=-1))
+    return tuple(np.gcd.reduceat(steps, first).tolist()) if steps.size else ()
+
+
+def _levels(graph: Arcs, start: IntVector) -> IntVector:
+    """Return the least number of arcs from a start to each node, -1 where there is no path."""
+    level = np.full(graph.size, -1)
+    level[start] = depth = 0
+    waiting = start
     while waiting.size:
-        heads = arcs.head[arcs.out_of(waiting)]
+        heads = graph.head[graph.out_of(waiting)]
         waiting = np.unique(heads[level[heads] < 0])
         depth += 1
         level[waiting] = depth
-    return gcd(*np.unique(np.abs(level[arcs.tail] + 1 - level[arcs.head])).tolist())
+    return level

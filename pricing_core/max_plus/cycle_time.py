@@ -6,6 +6,7 @@ from scipy.sparse import csr_array
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.max_plus.arcs import Arcs, arcs_of
 from pricing_core.max_plus.circuits import a_circuit, named
+from pricing_core.max_plus.class_order import loudest
 from pricing_core.max_plus.howard import howard
 from pricing_core.max_plus.matrices import (
     EPSILON,
@@ -16,7 +17,7 @@ from pricing_core.max_plus.matrices import (
     as_square,
     dense,
 )
-from pricing_core.max_plus.spectrum import loudest, mean_of_circuits, plain
+from pricing_core.max_plus.spectrum import mean_of_circuits, plain
 
 
 def cycle_time(A: object) -> Numbers:
@@ -44,7 +45,8 @@ def cycle_time(A: object) -> Numbers:
     array([3., 4.])
     """
     graph = arcs_of(as_square("A", A, top=False))
-    return loudest(graph, mean_of_circuits(graph).ratio)
+    solution = mean_of_circuits(graph)
+    return loudest(graph, solution.label, solution.ratio)
 
 
 def cycle_ratio(A: object, holding: object) -> Scalar:

@@ -1,17 +1,19 @@
 """Eigenvectors and, for a reducible matrix, the generalised eigenmode."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from pricing_core.arrays import BoolVector
 from pricing_core.errors import InvalidInputError, NumericalError, Told
-from pricing_core.max_plus.arcs import Arcs, arcs_of
+from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of
+from pricing_core.max_plus.class_order import loudest
 from pricing_core.max_plus.critical import critical_arcs, critical_components
 from pricing_core.max_plus.howard import HowardSolution
-from pricing_core.max_plus.longest_paths import longest_paths
-from pricing_core.max_plus.matrices import EPSILON, Numbers, Scalar, as_square, zero_like
-from pricing_core.max_plus.spectrum import loudest, mean_of_circuits, plain, spectral_nodes
+from pricing_core.max_plus.matrices import EPSILON, TOP, Numbers, Scalar, as_square, zero_like
+from pricing_core.max_plus.normal_form import longest_in_normal_form, normal_form
+from pricing_core.max_plus.spectrum import mean_of_circuits, plain, spectral_nodes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,8 +51,7 @@ def eigenvector(A: object) -> Numbers:
     >>> eigenvector([[3.0, 7.0], [2.0, 4.0]])
     array([ 0. , -2.5])
     """
-    found: Numbers = eigenvectors(A)[:, 0]
-    return found
+    return next(_vectors(A, None))
 
 
 def eigenvectors(A: object, value: Scalar | None = None) -> Numbers:
@@ -87,19 +88,8 @@ def eigenvectors(A: object, value: Scalar | None = None) -> Numbers:
     array([[ 0., -2.],
            [-1.,  0.]])
     """
-    matrix = as_square("A", A, top=False)
-    graph = arcs_of(matrix)
-    solution = mean_of_circuits(graph)
-    spectral = spectral_nodes(graph, solution)
-    if not spectral.any():
-        raise NumericalError("A has no circuit, and no eigenvector but those of -inf")
-    wanted = solution.ratio.max() if value is None else value
-    own = spectral & (np.abs(_finite(solution.ratio) - wanted) <= 2 * solution.tolerance)
-    if not own.any():
-        known = ", ".join(str(plain(one)) for one in np.unique(solution.ratio[spectral])[::-1])
-        raise InvalidInputError("value", wanted, f"an eigenvalue of A; with circuits these are {known}")
-    rate = solution.ratio[own].max()
-    return _columns(graph, solution, own, rate)
+    vectors = list(_vectors(A, value))
+    return np.column_stack(vectors)
 
 
 def eigenmode(A: object) -> Eigenmode:
@@ -118,7 +108,7 @@ def eigenmode(A: object) -> Eigenmode:
     Notes
     -----
     Nodes of one cycle time are solved together and then put late enough for all slower ones. Cost: Howard's
-    iteration and a longest-path problem for each cycle time.
+    iteration, a longest-path problem, and a sweep over the cycle times.
     Source: Heidergott, Olsder, van der Woude 2006, section 3.3 (generalised eigenmode).
 
     Examples
@@ -135,53 +125,75 @@ def eigenmode(A: object) -> Eigenmode:
             "A", Told(f"row {unheard[0]} is epsilon"), "a matrix with an entry in every row"
         )
     solution = mean_of_circuits(graph)
-    rates = loudest(graph, solution.ratio)
-    offset = np.full(graph.size, zero_like(matrix))
-    placed = np.zeros(graph.size, dtype=np.bool_)
-    for rate in np.unique(rates):
-        level = np.asarray(rates == rate)
-        offset[level] = _mode_of_level(graph, solution, level, rate)[level]
-        late = _wait_for(graph, level, placed, offset, rate)
-        offset[level] += late
-        placed |= level
-    return Eigenmode(rates, offset)
+    rates = loudest(graph, solution.label, solution.ratio)
+    alike = np.asarray(rates[graph.head] == rates[graph.tail])
+    normal, p = normal_form(graph, solution, rates, alike)
+    pacing = np.unique(critical_arcs(graph, solution, np.asarray(solution.ratio == rates)).head)
+    start = np.full(graph.size, EPSILON, dtype=graph.weight.dtype)
+    start[pacing] = zero_like(graph.weight)
+    levels = _Levels(*np.unique(rates, return_inverse=True))
+    offset = levels.from_zero(longest_in_normal_form(normal, start) + p)
+    return Eigenmode(rates, levels.put_late(graph.only(~alike), offset))
 
 
-def _columns(graph: Arcs, solution: HowardSolution, own: BoolVector, rate: Scalar) -> Numbers:
-    components = critical_components(critical_arcs(graph.among(own), solution))
-    columns = []
-    for component in components:
+def _vectors(A: object, value: Scalar | None) -> Iterator[Numbers]:
+    """Yield the eigenvectors of `eigenvectors` one by one."""
+    graph = arcs_of(as_square("A", A, top=False))
+    solution = mean_of_circuits(graph)
+    own = _nodes_of(graph, solution, value)
+    rate = solution.ratio[own].max()
+    for component in critical_components(critical_arcs(graph, solution, own)):
         start = np.full(graph.size, EPSILON, dtype=graph.weight.dtype)
         start[component[0]] = zero_like(graph.weight)
         heard = graph.reached_from(np.asarray(start != EPSILON))
-        found = _paths(graph.among(heard), start, rate, solution)
-        columns.append(found - found.max())
-    return np.column_stack(columns)
+        kept = np.asarray(heard[graph.head] & heard[graph.tail])
+        normal, p = normal_form(graph, solution, np.full(graph.size, rate), kept)
+        found = longest_in_normal_form(normal, start) + p
+        yield found - found.max()
 
 
-def _paths(graph: Arcs, start: Numbers, rate: Scalar, solution: HowardSolution) -> Numbers:
-    tolerance = 2 * graph.size * solution.tolerance
-    return longest_paths(graph.weighing(graph.weight - rate), start, tolerance)
+def _nodes_of(graph: Arcs, solution: HowardSolution, value: Scalar | None) -> BoolVector:
+    """Return the nodes of the classes whose mean is this eigenvalue."""
+    spectral = spectral_nodes(graph, solution)
+    if not spectral.any():
+        raise NumericalError("A has no circuit, and no eigenvector but those of -inf")
+    if value is None:
+        largest = (solution.ratio - solution.error).max()
+        return np.asarray(spectral & (solution.ratio + solution.error >= largest))
+    ratio = np.where(spectral, solution.ratio, TOP)
+    own = np.asarray(spectral & (np.abs(ratio - value) <= solution.error))
+    if not own.any():
+        known = ", ".join(str(plain(one)) for one in np.unique(solution.ratio[spectral])[::-1])
+        raise InvalidInputError("value", value, f"an eigenvalue of A; with circuits these are {known}")
+    return own
 
 
-def _mode_of_level(graph: Arcs, solution: HowardSolution, level: BoolVector, rate: Scalar) -> Numbers:
-    inside = graph.among(level)
-    own = np.asarray(level & (solution.ratio == rate))
-    critical = np.unique(critical_arcs(inside.among(own), solution).head)
-    start = np.full(graph.size, EPSILON, dtype=graph.weight.dtype)
-    start[critical] = zero_like(graph.weight)
-    found = _paths(inside, start, rate, solution)
-    return np.asarray(found - np.max(found[level]))
+@dataclass(frozen=True, slots=True, eq=False)
+class _Levels:
+    """The nodes by their rates."""
 
+    rate: Numbers  # increasing
+    level: IntVector  # (n,): the place of each node's rate in it
 
-def _wait_for(graph: Arcs, level: BoolVector, placed: BoolVector, offset: Numbers, rate: Scalar) -> Scalar:
-    """Return by how much the nodes of a level must be later, so that no slower node makes them wait."""
-    arcs = graph.only(level[graph.head] & placed[graph.tail])
-    late = arcs.weight + offset[arcs.tail] - rate - offset[arcs.head]
-    found: Scalar = max(late.max(), zero_like(offset)) if late.size else zero_like(offset)
-    return found
+    def from_zero(self, offset: Numbers) -> Numbers:
+        """Return the offsets with the largest of each level moved to 0."""
+        top = np.full(self.rate.size, EPSILON, dtype=offset.dtype)
+        np.maximum.at(top, self.level, offset)
+        return np.asarray(offset - top[self.level])
 
+    def put_late(self, arcs: Arcs, offset: Numbers) -> Numbers:
+        """Return the offsets with each level so late that no node of a slower one makes it wait.
 
-def _finite(ratio: Numbers) -> Numbers:
-    """Return the ratios with inf in the place of -inf, which is a distance from every number."""
-    return np.where(ratio == EPSILON, np.inf, ratio)
+        Parameters
+        ----------
+        arcs : Arcs
+            From lower levels to higher ones.
+        """
+        late = np.full(self.rate.size, zero_like(offset))
+        order = np.argsort(self.level[arcs.head], kind="stable")
+        wait = (arcs.weight + offset[arcs.tail] - self.rate[self.level[arcs.head]] - offset[arcs.head])[order]
+        to, of = self.level[arcs.head][order], self.level[arcs.tail][order]
+        first = np.flatnonzero(np.diff(to, prepend=-1))
+        for begin, end in zip(first, np.append(first, to.size)[1:], strict=True):
+            late[to[begin]] = max((wait[begin:end] + late[of[begin:end]]).max(), late[to[begin]])
+        return np.asarray(offset + late[self.level])

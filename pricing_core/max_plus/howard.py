@@ -24,33 +24,47 @@ All three run the loop of `pricing_core.lcp.policies`.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from math import fsum
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order
 
+from pricing_core.arrays import BoolVector
 from pricing_core.lcp.policies import iterate_policies
 from pricing_core.max_plus.arcs import Arcs, IntVector
 from pricing_core.max_plus.matrices import EPSILON, Numbers, is_exact, zero_like
 
-ROUNDING = 2.0**-44  # of the largest potential or weight: what is gained beyond that is no gain
+UNIT = float(np.finfo(np.float64).eps)
+ROUNDING = (
+    2.0**-44
+)  # of the largest potential of a class: what is gained below that is no gain, until the next round
+CERTAIN = 8.0 * UNIT  # of the numbers added in one inequality: by so much it may fail
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HowardSolution:
     """The largest cycle ratio of every class, and the potential that proves it.
 
-    On the arcs j -> i inside a class, weight + potential_j - ratio * holding <= potential_i, and equality
-    holds for the arc of the policy; on circuits this says that no ratio is larger.
+    On the arcs j -> i inside a class, reduced = weight + potential_j - potential_i - ratio * holding <= 0, and
+    equality holds for the arc of the policy; on circuits this says that no ratio is larger. For floats the
+    inequality may fail by a few roundings of the numbers in it.
     """
 
     label: IntVector  # (n,): the class of each node
     ratio: Numbers  # (n,): of its class; -inf where the node is on no circuit
     potential: Numbers  # (n,): 0 there
     arc: IntVector  # (n,): index of the policy's arc into each node; -1 there
-    tolerance: float  # by which the inequality may fail
+    reduced: Numbers  # (m,): at most 0 inside classes; epsilon between them
+    slack: Numbers  # (m,): what rounding may make of a reduced weight of zero
+    error: Numbers  # (n,): what rounding may make of the ratio
     iterations: int
+
+    @property
+    def inner(self) -> BoolVector:
+        """Which arcs lie inside a class, shape (m,)."""
+        return np.asarray(self.reduced != EPSILON)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,9 +72,9 @@ class _Value:
     """What a policy is worth: after the repair in `_Classes.evaluate` it has one circuit per class."""
 
     arc: IntVector
-    ratio: Numbers
+    ratio: Numbers  # one for each class
     potential: Numbers
-    tolerance: float  # gains below are rounding
+    tolerance: Numbers  # one for each class: gains below are rounding
 
 
 def howard(graph: Arcs, holding: Numbers, *, max_iterations: int = 1000) -> HowardSolution:
@@ -82,18 +96,23 @@ def howard(graph: Arcs, holding: Numbers, *, max_iterations: int = 1000) -> Howa
 
     Notes
     -----
-    Each iteration costs O(m + n log n), all in NumPy and SciPy. The ratio is that of a circuit, so that
-    its error is that of one sum; float comparisons leave out gains below 2**-44 of the potentials.
+    Each iteration costs O(m + n log n), all in NumPy and SciPy. The ratio is that of a circuit, its sum rounded
+    once. With floats the iteration goes in rounds: what a round finds is taken off the weights, whose circuits
+    keep their order, and the next one starts from what is left; so that weights of any size beside each other
+    are told apart. The last round leaves no reduced weight above the rounding of its own arc.
     Source: Cochet-Terrasson, Cohen, Gaubert, McGettrick, Quadrat 1998; the repair is that of Dasdan 2004.
     """
     label = graph.classes()
     inner = np.flatnonzero(label[graph.head] == label[graph.tail])
     n = graph.size
+    zero = zero_like(graph.weight)
     ratio = np.full(n, EPSILON, dtype=graph.weight.dtype)
-    potential = np.full(n, zero_like(graph.weight))
+    potential, error = np.full(n, zero), np.full(n, zero)
     arc = np.full(n, -1)
+    reduced = np.full(graph.head.size, EPSILON, dtype=graph.weight.dtype)
+    slack = np.full(graph.head.size, zero)
     if not inner.size:
-        return HowardSolution(label, ratio, potential, arc, 0, 0)
+        return HowardSolution(label, ratio, potential, arc, reduced, slack, error, 0)
     nodes, ends = np.unique(np.concatenate([graph.head[inner], graph.tail[inner]]), return_inverse=True)
     head, tail = np.split(ends, 2)
     classes = _Classes(
@@ -101,12 +120,51 @@ def howard(graph: Arcs, holding: Numbers, *, max_iterations: int = 1000) -> Howa
         holding[inner],
         np.unique(label[nodes], return_inverse=True)[1],
     )
-    value, iterations = iterate_policies(
-        classes.evaluate, classes.improve, classes.heaviest_arcs(), limit=max_iterations
-    )
-    ratio[nodes], potential[nodes] = value.ratio[classes.label], value.potential
-    arc[nodes] = inner[value.arc]
-    return HowardSolution(label, ratio, potential, arc, value.tolerance, iterations)
+    found = _in_rounds(classes, max_iterations)
+    ratio[nodes], error[nodes] = found.ratio[classes.label], found.error[classes.label]
+    potential[nodes], arc[nodes] = found.potential, inner[found.arc]
+    reduced[inner], slack[inner] = found.reduced, found.slack
+    return HowardSolution(label, ratio, potential, arc, reduced, slack, error, found.iterations)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    """What the rounds end with."""
+
+    arc: IntVector
+    ratio: Numbers  # one for each class
+    error: Numbers
+    potential: Numbers
+    reduced: Numbers
+    slack: Numbers
+    iterations: int
+
+
+def _in_rounds(classes: "_Classes", max_iterations: int) -> _Found:
+    graph, label = classes.graph, classes.label
+    reduced, arc = graph.weight, classes.heaviest_arcs()
+    potential, used = np.full(graph.size, zero_like(reduced)), 0
+    while True:
+        value, iterations = iterate_policies(
+            partial(classes.evaluate, reduced),
+            partial(classes.improve, reduced),
+            arc,
+            limit=max_iterations - used,
+        )
+        arc, used = value.arc, used + iterations
+        potential = potential + value.potential
+        reduced = reduced - value.ratio[label[graph.head]] * classes.holding
+        reduced = reduced + (value.potential[graph.tail] - value.potential[graph.head])
+        ratio, largest = classes.circuits_of(arc)
+        if is_exact(reduced):
+            none = zero_like(reduced)
+            return _Found(arc, ratio, largest * none, potential, reduced, reduced * none, used)
+        least = CERTAIN * classes.sizes(ratio)
+        if (reduced <= least).all() and (np.abs(reduced[arc]) <= least[arc]).all():
+            break
+    many = np.bincount(label) * UNIT
+    slack = (CERTAIN + many[label[graph.head]]) * (np.abs(graph.weight) + largest[label[graph.head]])
+    return _Found(arc, ratio, many * largest, potential, np.minimum(reduced, 0.0), slack, used)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,44 +185,76 @@ class _Classes:
         ones = np.ones(self.graph.head.size, dtype=np.int8)
         return csr_array((ones, (self.graph.tail, self.graph.head)), shape=(n, n))
 
-    def _rounding(self, potential: Numbers, missed: Numbers) -> float:
-        """Return the gain below which a float comparison says nothing.
+    @cached_property
+    def _by_label(self) -> tuple[IntVector, IntVector]:
+        """The nodes in the order of their classes, and where each class begins."""
+        order = np.argsort(self.label, kind="stable")
+        return order, np.flatnonzero(np.diff(self.label[order], prepend=-1))
+
+    def _rounding(self, weight: Numbers, potential: Numbers, missed: Numbers) -> Numbers:
+        """Return for each class the gain below which a float comparison says nothing.
 
         `missed` is by how much the potentials fail the policy's own equations, which along a circuit of many arcs
         is more than the rounding of one sum.
         """
+        order, start = self._by_label
         if is_exact(potential):
-            return 0  # a float would make floats of Fractions
-        size = max(np.abs(potential).max(), np.abs(self.graph.weight).max())
-        return float(ROUNDING * size + 4.0 * np.abs(missed).max())
+            return np.full(start.size, zero_like(potential))
+        size = ROUNDING * np.maximum(np.abs(potential), np.abs(weight)) + 4.0 * np.abs(missed)
+        return np.asarray(np.maximum.reduceat(size[order], start))
+
+    def sizes(self, ratio: Numbers) -> Numbers:
+        """Return the size of the numbers added on each arc, or of the least weight in its class."""
+        of = self.label[self.graph.head]
+        weight = np.abs(self.graph.weight)
+        least = np.full(ratio.size, np.inf)
+        np.minimum.at(least, of, np.where(weight == 0.0, np.inf, weight))
+        least[least == np.inf] = 0.0
+        return np.asarray(weight + np.abs(ratio[of] * self.holding) + least[of])
 
     def heaviest_arcs(self) -> IntVector:
         """Return the policy of the heaviest arc into each node."""
         return self._attaining(self.graph.weight, self.graph.largest_by_head(self.graph.weight))
 
-    def evaluate(self, arc: IntVector) -> _Value:
+    def evaluate(self, weight: Numbers, arc: IntVector) -> _Value:
         """Find the best circuit of each class, lead all its nodes there, and measure the ways."""
         before = self.graph.tail[arc]
-        root, ratio = self._best_circuits(arc, before)
+        root, ratio = self._best_circuits(weight, arc, before)
         n = self.graph.size
         is_root = np.zeros(n, dtype=np.bool_)
         is_root[root] = True
         end, _ = _follow(np.where(is_root, np.arange(n), before), np.zeros(n))
         arc = self._led_to(arc, is_root[end])
-        reduced = self.graph.weight[arc] - ratio[self.label] * self.holding[arc]
-        reduced[is_root] = zero_like(reduced)
+        own = weight[arc] - ratio[self.label] * self.holding[arc]
+        reduced = own.copy()
+        reduced[is_root] = zero_like(own)
         _, potential = _follow(np.where(is_root, np.arange(n), self.graph.tail[arc]), reduced)
-        missed = self.graph.weight[arc] - ratio[self.label] * self.holding[arc]
-        missed = missed + potential[self.graph.tail[arc]] - potential
-        return _Value(arc, ratio, potential, self._rounding(potential, missed))
+        missed = own + potential[self.graph.tail[arc]] - potential
+        return _Value(arc, ratio, potential, self._rounding(weight[arc], potential, missed))
 
-    def improve(self, value: _Value) -> IntVector | None:
+    def improve(self, weight: Numbers, value: _Value) -> IntVector | None:
         """Return the policy of the arcs that gain most, or None where none gains."""
-        gain = self.graph.weight + value.potential[self.graph.tail]
+        gain = weight + value.potential[self.graph.tail]
         gain = gain - value.ratio[self.label[self.graph.head]] * self.holding
         best = self.graph.largest_by_head(gain)
-        better = best > value.potential + value.tolerance
+        better = best > value.potential + value.tolerance[self.label]
         return np.where(better, self._attaining(gain, best), value.arc) if better.any() else None
+
+    def circuits_of(self, arc: IntVector) -> tuple[Numbers, Numbers]:
+        """Return for the circuit of each class in this policy its ratio and its largest weight in size.
+
+        The sum of floats is rounded once.
+        """
+        on_circuit = _on_circuits(self.graph.tail[arc])
+        order = on_circuit[np.argsort(self.label[on_circuit], kind="stable")]
+        start = np.flatnonzero(np.diff(self.label[order], prepend=-1))
+        weight, holding = self.graph.weight[arc[order]], self.holding[arc[order]]
+        total = np.add.reduceat(holding, start)
+        if is_exact(weight):
+            return np.add.reduceat(weight, start) / total, np.maximum.reduceat(np.abs(weight), start)
+        values, ends = weight.tolist(), [*start[1:].tolist(), weight.size]
+        sums = [fsum(values[first:last]) for first, last in zip(start.tolist(), ends, strict=True)]
+        return np.array(sums) / total, np.maximum.reduceat(np.abs(weight), start)
 
     def _attaining(self, value: Numbers, best: Numbers) -> IntVector:
         attaining = np.flatnonzero(value == best[self.graph.head])
@@ -172,20 +262,17 @@ class _Classes:
         found[self.graph.head[attaining[::-1]]] = attaining[::-1]  # the first one stays
         return found
 
-    def _best_circuits(self, arc: IntVector, before: IntVector) -> tuple[IntVector, Numbers]:
+    def _best_circuits(self, weight: Numbers, arc: IntVector, before: IntVector) -> tuple[IntVector, Numbers]:
         """Return for each class a node of the policy's best circuit, and its ratio."""
-        far, steps = before, 1
-        while steps < before.size:
-            far, steps = far[far], 2 * steps
-        on_circuit = np.unique(far)
+        on_circuit = _on_circuits(before)
         place = np.searchsorted(on_circuit, before[on_circuit])
         least = np.arange(on_circuit.size)
         steps = 1
         while steps < 2 * on_circuit.size:
             least, place, steps = np.minimum(least, least[place]), place[place], 2 * steps
         roots, circuit = np.unique(least, return_inverse=True)
-        weight = _sums(circuit, self.graph.weight[arc[on_circuit]], roots.size)
-        ratio = weight / _sums(circuit, self.holding[arc[on_circuit]], roots.size)
+        total = _sums(circuit, weight[arc[on_circuit]], roots.size)
+        ratio = total / _sums(circuit, self.holding[arc[on_circuit]], roots.size)
         root = on_circuit[roots]
         order = np.lexsort((-root, ratio.astype(np.float64), self.label[root]))
         if is_exact(ratio):
@@ -214,6 +301,14 @@ class _Classes:
         repaired = arc.copy()
         repaired[lost] = np.searchsorted(self._key, lost * n + before[lost])
         return repaired
+
+
+def _on_circuits(before: IntVector) -> IntVector:
+    """Return the nodes on the circuits of a graph with one arc into each node."""
+    far, steps = before, 1
+    while steps < before.size:
+        far, steps = far[far], 2 * steps
+    return np.unique(far)
 
 
 def _follow(before: IntVector, weight: Numbers) -> tuple[IntVector, Numbers]:

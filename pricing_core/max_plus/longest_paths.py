@@ -2,9 +2,19 @@
 
 import numpy as np
 
-from pricing_core.max_plus.arcs import Arcs, arcs_of, rounding_of
-from pricing_core.max_plus.matrices import EPSILON, TOP, Numbers, alike, as_square, as_vector
-from pricing_core.max_plus.spectrum import mean_of_circuits
+from pricing_core.max_plus.arcs import Arcs, arcs_of
+from pricing_core.max_plus.divergence import diverging
+from pricing_core.max_plus.howard import UNIT
+from pricing_core.max_plus.matrices import (
+    EPSILON,
+    TOP,
+    Numbers,
+    alike,
+    as_square,
+    as_vector,
+    is_exact,
+    zero_like,
+)
 
 
 def least_solution(A: object, b: object, *, tolerance: float | None = None) -> Numbers:
@@ -20,8 +30,8 @@ def least_solution(A: object, b: object, *, tolerance: float | None = None) -> N
     b : array_like, shape (n,)
         Top is allowed.
     tolerance : float, optional
-        A circuit diverges if its mean weight is larger. Default: 0 for exact data, and for floats what
-        rounding may make of zero, n max |A| 2**-52.
+        A circuit diverges if its mean weight is larger. Default: 0 for exact data, and for floats what rounding
+        may make of a circuit of weight zero, n 2**-52 times the mean size of its own weights.
 
     Raises
     ------
@@ -31,7 +41,7 @@ def least_solution(A: object, b: object, *, tolerance: float | None = None) -> N
     Notes
     -----
     Cost: Howard's iteration, and at most O(m) for each arc of the longest of the best paths; only arcs out of
-    nodes that have just changed are looked at (Bellman 1958, Ford 1956).
+    nodes that have just changed are looked at (Bellman 1958, Ford 1956). Each sum is rounded by its own size.
     Source: Baccelli, Cohen, Olsder, Quadrat 1992, Theorem 3.17.
 
     Examples
@@ -42,27 +52,36 @@ def least_solution(A: object, b: object, *, tolerance: float | None = None) -> N
     matrix = as_square("A", A, top=False)
     matrix, start = alike(matrix, as_vector("b", b, matrix.shape[0]))
     graph = arcs_of(matrix)
-    allowed = rounding_of(graph) if tolerance is None else tolerance
-    rising = mean_of_circuits(graph).ratio > allowed
+    rising = diverging(graph, tolerance)
     heard = graph.reached_from(np.asarray(start != EPSILON))
     endless = graph.reached_from((rising & heard) | np.asarray(start == TOP))
     start = np.where(endless, EPSILON, start)
-    found = longest_paths(graph.among(~endless), start, graph.size * allowed)
+    found = longest_paths(graph.among(~endless), start)
     return np.where(endless, TOP, found)
 
 
-def longest_paths(graph: Arcs, start: Numbers, tolerance: float) -> Numbers:
-    """Return A* start for a graph without circuits heavier than the tolerance, shape (n,).
+def longest_paths(graph: Arcs, start: Numbers) -> Numbers:
+    """Return A* start for a graph without circuits of positive weight but for rounding, shape (n,).
 
-    A path is longer than another if it weighs more by the tolerance: so that circuits of weight zero, rounded,
-    are left.
+    Notes
+    -----
+    No best path has as many arcs as there are nodes: after so many sweeps only rounding could still gain. Inside
+    classes, where it could run round, a gain counts if it is larger than the rounding of the sum that it comes from.
     """
     found = start.copy()
+    label = graph.classes()
+    unit = zero_like(start) if is_exact(start) else UNIT
+    circling = np.full(graph.head.size, zero_like(start))
+    circling[label[graph.head] == label[graph.tail]] = unit
     waiting = np.flatnonzero(start != EPSILON)
-    while waiting.size:
+    for _ in range(graph.size):
+        if not waiting.size:
+            break
         arcs = graph.out_of(waiting)
-        head, reached = graph.head[arcs], graph.weight[arcs] + found[graph.tail[arcs]]
-        longer = np.asarray(reached > found[head] + tolerance)
+        head, weight, before = graph.head[arcs], graph.weight[arcs], found[graph.tail[arcs]]
+        reached = weight + before
+        allowed = circling[arcs] * (np.abs(weight) + np.abs(before))
+        longer = np.asarray(reached > found[head] + allowed)
         np.maximum.at(found, head[longer], reached[longer])
         waiting = np.unique(head[longer])
     return found

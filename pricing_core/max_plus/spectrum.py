@@ -8,6 +8,7 @@ import numpy as np
 from pricing_core.arrays import BoolVector
 from pricing_core.errors import InvalidInputError
 from pricing_core.max_plus.arcs import Arcs, arcs_of
+from pricing_core.max_plus.class_order import loudest
 from pricing_core.max_plus.howard import HowardSolution, howard
 from pricing_core.max_plus.karp import karp
 from pricing_core.max_plus.matrices import EPSILON, Numbers, Scalar, as_square
@@ -94,10 +95,12 @@ def eigenvalues(A: object) -> Numbers:
     graph = arcs_of(as_square("A", A, top=False))
     solution = mean_of_circuits(graph)
     spectral = spectral_nodes(graph, solution)
-    found = -np.sort(-solution.ratio[spectral])
-    apart = np.append(np.full(min(found.size, 1), True), found[:-1] - found[1:] > 2 * solution.tolerance)
+    order = np.flatnonzero(spectral)[np.argsort(-solution.ratio[spectral], kind="stable")]
+    found, error = solution.ratio[order], solution.error[order]
+    apart = np.full(found.size, True)
+    apart[1:] = found[:-1] - found[1:] > error[:-1] + error[1:]
     unheard = np.setdiff1d(np.arange(graph.size), graph.tail).size > 0
-    return np.append(found[apart.astype(np.bool_)], [EPSILON] if unheard else [])
+    return np.append(found[apart], [EPSILON] if unheard else [])
 
 
 def mean_of_circuits(graph: Arcs) -> HowardSolution:
@@ -107,21 +110,8 @@ def mean_of_circuits(graph: Arcs) -> HowardSolution:
 
 def spectral_nodes(graph: Arcs, solution: HowardSolution) -> BoolVector:
     """Return which nodes lie on circuits in a class whose mean is an eigenvalue, shape (n,)."""
-    heard = loudest(graph.reversed(), solution.ratio)
-    return np.asarray((solution.ratio != EPSILON) & (heard <= solution.ratio + 2 * solution.tolerance))
-
-
-def loudest(graph: Arcs, ratio: Numbers) -> Numbers:
-    """Return for each node the largest ratio among the nodes from which a path leads to it, shape (n,)."""
-    found = ratio.copy()
-    waiting = np.flatnonzero(ratio != EPSILON)
-    while waiting.size:
-        arcs = graph.out_of(waiting)
-        head, heard = graph.head[arcs], found[graph.tail[arcs]]
-        louder = np.asarray(heard > found[head])
-        np.maximum.at(found, head[louder], heard[louder])
-        waiting = np.unique(head[louder])
-    return found
+    heard = loudest(graph.reversed(), solution.label, solution.ratio - solution.error)
+    return np.asarray((solution.ratio != EPSILON) & (heard <= solution.ratio + solution.error))
 
 
 def plain(value: Scalar) -> Scalar:

@@ -4,14 +4,14 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from pricing_core.max_plus.algebra import times
+from pricing_core.max_plus.arcs import arcs_of
+from pricing_core.max_plus.divergence import diverging
 from pricing_core.max_plus.matrices import (
     EPSILON,
     TOP,
     MaxPlusMatrix,
-    Numbers,
     as_square,
     dense,
-    is_exact,
     sparse,
     zero_like,
 )
@@ -27,8 +27,8 @@ def star(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
     ----------
     A : array_like or scipy.sparse, shape (n, n)
     tolerance : float, optional
-        A circuit diverges if it weighs more than this. Default: 0 for an exact A, and for floats what
-        rounding may make of a circuit of weight zero, n**2 max |A| 2**-52.
+        A circuit diverges if its mean weight is larger. Default: 0 for an exact A, and for floats what rounding
+        may make of a circuit of weight zero, n 2**-52 times the mean size of its own weights.
 
     Returns
     -------
@@ -81,21 +81,12 @@ def plus(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
     """
     matrix = as_square("A", A)
     table = dense(matrix).copy()
-    allowed = rounding_of_circuits(table) if tolerance is None else tolerance
+    endless = diverging(arcs_of(table), tolerance)
     for k in range(len(table)):
-        diverges = table[k, k] > allowed
-        if not diverges:
+        if not endless[k]:
             table[k, k] = min(table[k, k], zero_like(table))
         through = times(table[:, k, None], table[k])
-        if diverges:
+        if endless[k]:
             through = np.where(through == EPSILON, EPSILON, TOP)
         np.maximum(table, through, out=table)
     return sparse(table) if isinstance(matrix, csr_array) else table
-
-
-def rounding_of_circuits(A: Numbers) -> float:
-    """Return what rounding may make of a circuit of weight zero: n**2 max |A| 2**-52, 0 for Fractions."""
-    if is_exact(A):
-        return 0
-    largest = np.max(np.abs(A), initial=0.0, where=np.isfinite(A))
-    return float(len(A) ** 2 * largest * np.finfo(np.float64).eps)

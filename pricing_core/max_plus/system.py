@@ -7,10 +7,10 @@ import numpy as np
 
 from pricing_core.errors import InvalidInputError, NumericalError, Told
 from pricing_core.max_plus.algebra import multiply
-from pricing_core.max_plus.arcs import arcs_of, rounding_of
-from pricing_core.max_plus.circuits import heaviest_circuit, named
+from pricing_core.max_plus.arcs import arcs_of
+from pricing_core.max_plus.circuits import named
+from pricing_core.max_plus.divergence import diverging_circuit
 from pricing_core.max_plus.matrices import EPSILON, Numbers, as_matrix, as_square, dense
-from pricing_core.max_plus.spectrum import mean_of_circuits
 from pricing_core.max_plus.star import star
 
 
@@ -138,10 +138,8 @@ class ImplicitSystem:
         return MaxPlusSystem(A, B, C)
 
     def _star(self) -> Numbers:
-        graph = arcs_of(self.A[0])
-        solution = mean_of_circuits(graph)
-        if solution.ratio.max() > rounding_of(graph):
-            circuit = heaviest_circuit(graph, solution)
+        circuit = diverging_circuit(arcs_of(self.A[0]))
+        if circuit:
             raise NumericalError(
                 f"the circuit {named(circuit, self.names)} of A0 has a positive weight: its events wait for "
                 "themselves and never happen; move an arc of it to A1"

@@ -1,12 +1,16 @@
 """The transient: from which power on A^(k+c) = c lambda + A^k."""
 
+from functools import partial
+
 import numpy as np
 
 from pricing_core.errors import InvalidInputError, IterationLimitError, Told
 from pricing_core.max_plus.algebra import identity, multiply, power
-from pricing_core.max_plus.arcs import arcs_of
-from pricing_core.max_plus.critical import critical_graph
-from pricing_core.max_plus.matrices import EPSILON, Numbers, as_square, dense, is_exact
+from pricing_core.max_plus.arcs import Arcs, arcs_of
+from pricing_core.max_plus.critical import critical_graph_of
+from pricing_core.max_plus.howard import UNIT, HowardSolution
+from pricing_core.max_plus.matrices import EPSILON, Numbers, as_square, dense, is_exact, zero_like
+from pricing_core.max_plus.normal_form import normal_form
 from pricing_core.max_plus.spectrum import mean_of_circuits
 
 
@@ -31,7 +35,8 @@ def transient(A: object, *, max_steps: int = 1_000_000) -> int:
     Notes
     -----
     Equality once is equality for ever, so that K is found by doubling and halving: O(n**3 log K).
-    Floats are compared to what rounding may do to k sums; `exact` data need no such guess.
+    It is found for P (A - lambda) P^-1, whose entries are <= 0 and zero on critical circuits: its powers keep
+    their relative accuracy, and floats are compared to that. `exact` data need no such guess.
     Source: Baccelli, Cohen, Olsder, Quadrat 1992, Theorem 3.109 (existence).
 
     Examples
@@ -39,26 +44,46 @@ def transient(A: object, *, max_steps: int = 1_000_000) -> int:
     >>> transient([[2.0, 5.0], [3.0, 3.0]])
     2
     """
-    matrix = dense(as_square("A", A, top=False))
-    critical = critical_graph(matrix)
-    solution = mean_of_circuits(arcs_of(matrix))
-    others = solution.ratio[solution.ratio != EPSILON]
-    if others.size and others.max() - others.min() > 2 * solution.tolerance:
-        raise InvalidInputError(
-            "A",
-            Told(f"circuit means from {others.min()} to {others.max()}"),
-            "a matrix whose classes share one mean",
-        )
-    normal = matrix if critical.eigenvalue == EPSILON else matrix - critical.eigenvalue
-    return _first_periodic_power(normal, critical.cyclicity, max_steps)
+    graph = arcs_of(as_square("A", A, top=False))
+    solution = mean_of_circuits(graph)
+    others = solution.ratio != EPSILON
+    if others.any():
+        lower, upper = solution.ratio[others] - solution.error[others], solution.ratio[others]
+        if lower.max() > (upper + solution.error[others]).min():
+            raise InvalidInputError(
+                "A",
+                Told(f"circuit means from {upper.min()} to {upper.max()}"),
+                "a matrix whose classes share one mean",
+            )
+    critical = critical_graph_of(graph, solution)
+    return _first_periodic_power(*_normal_matrix(graph, solution), critical.cyclicity, max_steps)
 
 
-def _first_periodic_power(A: Numbers, period: int, max_steps: int) -> int:
+def _normal_matrix(graph: Arcs, solution: HowardSolution) -> tuple[Numbers, Numbers]:
+    """Return P (A - lambda) P^-1 with entries <= 0, and what rounding may have made of each of its powers.
+
+    Entries that rounding may have made of zero are zero: on critical circuits nothing is added up.
+    """
+    n, largest, zero = graph.size, solution.ratio.max(), zero_like(graph.weight)
+    rate = np.full(n, zero if largest == EPSILON else largest)
+    normal, p = normal_form(graph, solution, rate, np.full(graph.head.size, True))
+    weight = normal.weight.copy()
+    weight[weight >= -solution.slack] = zero
+    matrix = np.full((n, n), EPSILON, dtype=graph.weight.dtype)
+    matrix[normal.head, normal.tail] = weight
+    if is_exact(matrix):
+        return matrix, np.full((n, n), zero)
+    size = solution.error.max() + n * UNIT * np.abs(p)
+    return matrix, size[:, None] + size
+
+
+def _first_periodic_power(A: Numbers, noise: Numbers, period: int, max_steps: int) -> int:
     ahead = dense(power(A, period))
     squares = [A]  # A^(2^i)
-    if _is_periodic(dense(identity(len(A), like=A)), ahead, 1):
+    periodic = partial(_is_periodic, ahead, noise)
+    if periodic(dense(identity(len(A), like=A)), 0):
         return 0
-    while not _is_periodic(squares[-1], ahead, 2 ** (len(squares) - 1)):
+    while not periodic(squares[-1], len(squares)):
         if 2 ** (len(squares) - 1) > max_steps:
             raise IterationLimitError(f"the transient is longer than {max_steps}: raise max_steps")
         squares.append(dense(multiply(squares[-1], squares[-1])))
@@ -66,22 +91,20 @@ def _first_periodic_power(A: Numbers, period: int, max_steps: int) -> int:
     reached, count = dense(identity(len(A), like=A)), 0
     for bit in reversed(range(len(squares) - 1)):
         trial = dense(multiply(reached, squares[bit]))
-        if not _is_periodic(trial, ahead, count + 2**bit):
+        if not periodic(trial, len(squares)):
             reached, count = trial, count + 2**bit
     if count + 1 > max_steps:
         raise IterationLimitError(f"the transient is longer than {max_steps}: raise max_steps")
     return count + 1
 
 
-def _is_periodic(this: Numbers, ahead: Numbers, k: int) -> bool:
-    """Return whether A^(k+c) = A^k, for the A with largest mean 0."""
+def _is_periodic(ahead: Numbers, noise: Numbers, this: Numbers, doublings: int) -> bool:
+    """Return whether A^(k+c) = A^k, for an A with entries <= 0: sums of one sign keep their relative accuracy."""
     later = dense(multiply(this, ahead))
     if is_exact(this):
         return bool((later == this).all())
-    same = (later == EPSILON) == (this == EPSILON)
-    if not same.all():
+    if not np.array_equal(later == EPSILON, this == EPSILON):
         return False
     finite = this != EPSILON
-    largest = max(float(np.abs(part[part != EPSILON]).max(initial=0.0)) for part in (this, ahead))
-    allowed = 8.0 * (k + len(this)) * largest * np.finfo(np.float64).eps
+    allowed = (2 * doublings + 4) * UNIT * np.abs(this[finite]) + noise[finite]
     return bool((np.abs(later[finite] - this[finite]) <= allowed).all())

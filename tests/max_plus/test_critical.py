@@ -6,9 +6,11 @@ from math import gcd, lcm
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pricing_core.errors import InvalidInputError, IterationLimitError
 from pricing_core.max_plus import critical_graph, cyclicity, eigenvalue, exact, power, sparse, transient
+from pricing_core.max_plus.matrices import rows_of
 from tests.problems.max_plus_problems import KNOWN, E, simple_circuits, whole_matrices
 
 
@@ -90,3 +92,33 @@ def test_rounding_parts_no_circuits_that_tie():
     assert critical_graph(exact(A)).nodes != (0, 1, 2)
     thirds = exact([[E, Fraction(1, 3), -1], [Fraction(2, 3), E, E], [-1, E, Fraction(1, 2)]])
     assert critical_graph(thirds).nodes == (0, 1, 2)
+
+
+@pytest.mark.parametrize("storage", [np.array, exact])
+def test_the_transient_of_a_near_tie_of_two_to_the_minus_thirty(storage):
+    """Loops of 1 and 1 - 2^-30 with a bridge of -5 each way: the second is forgotten after 12 * 2^30 steps."""
+    A = storage([[1.0, -5.0], [-5.0, 1.0 - 2.0**-30]])
+    assert transient(A, max_steps=2**34) == 12 * 2**30
+    with pytest.raises(IterationLimitError, match="1000000"):
+        transient(A)
+
+
+def test_a_mean_that_is_no_float_makes_no_transient():
+    assert (cyclicity([[E, -1.2], [-0.2, E]]), transient([[E, -1.2], [-0.2, E]])) == (2, 0)
+    thirds = [[E, E, 0.1], [0.2, E, E], [E, 0.7, E]]
+    assert (cyclicity(thirds), transient(thirds)) == (3, 0)
+
+
+@given(whole_matrices(most=4), st.integers(0, 2**32 - 1))
+@settings(max_examples=60, deadline=None)
+def test_the_transient_does_not_change_with_units_and_potentials(A, seed):
+    """Tenths of whole numbers, moved by potentials: floats that tie only in theory."""
+    A = np.where(A == E, -8.0, A)
+    p = np.random.default_rng(seed).integers(-50, 50, len(A)) / 10
+    assert transient(0.1 * A + p[:, None] - p) == transient(exact(A))
+
+
+def test_a_hundred_thousand_loops_are_as_many_components():
+    n = 100_000
+    found = critical_graph(rows_of((n, n), np.arange(n), np.arange(n), np.zeros(n)))
+    assert (len(found.components), found.cyclicity) == (n, 1)

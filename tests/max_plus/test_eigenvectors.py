@@ -22,6 +22,7 @@ from pricing_core.max_plus import (
     sparse,
     star,
 )
+from pricing_core.max_plus.matrices import rows_of
 from tests.problems.max_plus_problems import KNOWN, E, whole_matrices
 
 
@@ -105,3 +106,33 @@ def test_fractions_stay_fractions():
     v = eigenvector(exact(KNOWN[0].A))
     assert all(isinstance(entry, Fraction) for entry in v)
     assert dense(v[:, None]).dtype == object
+
+
+@pytest.mark.parametrize("chords", ["random", "over one node"])
+def test_the_eigenvector_of_a_ring_with_chords_satisfies_its_equation(chords):
+    n, random = 20_000, np.random.default_rng(1)
+    i = np.arange(n)
+    other = random.integers(0, n, n) if chords == "random" else np.roll(i, -2)
+    A = rows_of((n, n), np.append(np.roll(i, -1), other), np.append(i, i), random.normal(size=2 * n))
+    v = eigenvector(A)
+    np.testing.assert_allclose(multiply(A, v), eigenvalue(A) + v, rtol=0.0, atol=1e-11)
+
+
+def test_eigenvectors_of_a_small_block_beside_a_large_one():
+    A = np.full((4, 4), E)
+    A[:2, :2] = [[3.0, 7.0], [2.0, 4.0]]
+    A[2:, 2:] = [[1e14, 1e14 + 2.0], [1e14 - 4.0, 1e14]]
+    np.testing.assert_array_equal(eigenvectors(A, 4.5), [[0.0], [-2.5], [E], [E]])
+
+
+def test_the_eigenmode_of_a_long_chain_puts_each_class_late_enough():
+    """Loops n ... 1 and arcs of 7: x_i(k) = n k + v_i, v falling by n - 7. Loops 1 ... n: each at its own rate."""
+    n = 3000
+    i = np.arange(n)
+    head, tail, bridges = np.append(i, i[1:]), np.append(i, i[:-1]), np.full(n - 1, 7.0)
+    mode = eigenmode(rows_of((n, n), head, tail, np.append(n - i, bridges)))
+    np.testing.assert_array_equal(mode.cycle_time, np.full(n, n))
+    np.testing.assert_array_equal(mode.offset, -i * (n - 7.0))
+    mode = eigenmode(rows_of((n, n), head, tail, np.append(1.0 + i, bridges)))
+    np.testing.assert_array_equal(mode.cycle_time, 1.0 + i)
+    np.testing.assert_array_equal(mode.offset[:8], [0, 5, 9, 12, 14, 15, 15, 14])

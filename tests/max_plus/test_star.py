@@ -4,7 +4,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from pricing_core.max_plus import add, dense, exact, identity, multiply, plus, power, sparse, star
+from pricing_core.errors import NumericalError
+from pricing_core.max_plus import (
+    ImplicitSystem,
+    add,
+    dense,
+    exact,
+    identity,
+    least_solution,
+    multiply,
+    plus,
+    power,
+    sparse,
+    star,
+)
 from tests.problems.max_plus_problems import E, simple_circuits, whole_matrices
 
 T = np.inf
@@ -56,3 +69,22 @@ def test_a_circuit_of_weight_zero_that_rounding_made_positive_does_not_diverge()
     np.testing.assert_array_equal(star(A), [[0.0, 0.1 + 0.2], [-0.3, 0.0]])
     assert (star(A, tolerance=0.0) == T).all()
     assert (star(exact(A)) == T).all()
+
+
+@pytest.mark.parametrize(
+    ("A", "expected"),
+    [
+        ([[0.5, -1e16], [-1e16, -1.0]], [[T, T], [T, T]]),
+        ([[0.5, E], [-1e16, -1.0]], [[T, E], [T, 0.0]]),
+        # The circuit of the large weights is 2, which is rounding; the one of the small weights is not.
+        ([[E, 1e16, 1e-4], [2.0 - 1e16, E, E], [1e-4, E, E]], [[T, T, T], [T, T, T], [T, T, T]]),
+        ([[-1.0, 1e16], [-1e16, -1.0]], [[0.0, 1e16], [-1e16, 0.0]]),
+    ],
+)
+def test_large_weights_elsewhere_hide_no_circuit_of_positive_weight(A, expected):
+    np.testing.assert_array_equal(star(A), expected)
+    np.testing.assert_array_equal(dense(star(sparse(A))), expected)
+    np.testing.assert_array_equal(least_solution(A, [0.0] * len(A)), np.max(expected, axis=1))
+    if T in np.ravel(expected):
+        with pytest.raises(NumericalError, match="has a positive weight"):
+            ImplicitSystem([A, np.zeros_like(A)]).explicit()

@@ -1,0 +1,46 @@
+"""Circuits of positive weight: where a star diverges."""
+
+import numpy as np
+
+from pricing_core.arrays import BoolVector
+from pricing_core.max_plus.arcs import Arcs
+from pricing_core.max_plus.circuits import heaviest_circuit
+from pricing_core.max_plus.howard import UNIT
+from pricing_core.max_plus.matrices import TOP, Numbers, is_exact
+from pricing_core.max_plus.spectrum import mean_of_circuits
+
+
+def diverging(graph: Arcs, tolerance: float | None = None) -> BoolVector:
+    """Return which nodes lie in a class with a circuit of positive weight, shape (n,).
+
+    Parameters
+    ----------
+    graph : Arcs
+        Top is allowed.
+    tolerance : float, optional
+        A circuit counts if its mean weight is larger. Default: 0 for exact weights; for floats what rounding
+        may make of a circuit of weight zero, n 2**-52 times the mean size of its own weights, n being the number
+        of nodes in its class.
+    """
+    label, finite = graph.classes(), graph.weight < TOP
+    endless = (label[graph.head] == label[graph.tail]) & ~finite
+    part = graph.only(np.asarray(finite))
+    found = mean_of_circuits(part.weighing(_lowered(part, tolerance))).ratio > 0
+    return np.asarray(found | np.isin(label, label[graph.head[endless]]))
+
+
+def diverging_circuit(graph: Arcs) -> tuple[int, ...]:
+    """Return the nodes of a circuit of positive weight, tail before head, or () where there is none."""
+    lowered = graph.weighing(_lowered(graph, None))
+    solution = mean_of_circuits(lowered)
+    return heaviest_circuit(lowered, solution) if solution.ratio.max() > 0 else ()
+
+
+def _lowered(graph: Arcs, tolerance: float | None) -> Numbers:
+    """Return the weights less the share of each in what is still zero."""
+    if tolerance is not None:
+        return graph.weight - tolerance
+    if is_exact(graph.weight):
+        return graph.weight
+    label = graph.classes()
+    return np.asarray(graph.weight - UNIT * np.bincount(label)[label[graph.head]] * np.abs(graph.weight))

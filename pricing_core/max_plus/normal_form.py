@@ -1,0 +1,75 @@
+"""A graph whose arcs weigh at most zero, and the potential that makes it so; the longest paths in it."""
+
+from heapq import heapify, heappop, heappush
+
+import numpy as np
+
+from pricing_core.arrays import BoolVector
+from pricing_core.max_plus.arcs import Arcs
+from pricing_core.max_plus.class_order import longest_between_classes
+from pricing_core.max_plus.howard import HowardSolution
+from pricing_core.max_plus.matrices import EPSILON, Numbers, zero_like
+
+
+def normal_form(
+    graph: Arcs, solution: HowardSolution, rate: Numbers, kept: BoolVector
+) -> tuple[Arcs, Numbers]:
+    """Return the kept arcs with weight - rate_head + p_tail - p_head <= 0, and p.
+
+    A path from j to i weighs p_j - p_i more than with weight - rate: circuits weigh the same. No sum of such
+    weights loses digits, as all of them have one sign.
+
+    Parameters
+    ----------
+    graph : Arcs
+        n nodes, m arcs.
+    solution : HowardSolution
+        Of this graph, with one unit of holding on each arc.
+    rate : array, shape (n,)
+        For each node at least the ratio of its class.
+    kept : array of bool, shape (m,)
+    """
+    part, inner = graph.only(kept), solution.inner[kept]
+    pace, p = rate[part.head], solution.potential
+    zero = zero_like(graph.weight)
+    between = part.weight - pace + (p[part.tail] - p[part.head])
+    weight = np.where(inner, solution.reduced[kept] + (solution.ratio[part.head] - pace), between)
+    crossing = part.weighing(weight).only(~inner)
+    later = longest_between_classes(crossing, solution.label, np.full(solution.label.max() + 1, zero))
+    later = later[solution.label]
+    weight = weight + (later[part.tail] - later[part.head])
+    weight[weight > 0] = zero
+    return part.weighing(weight), p + later
+
+
+def longest_in_normal_form(graph: Arcs, start: Numbers) -> Numbers:
+    """Return the largest weights of paths from weighted starts, where no arc weighs more than zero; shape (n,).
+
+    Notes
+    -----
+    Dijkstra 1959: the node with the largest value that is left cannot gain. Cost: O(m log m).
+
+    Examples
+    --------
+    >>> ring = Arcs(2, np.array([0, 1]), np.array([1, 0]), np.array([-1.0, 0.0]))
+    >>> longest_in_normal_form(ring, np.array([0.0, -np.inf]))
+    array([0., 0.])
+    """
+    arcs = graph.out_of(np.arange(graph.size))
+    heads, weights = graph.head[arcs].tolist(), graph.weight[arcs].tolist()
+    first = np.searchsorted(graph.tail[arcs], np.arange(graph.size + 1)).tolist()
+    found = start.tolist()
+    waiting = [(-value, node) for node, value in enumerate(found) if value != EPSILON]
+    heapify(waiting)
+    done = [False] * graph.size
+    while waiting:
+        value, node = heappop(waiting)
+        if done[node]:
+            continue
+        done[node] = True
+        for arc in range(first[node], first[node + 1]):
+            reached = weights[arc] - value
+            if reached > found[heads[arc]]:
+                found[heads[arc]] = reached
+                heappush(waiting, (-reached, heads[arc]))
+    return np.array(found, dtype=start.dtype)
