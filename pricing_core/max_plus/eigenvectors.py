@@ -12,7 +12,7 @@ from pricing_core.max_plus.class_order import loudest
 from pricing_core.max_plus.critical import critical_arcs, critical_components
 from pricing_core.max_plus.howard import HowardSolution
 from pricing_core.max_plus.matrices import EPSILON, TOP, Numbers, Scalar, as_square, zero_like
-from pricing_core.max_plus.normal_form import longest_in_normal_form, normal_form
+from pricing_core.max_plus.normal_form import longest_paths_at
 from pricing_core.max_plus.spectrum import mean_of_circuits, plain, spectral_nodes
 
 
@@ -127,12 +127,10 @@ def eigenmode(A: object) -> Eigenmode:
     solution = mean_of_circuits(graph)
     rates = loudest(graph, solution.label, solution.ratio)
     alike = np.asarray(rates[graph.head] == rates[graph.tail])
-    normal, p = normal_form(graph, solution, rates, alike)
-    pacing = np.unique(critical_arcs(graph, solution, np.asarray(solution.ratio == rates)).head)
-    start = np.full(graph.size, EPSILON, dtype=graph.weight.dtype)
-    start[pacing] = zero_like(graph.weight)
+    pacing = np.zeros(graph.size, dtype=np.bool_)
+    pacing[critical_arcs(graph, solution, np.asarray(solution.ratio == rates)).head] = True
     levels = _Levels(*np.unique(rates, return_inverse=True))
-    offset = levels.from_zero(longest_in_normal_form(normal, start) + p)
+    offset = levels.from_zero(longest_paths_at(graph, solution, rates, alike, pacing))
     return Eigenmode(rates, levels.put_late(graph.only(~alike), offset))
 
 
@@ -143,13 +141,10 @@ def _vectors(A: object, value: Scalar | None) -> Iterator[Numbers]:
     own = _nodes_of(graph, solution, value)
     rate = solution.ratio[own].max()
     for component in critical_components(critical_arcs(graph, solution, own)):
-        start = np.full(graph.size, EPSILON, dtype=graph.weight.dtype)
-        start[component[0]] = zero_like(graph.weight)
-        heard = graph.reached_from(np.asarray(start != EPSILON))
+        start = np.arange(graph.size) == component[0]
+        heard = graph.reached_from(start)
         kept = np.asarray(heard[graph.head] & heard[graph.tail])
-        normal, p = normal_form(graph, solution, np.full(graph.size, rate), kept)
-        found = longest_in_normal_form(normal, start) + p
-        yield found - found.max()
+        yield longest_paths_at(graph, solution, np.full(graph.size, rate), kept, start)
 
 
 def _nodes_of(graph: Arcs, solution: HowardSolution, value: Scalar | None) -> BoolVector:

@@ -40,7 +40,7 @@ UNIT = float(np.finfo(np.float64).eps)
 ROUNDING = (
     2.0**-44
 )  # of the largest potential of a class: what is gained below that is no gain, until the next round
-CERTAIN = 8.0 * UNIT  # of the numbers added in one inequality: by so much it may fail
+TIE = 8.0  # roundings more than there are nodes: ratios that differ by less may be one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +49,7 @@ class HowardSolution:
 
     On the arcs j -> i inside a class, reduced = weight + potential_j - potential_i - ratio * holding <= 0, and
     equality holds for the arc of the policy; on circuits this says that no ratio is larger. For floats the
-    inequality may fail by a few roundings of the numbers in it.
+    inequality may fail by the rounding of the numbers in it.
     """
 
     label: IntVector  # (n,): the class of each node
@@ -159,11 +159,11 @@ def _in_rounds(classes: "_Classes", max_iterations: int) -> _Found:
         if is_exact(reduced):
             none = zero_like(reduced)
             return _Found(arc, ratio, largest * none, potential, reduced, reduced * none, used)
-        least = CERTAIN * classes.sizes(ratio)
+        least = UNIT * classes.sizes(ratio)
         if (reduced <= least).all() and (np.abs(reduced[arc]) <= least[arc]).all():
             break
-    many = np.bincount(label) * UNIT
-    slack = (CERTAIN + many[label[graph.head]]) * (np.abs(graph.weight) + largest[label[graph.head]])
+    many = (np.bincount(label) + TIE) * UNIT
+    slack = many[label[graph.head]] * (np.abs(graph.weight) + largest[label[graph.head]])
     return _Found(arc, ratio, many * largest, potential, np.minimum(reduced, 0.0), slack, used)
 
 
@@ -223,12 +223,12 @@ class _Classes:
         n = self.graph.size
         is_root = np.zeros(n, dtype=np.bool_)
         is_root[root] = True
-        end, _ = _follow(np.where(is_root, np.arange(n), before), np.zeros(n))
+        end, _ = follow(np.where(is_root, np.arange(n), before), np.zeros(n))
         arc = self._led_to(arc, is_root[end])
         own = weight[arc] - ratio[self.label] * self.holding[arc]
         reduced = own.copy()
         reduced[is_root] = zero_like(own)
-        _, potential = _follow(np.where(is_root, np.arange(n), self.graph.tail[arc]), reduced)
+        _, potential = follow(np.where(is_root, np.arange(n), self.graph.tail[arc]), reduced)
         missed = own + potential[self.graph.tail[arc]] - potential
         return _Value(arc, ratio, potential, self._rounding(weight[arc], potential, missed))
 
@@ -311,7 +311,7 @@ def _on_circuits(before: IntVector) -> IntVector:
     return np.unique(far)
 
 
-def _follow(before: IntVector, weight: Numbers) -> tuple[IntVector, Numbers]:
+def follow(before: IntVector, weight: Numbers) -> tuple[IntVector, Numbers]:
     """Follow a graph with one arc into each node back for at least n arcs; return the ends and the weights.
 
     Roots are their own predecessors, of weight zero. By doubling: O(n log n).

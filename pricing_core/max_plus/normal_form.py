@@ -5,10 +5,10 @@ from heapq import heapify, heappop, heappush
 import numpy as np
 
 from pricing_core.arrays import BoolVector
-from pricing_core.max_plus.arcs import Arcs
+from pricing_core.max_plus.arcs import Arcs, IntVector
 from pricing_core.max_plus.class_order import longest_between_classes
-from pricing_core.max_plus.howard import HowardSolution
-from pricing_core.max_plus.matrices import EPSILON, Numbers, zero_like
+from pricing_core.max_plus.howard import HowardSolution, follow
+from pricing_core.max_plus.matrices import EPSILON, Numbers, is_exact, zero_like
 
 
 def normal_form(
@@ -42,8 +42,10 @@ def normal_form(
     return part.weighing(weight), p + later
 
 
-def longest_in_normal_form(graph: Arcs, start: Numbers) -> Numbers:
+def longest_in_normal_form(graph: Arcs, start: Numbers) -> tuple[Numbers, IntVector]:
     """Return the largest weights of paths from weighted starts, where no arc weighs more than zero; shape (n,).
+
+    Beside them the last arc of a best path to each node, -1 where it begins there or there is none.
 
     Notes
     -----
@@ -53,7 +55,7 @@ def longest_in_normal_form(graph: Arcs, start: Numbers) -> Numbers:
     --------
     >>> ring = Arcs(2, np.array([0, 1]), np.array([1, 0]), np.array([-1.0, 0.0]))
     >>> longest_in_normal_form(ring, np.array([0.0, -np.inf]))
-    array([0., 0.])
+    (array([0., 0.]), array([-1,  1]))
     """
     arcs = graph.out_of(np.arange(graph.size))
     heads, weights = graph.head[arcs].tolist(), graph.weight[arcs].tolist()
@@ -61,7 +63,7 @@ def longest_in_normal_form(graph: Arcs, start: Numbers) -> Numbers:
     found = start.tolist()
     waiting = [(-value, node) for node, value in enumerate(found) if value != EPSILON]
     heapify(waiting)
-    done = [False] * graph.size
+    done, last = [False] * graph.size, [-1] * graph.size
     while waiting:
         value, node = heappop(waiting)
         if done[node]:
@@ -70,6 +72,32 @@ def longest_in_normal_form(graph: Arcs, start: Numbers) -> Numbers:
         for arc in range(first[node], first[node + 1]):
             reached = weights[arc] - value
             if reached > found[heads[arc]]:
-                found[heads[arc]] = reached
+                found[heads[arc]], last[heads[arc]] = reached, arc
                 heappush(waiting, (-reached, heads[arc]))
-    return np.array(found, dtype=start.dtype)
+    by_arc = np.append(arcs, -1)
+    return np.array(found, dtype=start.dtype), by_arc[np.array(last)]
+
+
+def longest_paths_at(
+    graph: Arcs, solution: HowardSolution, rate: Numbers, kept: BoolVector, start: BoolVector
+) -> Numbers:
+    """Return largest weights of paths from the nodes of `start` along the kept arcs, with weight - rate; shape (n,).
+
+    They begin with a potential. The largest of them is 0, and the others are as exact as their distance from it is:
+    what their best paths miss is summed up and added.
+    """
+    normal, p = normal_form(graph, solution, rate, kept)
+    zero = np.full(graph.size, EPSILON, dtype=graph.weight.dtype)
+    zero[start] = zero_like(zero)
+    found, arc = longest_in_normal_form(normal, zero)
+    found = found + p
+    found = found - found.max()
+    if is_exact(found):
+        return np.asarray(found)
+    on = np.flatnonzero(arc >= 0)
+    before, missed = np.arange(graph.size), np.zeros(graph.size)
+    part = graph.only(kept)
+    before[on] = part.tail[arc[on]]
+    missed[on] = part.weight[arc[on]] - rate[on] + (found[before[on]] - found[on])
+    found = found + follow(before, missed)[1]
+    return np.asarray(found - found.max())

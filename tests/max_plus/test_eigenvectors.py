@@ -136,3 +136,9 @@ def test_the_eigenmode_of_a_long_chain_puts_each_class_late_enough():
     mode = eigenmode(rows_of((n, n), head, tail, np.append(1.0 + i, bridges)))
     np.testing.assert_array_equal(mode.cycle_time, 1.0 + i)
     np.testing.assert_array_equal(mode.offset[:8], [0, 5, 9, 12, 14, 15, 15, 14])
+
+
+def test_the_entries_of_a_far_block_keep_their_distances():
+    """Node 0 sets the pace 5; the others are 1e16 later, where floats are 2 apart, and 3 from each other."""
+    A = [[5.0, E, -1e16], [1e16, 3.0, 7.0], [E, 2.0, 4.0]]
+    np.testing.assert_array_equal(eigenvector(A), [5.0 - 1e16, 0.0, -3.0])
