@@ -14,10 +14,12 @@ from pricing_core.max_plus.matrices import (
     as_vector,
     dense,
     exact,
+    in_range,
     is_exact,
     is_vector,
     rows_of,
 )
+from pricing_core.max_plus.scalars import as_whole
 
 
 def add(A: object, B: object) -> MaxPlusMatrix:
@@ -69,6 +71,8 @@ def multiply(A: object, B: object) -> MaxPlusMatrix:
     ------
     InvalidInputError
         The inner sizes differ, an entry is NaN, or an argument is empty.
+    NumericalError
+        A sum of floats is beyond 1e150 in size.
 
     Notes
     -----
@@ -83,18 +87,23 @@ def multiply(A: object, B: object) -> MaxPlusMatrix:
     >>> multiply([[np.inf]], [[-np.inf]])
     array([[-inf]])
     """
-    left, right = alike(as_matrix("A", A), _operand("B", B))
+    return product(as_matrix("A", A), _operand("B", B))
+
+
+def product(left: MaxPlusMatrix, right: MaxPlusMatrix) -> MaxPlusMatrix:
+    """Return the product of operands that have been checked, see `multiply`."""
+    left, right = alike(left, right)
     if left.shape[1] != right.shape[0]:
         raise InvalidInputError(
             "B", Told(f"shape {right.shape}"), f"of {left.shape[1]} rows, as many as A has columns"
         )
     if isinstance(left, csr_array):
         if isinstance(right, csr_array):
-            return _sparse_product(left, right)
-        return _times_dense(left, right)
+            return in_range(_sparse_product(left, right))
+        return in_range(_times_dense(left, right))
     if isinstance(right, csr_array):
-        return _times_dense(csr_array(right.T), left.T).T
-    return _dense_product(left, right)
+        return in_range(_times_dense(csr_array(right.T), left.T).T)
+    return in_range(_dense_product(left, right))
 
 
 def power(A: object, k: int) -> MaxPlusMatrix:
@@ -109,6 +118,8 @@ def power(A: object, k: int) -> MaxPlusMatrix:
     ------
     InvalidInputError
         A is not square, or k is no whole number >= 0.
+    NumericalError
+        A sum of floats is beyond 1e150 in size.
 
     Notes
     -----
@@ -121,8 +132,7 @@ def power(A: object, k: int) -> MaxPlusMatrix:
            [14., 16.]])
     """
     base = as_square("A", A)
-    if isinstance(k, bool) or not isinstance(k, int | np.integer) or k < 0:
-        raise InvalidInputError("k", k, "a whole number >= 0")
+    k = as_whole("k", k, 0)
     result: MaxPlusMatrix | None = None
     while k:
         if k & 1:
@@ -136,12 +146,18 @@ def power(A: object, k: int) -> MaxPlusMatrix:
 def identity(n: int, *, like: MaxPlusMatrix | None = None) -> MaxPlusMatrix:
     """Return the identity: zeros on the diagonal and epsilon elsewhere; in the storage of `like`.
 
+    Raises
+    ------
+    InvalidInputError
+        n is no whole number >= 1.
+
     Examples
     --------
     >>> identity(2)
     array([[  0., -inf],
            [-inf,   0.]])
     """
+    n = as_whole("n", n, 1)
     if isinstance(like, csr_array):
         return rows_of((n, n), np.arange(n), np.arange(n), np.zeros(n))
     eye = np.where(np.eye(n, dtype=np.bool_), 0.0, EPSILON)
@@ -168,6 +184,8 @@ def _paired(left: csr_array, right: csr_array) -> tuple[tuple[Numbers, Numbers],
 
 
 def _dense_product(left: Numbers, right: Numbers) -> Numbers:
+    if right.ndim == 1:
+        return np.asarray(times(left, right).max(axis=1))
     right_columns = right.reshape(right.shape[0], -1)
     result = np.full((left.shape[0], right_columns.shape[1]), EPSILON, dtype=left.dtype)
     for k in range(right.shape[0]):

@@ -7,7 +7,7 @@ from pricing_core.max_plus.algebra import add, multiply
 from pricing_core.max_plus.arcs import arcs_of
 from pricing_core.max_plus.circuits import named
 from pricing_core.max_plus.divergence import diverging_circuit
-from pricing_core.max_plus.matrices import EPSILON, Numbers, as_matrix, dense
+from pricing_core.max_plus.matrices import Numbers, as_floats, as_matrix, dense, epsilon, is_exact
 from pricing_core.max_plus.star import star
 from pricing_core.max_plus.system import MaxPlusSystem
 
@@ -33,6 +33,7 @@ def series(first: MaxPlusSystem, second: MaxPlusSystem) -> MaxPlusSystem:
         raise InvalidInputError(
             "second", Told(f"{second.shape[1]} inputs"), f"a system with {first.shape[2]} inputs"
         )
+    first, second = _alike(first, second)
     return MaxPlusSystem(
         _lower_blocks(first.A, _product(second.B, first.C), second.A),
         np.vstack([first.B, _product(second.B, first.D)]),
@@ -61,8 +62,9 @@ def parallel(first: MaxPlusSystem, second: MaxPlusSystem) -> MaxPlusSystem:
             Told("{} inputs and {} outputs".format(*second.shape[1:])),
             "a system with {} inputs and {} outputs".format(*first.shape[1:]),
         )
+    first, second = _alike(first, second)
     return MaxPlusSystem(
-        _lower_blocks(first.A, np.full((second.shape[0], first.shape[0]), EPSILON), second.A),
+        _lower_blocks(first.A, epsilon((second.shape[0], first.shape[0]), first.A), second.A),
         np.vstack([first.B, second.B]),
         np.hstack([first.C, second.C]),
         np.maximum(first.D, second.D),
@@ -98,6 +100,7 @@ def feedback(system: MaxPlusSystem, K: object) -> MaxPlusSystem:
     if gain.shape != (m, p):
         raise InvalidInputError("K", Told(f"shape {gain.shape}"), f"a matrix of shape {(m, p)}")
     loop = _product(gain, system.D)
+    system = system if is_exact(loop) else _in_floats(system)
     circuit = diverging_circuit(arcs_of(loop))
     if circuit:
         raise NumericalError(
@@ -118,4 +121,15 @@ def _product(left: Numbers, right: Numbers) -> Numbers:
 
 
 def _lower_blocks(upper: Numbers, below: Numbers, lower: Numbers) -> Numbers:
-    return np.block([[upper, np.full((len(upper), len(lower)), EPSILON)], [below, lower]])
+    return np.block([[upper, epsilon((len(upper), len(lower)), upper)], [below, lower]])
+
+
+def _alike(first: MaxPlusSystem, second: MaxPlusSystem) -> tuple[MaxPlusSystem, MaxPlusSystem]:
+    """Return both as they are where both are exact, else both in floats."""
+    if is_exact(first.A) and is_exact(second.A):
+        return first, second
+    return _in_floats(first), _in_floats(second)
+
+
+def _in_floats(system: MaxPlusSystem) -> MaxPlusSystem:
+    return MaxPlusSystem(*(as_floats(block) for block in (system.A, system.B, system.C, system.D)))

@@ -9,6 +9,7 @@ from pricing_core.arrays import BoolVector
 from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of
 from pricing_core.max_plus.howard import HowardSolution
 from pricing_core.max_plus.matrices import EPSILON, Scalar, as_square
+from pricing_core.max_plus.scalars import as_tolerance
 from pricing_core.max_plus.spectrum import mean_of_circuits, plain
 
 
@@ -59,7 +60,7 @@ def critical_graph(A: object, *, tolerance: float | None = None) -> CriticalGrap
     Raises
     ------
     InvalidInputError
-        A is not square, is empty, or an entry is NaN or +inf.
+        A is not square, is empty, or an entry is NaN or +inf; `tolerance` is no number >= 0.
 
     Notes
     -----
@@ -74,7 +75,7 @@ def critical_graph(A: object, *, tolerance: float | None = None) -> CriticalGrap
     """
     graph = arcs_of(as_square("A", A, top=False))
     solution = mean_of_circuits(graph)
-    return critical_graph_of(graph, solution, tolerance)
+    return critical_graph_of(graph, solution, as_tolerance("tolerance", tolerance))
 
 
 def cyclicity(A: object) -> int:

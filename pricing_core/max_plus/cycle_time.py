@@ -9,13 +9,11 @@ from pricing_core.max_plus.circuits import a_circuit, named
 from pricing_core.max_plus.class_order import loudest
 from pricing_core.max_plus.howard import howard
 from pricing_core.max_plus.matrices import (
-    EPSILON,
     MaxPlusMatrix,
     Numbers,
     Scalar,
     alike,
     as_square,
-    dense,
 )
 from pricing_core.max_plus.spectrum import mean_of_circuits, plain
 
@@ -83,7 +81,7 @@ def cycle_ratio(A: object, holding: object) -> Scalar:
     >>> cycle_ratio([[3.0, 7.0], [2.0, -np.inf]], [[2, 1], [2, 0]])
     3.0
     """
-    matrix, times = alike(as_square("A", A, top=False), _holding(holding))
+    matrix, times = alike(as_square("A", A, top=False), as_square("holding", holding))
     if matrix.shape != times.shape:
         raise InvalidInputError("holding", Told(f"shape {times.shape}"), f"of the shape {matrix.shape} of A")
     graph = arcs_of(matrix)
@@ -100,11 +98,16 @@ def largest_ratio(graph: Arcs, holding: Numbers) -> Scalar:
     return plain(howard(graph, holding).ratio.max())
 
 
-def _holding(holding: object) -> MaxPlusMatrix:
-    return as_square("holding", holding)
-
-
 def _at(times: MaxPlusMatrix, graph: Arcs) -> Numbers:
-    full = dense(times)
-    found: Numbers = full[graph.head, graph.tail]
-    return np.where(found == EPSILON, 0.0, found) if isinstance(times, csr_array) else found
+    """Return the entries at the arcs; 0 for what a sparse matrix does not store."""
+    if not isinstance(times, csr_array):
+        return np.asarray(times[graph.head, graph.tail])
+    stored = arcs_of(times)
+    n = graph.size
+    place, wanted = stored.head * n + stored.tail, graph.head * n + graph.tail
+    nearest = np.minimum(np.searchsorted(place, wanted), max(place.size - 1, 0))
+    found = np.zeros(wanted.size)
+    if place.size:
+        there = place[nearest] == wanted
+        found[there] = stored.weight[nearest[there]]
+    return found

@@ -1,5 +1,7 @@
 """Circuits of positive weight: where a star diverges."""
 
+from fractions import Fraction
+
 import numpy as np
 
 from pricing_core.arrays import BoolVector
@@ -38,9 +40,9 @@ def diverging_circuit(graph: Arcs) -> tuple[int, ...]:
 
 def _lowered(graph: Arcs, tolerance: float | None) -> Numbers:
     """Return the weights less the share of each in what is still zero."""
-    if tolerance is not None:
-        return graph.weight - tolerance
     if is_exact(graph.weight):
-        return graph.weight
+        return np.asarray(graph.weight - Fraction(tolerance or 0))
+    if tolerance is not None:
+        return np.asarray(graph.weight - tolerance)
     label = graph.classes()
     return np.asarray(graph.weight - UNIT * np.bincount(label)[label[graph.head]] * np.abs(graph.weight))

@@ -13,6 +13,7 @@ from pricing_core.max_plus.critical import critical_arcs, critical_components
 from pricing_core.max_plus.howard import HowardSolution
 from pricing_core.max_plus.matrices import EPSILON, TOP, Numbers, Scalar, as_square, zero_like
 from pricing_core.max_plus.normal_form import longest_paths_at
+from pricing_core.max_plus.scalars import as_number
 from pricing_core.max_plus.spectrum import mean_of_circuits, plain, spectral_nodes
 
 
@@ -156,7 +157,8 @@ def _nodes_of(graph: Arcs, solution: HowardSolution, value: Scalar | None) -> Bo
         largest = (solution.ratio - solution.error).max()
         return np.asarray(spectral & (solution.ratio + solution.error >= largest))
     ratio = np.where(spectral, solution.ratio, TOP)
-    own = np.asarray(spectral & (np.abs(ratio - value) <= solution.error))
+    wanted = as_number("value", value)
+    own = np.asarray(spectral & (np.abs(ratio - wanted) <= solution.error))
     if not own.any():
         known = ", ".join(str(plain(one)) for one in np.unique(solution.ratio[spectral])[::-1])
         raise InvalidInputError("value", value, f"an eigenvalue of A; with circuits these are {known}")

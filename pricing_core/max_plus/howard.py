@@ -274,11 +274,12 @@ class _Classes:
         total = _sums(circuit, weight[arc[on_circuit]], roots.size)
         ratio = total / _sums(circuit, self.holding[arc[on_circuit]], roots.size)
         root = on_circuit[roots]
-        order = np.lexsort((-root, ratio.astype(np.float64), self.label[root]))
         if is_exact(ratio):
             order = np.array(
                 sorted(range(root.size), key=lambda k: (self.label[root[k]], ratio[k], -root[k]))
             )
+        else:
+            order = np.lexsort((-root, ratio, self.label[root]))
         last = np.flatnonzero(np.diff(self.label[root[order]], append=-1))
         return root[order[last]], ratio[order[last]]
 

@@ -12,9 +12,11 @@ from pricing_core.max_plus.matrices import (
     alike,
     as_square,
     as_vector,
+    in_range,
     is_exact,
     zero_like,
 )
+from pricing_core.max_plus.scalars import as_tolerance
 
 
 def least_solution(A: object, b: object, *, tolerance: float | None = None) -> Numbers:
@@ -36,7 +38,10 @@ def least_solution(A: object, b: object, *, tolerance: float | None = None) -> N
     Raises
     ------
     InvalidInputError
-        A is not square, b has another length, an entry is NaN, or one of A is +inf.
+        A is not square, b has another length, an entry is NaN, or one of A is +inf; `tolerance` is no
+        number >= 0.
+    NumericalError
+        A sum of floats is beyond 1e150 in size.
 
     Notes
     -----
@@ -52,12 +57,12 @@ def least_solution(A: object, b: object, *, tolerance: float | None = None) -> N
     matrix = as_square("A", A, top=False)
     matrix, start = alike(matrix, as_vector("b", b, matrix.shape[0]))
     graph = arcs_of(matrix)
-    rising = diverging(graph, tolerance)
+    rising = diverging(graph, as_tolerance("tolerance", tolerance))
     heard = graph.reached_from(np.asarray(start != EPSILON))
     endless = graph.reached_from((rising & heard) | np.asarray(start == TOP))
     start = np.where(endless, EPSILON, start)
     found = longest_paths(graph.among(~endless), start)
-    return np.where(endless, TOP, found)
+    return np.where(endless, TOP, in_range(found))
 
 
 def longest_paths(graph: Arcs, start: Numbers) -> Numbers:

@@ -8,18 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, issparse
 
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, NumericalError, Told
+from pricing_core.max_plus.scalars import LARGEST, LARGEST_WHOLE
 
 Numbers: TypeAlias = NDArray[Any]  # float64; or objects: Fractions, -inf and inf
 MaxPlusMatrix: TypeAlias = Numbers | csr_array
 Scalar: TypeAlias = float | Fraction
 Left = TypeVar("Left", bound=MaxPlusMatrix)
 Right = TypeVar("Right", bound=MaxPlusMatrix)
+Stored = TypeVar("Stored", bound=MaxPlusMatrix)
 
 EPSILON = -np.inf  # the zero of the algebra: no path
 TOP = np.inf  # beyond all numbers: a circuit that may be run through for ever
-LARGEST_WHOLE = 2**53  # up to here every whole number is a float
+STORAGES = ("csr", "csc", "coo")  # in which a stored zero stays one
 WHAT = ("a number", "a vector", "a matrix")
+NO_TOP = "numbers and -inf: +inf has no meaning here"
 
 
 def exact(values: object) -> Numbers:
@@ -46,7 +49,11 @@ def exact(values: object) -> Numbers:
     array([[Fraction(3, 1), -inf],
            [Fraction(1, 2), Fraction(1, 3)]], dtype=object)
     """
-    return _exact("values", np.array(np.asarray(values), dtype=object), floats=True)
+    try:
+        raw = np.array(np.asarray(values), dtype=object)
+    except ValueError:
+        raise InvalidInputError("values", values, "numbers in rows of one length") from None
+    return _exact("values", raw, floats=True)
 
 
 def is_exact(values: MaxPlusMatrix) -> bool:
@@ -59,10 +66,16 @@ def zero_like(values: MaxPlusMatrix) -> Scalar:
     return Fraction(0) if is_exact(values) else 0.0
 
 
+def epsilon(shape: tuple[int, int], like: Numbers) -> Numbers:
+    """Return a matrix without an entry, exact or float as `like`."""
+    return np.full(shape, EPSILON, dtype=like.dtype)
+
+
 def sparse(A: object) -> csr_array:
     """Return a float matrix in sparse rows: what is not stored is epsilon, and a stored zero is a zero.
 
-    SciPy's own conversion of a dense matrix would drop the zeros and keep the -inf.
+    SciPy's own conversion of a dense matrix would drop the zeros and keep the -inf. Of its formats CSR, CSC and
+    COO are taken, and of several entries at one place the largest counts; the others lose or make zeros.
 
     Examples
     --------
@@ -73,7 +86,7 @@ def sparse(A: object) -> csr_array:
     if isinstance(matrix, csr_array):
         return matrix
     row, column = np.nonzero(matrix != EPSILON)
-    return rows_of(matrix.shape, row, column, matrix[row, column].astype(np.float64))
+    return rows_of(matrix.shape, row, column, as_floats(matrix[row, column]))
 
 
 def dense(A: object) -> Numbers:
@@ -106,7 +119,8 @@ def as_matrix(field: str, A: object, *, top: bool = True) -> MaxPlusMatrix:
     Raises
     ------
     InvalidInputError
-        Not a matrix, empty, NaN, +inf where it has no meaning, or no real numbers.
+        Not a matrix, empty, NaN, +inf where it has no meaning, or no real numbers; floats beyond 1e150 in size,
+        whole numbers beyond 2**53, a sparse format other than CSR, CSC and COO.
     """
     if issparse(A):
         return _as_sparse(field, A, top)
@@ -139,7 +153,32 @@ def alike(left: Left, right: Right) -> tuple[Left, Right]:
     """Return both as they are where both are exact, else both as floats."""
     if is_exact(left) and is_exact(right):
         return left, right
-    return cast(Left, _floats(left)), cast(Right, _floats(right))
+    return as_floats(left), as_floats(right)
+
+
+def all_alike(first: Left, *others: Numbers | None) -> tuple[Left, tuple[Numbers | None, ...]]:
+    """Return the first and those of the others that are there as they are if all are exact, else all as floats."""
+    if is_exact(first) and all(is_exact(other) for other in others if other is not None):
+        return first, others
+    return as_floats(first), tuple(None if other is None else as_floats(other) for other in others)
+
+
+def in_range(values: Stored) -> Stored:
+    """Return a result as it is.
+
+    Raises
+    ------
+    NumericalError
+        A float in it is beyond 1e150 in size, and on the way to an infinity, which means something else.
+    """
+    if not is_exact(values):
+        data = values.data if isinstance(values, csr_array) else values
+        if (_sizes(data) > LARGEST).any():
+            raise NumericalError(
+                f"a result is {_sizes(data).max():.3g} in size, beyond {LARGEST:g}: "
+                "scale the weights, or take exact(...)"
+            )
+    return values
 
 
 def is_vector(value: object) -> bool:
@@ -161,8 +200,25 @@ def rows_of(shape: tuple[int, int], row: Numbers, column: Numbers, value: Number
     return csr_array((value, column, start), shape=shape)
 
 
-def _floats(values: MaxPlusMatrix) -> MaxPlusMatrix:
-    return values.astype(np.float64) if is_exact(values) else values
+def as_floats(values: Stored) -> Stored:
+    """Return Fractions as floats, and floats as they are.
+
+    Raises
+    ------
+    NumericalError
+        A Fraction is beyond 1e150 in size.
+    """
+    if isinstance(values, csr_array) or not is_exact(values):
+        return values
+    largest = max((abs(entry) for entry in values.flat if isinstance(entry, Fraction)), default=Fraction(0))
+    if largest > LARGEST:
+        raise NumericalError(f"an exact number beyond {LARGEST:g} in size has no place among floats")
+    return cast(Stored, values.astype(np.float64))
+
+
+def _sizes(values: Numbers) -> Numbers:
+    """Return the sizes of floats, 0 for infinities."""
+    return np.where(np.isinf(values), 0.0, np.abs(values))
 
 
 def _as_array(field: str, value: object, ndim: int, top: bool) -> Numbers:
@@ -179,16 +235,23 @@ def _as_array(field: str, value: object, ndim: int, top: bool) -> Numbers:
     elif raw.dtype.kind not in "fiu":
         raise InvalidInputError(field, value, "real numbers")
     else:
-        if raw.dtype.kind != "f" and ((raw > LARGEST_WHOLE) | (raw < -LARGEST_WHOLE)).any():
-            raise InvalidInputError(
-                field, Told(f"{raw.max()}"), "whole numbers up to 2**53 in size, or exact(...)"
-            )
-        array = np.array(raw, dtype=np.float64)
-        if np.isnan(array).any():
-            raise InvalidInputError(field, Told("NaN in it"), "numbers and -inf")
+        array = _as_float_array(field, raw)
     if not top and bool((array == TOP).any()):
-        raise InvalidInputError(field, Told("+inf in it"), "numbers and -inf: +inf has no meaning here")
+        raise InvalidInputError(field, Told("+inf in it"), NO_TOP)
     return array
+
+
+def _as_float_array(field: str, raw: Numbers) -> Numbers:
+    if raw.dtype.kind != "f" and ((raw > LARGEST_WHOLE) | (raw < -LARGEST_WHOLE)).any():
+        worst = raw.max() if raw.max() > LARGEST_WHOLE else raw.min()
+        raise InvalidInputError(field, Told(f"{worst}"), "whole numbers up to 2**53 in size, or exact(...)")
+    if raw.dtype.kind == "f" and (_sizes(raw) > LARGEST).any():
+        raise InvalidInputError(
+            field, Told(f"{_sizes(raw).max():.3g} in it"), f"up to {LARGEST:g} in size, or exact(...)"
+        )
+    if np.isnan(raw).any():
+        raise InvalidInputError(field, Told("NaN in it"), "numbers and -inf")
+    return np.array(raw, dtype=np.float64)
 
 
 def _exact(field: str, raw: Numbers, *, floats: bool) -> Numbers:
@@ -210,12 +273,16 @@ def _as_sparse(field: str, A: Any, top: bool) -> csr_array:
         raise InvalidInputError(
             field, Told(f"a {A.dtype} matrix of shape {A.shape}"), "a matrix of real numbers, not empty"
         )
+    if A.format not in STORAGES:
+        raise InvalidInputError(
+            field,
+            Told(f"a matrix in {A.format.upper()} format"),
+            "in CSR, CSC or COO format: others lose zeros",
+        )
     entries = A.tocoo()
     row, column = entries.coords
-    value = entries.data.astype(np.float64)
-    if np.isnan(value).any():
-        raise InvalidInputError(field, Told("NaN in it"), "numbers and -inf")
+    value = _as_float_array(field, entries.data)
     if not top and (value == TOP).any():
-        raise InvalidInputError(field, Told("+inf in it"), "numbers and -inf: +inf has no meaning here")
+        raise InvalidInputError(field, Told("+inf in it"), NO_TOP)
     kept = value != EPSILON
     return rows_of(A.shape, row[kept], column[kept], value[kept])

@@ -4,16 +4,24 @@ Each one is that of max-plus between two changes of sign: what is not stored in 
 and +inf absorbs.
 """
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, issparse
 
 from pricing_core.max_plus.algebra import add as largest_sum
 from pricing_core.max_plus.algebra import multiply as largest_product
 from pricing_core.max_plus.algebra import power as largest_power
 from pricing_core.max_plus.cycle_time import cycle_time as largest_rates
-from pricing_core.max_plus.matrices import MaxPlusMatrix, Numbers, Scalar, as_matrix, as_vector
+from pricing_core.max_plus.matrices import (
+    MaxPlusMatrix,
+    Numbers,
+    Scalar,
+    as_matrix,
+    as_vector,
+    dense,
+    is_vector,
+)
 from pricing_core.max_plus.spectrum import eigenvalue as largest_mean
 from pricing_core.max_plus.star import plus as largest_plus
 from pricing_core.max_plus.star import star as largest_star
@@ -101,16 +109,12 @@ def cycle_time(A: object) -> Numbers:
     return -largest_rates(_negated("A", A))
 
 
-def _negated(field: str, value: Any) -> MaxPlusMatrix:
+def _negated(field: str, value: object) -> MaxPlusMatrix:
     """Return minus the argument; a sparse one is negated where it stores, so that the rest stays the zero."""
-    if getattr(value, "ndim", 2) == 1 or (isinstance(value, list | tuple) and not _has_rows(value)):
-        return -as_vector(field, value)
-    stored = hasattr(value, "tocoo")
-    return as_matrix(field, -value.astype(np.float64) if stored else -as_matrix(field, value))
-
-
-def _has_rows(value: list[Any] | tuple[Any, ...]) -> bool:
-    return bool(value) and hasattr(value[0], "__len__")
+    if issparse(value):
+        as_matrix(field, value)
+        return as_matrix(field, -cast(Any, value).astype(np.float64))
+    return np.asarray(-(as_vector(field, value) if is_vector(value) else dense(as_matrix(field, value))))
 
 
 def _negative(value: MaxPlusMatrix) -> MaxPlusMatrix:

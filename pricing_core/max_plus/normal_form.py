@@ -8,7 +8,7 @@ from pricing_core.arrays import BoolVector
 from pricing_core.max_plus.arcs import Arcs, IntVector
 from pricing_core.max_plus.class_order import longest_between_classes
 from pricing_core.max_plus.howard import HowardSolution, follow
-from pricing_core.max_plus.matrices import EPSILON, Numbers, is_exact, zero_like
+from pricing_core.max_plus.matrices import EPSILON, Numbers, in_range, is_exact, zero_like
 
 
 def normal_form(
@@ -90,14 +90,14 @@ def longest_paths_at(
     zero = np.full(graph.size, EPSILON, dtype=graph.weight.dtype)
     zero[start] = zero_like(zero)
     found, arc = longest_in_normal_form(normal, zero)
-    found = found + p
-    found = found - found.max()
+    found = np.asarray(found + p)
+    found = np.asarray(found - found.max())
     if is_exact(found):
-        return np.asarray(found)
+        return found
     on = np.flatnonzero(arc >= 0)
     before, missed = np.arange(graph.size), np.zeros(graph.size)
     part = graph.only(kept)
     before[on] = part.tail[arc[on]]
     missed[on] = part.weight[arc[on]] - rate[on] + (found[before[on]] - found[on])
     found = found + follow(before, missed)[1]
-    return np.asarray(found - found.max())
+    return in_range(np.asarray(found - found.max()))

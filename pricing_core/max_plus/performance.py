@@ -5,8 +5,8 @@ import numpy as np
 from pricing_core.errors import NumericalError
 from pricing_core.max_plus.algebra import add, multiply
 from pricing_core.max_plus.cycle_time import cycle_time
-from pricing_core.max_plus.matrices import EPSILON, TOP, Numbers, Scalar, dense
-from pricing_core.max_plus.spectrum import plain
+from pricing_core.max_plus.matrices import EPSILON, TOP, Numbers, Scalar, alike, all_alike, dense, exact
+from pricing_core.max_plus.scalars import as_number
 from pricing_core.max_plus.star import star
 from pricing_core.max_plus.system import MaxPlusSystem
 
@@ -40,6 +40,8 @@ def latency(system: MaxPlusSystem, period: Scalar | None = None) -> Numbers:
 
     Raises
     ------
+    InvalidInputError
+        The period is no finite number.
     NumericalError
         No period was told, and the system has no circuit.
 
@@ -53,12 +55,16 @@ def latency(system: MaxPlusSystem, period: Scalar | None = None) -> Numbers:
     >>> latency(MaxPlusSystem([[2.0]], [[3.0]], [[1.0]]))
     array([[2.]])
     """
-    pace = max(cycle_time(system.A)) if period is None else period
+    own, given = all_alike(system.A, None if period is None else _one("period", period))
+    pace = max(cycle_time(own)) if given[0] is None else given[0][0]
     if pace == EPSILON:
         raise NumericalError("the system has no circuit and so no period of its own: tell one")
-    states = multiply(star(_less(system.A, pace)), _less(system.B, pace))
+    own, inputs = alike(own, system.B)
+    states = multiply(star(own - pace), inputs - pace)
     return dense(add(system.D, multiply(system.C, states)))
 
 
-def _less(M: Numbers, pace: Scalar) -> Numbers:
-    return np.asarray(M - (plain(pace) if M.dtype == np.object_ else float(pace)))
+def _one(field: str, number: object) -> Numbers:
+    """Return a whole number or a Fraction as an exact vector of length 1, a float as one of floats."""
+    value = as_number(field, number)
+    return exact([value]) if not isinstance(number, float | np.floating) else np.array([value])

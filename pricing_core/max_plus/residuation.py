@@ -1,20 +1,28 @@
 """Residuation: the largest x with A x <= b, and the largest X with X A <= B."""
 
+from fractions import Fraction
+from typing import cast
+
 import numpy as np
 from scipy.sparse import csr_array
 
 from pricing_core.errors import InfeasibleError, InvalidInputError, Told
-from pricing_core.max_plus.algebra import multiply
+from pricing_core.max_plus.algebra import multiply, product
+from pricing_core.max_plus.howard import UNIT
 from pricing_core.max_plus.matrices import (
     EPSILON,
     TOP,
     Numbers,
+    Stored,
     alike,
     as_matrix,
     as_vector,
     dense,
+    in_range,
+    is_exact,
     is_vector,
 )
+from pricing_core.max_plus.scalars import as_tolerance
 
 
 def residuate_left(A: object, b: object) -> Numbers:
@@ -59,7 +67,7 @@ def residuate_left(A: object, b: object) -> Numbers:
     result = np.full((left.shape[1], columns.shape[1]), TOP, dtype=right.dtype)
     for row, limit in zip(dense(left), columns, strict=True):
         np.minimum(result, _difference(limit, row[:, None]), out=result)
-    return result.reshape(left.shape[1], *right.shape[1:])
+    return in_range(result.reshape(left.shape[1], *right.shape[1:]))
 
 
 def residuate_right(b: object, A: object) -> Numbers:
@@ -92,30 +100,55 @@ def residuate_right(b: object, A: object) -> Numbers:
     return residuate_left(matrix.T, row.T).T
 
 
-def solution_of_equation(A: object, b: object, *, tolerance: float = 0.0) -> Numbers:
+def solution_of_equation(A: object, b: object, *, tolerance: float | None = None) -> Numbers:
     """Return the largest x with A x = b, within the tolerance, where there is one.
+
+    Parameters
+    ----------
+    A : array_like or scipy.sparse, shape (n, m)
+    b : array_like, shape (n,)
+    tolerance : float, optional
+        By how much a row of A x may stay below b. Default: 0 for exact data, and for floats what rounding may do to
+        b_i - A_ij and to A_ij + x_j.
 
     Raises
     ------
     InfeasibleError
         There is none: a row of A x stays below b, and is named.
     InvalidInputError
-        The sizes differ, an argument is empty, or an entry is NaN.
+        The sizes differ, an argument is empty, or an entry is NaN; `tolerance` is no number >= 0.
 
     Examples
     --------
     >>> solution_of_equation([[2.0, 3.0, 1.0], [4.0, 1.0, 5.0]], [7.0, 6.0])
     array([2., 4., 1.])
     """
-    x = residuate_left(A, as_vector("b", b))
-    limit, reached = as_vector("b", b), np.asarray(multiply(A, x))
-    below = np.flatnonzero(reached < limit - tolerance)
+    allowed = as_tolerance("tolerance", tolerance)
+    matrix, limit = alike(as_matrix("A", A), as_vector("b", b))
+    x = residuate_left(matrix, limit)
+    reached = np.asarray(multiply(matrix, x))
+    if allowed is None:
+        upper = np.asarray(product(_raised(matrix), _raised(x)))
+    else:
+        upper = reached + (Fraction(allowed) if is_exact(reached) else allowed)
+    below = np.flatnonzero(upper < limit)
     if below.size:
         i = int(below[0])
         raise InfeasibleError(
             f"A x = b has no solution: row {i} of A x is at most {reached[i]} where A x <= b, and b asks for {limit[i]}"
         )
     return x
+
+
+def _raised(values: Stored) -> Stored:
+    """Return floats with what rounding may take of a sum that they are in."""
+    if isinstance(values, csr_array):
+        raised = values.copy()
+        raised.data = _raised(values.data)
+        return raised
+    if is_exact(values):
+        return values
+    return cast(Stored, np.where(np.isinf(values), values, values + UNIT * np.abs(values)))
 
 
 def _difference(limit: Numbers, weight: Numbers) -> Numbers:
@@ -129,7 +162,7 @@ def _sparse_residual(A: csr_array, b: Numbers) -> Numbers:
     row = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
     result = np.full(A.shape[1], TOP)
     np.minimum.at(result, A.indices, _difference(b[row], A.data))
-    return result
+    return in_range(result)
 
 
 def _operand(field: str, value: object) -> Numbers:

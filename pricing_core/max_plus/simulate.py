@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pricing_core.errors import InvalidInputError, Told
-from pricing_core.max_plus.algebra import multiply
-from pricing_core.max_plus.matrices import EPSILON, Numbers, as_matrix, as_square, as_vector, dense
+from pricing_core.max_plus.algebra import product
+from pricing_core.max_plus.matrices import Numbers, all_alike, as_matrix, as_square, as_vector, dense
+from pricing_core.max_plus.scalars import as_whole
 
 LARGEST_STEPS = 10_000_000
 
@@ -50,10 +51,12 @@ def simulate(
     ------
     InvalidInputError
         Shapes do not fit, an entry is NaN or +inf, `steps` is no whole number >= 0, or B comes without u.
+    NumericalError
+        A time is beyond 1e150 in size.
 
     Notes
     -----
-    Cost: one product of A and a vector per step.
+    Cost: one product of A and a vector per step. The times are exact if all data are, else floats.
 
     Examples
     --------
@@ -65,35 +68,35 @@ def simulate(
     """
     matrix = as_square("A", A, top=False)
     n = matrix.shape[0]
-    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or not 0 <= steps <= LARGEST_STEPS:
-        raise InvalidInputError("steps", steps, f"a whole number from 0 to {LARGEST_STEPS}")
+    steps = as_whole("steps", steps, 0, LARGEST_STEPS)
     if (B is None) != (u is None):
         raise InvalidInputError("u", Told("u alone" if B is None else "none"), "given together with B")
-    pushed = None if B is None else _pushes(B, u, n, int(steps))
-    states = [as_vector("x0", x0, n, top=False)]
+    pushed = None if B is None else _pushes(B, u, n, steps)
+    matrix, (first, pushed) = all_alike(matrix, as_vector("x0", x0, n, top=False), pushed)
+    states = [np.asarray(first)]
     for k in range(steps):
-        following = np.asarray(multiply(matrix, states[-1]))
+        following = np.asarray(product(matrix, states[-1]))
         states.append(following if pushed is None else np.maximum(following, pushed[k]))
     x = np.array(states)
     return MaxPlusTrajectory(x, None if C is None else _outputs(C, x))
 
 
-def _pushes(B: object, u: object, n: int, steps: int) -> Numbers:
-    """Return B u(k) for every k, shape (steps, n)."""
+def _pushes(B: object, u: object, n: int, steps: int) -> Numbers | None:
+    """Return B u(k) for every k, shape (steps, n); None where there is no step."""
     matrix = as_matrix("B", B, top=False)
     if matrix.shape[0] != n:
         raise InvalidInputError("B", Told(f"shape {matrix.shape}"), f"a matrix with {n} rows")
     shape = (steps, matrix.shape[1])
     if not steps:
-        return np.full((0, n), EPSILON)
+        return None
     inputs = dense(as_matrix("u", u, top=False))
     if inputs.shape != shape:
         raise InvalidInputError("u", Told(f"shape {inputs.shape}"), f"of shape {shape}: a row for each step")
-    return dense(multiply(matrix, inputs.T)).T
+    return dense(product(matrix, inputs.T)).T
 
 
 def _outputs(C: object, x: Numbers) -> Numbers:
     matrix = as_matrix("C", C, top=False)
     if matrix.shape[1] != x.shape[1]:
         raise InvalidInputError("C", Told(f"shape {matrix.shape}"), f"a matrix with {x.shape[1]} columns")
-    return dense(multiply(matrix, x.T)).T
+    return dense(product(matrix, x.T)).T

@@ -12,9 +12,11 @@ from pricing_core.max_plus.matrices import (
     MaxPlusMatrix,
     as_square,
     dense,
+    in_range,
     sparse,
     zero_like,
 )
+from pricing_core.max_plus.scalars import as_tolerance
 
 
 def star(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
@@ -37,7 +39,7 @@ def star(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
     Raises
     ------
     InvalidInputError
-        A is not square, is empty, or an entry is NaN.
+        A is not square, is empty, or an entry is NaN; `tolerance` is no number >= 0.
 
     Notes
     -----
@@ -71,7 +73,7 @@ def plus(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
     Raises
     ------
     InvalidInputError
-        A is not square, is empty, or an entry is NaN.
+        A is not square, is empty, or an entry is NaN; `tolerance` is no number >= 0.
 
     Examples
     --------
@@ -81,7 +83,7 @@ def plus(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
     """
     matrix = as_square("A", A)
     table = dense(matrix).copy()
-    endless = diverging(arcs_of(table), tolerance)
+    endless = diverging(arcs_of(table), as_tolerance("tolerance", tolerance))
     for k in range(len(table)):
         if not endless[k]:
             table[k, k] = min(table[k, k], zero_like(table))
@@ -89,4 +91,5 @@ def plus(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
         if endless[k]:
             through = np.where(through == EPSILON, EPSILON, TOP)
         np.maximum(table, through, out=table)
+    in_range(table)
     return sparse(table) if isinstance(matrix, csr_array) else table

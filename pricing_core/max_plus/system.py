@@ -6,17 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from pricing_core.errors import InvalidInputError, NumericalError, Told
-from pricing_core.max_plus.algebra import multiply
+from pricing_core.max_plus.algebra import identity, multiply
 from pricing_core.max_plus.arcs import arcs_of
 from pricing_core.max_plus.circuits import named
 from pricing_core.max_plus.divergence import diverging_circuit
-from pricing_core.max_plus.matrices import EPSILON, Numbers, as_matrix, as_square, dense
+from pricing_core.max_plus.matrices import Numbers, all_alike, as_matrix, as_square, dense, epsilon, zero_like
 from pricing_core.max_plus.star import star
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MaxPlusSystem:
     """x(k+1) = A x(k) + B u(k), y(k) = C x(k) + D u(k), with + the maximum and products sums.
+
+    All four are exact if all that are told are, else floats.
 
     x_i(k) is the time at which event i happens for the k-th time.
 
@@ -50,13 +52,14 @@ class MaxPlusSystem:
     def __init__(self, A: object, B: object = None, C: object = None, D: object = None) -> None:
         own = dense(as_square("A", A, top=False))
         n = len(own)
-        inputs = np.full((n, 1), EPSILON) if B is None else _block("B", B, rows=n)
-        outputs = (
-            np.where(np.eye(n, dtype=np.bool_), 0.0, EPSILON) if C is None else _block("C", C, columns=n)
-        )
-        shape = len(outputs), inputs.shape[1]
-        direct = np.full(shape, EPSILON) if D is None else _block("D", D, *shape)
-        for name, value in zip("ABCD", (own, inputs, outputs, direct), strict=True):
+        inputs = None if B is None else _block("B", B, rows=n)
+        outputs = None if C is None else _block("C", C, columns=n)
+        shape = n if outputs is None else len(outputs), 1 if inputs is None else inputs.shape[1]
+        direct = None if D is None else _block("D", D, *shape)
+        own, given = all_alike(own, inputs, outputs, direct)
+        defaults = epsilon((n, 1), own), dense(identity(n, like=own)), epsilon(shape, own)
+        rest = [default if told is None else told for told, default in zip(given, defaults, strict=True)]
+        for name, value in zip("ABCD", (own, *rest), strict=True):
             value.flags.writeable = False
             object.__setattr__(self, name, value)
 
@@ -98,9 +101,13 @@ class ImplicitSystem:
         first = dense(as_square("A[0]", A[0], top=False))
         n = len(first)
         later = [_block(f"A[{k}]", A[k], n, n) for k in range(1, len(A))]
-        object.__setattr__(self, "A", (first, *later))
-        object.__setattr__(self, "B", None if B is None else _block("B", B, rows=n))
-        object.__setattr__(self, "C", None if C is None else _block("C", C, columns=n))
+        ends = None if B is None else _block("B", B, rows=n), None if C is None else _block("C", C, columns=n)
+        first, (inputs, outputs, *rest) = all_alike(first, *ends, *later)
+        if names and len(names) != n:
+            raise InvalidInputError("names", Told(f"{len(names)} names"), f"one for each of {n} states")
+        object.__setattr__(self, "A", (first, *rest))
+        object.__setattr__(self, "B", inputs)
+        object.__setattr__(self, "C", outputs)
         object.__setattr__(self, "names", tuple(names) or tuple(str(i) for i in range(n)))
 
     def explicit(self) -> MaxPlusSystem:
@@ -128,12 +135,12 @@ class ImplicitSystem:
         closed = self._star()
         n, order = len(closed), len(self.A) - 1
         steps = [dense(multiply(closed, one)) for one in self.A[1:]]
-        A = np.full((n * order, n * order), EPSILON, dtype=closed.dtype)
+        A = epsilon((n * order, n * order), closed)
         A[:n] = np.hstack(steps)
         past = np.arange(n * (order - 1))
-        A[n + past, past] = closed[0, 0] * 0
+        A[n + past, past] = zero_like(closed)
         B = None if self.B is None else _below(dense(multiply(closed, self.B)), n * order)
-        seen = np.where(np.eye(n, dtype=np.bool_), 0.0, EPSILON) if self.C is None else self.C
+        seen = dense(identity(n, like=closed)) if self.C is None else self.C
         C = _below(seen.T, n * order).T
         return MaxPlusSystem(A, B, C)
 
@@ -149,7 +156,7 @@ class ImplicitSystem:
 
 def _below(top: Numbers, rows: int) -> Numbers:
     """Return the matrix with rows of epsilon below, so that there are `rows`."""
-    return np.vstack([top, np.full((rows - len(top), top.shape[1]), EPSILON)])
+    return np.vstack([top, epsilon((rows - len(top), top.shape[1]), top)])
 
 
 def _block(field: str, M: object, rows: int | None = None, columns: int | None = None) -> Numbers:

@@ -11,6 +11,7 @@ from pricing_core.max_plus.critical import critical_graph_of
 from pricing_core.max_plus.howard import UNIT, HowardSolution
 from pricing_core.max_plus.matrices import EPSILON, Numbers, as_square, dense, is_exact, zero_like
 from pricing_core.max_plus.normal_form import normal_form
+from pricing_core.max_plus.scalars import as_whole
 from pricing_core.max_plus.spectrum import mean_of_circuits
 
 
@@ -44,6 +45,7 @@ def transient(A: object, *, max_steps: int = 1_000_000) -> int:
     >>> transient([[2.0, 5.0], [3.0, 3.0]])
     2
     """
+    max_steps = as_whole("max_steps", max_steps, 0)
     graph = arcs_of(as_square("A", A, top=False))
     solution = mean_of_circuits(graph)
     others = solution.ratio != EPSILON
