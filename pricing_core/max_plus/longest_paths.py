@@ -57,7 +57,7 @@ def least_solution(A: object, b: object, *, tolerance: float | None = None) -> N
     matrix = as_square("A", A, top=False)
     matrix, start = alike(matrix, as_vector("b", b, matrix.shape[0]))
     graph = arcs_of(matrix)
-    rising = diverging(graph, as_tolerance("tolerance", tolerance))
+    rising = diverging(graph, tolerance=as_tolerance("tolerance", tolerance))
     heard = graph.reached_from(np.asarray(start != EPSILON))
     endless = graph.reached_from((rising & heard) | np.asarray(start == TOP))
     start = np.where(endless, EPSILON, start)

@@ -4,10 +4,12 @@ import numpy as np
 
 from pricing_core.errors import NumericalError
 from pricing_core.max_plus.algebra import add, multiply
+from pricing_core.max_plus.arcs import arcs_of
 from pricing_core.max_plus.cycle_time import cycle_time
+from pricing_core.max_plus.divergence import diverging
 from pricing_core.max_plus.matrices import EPSILON, TOP, Numbers, Scalar, alike, all_alike, dense, exact
 from pricing_core.max_plus.scalars import as_number
-from pricing_core.max_plus.star import star
+from pricing_core.max_plus.star import dense_star
 from pricing_core.max_plus.system import MaxPlusSystem
 
 
@@ -60,7 +62,9 @@ def latency(system: MaxPlusSystem, period: Scalar | None = None) -> Numbers:
     if pace == EPSILON:
         raise NumericalError("the system has no circuit and so no period of its own: tell one")
     own, inputs = alike(own, system.B)
-    states = multiply(star(own - pace), inputs - pace)
+    graph, ahead = arcs_of(own), np.asarray(own - pace)
+    endless = diverging(arcs_of(ahead), sizes=np.abs(graph.weight) + abs(pace))
+    states = multiply(dense_star(ahead, endless), inputs - pace)
     return dense(add(system.D, multiply(system.C, states)))
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.sparse import csr_array
 
+from pricing_core.arrays import BoolVector
 from pricing_core.max_plus.algebra import times
 from pricing_core.max_plus.arcs import arcs_of
 from pricing_core.max_plus.divergence import diverging
@@ -10,6 +11,7 @@ from pricing_core.max_plus.matrices import (
     EPSILON,
     TOP,
     MaxPlusMatrix,
+    Numbers,
     as_square,
     dense,
     in_range,
@@ -60,11 +62,9 @@ def star(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
     array([[ inf,  inf],
            [-inf,   0.]])
     """
-    closed = plus(A, tolerance=tolerance)
-    table = dense(closed).copy()
-    own = np.diagonal(table)
-    np.fill_diagonal(table, [TOP if entry == TOP else zero_like(table) for entry in own])
-    return sparse(table) if isinstance(closed, csr_array) else table
+    matrix, table, endless = _parts(A, tolerance)
+    found = dense_star(table, endless)
+    return sparse(found) if isinstance(matrix, csr_array) else found
 
 
 def plus(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
@@ -81,9 +81,28 @@ def plus(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
     array([[ -1.,   2.],
            [-inf,  -3.]])
     """
+    matrix, table, endless = _parts(A, tolerance)
+    found = _dense_plus(table, endless)
+    return sparse(found) if isinstance(matrix, csr_array) else found
+
+
+def dense_star(A: Numbers, endless: BoolVector) -> Numbers:
+    """Return the star where it is known which nodes lie in classes with a circuit that diverges."""
+    found = _dense_plus(A, endless)
+    own = np.diagonal(found)
+    np.fill_diagonal(found, [TOP if entry == TOP else zero_like(found) for entry in own])
+    return found
+
+
+def _parts(A: object, tolerance: float | None) -> tuple[MaxPlusMatrix, Numbers, BoolVector]:
+    """Return the matrix, the same dense, and the nodes of classes that diverge."""
     matrix = as_square("A", A)
-    table = dense(matrix).copy()
-    endless = diverging(arcs_of(table), as_tolerance("tolerance", tolerance))
+    table = dense(matrix)
+    return matrix, table, diverging(arcs_of(table), tolerance=as_tolerance("tolerance", tolerance))
+
+
+def _dense_plus(A: Numbers, endless: BoolVector) -> Numbers:
+    table = A.copy()
     for k in range(len(table)):
         if not endless[k]:
             table[k, k] = min(table[k, k], zero_like(table))
@@ -91,5 +110,4 @@ def plus(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
         if endless[k]:
             through = np.where(through == EPSILON, EPSILON, TOP)
         np.maximum(table, through, out=table)
-    in_range(table)
-    return sparse(table) if isinstance(matrix, csr_array) else table
+    return in_range(table)
