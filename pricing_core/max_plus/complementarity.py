@@ -27,8 +27,11 @@ from pricing_core.max_plus.expressions import (
     Sum,
     Variable,
     as_expression,
+    values_of,
+    with_parts,
 )
-from pricing_core.max_plus.matrices import EPSILON, as_matrix, dense
+from pricing_core.max_plus.matrices import EPSILON, as_floats, as_matrix, as_vector, dense
+from pricing_core.max_plus.scalars import as_whole
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +54,7 @@ class ComplementaritySystem:
 
     def problem(self, v: Vector) -> LCP:
         """Return the problem of one step, 0 <= a _|_ D a + (C v + g) >= 0."""
-        return LCP(self.D, self.C @ v + self.g)
+        return LCP(self.D, self.C @ self._checked(v) + self.g)
 
     def step(self, v: Vector) -> Vector:
         """Return x(k+1), by the solution of `problem(v)`, shape (n,)."""
@@ -59,7 +62,11 @@ class ComplementaritySystem:
 
     def following(self, v: Vector, a: Vector) -> Vector:
         """Return x(k+1) for a solution a of the problem, shape (n,)."""
-        return np.asarray(self.A @ v + self.B @ a + self.f)
+        multipliers = as_finite_vector("a", a, self.B.shape[1])
+        return np.asarray(self.A @ self._checked(v) + self.B @ multipliers + self.f)
+
+    def _checked(self, v: Vector) -> Vector:
+        return as_finite_vector("v", v, self.A.shape[1])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,23 +103,34 @@ class MaxMinPlusScalingSystem:
     inputs: int
 
     def __init__(self, expressions: Sequence[Expression | float], inputs: int = 0) -> None:
+        if not isinstance(expressions, Sequence) or isinstance(expressions, str):
+            raise InvalidInputError("expressions", expressions, "a list of expressions, one for each state")
         own = tuple(as_expression(one) for one in expressions)
         if not own:
             raise InvalidInputError("expressions", Told("none"), "one for each state")
-        if isinstance(inputs, bool) or not isinstance(inputs, int) or inputs < 0:
-            raise InvalidInputError("inputs", inputs, "a whole number >= 0")
         object.__setattr__(self, "expressions", own)
-        object.__setattr__(self, "inputs", inputs)
-        self.complementarity()
+        object.__setattr__(self, "inputs", as_whole("inputs", inputs, 0))
+        size = len(own) + self.inputs
+        for one in with_parts(own):
+            if isinstance(one, Variable) and not 0 <= one.index < size:
+                raise InvalidInputError("expressions", Told(f"variable {one.index}"), f"below {size}")
 
     def step(self, v: Vector) -> Vector:
-        """Return x(k+1) by direct evaluation at v = (x(k), u(k)), shape (n,)."""
-        return np.array([expression.value(v) for expression in self.expressions])
+        """Return x(k+1) by direct evaluation at v = (x(k), u(k)), shape (n,).
+
+        Raises
+        ------
+        InvalidInputError
+            v has another length than n + m, or is not finite.
+        """
+        return np.array(
+            values_of(self.expressions, as_finite_vector("v", v, len(self.expressions) + self.inputs))
+        )
 
     def complementarity(self) -> ComplementaritySystem:
         """Return the same system with a complementary pair in the place of each binary max and min."""
         pairs = _Pairs(len(self.expressions) + self.inputs, [])
-        rows = [pairs.form(expression) for expression in self.expressions]
+        rows = pairs.forms(self.expressions)
         return _system(rows, pairs)
 
 
@@ -169,15 +187,17 @@ def as_lcp(A: object, x: object) -> StepProblem:
     >>> step.following(solve(step.problem).z)
     array([7., 4.])
     """
-    matrix = dense(as_matrix("A", A, top=False)).astype(np.float64)
+    matrix = as_floats(dense(as_matrix("A", A, top=False)))
     silent = np.flatnonzero((matrix == EPSILON).all(axis=1))
     if silent.size:
         raise InvalidInputError(
             "A", Told(f"row {silent[0]} is epsilon"), "a matrix with an entry in every row"
         )
-    state = as_finite_vector("x", x, matrix.shape[1])  # type: ignore[arg-type]
+    state = as_floats(as_vector("x", x, matrix.shape[1], top=False))
+    if (state == EPSILON).any():
+        raise InvalidInputError("x", Told("-inf in it"), "finite: an LCP knows no epsilon")
     pairs = _Pairs(matrix.shape[1], [])
-    rows = [pairs.form(_row(row)) for row in matrix.tolist()]
+    rows = pairs.forms([_row(row) for row in matrix.tolist()])
     system = _system(rows, pairs)
     return StepProblem(system.problem(state), system, state)
 
@@ -211,25 +231,31 @@ class _Pairs:
     size: int
     slacks: list[_Form]
 
-    def form(self, expression: Expression) -> _Form:
-        """Return the expression as an affine function of v and of pairs that are made here."""
+    def forms(self, expressions: Sequence[Expression]) -> list[_Form]:
+        """Return expressions as affine functions of v and of pairs that are made here, once for what they share."""
+        made: dict[int, _Form] = {}
+        for one in with_parts(expressions):
+            made[id(one)] = self._form(one, [made[id(part)] for part in one.parts])
+        return [made[id(one)] for one in expressions]
+
+    def _form(self, expression: Expression, parts: Sequence[_Form]) -> _Form:
         match expression:
             case Variable(index):
-                if not 0 <= index < self.size:
-                    raise InvalidInputError("expressions", Told(f"variable {index}"), f"below {self.size}")
                 return _Form(np.eye(self.size)[index], {}, 0.0)
-            case Sum(terms, factors):
+            case Sum(_, factors):
                 total = _Form(np.zeros(self.size), {}, 0.0)
-                for term, factor in zip(terms, factors, strict=True):
-                    total = total.plus(self.form(term), factor)
+                for part, factor in zip(parts, factors, strict=True):
+                    total = total.plus(part, factor)
                 return total
-            case Largest(terms):
-                return self._extremum([self.form(term) for term in terms], 1.0)
-            case Least(terms):
-                return self._extremum([self.form(term) for term in terms], -1.0)
+            case Largest():
+                return self._extremum(parts, 1.0)
+            case Least():
+                return self._extremum(parts, -1.0)
             case Constant(number):
                 return _Form(np.zeros(self.size), {}, number)
-        raise InvalidInputError("expressions", expression, "of max, min, plus and scaling")
+        raise InvalidInputError(
+            "expressions", Told(type(expression).__name__), "of max, min, plus and scaling"
+        )
 
     def _extremum(self, forms: Sequence[_Form], sign: float) -> _Form:
         """Chain the terms: z = x + sign a, b = a + sign (x - y) for the next term y (11.67)."""

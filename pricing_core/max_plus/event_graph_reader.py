@@ -28,6 +28,8 @@ def read_event_graph(text: str) -> TimedEventGraph:
     ... ''').cycle_time()
     5.0
     """
+    if not isinstance(text, str):
+        raise InvalidInputError("text", text, "text, one place to a line")
     names: dict[str, None] = {}
     places: list[Place] = []
     ends: dict[str, list[str]] = {"input": [], "output": []}
@@ -59,15 +61,18 @@ def event_graph_of(content: Mapping[str, Any]) -> TimedEventGraph:
     >>> event_graph_of({"transitions": ["tick"], "places": [["tick", "tick", 2, 1]]}).cycle_time()
     2.0
     """
+    if not isinstance(content, Mapping):
+        raise InvalidInputError("content", content, "an object with " + ", ".join(KEYS))
     unknown = [key for key in content if key not in KEYS]
     if unknown:
-        raise InvalidInputError(unknown[0], Told("unknown"), "one of " + ", ".join(KEYS))
+        raise InvalidInputError(str(unknown[0]), Told("unknown"), "one of " + ", ".join(KEYS))
     missing = [key for key in ("transitions", "places") if key not in content]
     if missing:
         raise InvalidInputError(missing[0], Told("missing"), "in the object")
     lists = {key: content.get(key) for key in KEYS}
     for key, value in lists.items():
-        if value is not None and not isinstance(value, list):
+        needed = key in ("transitions", "places")
+        if (value is not None or needed) and not isinstance(value, list):
             raise InvalidInputError(key, value, "a list")
     places = [_place_of(f"places[{k}]", entry) for k, entry in enumerate(content["places"])]
     return TimedEventGraph(content["transitions"], places, content.get("inputs") or (), lists["outputs"])
@@ -80,7 +85,8 @@ def _place_of_line(number: int, content: str) -> Place:
     if not (arrow and source.strip() and target.strip()):
         raise InvalidInputError(f"line {number}", content, "SOURCE -> TARGET: HOLDING, TOKENS")
     try:
-        return Place(source.strip(), target.strip(), float(holding), int(tokens) if tokens.strip() else 0)
+        time = float(holding) if not holding.strip().isdecimal() else int(holding)
+        return Place(source.strip(), target.strip(), time, int(tokens) if tokens.strip() else 0)
     except InvalidInputError as error:
         raise InvalidInputError(f"line {number}: {error.field}", error.value, error.allowed) from None
     except ValueError:

@@ -1,9 +1,9 @@
 """Timed event graphs: transitions that wait for tokens, and places that hold them for a time."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
-from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -12,11 +12,13 @@ from pricing_core.max_plus.arcs import Arcs
 from pricing_core.max_plus.circuits import a_circuit, heaviest_circuit, named
 from pricing_core.max_plus.cycle_time import largest_ratio
 from pricing_core.max_plus.howard import howard
-from pricing_core.max_plus.matrices import EPSILON, Numbers, Scalar, as_vector
+from pricing_core.max_plus.matrices import EPSILON, Numbers, Scalar, as_floats, as_vector, zero_like
+from pricing_core.max_plus.scalars import as_number, as_whole
 from pricing_core.max_plus.simulate import MaxPlusTrajectory, simulate
 from pricing_core.max_plus.system import ImplicitSystem, MaxPlusSystem
 
 MOST_TOKENS = 1000  # in one place: the state holds that many past firings
+MOST_STATES = 10_000  # their matrix takes 800 MB
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,18 +46,15 @@ class Place:
     tokens: int = 0
 
     def __post_init__(self) -> None:
-        number = isinstance(self.holding, float | int | Fraction) and not isinstance(self.holding, bool)
-        if not number or not isfinite(self.holding) or self.holding < 0:
-            raise InvalidInputError(
-                "holding", self.holding, f"a finite time >= 0 from {self.source} to {self.target}"
-            )
-        whole = isinstance(self.tokens, int) and not isinstance(self.tokens, bool)
-        if not whole or not 0 <= self.tokens <= MOST_TOKENS:
-            raise InvalidInputError(
-                "tokens",
-                self.tokens,
-                f"a whole number from 0 to {MOST_TOKENS} from {self.source} to {self.target}",
-            )
+        for end in ("source", "target"):
+            if not isinstance(getattr(self, end), str):
+                raise InvalidInputError(end, getattr(self, end), "the name of a transition")
+        try:
+            object.__setattr__(self, "holding", as_number("holding", self.holding, least=0.0, what="time"))
+            object.__setattr__(self, "tokens", as_whole("tokens", self.tokens, 0, MOST_TOKENS))
+        except InvalidInputError as error:
+            way = f"from {self.source} to {self.target}"
+            raise InvalidInputError(error.field, error.value, f"{error.allowed} {way}") from None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,6 +93,7 @@ class TimedEventGraph:
     places: tuple[Place, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    _number: dict[str, int] = field(repr=False)  # of each transition
 
     def __init__(
         self,
@@ -105,10 +105,10 @@ class TimedEventGraph:
         known = _names("transitions", transitions)
         if not known:
             raise InvalidInputError("transitions", Told("none"), "at least one name")
-        given = tuple(place if isinstance(place, Place) else Place(*place) for place in places)
+        given = tuple(_place(k, place) for k, place in enumerate(_listed("places", places)))
         fed = _names("inputs", inputs)
         seen = (
-            tuple(name for name in known if name not in fed)
+            tuple(name for name in known if name not in set(fed))
             if outputs is None
             else _names("outputs", outputs)
         )
@@ -116,20 +116,21 @@ class TimedEventGraph:
         object.__setattr__(self, "places", given)
         object.__setattr__(self, "inputs", fed)
         object.__setattr__(self, "outputs", seen)
+        object.__setattr__(self, "_number", {name: i for i, name in enumerate(known)})
         self._check()
 
     def _check(self) -> None:
         ends = {(name, "places") for place in self.places for name in (place.source, place.target)}
-        for name, field in sorted(
+        for name, told_in in sorted(
             ends | {(n, "inputs") for n in self.inputs} | {(n, "outputs") for n in self.outputs}
         ):
-            if name not in self.transitions:
-                raise InvalidInputError(field, name, "the name of a transition")
-        waiting = {place.target for place in self.places}
+            if name not in self._number:
+                raise InvalidInputError(told_in, name, "the name of a transition")
+        waiting, fed = {place.target for place in self.places}, set(self.inputs)
         for name in self.transitions:
-            if name in self.inputs and name in waiting:
+            if name in fed and name in waiting:
                 raise InvalidInputError("inputs", name, "a transition without places before it")
-            if name not in self.inputs and name not in waiting:
+            if name not in fed and name not in waiting:
                 raise InvalidInputError("transitions", name, "an input, or have a place before it")
         graph = self._graph()
         circuit = a_circuit(graph.only(self._tokens() == 0))
@@ -139,6 +140,11 @@ class TimedEventGraph:
                 Told("a deadlock"),
                 f"such that the circuit {named(circuit, self.transitions)} holds a token",
             )
+
+    @property
+    def memory(self) -> int:
+        """How many past firings of its transitions the graph remembers: its most tokens in one place, at least 1."""
+        return max([1, *(place.tokens for place in self.places)])
 
     def cycle_time(self) -> Scalar:
         """Return the time between two firings if no input makes them wait: the largest of time over tokens.
@@ -162,15 +168,25 @@ class TimedEventGraph:
         """Return x(k) = A0 x(k) + A1 x(k-1) + ... + B u(k-1), y(k) = C x(k): one A for each number of tokens.
 
         An input is a state of its own, whose firings are u.
+
+        Raises
+        ------
+        InvalidInputError
+            The last firings of all transitions are more than 10 000 states.
         """
-        n = len(self.transitions)
-        order = max([1, *(place.tokens for place in self.places)])
+        n, order = len(self.transitions), self.memory
+        if n * order > MOST_STATES:
+            raise InvalidInputError(
+                "places",
+                Told(f"{n * order} states: {order} firings of {n} transitions"),
+                f"with at most {MOST_STATES} states",
+            )
         A = np.full((order + 1, n, n), EPSILON, dtype=self._holdings().dtype)
         for place, holding in zip(self.places, self._holdings(), strict=True):
             at = place.tokens, *self._ends(place)
             A[at] = max(A[at], holding)
-        B = _selection(n, [self.transitions.index(name) for name in self.inputs]) if self.inputs else None
-        C = _selection(n, [self.transitions.index(name) for name in self.outputs]).T
+        B = self._selection(self.inputs) if self.inputs else None
+        C = self._selection(self.outputs).T
         return ImplicitSystem(tuple(A), B, C, self.transitions)
 
     def state_space(self) -> MaxPlusSystem:
@@ -202,7 +218,8 @@ class TimedEventGraph:
         array([0., 2., 4.])
         """
         system, n = self.state_space(), len(self.transitions)
-        first = np.zeros(n) if start is None else as_vector("start", start, n, top=False)
+        zeros = np.full(n, zero_like(system.A))
+        first = zeros if start is None else as_vector("start", start, n, top=False)
         if (u is None) != (not self.inputs):
             raise InvalidInputError(
                 "u", Told("none" if u is None else "u"), f"the times of the inputs {self.inputs}"
@@ -212,11 +229,10 @@ class TimedEventGraph:
         return MaxPlusTrajectory(found.x[:, :n], found.y)
 
     def _ends(self, place: Place) -> tuple[int, int]:
-        return self.transitions.index(place.target), self.transitions.index(place.source)
+        return self._number[place.target], self._number[place.source]
 
     def _holdings(self) -> Numbers:
-        exact = bool(self.places) and all(isinstance(place.holding, Fraction) for place in self.places)
-        return np.array([place.holding for place in self.places], dtype=object if exact else np.float64)
+        return _times([place.holding for place in self.places])
 
     def _tokens(self) -> Numbers:
         """Return the tokens in the order of the arcs of `_graph`."""
@@ -228,22 +244,44 @@ class TimedEventGraph:
     def _graph(self) -> Arcs:
         places = self._sorted()
         ends = np.array([self._ends(place) for place in places], dtype=np.int64).reshape(-1, 2)
-        weight = np.array([place.holding for place in places], dtype=self._holdings().dtype)
+        weight = _times([place.holding for place in places])
         return Arcs(len(self.transitions), ends[:, 0], ends[:, 1], weight)
 
+    def _selection(self, names: Sequence[str]) -> Numbers:
+        """Return the matrix with a 0 in the row of the k-th name of column k, epsilon elsewhere, shape (n, m)."""
+        matrix = np.full((len(self.transitions), max(len(names), 1)), EPSILON, dtype=self._holdings().dtype)
+        matrix[[self._number[name] for name in names], np.arange(len(names))] = zero_like(matrix)
+        return matrix
 
-def _selection(n: int, chosen: Sequence[int]) -> Numbers:
-    """Return the matrix with a 0 in row chosen[k] of column k, epsilon elsewhere, shape (n, m)."""
-    matrix = np.full((n, max(len(chosen), 1)), EPSILON)
-    matrix[list(chosen), np.arange(len(chosen))] = 0.0
-    return matrix
+
+def _times(holdings: Sequence[Scalar]) -> Numbers:
+    """Return exact times if all are Fractions, else floats."""
+    exact = bool(holdings) and all(isinstance(holding, Fraction) for holding in holdings)
+    times: Numbers = np.array(holdings, dtype=object)
+    return times if exact else np.asarray(as_floats(times), dtype=np.float64)
+
+
+def _place(k: int, place: object) -> Place:
+    if isinstance(place, Place):
+        return place
+    if not isinstance(place, tuple | list) or not 2 <= len(place) <= 4:
+        raise InvalidInputError(f"places[{k}]", place, "a Place, or (source, target, holding, tokens)")
+    return Place(*place)
+
+
+def _listed(field: str, values: object) -> Sequence[Any]:
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise InvalidInputError(field, values, "a list")
+    return list(values)
 
 
 def _names(field: str, names: Sequence[str]) -> tuple[str, ...]:
-    found = tuple(names)
+    found = tuple(_listed(field, names))
+    seen: set[str] = set()
     for name in found:
         if not isinstance(name, str) or not name.strip():
             raise InvalidInputError(field, name, "names")
-        if found.count(name) > 1:
+        if name in seen:
             raise InvalidInputError(field, name, "told once")
+        seen.add(name)
     return found

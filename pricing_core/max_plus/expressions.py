@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from pricing_core.arrays import Vector
-from pricing_core.errors import InvalidInputError
+from pricing_core.arrays import Vector, as_vector
+from pricing_core.errors import InvalidInputError, Told
+from pricing_core.max_plus.scalars import as_number, as_whole
 
 
 class Expression:
@@ -15,14 +14,23 @@ class Expression:
     Examples
     --------
     >>> x = variables(2)
-    >>> largest(x[0] + 1.0, 2.0 * x[1]).value(np.array([3.0, 5.0]))
+    >>> largest(x[0] + 1.0, 2.0 * x[1]).value([3.0, 5.0])
     10.0
     """
 
     __slots__ = ()
 
+    @property
+    def parts(self) -> tuple["Expression", ...]:
+        """The expressions that this one is put together from."""
+        return ()
+
     def value(self, x: Vector) -> float:
         """Return the value at x, shape (n,)."""
+        return values_of((self,), as_vector("x", x))[0]
+
+    def value_from(self, x: Vector, parts: Sequence[float]) -> float:
+        """Return the value from those of the parts."""
         raise NotImplementedError
 
     def __add__(self, other: "Expression | float") -> "Expression":
@@ -49,8 +57,10 @@ class Variable(Expression):
 
     index: int
 
-    def value(self, x: Vector) -> float:
+    def value_from(self, x: Vector, parts: Sequence[float]) -> float:
         """Return x_i."""
+        if not 0 <= self.index < len(x):
+            raise InvalidInputError("x", Told(f"{len(x)} numbers"), f"long enough for variable {self.index}")
         return float(x[self.index])
 
 
@@ -60,48 +70,92 @@ class Constant(Expression):
 
     number: float
 
-    def value(self, x: Vector) -> float:
+    def value_from(self, x: Vector, parts: Sequence[float]) -> float:
         """Return the number."""
         return self.number
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Sum(Expression):
     """The sum of factors times terms."""
 
     terms: tuple[Expression, ...]
     factors: tuple[float, ...]
 
-    def value(self, x: Vector) -> float:
-        """Return the sum at x."""
-        return sum(factor * term.value(x) for term, factor in zip(self.terms, self.factors, strict=True))
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        """The terms."""
+        return self.terms
+
+    def value_from(self, x: Vector, parts: Sequence[float]) -> float:
+        """Return the sum."""
+        return sum(factor * part for part, factor in zip(parts, self.factors, strict=True))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Largest(Expression):
     """The maximum of one or more terms."""
 
     terms: tuple[Expression, ...]
 
-    def value(self, x: Vector) -> float:
-        """Return the maximum at x."""
-        return max(term.value(x) for term in self.terms)
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        """The terms."""
+        return self.terms
+
+    def value_from(self, x: Vector, parts: Sequence[float]) -> float:
+        """Return the maximum."""
+        return max(parts)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Least(Expression):
     """The minimum of one or more terms."""
 
     terms: tuple[Expression, ...]
 
-    def value(self, x: Vector) -> float:
-        """Return the minimum at x."""
-        return min(term.value(x) for term in self.terms)
+    @property
+    def parts(self) -> tuple[Expression, ...]:
+        """The terms."""
+        return self.terms
+
+    def value_from(self, x: Vector, parts: Sequence[float]) -> float:
+        """Return the minimum."""
+        return min(parts)
+
+
+def with_parts(expressions: Sequence[Expression]) -> list[Expression]:
+    """Return the expressions and all that they are put together from, each once and after its parts.
+
+    Examples
+    --------
+    >>> x = variables(1)[0]
+    >>> len(with_parts([largest(x, x + 1.0)]))
+    4
+    """
+    found: dict[int, Expression] = {}
+    waiting = [(one, False) for one in reversed(expressions)]
+    while waiting:
+        one, opened = waiting.pop()
+        if opened:
+            found.setdefault(id(one), one)
+        elif id(one) not in found:
+            waiting.append((one, True))
+            waiting += [(part, False) for part in reversed(one.parts)]
+    return list(found.values())
+
+
+def values_of(expressions: Sequence[Expression], x: Vector) -> list[float]:
+    """Return the values of several expressions at x; what they share is evaluated once."""
+    values: dict[int, float] = {}
+    for one in with_parts(expressions):
+        values[id(one)] = one.value_from(x, [values[id(part)] for part in one.parts])
+    return [values[id(one)] for one in expressions]
 
 
 def variables(n: int) -> tuple[Variable, ...]:
     """Return the n components of the vector as expressions."""
-    return tuple(Variable(i) for i in range(n))
+    return tuple(Variable(i) for i in range(as_whole("n", n, 0)))
 
 
 def largest(*terms: Expression | float) -> Expression:
@@ -126,6 +180,7 @@ def _terms(terms: Sequence[Expression | float]) -> tuple[Expression, ...]:
 
 
 def _number(field: str, value: object) -> float:
-    if not isinstance(value, float | int | np.floating | np.integer) or not np.isfinite(value):
-        raise InvalidInputError(field, value, "a finite number or an expression")
-    return float(value)
+    try:
+        return float(as_number(field, value))
+    except InvalidInputError as error:
+        raise InvalidInputError(field, error.value, "a finite number or an expression") from None

@@ -8,20 +8,22 @@ from matplotlib.figure import Figure
 
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.max_plus.event_graphs import Place, TimedEventGraph
-from pricing_core.max_plus.matrices import Numbers
+from pricing_core.max_plus.matrices import Numbers, as_floats, as_matrix, dense
 
 COLOURS = ("#1f5fa8", "#b5402f", "#3f8f4f", "#8a5fa8", "#b8860b", "#5a6570")
 MOST_ROWS = 60
 HEIGHT = 0.76  # of the bars, in rows
 
 
-def gantt(graph: TimedEventGraph, x: Numbers, *, unit: str = "") -> Figure:
+def gantt(graph: TimedEventGraph, x: object, *, unit: str = "") -> Figure:
     """Draw a schedule: one row per place that takes time, a bar for each token, numbered by firing.
+
+    The tokens that are there at the beginning begin with row 0 and are numbered 0, -1, ...: firings of the past.
 
     Parameters
     ----------
     graph : TimedEventGraph
-    x : array, shape (firings + 1, n)
+    x : array_like, shape (firings + 1, n)
         Firing times, as `graph.run` gives them.
     unit : str
         Of the times.
@@ -31,10 +33,10 @@ def gantt(graph: TimedEventGraph, x: Numbers, *, unit: str = "") -> Figure:
     InvalidInputError
         x has another number of columns.
     """
-    if x.ndim != 2 or x.shape[1] != len(graph.transitions):
-        raise InvalidInputError("x", Told(f"shape {x.shape}"), f"of {len(graph.transitions)} columns")
+    times = _finite("x", x)
+    if times.shape[1] != len(graph.transitions):
+        raise InvalidInputError("x", Told(f"shape {times.shape}"), f"of {len(graph.transitions)} columns")
     rows = [place for place in graph.places if place.holding > 0][:MOST_ROWS]
-    times = np.where(np.isfinite(x.astype(np.float64)), x.astype(np.float64), np.nan)
     figure = Figure(figsize=(9.0, 1.3 + 0.42 * max(len(rows), 2)), layout="constrained")
     axes = figure.subplots()
     for level, place in enumerate(rows):
@@ -49,12 +51,12 @@ def gantt(graph: TimedEventGraph, x: Numbers, *, unit: str = "") -> Figure:
     return figure
 
 
-def orbit(times: Numbers, names: Sequence[str], *, rate: float | None = None) -> Figure:
+def orbit(times: object, names: Sequence[str], *, rate: float | None = None) -> Figure:
     """Draw the times of all events against their number, and below what they are ahead of a steady rate.
 
     Parameters
     ----------
-    times : array, shape (k, n)
+    times : array_like, shape (k, n)
     names : sequence of n str
     rate : float, optional
         The largest cycle time, which the lower panel subtracts. Default: the mean over the run.
@@ -64,9 +66,9 @@ def orbit(times: Numbers, names: Sequence[str], *, rate: float | None = None) ->
     InvalidInputError
         `names` has another length.
     """
-    if times.ndim != 2 or times.shape[1] != len(names):
-        raise InvalidInputError("names", Told(f"{len(names)} names"), f"for {times.shape} times")
-    values = np.where(np.isfinite(times.astype(np.float64)), times.astype(np.float64), np.nan)
+    values = _finite("times", times)
+    if values.shape[1] != len(names):
+        raise InvalidInputError("names", Told(f"{len(names)} names"), f"for times of shape {values.shape}")
     number = np.arange(len(values))
     steady = _mean_rate(values) if rate is None or not np.isfinite(rate) else rate
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
@@ -88,9 +90,9 @@ def orbit(times: Numbers, names: Sequence[str], *, rate: float | None = None) ->
 def _bars(axes: Axes, level: int, place: Place, starts: Numbers) -> None:
     """Draw the stays in one row, beside each other where they overlap."""
     length = float(place.holding)
-    shown = [
-        (k, start) for k, start in enumerate(starts.tolist()) if np.isfinite(start) and (k or place.tokens)
-    ]
+    first, *later = starts.tolist()
+    stays = [(-k, first) for k in reversed(range(place.tokens))] + list(enumerate(later, 1))
+    shown = [(k, start) for k, start in stays if np.isfinite(start)]
     lanes = _lanes([start for _, start in shown], length)
     height = HEIGHT / (1 + max(lanes, default=0))
     for (k, start), lane in zip(shown, lanes, strict=True):
@@ -99,6 +101,12 @@ def _bars(axes: Axes, level: int, place: Place, starts: Numbers) -> None:
             middle, length, left=start, height=height, color=COLOURS[k % len(COLOURS)], edgecolor="white"
         )
         axes.text(start + length / 2, middle, str(k), ha="center", va="center", color="white", fontsize=7)
+
+
+def _finite(field: str, times: object) -> Numbers:
+    """Return times as floats, NaN for those that are none."""
+    values = as_floats(dense(as_matrix(field, times)))
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _lanes(starts: Sequence[float], length: float) -> list[int]:

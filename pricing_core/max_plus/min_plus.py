@@ -9,11 +9,13 @@ from typing import Any, cast
 import numpy as np
 from scipy.sparse import csr_array, issparse
 
+from pricing_core.errors import InvalidInputError, Told
 from pricing_core.max_plus.algebra import add as largest_sum
 from pricing_core.max_plus.algebra import multiply as largest_product
 from pricing_core.max_plus.algebra import power as largest_power
 from pricing_core.max_plus.cycle_time import cycle_time as largest_rates
 from pricing_core.max_plus.matrices import (
+    TOP,
     MaxPlusMatrix,
     Numbers,
     Scalar,
@@ -90,12 +92,17 @@ def plus(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
 def eigenvalue(A: object) -> Scalar:
     """Return the least mean weight of a circuit, +inf without one; see `pricing_core.max_plus.eigenvalue`.
 
+    Raises
+    ------
+    InvalidInputError
+        A is not square, is empty, or an entry is NaN or -inf.
+
     Examples
     --------
     >>> eigenvalue([[3.0, 7.0], [2.0, 4.0]])
     3.0
     """
-    return -largest_mean(_negated("A", A))
+    return -largest_mean(_without_epsilon(A))
 
 
 def cycle_time(A: object) -> Numbers:
@@ -106,7 +113,7 @@ def cycle_time(A: object) -> Numbers:
     >>> cycle_time([[3.0, 7.0], [2.0, 4.0]])
     array([3., 3.])
     """
-    return -largest_rates(_negated("A", A))
+    return -largest_rates(_without_epsilon(A))
 
 
 def _negated(field: str, value: object) -> MaxPlusMatrix:
@@ -115,6 +122,15 @@ def _negated(field: str, value: object) -> MaxPlusMatrix:
         as_matrix(field, value)
         return as_matrix(field, -cast(Any, value).astype(np.float64))
     return np.asarray(-(as_vector(field, value) if is_vector(value) else dense(as_matrix(field, value))))
+
+
+def _without_epsilon(A: object) -> MaxPlusMatrix:
+    """Return minus a matrix of numbers and +inf."""
+    matrix = _negated("A", A)
+    stored = matrix.data if isinstance(matrix, csr_array) else matrix
+    if (stored == TOP).any():
+        raise InvalidInputError("A", Told("-inf in it"), "numbers and +inf: -inf has no meaning here")
+    return matrix
 
 
 def _negative(value: MaxPlusMatrix) -> MaxPlusMatrix:

@@ -12,6 +12,7 @@ from pricing_core.max_plus.event_graph_reader import KEYS as GRAPH_KEYS
 from pricing_core.max_plus.event_graph_reader import event_graph_of
 from pricing_core.max_plus.event_graphs import TimedEventGraph
 from pricing_core.max_plus.matrices import EPSILON, Numbers
+from pricing_core.max_plus.scalars import as_number, as_whole
 from pricing_core.max_plus.simulate import MaxPlusTrajectory, simulate
 from pricing_core.max_plus.system import ImplicitSystem, MaxPlusSystem
 
@@ -77,6 +78,8 @@ def run_model(content: Mapping[str, Any]) -> ModelRun:
     >>> run.columns, run.table.tolist(), run.cycle_time.tolist()
     (('k', 'x0', 'x1'), [[0.0, 1.0, 0.0], [1.0, 7.0, 4.0], [2.0, 11.0, 9.0]], [4.5, 4.5])
     """
+    if not isinstance(content, Mapping):
+        raise InvalidInputError("content", content, "an object with the keys of a max-plus model")
     is_graph = any(key in content for key in GRAPH_KEYS)
     allowed = COMMON_KEYS + (GRAPH_KEYS if is_graph else MATRIX_KEYS)
     for key in content:
@@ -85,14 +88,19 @@ def run_model(content: Mapping[str, Any]) -> ModelRun:
             raise InvalidInputError(str(key), Told("unknown"), f"with {kind} one of " + ", ".join(allowed))
     if content.get("model") != NAME:
         raise InvalidInputError("model", content.get("model"), f'"{NAME}"')
-    steps = content.get("steps")
-    if isinstance(steps, bool) or not isinstance(steps, int) or not 1 <= steps <= MOST_STEPS:
-        raise InvalidInputError("steps", steps, f"a whole number from 1 to {MOST_STEPS}")
+    steps = as_whole("steps", content.get("steps"), 1, MOST_STEPS)
     return _run_graph(content, steps) if is_graph else _run_matrices(content, steps)
 
 
 def _run_graph(content: Mapping[str, Any], steps: int) -> ModelRun:
     graph = event_graph_of({key: value for key, value in content.items() if key in GRAPH_KEYS})
+    states = len(graph.transitions) * graph.memory
+    if states > MOST_STATES:
+        raise InvalidInputError(
+            "places",
+            Told(f"{states} states: {graph.memory} firings of {len(graph.transitions)} transitions"),
+            f"with at most {MOST_STATES} states",
+        )
     start = _vector(content, "x0", len(graph.transitions)) if content.get("x0") is not None else None
     u = _matrix(content, "u") if content.get("u") is not None else None
     found = graph.run(steps, start=start, u=u)
@@ -169,8 +177,9 @@ def _numbers(field: str, entries: Sequence[object]) -> list[float]:
     for j, entry in enumerate(entries):
         if entry is None or entry == "-inf":
             found.append(EPSILON)
-        elif isinstance(entry, float | int) and not isinstance(entry, bool) and abs(entry) < np.inf:
-            found.append(float(entry))
         else:
-            raise InvalidInputError(f"{field}[{j}]", entry, "a finite number, or null for -inf")
+            try:
+                found.append(float(as_number(f"{field}[{j}]", entry)))
+            except InvalidInputError as error:
+                raise InvalidInputError(error.field, error.value, f"{error.allowed}, or null") from None
     return found

@@ -12,7 +12,9 @@ from pricing_core.errors import InvalidInputError, NumericalError, Told
 from pricing_core.lcp.basis import refined_solve
 from pricing_core.lcp.policies import iterate_policies
 from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of
+from pricing_core.max_plus.circuits import heaviest_circuit, named
 from pricing_core.max_plus.matrices import as_square
+from pricing_core.max_plus.spectrum import mean_of_circuits
 
 ROUNDING = 1e-13  # of what a row may be: a smaller residual is none
 
@@ -111,6 +113,8 @@ def fixed_point_problem(A: object, b: ArrayLike) -> VerticalLCP:
     ------
     InvalidInputError
         Shapes do not fit, or b is not finite.
+    NumericalError
+        A circuit of A has a weight >= 0, and is named.
 
     Examples
     --------
@@ -119,10 +123,14 @@ def fixed_point_problem(A: object, b: ArrayLike) -> VerticalLCP:
     """
     graph = arcs_of(as_square("A", A, top=False))
     stop = as_finite_vector("b", b, graph.size)
-    loops = graph.head == graph.tail
-    if (graph.weight[loops] >= 0).any():
-        raise NumericalError("a loop of A has a weight >= 0: x = A x + b is no such problem")
-    arcs = graph.only(~loops)  # x_i >= A_ii + x_i says nothing
+    solution = mean_of_circuits(graph)
+    if solution.ratio.max() >= 0:
+        circuit = named(heaviest_circuit(graph, solution))
+        raise NumericalError(
+            f"the circuit {circuit} of A has a weight >= 0: its equations have many solutions or none; "
+            "see least_solution"
+        )
+    arcs = graph.only(graph.head != graph.tail)  # x_i >= A_ii + x_i says nothing
     return VerticalLCP(
         np.vstack([np.eye(graph.size), _differences(arcs)]),
         np.concatenate([-stop, -arcs.weight.astype(np.float64)]),
