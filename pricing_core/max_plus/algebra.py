@@ -72,7 +72,7 @@ def multiply(A: object, B: object) -> MaxPlusMatrix:
     InvalidInputError
         The inner sizes differ, an entry is NaN, or an argument is empty.
     NumericalError
-        A sum of floats is beyond 1e150 in size.
+        A sum is beyond 1e150 in size.
 
     Notes
     -----
@@ -119,7 +119,7 @@ def power(A: object, k: int) -> MaxPlusMatrix:
     InvalidInputError
         A is not square, or k is no whole number >= 0.
     NumericalError
-        A sum of floats is beyond 1e150 in size.
+        A sum is beyond 1e150 in size.
 
     Notes
     -----

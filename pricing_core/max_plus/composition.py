@@ -9,7 +9,7 @@ from pricing_core.max_plus.circuits import named
 from pricing_core.max_plus.divergence import diverging_circuit
 from pricing_core.max_plus.matrices import Numbers, as_floats, as_matrix, dense, epsilon, is_exact
 from pricing_core.max_plus.star import star
-from pricing_core.max_plus.system import MaxPlusSystem
+from pricing_core.max_plus.system import MaxPlusSystem, as_system
 
 
 def series(first: MaxPlusSystem, second: MaxPlusSystem) -> MaxPlusSystem:
@@ -29,11 +29,11 @@ def series(first: MaxPlusSystem, second: MaxPlusSystem) -> MaxPlusSystem:
     (array([[  1., -inf],
            [  3.,   2.]]), array([[-inf,   0.]]))
     """
+    first, second = _alike(first, second)
     if first.shape[2] != second.shape[1]:
         raise InvalidInputError(
             "second", Told(f"{second.shape[1]} inputs"), f"a system with {first.shape[2]} inputs"
         )
-    first, second = _alike(first, second)
     return MaxPlusSystem(
         _lower_blocks(first.A, _product(second.B, first.C), second.A),
         np.vstack([first.B, _product(second.B, first.D)]),
@@ -56,13 +56,13 @@ def parallel(first: MaxPlusSystem, second: MaxPlusSystem) -> MaxPlusSystem:
     >>> both.B.ravel(), both.C
     (array([0., 3.]), array([[0., 0.]]))
     """
+    first, second = _alike(first, second)
     if first.shape[1:] != second.shape[1:]:
         raise InvalidInputError(
             "second",
             Told("{} inputs and {} outputs".format(*second.shape[1:])),
             "a system with {} inputs and {} outputs".format(*first.shape[1:]),
         )
-    first, second = _alike(first, second)
     return MaxPlusSystem(
         _lower_blocks(first.A, epsilon((second.shape[0], first.shape[0]), first.A), second.A),
         np.vstack([first.B, second.B]),
@@ -96,7 +96,7 @@ def feedback(system: MaxPlusSystem, K: object) -> MaxPlusSystem:
     array([[5.]])
     """
     gain = dense(as_matrix("K", K, top=False))
-    _, m, p = system.shape
+    _, m, p = as_system("system", system).shape
     if gain.shape != (m, p):
         raise InvalidInputError("K", Told(f"shape {gain.shape}"), f"a matrix of shape {(m, p)}")
     loop = _product(gain, system.D)
@@ -126,6 +126,7 @@ def _lower_blocks(upper: Numbers, below: Numbers, lower: Numbers) -> Numbers:
 
 def _alike(first: MaxPlusSystem, second: MaxPlusSystem) -> tuple[MaxPlusSystem, MaxPlusSystem]:
     """Return both as they are where both are exact, else both in floats."""
+    first, second = as_system("first", first), as_system("second", second)
     if is_exact(first.A) and is_exact(second.A):
         return first, second
     return _in_floats(first), _in_floats(second)

@@ -14,7 +14,9 @@ from pricing_core.max_plus.matrices import (
     Scalar,
     alike,
     as_square,
+    in_range,
 )
+from pricing_core.max_plus.scalars import LARGEST
 from pricing_core.max_plus.spectrum import mean_of_circuits, plain
 
 
@@ -92,10 +94,13 @@ def largest_ratio(graph: Arcs, holding: Numbers) -> Scalar:
     """Return the largest ratio of weight to holding, both per arc; raises as `cycle_ratio` does."""
     if (holding < 0).any() or not (holding < np.inf).all():
         raise InvalidInputError("holding", plain(holding.min()), "finite and >= 0 where A has an entry")
+    tiny = holding[(holding > 0) & (holding * LARGEST < 1)]
+    if tiny.size:
+        raise InvalidInputError("holding", plain(tiny[0]), f"0, or at least {1 / LARGEST:g}")
     circuit = a_circuit(graph.only(holding == 0))
     if circuit:
         raise InvalidInputError("holding", 0.0, f"positive somewhere on the circuit {named(circuit)}")
-    return plain(howard(graph, holding).ratio.max())
+    return plain(in_range(howard(graph, holding).ratio).max())
 
 
 def _at(times: MaxPlusMatrix, graph: Arcs) -> Numbers:

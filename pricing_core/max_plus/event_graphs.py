@@ -146,6 +146,16 @@ class TimedEventGraph:
         """How many past firings of its transitions the graph remembers: its most tokens in one place, at least 1."""
         return max([1, *(place.tokens for place in self.places)])
 
+    def check_states(self, most: int) -> None:
+        """Refuse a graph whose transitions times its memory are more states than `most`."""
+        n = len(self.transitions)
+        if n * self.memory > most:
+            raise InvalidInputError(
+                "places",
+                Told(f"{n * self.memory} states"),
+                f"such that the most tokens of a place ({self.memory}) times {n} transitions are at most {most}",
+            )
+
     def cycle_time(self) -> Scalar:
         """Return the time between two firings if no input makes them wait: the largest of time over tokens.
 
@@ -174,13 +184,8 @@ class TimedEventGraph:
         InvalidInputError
             The last firings of all transitions are more than 10 000 states.
         """
+        self.check_states(MOST_STATES)
         n, order = len(self.transitions), self.memory
-        if n * order > MOST_STATES:
-            raise InvalidInputError(
-                "places",
-                Told(f"{n * order} states: {order} firings of {n} transitions"),
-                f"with at most {MOST_STATES} states",
-            )
         A = np.full((order + 1, n, n), EPSILON, dtype=self._holdings().dtype)
         for place, holding in zip(self.places, self._holdings(), strict=True):
             at = place.tokens, *self._ends(place)

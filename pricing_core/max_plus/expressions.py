@@ -31,7 +31,7 @@ class Expression:
 
     def value_from(self, x: Vector, parts: Sequence[float]) -> float:
         """Return the value from those of the parts."""
-        raise NotImplementedError
+        raise InvalidInputError("expression", Told(type(self).__name__), "of max, min, plus and scaling")
 
     def __add__(self, other: "Expression | float") -> "Expression":
         return Sum((self, as_expression(other)), (1.0, 1.0))

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.max_plus.event_graphs import Place, TimedEventGraph
-from pricing_core.max_plus.matrices import Numbers, as_floats, as_matrix, dense
+from pricing_core.max_plus.matrices import EPSILON, Numbers, as_floats, as_matrix, dense
+from pricing_core.max_plus.scalars import as_number
 
 COLOURS = ("#1f5fa8", "#b5402f", "#3f8f4f", "#8a5fa8", "#b8860b", "#5a6570")
 MOST_ROWS = 60
@@ -33,6 +34,8 @@ def gantt(graph: TimedEventGraph, x: object, *, unit: str = "") -> Figure:
     InvalidInputError
         x has another number of columns.
     """
+    if not isinstance(graph, TimedEventGraph):
+        raise InvalidInputError("graph", graph, "a TimedEventGraph")
     times = _finite("x", x)
     if times.shape[1] != len(graph.transitions):
         raise InvalidInputError("x", Told(f"shape {times.shape}"), f"of {len(graph.transitions)} columns")
@@ -59,7 +62,7 @@ def orbit(times: object, names: Sequence[str], *, rate: float | None = None) -> 
     times : array_like, shape (k, n)
     names : sequence of n str
     rate : float, optional
-        The largest cycle time, which the lower panel subtracts. Default: the mean over the run.
+        The largest cycle time, which the lower panel subtracts. Default, and for -inf: the mean over the run.
 
     Raises
     ------
@@ -67,13 +70,15 @@ def orbit(times: object, names: Sequence[str], *, rate: float | None = None) -> 
         `names` has another length.
     """
     values = _finite("times", times)
+    if isinstance(names, str) or not isinstance(names, Sequence):
+        raise InvalidInputError("names", names, "a list of names")
     if values.shape[1] != len(names):
         raise InvalidInputError("names", Told(f"{len(names)} names"), f"for times of shape {values.shape}")
     number = np.arange(len(values))
-    steady = _mean_rate(values) if rate is None or not np.isfinite(rate) else rate
+    steady = _mean_rate(values) if rate is None or rate == EPSILON else float(as_number("rate", rate))
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    for i, name in enumerate(names[:MOST_ROWS]):
+    for i, name in enumerate(str(name) for name in names[:MOST_ROWS]):
         style = {"color": COLOURS[i % len(COLOURS)], "marker": ".", "linewidth": 1.2}
         upper.plot(number, values[:, i], label=name, **style)
         lower.plot(number, values[:, i] - steady * number, **style)

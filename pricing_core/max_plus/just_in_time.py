@@ -8,7 +8,7 @@ from pricing_core.errors import InvalidInputError, Told
 from pricing_core.max_plus.algebra import add, multiply
 from pricing_core.max_plus.matrices import EPSILON, TOP, Numbers, as_matrix, dense
 from pricing_core.max_plus.residuation import residuate_left
-from pricing_core.max_plus.system import MaxPlusSystem
+from pricing_core.max_plus.system import MaxPlusSystem, as_system
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +57,7 @@ def just_in_time(system: MaxPlusSystem, reference: object) -> JustInTime:
     >>> just_in_time(MaxPlusSystem([[3.0]], [[3.0]]), [[0.0], [10.0], [12.0]]).u.ravel()
     array([6., 9.])
     """
-    if (system.D != EPSILON).any():
+    if (as_system("system", system).D != EPSILON).any():
         raise InvalidInputError("system", Told("a system with D"), "one without a direct term")
     asked = dense(as_matrix("reference", reference))
     if len(asked) < 2 or asked.shape[1] != system.shape[2]:

@@ -41,7 +41,7 @@ def least_solution(A: object, b: object, *, tolerance: float | None = None) -> N
         A is not square, b has another length, an entry is NaN, or one of A is +inf; `tolerance` is no
         number >= 0.
     NumericalError
-        A sum of floats is beyond 1e150 in size.
+        A sum is beyond 1e150 in size.
 
     Notes
     -----

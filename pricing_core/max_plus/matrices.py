@@ -36,7 +36,7 @@ def exact(values: object) -> Numbers:
     Raises
     ------
     InvalidInputError
-        An entry is NaN or no real number.
+        An entry is NaN, no real number, or beyond 1e150 in size.
 
     Notes
     -----
@@ -119,8 +119,8 @@ def as_matrix(field: str, A: object, *, top: bool = True) -> MaxPlusMatrix:
     Raises
     ------
     InvalidInputError
-        Not a matrix, empty, NaN, +inf where it has no meaning, or no real numbers; floats beyond 1e150 in size,
-        whole numbers beyond 2**53, a sparse format other than CSR, CSC and COO.
+        Not a matrix, empty, NaN, +inf where it has no meaning, or no real numbers; numbers beyond 1e150 in size,
+        whole numbers beyond 2**53 as floats, a sparse format other than CSR, CSC and COO.
     """
     if issparse(A):
         return _as_sparse(field, A, top)
@@ -169,15 +169,13 @@ def in_range(values: Stored) -> Stored:
     Raises
     ------
     NumericalError
-        A float in it is beyond 1e150 in size, and on the way to an infinity, which means something else.
+        A number in it is beyond 1e150 in size, and on the way to an infinity, which means something else.
     """
-    if not is_exact(values):
-        data = values.data if isinstance(values, csr_array) else values
-        if (_sizes(data) > LARGEST).any():
-            raise NumericalError(
-                f"a result is {_sizes(data).max():.3g} in size, beyond {LARGEST:g}: "
-                "scale the weights, or take exact(...)"
-            )
+    sizes = _sizes(values.data if isinstance(values, csr_array) else values)
+    if (sizes > LARGEST).any():
+        raise NumericalError(
+            f"a result is beyond {LARGEST:g} in size: scale the weights, or take fewer steps"
+        )
     return values
 
 
@@ -201,24 +199,14 @@ def rows_of(shape: tuple[int, int], row: Numbers, column: Numbers, value: Number
 
 
 def as_floats(values: Stored) -> Stored:
-    """Return Fractions as floats, and floats as they are.
-
-    Raises
-    ------
-    NumericalError
-        A Fraction is beyond 1e150 in size.
-    """
-    if isinstance(values, csr_array) or not is_exact(values):
-        return values
-    largest = max((abs(entry) for entry in values.flat if isinstance(entry, Fraction)), default=Fraction(0))
-    if largest > LARGEST:
-        raise NumericalError(f"an exact number beyond {LARGEST:g} in size has no place among floats")
-    return cast(Stored, values.astype(np.float64))
+    """Return Fractions as floats, and floats as they are."""
+    return cast(Stored, values.astype(np.float64)) if is_exact(values) else values
 
 
 def _sizes(values: Numbers) -> Numbers:
-    """Return the sizes of floats, 0 for infinities."""
-    return np.where(np.isinf(values), 0.0, np.abs(values))
+    """Return the sizes, 0 for infinities."""
+    sizes: Numbers = np.abs(values)
+    return np.where(sizes == TOP, 0, sizes)
 
 
 def _as_array(field: str, value: object, ndim: int, top: bool) -> Numbers:
@@ -245,9 +233,11 @@ def _as_float_array(field: str, raw: Numbers) -> Numbers:
     if raw.dtype.kind != "f" and ((raw > LARGEST_WHOLE) | (raw < -LARGEST_WHOLE)).any():
         worst = raw.max() if raw.max() > LARGEST_WHOLE else raw.min()
         raise InvalidInputError(field, Told(f"{worst}"), "whole numbers up to 2**53 in size, or exact(...)")
-    if raw.dtype.kind == "f" and (_sizes(raw) > LARGEST).any():
+    if raw.dtype.itemsize <= 8:
+        raw = raw.astype(np.float64)
+    if (_sizes(raw) > LARGEST).any():
         raise InvalidInputError(
-            field, Told(f"{_sizes(raw).max():.3g} in it"), f"up to {LARGEST:g} in size, or exact(...)"
+            field, Told(f"{_sizes(raw).max()!s} in it"), f"numbers up to {LARGEST:g} in size"
         )
     if np.isnan(raw).any():
         raise InvalidInputError(field, Told("NaN in it"), "numbers and -inf")
@@ -261,10 +251,15 @@ def _exact(field: str, raw: Numbers, *, floats: bool) -> Numbers:
 
 
 def _as_fraction(field: str, entry: object, floats: bool) -> Scalar:
+    found: Scalar | None = None
     if isinstance(entry, Fraction | int | np.integer) and not isinstance(entry, bool):
-        return Fraction(int(entry)) if isinstance(entry, np.integer) else Fraction(entry)
-    if isinstance(entry, float | np.floating) and not isnan(entry) and (floats or isinf(entry)):
-        return float(entry) if isinf(entry) else Fraction(float(entry))
+        found = Fraction(int(entry)) if isinstance(entry, np.integer) else Fraction(entry)
+    elif isinstance(entry, float | np.floating) and not isnan(entry) and (floats or isinf(entry)):
+        found = float(entry) if isinf(entry) else Fraction(float(entry))
+    if isinstance(found, Fraction) and abs(found) > LARGEST:
+        raise InvalidInputError(field, Told("a larger one"), f"numbers up to {LARGEST:g} in size")
+    if found is not None:
+        return found
     raise InvalidInputError(field, entry, "int, Fraction, -inf or inf in an exact array")
 
 

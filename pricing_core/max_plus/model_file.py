@@ -94,13 +94,7 @@ def run_model(content: Mapping[str, Any]) -> ModelRun:
 
 def _run_graph(content: Mapping[str, Any], steps: int) -> ModelRun:
     graph = event_graph_of({key: value for key, value in content.items() if key in GRAPH_KEYS})
-    states = len(graph.transitions) * graph.memory
-    if states > MOST_STATES:
-        raise InvalidInputError(
-            "places",
-            Told(f"{states} states: {graph.memory} firings of {len(graph.transitions)} transitions"),
-            f"with at most {MOST_STATES} states",
-        )
+    graph.check_states(MOST_STATES)
     start = _vector(content, "x0", len(graph.transitions)) if content.get("x0") is not None else None
     u = _matrix(content, "u") if content.get("u") is not None else None
     found = graph.run(steps, start=start, u=u)

@@ -93,7 +93,7 @@ def longest_paths_at(
     found = np.asarray(found + p)
     found = np.asarray(found - found.max())
     if is_exact(found):
-        return found
+        return in_range(found)
     on = np.flatnonzero(arc >= 0)
     before, missed = np.arange(graph.size), np.zeros(graph.size)
     part = graph.only(kept)

@@ -10,7 +10,7 @@ from pricing_core.max_plus.divergence import diverging
 from pricing_core.max_plus.matrices import EPSILON, TOP, Numbers, Scalar, alike, all_alike, dense, exact
 from pricing_core.max_plus.scalars import as_number
 from pricing_core.max_plus.star import dense_star
-from pricing_core.max_plus.system import MaxPlusSystem
+from pricing_core.max_plus.system import MaxPlusSystem, as_system
 
 
 def throughput(system: MaxPlusSystem) -> Numbers:
@@ -23,7 +23,7 @@ def throughput(system: MaxPlusSystem) -> Numbers:
     >>> throughput(MaxPlusSystem([[2.0, 5.0], [3.0, 3.0]]))
     array([0.25, 0.25])
     """
-    paces = np.where(system.C == EPSILON, EPSILON, cycle_time(system.A)).max(axis=1)
+    paces = np.where(as_system("system", system).C == EPSILON, EPSILON, cycle_time(system.A)).max(axis=1)
     return np.array([1 / pace if pace > 0 else TOP for pace in paces])
 
 
@@ -57,7 +57,7 @@ def latency(system: MaxPlusSystem, period: Scalar | None = None) -> Numbers:
     >>> latency(MaxPlusSystem([[2.0]], [[3.0]], [[1.0]]))
     array([[2.]])
     """
-    own, given = all_alike(system.A, None if period is None else _one("period", period))
+    own, given = all_alike(as_system("system", system).A, None if period is None else _one("period", period))
     pace = max(cycle_time(own)) if given[0] is None else given[0][0]
     if pace == EPSILON:
         raise NumericalError("the system has no circuit and so no period of its own: tell one")

@@ -142,13 +142,13 @@ def solution_of_equation(A: object, b: object, *, tolerance: float | None = None
 
 def _raised(values: Stored) -> Stored:
     """Return floats with what rounding may take of a sum that they are in."""
-    if isinstance(values, csr_array):
-        raised = values.copy()
-        raised.data = _raised(values.data)
-        return raised
     if is_exact(values):
         return values
-    return cast(Stored, np.where(np.isinf(values), values, values + UNIT * np.abs(values)))
+    raised = cast(Stored, values.copy())
+    stored = raised.data if isinstance(raised, csr_array) else raised
+    finite = np.isfinite(stored)
+    stored[finite] += UNIT * np.abs(stored[finite])
+    return raised
 
 
 def _difference(limit: Numbers, weight: Numbers) -> Numbers:

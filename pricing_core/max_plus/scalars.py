@@ -7,7 +7,7 @@ import numpy as np
 
 from pricing_core.errors import InvalidInputError, Told
 
-LARGEST = 1e150  # weights of floats: sums of as many as fit into memory stay far from infinity
+LARGEST = 1e150  # of weights and results: sums of as many as fit into memory stay far from infinity
 LARGEST_WHOLE = 2**53  # up to here every whole number is a float
 
 
@@ -36,7 +36,7 @@ def as_number(
     InvalidInputError
         It is none, below `least`, beyond 1e150 in size, or a whole number that no float is.
     """
-    if isinstance(value, Fraction):
+    if isinstance(value, Fraction) and abs(value) <= LARGEST:
         number: float | Fraction = value
     elif isinstance(value, int | np.integer) and not isinstance(value, bool):
         if abs(int(value)) > LARGEST_WHOLE:

@@ -96,6 +96,8 @@ class ImplicitSystem:
     def __init__(
         self, A: Sequence[object], B: object = None, C: object = None, names: Sequence[str] = ()
     ) -> None:
+        if isinstance(A, str) or not (isinstance(A, Sequence) or np.ndim(A) == 3):
+            raise InvalidInputError("A", A, "a list of matrices A0, A1, ...")
         if len(A) < 2:
             raise InvalidInputError("A", Told(f"{len(A)} matrices"), "at least A0 and A1")
         first = dense(as_square("A[0]", A[0], top=False))
@@ -103,12 +105,12 @@ class ImplicitSystem:
         later = [_block(f"A[{k}]", A[k], n, n) for k in range(1, len(A))]
         ends = None if B is None else _block("B", B, rows=n), None if C is None else _block("C", C, columns=n)
         first, (inputs, outputs, *rest) = all_alike(first, *ends, *later)
-        if names and len(names) != n:
-            raise InvalidInputError("names", Told(f"{len(names)} names"), f"one for each of {n} states")
+        if isinstance(names, str) or not isinstance(names, Sequence) or len(names) not in (0, n):
+            raise InvalidInputError("names", names, f"a list of names, one for each of {n} states")
         object.__setattr__(self, "A", (first, *rest))
         object.__setattr__(self, "B", inputs)
         object.__setattr__(self, "C", outputs)
-        object.__setattr__(self, "names", tuple(names) or tuple(str(i) for i in range(n)))
+        object.__setattr__(self, "names", tuple(str(name) for name in names or range(n)))
 
     def explicit(self) -> MaxPlusSystem:
         """Return the first-order system with the same x and y: shape q n, the state above its past.
@@ -152,6 +154,19 @@ class ImplicitSystem:
                 "themselves and never happen; move an arc of it to A1"
             )
         return dense(star(self.A[0]))
+
+
+def as_system(field: str, value: object) -> MaxPlusSystem:
+    """Return a system as it is.
+
+    Raises
+    ------
+    InvalidInputError
+        It is something else.
+    """
+    if not isinstance(value, MaxPlusSystem):
+        raise InvalidInputError(field, value, "a MaxPlusSystem")
+    return value
 
 
 def _below(top: Numbers, rows: int) -> Numbers:

@@ -6,14 +6,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Matrix, Vector, as_matrix
+from pricing_core.arrays import Matrix, Vector
+from pricing_core.arrays import as_matrix as as_finite_matrix
 from pricing_core.arrays import as_vector as as_finite_vector
 from pricing_core.errors import InvalidInputError, NumericalError, Told
 from pricing_core.lcp.basis import refined_solve
 from pricing_core.lcp.policies import iterate_policies
 from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of
 from pricing_core.max_plus.circuits import heaviest_circuit, named
-from pricing_core.max_plus.matrices import as_square
+from pricing_core.max_plus.matrices import as_floats, as_matrix, as_square, as_vector, dense
+from pricing_core.max_plus.scalars import as_whole
 from pricing_core.max_plus.spectrum import mean_of_circuits
 
 ROUNDING = 1e-13  # of what a row may be: a smaller residual is none
@@ -44,14 +46,14 @@ class VerticalLCP:
     group: IntVector  # (K,)
 
     def __init__(self, N: ArrayLike, q: ArrayLike, group: ArrayLike) -> None:
-        matrix = as_matrix("N", N)
-        groups = np.asarray(group)
-        if groups.shape != matrix.shape[:1] or groups.dtype.kind not in "iu":
+        matrix = as_finite_matrix("N", as_floats(dense(as_matrix("N", N, top=False))))
+        groups = as_vector("group", group)
+        if groups.shape != matrix.shape[:1] or (groups != np.floor(groups)).any():
             raise InvalidInputError("group", Told(f"shape {groups.shape}"), f"{len(matrix)} whole numbers")
         if not np.array_equal(np.unique(groups), np.arange(matrix.shape[1])):
             raise InvalidInputError("group", group, f"0 ... {matrix.shape[1] - 1}, each at least once")
         object.__setattr__(self, "N", matrix)
-        object.__setattr__(self, "q", as_finite_vector("q", q, len(matrix)))
+        object.__setattr__(self, "q", as_finite_vector("q", as_floats(as_vector("q", q)), len(matrix)))
         object.__setattr__(self, "group", groups.astype(np.int64))
 
 
@@ -90,9 +92,10 @@ def solve_vertical(problem: VerticalLCP, *, max_iterations: int = 200) -> Vertic
     >>> solve_vertical(VerticalLCP([[1.0], [1.0], [1.0]], [-1.0, -4.0, -2.0], [0, 0, 0])).x
     array([4.])
     """
+    limit = as_whole("max_iterations", max_iterations, 1)
     first = np.array([np.flatnonzero(problem.group == i)[0] for i in range(problem.N.shape[1])])
     (policy, x), iterations = iterate_policies(
-        partial(_evaluate, problem), partial(_improve, problem), first, limit=max_iterations
+        partial(_evaluate, problem), partial(_improve, problem), first, limit=limit
     )
     return VerticalSolution(x, policy, iterations)
 
@@ -122,7 +125,7 @@ def fixed_point_problem(A: object, b: ArrayLike) -> VerticalLCP:
     array([7., 5.])
     """
     graph = arcs_of(as_square("A", A, top=False))
-    stop = as_finite_vector("b", b, graph.size)
+    stop = as_finite_vector("b", as_floats(as_vector("b", b)), graph.size)
     solution = mean_of_circuits(graph)
     if solution.ratio.max() >= 0:
         circuit = named(heaviest_circuit(graph, solution))

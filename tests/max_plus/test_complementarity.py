@@ -17,6 +17,7 @@ from pricing_core.lcp import (
     solve_policy_iteration,
 )
 from pricing_core.max_plus import (
+    Expression,
     MaxMinPlusScalingSystem,
     VerticalLCP,
     as_lcp,
@@ -32,6 +33,7 @@ from pricing_core.max_plus import (
 from tests.problems.max_plus_problems import KNOWN, E, whole_matrices
 
 seeds = st.integers(0, 2**32 - 1)
+PAIR = MaxMinPlusScalingSystem([largest(*variables(2))], inputs=1)
 SOLVERS = [solve, solve_lemke, solve_murty]
 
 
@@ -173,9 +175,56 @@ def test_an_lcp_is_a_vertical_problem_with_two_rows_in_each_group(n, seed):
         (lambda: MaxMinPlusScalingSystem([1.0], inputs=-1), InvalidInputError, "inputs"),
         (lambda: VerticalLCP([[1.0]], [0.0], [1]), InvalidInputError, "group"),
         (lambda: VerticalLCP([[1.0]], [0.0], [0, 0]), InvalidInputError, "group"),
-        (lambda: fixed_point_problem([[0.0]], [0.0]), NumericalError, "weight >= 0"),
+        (
+            lambda: fixed_point_problem([[0.0]], [0.0]),
+            NumericalError,
+            "circuit 0 -> 0 of A has a weight >= 0",
+        ),
+        (
+            lambda: fixed_point_problem([[E, 2.0], [-2.0, E]], [0.0, 0.0]),
+            NumericalError,
+            "circuit 0 -> 1 -> 0 of A has a weight >= 0",
+        ),
+        (lambda: PAIR.step([1.0]), InvalidInputError, "v = .* a vector of length 2"),
+        (lambda: PAIR.step([1.0, np.inf]), InvalidInputError, "v = .* finite"),
+        (lambda: PAIR.complementarity().step([1.0]), InvalidInputError, "v = .* length 2"),
+        (lambda: PAIR.complementarity().following([1.0, 2.0], [1.0, 2.0]), InvalidInputError, "a = "),
+        (lambda: variables(2)[1].value([1.0]), InvalidInputError, "x = 1 numbers"),
+        (lambda: largest(True, 1.0), InvalidInputError, "a finite number or an expression"),
+        (lambda: MaxMinPlusScalingSystem(5), InvalidInputError, "expressions = 5"),
+        (
+            lambda: MaxMinPlusScalingSystem([Expression()]).step([1.0]),
+            InvalidInputError,
+            "max, min, plus and scaling",
+        ),
+        (lambda: VerticalLCP([[1.0], [1.0, 2.0]], [0.0], [0]), InvalidInputError, "N = "),
+        (
+            lambda: solve_vertical(VerticalLCP([[1.0]], [0.0], [0]), max_iterations=0.5),
+            InvalidInputError,
+            "max",
+        ),
     ],
 )
 def test_what_is_no_such_problem_is_refused(call, error, words):
     with pytest.raises(error, match=words):
         call()
+
+
+def test_what_expressions_share_is_evaluated_once():
+    """x_0 doubled sixty times: 2^60 terms when written out."""
+    doubled = variables(1)[0]
+    for _ in range(60):
+        doubled = doubled + doubled
+    assert doubled.value([3.0]) == 3.0 * 2.0**60
+    halved = largest(doubled, variables(1)[0]) * 2.0**-60
+    system = MaxMinPlusScalingSystem([largest(halved, halved + 1.0)])
+    assert system.complementarity().step([3.0]) == system.step([3.0]) == [4.0]
+    assert len(system.complementarity().g) == 2
+
+
+def test_expressions_may_be_nested_deeply():
+    deep = variables(1)[0]
+    for _ in range(20_000):
+        deep = least(deep, 1.0) + 1.0
+    assert deep.value([-1e5]) == -8e4
+    assert MaxMinPlusScalingSystem([deep]).step([5.0]) == [2.0]

@@ -16,6 +16,7 @@ from pricing_core.max_plus import (
     event_graph_of,
     read_event_graph,
 )
+from pricing_core.max_plus.figures import gantt, orbit
 
 LINE = """
 # times in minutes
@@ -178,3 +179,94 @@ def test_inputs_need_their_times_and_only_they():
         read_event_graph(LINE).run(3)
     with pytest.raises(InvalidInputError, match="the times of the inputs"):
         TimedEventGraph(["a"], [("a", "a", 1.0, 1)]).run(3, u=[[1.0]] * 3)
+
+
+@pytest.mark.parametrize("number", [np.int64(2), np.float32(2.0), np.float64(2.0), Fraction(2), 2])
+def test_times_and_tokens_of_any_kind_of_number_are_taken(number):
+    graph = TimedEventGraph(["a"], [Place("a", "a", number, np.int64(1))])
+    assert graph.cycle_time() == 2
+    np.testing.assert_array_equal(graph.run(2).x, [[0], [2], [4]])
+
+
+def test_exact_times_run_exactly_and_one_float_makes_floats_of_all():
+    third = Fraction(1, 3)
+    found = TimedEventGraph(["a"], [("a", "a", third, 1)]).run(3).x
+    assert found[:, 0].tolist() == [0, third, 2 * third, 1]
+    mixed = TimedEventGraph(["a", "b"], [("a", "b", third, 0), ("b", "a", 0.5, 1)])
+    assert mixed.run(1).x.dtype == np.float64
+    assert mixed.cycle_time() == pytest.approx(5 / 6, rel=1e-15)
+
+
+def test_a_ring_of_twenty_thousand_transitions_is_read_once():
+    n = 20_000
+    names = [f"t{i}" for i in range(n)]
+    places = [Place(names[i - 1], names[i], float(i % 7), 1) for i in range(n)]
+    assert TimedEventGraph(names, places).cycle_time() == sum(i % 7 for i in range(n)) / n
+
+
+def test_more_states_than_memory_holds_are_refused():
+    graph = TimedEventGraph(["a", *"bcdefghijkl"], [("a", name, 1.0, 1000) for name in "abcdefghijkl"])
+    with pytest.raises(
+        InvalidInputError, match=r"12000 states: must be .* \(1000\) times 12 transitions"
+    ) as caught:
+        graph.run(1)
+    assert caught.value.field == "places"
+
+
+@pytest.mark.parametrize(
+    ("call", "field"),
+    [
+        (lambda: TimedEventGraph("ab", []), "transitions"),
+        (lambda: TimedEventGraph(5, []), "transitions"),
+        (lambda: TimedEventGraph(["a"], None), "places"),
+        (lambda: TimedEventGraph(["a"], [("a",)]), "places[0]"),
+        (lambda: TimedEventGraph(["a"], [5]), "places[0]"),
+        (lambda: TimedEventGraph(["a"], [(1, "a", 1.0, 1)]), "source"),
+        (lambda: TimedEventGraph(["a"], [("a", "a", 2**60, 1)]), "holding"),
+        (lambda: TimedEventGraph(["a"], [("a", "a", 1e200, 1)]), "holding"),
+        (lambda: TimedEventGraph(["a"], [("a", "a", True, 1)]), "holding"),
+        (lambda: read_event_graph(5), "text"),
+        (lambda: read_event_graph("a -> a: 9007199254740993, 1"), "line 1: holding"),
+        (lambda: event_graph_of([]), "content"),
+        (lambda: event_graph_of({"transitions": None, "places": []}), "transitions"),
+        (lambda: event_graph_of({5: 1}), "5"),
+    ],
+)
+def test_what_is_no_graph_at_all_is_refused_by_name(call, field):
+    with pytest.raises(InvalidInputError) as caught:
+        call()
+    assert caught.value.field == field
+
+
+def test_a_gantt_chart_bars_every_token_that_is_there_at_the_beginning():
+    """Three pallets on their way at time 0: the stays numbered 0, -1 and -2, and one for each later firing."""
+    graph = TimedEventGraph(["a", "b"], [("a", "b", 3.0, 0), ("b", "a", 2.0, 3)])
+    axes = gantt(graph, graph.run(2).x).axes[0]
+    labels = {(text.get_text(), text.get_position()[0]) for text in axes.texts}
+    assert labels == {("1", 3.5), ("2", 3.5), ("0", 1.0), ("-1", 1.0), ("-2", 1.0), ("1", 6.0), ("2", 6.0)}
+    assert len(axes.patches) == len(axes.texts) == 7
+
+
+@pytest.mark.parametrize(
+    ("call", "field"),
+    [
+        (lambda graph: gantt(graph, [[0.0]]), "x"),
+        (lambda graph: gantt(graph, None), "x"),
+        (lambda graph: gantt(5, [[0.0]]), "graph"),
+        (lambda graph: orbit([[0.0, 1.0]], ["a"]), "names"),
+        (lambda graph: orbit([[0.0, 1.0]], "ab"), "names"),
+        (lambda graph: orbit([0.0], ["a"]), "times"),
+        (lambda graph: orbit([[0.0]], ["a"], rate="x"), "rate"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_by_name(call, field):
+    graph = TimedEventGraph(["a", "b"], [("a", "b", 3.0, 0), ("b", "a", 2.0, 3)])
+    with pytest.raises(InvalidInputError) as caught:
+        call(graph)
+    assert caught.value.field == field
+
+
+def test_lists_of_times_are_drawn():
+    graph = TimedEventGraph(["a"], [("a", "a", 2.0, 1)])
+    assert len(gantt(graph, [[0], [2]]).axes[0].patches) == 2
+    assert len(orbit([[0], [2]], ["a"]).axes) == 2

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import floyd_warshall
 
+from pricing_core.errors import InvalidInputError
 from pricing_core.max_plus import exact, min_plus
 from pricing_core.max_plus.matrices import rows_of
 from tests.problems.max_plus_problems import E, simple_circuits, whole_matrices
@@ -46,3 +48,19 @@ def test_infinity_absorbs_and_a_sparse_matrix_holds_it_where_nothing_is_stored()
     product = min_plus.multiply(stored, np.array([E, 2.0]))
     np.testing.assert_array_equal(product, [6.0, 3.0])
     np.testing.assert_array_equal(min_plus.add(stored, stored).data, [4.0, 1.0])
+
+
+@pytest.mark.parametrize("A", [[[True]], [[1j]], csr_array([[True]]), csr_array([[1j]]), [["1"]]])
+@pytest.mark.parametrize(
+    "call", [min_plus.star, min_plus.eigenvalue, lambda A: min_plus.add(A, A), lambda A: min_plus.power(A, 2)]
+)
+def test_what_are_no_real_numbers_is_refused(call, A):
+    with pytest.raises(InvalidInputError, match="real numbers"):
+        call(A)
+
+
+@pytest.mark.parametrize("call", [min_plus.eigenvalue, min_plus.cycle_time])
+@pytest.mark.parametrize("A", [[[E]], csr_array([[E]])])
+def test_the_message_speaks_of_the_infinity_that_was_given(call, A):
+    with pytest.raises(InvalidInputError, match="-inf in it: must be numbers and \\+inf"):
+        call(A)

@@ -85,6 +85,13 @@ def test_an_event_graph_as_a_file():
         (GRAPH | {"places": [["drill", "press", 3]]}, "transitions"),
         (GRAPH | {"places": [["drill", "press", 3], ["press", "drill", 2]]}, "places"),
         (GRAPH | {"x0": [1]}, "x0"),
+        (GRAPH | {"places": [["drill", "press", 3], ["press", "drill", 2, 501]]}, "places"),
+        (GRAPH | {"places": [["drill", "press", 3], ["press", "drill", 2**53 + 1, 1]]}, "places[1].holding"),
+        (MATRICES | {"A": [[2**53 + 1, 2], [3, 4]]}, "A[0][0]"),
+        (MATRICES | {"x0": [0, 10**400]}, "x0[1]"),
+        (MATRICES | {"x0": [0, 1e151]}, "x0[1]"),
+        (5, "content"),
+        (None, "content"),
         (GRAPH | {"u": [[1], [2], [3]]}, "u"),
     ],
 )
@@ -112,3 +119,8 @@ def test_the_schema_names_every_key_that_is_taken():
 def test_a_state_that_never_waits_stays_at_minus_infinity():
     run = run_model(MATRICES | {"A": [[1, None], [None, None]]})
     np.testing.assert_array_equal(run.states[-1], [4.0, E])
+
+
+def test_times_that_leave_the_range_of_floats_are_an_error_and_no_null():
+    with pytest.raises(NumericalError, match="beyond 1e\\+150"):
+        run_model(MATRICES | {"A": [[9e149, None], [None, 0]]})

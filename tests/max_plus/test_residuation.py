@@ -1,5 +1,7 @@
 """Greatest sub-solutions: known values, the Galois connection, edge cases of top and epsilon."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -60,3 +62,19 @@ def test_the_row_that_makes_an_equation_unsolvable_is_named():
 def test_sizes_that_differ_are_refused(call):
     with pytest.raises(InvalidInputError):
         call([[1.0, 2.0]], [1.0, 2.0, 3.0]) if call is residuate_left else call([1.0, 2.0, 3.0], [[1.0, 2.0]])
+
+
+def test_rounding_makes_no_equation_unsolvable():
+    """4.4 + x = -1.2 has x = -5.6; in floats 4.4 + (-1.2 - 4.4) is one rounding below -1.2."""
+    assert 4.4 + (-1.2 - 4.4) < -1.2
+    for matrix in ([[4.4]], sparse([[4.4]])):
+        np.testing.assert_allclose(solution_of_equation(matrix, [-1.2]), [-5.6], rtol=1e-15)
+        with pytest.raises(InfeasibleError, match="row 0"):
+            solution_of_equation(matrix, [-1.2], tolerance=0.0)
+    tenths = exact([[Fraction(22, 5)]])
+    assert solution_of_equation(tenths, exact([Fraction(-6, 5)])).tolist() == [Fraction(-28, 5)]
+
+
+def test_large_weights_elsewhere_solve_no_equation():
+    with pytest.raises(InfeasibleError, match=r"row 2 of A x is at most 0.0 .* asks for 1e-09"):
+        solution_of_equation([[1e16, E], [E, 0.0], [E, 0.0]], [0.0, 0.0, 1e-9])

@@ -203,3 +203,67 @@ def test_no_steps_give_the_start_alone():
     found = simulate([[1.0]], [5.0], 0, B=[[1.0]], u=np.zeros((0, 1)), C=[[2.0]])
     np.testing.assert_array_equal(found.x, [[5.0]])
     np.testing.assert_array_equal(found.y, [[7.0]])
+
+
+THIRD = exact([[Fraction(1, 3)]])
+
+
+@pytest.mark.parametrize("first", [THIRD, [[0.5]]])
+@pytest.mark.parametrize("second", [THIRD, [[0.25]]])
+def test_floats_win_over_exact_numbers_wherever_both_meet(first, second):
+    one, other = MaxPlusSystem(first, first), MaxPlusSystem(second, second)
+    kind = np.dtype(object) if first is THIRD and second is THIRD else np.dtype(np.float64)
+    a, b = (THIRD[0, 0] if A is THIRD else Fraction(A[0][0]) for A in (first, second))
+    found = [
+        (series(one, other).A, [[a, E], [b, b]]),
+        (parallel(one, other).A, [[a, E], [E, b]]),
+        (feedback(other, first).A, [[max(b, a + b)]]),
+        (MaxPlusSystem(first, second).B, [[b]]),
+        (ImplicitSystem([-np.abs(first), second], second).explicit().B, [[b]]),
+        (simulate(first, second[0], 2).x, [[b], [a + b], [2 * a + b]]),
+        (simulate(first, first[0], 1, B=second, u=second).x, [[a], [max(2 * a, 2 * b)]]),
+        (latency(one, second[0][0]), [[np.inf if a > b else a - b]]),
+    ]
+    for values, expected in found:
+        assert values.dtype == kind
+        np.testing.assert_allclose(values.astype(float), np.array(expected, dtype=float), rtol=1e-15)
+
+
+def test_a_whole_period_keeps_an_exact_system_exact():
+    assert latency(MaxPlusSystem(THIRD, THIRD), 2).tolist() == [[Fraction(-5, 3)]]
+
+
+@pytest.mark.parametrize("period", [np.inf, -np.inf, np.nan, "x", True])
+def test_what_is_no_period_is_refused(period):
+    with pytest.raises(InvalidInputError) as caught:
+        latency(MaxPlusSystem([[1.0]], [[0.0]]), period)
+    assert caught.value.field == "period"
+
+
+@given(seeds)
+@settings(max_examples=50, deadline=None)
+def test_at_its_own_pace_no_system_falls_behind_by_rounding(seed):
+    a, b = 1e6 + np.random.default_rng(seed).random(2)
+    found = latency(MaxPlusSystem([[E, a], [b, E]], [[0.0], [0.0]]))
+    half = (a - b) / 2
+    np.testing.assert_allclose(found, [[max(half, 0.0)], [max(-half, 0.0)]] - (a + b) / 2, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("call", "field"),
+    [
+        (lambda: series(None, MaxPlusSystem([[1.0]])), "first"),
+        (lambda: parallel(MaxPlusSystem([[1.0]]), [[1.0]]), "second"),
+        (lambda: feedback(5, [[1.0]]), "system"),
+        (lambda: latency([[1.0]]), "system"),
+        (lambda: throughput("x"), "system"),
+        (lambda: just_in_time(None, [[1.0], [2.0]]), "system"),
+        (lambda: ImplicitSystem(5), "A"),
+        (lambda: ImplicitSystem(np.array(5.0)), "A"),
+        (lambda: ImplicitSystem([[[E]], [[1.0]]], names=["a", "b"]), "names"),
+    ],
+)
+def test_what_is_no_system_is_refused_by_name(call, field):
+    with pytest.raises(InvalidInputError) as caught:
+        call()
+    assert caught.value.field == field
