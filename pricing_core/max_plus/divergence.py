@@ -7,8 +7,8 @@ import numpy as np
 from pricing_core.arrays import BoolVector
 from pricing_core.max_plus.arcs import Arcs
 from pricing_core.max_plus.circuits import heaviest_circuit
-from pricing_core.max_plus.howard import UNIT
 from pricing_core.max_plus.matrices import TOP, Numbers, is_exact
+from pricing_core.max_plus.scalars import UNIT
 from pricing_core.max_plus.spectrum import mean_of_circuits
 
 

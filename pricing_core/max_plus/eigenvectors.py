@@ -156,6 +156,8 @@ def _nodes_of(graph: Arcs, solution: HowardSolution, value: Scalar | None) -> Bo
     if value is None:
         largest = (solution.ratio - solution.error).max()
         return np.asarray(spectral & (solution.ratio + solution.error >= largest))
+    if value == EPSILON:
+        raise InvalidInputError("value", value, "finite: only columns of epsilon have eigenvectors of -inf")
     ratio = np.where(spectral, solution.ratio, TOP)
     wanted = as_number("value", value)
     own = np.asarray(spectral & (np.abs(ratio - wanted) <= solution.error))

@@ -4,7 +4,6 @@ import numpy as np
 
 from pricing_core.max_plus.arcs import Arcs, arcs_of
 from pricing_core.max_plus.divergence import diverging
-from pricing_core.max_plus.howard import UNIT
 from pricing_core.max_plus.matrices import (
     EPSILON,
     TOP,
@@ -16,7 +15,7 @@ from pricing_core.max_plus.matrices import (
     is_exact,
     zero_like,
 )
-from pricing_core.max_plus.scalars import as_tolerance
+from pricing_core.max_plus.scalars import UNIT, as_tolerance
 
 
 def least_solution(A: object, b: object, *, tolerance: float | None = None) -> Numbers:

@@ -41,7 +41,7 @@ def exact(values: object) -> Numbers:
     Notes
     -----
     An exact array has dtype object. With a float array beside it, the result of an operation is float.
-    Cost: some hundred times that of floats.
+    Floats hold whole numbers, also as results, up to 2**53. Cost: some hundred times that of floats.
 
     Examples
     --------

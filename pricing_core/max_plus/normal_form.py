@@ -7,8 +7,9 @@ import numpy as np
 from pricing_core.arrays import BoolVector
 from pricing_core.max_plus.arcs import Arcs, IntVector
 from pricing_core.max_plus.class_order import longest_between_classes
-from pricing_core.max_plus.howard import HowardSolution, follow
+from pricing_core.max_plus.howard import HowardSolution
 from pricing_core.max_plus.matrices import EPSILON, Numbers, in_range, is_exact, zero_like
+from pricing_core.max_plus.policies import follow
 
 
 def normal_form(

@@ -8,7 +8,6 @@ from scipy.sparse import csr_array
 
 from pricing_core.errors import InfeasibleError, InvalidInputError, Told
 from pricing_core.max_plus.algebra import multiply, product
-from pricing_core.max_plus.howard import UNIT
 from pricing_core.max_plus.matrices import (
     EPSILON,
     TOP,
@@ -22,7 +21,7 @@ from pricing_core.max_plus.matrices import (
     is_exact,
     is_vector,
 )
-from pricing_core.max_plus.scalars import as_tolerance
+from pricing_core.max_plus.scalars import UNIT, as_tolerance
 
 
 def residuate_left(A: object, b: object) -> Numbers:

@@ -41,6 +41,8 @@ def eigenvalue(A: object, *, method: MeanMethod = "howard") -> Scalar:
 
     Notes
     -----
+    Howard's is the mean of a circuit, and that of no circuit is larger by more than the rounding of the numbers on
+    it. Karp's compares sums of n weights, and is as exact as the largest of them.
     Source: Baccelli, Cohen, Olsder, Quadrat 1992, Theorem 3.23; Karp 1978; Cochet-Terrasson et al. 1998.
 
     Examples

@@ -8,10 +8,10 @@ from pricing_core.errors import InvalidInputError, IterationLimitError, Told
 from pricing_core.max_plus.algebra import identity, multiply, power
 from pricing_core.max_plus.arcs import Arcs, arcs_of
 from pricing_core.max_plus.critical import critical_graph_of
-from pricing_core.max_plus.howard import UNIT, HowardSolution
+from pricing_core.max_plus.howard import HowardSolution
 from pricing_core.max_plus.matrices import EPSILON, Numbers, as_square, dense, is_exact, zero_like
 from pricing_core.max_plus.normal_form import normal_form
-from pricing_core.max_plus.scalars import as_whole
+from pricing_core.max_plus.scalars import UNIT, as_whole
 from pricing_core.max_plus.spectrum import mean_of_circuits
 
 

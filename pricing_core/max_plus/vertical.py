@@ -18,7 +18,7 @@ from pricing_core.max_plus.matrices import as_floats, as_matrix, as_square, as_v
 from pricing_core.max_plus.scalars import as_whole
 from pricing_core.max_plus.spectrum import mean_of_circuits
 
-ROUNDING = 1e-13  # of what a row may be: a smaller residual is none
+ROUNDING = 1e-13  # of the numbers added in a row: a smaller residual is none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +156,7 @@ def _evaluate(problem: VerticalLCP, policy: IntVector) -> tuple[IntVector, Vecto
 def _improve(problem: VerticalLCP, value: tuple[IntVector, Vector]) -> IntVector | None:
     policy, x = value
     residual = problem.N @ x + problem.q
-    size = np.abs(problem.N).sum(axis=1) * np.abs(x).max() + np.abs(problem.q)
+    size = np.abs(problem.N) @ np.abs(x) + np.abs(problem.q)
     order = np.lexsort((residual, problem.group))
     least = order[np.flatnonzero(np.diff(problem.group[order], prepend=-1))]
     better = residual[least] < -ROUNDING * size[least]

@@ -228,3 +228,10 @@ def test_expressions_may_be_nested_deeply():
         deep = least(deep, 1.0) + 1.0
     assert deep.value([-1e5]) == -8e4
     assert MaxMinPlusScalingSystem([deep]).step([5.0]) == [2.0]
+
+
+def test_a_large_time_elsewhere_hides_no_row():
+    A = np.full((3, 3), E)
+    A[1, 2] = -1.0
+    found = solve_vertical(fixed_point_problem(A, [1e16, 0.0, 5.0]))
+    np.testing.assert_array_equal(found.x, [1e16, 4.0, 5.0])

@@ -97,6 +97,12 @@ def test_a_matrix_without_circuits_has_no_eigenvector():
         eigenvector([[E, 1.0], [E, E]])
 
 
+def test_the_eigenvalue_minus_infinity_has_vectors_of_another_kind():
+    assert eigenvalues([[1.0, E], [E, E]]).tolist() == [1.0, E]
+    with pytest.raises(InvalidInputError, match="value = -inf: must be finite: only columns of epsilon"):
+        eigenvectors([[1.0, E], [E, E]], E)
+
+
 def test_a_row_of_epsilon_has_no_eigenmode():
     with pytest.raises(InvalidInputError, match="row 1 is epsilon"):
         eigenmode([[1.0, 2.0], [E, E]])
