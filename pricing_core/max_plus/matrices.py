@@ -214,6 +214,10 @@ def _as_array(field: str, value: object, ndim: int, top: bool) -> Numbers:
         raw: Numbers = np.asarray(value)
     except ValueError:
         raise InvalidInputError(field, value, f"{WHAT[ndim]} with rows of one length") from None
+    if np.ma.is_masked(value):
+        raise InvalidInputError(
+            field, Told("masked entries"), f"{WHAT[ndim]} without a mask; -inf is epsilon"
+        )
     if raw.ndim != ndim:
         raise InvalidInputError(field, Told(f"shape {raw.shape}"), WHAT[ndim])
     if not raw.size:

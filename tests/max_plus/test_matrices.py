@@ -43,6 +43,7 @@ E = -np.inf
         ([[True]], "real numbers"),
         ([[Fraction(1), 0.5], [1, 2]], "int, Fraction, -inf or inf"),
         ([[None]], "int, Fraction, -inf or inf"),
+        (np.ma.masked_array([[1.0]], [[True]]), "without a mask"),
         ([[2**53 + 1]], r"2\*\*53"),
         (csr_array([[np.nan]]), "NaN"),
         (csr_array((0, 0)), "not empty"),
