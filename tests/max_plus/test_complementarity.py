@@ -224,9 +224,9 @@ def test_what_expressions_share_is_evaluated_once():
 
 def test_expressions_may_be_nested_deeply():
     deep = variables(1)[0]
-    for _ in range(20_000):
+    for _ in range(4000):
         deep = least(deep, 1.0) + 1.0
-    assert deep.value([-1e5]) == -8e4
+    assert deep.value([-1e5]) == -96_000.0
     assert MaxMinPlusScalingSystem([deep]).step([5.0]) == [2.0]
 
 

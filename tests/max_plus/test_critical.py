@@ -118,7 +118,7 @@ def test_the_transient_does_not_change_with_units_and_potentials(A, seed):
     assert transient(0.1 * A + p[:, None] - p) == transient(exact(A))
 
 
-def test_a_hundred_thousand_loops_are_as_many_components():
-    n = 100_000
+def test_twenty_thousand_loops_are_as_many_components():
+    n = 20_000
     found = critical_graph(rows_of((n, n), np.arange(n), np.arange(n), np.zeros(n)))
     assert (len(found.components), found.cyclicity) == (n, 1)

@@ -219,7 +219,7 @@ def test_floats_of_very_different_sizes_have_the_eigenvalue_of_the_numbers_that_
 @pytest.mark.parametrize("rising", [True, False])
 def test_a_chain_of_thousands_of_classes_is_swept_once(rising):
     """Loops of 0 ... n - 1 or n ... 1, each before the next: a node hears of the largest so far."""
-    n = 5000
+    n = 3000
     i = np.arange(n)
     loops = i if rising else n - i
     chain = rows_of(
