@@ -137,7 +137,8 @@ class _Run:
     ) -> tuple[Flow | None, Crossing | None]:
         """Flow until an output crosses zero, the fast part has died out, or the interval ends.
 
-        The last coordinates are those at the flow's end.
+        The last coordinates are those at the flow's end. What crosses zero at a knot of the input is left to the
+        input after the knot.
         """
         slow = self.selector.slow_part(dynamics)
         flow = Flow(self.form, dynamics, t, t)
@@ -145,7 +146,8 @@ class _Run:
         rate = self.form.units.rate
         length = dynamics.step / rate
         sizes = np.linalg.norm(dynamics.outputs, axis=1)
-        close = AT_THE_END * (self.span[1] - self.span[0])
+        t0, t1 = self.span
+        close = max(AT_THE_END * (t1 - t0), 4.0 * float(np.spacing(max(abs(t0), abs(t1)))))
         while True:
             flow.times.append(t)
             flow.coordinates.append(c)
@@ -161,9 +163,9 @@ class _Run:
             self._note_touching(polynomials, place, tolerances, flow, (t, length), terms)
             c = place ** np.arange(terms.shape[0]) @ terms
             t = end if crossing is None and reach < 1.0 else t + (place * length if place > 0.0 else 0.0)
-            if crossing is None and t >= end - close:
+            if t >= end - close and (crossing is None or end < t1):
                 t = end
-                crossing = self._crossing_at_end(dynamics, c)
+                crossing = self._crossing_at_end(dynamics, c) if end == t1 else None
             if crossing is not None or t >= end or (slow is not None and slow.is_all_of(c)):
                 flow.end = t
                 flow.coordinates.append(c)

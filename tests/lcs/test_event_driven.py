@@ -425,3 +425,25 @@ def test_events_that_accumulate_where_nothing_goes_on_are_an_error():
     with pytest.raises(ZenoError, match=r"events accumulate at t = 2.*nothing goes on"):
         simulate(system, [3.0, 1.0, 2.0], (0.0, 3.0))
     assert simulate(system, [3.0, 1.0, 2.5], (0.0, 2.4)).events[-1].kind == "zeno"
+
+
+@pytest.mark.parametrize("knot", [1.0, 0.3, 0.1 + 0.2, 1 / 3, 7.7])
+@pytest.mark.parametrize("start", [0.0, -1e6])
+@pytest.mark.parametrize("drive", [0.0, 1.0], ids=["no input of its own", "held by u"])
+def test_an_output_that_reaches_zero_at_a_knot_is_left_to_the_input_after_it(knot, start, drive):
+    """x falls from 1 to 0 at the knot, where its rate turns: without u nothing would go on before the turn."""
+    times, rates = [start + knot, start + 2 * knot], [[-1 / knot], [1 / knot]]
+    system = LCS([[0.0]], [[drive]], [[1.0]], f=PiecewiseConstant(times, rates))
+    trajectory = simulate(system, [1.0], (start, start + 2 * knot))
+    (event,) = trajectory.events
+    assert (event.kind, event.time, event.mode_after) == ("input", start + knot, ())
+    assert trajectory.x[-1, 0] == pytest.approx(1.0, abs=2e-9)  # of times about 1e6 no more is known
+    assert not trajectory.u.any()
+
+
+def test_a_slack_that_the_input_alone_takes_to_zero_at_its_knot_rises_again():
+    system = LCS([[-1.0]], [[0.0]], [[0.0]], g=piecewise_linear([0.0, 0.3, 0.6], [1.0, 0.0, 1.0]))
+    trajectory = simulate(system, [1.0], (0.0, 0.6), t_eval=[0.15, 0.3, 0.45])
+    assert [event.kind for event in trajectory.events] == ["input"]
+    assert trajectory.y[:, 0] == pytest.approx([0.5, 0.0, 0.5], abs=1e-14)
+    assert trajectory.x[:, 0] == pytest.approx(np.exp([-0.15, -0.3, -0.45]), rel=1e-14)

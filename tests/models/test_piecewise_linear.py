@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from pricing_core.errors import InvalidInputError, NonUniqueError
+from pricing_core.errors import InfeasibleError, InvalidInputError, NonUniqueError
 from pricing_core.lcs import LCS, simulate, theorem_11_6
 from pricing_core.models import (
     Characteristic,
@@ -152,6 +152,39 @@ def test_the_w_property_sees_slopes_against_feedthrough():
     assert "another sign" in scalar(saturation(), d=2.0).w_property().reason
     many = PiecewiseLinearSystem(-np.eye(13), np.eye(13), np.eye(13), None, [saturation()] * 13)
     assert many.w_property().status == "silent"
+
+
+def test_the_w_property_weighs_decimals_as_it_weighs_integers():
+    """y = x + 1.2 u with the slopes 3 and 1/2: 1 - 3.6 and 1 - 0.6 differ in sign, so that y turns back at 0."""
+    system = scalar(gain_schedule([0.0], [3.0, 0.5]), d=1.2)
+    assert "another sign" in system.w_property().reason
+    with pytest.raises(NonUniqueError):
+        system.simulate([1.0], (0.0, 1.0))
+    with pytest.raises(InfeasibleError):
+        system.simulate([-1.0], (0.0, 1.0))
+
+
+def test_the_w_property_of_many_characteristics_is_found_column_by_column():
+    """Twelve loops with G = -1/(s + 1), and the same where one of them has the wrong sign."""
+    one, curves = np.eye(12), [saturation()] * 12
+    assert PiecewiseLinearSystem(-one, -one, one, None, curves).w_property().status == "holds"
+    D = np.diag([2.0, *np.zeros(11)])
+    assert "another sign" in PiecewiseLinearSystem(-one, -one, one, D, curves).w_property().reason
+
+
+def test_a_corner_at_the_start_is_left_exactly():
+    """y = C x + 0.3 u stands on the right corner of a dead zone at 0, where u = 0, and falls into it."""
+    A, B, C = [[-1.1, 0.6], [-0.3, 1.9]], [[1.2], [-0.1]], [[-0.4, -0.7]]
+    system = PiecewiseLinearSystem(A, B, C, [[0.3]], [dead_zone(0.4, 0.3)])
+    x0 = np.linalg.lstsq(C, [0.4], rcond=None)[0]
+    assert (np.array(C) @ A @ x0).item() > 0.0
+    run = system.simulate(x0, (0.0, 0.1))
+    slope = 0.3 / (1 - 0.3 * 0.3)  # u = slope (C x - 0.4)
+    shifted = np.array(A) + slope * np.outer(B, C)
+    exact = solve_ivp(
+        lambda t, x: shifted @ x - slope * 0.4 * np.ravel(B), (0, 0.1), x0, rtol=1e-12, atol=1e-13
+    )
+    assert run.x[-1] == pytest.approx(exact.y[:, -1], abs=1e-11)
 
 
 def test_a_loop_that_folds_back_has_several_continuations():
