@@ -134,6 +134,25 @@ def test_the_relay_with_the_wrong_sign_has_three_continuations(form):
     assert ends == {-1.0, 0.0, 1.0}
 
 
+@both_forms
+@pytest.mark.parametrize(
+    ("A", "B", "C", "on", "off"),
+    [([[0]], [[1]], [[0]], [0.0], None), ([[0, 0], [0, -1]], [[1], [0]], [[0, 1]], [0.0, 0.0], [0.0, 1.0])],
+    ids=["y = 0", "y unmoved"],
+)
+def test_a_relay_that_does_not_see_its_effect_may_give_anything_at_zero(A, B, C, on, off, form):
+    """x1' = u for any u from -1 to 1 while y = 0; where y > 0 there is x1' = -1 alone."""
+    system = RelaySystem(A, B, C)
+    with pytest.raises(NonUniqueError, match="several continuations"):
+        system.simulate(on, (0.0, 1.0), form=form)
+    with pytest.raises(NonUniqueError, match="several continuations"):
+        system.to_piecewise_linear().simulate(on, (0.0, 1.0))
+    chosen = system.simulate(on, (0.0, 1.0), form=form, on_nonunique="first")
+    assert abs(chosen.x[-1, 0]) == steady(1.0)
+    if off is not None:
+        assert system.simulate(off, (0.0, 1.0), form=form).x[-1] == steady([-1.0, math.exp(-1.0)])
+
+
 def test_the_two_forms_are_different_systems_and_the_dae_holds():
     system = filippov()
     assert not np.array_equal(system.to_lcs().D, system.to_lcs("dae").D)
