@@ -1,17 +1,20 @@
 """Array aliases and the conversion every public constructor uses."""
 
+import math
 from fractions import Fraction
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, NumericalError
 
 Vector: TypeAlias = NDArray[np.float64]
 Matrix: TypeAlias = NDArray[np.float64]
 BoolVector: TypeAlias = NDArray[np.bool_]
 IndexSet: TypeAlias = tuple[int, ...]
+
+REACHED = "of a size that floating-point numbers reach"
 
 
 def as_vector(field: str, value: ArrayLike, size: int | None = None) -> Vector:
@@ -53,14 +56,96 @@ def as_square_matrix(field: str, value: ArrayLike) -> Matrix:
     return array
 
 
+def as_array(field: str, value: object) -> NDArray[Any]:
+    """Return what NumPy makes of the value, or raise InvalidInputError where that is no array, as of ragged rows."""
+    try:
+        return np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(field, value, "an array of numbers, with rows of one length") from error
+
+
+def as_number(field: str, value: object) -> float:
+    """Return a finite real number as a float, or raise InvalidInputError naming `field`.
+
+    Examples
+    --------
+    >>> as_number("h", np.int64(2)), as_number("h", Fraction(1, 2))
+    (2.0, 0.5)
+    """
+    number = as_extended_number(field, value)
+    if not math.isfinite(number):
+        raise InvalidInputError(field, value, "a finite number")
+    return number
+
+
+def as_extended_number(field: str, value: object) -> float:
+    """Return a real number as a float, or an infinite one, or raise InvalidInputError naming `field`."""
+    try:
+        number = float(value) if _is_real(value) else math.nan
+    except OverflowError as error:
+        raise InvalidInputError(field, value, REACHED) from error
+    if math.isnan(number):
+        raise InvalidInputError(field, value, "a number")
+    return number
+
+
+def as_share(field: str, value: object) -> float:
+    """Return a number from 0 to 1, or raise InvalidInputError naming `field`."""
+    share = as_number(field, value)
+    if not 0.0 <= share <= 1.0:
+        raise InvalidInputError(field, value, "a number from 0 to 1")
+    return share
+
+
+def as_whole_number(field: str, value: object, least: int) -> int:
+    """Return a whole number that is not less than the least, or raise InvalidInputError naming `field`."""
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
+        raise InvalidInputError(field, value, f"a whole number >= {least}")
+    return int(value)
+
+
+def as_values(field: str, value: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return what a function that was given has returned, as floats of this shape.
+
+    Raises
+    ------
+    InvalidInputError
+        The function returns something else.
+    NumericalError
+        Its values are not finite: it was asked where it has none.
+    """
+    raw = as_array(field, value)
+    if raw.shape != shape:
+        raise InvalidInputError(field, f"shape {raw.shape}", f"a function with values of shape {shape}")
+    if raw.dtype.kind not in "fiu" and not _holds_numbers(raw):
+        raise InvalidInputError(field, value, "a function with real values")
+    values = np.asarray(raw, dtype=np.float64)
+    if not np.isfinite(values).all():
+        raise NumericalError(f"{field} has no finite value where the run went: {values.tolist()}")
+    return values
+
+
+def as_pair(field: str, value: object) -> tuple[object, object]:
+    """Return the two things that a function has returned, or raise InvalidInputError naming `field`."""
+    if not isinstance(value, tuple | list) or len(value) != 2:
+        raise InvalidInputError(field, value, "a function that returns a pair")
+    return value[0], value[1]
+
+
+def check_callable(field: str, value: object, arguments: str) -> None:
+    """Raise InvalidInputError unless the value is a function; `arguments` says of what."""
+    if not callable(value):
+        raise InvalidInputError(field, value, f"a function of {arguments}")
+
+
 def _finite(field: str, value: ArrayLike, ndim: int) -> NDArray[np.float64]:
-    raw: Any = np.asarray(value)
-    if raw.dtype.kind not in "fiu" and not _holds_fractions(raw):
+    raw = as_array(field, value)
+    if raw.dtype.kind not in "fiu" and not _holds_numbers(raw):
         raise InvalidInputError(field, value, "real numbers")
     try:
         array = np.array(raw, dtype=np.float64)
     except OverflowError as error:
-        raise InvalidInputError(field, value, "of a size that floating-point numbers reach") from error
+        raise InvalidInputError(field, value, REACHED) from error
     if array.ndim != ndim:
         raise InvalidInputError(field, f"shape {array.shape}", ("a number", "a vector", "a matrix")[ndim])
     if not np.isfinite(array).all():
@@ -69,8 +154,12 @@ def _finite(field: str, value: ArrayLike, ndim: int) -> NDArray[np.float64]:
     return array
 
 
-def _holds_fractions(raw: NDArray[Any]) -> bool:
-    """Tell whether an array of objects holds nothing but Fraction, int and float."""
-    return raw.dtype.kind == "O" and all(
-        isinstance(entry, Fraction | int | float) and not isinstance(entry, bool) for entry in raw.ravel()
+def _holds_numbers(raw: NDArray[Any]) -> bool:
+    """Tell whether an array of objects holds nothing but real numbers."""
+    return raw.dtype.kind == "O" and all(_is_real(entry) for entry in raw.ravel())
+
+
+def _is_real(value: object) -> TypeGuard[float]:
+    return isinstance(value, Fraction | int | float | np.integer | np.floating) and not isinstance(
+        value, bool
     )

@@ -100,6 +100,15 @@ class ZenoError(NumericalError):
 
 
 def shown(value: object) -> str:
-    """Return what a message shows of a value: its repr, at most 40 characters of it."""
-    text = repr(value)
+    """Return what a message shows of a value: its repr, at most 40 characters of it.
+
+    Examples
+    --------
+    >>> shown(10**5000)
+    'a value of type int'
+    """
+    try:
+        text = repr(value)
+    except ValueError:  # integers of thousands of digits have no repr
+        return f"a value of type {type(value).__name__}"
     return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."

@@ -7,8 +7,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Matrix, Vector, as_matrix
-from pricing_core.errors import InvalidInputError, NumericalError
+from pricing_core.arrays import Matrix, Vector, as_pair, as_values, as_whole_number, check_callable
 
 Function: TypeAlias = Callable[[Vector, Vector], ArrayLike]
 Jacobian: TypeAlias = Callable[[Vector, Vector], tuple[ArrayLike, ArrayLike]]
@@ -57,16 +56,20 @@ class SemiExplicitSystem:
     h_jacobian: Jacobian | None = None
 
     def __post_init__(self) -> None:
-        if self.pairs < 1:
-            raise InvalidInputError("pairs", self.pairs, "at least 1")
+        check_callable("f", self.f, "(x, u)")
+        check_callable("h", self.h, "(x, u)")
+        for name in ("f_jacobian", "h_jacobian"):
+            if getattr(self, name) is not None:
+                check_callable(name, getattr(self, name), "(x, u)")
+        object.__setattr__(self, "pairs", as_whole_number("pairs", self.pairs, 1))
 
     def rate(self, x: Vector, u: Vector) -> Vector:
         """Return f(x, u), shape (n,)."""
-        return _checked("f", self.f(x, u), x.size)
+        return as_values("f", self.f(x, u), (x.size,))
 
     def slack(self, x: Vector, u: Vector) -> Vector:
         """Return h(x, u), shape (k,)."""
-        return _checked("h", self.h(x, u), self.pairs)
+        return as_values("h", self.h(x, u), (self.pairs,))
 
     def linearised(self, x: Vector, u: Vector) -> Linearisation:
         """Return f, h and their derivatives at (x, u)."""
@@ -79,15 +82,6 @@ class SemiExplicitSystem:
         )
 
 
-def _checked(field: str, value: ArrayLike, size: int) -> Vector:
-    vector = np.asarray(value, dtype=np.float64)
-    if vector.shape != (size,):
-        raise InvalidInputError(field, f"shape {vector.shape}", f"a function with values of shape ({size},)")
-    if not np.isfinite(vector).all():
-        raise NumericalError(f"{field} has no finite value where the iteration went: {vector.tolist()}")
-    return vector
-
-
 def _derivatives(
     field: str,
     jacobian: Jacobian | None,
@@ -98,10 +92,10 @@ def _derivatives(
 ) -> tuple[Matrix, Matrix]:
     """Return the derivatives of a function by x and by u."""
     if jacobian is not None:
-        by_x, by_u = jacobian(x, u)
+        by_x, by_u = as_pair(field, jacobian(x, u))
         return (
-            as_matrix(f"{field} by x", by_x, (value.size, x.size)),
-            as_matrix(f"{field} by u", by_u, (value.size, u.size)),
+            as_values(f"{field} by x", by_x, (value.size, x.size)),
+            as_values(f"{field} by u", by_u, (value.size, u.size)),
         )
     return (
         _differences(lambda moved: function(moved, u), x, value),

@@ -12,10 +12,10 @@ from pricing_core.errors import InvalidInputError
 def checked_span(t_span: tuple[float, float]) -> tuple[float, float]:
     """Return t_span as two finite increasing numbers, or raise InvalidInputError."""
     try:
-        t0, t1 = (float(t) for t in t_span)
-    except (TypeError, ValueError):
-        t0 = t1 = math.nan
-    if not (math.isfinite(t0) and math.isfinite(t1) and t1 > t0):
+        t0, t1 = as_vector("t_span", t_span, 2).tolist()
+    except InvalidInputError:
+        t0 = t1 = 0.0
+    if not 0.0 < t1 - t0 < math.inf:
         raise InvalidInputError("t_span", t_span, "two finite numbers with t_span[0] < t_span[1]")
     return t0, t1
 

@@ -8,14 +8,27 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import BoolVector, Matrix, Vector, as_vector
-from pricing_core.errors import InvalidInputError, IterationLimitError
+from pricing_core.arrays import (
+    BoolVector,
+    Matrix,
+    Vector,
+    as_array,
+    as_pair,
+    as_share,
+    as_values,
+    as_vector,
+    as_whole_number,
+    check_callable,
+)
+from pricing_core.errors import InvalidInputError, IterationLimitError, NumericalError
 from pricing_core.lcp import LCP, solve
+from pricing_core.lcs.simulation_times import checked_span
 
 Function: TypeAlias = Callable[[Vector], ArrayLike]
 Energy: TypeAlias = Callable[[Vector, Vector], float]
 Gradient: TypeAlias = Callable[[Vector, Vector], tuple[ArrayLike, ArrayLike]]
 
+MOST_STEPS = 1_000_000
 MOST_ITERATIONS = 50
 SETTLED = 1e-13  # of the state
 DIFFERENCE = 1e-7  # of the state, for derivatives by differences
@@ -86,8 +99,11 @@ class HamiltonianSystem:
     restitution: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.restitution <= 1.0:
-            raise InvalidInputError("restitution", self.restitution, "a number from 0 to 1")
+        check_callable("energy", self.energy, "(q, p)")
+        check_callable("gradient", self.gradient, "(q, p)")
+        check_callable("constraints", self.constraints, "q")
+        check_callable("constraint_jacobian", self.constraint_jacobian, "q")
+        object.__setattr__(self, "restitution", as_share("restitution", self.restitution))
 
     def simulate(
         self, q0: ArrayLike, p0: ArrayLike, t_span: tuple[float, float], *, steps: int
@@ -97,23 +113,28 @@ class HamiltonianSystem:
         Raises
         ------
         InvalidInputError
-            Shapes that do not fit, q0 violates a constraint, no step.
+            Shapes that do not fit, q0 violates a constraint, a number of steps that is not from 1 to 1 000 000.
         IterationLimitError
             Newton's method does not converge: take more steps.
+        NumericalError
+            A function has no finite value where the motion goes.
         """
         q = as_vector("q0", q0)
+        if q.size == 0:
+            raise InvalidInputError("q0", q0, "one coordinate or more")
         p = as_vector("p0", p0, q.size)
-        if steps < 1:
-            raise InvalidInputError("steps", steps, "at least 1")
-        t = np.linspace(*t_span, steps + 1)
-        gaps = np.atleast_1d(np.asarray(self.constraints(q), dtype=np.float64))
+        span = checked_span(t_span)
+        if as_whole_number("steps", steps, 1) > MOST_STEPS:
+            raise InvalidInputError("steps", steps, f"at most {MOST_STEPS}")
+        t = np.linspace(*span, steps + 1)
+        gaps = as_vector("constraints", np.atleast_1d(as_array("constraints", self.constraints(q))))
         if np.any(gaps < 0.0):
             i = int(np.flatnonzero(gaps < 0.0)[0])
             raise InvalidInputError("q0", q0, f"such that constraint {i} holds: it is {gaps[i]:.6g} there")
         z = np.concatenate([q, p])
         states, impulses = [z], [np.zeros(gaps.size)]
         for start, end in itertools.pairwise(t):
-            z, impulse = self._step(z, float(end - start), float(end))
+            z, impulse = self._step(z, gaps.size, float(end - start), float(end))
             states.append(z)
             impulses.append(impulse)
         table = np.array(states)
@@ -123,17 +144,18 @@ class HamiltonianSystem:
             positions,
             momenta,
             np.array(impulses),
-            np.array([np.atleast_1d(self.constraints(position)) for position in positions]),
-            np.array([self.energy(*pair) for pair in zip(positions, momenta, strict=True)]),
+            np.array([self._gaps(position, gaps.size) for position in positions]),
+            np.array([self._energy(state) for state in states]),
         )
 
-    def _step(self, z: Vector, h: float, t: float) -> tuple[Vector, Vector]:
+    def _step(self, z: Vector, k: int, h: float, t: float) -> tuple[Vector, Vector]:
         """Return the state after a step and the impulses in it, by Newton's method with an LCP in each iteration."""
         n = z.size // 2
         velocity = self._slope(z)[n:]
         ahead = z[:n] + 0.5 * h * velocity
-        normals = np.atleast_2d(np.asarray(self.constraint_jacobian(ahead), dtype=np.float64))
-        closing: BoolVector = np.atleast_1d(np.asarray(self.constraints(ahead))) <= 0.0
+        given = np.atleast_2d(as_array("constraint_jacobian", self.constraint_jacobian(ahead)))
+        normals = as_values("constraint_jacobian", given, (k, n))
+        closing: BoolVector = self._gaps(ahead, k) <= 0.0
         active = normals[closing]
         push = np.vstack([np.zeros((n, active.shape[0])), active.T])
         after, impulse = z + h * _rotated(self._slope(z)), np.zeros(active.shape[0])
@@ -143,7 +165,7 @@ class HamiltonianSystem:
                 lambda end: end - h * _rotated(self._discrete_gradient(z, end)), after
             )
             by_velocity = self._derivative(lambda end: self._slope(end)[n:], after)
-            solved = np.linalg.solve(jacobian, np.column_stack([-residual, push]))
+            solved = _solved(jacobian, np.column_stack([-residual, push]), t)
             free, response = solved[:, 0], solved[:, 1:]
             rebound = active @ (self._slope(after)[n:] + by_velocity @ free + self.restitution * velocity)
             change = active @ by_velocity @ response
@@ -160,21 +182,30 @@ class HamiltonianSystem:
         every[closing] = impulse
         return after, every
 
+    def _gaps(self, q: Vector, k: int) -> Vector:
+        """Return C(q), shape (k,)."""
+        return as_values("constraints", np.atleast_1d(as_array("constraints", self.constraints(q))), (k,))
+
+    def _energy(self, z: Vector) -> float:
+        """Return H."""
+        n = z.size // 2
+        return float(as_values("energy", self.energy(z[:n], z[n:]), ()))
+
     def _slope(self, z: Vector) -> Vector:
         """Return (H_q, H_p)."""
         n = z.size // 2
-        return np.concatenate([np.atleast_1d(part) for part in self.gradient(z[:n], z[n:])]).astype(
-            np.float64
+        parts = as_pair("gradient", self.gradient(z[:n], z[n:]))
+        return np.concatenate(
+            [as_values("gradient", np.atleast_1d(as_array("gradient", part)), (n,)) for part in parts]
         )
 
     def _discrete_gradient(self, start: Vector, end: Vector) -> Vector:
         """Return g with g^T (end - start) = H(end) - H(start), the gradient in the middle to second order."""
-        n = start.size // 2
         middle, change = self._slope(0.5 * (start + end)), end - start
         length = float(change @ change)
         if length == 0.0:
             return middle
-        difference = self.energy(end[:n], end[n:]) - self.energy(start[:n], start[n:])
+        difference = self._energy(end) - self._energy(start)
         return np.asarray(middle + (difference - middle @ change) / length * change)
 
     def _derivative(self, function: Callable[[Vector], Vector], z: Vector) -> Matrix:
@@ -185,6 +216,17 @@ class HamiltonianSystem:
             step[i] = DIFFERENCE * size
             columns.append((function(z + step) - function(z - step)) / (2.0 * step[i]))
         return np.array(columns).T
+
+
+def _solved(jacobian: Matrix, right: Matrix, t: float) -> Matrix:
+    """Return the solution of a linearised step."""
+    try:
+        solved = np.asarray(np.linalg.solve(jacobian, right), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        solved = np.full(right.shape, np.nan)
+    if not np.isfinite(solved).all():
+        raise NumericalError(f"the equations of the step to t = {t:.9g} are singular: take more steps")
+    return solved
 
 
 def _rotated(slope: Vector) -> Vector:

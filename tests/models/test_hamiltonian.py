@@ -1,9 +1,10 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, NumericalError
 from pricing_core.models import HamiltonianSystem, MechanicalSystem
 
 G = 9.81
@@ -89,9 +90,84 @@ def test_linear_mechanics_is_the_limit_of_small_steps():
 
 @pytest.mark.parametrize(
     ("field", "arguments"),
-    [("q0", {"q0": [-1.0]}), ("p0", {"p0": [0.0, 1.0]}), ("steps", {"steps": 0})],
+    [
+        ("q0", {"q0": [-1.0]}),
+        ("q0", {"q0": [], "p0": []}),
+        ("q0", {"q0": [[1.0], [1.0, 2.0]]}),
+        ("p0", {"p0": [0.0, 1.0]}),
+        ("steps", {"steps": 0}),
+        ("steps", {"steps": 2.5}),
+        ("steps", {"steps": "10"}),
+        ("steps", {"steps": 10**12}),
+        ("t_span", {"t_span": (1.0, 0.0)}),
+        ("t_span", {"t_span": (0.0, math.nan)}),
+        ("t_span", {"t_span": (0.0, math.inf)}),
+        ("t_span", {"t_span": (-1e308, 1e308)}),
+        ("t_span", {"t_span": (0.0, 1.0, 2.0)}),
+        ("t_span", {"t_span": None}),
+        ("t_span", {"t_span": "01"}),
+    ],
 )
 def test_bad_arguments_are_refused(field, arguments):
     given = {"q0": [1.0], "p0": [0.0], "t_span": (0.0, 1.0), "steps": 10, **arguments}
     with pytest.raises(InvalidInputError, match=field):
         pendulum().simulate(**given)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("restitution", 1.5),
+        ("restitution", -0.1),
+        ("restitution", math.nan),
+        ("restitution", "x"),
+        pytest.param("restitution", 10**5000, id="an integer of 5001 digits"),
+        ("energy", 1.0),
+        ("gradient", None),
+        ("constraints", np.eye(1)),
+        ("constraint_jacobian", "q"),
+    ],
+)
+def test_bad_parts_of_a_system_are_refused(field, value):
+    with pytest.raises(InvalidInputError, match=field):
+        replace(pendulum(), **{field: value})
+
+
+@pytest.mark.parametrize(
+    ("field", "function"),
+    [
+        ("energy", lambda q, p: p),
+        ("energy", lambda q, p: "much"),
+        ("gradient", lambda q, p: p),
+        ("gradient", lambda q, p: (np.zeros(2), p)),
+        ("gradient", lambda q, p: (1j * q, p)),
+        ("constraints", lambda q: np.ones((2, 2))),
+        ("constraints", lambda q: [math.nan]),
+        ("constraints", lambda q: [[1.0], [1.0, 2.0]]),
+        ("constraints", lambda q: np.ones(1 if q[0] == 1.0 else 2)),
+        ("constraint_jacobian", lambda q: np.eye(2)),
+    ],
+)
+def test_functions_that_return_something_else_are_named(field, function):
+    with pytest.raises(InvalidInputError, match=field):
+        replace(pendulum(), **{field: function}).simulate([1.0], [0.0], (0.0, 1.0), steps=10)
+
+
+@pytest.mark.parametrize(
+    ("field", "function"),
+    [
+        ("energy", lambda q, p: math.nan),
+        ("gradient", lambda q, p: (np.array([math.inf]), p)),
+        ("constraints", lambda q: q if q[0] == 1.0 else [math.nan]),
+        ("constraint_jacobian", lambda q: [[math.nan]]),
+    ],
+)
+def test_functions_without_a_value_on_the_way_are_named(field, function):
+    with pytest.raises(NumericalError, match=f"{field} has no finite value"):
+        replace(pendulum(), **{field: function}).simulate([1.0], [0.0], (0.0, 1.0), steps=10)
+
+
+def test_numpy_numbers_are_numbers():
+    span = (np.float32(0.0), np.int64(1))
+    swing = pendulum(np.float32(0.5)).simulate([np.int64(1)], [0.0], span, steps=np.int64(10))
+    assert np.array_equal(swing.q, pendulum(0.5).simulate([1.0], [0.0], (0.0, 1.0), steps=10).q)
