@@ -6,19 +6,29 @@ from typing import Any
 import numpy as np
 
 from app.model_keys import (
-    INTEGER,
     NUMBER,
     VECTOR,
     Key,
     first_that_fits,
     object_schema,
+    read_integer,
     read_object,
     read_vector,
 )
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError
 
-STEPS = {"steps": INTEGER.described("number of equal steps", required=True)}
+MOST_STEPS = 1_000_000
+
+
+def _read_count(field: str, value: Any) -> int:
+    if (count := read_integer(field, value)) > MOST_STEPS:
+        raise InvalidInputError(field, value, f"at most {MOST_STEPS}")
+    return count
+
+
+COUNT = Key(_read_count, {"type": "integer", "minimum": 1, "maximum": MOST_STEPS})
+STEPS = {"steps": COUNT.described("number of equal steps", required=True)}
 
 
 def _read_span(field: str, value: Any) -> tuple[float, float]:

@@ -6,11 +6,16 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from pricing_core.arrays import Matrix, Vector
+from pricing_core.errors import NumericalError
 from pricing_core.lcs.balancing import Units, balancing_units
 from pricing_core.lcs.exosystem import Exosystem
 from pricing_core.lcs.rational_system import EXACT_SIZE, has_short_numbers, rational_system
 from pricing_core.lcs.system import LCS, PiecewiseConstant
 from pricing_core.linalg.rational import as_fractions, rational, rational_array
+
+FARTHEST = (
+    1e100  # of the coefficients in balanced units: products of a few of them are floating-point numbers
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +54,11 @@ class AutonomousForm:
 def autonomous_form(system: LCS) -> AutonomousForm:
     """Return the system without inputs that has the same solutions.
 
+    Raises
+    ------
+    NumericalError
+        No units bring the coefficients close enough to each other.
+
     Examples
     --------
     A constant force is a state that does not change:
@@ -76,8 +86,20 @@ def autonomous_form(system: LCS) -> AutonomousForm:
         D,
     )
     units = balancing_units(combined.A, combined.B, combined.C, combined.D)
+    _check_reach(combined, units)
     is_exact = sum(combined.shape) <= EXACT_SIZE and has_short_numbers(combined)
     return AutonomousForm(_balanced(combined, units, is_exact), units, n, inputs, is_exact)
+
+
+def _check_reach(system: LCS, units: Units) -> None:
+    with np.errstate(over="ignore"):
+        parts = units.apply(system.A, system.B, system.C, system.D)
+    largest = max(float(np.abs(part).max(initial=0.0)) for part in parts)
+    if not largest < FARTHEST:
+        raise NumericalError(
+            f"in the best units that were found a coefficient is {largest:.1e}: take units of state, input and time in "
+            "which the coefficients are closer to each other"
+        )
 
 
 def _balanced(system: LCS, units: Units, is_exact: bool) -> LCS:

@@ -16,6 +16,8 @@ from pricing_core.lcs.mode_dynamics import ModeDynamics
 from pricing_core.lcs.mode_selection import ModeSelector, OnNonUnique
 from pricing_core.lcs.multipliers import least_norm_multipliers
 from pricing_core.lcs.one_step_uniqueness import has_unique_steps
+from pricing_core.lcs.overflow import check_size
+from pricing_core.lcs.slow_part import NOTHING
 from pricing_core.lcs.stored_energy import with_energy_lost
 from pricing_core.lcs.system import LCS
 from pricing_core.lcs.trajectory import Event, EventKind, Trajectory
@@ -27,7 +29,7 @@ CROSSES = 1e-11  # of an output's size: how far below zero counts
 TOUCHES = 1e-9  # of an output's size: how close to zero counts as contact
 MOST_REINITIALISATIONS = 50  # at one instant
 AT_THE_END = 1e-13  # of the interval
-NOTHING = 1e-140  # in the form's units: a state so small has died out, and squares of it would underflow
+MOST_STEPS = 100_000  # Taylor polynomials
 
 
 def drive_by_events(
@@ -92,6 +94,7 @@ class _Run:
     interrupt: Callable[[], bool] | None
     flows: list[Flow] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
+    steps: int = 0
 
     def simulate(self, x0: Vector) -> Literal["finished", "interrupted"]:
         t0, t1 = self.span
@@ -149,6 +152,7 @@ class _Run:
         t0, t1 = self.span
         close = max(AT_THE_END * (t1 - t0), 4.0 * float(np.spacing(max(abs(t0), abs(t1)))))
         while True:
+            self._count_step(t)
             flow.times.append(t)
             flow.coordinates.append(c)
             if self.interrupt is not None and self.interrupt():
@@ -156,6 +160,7 @@ class _Run:
                 return None, None
             reach = min(1.0, (end - t) / length) if end > t else 0.0
             terms = dynamics.expansion(c)
+            check_size(terms, t)
             polynomials = terms @ dynamics.outputs.T
             tolerances = CROSSES * np.maximum(sizes * float(np.linalg.norm(c)), 1e-290)
             crossing = first_crossing(polynomials, reach, tolerances)
@@ -187,6 +192,7 @@ class _Run:
         left: IndexSet | None = None,
     ) -> tuple[ModeDynamics, Vector]:
         """Select the mode that goes on from z, jump into it, and note the event; return dynamics and coordinates."""
+        check_size(z, t)
         if float(np.max(np.abs(z), initial=0.0)) < NOTHING:
             z = np.zeros_like(z)
         before = z
@@ -296,6 +302,14 @@ class _Run:
             x = self._state(flow.dynamics.basis @ (place ** np.arange(terms.shape[0]) @ terms))
             none = np.zeros(self.form.system.shape[1])
             self._note(Event(t + place * length, "grazing", x, x, none, flow.mode, flow.mode))
+
+    def _count_step(self, t: float) -> None:
+        if self.steps == MOST_STEPS:
+            raise IterationLimitError(
+                f"{MOST_STEPS} steps by t = {t:.12g}, as long as the fastest motion allows, and events may follow: "
+                "simulate a shorter interval, or one part of it after the other"
+            )
+        self.steps += 1
 
     def _note(self, event: Event) -> None:
         if len(self.events) == self.max_events:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
 from pricing_core.arrays import Matrix, Vector, as_increasing, as_matrix, as_square_matrix
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, NumericalError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +92,11 @@ class Exosystem:
     def _state(self, t: float, piece: int) -> Vector:
         piece = max(piece, 0)
         elapsed = t - float(self.times[piece])
-        return np.asarray(expm(self.generator * elapsed) @ self.states[piece])
+        with np.errstate(over="ignore", invalid="ignore"):
+            state = np.asarray(expm(self.generator * elapsed) @ self.states[piece])
+        if not np.isfinite(state).all():
+            raise NumericalError(f"the input overflows at t = {t:.12g}")
+        return state
 
 
 def sine(amplitude: ArrayLike, frequency: float, phase: float = 0.0, offset: ArrayLike = 0.0) -> Exosystem:

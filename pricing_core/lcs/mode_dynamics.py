@@ -14,7 +14,7 @@ Table: TypeAlias = NDArray[np.float64]
 
 REACH = 2.0  # of one Taylor polynomial, in units of 1/|rate|
 DEGREE = 26  # of that polynomial: REACH**27/27! is 1e-20
-LONGEST = 1e150
+LONGEST = 1e308  # any interval of finite numbers
 VANISHES = 1e-11  # share of its terms' sizes below which an output counts as zero
 VANISHING_RATE = 1e-9  # the same for its derivatives
 ROUNDING = 1e-13  # of the terms that an entry is made of

@@ -27,7 +27,7 @@ def least_norm_multipliers(system: LCS, u: Matrix, y: Matrix) -> tuple[Matrix, M
     Source: Han, Tiwari, Camlibel, Pang 2009.
     """
     B, D = system.B, system.D
-    symmetric = D + D.T
+    symmetric = 0.5 * D + 0.5 * D.T
     stacked = np.vstack([B / max(float(np.abs(B).max(initial=0.0)), 1e-300), symmetric])
     if np.linalg.matrix_rank(stacked) == D.shape[0]:
         return u, y

@@ -7,6 +7,7 @@ import numpy as np
 from pricing_core.arrays import Vector
 from pricing_core.errors import IterationLimitError, NumericalError
 from pricing_core.lcp import LCP, Method, solve
+from pricing_core.lcs.overflow import check_size
 from pricing_core.lcs.semi_explicit import Linearisation, SemiExplicitSystem
 from pricing_core.lcs.time_stepping import LCSState
 from pricing_core.stepping import OneStepMethod, Step
@@ -38,7 +39,10 @@ class NonlinearStage:
         ------
         IterationLimitError
             The iteration does not settle, or a linearised problem has no solution: nothing is proved.
+        NumericalError
+            The state overflows.
         """
+        check_size(base, t)
         x, u = near.value, near.multiplier
         for _ in range(MOST_ITERATIONS):
             local = self.system.linearised(x, u)

@@ -43,7 +43,8 @@ def simulate(
     "event-driven" follows (11.78): the flow in a mode is exact, its events are located to rounding, and modes are
     selected, and jumps made, by the rational complementarity problem. No excursion of an output below -1e-11 of its
     size is missed; transversal events are located to 1e-12, a contact of multiplicity m to the m-th root of that.
-    Where events accumulate, their limit is extrapolated and the run goes on from there.
+    Where events accumulate, their limit is extrapolated and the run goes on from there. What has died out is no longer
+    followed, so that a long interval costs little once the state has settled.
 
     "time-stepping" solves one LCP per implicit stage (11.65), with error control: the robust second way, of order 1
     or 2, for systems with hundreds of pairs.
@@ -95,7 +96,9 @@ def simulate(
     ZenoError
         Events accumulate at an instant from which nothing goes on.
     IterationLimitError
-        More than max_events events, or endless reinitialisations at one instant.
+        More than max_events events, more than 100 000 Taylor polynomials, or endless reinitialisations at one instant.
+    NumericalError
+        The state or an input overflows.
     RelativeDegreeError
         The stepping scheme cannot converge: relative degree 3 or more, or 2 with "sdirk2" or "theta".
     RayTerminationError, StepSizeError

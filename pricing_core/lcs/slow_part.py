@@ -10,8 +10,9 @@ from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs.mode_dynamics import ModeDynamics, longest_step
 
 GAP = 30.0  # between the sizes of fast and slow eigenvalues
-DAMPED = 0.1  # damping of the fast ones, at the least
+DAMPED = 1e-6  # damping of the fast ones, at the least
 DEAD = 1e-15  # share of the coordinates
+NOTHING = 1e-140  # in the form's units: a state so small has died out, and squares of it would underflow
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,13 +35,14 @@ class SlowPart:
     def is_all_of(self, c: Vector) -> bool:
         """Tell whether the fast part of these coordinates is no more than rounding."""
         fast = c - self.back @ (self.take @ c)
-        return float(np.linalg.norm(fast)) <= DEAD * float(np.linalg.norm(c))
+        return float(np.linalg.norm(fast)) <= max(DEAD * float(np.linalg.norm(c)), NOTHING)
 
 
 def slow_part(dynamics: ModeDynamics) -> SlowPart | None:
     """Split off the largest eigenvalues, in the left half plane, beyond the first gap of at least a factor 30.
 
-    Returns None where there is no such gap: then all eigenvalues set the step. Cost: one Schur form.
+    Where there is no such gap, but all are in the left half plane, nothing is left. Elsewhere None is returned: all
+    eigenvalues set the step. Cost: one Schur form.
 
     Examples
     --------
@@ -79,9 +81,10 @@ def _threshold(eigenvalues: NDArray[np.complex128]) -> float | None:
     """Return a size between the fast eigenvalues and the others, at the first gap from above; None without one."""
     order = np.argsort(-np.abs(eigenvalues))
     sizes = np.maximum(np.abs(eigenvalues[order]), np.finfo(float).tiny)
-    for i in range(1, sizes.size):
-        if sizes[i - 1] > GAP * sizes[i]:
+    for i in range(1, sizes.size + 1):
+        following = sizes[i] if i < sizes.size else 0.0
+        if sizes[i - 1] > GAP * following:
             fast = eigenvalues[order[:i]]
             decays = np.all(fast.real < -DAMPED * np.abs(fast))
-            return float(np.sqrt(sizes[i - 1]) * np.sqrt(sizes[i])) if decays else None
+            return float(np.sqrt(sizes[i - 1]) * np.sqrt(following)) if decays else None
     return None

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcp import Method
+from pricing_core.lcs.overflow import check_size
 from pricing_core.lcs.stepping_scheme import (
     ATOL,
     RTOL,
@@ -146,6 +147,7 @@ def _enter(
     system: LCS, x: Vector, t: float, input_changes: bool, h: float, consistent_within: float
 ) -> tuple[LCSState, Event | None]:
     """Return the state just after t, and the jump or change of input if there is one."""
+    check_size(x, t)
     state = continue_from(system, x, t, consistent_within)
     if state is not None:
         return state, Event(t, "input", x, x, np.zeros(system.shape[1])) if input_changes else None

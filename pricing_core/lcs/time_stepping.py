@@ -10,6 +10,7 @@ from pricing_core.arrays import Vector
 from pricing_core.errors import InfeasibleError, NumericalError
 from pricing_core.lcp import LCP, Method, least_norm_solution, solve
 from pricing_core.lcs.one_step_problem import OneStepProblem, one_step_problem
+from pricing_core.lcs.overflow import check_size
 from pricing_core.lcs.system import LCS
 from pricing_core.stepping import OneStepMethod, Step
 
@@ -46,9 +47,13 @@ class LCSStage:
         ------
         InfeasibleError, RayTerminationError, IterationLimitError
             The LCP of the step has no solution, or its solver found none.
+        NumericalError
+            The state overflows.
         """
         problem = self._problem(h)
+        check_size(base, t)
         free = problem.free_state(base, t)
+        check_size(free, t)
         posed = problem.lcp(free, t)
         solution = solve(posed, method=self.lcp_method, start=near.multiplier > near.slack)
         u = solution.z

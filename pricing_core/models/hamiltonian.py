@@ -22,6 +22,7 @@ from pricing_core.arrays import (
 )
 from pricing_core.errors import InvalidInputError, IterationLimitError, NumericalError
 from pricing_core.lcp import LCP, solve
+from pricing_core.lcs.overflow import check_size
 from pricing_core.lcs.simulation_times import checked_span
 
 Function: TypeAlias = Callable[[Vector], ArrayLike]
@@ -117,7 +118,7 @@ class HamiltonianSystem:
         IterationLimitError
             Newton's method does not converge: take more steps.
         NumericalError
-            A function has no finite value where the motion goes.
+            A function has no finite value where the motion goes, or the state overflows.
         """
         q = as_vector("q0", q0)
         if q.size == 0:
@@ -134,6 +135,7 @@ class HamiltonianSystem:
         z = np.concatenate([q, p])
         states, impulses = [z], [np.zeros(gaps.size)]
         for start, end in itertools.pairwise(t):
+            check_size(z, float(start))
             z, impulse = self._step(z, gaps.size, float(end - start), float(end))
             states.append(z)
             impulses.append(impulse)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pricing_core.arrays import IndexSet, Matrix
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcs import LCS, Finding, simulate
-from pricing_core.lcs.mode_selection import OnNonUnique
+from pricing_core.lcs.mode_selection import LARGEST_COMPLETE, OnNonUnique
 from pricing_core.models.characteristic import Characteristic
 from pricing_core.models.horizontal_system import HorizontalSystem
 from pricing_core.models.trajectory import ModelTrajectory, Pieces, of_lcs
@@ -152,11 +152,11 @@ class PiecewiseLinearSystem:
             As `pricing_core.lcs.simulate`.
         """
         horizontal = self.to_horizontal()
-        if on_nonunique == "raise" and method == "event-driven" and self.w_property().status == "holds":
-            on_nonunique = "first"  # it is the only one: no need to look for others
-        run = simulate(
-            horizontal.to_lcs(), x0, t_span, method=method, t_eval=t_eval, on_nonunique=on_nonunique, h=h
-        )
+        system = horizontal.to_lcs()
+        looks_for_others = method == "event-driven" and system.shape[1] <= LARGEST_COMPLETE
+        if on_nonunique == "raise" and looks_for_others and self.w_property().status == "holds":
+            on_nonunique = "first"  # it is the only one
+        run = simulate(system, x0, t_span, method=method, t_eval=t_eval, on_nonunique=on_nonunique, h=h)
         return of_lcs(run, partial(self._elements, horizontal), lambda mode: self._pieces(horizontal, mode))
 
     def w_property(self) -> Finding:

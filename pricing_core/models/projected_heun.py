@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pricing_core.arrays import Vector
+from pricing_core.lcs.overflow import check_size
 from pricing_core.models.convex_set import ConvexSet, active_set
 from pricing_core.models.tangent_cone import project_velocity
 from pricing_core.stepping import Step
@@ -29,6 +30,7 @@ class ProjectedHeun:
 
     def step(self, t: float, state: Vector, h: float) -> Step[Vector]:
         """Go from t to t + h."""
+        check_size(state, t)
         first = self.velocity(state)
         second = self.velocity(self.K.project(state + h * first))
         end = self.K.project(state + 0.5 * h * (first + second))

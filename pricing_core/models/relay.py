@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pricing_core.arrays import IndexSet, Matrix, Vector, as_vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import LCS, WellPosedness, simulate, theorem_11_6, well_posedness
-from pricing_core.lcs.mode_selection import OnNonUnique
+from pricing_core.lcs.mode_selection import LARGEST_COMPLETE, OnNonUnique
 from pricing_core.models.horizontal_system import HorizontalSystem
 from pricing_core.models.named_characteristics import relay_step
 from pricing_core.models.piecewise_linear import PiecewiseLinearSystem
@@ -187,16 +187,11 @@ class RelaySystem:
         ([[-1.0], [0.0]], (Switch(time=2.0, before=(2,), after=(1,)),))
         """
         _check_form(form)
-        k = self.shape[1]
-        if (
-            on_nonunique == "raise"
-            and method == "event-driven"
-            and theorem_11_6(*self.given).status == "holds"
-        ):
-            on_nonunique = "first"  # it is the only one: no need to look for others
-        run = simulate(
-            self.to_lcs(form), x0, t_span, method=method, t_eval=t_eval, on_nonunique=on_nonunique, h=h
-        )
+        k, system = self.shape[1], self.to_lcs(form)
+        looks_for_others = method == "event-driven" and system.shape[1] <= LARGEST_COMPLETE
+        if on_nonunique == "raise" and looks_for_others and theorem_11_6(*self.given).status == "holds":
+            on_nonunique = "first"  # it is the only one
+        run = simulate(system, x0, t_span, method=method, t_eval=t_eval, on_nonunique=on_nonunique, h=h)
         dae = self.to_dae() if form == "dae" else None
         return of_lcs(run, partial(self._relay, dae), lambda mode: _pieces(mode, k, dae))
 

@@ -2,10 +2,17 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from pricing_core.errors import InfeasibleError, IterationLimitError, NonUniqueError, ZenoError
-from pricing_core.lcs import LCS, PiecewiseConstant, piecewise_linear, simulate, sine
+from pricing_core.errors import (
+    InfeasibleError,
+    IterationLimitError,
+    NonUniqueError,
+    NumericalError,
+    ZenoError,
+)
+from pricing_core.lcs import LCS, Exosystem, PiecewiseConstant, event_driven, piecewise_linear, simulate, sine
 from tests.problems.lcs_problems import diode_bridge, problems, two_capacitors, two_relays
 from tests.problems.lcs_systems import bridge, filtered_bridge, integrators, two_carts, two_integrators
 
@@ -447,3 +454,59 @@ def test_a_slack_that_the_input_alone_takes_to_zero_at_its_knot_rises_again():
     assert [event.kind for event in trajectory.events] == ["input"]
     assert trajectory.y[:, 0] == pytest.approx([0.5, 0.0, 0.5], abs=1e-14)
     assert trajectory.x[:, 0] == pytest.approx(np.exp([-0.15, -0.3, -0.45]), rel=1e-14)
+
+
+@pytest.mark.parametrize("method", ["event-driven", "time-stepping"])
+def test_a_state_that_grows_without_bound_overflows_at_a_time(method):
+    """x = e^t is 1e140 at t = 140 ln 10 = 322.4."""
+    h = None if method == "event-driven" else 0.5
+    system = LCS([[1.0]], [[1.0]], [[1.0]])
+    with pytest.raises(NumericalError, match=r"the state overflows at t = 3[12]\d"):
+        simulate(system, [1.0], (0.0, 1000.0), method=method, h=h)
+    assert simulate(system, [1.0], (0.0, 300.0)).x[-1, 0] == pytest.approx(math.exp(300.0), rel=1e-11)
+
+
+@pytest.mark.parametrize("method", ["event-driven", "time-stepping"])
+def test_a_state_that_is_too_large_from_the_start_overflows_there(method):
+    with pytest.raises(NumericalError, match="the state overflows at t = 0:"):
+        simulate(LCS([[-1.0]], [[1.0]], [[1.0]]), [1e300], (0.0, 1.0), method=method)
+
+
+def test_an_input_that_overflows_says_so():
+    growing = Exosystem([[1.0]], [[1.0]], [[1.0], [1.0]], times=[0.0, 2000.0])
+    with pytest.raises(NumericalError, match="the input overflows at t = 1999"):
+        simulate(LCS([[-1.0]], [[1.0]], [[1.0]], f=growing), [0.0], (1999.0, 2001.0))
+
+
+@pytest.mark.parametrize("f", [1e308, -1e308])
+def test_coefficients_that_no_units_bring_together_are_refused(f):
+    with pytest.raises(NumericalError, match="take units of state, input and time"):
+        simulate(LCS([[-1.0]], [[1.0]], [[1.0]], f=[f]), [1.0], (0.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("A", "f", "rest"),
+    [
+        ([[-1.0]], [0.0], [0.0]),
+        ([[-1.0]], [1.0], [1.0]),
+        ([[-0.1, 1.0], [-1.0, -0.1]], [0.0, 0.0], [0.0, 0.0]),
+        ([[-0.1, 1.0], [-1.0, -0.1]], [1.0, 1.0], [1.1 / 1.01, -0.9 / 1.01]),
+    ],
+    ids=["decay", "to a fixed point", "oscillation", "oscillation about a fixed point"],
+)
+@pytest.mark.parametrize("end", [1e9, 1e300])
+def test_a_settled_state_is_followed_no_longer(A, f, rest, end):
+    """-A^-1 f; the slowest of these would otherwise take 1e9 Taylor polynomials."""
+    n = len(A)
+    trajectory = simulate(LCS(A, np.zeros((n, 1)), np.zeros((1, n)), [[1.0]], f=f), np.ones(n), (0.0, end))
+    assert trajectory.x[-1] == pytest.approx(rest, abs=1e-12)
+    assert trajectory.accepted < 4000
+    state = rest + expm(2.0 * np.array(A)) @ (np.ones(n) - rest)
+    assert trajectory(2.0) == pytest.approx(state, abs=1e-12)
+
+
+def test_a_motion_that_never_settles_is_not_followed_for_ever(monkeypatch):
+    monkeypatch.setattr(event_driven, "MOST_STEPS", 1000)
+    circle = LCS([[0.0, 1.0], [-1.0, 0.0]], np.zeros((2, 1)), np.zeros((1, 2)))
+    with pytest.raises(IterationLimitError, match=r"1000 steps by t = 2000, .* simulate a shorter interval"):
+        simulate(circle, [1.0, 0.0], (0.0, 1e300))

@@ -1,0 +1,22 @@
+"""How large a state may become before a run ends."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pricing_core.errors import NumericalError
+
+LARGEST = 1e140  # squares of such numbers, with weights, are floating-point numbers still
+
+
+def check_size(values: NDArray[np.float64], t: float) -> None:
+    """Raise NumericalError unless all values are numbers of at most 1e140: the state overflows at t.
+
+    Examples
+    --------
+    >>> check_size(np.array([1e200]), 2.5)
+    Traceback (most recent call last):
+    ...
+    pricing_core.errors.NumericalError: the state overflows at t = 2.5: it is not below 1e+140 there
+    """
+    if not float(np.max(np.abs(values), initial=0.0)) < LARGEST:
+        raise NumericalError(f"the state overflows at t = {t:.12g}: it is not below {LARGEST:g} there")
