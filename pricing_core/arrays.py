@@ -64,6 +64,11 @@ def as_array(field: str, value: object) -> NDArray[Any]:
         raise InvalidInputError(field, value, "an array of numbers, with rows of one length") from error
 
 
+def as_real_array(field: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return finite floats in any number of dimensions, read-only, or raise InvalidInputError naming `field`."""
+    return _finite(field, value, ndim=None)
+
+
 def as_number(field: str, value: object) -> float:
     """Return a finite real number as a float, or raise InvalidInputError naming `field`.
 
@@ -97,10 +102,12 @@ def as_share(field: str, value: object) -> float:
     return share
 
 
-def as_whole_number(field: str, value: object, least: int) -> int:
-    """Return a whole number that is not less than the least, or raise InvalidInputError naming `field`."""
+def as_whole_number(field: str, value: object, least: int, most: int | None = None) -> int:
+    """Return a whole number from the least to the most, or raise InvalidInputError naming `field`."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
         raise InvalidInputError(field, value, f"a whole number >= {least}")
+    if most is not None and value > most:
+        raise InvalidInputError(field, value, f"at most {most}")
     return int(value)
 
 
@@ -138,7 +145,7 @@ def check_callable(field: str, value: object, arguments: str) -> None:
         raise InvalidInputError(field, value, f"a function of {arguments}")
 
 
-def _finite(field: str, value: ArrayLike, ndim: int) -> NDArray[np.float64]:
+def _finite(field: str, value: ArrayLike, ndim: int | None) -> NDArray[np.float64]:
     raw = as_array(field, value)
     if raw.dtype.kind not in "fiu" and not _holds_numbers(raw):
         raise InvalidInputError(field, value, "real numbers")
@@ -146,7 +153,7 @@ def _finite(field: str, value: ArrayLike, ndim: int) -> NDArray[np.float64]:
         array = np.array(raw, dtype=np.float64)
     except OverflowError as error:
         raise InvalidInputError(field, value, REACHED) from error
-    if array.ndim != ndim:
+    if ndim is not None and array.ndim != ndim:
         raise InvalidInputError(field, f"shape {array.shape}", ("a number", "a vector", "a matrix")[ndim])
     if not np.isfinite(array).all():
         raise InvalidInputError(field, value, "finite")

@@ -7,7 +7,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
-from pricing_core.arrays import Matrix, Vector, as_increasing, as_matrix, as_square_matrix
+from pricing_core.arrays import (
+    Matrix,
+    Vector,
+    as_array,
+    as_increasing,
+    as_matrix,
+    as_number,
+    as_real_array,
+    as_square_matrix,
+    as_vector,
+)
 from pricing_core.errors import InvalidInputError, NumericalError
 
 
@@ -51,7 +61,7 @@ class Exosystem:
         self, generator: ArrayLike, output: ArrayLike, states: ArrayLike, times: ArrayLike = (0.0,)
     ) -> None:
         S = as_square_matrix("generator", generator)
-        rows = np.asarray(states)
+        rows = as_array("states", states)
         w = as_matrix("states", rows[None, :] if rows.ndim == 1 else rows)
         knots = as_increasing("times", times)
         if w.shape != (knots.size, S.shape[0]):
@@ -75,7 +85,7 @@ class Exosystem:
 
     def state_after(self, t: float) -> Vector:
         """Return w just after t, shape (p,)."""
-        return self._state(t, int(np.searchsorted(self.times, t, side="right")) - 1)
+        return self._state(t, int(np.searchsorted(self.times, as_number("t", t), side="right")) - 1)
 
     def after(self, t: float) -> Vector:
         """Return the value just after t, shape (m,)."""
@@ -87,7 +97,9 @@ class Exosystem:
 
     def before(self, t: float) -> Vector:
         """Return the value just before t, shape (m,)."""
-        return np.asarray(self.output @ self._state(t, int(np.searchsorted(self.times, t, side="left")) - 1))
+        return np.asarray(
+            self.output @ self._state(t, int(np.searchsorted(self.times, as_number("t", t), side="left")) - 1)
+        )
 
     def _state(self, t: float, piece: int) -> Vector:
         piece = max(piece, 0)
@@ -115,11 +127,14 @@ def sine(amplitude: ArrayLike, frequency: float, phase: float = 0.0, offset: Arr
     >>> sine(325.0, frequency=50.0).after(0.005)
     array([325.])
     """
-    sizes, offsets = np.broadcast_arrays(np.atleast_1d(amplitude), np.atleast_1d(offset))
-    omega = 2.0 * math.pi * frequency
+    amplitudes = np.atleast_1d(as_real_array("amplitude", amplitude))
+    levels = np.atleast_1d(as_real_array("offset", offset))
+    sizes = as_vector("amplitude", amplitudes, levels.size if amplitudes.size > 1 < levels.size else None)
+    sizes, offsets = np.broadcast_arrays(sizes, as_vector("offset", levels))
+    omega, start = 2.0 * math.pi * as_number("frequency", frequency), as_number("phase", phase)
     generator = [[0.0, omega, 0.0], [-omega, 0.0, 0.0], [0.0, 0.0, 0.0]]
     output = np.column_stack([sizes, np.zeros(sizes.size), offsets])
-    return Exosystem(generator, output, [math.sin(phase), math.cos(phase), 1.0])
+    return Exosystem(generator, output, [math.sin(start), math.cos(start), 1.0])
 
 
 def piecewise_linear(times: ArrayLike, values: ArrayLike) -> Exosystem:
@@ -138,7 +153,7 @@ def piecewise_linear(times: ArrayLike, values: ArrayLike) -> Exosystem:
     [0.0, 1.0, 1.0, 0.0]
     """
     knots = as_increasing("times", times)
-    rows = np.asarray(values)
+    rows = as_array("values", values)
     table = as_matrix("values", rows[:, None] if rows.ndim == 1 else rows)
     if table.shape[0] != knots.size:
         raise InvalidInputError(

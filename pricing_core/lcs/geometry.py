@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pricing_core.arrays import IndexSet, Matrix, Vector
+from pricing_core.arrays import IndexSet, Matrix, Vector, as_number
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs.balancing import balancing_units
 from pricing_core.lcs.mode_spaces import Arithmetic, particular_point, spaces
@@ -115,9 +115,10 @@ def mode_geometry(
     chosen = as_mode(mode, k)
     if exact if exact is not None else n + k <= EXACT_SIZE:
         return _exact_geometry(system, chosen, t)
-    if not 0.0 < rank_tolerance < 1.0:
+    tolerance = as_number("rank_tolerance", rank_tolerance)
+    if not 0.0 < tolerance < 1.0:
         raise InvalidInputError("rank_tolerance", rank_tolerance, "a number between 0 and 1")
-    return _floating_geometry(system, chosen, rank_tolerance, t)
+    return _floating_geometry(system, chosen, tolerance, t)
 
 
 def _exact_geometry(system: LCS, mode: IndexSet, t: float) -> ModeGeometry:

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Vector, as_vector
+from pricing_core.arrays import Vector, as_vector, check_callable
 from pricing_core.errors import InvalidInputError, IterationLimitError
 from pricing_core.lcp import Method
 from pricing_core.lcs.nonlinear_stage import NonlinearStage, RetriedSmaller
@@ -17,6 +17,7 @@ from pricing_core.lcs.stepping_scheme import (
     RTOL,
     SMALLEST_STEP,
     choose_scheme,
+    of_states,
     one_step_method,
     stepped_trajectory,
 )
@@ -75,6 +76,8 @@ def simulate_nonlinear(
     start = as_vector("x0", x0)
     t0, t1 = span = checked_span(t_span)
     reported = None if t_eval is None else checked_times(t_eval, span)
+    if interrupt is not None:
+        check_callable("interrupt", interrupt, "nothing")
     stage = NonlinearStage(system, lcp_method)
     state = _consistent(stage, start, t0)
     local = system.linearised(state.value, state.multiplier)
@@ -88,7 +91,9 @@ def simulate_nonlinear(
             state,
             span,
             controller=PIController(
-                RTOL if rtol is None else rtol, ATOL if atol is None else atol, start=1e-3
+                RTOL if rtol is None else rtol,
+                ATOL if atol is None else of_states("atol", atol, start.size),
+                start=1e-3,
             ),
             stop_times=() if reported is None else reported,
             smallest_h=smallest,

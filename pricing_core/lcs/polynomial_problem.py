@@ -6,7 +6,7 @@ import numpy as np
 from flint import fmpq, fmpq_poly, fmpz_poly
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import IndexSet, as_vector
+from pricing_core.arrays import IndexSet, as_array, as_vector
 from pricing_core.lcs.rational_system import RationalSystem, rational_offsets, rational_system
 from pricing_core.lcs.system import LCS
 from pricing_core.lcs.transfer_matrix import polynomial_transfer
@@ -86,7 +86,7 @@ class ModeSolution:
 def polynomial_problem(system: LCS, x0: ArrayLike, t: float) -> PolynomialProblem:
     """Return the problem of x' = Ax + Bu + f(t+), y = Cx + Du + g(t+) from x0, f and g steps at t."""
     n = system.shape[0]
-    given = np.asarray(x0)
+    given = as_array("x0", x0)
     as_vector("x0", given, n)
     data = rational_system(system)
     start = rational_array(given)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import BoolVector, as_matrix
+from pricing_core.arrays import BoolVector, as_array, as_matrix
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs.system import LCS
 from pricing_core.lcs.theorems import TOO_MANY_MODES, Finding, theorem_11_5
@@ -79,8 +79,8 @@ def has_guaranteed_direction(
     system = LCS(A, B, C, D)
     if system.D.any():
         raise InvalidInputError("D", D, "zero: Filippov's criterion needs surfaces y = Cx")
-    given = np.asarray(x)
-    states = given if given.ndim == 2 else given[None, :]
+    given = as_array("x", x)
+    states = np.atleast_2d(given)
     as_matrix("x", states, (len(states), system.shape[0]))
     answers = np.array([_is_guaranteed(system, rational_array(state)) for state in states])
     return answers if given.ndim == 2 else np.asarray(answers[0])

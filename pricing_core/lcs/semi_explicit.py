@@ -12,6 +12,7 @@ from pricing_core.arrays import Matrix, Vector, as_pair, as_values, as_whole_num
 Function: TypeAlias = Callable[[Vector, Vector], ArrayLike]
 Jacobian: TypeAlias = Callable[[Vector, Vector], tuple[ArrayLike, ArrayLike]]
 
+MOST_PAIRS = 100_000
 DIFFERENCE = 1.5e-8  # square root of the rounding unit: of a variable, or of 1 where that is smaller
 
 
@@ -61,7 +62,7 @@ class SemiExplicitSystem:
         for name in ("f_jacobian", "h_jacobian"):
             if getattr(self, name) is not None:
                 check_callable(name, getattr(self, name), "(x, u)")
-        object.__setattr__(self, "pairs", as_whole_number("pairs", self.pairs, 1))
+        object.__setattr__(self, "pairs", as_whole_number("pairs", self.pairs, 1, MOST_PAIRS))
 
     def rate(self, x: Vector, u: Vector) -> Vector:
         """Return f(x, u), shape (n,)."""

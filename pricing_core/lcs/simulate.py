@@ -5,7 +5,7 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import as_vector
+from pricing_core.arrays import as_vector, as_whole_number, check_callable
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcp import Method
 from pricing_core.lcs.event_driven import Rebound, drive_by_events
@@ -122,6 +122,8 @@ def simulate(
     start = as_vector("x0", x0, system.shape[0])
     span = checked_span(t_span)
     reported = None if t_eval is None else checked_times(t_eval, span)
+    if interrupt is not None:
+        check_callable("interrupt", interrupt, "nothing")
     if method == "time-stepping":
         if rebound is not None:
             raise InvalidInputError("rebound", Told("a law"), 'left out with method="time-stepping"')
@@ -137,13 +139,15 @@ def simulate(
         raise InvalidInputError(
             "on_nonunique", on_nonunique, '"raise", "first" or a function of (t, x, modes)'
         )
+    if rebound is not None:
+        check_callable("rebound", rebound, "the states before and after, and the contacts")
     return drive_by_events(
         system,
         start,
         span,
         reported,
         on_nonunique=on_nonunique,
-        max_events=max_events,
+        max_events=as_whole_number("max_events", max_events, 0),
         rebound=rebound,
         interrupt=interrupt,
     )

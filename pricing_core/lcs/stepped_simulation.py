@@ -17,6 +17,7 @@ from pricing_core.lcs.stepping_scheme import (
     RTOL,
     SMALLEST_STEP,
     choose_scheme,
+    of_states,
     one_step_method,
     stepped_trajectory,
 )
@@ -87,7 +88,7 @@ def simulate_by_steps(
         if h is not None
         else PIController(
             RTOL if choices.rtol is None else choices.rtol,
-            ATOL if choices.atol is None else choices.atol,
+            ATOL if choices.atol is None else of_states("atol", choices.atol, x0.size),
             start=1e-3,
         ),
         consistent_within=1e-12 * max(1.0, size) * max(1.0, float(np.max(np.abs(system.C), initial=0.0))),

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Vector
+from pricing_core.arrays import Vector, as_number, as_real_array, as_vector
 from pricing_core.errors import InvalidInputError, RelativeDegreeError
 from pricing_core.lcs.system import LCS
 from pricing_core.lcs.time_stepping import LCSState, Scheme
@@ -56,10 +57,16 @@ def one_step_method(
         if theta is not None:
             raise InvalidInputError("theta", theta, 'left out unless scheme="theta"')
         return Sdirk2(stage) if scheme == "sdirk2" else ImplicitEuler(stage)
-    weight = THETA if theta is None else theta
+    weight = THETA if theta is None else as_number("theta", theta)
     if not 0.5 <= weight <= 1.0:
         raise InvalidInputError("theta", weight, "at least 1/2 and at most 1")
     return ThetaMethod(stage, weight)
+
+
+def of_states(field: str, value: ArrayLike, n: int) -> Vector:
+    """Return one number, shape (), or one for each of the n states, shape (n,)."""
+    numbers = as_real_array(field, value)
+    return numbers if numbers.ndim == 0 else as_vector(field, numbers, n)
 
 
 def stepped_trajectory(

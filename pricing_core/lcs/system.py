@@ -6,7 +6,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pricing_core.arrays import Matrix, Vector, as_increasing, as_matrix, as_square_matrix, as_vector
+from pricing_core.arrays import (
+    Matrix,
+    Vector,
+    as_array,
+    as_increasing,
+    as_matrix,
+    as_number,
+    as_square_matrix,
+    as_vector,
+)
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs.exosystem import Exosystem
 
@@ -34,7 +43,7 @@ class PiecewiseConstant:
 
     def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
         knots = as_increasing("times", times)
-        rows = np.asarray(values)
+        rows = as_array("values", values)
         rows = rows[:, None] if rows.ndim == 1 else rows
         table = as_matrix("values", rows)
         if table.shape[0] != knots.size:
@@ -60,7 +69,7 @@ class PiecewiseConstant:
 
     def before(self, t: float) -> Vector:
         """Return the value that holds just before t, shape (n,)."""
-        index = min(int(np.searchsorted(self.times, t, side="left")), self.times.size - 1)
+        index = min(int(np.searchsorted(self.times, as_number("t", t), side="left")), self.times.size - 1)
         return np.asarray(self.values[index])
 
     @property
@@ -69,7 +78,7 @@ class PiecewiseConstant:
         return self.times[:-1]
 
     def _piece_after(self, t: float) -> int:
-        return min(int(np.searchsorted(self.times, t, side="right")), self.times.size - 1)
+        return min(int(np.searchsorted(self.times, as_number("t", t), side="right")), self.times.size - 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,7 +151,7 @@ def _as_input(
         if value.size != size:
             raise InvalidInputError(field, f"{value.size} components", f"{size} components")
         return value
-    constant = np.zeros(size) if value is None else np.asarray(value)
+    constant = np.zeros(size) if value is None else as_array(field, value)
     as_vector(field, constant, size)
     return PiecewiseConstant([0.0], constant[None, :])
 
@@ -153,5 +162,7 @@ def _as_given(raw: ArrayLike, rounded: Matrix) -> NDArray[Any]:
     if entries.dtype.kind == "f":
         return rounded
     own = np.array(entries)
+    if own.dtype.kind == "O":
+        own.ravel()[:] = [entry.item() if isinstance(entry, np.number) else entry for entry in own.ravel()]
     own.flags.writeable = False
     return own

@@ -7,11 +7,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import IndexSet, Matrix, Vector
+from pricing_core.arrays import IndexSet, Matrix, Vector, as_real_array, as_whole_number
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs.flow import Flow, evaluate
 from pricing_core.lcs.multipliers import least_norm_multipliers
 
+MOST_POINTS = 10_000_000
 EventKind = Literal["switch", "jump", "input", "grazing", "zeno"]
 
 
@@ -94,7 +95,7 @@ class Trajectory:
         InvalidInputError
             t lies outside the simulated interval.
         """
-        wanted = np.asarray(t, dtype=np.float64)
+        wanted = as_real_array("t", t)
         start, end = (self.flows[0].start, self.flows[-1].end) if self.flows else (self.t[0], self.t[-1])
         if not np.all((wanted >= start) & (wanted <= end)):
             raise InvalidInputError("t", t, f"inside [{start:g}, {end:g}]")
@@ -116,9 +117,10 @@ class Trajectory:
 
         Where it stepped nothing is known between the steps, and the trajectory itself is returned.
         """
+        points = as_whole_number("count", count, 1, MOST_POINTS)
         if not self.flows:
             return self
-        spacing = (self.flows[-1].end - self.flows[0].start) / count
+        spacing = (self.flows[-1].end - self.flows[0].start) / points
         times = [
             np.linspace(flow.start, flow.end, math.ceil((flow.end - flow.start) / spacing) + 1)
             for flow in self.flows

@@ -1,14 +1,17 @@
 """The transfer matrix G(s) = C (sI - A)^-1 B + D over the rational functions."""
 
+import cmath
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from numbers import Complex
 from typing import NamedTuple
 
 import numpy as np
 from flint import fmpq, fmpq_poly, fmpz_poly
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from pricing_core.errors import NumericalError
+from pricing_core.errors import InvalidInputError, NumericalError
 from pricing_core.lcs.modes import as_mode
 from pricing_core.lcs.rational_system import RationalSystem, rational_system
 from pricing_core.lcs.system import LCS
@@ -45,9 +48,12 @@ class TransferMatrix:
 
         Raises
         ------
+        InvalidInputError
+            s is no finite number.
         NumericalError
             s is a pole.
         """
+        _check_number(s)
         c, d = evaluate(self.denominator, s)
         size = c * c + d * d
         if not size:
@@ -60,12 +66,21 @@ class TransferMatrix:
                 values[i, j] = complex(float((a * c + b * d) / size), float((b * c - a * d) / size))
         return values if isinstance(s, complex) else values.real
 
-    def submatrix(self, mode: ArrayLike) -> "TransferMatrix":
+    def submatrix(self, mode: Iterable[int]) -> "TransferMatrix":
         """Return G_II(s) (11.83)."""
-        chosen = as_mode(np.asarray(mode).tolist(), len(self.numerators))
+        chosen = as_mode(mode, len(self.numerators))
         return TransferMatrix(
             tuple(tuple(self.numerators[i][j] for j in chosen) for i in chosen), self.denominator
         )
+
+
+def _check_number(s: object) -> None:
+    try:
+        finite = isinstance(s, Complex) and not isinstance(s, bool) and cmath.isfinite(complex(s))
+    except OverflowError:
+        finite = False
+    if not finite:
+        raise InvalidInputError("s", s, "a finite real or complex number")
 
 
 class PolynomialTransfer(NamedTuple):

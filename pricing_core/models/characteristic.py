@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Matrix, Vector, as_matrix
+from pricing_core.arrays import Matrix, Vector, as_extended_number, as_matrix, as_real_array
 from pricing_core.errors import InvalidInputError, Told
 
 
@@ -53,9 +53,7 @@ class Characteristic:
         if corners.shape[0] == 0 or corners.shape[1] != 2:
             raise InvalidInputError("points", Told(f"of shape {corners.shape}"), "one pair (y, u) or more")
         for name, slope in (("left_slope", left_slope), ("right_slope", right_slope)):
-            if isinstance(slope, bool) or not isinstance(slope, int | float | np.number) or math.isnan(slope):
-                raise InvalidInputError(name, slope, "a number, or infinite for a vertical ray")
-            object.__setattr__(self, name, float(slope))
+            object.__setattr__(self, name, as_extended_number(name, slope))
         object.__setattr__(self, "points", corners)
         for j in np.flatnonzero(~np.diff(corners, axis=0).any(axis=1)).tolist():
             raise InvalidInputError(
@@ -106,7 +104,7 @@ class Characteristic:
                 Told(f"piece {j} with y not increasing"),
                 "increasing in y where u is asked for by y",
             )
-        given, (left, right) = np.asarray(y, dtype=np.float64), (self.points[0], self.points[-1])
+        given, (left, right) = as_real_array("y", y), (self.points[0], self.points[-1])
         inside = np.interp(given, self.points[:, 0], self.points[:, 1])
         below, above = np.minimum(given - left[0], 0.0), np.maximum(given - right[0], 0.0)
         return np.asarray(inside + self.left_slope * below + self.right_slope * above)
@@ -119,7 +117,10 @@ class Characteristic:
         >>> Characteristic([(-1, -1), (1, 1)]).distance([0.0, 2.0], [0.25, 1.5])
         array([0.1767767, 0.5      ])
         """
-        places = np.stack(np.broadcast_arrays(np.asarray(y, float), np.asarray(u, float)), axis=-1)
+        at, through = as_real_array("y", y), as_real_array("u", u)
+        if at.ndim and through.ndim and at.shape != through.shape:
+            raise InvalidInputError("u", Told(f"of shape {through.shape}"), f"of the shape of y, {at.shape}")
+        places = np.stack(np.broadcast_arrays(at, through), axis=-1)
         along = self.tangents / np.linalg.norm(self.tangents, axis=1, keepdims=True)
         starts = np.vstack([self.points[:1], self.points])
         reach = np.concatenate([[np.inf], np.linalg.norm(np.diff(self.points, axis=0), axis=1), [np.inf]])

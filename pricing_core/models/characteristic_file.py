@@ -4,8 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
-
+from pricing_core.arrays import as_number, as_real_array
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.models import named_characteristics
 from pricing_core.models.characteristic import Characteristic
@@ -49,7 +48,7 @@ def characteristic_from_json(field: str, entry: Any) -> Characteristic:
         if "points" in entry:
             _check_keys("", entry, ("points",), ("left_slope", "right_slope"))
             slopes = [_slope(name, entry.get(name, 0.0)) for name in ("left_slope", "right_slope")]
-            return Characteristic(_numbers("points", entry["points"]), *slopes)
+            return Characteristic(as_real_array("points", entry["points"]), *slopes)
         if len(entry) != 1 or (name := next(iter(entry))) not in NAMED:
             raise InvalidInputError("points", Told("missing"), "given, or one of " + ", ".join(NAMED))
         return _named(name, entry[name])
@@ -71,17 +70,6 @@ def _check_keys(
             raise InvalidInputError(f"{prefix}{key}", Told("missing"), "given")
 
 
-def _numbers(field: str, value: Any) -> Any:
-    """Return the value as an array, or refuse rows of different lengths and whatever is no number."""
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise InvalidInputError(field, value, "an array of numbers with rows of one length") from None
-    if array.dtype.kind not in "fiu" and array.size:
-        raise InvalidInputError(field, value, "real numbers")
-    return array
-
-
 def _named(name: str, arguments: Any) -> Characteristic:
     make = NAMED[name]
     names = make.__code__.co_varnames[: make.__code__.co_argcount]
@@ -89,7 +77,7 @@ def _named(name: str, arguments: Any) -> Characteristic:
         raise InvalidInputError(name, arguments, "an object with the arguments " + ", ".join(names))
     defaults = len(make.__defaults__ or ())
     _check_keys(name, arguments, names[: len(names) - defaults], names[len(names) - defaults :])
-    values = {key: _numbers(f"{name}.{key}", value) for key, value in arguments.items()}
+    values = {key: as_real_array(f"{name}.{key}", value) for key, value in arguments.items()}
     for key, value in values.items():
         if make.__annotations__[key] is float and value.ndim > 0:
             raise InvalidInputError(f"{name}.{key}", arguments[key], "one number")
@@ -99,6 +87,7 @@ def _named(name: str, arguments: Any) -> Characteristic:
 def _slope(name: str, value: Any) -> float:
     if value in ("inf", "-inf"):
         return math.inf if value == "inf" else -math.inf
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InvalidInputError(name, value, 'a number, "inf" or "-inf"')
-    return float(value)
+    try:
+        return as_number(name, value)
+    except InvalidInputError as error:
+        raise InvalidInputError(name, value, 'a number, "inf" or "-inf"') from error

@@ -7,7 +7,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Matrix, Vector, as_matrix, as_vector
+from pricing_core.arrays import Matrix, Vector, as_matrix, as_vector, check_callable
 from pricing_core.errors import InfeasibleError, InvalidInputError, IterationLimitError, Told
 from pricing_core.lcp import LCP, infeasibility_certificate, solve
 
@@ -105,6 +105,11 @@ class SmoothSet:
 
     constraints: VectorFunction
     constraint_gradients: MatrixFunction | None = None
+
+    def __post_init__(self) -> None:
+        check_callable("constraints", self.constraints, "x")
+        if self.constraint_gradients is not None:
+            check_callable("constraint_gradients", self.constraint_gradients, "x")
 
     def slack(self, x: Vector) -> Vector:
         """Return h(x), shape (k,)."""

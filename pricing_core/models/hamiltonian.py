@@ -125,9 +125,7 @@ class HamiltonianSystem:
             raise InvalidInputError("q0", q0, "one coordinate or more")
         p = as_vector("p0", p0, q.size)
         span = checked_span(t_span)
-        if as_whole_number("steps", steps, 1) > MOST_STEPS:
-            raise InvalidInputError("steps", steps, f"at most {MOST_STEPS}")
-        t = np.linspace(*span, steps + 1)
+        t = np.linspace(*span, as_whole_number("steps", steps, 1, MOST_STEPS) + 1)
         gaps = as_vector("constraints", np.atleast_1d(as_array("constraints", self.constraints(q))))
         if np.any(gaps < 0.0):
             i = int(np.flatnonzero(gaps < 0.0)[0])

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 
-from pricing_core.arrays import IndexSet, Matrix, Vector, as_matrix, as_square_matrix, as_vector
+from pricing_core.arrays import IndexSet, Matrix, Vector, as_matrix, as_share, as_square_matrix, as_vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcp import LCP, least_norm_solution, solve
 from pricing_core.lcs import LCS, Exosystem, PiecewiseConstant, Trajectory
@@ -72,6 +72,8 @@ class MechanicalSystem:
     ) -> None:
         M = as_square_matrix("mass", mass)
         n = M.shape[0]
+        if n == 0:
+            raise InvalidInputError("mass", f"shape {M.shape}", "a square matrix of at least one row")
         if np.max(np.abs(M - M.T)) > SYMMETRIC * np.max(np.abs(M)) or np.linalg.eigvalsh(M).min() <= 0.0:
             raise InvalidInputError("mass", mass, "symmetric and positive definite")
         normals = as_matrix("F", F)
@@ -80,8 +82,6 @@ class MechanicalSystem:
                 "F", f"{normals.shape[1]} columns", f"{n} columns, one for each coordinate"
             )
         k = normals.shape[0]
-        if not 0.0 <= restitution <= 1.0:
-            raise InvalidInputError("restitution", restitution, "a number from 0 to 1")
         if not isinstance(force, PiecewiseConstant | Exosystem):
             constant = as_vector("force", np.zeros(n) if force is None else force, n)
             force = PiecewiseConstant([0.0], constant[None, :])
@@ -93,7 +93,7 @@ class MechanicalSystem:
         object.__setattr__(self, "F", normals)
         object.__setattr__(self, "force", force)
         object.__setattr__(self, "offset", as_vector("offset", np.zeros(k) if offset is None else offset, k))
-        object.__setattr__(self, "restitution", float(restitution))
+        object.__setattr__(self, "restitution", as_share("restitution", restitution))
 
     def to_lcs(self) -> LCS:
         """Return the system of x = (q, q'): relative degree 2, G(s) = F (s^2 M + s D + K)^-1 F^T (11.88)."""
@@ -110,7 +110,8 @@ class MechanicalSystem:
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> float:
         """Return v^T M v / 2 + q^T K q / 2, for a symmetric K."""
-        position, velocity = np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64)
+        n = self.mass.shape[0]
+        position, velocity = as_vector("q", q, n), as_vector("v", v, n)
         return float(0.5 * (velocity @ self.mass @ velocity + position @ self.stiffness @ position))
 
     def simulate(

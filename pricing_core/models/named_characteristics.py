@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import as_increasing, as_vector
+from pricing_core.arrays import as_increasing, as_number, as_vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.models.characteristic import Characteristic
 
@@ -20,8 +20,8 @@ def saturation(gain: float = 1.0, limit: float = 1.0) -> Characteristic:
     >>> saturation(2.0, 3.0)([1.0, -5.0])
     array([ 2., -3.])
     """
-    _check_positive("gain", gain)
-    _check_positive("limit", limit)
+    gain = _positive("gain", gain)
+    limit = _positive("limit", limit)
     return Characteristic([(-limit / gain, -limit), (limit / gain, limit)])
 
 
@@ -33,15 +33,15 @@ def dead_zone(width: float = 1.0, gain: float = 1.0) -> Characteristic:
     >>> dead_zone()([-3.0, 0.5])
     array([-2.,  0.])
     """
-    _check_positive("width", width)
-    _check_positive("gain", gain)
+    width = _positive("width", width)
+    gain = _positive("gain", gain)
     return Characteristic([(-width, 0.0), (width, 0.0)], gain, gain)
 
 
 def relay_step(lower: float = -1.0, upper: float = 1.0) -> Characteristic:
     """Return the relay u = upper for y < 0, u = lower for y > 0, and all between at y = 0."""
-    _check_number("lower", lower)
-    _check_number("upper", upper)
+    lower = as_number("lower", lower)
+    upper = as_number("upper", upper)
     if not lower < upper:
         raise InvalidInputError("lower", lower, f"less than upper = {upper:g}")
     return Characteristic([(0.0, upper), (0.0, lower)])
@@ -55,8 +55,8 @@ def coulomb_friction(level: float = 1.0, viscosity: float = 0.0) -> Characterist
     >>> coulomb_friction(2.0, 0.5).points.tolist(), coulomb_friction(2.0, 0.5).right_slope
     ([[0.0, 2.0], [0.0, -2.0]], -0.5)
     """
-    _check_positive("level", level)
-    _check_number("viscosity", viscosity)
+    level = _positive("level", level)
+    viscosity = as_number("viscosity", viscosity)
     if not viscosity >= 0.0:
         raise InvalidInputError("viscosity", viscosity, ">= 0")
     return Characteristic([(0.0, level), (0.0, -level)], -viscosity, -viscosity)
@@ -136,12 +136,8 @@ def gain_schedule(
     return Characteristic(np.column_stack([at, ends]), float(slopes[0]), float(slopes[-1]))
 
 
-def _check_number(name: str, value: float) -> None:
-    if np.ndim(value) != 0 or not math.isfinite(value):
-        raise InvalidInputError(name, value, "a finite number")
-
-
-def _check_positive(name: str, value: float) -> None:
-    _check_number(name, value)
-    if not value > 0.0:
+def _positive(name: str, value: float) -> float:
+    number = as_number(name, value)
+    if not number > 0.0:
         raise InvalidInputError(name, value, "a finite number > 0")
+    return number

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Matrix, Vector, as_vector
+from pricing_core.arrays import Matrix, Vector, as_number, as_vector, as_whole_number, check_callable
 from pricing_core.errors import InvalidInputError
 from pricing_core.models.control.nonlinear_programme import Functions, NonlinearProgramme
 from pricing_core.models.control.sequential_programming import minimise
 
 FEWEST_INTERVALS, MOST_INTERVALS = 4, 5_000
+OPTIONAL_FUNCTIONS = {"final_reward": "x", "mixed_constraint": "(t, x, u)", "state_constraint": "(t, x)"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,6 +99,12 @@ class ControlAffineProblem:
     state_constraint: Callable[[float, Vector], ArrayLike] | None = None
 
     def __post_init__(self) -> None:
+        check_callable("reward", self.reward, "(t, x, u)")
+        check_callable("drift", self.drift, "(t, x)")
+        check_callable("input_map", self.input_map, "(t, x)")
+        for name, arguments in OPTIONAL_FUNCTIONS.items():
+            if getattr(self, name) is not None:
+                check_callable(name, getattr(self, name), arguments)
         x0 = as_vector("x0", self.x0)
         object.__setattr__(self, "x0", x0)
         length = float(as_vector("horizon", [self.horizon])[0])
@@ -160,16 +167,15 @@ class ControlAffineProblem:
         smooth. Structure and junction times are not sought: for the linear-quadratic case see `StateConstrainedLQ`.
         Cost: about 4 (n + m)^2 calls of each function per interval and step.
         """
-        if not isinstance(intervals, int) or not FEWEST_INTERVALS <= intervals <= MOST_INTERVALS:
-            allowed = f"a whole number from {FEWEST_INTERVALS} to {MOST_INTERVALS}"
-            raise InvalidInputError("intervals", intervals, allowed)
-        if not 1e-10 <= tolerance < 1.0:
+        N = as_whole_number("intervals", intervals, FEWEST_INTERVALS, MOST_INTERVALS)
+        if not 1e-10 <= as_number("tolerance", tolerance) < 1.0:
             raise InvalidInputError("tolerance", tolerance, "a number from 1e-10 to 1")
-        m, n, N = self.controls, self.x0.size, intervals
+        most = as_whole_number("max_iterations", max_iterations, 1)
+        m, n = self.controls, self.x0.size
         first = as_vector("start", np.zeros(m) if start is None else start, m)
         programme = NonlinearProgramme(self._functions, self.x0, float(self.horizon), N, m)
         guess = np.concatenate([np.tile(self.x0, N), np.tile(first, N)])
-        found = minimise(programme, guess, tolerance, max_iterations)
+        found = minimise(programme, guess, float(tolerance), most)
         x, control = programme.split(found.v)
         mixed = found.duals.size - N * self._functions.pure(0.0, self.x0).size
         return CollocatedControl(

@@ -64,6 +64,8 @@ class PiecewiseLinearSystem:
         plant = LCS(A, B, C, D)  # checks the shapes
         for name in ("A", "B", "C", "D", "given"):
             object.__setattr__(self, name, getattr(plant, name))
+        if not isinstance(characteristics, Sequence):
+            raise InvalidInputError("characteristics", characteristics, "a list of them")
         curves = tuple(characteristics)
         for i, curve in enumerate(curves):
             if not isinstance(curve, Characteristic):

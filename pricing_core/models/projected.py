@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core.arrays import IndexSet, Matrix, Vector, as_square_matrix, as_vector
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcs import LCS, Trajectory, simulate
+from pricing_core.lcs.simulation_times import checked_span, checked_times
+from pricing_core.lcs.stepping_scheme import of_states
 from pricing_core.models.convex_set import (
     ConvexSet,
     MatrixFunction,
@@ -81,6 +83,12 @@ class ProjectedSystem:
     ) -> None:
         if (constraints is None) == (H is None) or (H is None) != (h is None):
             raise InvalidInputError("H", H, "given together with h, and only where there are no constraints=")
+        if constraint_gradients is not None and constraints is None:
+            raise InvalidInputError(
+                "constraint_gradients",
+                Told("a function"),
+                "left out with H and h, whose rows are the gradients",
+            )
         K: ConvexSet
         if constraints is not None:
             K = SmoothSet(constraints, constraint_gradients)
@@ -103,7 +111,7 @@ class ProjectedSystem:
         >>> ProjectedSystem((np.eye(2), [1, 2]), np.eye(2), [0, 0]).velocity([0, 1])
         ProjectedVelocity(v=array([ 0., -3.]), u=array([1., 0.]))
         """
-        at = as_vector("x", x)
+        at = self._point("x", x)
         check_inside("x", self.K, at)
         active, H = active_set(self.K, at), self.K.gradients(at)
         v, u = project_velocity(H[active], -self._rate(at))
@@ -113,13 +121,15 @@ class ProjectedSystem:
 
     def inward_normals(self, x: ArrayLike) -> Matrix:
         """Return the unit normals that generate the cone of inward normals at x (11.40), none inside K, as rows."""
-        at = as_vector("x", x)
+        at = self._point("x", x)
         normals = self.K.gradients(at)[active_set(self.K, at)]
-        return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        restricts = lengths[:, 0] > 0.0  # a row of zeros, 0 >= 0, has no normal
+        return np.asarray(normals[restricts] / lengths[restricts])
 
     def projection(self, x: ArrayLike) -> Vector:
         """Return P(x), the point of K that is nearest to x (11.37)."""
-        return self.K.project(as_vector("x", x))
+        return self.K.project(self._point("x", x))
 
     def to_lcs(self) -> LCS:
         """Return (11.44): x' = -F(x) + H^T u, y = H x - h, 0 <= y _|_ u >= 0, for affine F and a polyhedron.
@@ -142,7 +152,7 @@ class ProjectedSystem:
         method: Method = "auto",
         t_eval: ArrayLike | None = None,
         rtol: float = RTOL,
-        atol: float = ATOL,
+        atol: ArrayLike = ATOL,
     ) -> ModelTrajectory:
         """Simulate from x0 in K over t_span.
 
@@ -154,8 +164,8 @@ class ProjectedSystem:
             "event-driven" simulates (11.44) exactly, for affine F and polyhedra, and is what "auto" takes for these.
             "stepping" takes steps of `ProjectedHeun` whose local error is kept below atol + rtol |x|.
         t_eval : array_like, optional
-            Times to report.
-        rtol, atol : float
+            Times to report, increasing.
+        rtol, atol : float, and float or array_like of shape (n,)
             For "stepping".
 
         Returns
@@ -170,14 +180,14 @@ class ProjectedSystem:
         StepSizeError
             The tolerance could not be met.
         """
-        size = None if self.affine is None else self.affine[1].size
-        start = as_vector("x0", x0, size)
+        start = self._point("x0", x0)
         check_inside("x0", self.K, start)
         exact = self.affine is not None and isinstance(self.K, Polyhedron)
         if method not in ("auto", "event-driven", "stepping"):
             raise InvalidInputError("method", method, '"auto", "event-driven" or "stepping"')
         if method == "stepping" or (method == "auto" and not exact):
-            return self._simulate_by_steps(start, t_span, t_eval, PIController(rtol, atol))
+            controller = PIController(rtol, of_states("atol", atol, start.size))
+            return self._simulate_by_steps(start, t_span, t_eval, controller)
         # The state is unique (11.39), whatever the multipliers.
         run = simulate(self.to_lcs(), start, t_span, t_eval=t_eval, on_nonunique="first")
         return of_lcs(run, as_they_are, partial(self._pieces, k=run.y.shape[1]))
@@ -203,7 +213,18 @@ class ProjectedSystem:
             raise InvalidInputError(
                 "start", start, "a point near the equilibrium, where F or K is a function"
             )
-        return solve_smooth(self._rate, self.K, as_vector("start", start))
+        return solve_smooth(self._rate, self.K, self._point("start", start))
+
+    def _point(self, field: str, x: ArrayLike) -> Vector:
+        """Return x as a vector of as many numbers as F or H takes."""
+        if self.affine is not None:
+            return as_vector(field, x, self.affine[1].size)
+        if isinstance(self.K, Polyhedron):
+            return as_vector(field, x, self.K.H.shape[1])
+        point = as_vector(field, x)
+        if point.size == 0:
+            raise InvalidInputError(field, x, "one number or more")
+        return point
 
     def _rate(self, x: Vector) -> Vector:
         return as_vector("F(x)", self.F(x), x.size)
@@ -211,13 +232,12 @@ class ProjectedSystem:
     def _simulate_by_steps(
         self, x0: Vector, t_span: tuple[float, float], t_eval: ArrayLike | None, controller: PIController
     ) -> ModelTrajectory:
-        wanted = None if t_eval is None else as_vector("t_eval", t_eval)
-        if wanted is not None and not np.all((wanted >= t_span[0]) & (wanted <= t_span[1])):
-            raise InvalidInputError("t_eval", t_eval, f"inside [{t_span[0]:g}, {t_span[1]:g}]")
+        span = checked_span(t_span)
+        wanted = None if t_eval is None else checked_times(t_eval, span)
         run = integrate(
             StepDoubling(ProjectedHeun(self._rate, self.K)),
             self.K.project(x0),
-            t_span,
+            span,
             controller=controller,
             stop_times=[] if wanted is None else wanted.tolist(),
         )

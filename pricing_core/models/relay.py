@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pricing_core.arrays import IndexSet, Matrix, Vector, as_vector
+from pricing_core.arrays import IndexSet, Matrix, Vector, as_array, as_vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import LCS, WellPosedness, simulate, theorem_11_6, well_posedness
 from pricing_core.lcs.mode_selection import LARGEST_COMPLETE, OnNonUnique
@@ -75,7 +75,7 @@ class RelaySystem:
         for name in ("A", "B", "C", "D", "given"):
             object.__setattr__(self, name, getattr(plant, name))
         for name, bound in (("lower", lower), ("upper", upper)):
-            given = np.asarray(bound)
+            given = as_array(name, bound)
             object.__setattr__(
                 self, name, as_vector(name, np.full(k, bound) if given.ndim == 0 else given, k)
             )

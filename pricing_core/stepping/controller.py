@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Vector
+from pricing_core.arrays import Vector, as_extended_number, as_number, as_real_array
 from pricing_core.errors import InvalidInputError, NumericalError
 
 SAFETY = 0.9
@@ -47,8 +47,10 @@ class FixedStep:
     h: float = math.inf
 
     def __post_init__(self) -> None:
-        if not self.h > 0:
+        h = as_extended_number("h", self.h)
+        if not h > 0:
             raise InvalidInputError("h", self.h, "a number > 0")
+        object.__setattr__(self, "h", h)
 
     def first_h(self, span: float) -> float:
         """Return h."""
@@ -78,7 +80,16 @@ class IController:
     start: float = 1e-4
 
     def __post_init__(self) -> None:
-        check_tolerances(self.rtol, self.atol, self.start)
+        rtol, start = as_number("rtol", self.rtol), as_number("start", self.start)
+        atol = as_real_array("atol", self.atol)
+        if not rtol >= 0:
+            raise InvalidInputError("rtol", self.rtol, "a finite number >= 0")
+        if not np.all(atol > 0):
+            raise InvalidInputError("atol", self.atol, "> 0")
+        if not 0 < start <= 1:
+            raise InvalidInputError("start", self.start, "a fraction of the interval, > 0 and <= 1")
+        for name, value in (("rtol", rtol), ("atol", atol), ("start", start)):
+            object.__setattr__(self, name, value)
 
     def first_h(self, span: float) -> float:
         """Return the first step."""
@@ -130,13 +141,3 @@ def scaled_error(value: Vector, error: Vector | None, rtol: float, atol: ArrayLi
 def limited(factor: float) -> float:
     """Return the growth factor with the safety factor applied, between a tenth and four."""
     return min(LARGEST_GROWTH, max(LARGEST_CUT, SAFETY * factor))
-
-
-def check_tolerances(rtol: float, atol: ArrayLike, start: float) -> None:
-    """Raise InvalidInputError unless rtol >= 0, atol > 0 and 0 < start <= 1."""
-    if not 0 <= rtol < math.inf:
-        raise InvalidInputError("rtol", rtol, "a finite number >= 0")
-    if not np.all(np.asarray(atol) > 0):
-        raise InvalidInputError("atol", atol, "> 0")
-    if not 0 < start <= 1:
-        raise InvalidInputError("start", start, "a fraction of the interval, > 0 and <= 1")

@@ -66,6 +66,19 @@ def test_saturation_ends_where_the_exponential_does(answer: Any) -> None:
     assert (switch["time"], switch["pieces_before"], switch["pieces_after"]) == (2.0, [2], [1])
 
 
+@pytest.mark.parametrize(
+    "curve",
+    [
+        {"saturation": {"limit": "1/2"}},
+        {"points": [["-1/2", "-0.5"], [0.5, "5e-1"]]},
+        {"points": [[0, 0], ["1/2", "1/2"]], "left_slope": 1, "right_slope": "0"},
+    ],
+)
+def test_numbers_of_characteristics_may_be_texts_as_all_others(answer: Any, curve: Any) -> None:
+    """x' = -min(x, 1/2) from 3: at 1/2 by t = 5."""
+    assert answer("saturation", characteristics=[curve])["x"][-1] == pytest.approx([0.5], abs=1e-12)
+
+
 def test_the_oligopoly_comes_close_to_its_nash_equilibrium(answer: Any) -> None:
     found = answer("oligopoly", t_span=[0, 20])
     assert found["x"][-1] == pytest.approx([30.0, 25.0, 0.0], abs=1e-10)
