@@ -11,6 +11,7 @@ from pricing_core.arrays import IndexSet, Vector
 from pricing_core.errors import InfeasibleError, NonUniqueError, NumericalError
 from pricing_core.lcp import LCP, solve
 from pricing_core.lcs.autonomous import AutonomousForm
+from pricing_core.lcs.free_inputs import free_input_moves_state
 from pricing_core.lcs.mode_dynamics import ModeDynamics, mode_dynamics
 from pricing_core.lcs.slow_part import SlowPart, slow_part
 
@@ -87,9 +88,11 @@ class ModeSelector:
         every = list(self._admitting(z, near, without))
         if not every:
             raise self._no_mode(z, t)
-        if all(self._same_future(every[0], other, z) for other in every[1:]):
-            return every[0]
-        return self._chosen(every, z, t)
+        if any(not self._same_future(every[0], other, z) for other in every[1:]):
+            return self._chosen(every, z, t)
+        if self.on_nonunique == "raise":
+            self._check_free_inputs(every[0], z, t)
+        return every[0]
 
     def _admitting(self, z: Vector, near: IndexSet, without: IndexSet | None) -> Iterator[ModeDynamics]:
         for mode in self._candidates(z, near, self._taken.get((near, without), near)):
@@ -139,6 +142,22 @@ class ModeSelector:
                 return False
             a, b = step * (rates[0] @ a), step * (rates[1] @ b)
         return True
+
+    def _check_free_inputs(self, found: ModeDynamics, z: Vector, t: float) -> None:
+        """Raise NonUniqueError where inputs that are zero, in pairs whose outputs stay zero, may as well move x."""
+        signs = found.signs(z)
+        held = tuple(i for i in found.mode if signs[i] > 0.0)
+        zero = np.flatnonzero(signs == 0.0).tolist()
+        for count in range(len(zero) + 1):
+            for others in itertools.combinations(zero, count):
+                mode = tuple(sorted((*held, *others)))
+                rising = tuple(i for i in zero if i not in others)
+                if self.dynamics(mode) is None and free_input_moves_state(self.form, mode, held, rising):
+                    x = (z * self.form.units.state)[: self.form.states]
+                    raise NonUniqueError(
+                        f"several continuations from x = {_shown(x)} at t = {t:.12g}, with y = 0 and inputs that no "
+                        f'output sees in the pairs {mode}: on_nonunique="first" leaves these inputs zero'
+                    )
 
     def _chosen(self, every: list[ModeDynamics], z: Vector, t: float) -> ModeDynamics:
         modes = tuple(dynamics.mode for dynamics in every)

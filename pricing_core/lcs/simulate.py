@@ -59,8 +59,9 @@ def simulate(
         Times inside t_span to report, increasing. By default the ends of steps, events twice: before and after.
     on_nonunique : {"raise", "first"} or callable
         What happens where a state has several continuations: an error, the one nearest the present mode, or that
-        which the callable chooses, given t, x and the modes. Event-driven only, and for k <= 10: with more pairs the
-        first continuation that is found is taken.
+        which the callable chooses, given t, x and the modes. Inputs that no output sees are an error too, unless a
+        choice is made: they are then zero. Event-driven only, and for k <= 10: with more pairs the first continuation
+        that is found is taken.
     max_events : int
         Of an event-driven run.
     rebound : callable, optional

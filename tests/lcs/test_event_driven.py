@@ -434,6 +434,48 @@ def test_events_that_accumulate_where_nothing_goes_on_are_an_error():
     assert simulate(system, [3.0, 1.0, 2.5], (0.0, 2.4)).events[-1].kind == "zeno"
 
 
+@pytest.mark.parametrize(
+    ("A", "B", "C", "x0"),
+    [
+        ([[0]], [[1]], [[0]], [0]),  # x' = u, y = 0
+        ([[0, 0], [0, 0]], [[1], [0]], [[0, 1]], [2, 0]),  # x1' = u, y = x2 = 0
+        (
+            [[0, 0], [0, 0]],
+            [[1, 1], [1, 0]],
+            [[1, -1], [0, 0]],
+            [0, 0],
+        ),  # y1 sees u2 alone
+        (
+            [[0, 0], [0, 0]],
+            [[1, 2], [1, 2]],
+            [[1, -1], [-1, 1]],
+            [0, 0],
+        ),  # two inputs that the difference misses
+    ],
+)
+def test_inputs_that_no_output_sees_leave_the_state_open(A, B, C, x0):
+    system = LCS(A, B, C)
+    with pytest.raises(NonUniqueError, match=r"several continuations .* no output sees"):
+        simulate(system, x0, (0.0, 1.0))
+    assert simulate(system, x0, (0.0, 1.0), on_nonunique="first").x[-1] == steady(x0)
+
+
+def test_inputs_that_no_output_sees_and_that_move_nothing_leave_the_state_alone():
+    """x' = 2 - x - u1 - u2, y = 1 - x twice, once doubled: x = 1 from ln 2 on, however u1 + u2 = 1 is shared."""
+    system = LCS([[-1, 0], [0, 0]], [[-1, -1], [0, 0]], [[-1, 1], [-2, 2]], f=[2.0, 0.0])
+    trajectory = simulate(system, [0.0, 1.0], (0.0, 2.0), t_eval=[0.5, 2.0])
+    assert trajectory.x[:, 0] == steady([2.0 - 2.0 * math.exp(-0.5), 1.0])
+    assert trajectory.u[1].sum() == steady(1.0)
+
+
+def test_inputs_may_be_shared_only_where_there_are_some():
+    """x1' = f + u1, x2' = f + u2, y1 = y2 = x1 + x2: u1 + u2 = -2 f, which 0 is shared in one way, 2 in many."""
+    B, C = np.eye(2), np.ones((2, 2))
+    assert simulate(LCS(np.zeros((2, 2)), B, C), [1.0, -1.0], (0.0, 1.0)).x[-1] == steady([1.0, -1.0])
+    with pytest.raises(NonUniqueError):
+        simulate(LCS(np.zeros((2, 2)), B, C, f=[-1.0, -1.0]), [1.0, -1.0], (0.0, 1.0))
+
+
 @pytest.mark.parametrize("knot", [1.0, 0.3, 0.1 + 0.2, 1 / 3, 7.7])
 @pytest.mark.parametrize("start", [0.0, -1e6])
 @pytest.mark.parametrize("drive", [0.0, 1.0], ids=["no input of its own", "held by u"])
