@@ -7,7 +7,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Matrix, Vector, as_matrix, as_vector, check_callable
+from pricing_core.arrays import Matrix, Vector, as_array, as_matrix, as_values, as_vector, check_callable
 from pricing_core.errors import InfeasibleError, InvalidInputError, IterationLimitError, Told
 from pricing_core.lcp import LCP, infeasibility_certificate, solve
 
@@ -113,13 +113,14 @@ class SmoothSet:
 
     def slack(self, x: Vector) -> Vector:
         """Return h(x), shape (k,)."""
-        return as_vector("constraints(x)", self.constraints(x))
+        slack = as_array("constraints(x)", self.constraints(x))
+        return as_values("constraints(x)", slack, (slack.size,))
 
     def gradients(self, x: Vector) -> Matrix:
         """Return H(x), shape (k, n)."""
         if self.constraint_gradients is None:
             return jacobian(self.slack, x)
-        return as_matrix(
+        return as_values(
             "constraint_gradients(x)", self.constraint_gradients(x), (self.slack(x).size, x.size)
         )
 

@@ -118,7 +118,8 @@ class HamiltonianSystem:
         IterationLimitError
             Newton's method does not converge: take more steps.
         NumericalError
-            A function has no finite value where the motion goes, or the state overflows.
+            A function has no finite value where the motion goes, the state overflows, or a step is too long for the law
+            of impact.
         """
         q = as_vector("q0", q0)
         if q.size == 0:
@@ -132,11 +133,12 @@ class HamiltonianSystem:
             raise InvalidInputError("q0", q0, f"such that constraint {i} holds: it is {gaps[i]:.6g} there")
         z = np.concatenate([q, p])
         states, impulses = [z], [np.zeros(gaps.size)]
-        for start, end in itertools.pairwise(t):
-            check_size(z, float(start))
-            z, impulse = self._step(z, gaps.size, float(end - start), float(end))
-            states.append(z)
-            impulses.append(impulse)
+        with np.errstate(over="ignore", invalid="ignore"):  # told by `as_values` and `check_size`
+            for start, end in itertools.pairwise(t):
+                check_size(z, float(start))
+                z, impulse = self._step(z, gaps.size, float(end - start), float(end))
+                states.append(z)
+                impulses.append(impulse)
         table = np.array(states)
         positions, momenta = table[:, : q.size], table[:, q.size :]
         return HamiltonianTrajectory(
@@ -169,7 +171,7 @@ class HamiltonianSystem:
             free, response = solved[:, 0], solved[:, 1:]
             rebound = active @ (self._slope(after)[n:] + by_velocity @ free + self.restitution * velocity)
             change = active @ by_velocity @ response
-            found = solve(LCP(change, rebound - change @ impulse)).z if impulse.size else impulse
+            found = _impulse(change, rebound - change @ impulse, t) if impulse.size else impulse
             step = free + response @ (found - impulse)
             after, impulse = after + step, found
             if float(np.max(np.abs(step))) <= SETTLED * max(float(np.max(np.abs(after))), 1.0):
@@ -227,6 +229,18 @@ def _solved(jacobian: Matrix, right: Matrix, t: float) -> Matrix:
     if not np.isfinite(solved).all():
         raise NumericalError(f"the equations of the step to t = {t:.9g} are singular: take more steps")
     return solved
+
+
+def _impulse(change: Matrix, offset: Vector, t: float) -> Vector:
+    """Return the impulse that the law of impact asks for in a linearised step."""
+    if not (np.isfinite(change).all() and np.isfinite(offset).all()):
+        raise NumericalError(f"the state overflows in the step to t = {t:.9g}: take more steps")
+    try:
+        return solve(LCP(change, offset)).z
+    except NumericalError as error:
+        raise NumericalError(
+            f"no impulse was found for the step to t = {t:.9g}: take more steps ({error})"
+        ) from error
 
 
 def _rotated(slope: Vector) -> Vector:

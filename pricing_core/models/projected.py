@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import IndexSet, Matrix, Vector, as_square_matrix, as_vector
+from pricing_core.arrays import IndexSet, Matrix, Vector, as_square_matrix, as_values, as_vector
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcs import LCS, Trajectory, simulate
 from pricing_core.lcs.simulation_times import checked_span, checked_times
@@ -227,20 +227,21 @@ class ProjectedSystem:
         return point
 
     def _rate(self, x: Vector) -> Vector:
-        return as_vector("F(x)", self.F(x), x.size)
+        return as_values("F(x)", self.F(x), (x.size,))
 
     def _simulate_by_steps(
         self, x0: Vector, t_span: tuple[float, float], t_eval: ArrayLike | None, controller: PIController
     ) -> ModelTrajectory:
         span = checked_span(t_span)
         wanted = None if t_eval is None else checked_times(t_eval, span)
-        run = integrate(
-            StepDoubling(ProjectedHeun(self._rate, self.K)),
-            self.K.project(x0),
-            span,
-            controller=controller,
-            stop_times=[] if wanted is None else wanted.tolist(),
-        )
+        with np.errstate(over="ignore", invalid="ignore"):  # told by `as_values` and `check_size`
+            run = integrate(
+                StepDoubling(ProjectedHeun(self._rate, self.K)),
+                self.K.project(x0),
+                span,
+                controller=controller,
+                stop_times=[] if wanted is None else wanted.tolist(),
+            )
         x = np.array(run.states)
         u = np.array([self.velocity(state).u for state in run.states])
         y = np.array([self.K.slack(state) for state in run.states])

@@ -171,3 +171,21 @@ def test_numpy_numbers_are_numbers():
     span = (np.float32(0.0), np.int64(1))
     swing = pendulum(np.float32(0.5)).simulate([np.int64(1)], [0.0], span, steps=np.int64(10))
     assert np.array_equal(swing.q, pendulum(0.5).simulate([1.0], [0.0], (0.0, 1.0), steps=10).q)
+
+
+@pytest.mark.parametrize("end", [1e6, 1e300])
+def test_steps_that_are_far_too_long_say_so(end):
+    with pytest.raises(NumericalError, match=r"take more steps|overflows|no finite value"):
+        pendulum().simulate([1.0], [0.0], (0.0, end), steps=100)
+
+
+def test_a_motion_without_bound_overflows_at_a_time():
+    """H = (p^2 - q^2)/2: q = cosh t passes 1e140 at t = 323."""
+    saddle = HamiltonianSystem(
+        energy=lambda q, p: 0.5 * float(p @ p - q @ q),
+        gradient=lambda q, p: (-q, p),
+        constraints=lambda q: q,
+        constraint_jacobian=lambda q: np.eye(1),
+    )
+    with pytest.raises(NumericalError, match=r"the state overflows at t = 3[0-3]\d"):
+        saddle.simulate([1.0], [0.0], (0.0, 400.0), steps=1600)

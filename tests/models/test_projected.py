@@ -188,3 +188,23 @@ def test_bad_input_is_named(call, message):
 def test_an_empty_polyhedron_is_refused():
     with pytest.raises(InfeasibleError, match=r"row 0.*row 1"):
         ProjectedSystem((np.eye(1), [0]), [[1], [-1]], [1, 0])
+
+
+@pytest.mark.parametrize("method", ["event-driven", "stepping"])
+def test_a_motion_without_bound_overflows_at_a_time(method):
+    """x' = 4 x from 1: 1e140 at t = 80.6, with loose steps somewhat later."""
+    system = ProjectedSystem((-4.0 * np.eye(1), [0.0]), np.eye(1), [0.0])
+    with pytest.raises(NumericalError, match=r"the state overflows at t = (79|8[0-2])\."):
+        system.simulate([1.0], (0.0, 200.0), method=method, rtol=1e-2)
+
+
+def test_functions_without_a_value_on_the_way_are_named():
+    start = [0.1, 0.1]
+    with pytest.raises(NumericalError, match=r"F\(x\) has no finite value"):
+        ProjectedSystem(lambda x: [np.nan, 0.0], constraints=lambda x: [1 - x @ x]).velocity(start)
+    with pytest.raises(NumericalError, match=r"constraints\(x\) has no finite value"):
+        ProjectedSystem(lambda x: x, constraints=lambda x: [np.inf]).velocity(start)
+    with pytest.raises(NumericalError, match=r"constraint_gradients\(x\) has no finite value"):
+        ProjectedSystem(
+            lambda x: x, constraints=lambda x: [1 - x @ x], constraint_gradients=lambda x: [[np.nan, 0.0]]
+        ).projection([2.0, 2.0])
