@@ -1,6 +1,6 @@
 """Linear-quadratic optimal control with state constraints, section 11.2.3."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from pricing_core.models.control.solution import OptimalControl, solved, unresol
 
 FEWEST_INTERVALS, MOST_INTERVALS = 8, 20_000
 ROUNDING = 1e-12
+LARGEST = 1e50
 LONGEST = 1e5  # time constants of the system, the fastest
 
 
@@ -79,15 +80,18 @@ class StateConstrainedLQ:
             raise InvalidInputError("B", f"shape {b.shape}", f"a matrix of {n} rows and at least one column")
         if c.shape[1] != n:
             raise InvalidInputError("C", f"shape {c.shape}", f"a matrix of {n} columns")
-        q = _semidefinite(as_matrix("Q", Q, (n, n)))
+        weight = as_matrix("Q", Q, (n, n))
         limit = as_vector("bound", np.zeros(c.shape[0]) if bound is None else bound, c.shape[0])
         length = float(as_vector("horizon", [horizon])[0])
         if length <= 0.0:
             raise InvalidInputError("horizon", horizon, "a positive number")
         start = as_vector("x0", x0, n)
-        values = {"A": a, "B": b, "C": c, "Q": q, "x0": start, "horizon": length, "bound": limit}
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        arrays = {"A": a, "B": b, "C": c, "Q": weight, "x0": start, "bound": limit}
+        for name, array in arrays.items():
+            _check_size(name, array)
+            object.__setattr__(self, name, array)
+        object.__setattr__(self, "Q", _semidefinite(weight))
+        object.__setattr__(self, "horizon", length)
         _check_start(self._data)
         speed = float(np.max(np.abs(np.linalg.eigvals(self.to_lcs().A))))
         if length * speed > LONGEST:
@@ -151,8 +155,20 @@ class StateConstrainedLQ:
         if not isinstance(intervals, int) or not FEWEST_INTERVALS <= intervals <= MOST_INTERVALS:
             allowed = f"a whole number from {FEWEST_INTERVALS} to {MOST_INTERVALS}"
             raise InvalidInputError("intervals", intervals, allowed)
-        coarse, found = resolve(self._data, intervals)
-        return unresolved(self._data, coarse) if found is None else solved(self._data, found)
+        lengths = np.linalg.norm(self.C, axis=1)
+        lengths[lengths == 0.0] = 1.0
+        data = replace(self._data, C=self.C / lengths[:, None], bound=self.bound / lengths)
+        coarse, found = resolve(data, intervals)
+        answer = unresolved(data, coarse) if found is None else solved(data, found)
+        atoms = tuple((time, weights / lengths) for time, weights in answer.multiplier_atoms)
+        return replace(answer, multiplier=answer.multiplier / lengths, multiplier_atoms=atoms)
+
+
+def _check_size(name: str, array: Vector | Matrix) -> None:
+    """Refuse numbers whose products leave the range of floating point."""
+    largest = float(np.max(np.abs(array), initial=0.0))
+    if largest > LARGEST:
+        raise InvalidInputError(name, largest, f"of entries up to {LARGEST:g}: the cost squares them")
 
 
 def _semidefinite(Q: Matrix) -> Matrix:

@@ -118,6 +118,47 @@ def test_structures_that_the_first_guess_misses_are_repaired(seed: int, junction
     check_maximum_principle(problem, answer)
 
 
+def problem_near_its_bound(seed: int) -> StateConstrainedLQ:
+    """Return a problem with one bound of which the start is close to or far from, with states of 0.1 to 10."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    m = int(rng.integers(1, n + 1))
+    A, B, C = rng.normal(size=(n, n)), rng.normal(size=(n, m)), np.zeros((1, n))
+    C[0, rng.integers(n)] = rng.choice([-1, 1])
+    if seed % 2:
+        C = rng.normal(size=(1, n))
+    horizon, size = float(rng.uniform(0.5, 5)), 10 ** rng.uniform(-1, 1)
+    x0 = size * rng.normal(size=n)
+    bound = C @ x0 - size * rng.uniform(0.01, 2) * rng.choice([1, 0.1, 0.01])
+    return StateConstrainedLQ(A, B, C, np.eye(n), x0, horizon, bound)
+
+
+@pytest.mark.parametrize(
+    ("seed", "junctions"),
+    [
+        (116, 1),  # the junction comes after 1e-5 of the horizon
+        (187, 2),  # the same, and an arc that ends before the horizon
+        (257, 0),  # no contact, where an interior-point method leaves masses
+        (388, 1),  # the costate is 1e8 times the state at the start
+        (743, 2),  # C B = 0.02: on the arc the state moves sixty times as fast as off it
+        (927, 2),  # leaves its arc and comes back at the horizon
+    ],
+)
+def test_hard_problems_are_solved(seed: int, junctions: int):
+    problem = problem_near_its_bound(seed)
+    answer = problem.solve()
+    assert (answer.status, answer.switching_times.size) == ("solved", junctions)
+    check_maximum_principle(problem, answer)
+
+
+def test_feasible_controls_of_size_1e7_do_not_pass_for_infeasible():
+    problem = problem_near_its_bound(113)
+    answer = problem.solve()
+    slack = answer.x @ problem.C.T - problem.bound
+    assert np.min(slack) >= -1e-13 * np.max(np.abs(answer.x))
+    assert answer.cost == pytest.approx(problem.solve(intervals=400).cost, rel=0.05)
+
+
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.integers(0, 10_000))
 def test_the_cost_is_half_of_what_the_multipliers_say(seed: int):
@@ -214,6 +255,33 @@ def test_the_unit_of_the_state_does_not_matter(unit: float):
     assert answer.cost == pytest.approx(CONTROL_PROBLEMS[0].cost * unit**2, rel=1e-9)
 
 
+@pytest.mark.parametrize("unit", [1e-40, 1e40])
+def test_the_unit_of_the_constraint_does_not_matter(unit: float):
+    known = CONTROL_PROBLEMS[0]
+    answer = StateConstrainedLQ([[-1]], [[1]], [[unit]], [[1]], [2], 3.0, [unit]).solve()
+    assert answer.status == "solved"
+    assert answer.cost == pytest.approx(known.cost, rel=1e-12)
+    ((time, weights),) = answer.multiplier_atoms
+    assert (time, weights.item() * unit) == pytest.approx(known.atoms[0], rel=1e-9)
+    assert answer.multiplier[-2:] * unit == pytest.approx(2.0, rel=1e-9)
+
+
+def test_a_start_on_the_bound_that_leaves_it_at_once_has_no_contact():
+    """x'' = u from rest at 1 towards 0 with x <= 1, which holds in any case."""
+    free = StateConstrainedLQ(INTEGRATOR, FORCE, np.zeros((0, 2)), np.eye(2), [1, 0], 4.0).solve()
+    answer = StateConstrainedLQ(INTEGRATOR, FORCE, [[-1, 0]], np.eye(2), [1, 0], 4.0, [-1]).solve()
+    assert answer.cost == pytest.approx(free.cost, rel=1e-12)
+    assert (answer.arcs, answer.multiplier_atoms, answer.switching_times.size) == (((),), (), 0)
+
+
+@pytest.mark.parametrize("intervals", [8, 50, 1000])
+def test_rest_on_the_bound_is_one_arc_however_fine_the_collocation(intervals: int):
+    known = CONTROL_PROBLEMS[4]
+    answer = known.problem.solve(intervals=intervals)
+    assert (answer.arcs, answer.multiplier_atoms) == (((0,),), ())
+    assert answer.multiplier == pytest.approx(1.0, abs=1e-12)
+
+
 def test_without_constraints_there_is_nothing_to_switch():
     answer = StateConstrainedLQ([[0]], [[1]], np.zeros((0, 1)), [[1]], [1], 2.0).solve()
     assert answer.cost == pytest.approx(0.5 * np.tanh(2.0), rel=1e-12)
@@ -269,6 +337,9 @@ SCALAR = {"A": [[-1]], "B": [[1]], "C": [[1]], "Q": [[1]], "x0": [2], "horizon":
         ("Q", {"Q": [[-1]]}),
         ("x0", {"x0": [2, 3]}),
         ("x0", {"x0": [0.5]}),
+        ("x0", {"x0": [1e300]}),
+        ("A", {"A": [[1e300]]}),
+        ("Q", {"Q": [[1e300]]}),
         ("bound", {"bound": [1, 2]}),
         ("horizon", {"horizon": 0.0}),
         ("horizon", {"horizon": -1.0}),

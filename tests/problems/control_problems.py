@@ -47,6 +47,28 @@ def scalar_that_just_arrives(horizon: float) -> ControlProblem:
     return ControlProblem("just arrives", problem, 0.5 * (atom - 2.0 * start), (), ((T, atom),))
 
 
+def scalar_held_without_weight(horizon: float) -> ControlProblem:
+    """x' = -x + u, x >= 1, Q = 0, from 2: u = sigma e^t, and from the junction on u = lambda = eta = 1.
+
+    The junction, if the horizon reaches it, is where x = 1 and x' = 0: z = e^-t = 2 - sqrt(3), sigma = z. Otherwise
+    contact is at the horizon alone, and its atom is lambda there.
+    """
+    T, z = horizon, 2.0 - math.sqrt(3.0)
+    problem = StateConstrainedLQ([[-1]], [[1]], [[1]], [[0]], [2], T, [1])
+    if -math.log(z) < T:
+        cost = 0.25 * (1.0 - z**2) + 0.5 * (T + math.log(z))
+        return ControlProblem("held without weight", problem, cost, (-math.log(z),), ((T, 1.0),))
+    sigma = (1.0 - 2.0 * math.exp(-T)) / math.sinh(T)
+    cost = 0.25 * sigma**2 * (math.exp(2.0 * T) - 1.0)
+    return ControlProblem("caught without weight", problem, cost, (), ((T, sigma * math.exp(T)),))
+
+
+def resting_on_the_bound(horizon: float) -> ControlProblem:
+    """x'' = u from rest at 1, x >= 1, Q = I: at rest, where eta = 1."""
+    problem = StateConstrainedLQ(INTEGRATOR, FORCE, POSITION, np.eye(2), [1, 0], horizon, [1])
+    return ControlProblem("resting on the bound", problem, 0.5 * horizon, (), ())
+
+
 def braked_at_the_end(v: float, T: float) -> ControlProblem:
     """x'' = u from (1, -v), x >= 0, Q = 0, 1/v < T < 3/v: u = sigma (T - t), contact only at T."""
     sigma = 3.0 * (v * T - 1.0) / T**3
@@ -110,6 +132,10 @@ def ramp_to_a_touch(sigma: float, touch: float, T: float) -> ControlProblem:
 CONTROL_PROBLEMS = (
     stopped_scalar(3.0),
     scalar_that_just_arrives(0.8),
+    scalar_held_without_weight(3.0),
+    scalar_held_without_weight(1.0),
+    resting_on_the_bound(1.0),
+    resting_on_the_bound(4.0),
     braked_at_the_end(1.0, 2.0),
     braked_before_the_end(1.0, 4.0),
     caught_oscillator(0.7, 2.0, 5.0),

@@ -14,6 +14,7 @@ from pricing_core.models.control.infeasibility import least_energy
 from pricing_core.models.control.problem import LQData
 
 TOLERANCES = (1e-11, 1e-8)  # the second where the first is out of reach
+UNREACHED = 1e-12  # what is left of a ray that proves infeasibility: large solutions look like rays above
 SOLVED = ("Solved", "AlmostSolved")
 SETTLED = ("Solved", "PrimalInfeasible")
 INFEASIBLE = ("PrimalInfeasible", "AlmostPrimalInfeasible")
@@ -123,6 +124,7 @@ def _solve(weights: Any, linear: Vector, rows: Any, right: Vector, cones: list[A
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    settings.tol_infeas_abs = settings.tol_infeas_rel = UNREACHED
     settings.max_iter = 100
     return clarabel.DefaultSolver(weights, linear, rows, right, cones, settings).solve()
 

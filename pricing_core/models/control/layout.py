@@ -11,7 +11,7 @@ from pricing_core.models.control.problem import LQData
 from pricing_core.models.control.structure import Contact, Structure
 
 REACH = 4.0  # exponent that one piece may grow by
-MOST_PIECES = 12
+MOST_PIECES = 48
 MOST_GROWTH = 600.0  # exponent of one piece beyond which floating point has no numbers
 
 

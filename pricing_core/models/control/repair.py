@@ -13,6 +13,7 @@ from pricing_core.models.control.shooting import Shot
 from pricing_core.models.control.structure import Contact, Structure
 
 SIGN = 1e-9  # of the size of a slack or multiplier: a negative value below is rounding
+ROUNDING = 1e-14  # of the largest state or costate, which are solved for together
 RELEASE = (
     0.05  # of an arc's length: by so much earlier it ends at first where it should not end at the horizon
 )
@@ -44,9 +45,13 @@ def improved(
 
 
 def reordered(structure: Structure, orders: tuple[int | None, ...], T: float) -> Structure:
-    """Return the structure without arcs that have no length: touch points instead, or nothing."""
+    """Return the structure without arcs that have no length: touch points instead, or nothing.
+
+    What ends so close to the horizon ends there.
+    """
     found: list[Contact] = []
-    for contact in structure:
+    for given in structure:
+        contact = replace(given, end=T) if T - given.end < COLLAPSED * T else given
         if contact.is_touch or contact.end - contact.start > COLLAPSED * T:
             found.append(contact)
         elif contact.end >= T:
@@ -104,7 +109,11 @@ def _pushing(
         elif np.all(np.abs(eta) <= level):
             found += [replace(contact, start=time, end=time) for time in sorted(atom_at)]
         else:
-            found += _positive_parts(contact, t, eta, (orders[contact.constraint] or 0) > 1)
+            parts = _positive_parts(contact, t, eta, (orders[contact.constraint] or 0) > 1)
+            found += parts
+            again = replace(contact, start=data.horizon, end=data.horizon)
+            if data.horizon in atom_at and again not in structure and all(p.end < again.end for p in parts):
+                found.append(again)
     return tuple(found)
 
 
@@ -131,11 +140,14 @@ def _with_violated(
     """Add contacts where slacks are negative; a touch point inside such a stretch grows to an arc."""
     t = np.concatenate([part.t for part in samples])
     x = np.vstack([part.x for part in samples])
+    largest = max(float(np.max(np.abs(values))) for part in samples for values in (part.x, part.costate))
     found = list(structure)
     for i, order in enumerate(orders):
         slack = x @ data.C[i] - data.bound[i]
         size = max(float(data.slack_sizes[i]), float(np.max(np.abs(slack))))
-        below = np.flatnonzero(slack < -SIGN * size)
+        below = np.flatnonzero(
+            slack < -max(SIGN * size, ROUNDING * float(np.sum(np.abs(data.C[i]))) * largest)
+        )
         runs = [run for run in np.split(below, np.flatnonzero(np.diff(below) > 1) + 1) if run.size]
         for run in runs:
             start, end = float(t[max(run[0] - 1, 0)]), float(t[min(run[-1] + 1, t.size - 1)])

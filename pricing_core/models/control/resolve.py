@@ -56,7 +56,7 @@ def resolve(data: LQData, intervals: int) -> tuple[Collocation, Resolved | None]
 
 def _from_guess(data: LQData, solution: Collocation) -> Resolved | None:
     system, orders = hamiltonian_system(data), constraint_orders(data)
-    structure = detect_structure(solution, solution.x @ data.C.T - data.bound, orders)
+    structure = detect_structure(solution, solution.x @ data.C.T - data.bound, data.slack_sizes, orders)
     for _ in range(MOST_REPAIRS):
         plan = layout(system, data, orders, structure)
         if plan is None:  # constraints that are not active together may hand over to one another

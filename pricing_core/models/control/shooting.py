@@ -11,12 +11,13 @@ from pricing_core.models.control.problem import LQData
 
 MOST_STEPS = 40
 CLOSE = 1e-11  # residual against the size of the solution
+NEAR = 1e-6  # residual from which on a step is as good as the last one
 SHRINK = 0.2  # a step leaves every segment at least this share of its length
 OVERLAP = (
     0.02  # of the horizon: by so much junctions may pass each other in a step, simultaneous ones above all
 )
 TOGETHER = 1e-9  # of the horizon: junctions that passed each other by less are simultaneous
-RANK = 1e-13
+RANK = 1e-15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +62,7 @@ def shoot(data: LQData, plan: Layout) -> Shot:
     v = np.zeros(problem.size)
     residual, J = problem.linearised(v, times)
     v -= _step(J[:, : problem.size], residual)  # linear, as long as the times stay
-    scale, error = 1.0, np.inf
+    share, error = 1.0, np.inf
     for _ in range(MOST_STEPS):
         residual, J = problem.linearised(v, times)
         scale = 1.0 + float(np.max(np.abs(v), initial=0.0))
@@ -69,16 +70,19 @@ def shoot(data: LQData, plan: Layout) -> Shot:
         if not np.isfinite(error) or not np.all(np.isfinite(J)):  # the flow left the range of numbers
             error = np.inf
             break
-        if error <= CLOSE and error >= 0.1 * last:
+        if share == 1.0 and error <= CLOSE and error >= 0.1 * last:
             break
         step = _step(J, residual)
         change = np.concatenate([[0.0], -step[problem.size :], [0.0]])
         share = _share(np.diff(times), np.diff(change), data.horizon)
         v, times = v - share * step[: problem.size], times + share * change
+        if share == 1.0 and error <= NEAR:  # what rounding left of the equations that are linear
+            residual, J = problem.linearised(v, times)
+            v = v - _step(J[:, : problem.size], residual)
     starts, atoms = problem.unpack(v)
     if np.all(np.diff(times) >= -TOGETHER * data.horizon):
         times = np.maximum.accumulate(times)
-    return Shot(times, starts, atoms, error, bool(error <= CLOSE))
+    return Shot(times, starts, atoms, error, bool(error <= CLOSE and share == 1.0))
 
 
 def _step(J: Matrix, residual: Vector) -> Vector:
@@ -89,9 +93,11 @@ def _step(J: Matrix, residual: Vector) -> Vector:
 
 
 def _share(lengths: Vector, changes: Vector, horizon: float) -> float:
-    """Return the share of a step that keeps the junctions in order, or nearly so."""
+    """Return the share of a step that keeps the junctions in order, or nearly so, and inside the horizon."""
     shrinking = changes < 0.0
-    room = np.maximum((1.0 - SHRINK) * lengths, np.maximum(lengths + OVERLAP * horizon, 0.0))
+    overlapping = np.maximum(lengths + OVERLAP * horizon, 0.0)
+    overlapping[0] = 0.0
+    room = np.maximum((1.0 - SHRINK) * lengths, overlapping)
     return float(np.min(room[shrinking] / np.maximum(-changes[shrinking], room[shrinking]), initial=1.0))
 
 

@@ -1,5 +1,7 @@
 """Contacts read off the nodes of a collocated solution."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,7 +41,9 @@ def slack_without(nodes: range) -> np.ndarray:
     ],
 )
 def test_runs_of_nodes_become_contacts(nodes: range, order: int, expected: tuple[Contact, ...]):
-    found = detect_structure(*with_masses(dict.fromkeys(nodes, 1.0), slack_without(nodes)), (order,))
+    found = detect_structure(
+        *with_masses(dict.fromkeys(nodes, 1.0), slack_without(nodes)), np.ones(1), (order,)
+    )
     assert len(found) == len(expected)
     for contact, wanted in zip(found, expected, strict=True):
         assert (contact.start, contact.end) == pytest.approx((wanted.start, wanted.end))
@@ -50,8 +54,17 @@ def test_masses_that_alternate_are_one_contact_of_order_two():
     masses = {node: 1.0 for node in nodes if node % 2 == 0}
     slack = slack_without(range(0))
     slack[list(masses)] = 0.0
-    (contact,) = detect_structure(*with_masses(masses, slack), (2,))
+    (contact,) = detect_structure(*with_masses(masses, slack), np.ones(1), (2,))
     assert (contact.start, contact.end) == pytest.approx((0.35, 1.25))
+
+
+def test_masses_and_slacks_of_the_size_of_rounding_are_none():
+    rounding = 1e-12 * np.cos(np.arange(N + 1.0))
+    always, rest = with_masses(dict.fromkeys(range(1, N + 1), 1.0), rounding)
+    assert detect_structure(always, rest, np.ones(1), (2,)) == (Contact(0, 0.0, 2.0),)
+    never, slack = with_masses(dict.fromkeys(range(7, 9), 1e-12), np.full(N + 1, 1e-4))
+    never = replace(never, costate=np.ones((N, 1)))
+    assert detect_structure(never, slack, np.ones(1), (1,)) == ()
 
 
 def test_overlapping_contacts_meet_in_the_middle():
