@@ -136,7 +136,9 @@ def mode_dynamics(form: AutonomousForm, mode: IndexSet) -> ModeDynamics | None:
         basis=basis,
         coordinates=basis.T @ projection,
         rate=rate,
-        outputs=_without_rounding(outputs @ basis, sizes @ np.abs(basis)),
+        outputs=_without_rounding(
+            outputs @ basis, np.sum(sizes, axis=1, keepdims=True)
+        ),  # basis: to eps of 1
         impulses=_impulses((A, B[:, index], C, D[:, index]), index, geometry.jump_space, projection),
         step=longest_step(rate),
     )

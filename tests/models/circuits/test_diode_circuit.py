@@ -175,6 +175,25 @@ def test_a_start_can_be_given_in_the_order_of_the_state_names():
     assert run.voltage("a", "b") == near([5.0])
 
 
+def test_antiparallel_diodes_are_a_short():
+    """v(a) = 0, 3 i' = V1 in L1, and -(2 V1' + i) is the difference of the diodes' currents, of which one is zero."""
+    circuit = DiodeCircuit.from_netlist("""
+        V1 b 0 SIN(.25 1 1)
+        C1 a b 2 IC=-.25
+        D2 0 a
+        D3 a 0
+        L1 b a 3 IC=1
+    """)
+    t, w = np.linspace(0.0, 3.0, 61), 2.0 * math.pi
+    run = circuit.simulate((0.0, 3.0), t_eval=t)
+    inductor = 1.0 + (0.25 * t + (1.0 - np.cos(w * t)) / w) / 3.0
+    shorted = -2.0 * w * np.cos(w * t) - inductor
+    assert run.voltage("a") == near(np.zeros(61))
+    assert run.current("L1") == near(inductor)
+    assert run.current("D2") == near(np.maximum(shorted, 0.0))
+    assert run.current("D3") == near(np.maximum(-shorted, 0.0))
+
+
 def test_stepping_gives_the_same_voltages():
     run = circuits.diode_bridge().simulate((0.0, 1e-3), method="time-stepping", t_eval=[1e-4])
     assert run.voltage("a", "b") == pytest.approx([4.7491270988256735], rel=1e-2)
