@@ -1,4 +1,4 @@
-"""The inputs f and g of a system in a model file: constants, pieces, sines, polylines, exosystems."""
+"""The inputs f and g of a system in a model file: constants, pieces, sines, piecewise linear signals, exosystems."""
 
 from typing import Any
 
@@ -51,15 +51,15 @@ GENERATED = {
     "states": VECTOR_OR_MATRIX.described("w just after each of the times", required=True),
     "times": VECTOR.described("when w starts anew; 0 where missing"),
 }
-FORMS = 'a list of numbers, {"times", "values"}, {"sine"}, {"polyline"}, or {"generator", "output", "states"}'
+FORMS = 'a list of numbers, {"times", "values"}, {"sine"}, {"piecewise_linear"}, or {"generator", "output", "states"}'
 
 
 def _read_signal(field: str, value: dict[str, Any]) -> Exosystem | PiecewiseConstant:
     try:
         if "sine" in value:
             return sine(**_only(field, value, "sine", WAVE))
-        if "polyline" in value:
-            return piecewise_linear(**_only(field, value, "polyline", CORNERS))
+        if "piecewise_linear" in value:
+            return piecewise_linear(**_only(field, value, "piecewise_linear", CORNERS))
         if "generator" in value:
             return Exosystem(**read_object(field, value, GENERATED))
         if "values" in value or "times" in value:
@@ -84,7 +84,9 @@ INPUT = Key(
             array_schema(NUMBER.schema),
             object_schema(PIECES),
             object_schema({"sine": Key(lambda _, value: value, object_schema(WAVE), required=True)}),
-            object_schema({"polyline": Key(lambda _, value: value, object_schema(CORNERS), required=True)}),
+            object_schema(
+                {"piecewise_linear": Key(lambda _, value: value, object_schema(CORNERS), required=True)}
+            ),
             object_schema(GENERATED),
         ]
     },

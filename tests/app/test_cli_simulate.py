@@ -46,6 +46,13 @@ def test_many_events_are_shortened_to_the_first_and_the_last(simulate: Any) -> N
     assert len(output.splitlines()) < 40
 
 
+def test_an_input_may_be_piecewise_linear(simulate: Any) -> None:
+    """x' = f from 1/2 with f rising from 0 to 2: x(1) = 3/2."""
+    ramp = {"piecewise_linear": {"times": [0, 1], "values": [0, 2]}}
+    _, output, _ = simulate(HALF_LINE | {"f": ramp}, "--json")
+    assert json.loads(output)["x"][-1] == [pytest.approx(1.5, abs=1e-12)]
+
+
 def test_json_holds_states_multipliers_slacks_and_whole_events(simulate: Any) -> None:
     status, output, _ = simulate(HALF_LINE, "--json")
     answer = json.loads(output)
