@@ -104,6 +104,8 @@ class Exosystem:
     def _state(self, t: float, piece: int) -> Vector:
         piece = max(piece, 0)
         elapsed = t - float(self.times[piece])
+        if elapsed == 0.0:
+            return np.asarray(self.states[piece])
         with np.errstate(over="ignore", invalid="ignore"):
             state = np.asarray(expm(self.generator * elapsed) @ self.states[piece])
         if not np.isfinite(state).all():

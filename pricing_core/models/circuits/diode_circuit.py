@@ -5,10 +5,12 @@ from typing import Literal, Self
 
 from numpy.typing import ArrayLike
 
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InfeasibleError, InvalidInputError
 from pricing_core.lcs.mode_selection import OnNonUnique
 from pricing_core.lcs.simulate import MAX_EVENTS, simulate
+from pricing_core.lcs.simulation_times import checked_span
 from pricing_core.models.circuits.assembly import assemble
+from pricing_core.models.circuits.checked import checked_words
 from pricing_core.models.circuits.circuit_lcs import CircuitLCS
 from pricing_core.models.circuits.elements import (
     Capacitor,
@@ -18,18 +20,18 @@ from pricing_core.models.circuits.elements import (
     Inductor,
     Resistor,
     Transformer,
-    checked_words,
 )
 from pricing_core.models.circuits.equations import Number
 from pricing_core.models.circuits.netlist import read_netlist
 from pricing_core.models.circuits.run import CircuitRun, read_run
-from pricing_core.models.circuits.signals import Value
+from pricing_core.models.circuits.signals import Value, check_periods
 from pricing_core.models.circuits.sources import (
     CurrentControlled,
     CurrentSource,
     VoltageControlled,
     VoltageSource,
 )
+from pricing_core.models.circuits.unlimited import unlimited
 
 
 class DiodeCircuit:
@@ -52,6 +54,7 @@ class DiodeCircuit:
 
     def __init__(self) -> None:
         self._elements: dict[str, Element] = {}
+        self._taken: dict[str, str] = {}  # every name of an element or branch, and whose it is
 
     @classmethod
     def from_netlist(cls, text: str) -> Self:
@@ -94,12 +97,16 @@ class DiodeCircuit:
         Raises
         ------
         InvalidInputError
-            There is one of that name already, or the name is no string.
+            There is one of that name already, or a transformer's winding, or the name is no string.
         """
-        checked_words("name", element.name)
-        if element.name in self._elements:
-            raise InvalidInputError("name", element.name, "used by one element only")
+        checked_words("name", getattr(element, "name", element))
+        names = {element.name, *(branch.name for branch in element.branches)}  # those of windings too
+        for name in sorted(names & self._taken.keys()):
+            raise InvalidInputError(
+                "name", name, f"used by one element only, and {self._taken[name]} uses it"
+            )
         self._elements[element.name] = element
+        self._taken |= dict.fromkeys(names, element.name)
         return self
 
     def resistor(self, name: str, plus: str, minus: str, ohms: Number) -> Self:
@@ -222,7 +229,9 @@ class DiodeCircuit:
         Raises
         ------
         InvalidInputError
-            See `to_lcs`.
+            See `to_lcs`; or t_span is so long that there is no end to the periods of a source.
+        InfeasibleError
+            Diodes close a loop of voltage sources or open a cut-set of current sources; the message names them.
         NumericalError
             See `pricing_core.lcs.simulate`.
 
@@ -235,15 +244,24 @@ class DiodeCircuit:
         >>> run.voltage("b")[-1:].round(12), run.events[0].energy_lost
         (array([2.]), 3.0)
         """
-        circuit = self.to_lcs()
-        trajectory = simulate(
-            circuit.system,
-            circuit.x0 if x0 is None else x0,
-            t_span,
-            method=method,
-            t_eval=t_eval,
-            on_nonunique=on_nonunique,
-            max_events=max_events,
-            interrupt=interrupt,
-        )
-        return read_run(circuit, trajectory, from_elements=x0 is None)
+        circuit, span = self.to_lcs(), checked_span(t_span)
+        for element in self.elements:
+            if isinstance(element, VoltageSource | CurrentSource):
+                check_periods(element.name, element.value, span)
+        try:
+            trajectory = simulate(
+                circuit.system,
+                circuit.x0 if x0 is None else x0,
+                span,
+                method=method,
+                t_eval=t_eval,
+                on_nonunique=on_nonunique,
+                max_events=max_events,
+                interrupt=interrupt,
+            )
+        except InfeasibleError as error:
+            advice = unlimited(self.elements)
+            if advice is None:
+                raise
+            raise InfeasibleError(f"{advice}: {error}") from error
+        return read_run(circuit, trajectory, span[0], from_elements=x0 is None)

@@ -3,13 +3,19 @@
 The current of a branch flows from its first node through the element to its second one.
 """
 
-import math
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import NamedTuple, Protocol
 
 from pricing_core.errors import InvalidInputError
 from pricing_core.linalg.rational import rational
+from pricing_core.models.circuits.checked import (
+    SMALLEST,
+    checked_ends,
+    checked_number,
+    checked_positive,
+    checked_words,
+    settle,
+)
 from pricing_core.models.circuits.equations import Number, Row, current, total, voltage
 
 
@@ -54,7 +60,7 @@ class Resistor:
 
     def __post_init__(self) -> None:
         checked_ends(self.name, self.plus, self.minus)
-        checked_positive(f"ohms of {self.name}", self.ohms)
+        settle(self, "ohms", checked_positive(f"ohms of {self.name}", self.ohms))
 
     @property
     def branches(self) -> tuple[Branch, ...]:
@@ -79,8 +85,10 @@ class Capacitor:
 
     def __post_init__(self) -> None:
         checked_ends(self.name, self.plus, self.minus)
-        checked_positive(f"farads of {self.name}", self.farads)
-        checked_number(f"initial_voltage of {self.name}", self.initial_voltage)
+        settle(self, "farads", checked_positive(f"farads of {self.name}", self.farads))
+        settle(
+            self, "initial_voltage", checked_number(f"initial_voltage of {self.name}", self.initial_voltage)
+        )
 
     @property
     def branches(self) -> tuple[Branch, ...]:
@@ -110,8 +118,10 @@ class Inductor:
 
     def __post_init__(self) -> None:
         checked_ends(self.name, self.plus, self.minus)
-        checked_positive(f"henries of {self.name}", self.henries)
-        checked_number(f"initial_current of {self.name}", self.initial_current)
+        settle(self, "henries", checked_positive(f"henries of {self.name}", self.henries))
+        settle(
+            self, "initial_current", checked_number(f"initial_current of {self.name}", self.initial_current)
+        )
 
     @property
     def branches(self) -> tuple[Branch, ...]:
@@ -139,9 +149,10 @@ class Coupling:
     coefficient: Number
 
     def __post_init__(self) -> None:
+        checked_words("name", self.name)
         field = f"coefficient of {self.name}"
         checked_words(f"inductors of {self.name}", self.first, self.second)
-        checked_number(field, self.coefficient)
+        settle(self, "coefficient", checked_number(field, self.coefficient))
         if not (-1 < self.coefficient < 1) or self.coefficient == 0:
             remedy = "between -1 and 1, and not 0; perfect coupling is an ideal transformer"
             raise InvalidInputError(field, self.coefficient, remedy)
@@ -193,11 +204,13 @@ class Transformer:
     ratio: Number
 
     def __post_init__(self) -> None:
+        checked_words("name", self.name)
         checked_ends(f"the primary of {self.name}", self.primary_plus, self.primary_minus)
         checked_ends(f"the secondary of {self.name}", self.secondary_plus, self.secondary_minus)
-        checked_number(f"ratio of {self.name}", self.ratio)
-        if self.ratio == 0:
-            raise InvalidInputError(f"ratio of {self.name}", self.ratio, "a number other than zero")
+        settle(self, "ratio", checked_number(f"ratio of {self.name}", self.ratio))
+        if -SMALLEST < self.ratio < SMALLEST:
+            allowed = f"a number other than zero, of a size of at least {SMALLEST:g}"
+            raise InvalidInputError(f"ratio of {self.name}", self.ratio, allowed)
 
     @property
     def branches(self) -> tuple[Branch, ...]:
@@ -216,30 +229,3 @@ class Transformer:
             total(voltage(primary.plus, primary.minus), voltage(secondary.plus, secondary.minus, -ratio)),
             total(current(secondary.name), current(primary.name, ratio)),
         )
-
-
-def checked_ends(name: str, plus: str, minus: str) -> None:
-    """Refuse nodes that are no strings, and an element both of whose ends are the same node."""
-    checked_words(f"nodes of {name}", plus, minus)
-    if plus == minus:
-        raise InvalidInputError(f"nodes of {name}", plus, "two different nodes")
-
-
-def checked_words(field: str, *words: str) -> None:
-    """Refuse names that are no strings."""
-    for word in words:
-        if not isinstance(word, str):
-            raise InvalidInputError(field, word, 'a string; the ground is "0"')
-
-
-def checked_number(field: str, value: Number) -> None:
-    """Refuse what is no finite real number."""
-    if isinstance(value, bool) or not isinstance(value, int | float | Fraction) or not math.isfinite(value):
-        raise InvalidInputError(field, value, "a finite number")
-
-
-def checked_positive(field: str, value: Number) -> None:
-    """Refuse what is no positive number."""
-    checked_number(field, value)
-    if value <= 0:
-        raise InvalidInputError(field, value, "a positive number")

@@ -73,16 +73,15 @@ def circuit_from_json(parsed: Mapping[str, Any]) -> DiodeCircuit:
     >>> circuit_from_json(parsed).to_lcs().system.A
     array([[-1000.]])
     """
-    if parsed.get("model") != "circuit":
-        raise InvalidInputError("model", parsed.get("model"), '"circuit"')
+    model = parsed.get("model") if isinstance(parsed, Mapping) else parsed
+    if model != "circuit":
+        raise InvalidInputError("model", model, '"circuit"')
     unknown = set(parsed) - {"model", "netlist", "elements", "x0", "t_span", "t_eval"}
     if unknown:
         raise InvalidInputError("circuit", sorted(unknown), 'without keys but "netlist" or "elements"')
     if ("netlist" in parsed) == ("elements" in parsed):
         raise InvalidInputError("circuit", sorted(parsed), 'given either as "netlist" or as "elements"')
     if "netlist" in parsed:
-        if not isinstance(parsed["netlist"], str):
-            raise InvalidInputError("netlist", parsed["netlist"], "a text")
         return DiodeCircuit.from_netlist(parsed["netlist"])
     if not isinstance(parsed["elements"], list):
         raise InvalidInputError("elements", parsed["elements"], "a list")
@@ -109,7 +108,7 @@ def _element(stated: Mapping[str, Any]) -> Element:
         raise InvalidInputError("kind of an element", kind, f"one of {', '.join(KINDS)}")
     make, settled = KINDS[kind]
     arguments = {key: value for key, value in stated.items() if key != "kind"}
-    label = f"{kind} {arguments.get('name', '')}".rstrip()
+    label = f"{kind} {arguments['name']}" if isinstance(arguments.get("name"), str) else kind
     known = [field.name for field in fields(make) if field.name not in settled]  # type: ignore[arg-type]
     for key in arguments:
         if key not in known:

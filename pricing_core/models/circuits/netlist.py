@@ -35,6 +35,8 @@ def read_netlist(text: str) -> tuple[Element, ...]:
     >>> read_netlist("C1 out gnd 10u IC=5 ; charged")
     (Capacitor(name='C1', plus='out', minus='0', farads=Fraction(1, 100000), initial_voltage=Fraction(5, 1)),)
     """
+    if not isinstance(text, str):
+        raise InvalidInputError("netlist", text, "a text")
     names = _Names()
     return tuple(_element(card, names) for card in _registered(cards(text), names))
 
@@ -69,7 +71,12 @@ def _element(card: Card, names: _Names) -> Element:
     if letter not in _READERS:
         allowed = f"an element whose name begins with one of {' '.join(_READERS)}; a title begins with *"
         raise InvalidInputError(card.field, card.words[0], allowed)
-    return _READERS[letter](card, names)
+    try:
+        return _READERS[letter](card, names)
+    except InvalidInputError as fault:  # the element does not know its line
+        if fault.field == card.field:
+            raise
+        raise InvalidInputError(f"{card.field}: {fault.field}", fault.value, fault.allowed) from None
 
 
 def _two_nodes(card: Card, names: _Names) -> tuple[str, str, str]:

@@ -99,6 +99,8 @@ def _card(number: int, line: str) -> Card:
         if place == 0 or place + 1 == len(words):
             raise InvalidInputError(f"line {number} of the netlist", line, "of the form ... NAME=value")
         name, _, value = words[place - 1 : place + 2]
+        if name.lower() in options:
+            raise InvalidInputError(f"line {number} of the netlist", line, f"with one value of {name}")
         options[name.lower()] = value
         del words[place - 1 : place + 2]
     if not words:

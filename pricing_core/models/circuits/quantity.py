@@ -18,6 +18,7 @@ SUFFIXES = {
     "f": Fraction(1, 10**15),
 }
 LARGEST_EXPONENT = 300
+LONGEST_TEXT = 100
 
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e([+-]?\d+))?)(meg|[tgkmunpf]?)([a-z]*)", re.IGNORECASE)
 
@@ -38,7 +39,7 @@ def quantity(field: str, text: str) -> Fraction:
     >>> [str(quantity("value", text)) for text in ("4.7k", "100nF", "2MEG", "1e-3", "-.5")]
     ['4700', '1/10000000', '2000000', '1/1000', '-1/2']
     """
-    match = _NUMBER.fullmatch(text)
+    match = _NUMBER.fullmatch(text) if len(text) <= LONGEST_TEXT else None
     if match is None or abs(int(match[2] or 0)) > LARGEST_EXPONENT or match[4].lower() == "il":
         raise InvalidInputError(field, text, "a number such as 4.7k, 100n or 1e-3")
     return Fraction(match[1]) * SUFFIXES[match[3].lower()]

@@ -7,6 +7,7 @@ import numpy as np
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import Event, Trajectory
+from pricing_core.models.circuits.checked import checked_words
 from pricing_core.models.circuits.circuit_lcs import CircuitLCS
 from pricing_core.models.circuits.equations import GROUND
 
@@ -18,6 +19,8 @@ class CircuitRun:
     Parameters
     ----------
     circuit : CircuitLCS
+    start : float
+        The time at which the simulation began.
     trajectory : Trajectory
         Of x, u and y. The energy_lost of its events is what capacitors and inductors lose by jumping.
     energy_lost_at_start : float
@@ -30,6 +33,7 @@ class CircuitRun:
     """
 
     circuit: CircuitLCS
+    start: float
     trajectory: Trajectory
     energy_lost_at_start: float
     voltages: dict[str, Vector]
@@ -47,7 +51,7 @@ class CircuitRun:
 
     def refined(self, count: int) -> "CircuitRun":
         """Return the run at `count` times or somewhat more, as `pricing_core.lcs.Trajectory.refined` does."""
-        fine = read_run(self.circuit, self.trajectory.refined(count), from_elements=False)
+        fine = read_run(self.circuit, self.trajectory.refined(count), self.start, from_elements=False)
         return replace(fine, energy_lost_at_start=self.energy_lost_at_start)
 
     def voltage(self, plus: str, minus: str = GROUND) -> Vector:
@@ -59,6 +63,7 @@ class CircuitRun:
             The circuit has no such node.
         """
         for node in (plus, minus):
+            checked_words("node", node)
             if node not in self.voltages:
                 raise InvalidInputError("node", node, f"one of {', '.join(self.voltages)}")
         return self.voltages[plus] - self.voltages[minus]
@@ -71,12 +76,13 @@ class CircuitRun:
         InvalidInputError
             The circuit has no such element.
         """
+        checked_words("element", branch)
         if branch not in self.currents:
             raise InvalidInputError("element", branch, f"one of {', '.join(self.currents)}")
         return self.currents[branch]
 
 
-def read_run(circuit: CircuitLCS, trajectory: Trajectory, *, from_elements: bool) -> CircuitRun:
+def read_run(circuit: CircuitLCS, trajectory: Trajectory, start: float, *, from_elements: bool) -> CircuitRun:
     """Return the run with everything read off the trajectory.
 
     Parameters
@@ -90,13 +96,12 @@ def read_run(circuit: CircuitLCS, trajectory: Trajectory, *, from_elements: bool
     currents: dict[str, Vector] = {}
     for name, column in zip(circuit.readings.names, values.T, strict=True):
         (voltages if name[0] == "v" else currents)[name[2:-1]] = column
-    start = float(trajectory.flows[0].start) if trajectory.flows else float(trajectory.t[0])
     events = tuple(_with_energy(circuit, event, start) for event in trajectory.events)
     lost = 0.0
     if from_elements:
         settled = circuit.states_of_elements(circuit.x0, circuit.sources.after(start))
         lost = circuit.energy_of_jump(circuit.initial_element_states, settled)
-    return CircuitRun(circuit, replace(trajectory, events=events), lost, voltages, currents)
+    return CircuitRun(circuit, start, replace(trajectory, events=events), lost, voltages, currents)
 
 
 def _sources_along(circuit: CircuitLCS, t: Vector) -> Matrix:
@@ -107,7 +112,7 @@ def _sources_along(circuit: CircuitLCS, t: Vector) -> Matrix:
     for i, time in enumerate(t.tolist()):
         is_before = time in steps and 0 < i < t.size - 1 and t[i - 1] < time == t[i + 1]
         rows.append(sources.before(time) if is_before else sources.after(time))
-    return np.array(rows)
+    return np.array(rows).reshape(t.size, sources.output.shape[0])
 
 
 def _with_energy(circuit: CircuitLCS, event: Event, start: float) -> Event:

@@ -9,10 +9,13 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from pricing_core.arrays import Matrix
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcs import Exosystem, PiecewiseConstant
-from pricing_core.models.circuits.elements import checked_number
+from pricing_core.models.circuits.checked import SMALLEST, checked_number, settle
 from pricing_core.models.circuits.equations import Number
+
+MOST_KNOTS = 20_000  # a run takes about a millisecond for each
+MOST_PERIODS = 1e5  # and some for each of these
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +39,10 @@ class Sine:
 
     def __post_init__(self) -> None:
         for name in ("amplitude", "frequency", "phase", "offset"):
-            checked_number(name, getattr(self, name))
-        if self.frequency <= 0.0:
-            raise InvalidInputError("frequency", self.frequency, "a positive number of hertz")
+            settle(self, name, float(checked_number(name, getattr(self, name))))
+        if self.frequency < SMALLEST:
+            allowed = f"a positive number of hertz, at least {SMALLEST:g}"
+            raise InvalidInputError("frequency", self.frequency, allowed)
 
 
 Value: TypeAlias = Number | Sine | PiecewiseConstant | Exosystem
@@ -71,8 +75,21 @@ def stacked(values: Sequence[Value]) -> Exosystem:
     output = np.vstack([np.zeros((0, sum(zero.shape[1] for zero in none.values()))), *rows])
     start = min(float(block.times[0]) for block in blocks.values())
     times = np.unique(np.concatenate([[start], *(block.jumps for block in blocks.values())]))
+    if times.size > MOST_KNOTS:
+        raise InvalidInputError(
+            "sources", Told(f"{times.size - 1} knots"), f"of fewer than {MOST_KNOTS} knots together"
+        )
     states = [np.concatenate([block.state_after(float(t)) for block in blocks.values()]) for t in times]
     return Exosystem(block_diag(*(block.generator for block in blocks.values())), output, states, times)
+
+
+def check_periods(name: str, value: Value, t_span: tuple[float, float]) -> None:
+    """Refuse an interval of so many periods that no simulation would come to its end."""
+    if isinstance(value, Sine) and value.frequency * (t_span[1] - t_span[0]) > MOST_PERIODS:
+        longest = MOST_PERIODS / value.frequency
+        raise InvalidInputError(
+            "t_span", t_span, f"no longer than {longest:g} s: {MOST_PERIODS:g} periods of {name}"
+        )
 
 
 def _parts(value: Value, index: int) -> list[tuple[object, Exosystem, Matrix]]:

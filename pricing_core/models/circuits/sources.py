@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import Exosystem, PiecewiseConstant
 from pricing_core.linalg.rational import rational
-from pricing_core.models.circuits.elements import Branch, checked_ends, checked_number, checked_words
+from pricing_core.models.circuits.checked import checked_ends, checked_number, checked_words, settle
+from pricing_core.models.circuits.elements import Branch
 from pricing_core.models.circuits.equations import Number, Row, current, total, voltage
 from pricing_core.models.circuits.signals import Sine, Value
 
@@ -19,7 +20,7 @@ class _IndependentSource:
 
     def __post_init__(self) -> None:
         checked_ends(self.name, self.plus, self.minus)
-        checked_value(self.name, self.value)
+        settle(self, "value", checked_value(self.name, self.value))
 
     @property
     def branches(self) -> tuple[Branch, ...]:
@@ -62,7 +63,7 @@ class VoltageControlled:
     def __post_init__(self) -> None:
         checked_ends(self.name, self.plus, self.minus)
         checked_words(f"control of {self.name}", self.control_plus, self.control_minus)
-        checked_number(f"gain of {self.name}", self.gain)
+        settle(self, "gain", checked_number(f"gain of {self.name}", self.gain))
 
     @property
     def branches(self) -> tuple[Branch, ...]:
@@ -90,7 +91,7 @@ class CurrentControlled:
     def __post_init__(self) -> None:
         checked_ends(self.name, self.plus, self.minus)
         checked_words(f"control of {self.name}", self.control)
-        checked_number(f"gain of {self.name}", self.gain)
+        settle(self, "gain", checked_number(f"gain of {self.name}", self.gain))
 
     @property
     def branches(self) -> tuple[Branch, ...]:
@@ -104,10 +105,10 @@ class CurrentControlled:
         return (total(output, current(self.control, -rational(self.gain))),)
 
 
-def checked_value(name: str, value: Value) -> None:
-    """Refuse what is no scalar signal."""
+def checked_value(name: str, value: Value) -> Value:
+    """Return a scalar signal, a number as one of Python's, or refuse."""
     if isinstance(value, PiecewiseConstant | Exosystem):
         if value.size != 1:
             raise InvalidInputError(f"value of {name}", f"{value.size} components", "one component")
-    elif not isinstance(value, Sine):
-        checked_number(f"value of {name}", value)
+        return value
+    return value if isinstance(value, Sine) else checked_number(f"value of {name}", value)

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from pricing_core.errors import InvalidInputError
 from pricing_core.models.circuits.elements import Branch, Coupling, Element, Inductor
 from pricing_core.models.circuits.equations import GROUND
+from pricing_core.models.circuits.forest import Forest
 from pricing_core.models.circuits.sources import (
     CurrentControlled,
     CurrentSource,
@@ -57,7 +58,7 @@ def _check_references(elements: Sequence[Element], branches: Sequence[Branch], n
 
 
 def _check_voltage_loops(elements: Sequence[Element]) -> None:
-    forest = _Forest()
+    forest = Forest()
     for element in elements:
         if isinstance(element, VoltageSource) and not forest.join(element.plus, element.minus):
             remedy = "in no loop of voltage sources alone: put a resistor in series"
@@ -66,27 +67,7 @@ def _check_voltage_loops(elements: Sequence[Element]) -> None:
 
 def _outside(nodes: Iterable[str], branches: Iterable[Branch]) -> str | None:
     """Return a node that no path of these branches joins to the ground, None if there is none."""
-    forest = _Forest()
+    forest = Forest()
     for branch in branches:
         forest.join(branch.plus, branch.minus)
     return next((node for node in nodes if forest.root(node) != forest.root(GROUND)), None)
-
-
-class _Forest:
-    """Nodes in trees, joined by branches."""
-
-    def __init__(self) -> None:
-        self.parents: dict[str, str] = {}
-
-    def root(self, node: str) -> str:
-        while node in self.parents:
-            node = self.parents[node]
-        return node
-
-    def join(self, one: str, other: str) -> bool:
-        """Join two trees; return False where the nodes are in one tree already."""
-        one, other = self.root(one), self.root(other)
-        if one == other:
-            return False
-        self.parents[one] = other
-        return True

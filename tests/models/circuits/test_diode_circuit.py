@@ -1,5 +1,6 @@
 """Circuits of the literature and of textbooks have their exact solutions."""
 
+import json
 import math
 
 import numpy as np
@@ -8,7 +9,8 @@ from scipy.optimize import brentq
 
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import piecewise_linear
-from pricing_core.models import DiodeCircuit, PiecewiseConstant, Sine
+from pricing_core.models import DiodeCircuit, PiecewiseConstant, Sine, circuit_from_json
+from pricing_core.models.circuits.model_file import circuit_to_json
 from tests.problems import circuits
 from tests.problems.lcs_problems import diode_bridge as bridge_as_a_system
 
@@ -205,6 +207,28 @@ def test_names_that_the_run_does_not_know_are_refused():
         run.voltage("z")
     with pytest.raises(InvalidInputError, match="element = 'Z'"):
         run.current("Z")
+
+
+@pytest.mark.parametrize("method", ["event-driven", "time-stepping"])
+def test_no_times_give_no_values(method):
+    run = circuits.diode_bridge().simulate((0.0, 1e-4), method=method, t_eval=[])
+    assert (run.t.shape, run.voltage("a").shape, run.current("R").shape) == ((0,), (0,), (0,))
+    with pytest.raises(InvalidInputError, match=r"node = \['a'\]: must be a string"):
+        run.voltage(["a"])
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.int64, np.uint8, np.longdouble])
+def test_numbers_may_be_of_numpy(kind):
+    def charged(five, source):
+        circuit = DiodeCircuit().voltage_source("V1", "in", "0", source).resistor("R1", "in", "a", five)
+        return circuit.capacitor("C1", "a", "0", five, initial_voltage=five).diode("D1", "0", "a")
+
+    for source in (kind(5), Sine(kind(5), kind(5))):
+        circuit = charged(kind(5), source)
+        assert type(circuit.elements[1].ohms) in (int, float)
+        assert circuit.to_lcs().system.A.item() == -0.04
+        again = circuit_from_json(json.loads(json.dumps(circuit_to_json(circuit))))
+        assert again.elements[1:] == circuit.elements[1:]
 
 
 def test_a_name_is_given_once():

@@ -76,7 +76,17 @@ def test_every_kind_of_element_is_read():
         ("R1 a 0 5x7", r"= '5x7': must be a number such as"),
         ("R1 a 0 1e999", r"must be a number"),
         ("R1 a 0 1mil", r"must be a number"),
-        ("R1 a 0 -5", r"ohms of R1.* must be a positive number"),
+        ("R1 a 0 -5", r"line 2 of the netlist: ohms of R1.* must be a positive number"),
+        ("R1 a 0 1e-300", r"line 2 of the netlist: ohms of R1.* at least 1e-30"),
+        ("R1 a a 5", r"line 2 of the netlist: nodes of R1 = 'a': must be two different nodes"),
+        ("V1 a 0 SIN(0 1 1e300)", r"line 2 of the netlist: frequency = 1e\+300"),
+        (
+            "V1 a 0 PWL(1 0 0 1)",
+            r"line 2 of the netlist: times = \[1.0, 0.0\]: must be a non-empty increasing",
+        ),
+        ("C1 a 0 1 IC=2 ic=3", r"line 2 .* must be with one value of ic"),
+        pytest.param("R1 a 0 " + "9" * 5000, r"must be a number such as", id="5000 digits"),
+        pytest.param("R1 a 0 1e" + "9" * 5000, r"must be a number such as", id="an exponent of 5000 digits"),
         ("Q1 a b c", r"= 'Q1': must be an element whose name begins with one of R C L D V.*title"),
         ("C1 a 0 1 IC=", r"must be of the form \.\.\. NAME=value"),
         ("c0 a 0 1", r"= 'c0': must be a name that no other element has"),
@@ -101,3 +111,9 @@ def test_a_line_that_cannot_be_read_is_named(line, message):
 def test_a_continuation_needs_a_beginning():
     with pytest.raises(InvalidInputError, match=r"line 1 .* must be the continuation"):
         DiodeCircuit.from_netlist("+ 5")
+
+
+@pytest.mark.parametrize("text", [5, None, b"R1 a 0 5", ["R1 a 0 5"]])
+def test_what_is_no_text_is_refused(text):
+    with pytest.raises(InvalidInputError, match=r"netlist = .*: must be a text"):
+        DiodeCircuit.from_netlist(text)
