@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from pricing_core.arrays import Matrix, Vector, as_number, as_vector, as_whole_number, check_callable
 from pricing_core.errors import InvalidInputError
+from pricing_core.models.control.certificate import certificate
 from pricing_core.models.control.nonlinear_programme import Functions, NonlinearProgramme
 from pricing_core.models.control.sequential_programming import minimise
 
@@ -17,7 +18,11 @@ OPTIONAL_FUNCTIONS = {"final_reward": "x", "mixed_constraint": "(t, x, u)", "sta
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CollocatedControl:
-    """A local maximum of the collocated problem, in the signs of (11.12)-(11.16).
+    """A stationary point of the collocated problem, in the signs of (11.12)-(11.16).
+
+    What is certified: the first-order conditions, which the maximum principle implies, to `stationarity`; and where
+    `is_local_maximum`, that no control close by earns more. That no other control at all does is never certified, but
+    follows where F, F_T and g are concave and the equations of motion linear.
 
     Parameters
     ----------
@@ -35,6 +40,13 @@ class CollocatedControl:
     reward : float
         (11.9).
     iterations : int
+    stationarity : float
+        The largest of: the gradient of the Lagrangian, the violation of the constraints, multipliers times slacks;
+        relative to 1 + the largest multiplier.
+    is_local_maximum : bool
+        The second-order condition holds: the Lagrangian is strictly concave in every direction that keeps (11.10) and
+        the constraints with a multiplier. Where it is False the point may be a minimum, a saddle, or a maximum that is
+        not strict, as where F is linear in u and no constraint holds it.
     """
 
     t: Vector
@@ -45,6 +57,8 @@ class CollocatedControl:
     state_masses: Matrix
     reward: float
     iterations: int
+    stationarity: float
+    is_local_maximum: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,7 +154,10 @@ class ControlAffineProblem:
         start: ArrayLike | None = None,
         max_iterations: int = 100,
     ) -> CollocatedControl:
-        """Find a local maximum of the problem collocated at the midpoints of equal intervals.
+        """Find a stationary point of the problem collocated at the midpoints of equal intervals.
+
+        Steps go uphill, so that it is a maximum as a rule; the result says whether that is certain. Which one of
+        several is found depends on `start`.
 
         Parameters
         ----------
@@ -176,6 +193,7 @@ class ControlAffineProblem:
         programme = NonlinearProgramme(self._functions, self.x0, float(self.horizon), N, m)
         guess = np.concatenate([np.tile(self.x0, N), np.tile(first, N)])
         found = minimise(programme, guess, float(tolerance), most)
+        proof = certificate(programme, found)
         x, control = programme.split(found.v)
         mixed = found.duals.size - N * self._functions.pure(0.0, self.x0).size
         return CollocatedControl(
@@ -187,6 +205,8 @@ class ControlAffineProblem:
             state_masses=found.duals[mixed:].reshape(N, -1),
             reward=-found.values.loss,
             iterations=found.iterations,
+            stationarity=proof.stationarity,
+            is_local_maximum=proof.is_local_maximum,
         )
 
     @property

@@ -52,7 +52,10 @@ def test_a_linear_problem_gives_what_the_quadratic_programme_gives():
         p.horizon,
         state_constraint=lambda t, x: p.C @ x - p.bound,
     )
-    assert linear.solve(intervals=200).reward == pytest.approx(-KNOWN.cost, abs=5e-5)
+    answer = linear.solve(intervals=200)
+    assert answer.reward == pytest.approx(-KNOWN.cost, abs=5e-5)
+    assert answer.is_local_maximum
+    assert answer.stationarity < 1e-8
 
 
 def test_a_bound_on_the_control_and_a_final_reward():
@@ -70,6 +73,46 @@ def test_a_bound_on_the_control_and_a_final_reward():
     assert answer.control == pytest.approx(1.0, abs=1e-6)
     assert answer.costate == pytest.approx(3.0, abs=1e-6)
     assert answer.mixed_multiplier == pytest.approx(2.0, abs=1e-6)
+    assert answer.is_local_maximum  # the bound alone holds it
+
+
+def test_a_cost_of_the_last_state_alone_has_its_closed_form():
+    """Minimise (1/2) int_0^3 u^2 + (5/2) x(3)^2 with x' = u from 2: u = -5 x(3), x(3) = 2/(1 + 15)."""
+    answer = ControlAffineProblem(
+        lambda t, x, u: -0.5 * float(u @ u),
+        lambda t, x: [0.0],
+        lambda t, x: [[1.0]],
+        [2.0],
+        3.0,
+        final_reward=lambda x: -2.5 * float(x[0] ** 2),
+    ).solve(intervals=10)
+    assert answer.reward == pytest.approx(-0.625, abs=1e-9)
+    assert answer.x[-1] == pytest.approx([0.125], abs=1e-8)
+    assert answer.control == pytest.approx(-0.625, abs=1e-8)
+    assert answer.is_local_maximum
+    assert answer.stationarity < 1e-9
+
+
+@pytest.mark.parametrize(("horizon", "is_maximum"), [(1.5, True), (1.65, False)])
+def test_beyond_its_conjugate_point_a_stationary_control_is_no_maximum(horizon: float, is_maximum: bool):
+    """Maximise (1/2) int x^2 - u^2 with x' = u from 0: u = 0 is stationary, and a maximum for T < pi/2 alone."""
+    answer = ControlAffineProblem(
+        lambda t, x, u: 0.5 * float(x @ x - u @ u), lambda t, x: [0.0], lambda t, x: [[1.0]], [0.0], horizon
+    ).solve(intervals=50)
+    assert (answer.reward, answer.is_local_maximum) == (0.0, is_maximum)
+
+
+def test_a_minimum_between_two_maxima_is_not_called_a_maximum():
+    """F_T = -(x^2 - 1)^2 from x = 0, where u = 0 is stationary."""
+    problem = ControlAffineProblem(
+        lambda t, x, u: -0.05 * float(u @ u),
+        lambda t, x: [0.0],
+        lambda t, x: [[1.0]],
+        [0.0],
+        1.0,
+        final_reward=lambda x: -((x[0] ** 2 - 1.0) ** 2),
+    )
+    assert not problem.solve(intervals=10).is_local_maximum
 
 
 def test_time_enters_explicitly():

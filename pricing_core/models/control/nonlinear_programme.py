@@ -2,14 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import block_array, block_diag, csc_matrix, eye_array, hstack, kron, vstack
 
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.models.control.derivatives import hessian, jacobian
 
+Table: TypeAlias = NDArray[np.float64]
 Scalar = Callable[[float, Vector, Vector], float]
 Field = Callable[[float, Vector, Vector], Vector]
 
@@ -32,6 +34,18 @@ class Values:
     loss: float
     defects: Vector  # (N n,)
     slacks: Vector  # (N k1 + N k2,): mixed at the midpoints, pure at the nodes
+
+
+class Expansion(NamedTuple):
+    """First and second derivatives at w_j of every interval, (N, ...), and at every node x_(j+1), (N, ...)."""
+
+    gradients: Matrix  # (N, n + m): of -h F
+    rates: Table  # (N, n, n + m)
+    mixed: Table  # (N, k1, n + m)
+    curved: Table  # (N, n + m, n + m): of the Lagrangian
+    pure: Table  # (N, k2, n)
+    node_curved: Table  # (N, n, n): of the Lagrangian's part at the nodes
+    last: Vector  # (n,): of -F_T
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,8 +92,8 @@ class NonlinearProgramme:
         slacks = np.concatenate([*(f.mixed(*place) for place in places), *pure])
         return Values(loss, (x[1:] - x[:-1] - self.h * rates).ravel(), slacks)
 
-    def model(self, v: Vector, costate: Matrix, duals: Vector) -> QuadraticModel:
-        """Expand to second order, W with the multipliers of the step before and made positive semidefinite."""
+    def expansion(self, v: Vector, costate: Matrix, duals: Vector) -> Expansion:
+        """Expand interval by interval and node by node, the second order with these multipliers."""
         x, u = self.split(v)
         n, N, h = self.n, self.N, self.h
         f, w = self.functions, np.hstack([0.5 * (x[1:] + x[:-1]), u])
@@ -98,33 +112,49 @@ class NonlinearProgramme:
             )
             rates.append(jacobian(lambda z, t=t: f.dynamics(t, z[:n], z[n:]), w[j]))  # type: ignore[misc]
             mixed.append(jacobian(lambda z, t=t: f.mixed(t, z[:n], z[n:]), w[j]))  # type: ignore[misc]
-            curved.append(semidefinite_part(hessian(loss, w[j])))
-        W, pure, last = self._node_model(x, pure_duals)
-        gradient = self.local.T @ np.concatenate(gradients)
-        gradient[(N - 1) * n : N * n] += last
-        return QuadraticModel(
-            csc_matrix(self.local.T @ block_diag(curved) @ self.local + W),
-            gradient,
-            self.differences - h * block_diag(rates) @ self.local,
-            vstack([csc_matrix(block_diag(mixed) @ self.local), pure]),
+            curved.append(hessian(loss, w[j]))
+        node_curved, pure = self._node_expansion(x, pure_duals)
+        last = jacobian(lambda z: np.array([-f.final(z)]), x[-1])[0]
+        return Expansion(
+            np.array(gradients),
+            np.array(rates),
+            np.array(mixed),
+            np.array(curved),
+            np.array(pure),
+            np.array(node_curved),
+            last,
         )
 
-    def _node_model(self, x: Matrix, duals: Matrix) -> tuple[Any, Any, Vector]:
-        """Return W of the pure constraints and of F_T, the constraints' Jacobian, and the gradient of -F_T."""
+    def _node_expansion(self, x: Matrix, duals: Matrix) -> tuple[list[Matrix], list[Matrix]]:
+        """Return the second order of the pure constraints and of F_T, and the constraints' Jacobians."""
         f, N = self.functions, self.N
-        blocks, rows = [], []
+        curved: list[Matrix] = []
+        rows: list[Matrix] = []
         for j, t in enumerate(self.nodes[1:]):
             ends = float(j == N - 1)
 
             def loss(z: Vector, t: float = t, j: int = j, ends: float = ends) -> float:
                 return float(-duals[j] @ f.pure(t, z) - ends * f.final(z))
 
-            blocks.append(semidefinite_part(hessian(loss, x[j + 1])))
+            curved.append(hessian(loss, x[j + 1]))
             rows.append(jacobian(lambda z, t=t: f.pure(t, z), x[j + 1]))  # type: ignore[misc]
+        return curved, rows
+
+    def model(self, parts: Expansion) -> QuadraticModel:
+        """Put the parts together, W made positive semidefinite."""
+        n, N, h = self.n, self.N, self.h
         none = csc_matrix((N * self.m, N * self.m))
-        pure = hstack([block_diag(rows), csc_matrix((N * rows[0].shape[0], N * self.m))])
-        last = jacobian(lambda z: np.array([-f.final(z)]), x[-1])[0]
-        return block_diag([block_diag(blocks), none]), pure, last
+        nodes = block_diag([block_diag([semidefinite_part(H) for H in parts.node_curved]), none])
+        curved: Any = block_diag([semidefinite_part(H) for H in parts.curved])
+        pure = hstack([block_diag(list(parts.pure)), csc_matrix((N * parts.pure.shape[1], N * self.m))])
+        gradient = self.local.T @ np.concatenate(list(parts.gradients))
+        gradient[(N - 1) * n : N * n] += parts.last
+        return QuadraticModel(
+            csc_matrix(self.local.T @ curved @ self.local + nodes),
+            gradient,
+            self.differences - h * block_diag(list(parts.rates)) @ self.local,
+            vstack([csc_matrix(block_diag(list(parts.mixed)) @ self.local), pure]),
+        )
 
 
 def semidefinite_part(H: Matrix) -> Matrix:

@@ -41,7 +41,7 @@ def minimise(programme: NonlinearProgramme, v: Vector, tolerance: float, most: i
     costate, duals = np.zeros(values.defects.size), np.zeros(values.slacks.size)
     weight = 1.0
     for iteration in range(1, most + 1):
-        model = programme.model(v, costate.reshape(programme.N, -1), duals)
+        model = programme.model(programme.expansion(v, costate.reshape(programme.N, -1), duals))
         step, costate, duals = _step(model, values)
         largest = float(np.max(np.abs(np.concatenate([costate, duals])), initial=0.0))
         weight = max(weight, 1.5 * largest)
