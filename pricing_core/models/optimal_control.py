@@ -8,12 +8,17 @@ from numpy.typing import ArrayLike
 from pricing_core.arrays import Matrix, Vector, as_matrix, as_square_matrix, as_vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs.system import LCS
-from pricing_core.models.control.problem import LQData, constraint_orders, hamiltonian_system
+from pricing_core.models.control.problem import (
+    ROUNDING,
+    LQData,
+    constraint_orders,
+    hamiltonian_system,
+    start_derivatives,
+)
 from pricing_core.models.control.resolve import resolve
 from pricing_core.models.control.solution import OptimalControl, solved, unresolved
 
 FEWEST_INTERVALS, MOST_INTERVALS = 8, 20_000
-ROUNDING = 1e-12
 LARGEST = 1e50
 LONGEST = 1e5  # time constants of the system, the fastest
 
@@ -185,14 +190,10 @@ def _semidefinite(Q: Matrix) -> Matrix:
 def _check_start(data: LQData) -> None:
     """Refuse an x0 at which a slack is negative or turns negative whatever the control does."""
     for i, order in enumerate(constraint_orders(data)):
-        row, size = data.C[i], np.abs(data.C[i])
-        for derivative in range(order or data.states):
-            value = float(row @ data.x0) - (float(data.bound[i]) if derivative == 0 else 0.0)
-            level = float(size @ np.abs(data.x0)) + (abs(float(data.bound[i])) if derivative == 0 else 0.0)
-            if value < -ROUNDING * level:
+        for derivative, (value, size) in enumerate(start_derivatives(data, i, order or data.states)):
+            if value < -ROUNDING * size:
                 what = "slack" if derivative == 0 else f"derivative {derivative} of the vanishing slack"
                 allowed = f"a state with C x0 >= bound that can stay there; {what} {i} is {value:.6g}"
                 raise InvalidInputError("x0", data.x0.tolist(), allowed)
-            if value > ROUNDING * level:
+            if value > ROUNDING * size:
                 break
-            row, size = row @ data.A, size @ np.abs(data.A)

@@ -96,6 +96,12 @@ def caught_oscillator(sigma: float, touch: float, T: float) -> ControlProblem:
     return ControlProblem("caught oscillator", problem, cost, (touch,), ((touch, sigma),))
 
 
+def returning_oscillator(touch: float, T: float) -> ControlProblem:
+    """The same from the bound itself, which the oscillator leaves with a speed and comes back to."""
+    s = touch
+    return caught_oscillator(2.0 * (math.cos(s) - 1.0) / (math.sin(s) - s * math.cos(s)), s, T)
+
+
 def lowered_cart(sigma: float, junction: float, T: float) -> ControlProblem:
     """x'' = u, Q = diag(4, 0), x >= 1: down to the bound and along it, where u = 0 and eta = 4.
 
@@ -140,6 +146,7 @@ CONTROL_PROBLEMS = (
     braked_before_the_end(1.0, 4.0),
     caught_oscillator(0.7, 2.0, 5.0),
     caught_oscillator(0.7, 2.0, 9.0),
+    returning_oscillator(5.0, 9.0),
     lowered_cart(1.5, 1.0, 3.0),
     ramp_to_a_touch(2.0, 1.0, 2.0),
 )

@@ -1,5 +1,6 @@
 """The data of the linear-quadratic problem (11.21)-(11.23), and its complementarity system (11.25)."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs.system import LCS
 
+ROUNDING = 1e-12
 ZERO = 1e-11  # of the product of the factors' sizes: a Markov parameter below is rounding
 
 
@@ -65,6 +67,34 @@ def constraint_orders(data: LQData) -> tuple[int | None, ...]:
     (2,)
     """
     return tuple(_order(row, data.A, data.B) for row in data.C)
+
+
+def start_derivatives(data: LQData, constraint: int, count: int) -> Iterator[tuple[float, float]]:
+    """Yield a slack's first derivatives at x0 without control, from itself on, with the sizes of what they add up."""
+    row, size = data.C[constraint], np.abs(data.C[constraint])
+    bound = float(data.bound[constraint])
+    for _ in range(count):
+        yield float(row @ data.x0) - bound, float(size @ np.abs(data.x0)) + abs(bound)
+        row, size, bound = row @ data.A, size @ np.abs(data.A), 0.0
+
+
+def held_at_start(data: LQData, orders: tuple[int | None, ...]) -> tuple[bool, ...]:
+    """Tell of each constraint whether its slack and all derivatives before the control enters vanish at x0.
+
+    Examples
+    --------
+    A double integrator at its bound can stay there from rest, not from motion:
+
+    >>> A, B, C = np.eye(2, k=1), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
+    >>> for speed in (0.0, 1.0):
+    ...     held_at_start(LQData(A, B, C, np.eye(2), np.array([1.0, speed]), np.ones(1), 1.0), (2,))
+    (True,)
+    (False,)
+    """
+    return tuple(
+        all(abs(value) <= ROUNDING * size for value, size in start_derivatives(data, i, order or data.states))
+        for i, order in enumerate(orders)
+    )
 
 
 def _order(row: Vector, A: Matrix, B: Matrix) -> int | None:

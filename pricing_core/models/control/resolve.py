@@ -7,7 +7,7 @@ import numpy as np
 from pricing_core.errors import InfeasibleError, NumericalError
 from pricing_core.models.control.collocation import Collocation, collocate
 from pricing_core.models.control.layout import Layout, layout, with_times
-from pricing_core.models.control.problem import LQData, constraint_orders, hamiltonian_system
+from pricing_core.models.control.problem import LQData, constraint_orders, hamiltonian_system, held_at_start
 from pricing_core.models.control.repair import improved, reordered, separated
 from pricing_core.models.control.sampling import Samples, sample
 from pricing_core.models.control.shooting import Shot, shoot
@@ -56,7 +56,8 @@ def resolve(data: LQData, intervals: int) -> tuple[Collocation, Resolved | None]
 
 def _from_guess(data: LQData, solution: Collocation) -> Resolved | None:
     system, orders = hamiltonian_system(data), constraint_orders(data)
-    structure = detect_structure(solution, solution.x @ data.C.T - data.bound, data.slack_sizes, orders)
+    held = held_at_start(data, orders)
+    structure = detect_structure(solution, solution.x @ data.C.T - data.bound, data.slack_sizes, orders, held)
     for _ in range(MOST_REPAIRS):
         plan = layout(system, data, orders, structure)
         if plan is None:  # constraints that are not active together may hand over to one another

@@ -10,7 +10,6 @@ from pricing_core.models.control.collocation import Collocation
 
 GAP = 2  # nodes that a contact of order >= 2 may leave out: there the discrete masses alternate
 TOUCH_NODES = 3  # up to so many nodes in contact are a touch point, where the order allows one
-AT_BOUND = 1e-10  # of the slack's size
 NOTHING = 1e-6  # of the largest costate: a mass below is what an interior-point method leaves of a zero
 SMALLEST = 1e-300
 NEAR = 0.1  # of (h/T)^2 of the slack's size: in contact, for order >= 2
@@ -37,7 +36,11 @@ Structure = tuple[Contact, ...]
 
 
 def detect_structure(
-    solution: Collocation, slacks: Matrix, sizes: Vector, orders: tuple[int | None, ...]
+    solution: Collocation,
+    slacks: Matrix,
+    sizes: Vector,
+    orders: tuple[int | None, ...],
+    held: tuple[bool, ...],
 ) -> Structure:
     """Return the contacts that the nodes of a collocated solution suggest.
 
@@ -49,6 +52,8 @@ def detect_structure(
         What the slacks are differences of: where a constraint is active all the time, its slack is rounding of that.
     orders : tuple
         Of the constraints.
+    held : tuple of bool
+        Whether an arc of the constraint may start at x0: see `held_at_start`.
     """
     contacts: list[Contact] = []
     nothing = max(NOTHING * float(np.max(np.abs(solution.costate))), SMALLEST)
@@ -57,10 +62,8 @@ def detect_structure(
         size = max(float(np.max(np.abs(slacks[:, i]))), float(sizes[i]))
         mass = solution.masses[:, i] / max(float(np.max(solution.masses[:, i])), nothing)
         nodes = _nodes_in_contact(slacks[:, i] / size, mass, smooth)
-        at_bound = bool(slacks[0, i] <= AT_BOUND * size)
-        contacts += [
-            _contact(i, run, solution.t, at_bound, smooth) for run in _runs(nodes, GAP if smooth else 0)
-        ]
+        runs = _runs(nodes if held[i] else nodes[nodes > 0], GAP if smooth else 0)
+        contacts += [_contact(i, run, solution.t, held[i], smooth) for run in runs]
     return tuple(contact for contact in contacts if contact.end > 0.0)
 
 
@@ -77,11 +80,11 @@ def _runs(nodes: NDArray[np.intp], gap: int) -> list[NDArray[np.intp]]:
     return [run for run in np.split(nodes, np.flatnonzero(np.diff(nodes) > gap + 1) + 1) if run.size]
 
 
-def _contact(i: int, run: NDArray[np.intp], t: NDArray[np.float64], at_bound: bool, smooth: bool) -> Contact:
-    """Return a contact of these nodes; it starts at 0 only where the slack of x0 is zero."""
+def _contact(i: int, run: NDArray[np.intp], t: NDArray[np.float64], held: bool, smooth: bool) -> Contact:
+    """Return a contact of these nodes; it starts at 0 only where x0 allows it."""
     first, last, end = int(run[0]), int(run[-1]), t.size - 1
     half = 0.5 * float(t[1])
-    from_start = first <= 1 and at_bound
+    from_start = first <= 1 and held
     if run.size <= (TOUCH_NODES if smooth else 1) and not from_start:
         if last == end:
             return Contact(i, float(t[end]), float(t[end]))

@@ -42,7 +42,7 @@ def slack_without(nodes: range) -> np.ndarray:
 )
 def test_runs_of_nodes_become_contacts(nodes: range, order: int, expected: tuple[Contact, ...]):
     found = detect_structure(
-        *with_masses(dict.fromkeys(nodes, 1.0), slack_without(nodes)), np.ones(1), (order,)
+        *with_masses(dict.fromkeys(nodes, 1.0), slack_without(nodes)), np.ones(1), (order,), (0 in nodes,)
     )
     assert len(found) == len(expected)
     for contact, wanted in zip(found, expected, strict=True):
@@ -54,17 +54,22 @@ def test_masses_that_alternate_are_one_contact_of_order_two():
     masses = {node: 1.0 for node in nodes if node % 2 == 0}
     slack = slack_without(range(0))
     slack[list(masses)] = 0.0
-    (contact,) = detect_structure(*with_masses(masses, slack), np.ones(1), (2,))
+    (contact,) = detect_structure(*with_masses(masses, slack), np.ones(1), (2,), (False,))
     assert (contact.start, contact.end) == pytest.approx((0.35, 1.25))
 
 
 def test_masses_and_slacks_of_the_size_of_rounding_are_none():
     rounding = 1e-12 * np.cos(np.arange(N + 1.0))
     always, rest = with_masses(dict.fromkeys(range(1, N + 1), 1.0), rounding)
-    assert detect_structure(always, rest, np.ones(1), (2,)) == (Contact(0, 0.0, 2.0),)
+    assert detect_structure(always, rest, np.ones(1), (2,), (True,)) == (Contact(0, 0.0, 2.0),)
     never, slack = with_masses(dict.fromkeys(range(7, 9), 1e-12), np.full(N + 1, 1e-4))
     never = replace(never, costate=np.ones((N, 1)))
-    assert detect_structure(never, slack, np.ones(1), (1,)) == ()
+    assert detect_structure(never, slack, np.ones(1), (1,), (False,)) == ()
+
+
+def test_a_start_on_the_bound_that_moves_away_is_no_contact():
+    start = with_masses({}, slack_without(range(1)))
+    assert detect_structure(*start, np.ones(1), (2,), (False,)) == ()
 
 
 def test_overlapping_contacts_meet_in_the_middle():
