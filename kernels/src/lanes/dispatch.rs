@@ -6,10 +6,16 @@
 #[cfg(target_arch = "x86_64")]
 use std::arch::is_x86_feature_detected;
 
-use super::vector::{vector, Vector, LANES};
+use super::vector::{vector, Part, Vector, LANES};
 
 /// The operations of one number.
 mod portable {
+    use super::Part;
+
+    #[inline(never)]
+    pub fn apart<V, P: Part<V>>(part: P) -> P::Result {
+        part.run()
+    }
     #[inline(always)]
     pub fn all(x: f64) -> f64 {
         x
@@ -100,7 +106,7 @@ mod portable {
 /// The operations of one register; sound because only `dispatch` makes these vectors, after asking the processor.
 #[cfg(target_arch = "x86_64")]
 macro_rules! register {
-    ($module:ident, $register:ident, $width:literal,
+    ($module:ident, $register:ident, $width:literal, apart($part:ident) = $apart:expr;
      $($name:ident($($argument:ident),*) = $body:expr;)*
      ; load($source:ident) = $load:expr; store($target:ident, $value:ident) = $store:expr;) => {
         #[allow(clippy::wildcard_imports)]
@@ -108,6 +114,10 @@ macro_rules! register {
             use std::arch::x86_64::*;
             type R = $register;
             $(register!(@operation $name($($argument),*) = $body);)*
+            #[inline(always)]
+            pub fn apart<V, P: super::Part<V>>($part: P) -> P::Result {
+                $apart
+            }
             #[inline(always)]
             pub fn all(x: f64) -> R {
                 load([x; $width])
@@ -145,6 +155,7 @@ macro_rules! register {
 
 #[cfg(target_arch = "x86_64")]
 register! { avx512, __m512d, 8,
+    apart(part) = part.run(); // its 32 registers hold whole steps, which are up to a fifth faster in one piece
     add(a, b) = _mm512_add_pd(a, b);
     sub(a, b) = _mm512_sub_pd(a, b);
     mul(a, b) = _mm512_mul_pd(a, b);
@@ -167,6 +178,8 @@ register! { avx512, __m512d, 8,
 
 #[cfg(target_arch = "x86_64")]
 register! { avx2, __m256d, 4,
+    // SAFETY: the processor has the instructions, see above.
+    apart(part) = unsafe { super::apart_avx2(part) };
     add(a, b) = _mm256_add_pd(a, b);
     sub(a, b) = _mm256_sub_pd(a, b);
     mul(a, b) = _mm256_mul_pd(a, b);
@@ -232,4 +245,11 @@ fn run_avx512<W: Work>(work: W) -> W::Result {
 #[target_feature(enable = "avx2,fma")]
 fn run_avx2<W: Work>(work: W) -> W::Result {
     work.run::<Avx2>()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[inline(never)]
+#[target_feature(enable = "avx2,fma")]
+fn apart_avx2<V, P: Part<V>>(part: P) -> P::Result {
+    part.run()
 }

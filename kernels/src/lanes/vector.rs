@@ -42,6 +42,10 @@ pub trait Vector:
     /// m with x = m 2^e, 1 <= m < 2, for normal x > 0.
     fn mantissa(self) -> Self;
 
+    /// Do a part of the work, where registers are few in a function of its own, compiled for the instruction set: one
+    /// function of everything takes minutes to compile and is no faster.
+    fn apart<P: Part<Self>>(part: P) -> P::Result;
+
     /// Zero in every lane.
     #[inline(always)]
     fn zero() -> Self {
@@ -59,6 +63,14 @@ pub trait Vector:
     fn plus(self, x: f64) -> Self {
         self + Self::all(x)
     }
+}
+
+/// A part of some work on one type of vectors.
+pub trait Part<V> {
+    /// What it returns.
+    type Result;
+    /// Do it; must be inlined, to be compiled for the instruction set.
+    fn run(self) -> Self::Result;
 }
 
 /// Implement `Vector` for an array of registers from the operations on one; written out, for nothing here may remain a call.
@@ -137,6 +149,10 @@ macro_rules! vector {
             #[inline(always)]
             fn mantissa(self) -> Self {
                 Self([$($ops::mantissa(self.0[$i])),*])
+            }
+            #[inline(always)]
+            fn apart<P: Part<Self>>(part: P) -> P::Result {
+                $ops::apart::<Self, P>(part)
             }
         }
     };

@@ -7,7 +7,7 @@ use super::obstacle::{Contracts, Moment, Obstacle};
 use super::plan::{Plan, Step};
 use super::tableau::{Tableau, LATER_STEPS, SECOND_STEP, STAGE};
 use super::track::Track;
-use crate::lanes::vector::{Vector, LANES};
+use crate::lanes::vector::{Part, Vector, LANES};
 
 /// Of sqrt(t), between boundary and label 0.
 const ACCEPTED_OFFSET: f64 = 0.5;
@@ -50,7 +50,14 @@ pub fn march<V: Vector, const D: bool>(
                 }
             }
         }
-        let accepted = runge_kutta_step::<V, D>(&step, contracts, &mut track, &mut at, half, work);
+        let accepted = V::apart(RungeKuttaStep::<V, D> {
+            step: &step,
+            contracts,
+            track: &mut track,
+            at: &mut at,
+            half,
+            work,
+        });
         for (settled, accepted) in settled.iter_mut().zip(accepted) {
             *settled &= accepted;
         }
@@ -117,87 +124,107 @@ fn first_step<V: Vector, const D: bool>(
     }
 }
 
-/// One Runge-Kutta step, again with a corrected frame where the boundary left it too far behind.
-#[inline(always)]
-fn runge_kutta_step<V: Vector, const D: bool>(
-    step: &Step,
-    contracts: &Contracts<V>,
-    track: &mut Track<V>,
-    at: &mut Place<V>,
+/// One Runge-Kutta step, again with a corrected frame where the boundary left it too far behind; says where it did not.
+struct RungeKuttaStep<'a, V, const D: bool> {
+    step: &'a Step<'a>,
+    contracts: &'a Contracts<V>,
+    track: &'a mut Track<V>,
+    at: &'a mut Place<V>,
     half: Option<V>,
-    work: &mut Workspace<V>,
-) -> [bool; LANES] {
-    let t = step.root * step.root;
-    let h = t - at.root * at.root;
-    let moved = track.drift.times(t);
-    let mut x = if step.number == 2 {
-        // One step says nothing of where the boundary goes: one implicit Euler step to here does.
-        let frame = if let Some(half) = half {
-            half
+    work: &'a mut Workspace<V>,
+}
+
+impl<V: Vector, const D: bool> Part<V> for RungeKuttaStep<'_, V, D> {
+    type Result = [bool; LANES];
+
+    #[inline(always)]
+    fn run(self) -> [bool; LANES] {
+        let Self {
+            step,
+            contracts,
+            track,
+            at,
+            half,
+            work,
+        } = self;
+        let t = step.root * step.root;
+        let h = t - at.root * at.root;
+        let moved = track.drift.times(t);
+        let mut x = if step.number == 2 {
+            // One step says nothing of where the boundary goes: one implicit Euler step to here does.
+            let frame = if let Some(half) = half {
+                half
+            } else {
+                let moment = Moment::new(contracts, t, step.root);
+                first_boundary(contracts, &moment, std::f64::consts::SQRT_2 / step.root)
+            };
+            frame - moved
         } else {
-            let moment = Moment::new(contracts, t, step.root);
-            first_boundary(contracts, &moment, std::f64::consts::SQRT_2 / step.root)
+            track.start + track.predicted(step).times(step.root)
         };
-        frame - moved
-    } else {
-        track.start + track.predicted(step).times(step.root)
-    };
-    x = track.bounded(x);
-    let mut to = Place {
-        root: step.root,
-        frame: x + moved,
-        frame_by: track.following(t),
-    };
-    let mut open = V::all(1.0); // -1 where the step is accepted
-    let mut tries = 0;
-    let (scale, last_speed) = (h / track.change_time, track.speed);
-    let (stages, solved) = loop {
-        let speed = (to.frame - at.frame).times(1.0 / h);
-        let faster = (speed - track.speed).times(h / step.dx);
-        let scale = if tries == 0 { scale } else { 1.0 };
-        if step.number > 2 {
-            let terms = (scale, faster, faster);
-            work.base
-                .push::<false>(terms, step.active, &mut work.differences);
+        x = track.bounded(x);
+        let mut to = Place {
+            root: step.root,
+            frame: x + moved,
+            frame_by: track.following(t),
+        };
+        let mut open = V::all(1.0); // -1 where the step is accepted
+        let mut tries = 0;
+        let (scale, last_speed) = (h / track.change_time, track.speed);
+        let (stages, solved) = loop {
+            let speed = (to.frame - at.frame).times(1.0 / h);
+            let faster = (speed - track.speed).times(h / step.dx);
+            let scale = if tries == 0 { scale } else { 1.0 };
+            if step.number > 2 {
+                let terms = (scale, faster, faster);
+                work.base
+                    .push::<false>(terms, step.active, &mut work.differences);
+            }
+            track.speed = speed;
+            let stages = Stages::new(step, contracts, track, *at, to);
+            let mut solved = [const { None }; 3];
+            let mut phi = V::zero();
+            for (number, solved) in solved.iter_mut().enumerate() {
+                let (cell, solution) = stages.take(number, phi, work);
+                phi = solution.phi;
+                *solved = Some((cell, solution));
+            }
+            x = open.negative(x, phi.times_plus(V::all(step.dx), to.frame) - moved);
+            let excess = phi.abs().times(step.dx).plus(-ACCEPTED_OFFSET * step.root);
+            open = excess.negative(V::all(-1.0), open);
+            tries += 1;
+            if tries == TRIES || open.lanes().iter().all(|&o| o < 0.0) {
+                break (stages, solved);
+            }
+            x = open.negative(x, track.bounded(x));
+            to.frame = open.negative(to.frame, x + moved);
+        };
+        let mut found_by = to.frame_by;
+        if D {
+            let faster = (track.speed - last_speed).times(h / step.dx);
+            let phi_by = V::apart(Differentiation {
+                stages: &stages,
+                solved: &solved,
+                scale,
+                faster,
+                work,
+            });
+            for (found, phi) in found_by.iter_mut().zip(phi_by) {
+                *found = phi.times_plus(V::all(step.dx), *found);
+            }
+            track.speed_by = stages.speed_by;
         }
-        track.speed = speed;
-        let stages = Stages::new(step, contracts, track, *at, to);
-        let mut solved = [const { None }; 3];
-        let mut phi = V::zero();
-        for (number, solved) in solved.iter_mut().enumerate() {
-            let (cell, solution) = stages.take(number, phi, work);
-            phi = solution.phi;
-            *solved = Some((cell, solution));
+        let shares = &stages.tableau.shares[2];
+        work.base.finish(step, shares);
+        track.change_time = STAGE * h;
+        track.remember(x, found_by, step.root);
+        *at = to;
+        let mut accepted = [false; LANES];
+        for (own, open) in accepted.iter_mut().zip(open.lanes()) {
+            *own = open < 0.0;
         }
-        x = open.negative(x, phi.times_plus(V::all(step.dx), to.frame) - moved);
-        let excess = phi.abs().times(step.dx).plus(-ACCEPTED_OFFSET * step.root);
-        open = excess.negative(V::all(-1.0), open);
-        tries += 1;
-        if tries == TRIES || open.lanes().iter().all(|&o| o < 0.0) {
-            break (stages, solved);
-        }
-        x = open.negative(x, track.bounded(x));
-        to.frame = open.negative(to.frame, x + moved);
-    };
-    let mut found_by = to.frame_by;
-    if D {
-        let faster = (track.speed - last_speed).times(h / step.dx);
-        let phi_by = stages.differentiate(&solved, scale, faster, work);
-        for (found, phi) in found_by.iter_mut().zip(phi_by) {
-            *found = phi.times_plus(V::all(step.dx), *found);
-        }
-        track.speed_by = stages.speed_by;
+        accepted
     }
-    let shares = &stages.tableau.shares[2];
-    work.base.finish(step, shares);
-    track.change_time = STAGE * h;
-    track.remember(x, found_by, step.root);
-    *at = to;
-    let mut accepted = [false; LANES];
-    for (own, open) in accepted.iter_mut().zip(open.lanes()) {
-        *own = open < 0.0;
-    }
-    accepted
 }
 
 /// The three stages of one step from one place of label 0 to another.
@@ -356,5 +383,24 @@ impl<'a, V: Vector> Stages<'a, V> {
             tangent.finish(self.step, &self.tableau.shares[2]);
         }
         phi_by
+    }
+}
+
+/// The derivatives of a step by themselves.
+struct Differentiation<'w, 'a, V> {
+    stages: &'w Stages<'a, V>,
+    solved: &'w [Option<(Cell<'a, V>, Solution<V>)>; 3],
+    scale: f64,
+    faster: V,
+    work: &'w mut Workspace<V>,
+}
+
+impl<V: Vector> Part<V> for Differentiation<'_, '_, V> {
+    type Result = [V; 3];
+
+    #[inline(always)]
+    fn run(self) -> [V; 3] {
+        self.stages
+            .differentiate(self.solved, self.scale, self.faster, self.work)
     }
 }
