@@ -35,7 +35,8 @@ TOLERANCES = (1e-4, 1e-5, 1e-6)
 REFERENCE = 1e-8
 LEVELS = (1, 2, 3, 4, 5)
 SECONDS = 1.0  # that each measurement is repeated for, at least
-ROWS = 200  # of puts, and of calls
+ROWS = 2000  # of puts, and of calls
+QUANTLIB_ROWS = 100
 DIVIDENDS = 4
 
 
@@ -199,7 +200,7 @@ def report(option_type: str, rows: int = ROWS, seconds: float = SECONDS) -> None
 
 
 def _report_quantlib(book: Book, reference: Vector) -> None:
-    chosen = book.contracts.sample(min(ROWS // 2, len(book.contracts)))
+    chosen = book.contracts.sample(min(QUANTLIB_ROWS, len(book.contracts)))
     few = book.contracts.take(chosen)
     days, amounts = book.dividends.days[chosen], book.dividends.amounts[chosen]
     for steps, nodes in quantlib_dividends.GRIDS:

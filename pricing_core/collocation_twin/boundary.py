@@ -17,16 +17,24 @@ from pricing_core.collocation_twin.touching import Touching, search_touching, to
 Form: TypeAlias = Literal["plain", "root", "tail", "shifted"]
 MOST_ITERATIONS = 40
 LEAST_STEP = 0.01
+CAUTION = 10.0  # a full step leaves so many times what the one before it lets expect, at the most
 SETTLED = 1e-6  # of the boundary, or of a share; Newton's method doubles the digits once more
 COARSELY_SETTLED = 1e-4
-ENOUGH_SHARE = 0.1  # of the residual that is small enough
 SMALLEST_SHARE = 1e-12  # of a tail
 FIRST_GUESS, SOON = 0.8, 2.0  # spreads
 NEAREST = 1e-20  # of a square
 CELLS, CELL = 8, 0.6  # where two boundaries are compared: cells of so many spreads,
 SMOOTHED = 0.5  # and what the places are blurred by
 NEXT = 4  # first cells, whose chance weighs the violation inside the contact set,
-VIOLATION_SHARE = 0.4  # and its share in the value's error
+VIOLATION_SHARE = 0.7  # and its share in the value's error
+LEFT = 0.6  # of a change from one rung to the next: what is left after it
+# Where so many rungs in a row fail or leave more than such a share of the error, no further one is tried.
+MOST_STALLS, GAIN = 2, 0.7
+# Residuals that are small enough, as shares of the tolerance, and at the least. Where the slope is a little wrong, so
+# is the boundary, and the value by a few hundredths of that.
+ENOUGH_OF_SLOPE, ENOUGH_OF_VALUE = 0.5, 0.05
+LEAST_RESIDUAL = 1e-9
+ROUGHLY = 20.0  # of the slope that is small enough, on the first rung, which hardly ever is the last
 CHECKED = 0.5  # spreads inside the contact set: where value and payoff are compared
 
 
@@ -66,17 +74,22 @@ class Climb(NamedTuple):
         The last rung.
     budget : float or None
         Strikes: where the value now changes less from one rung to the next is the end; None for the last rung alone.
-    enough : float
-        The residual that is small enough.
+    tolerance : float
+        Strikes, of the whole value; 0 where no budget is given.
     centre, deviation : float
         x at the stretch's beginning as it is expected now, and its standard deviation.
     """
 
     top: int
     budget: float | None
-    enough: float
+    tolerance: float
     centre: float
     deviation: float
+
+    def enough(self, form: Form) -> float:
+        """Return the residual that is small enough: of the slope, or of the value."""
+        share = ENOUGH_OF_VALUE if form == "shifted" else ENOUGH_OF_SLOPE
+        return max(LEAST_RESIDUAL, share * self.tolerance)
 
     def chances(self, stretch: Stretch, origin: float) -> Vector:
         """Return the chance to be in each of the cells from `origin` outwards at the stretch's beginning."""
@@ -140,6 +153,10 @@ class Boundary:
     def is_found(self) -> bool:
         """Whether every equation is met."""
         return self.residual <= self.enough and math.isfinite(self.last)
+
+    def is_too_rough(self, climb: Climb) -> bool:
+        """Whether the value's error is beyond what it may be."""
+        return climb.budget is not None and not self.error <= climb.budget
 
     @property
     def span(self) -> float:
@@ -259,6 +276,7 @@ class _System:
 def solve_boundary(profile: Profile, stretch: Stretch, start: Start, climb: Climb) -> Boundary:
     """Return the boundary of the contact set that begins as told; its residual says whether it was found."""
     last: Boundary | None = None
+    least, curvature, stalls = climb.enough(start.form), math.inf, 0
     origin, chances, before = math.nan, np.zeros(CELLS), np.zeros(CELLS)
     for rung in range(climb.top + 1):
         degree, points, value_points = RUNGS[rung]
@@ -270,11 +288,13 @@ def solve_boundary(profile: Profile, stretch: Stretch, start: Start, climb: Clim
             coefficients = interpolation(last.nodes.eta, system.nodes.eta) @ last.coefficients
             coefficients[0] = _first(start, stretch.sign)
         settled = SETTLED if is_last or climb.budget is not None else COARSELY_SETTLED
-        coefficients, residual = _newton(system, coefficients, settled, climb.enough)
+        is_sketch = last is None and climb.budget is not None and start.form != "shifted"
+        enough = (ROUGHLY if is_sketch else 1.0) * least
+        coefficients, residual, curvature = _newton(system, coefficients, (settled, enough), curvature)
         ends = table(degree, value_points)
         times = start.time + (stretch.duration - start.time) * ends.sine**2
         shift = _shifts(profile, stretch, start, times)
-        now = Boundary(stretch, start, ends, coefficients, shift, residual, climb.enough, profile)
+        now = Boundary(stretch, start, ends, coefficients, shift, residual, enough, profile)
         if is_last or climb.budget is not None:
             now = replace(now, violation=_violation_inside(now))
         if climb.budget is not None:
@@ -283,13 +303,18 @@ def solve_boundary(profile: Profile, stretch: Stretch, start: Start, climb: Clim
                 chances = climb.chances(stretch, origin)
             worth = _worth(now, origin)
             is_known = now.is_found and (last is None or last.is_found)
-            distance = float(np.abs(worth - before) @ chances) if is_known else math.inf
+            change = float(np.abs(worth - before) @ chances) if is_known else math.inf
+            left = change if last is None else LEFT * change
             seen = float(chances[:NEXT].sum()) * now.violation
-            now = replace(now, error=distance + VIOLATION_SHARE * seen)
-            if now.error <= climb.budget:
+            now = replace(now, error=left + VIOLATION_SHARE * seen)
+            if now.residual <= least and not now.is_too_rough(climb):
                 return now
-            if last is not None and last.is_found and last.error <= now.error:
-                now, worth = last, before  # where a degree fails or brings nothing, the one before stays
+            if last is not None:
+                stalls = 0 if now.error < GAIN * last.error else stalls + 1
+                if last.residual <= least and last.error <= now.error:
+                    now, worth = last, before  # where a degree fails or brings nothing, the one before stays
+                if stalls == MOST_STALLS:
+                    return now
             before = worth
         last = now
     assert last is not None
@@ -349,15 +374,31 @@ def _guess(system: _System) -> Vector:
     return coefficients
 
 
-def _newton(system: _System, coefficients: Vector, settled: float, enough: float) -> tuple[Vector, float]:
-    """Return the zero of the residual and what is left of it, by Newton's method with halved steps."""
+def _newton(
+    system: _System, coefficients: Vector, ends: tuple[float, float], curvature: float
+) -> tuple[Vector, float, float]:
+    """Return the zero of the residual and what is left of it, by Newton's method with halved steps, and the curvature.
+
+    Parameters
+    ----------
+    ends : (float, float)
+        The iteration ends after a step that moves the boundary by less than the first, or once the residual is no more
+        than the second.
+    curvature : float
+        A full step leaves the residual's square times that, which is measured at every such step and handed on from
+        degree to degree, infinite while unknown: where that is enough, the residual is not evaluated any more.
+    """
+    settled, enough = ends
     form, spread = system.start.form, system.stretch.spread
     residual, jacobian = system.residual(coefficients)
     for _ in range(MOST_ITERATIONS):
         diagonal = np.diag(jacobian)
         lift = 1e-12 * np.max(np.abs(diagonal)) + 1e-300
         lifted = jacobian + np.diag(np.where(diagonal < 0.0, -lift, lift))
-        step = np.asarray(np.linalg.solve(lifted, -residual), dtype=np.float64)
+        try:
+            step = np.asarray(np.linalg.solve(lifted, -residual), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            return coefficients, math.nan, curvature
         furthest = _furthest_move(system, coefficients, step)
         length = min(1.0, spread / furthest) if furthest > 0.0 else 1.0
         small = (np.max(np.abs(step)) if form == "tail" else furthest) <= settled
@@ -369,15 +410,20 @@ def _newton(system: _System, coefficients: Vector, settled: float, enough: float
                 trial[1:] = np.clip(trial[1:], 1e-10, 1.0 - 1e-10)
             elif form == "root":
                 trial[1:] = np.maximum(trial[1:], 0.1 * coefficients[1:])
+            expected = float(CAUTION * curvature * norm * norm)
+            if length >= 1.0 and expected <= enough:
+                return trial, expected, curvature
             residual, jacobian = system.residual(trial)
             left = float(np.max(np.abs(residual)))
+            if length >= 1.0:
+                curvature = float(left / (norm * norm))
             if left <= (1.0 - 0.2 * length) * norm or length < LEAST_STEP or small or left < 1e-14:
                 break
             length *= 0.5
         coefficients = trial
-        if small or left <= ENOUGH_SHARE * enough or not math.isfinite(left):
+        if small or left <= enough or not math.isfinite(left):
             break
-    return coefficients, float(np.max(np.abs(residual)))
+    return coefficients, float(np.max(np.abs(residual))), curvature
 
 
 def _furthest_move(system: _System, coefficients: Vector, step: Vector) -> float:

@@ -46,7 +46,7 @@ class Level(NamedTuple):
 
 LEVELS = (
     Level(5, 2.0, 1.5, 4.6),
-    Level(6, 2.0, 1.4, 5.2),
+    Level(5, 2.0, 1.4, 4.9),
     Level(8, 2.0, 1.3, 5.8),
     Level(8, 1.6, 1.1, 6.4),
     Level(10, 1.6, 1.1, 6.9),
@@ -60,9 +60,9 @@ BOUNDARY_REACH = (
     2.5  # deviations at expiry within which boundaries are looked for: the one now, and any asked for
 )
 MOST_CUTS = 4  # of one stretch
+NEXT_TO_EVENT = 0.1  # of a stretch: where it is cut whose boundary no degree follows closely enough
 RELEVANT = 5.0  # standard deviations of ln(spot) at a stretch's end within which its contact set matters
 LEAST_FORWARD = 0.1  # of a spot that a dividend would take to zero or less
-RESIDUAL, ENOUGH = 1e-9, 0.01  # of the slope, or of the value; and as a share of the tolerance
 # Of what is left of the tolerance, for one boundary; and of the tolerance, at the least for all of them together.
 SHARE, LEAST_SHARE = 0.5, 0.2
 RESULTS = 6  # value, slope, second derivative by x; boundary now; residual; error
@@ -181,20 +181,24 @@ def _solve(
                 cuts += 1
                 waiting += part.parted(split)  # the later one needs panels of its own width
                 continue
-            centre -= (part.flow.rate - part.flow.dividend) * part.duration
-            left -= spread**2
+            begins = centre - (part.flow.rate - part.flow.dividend) * part.duration, left - spread**2
             climb = Climb(
                 len(RUNGS) - 1 if tolerance > 0.0 else number,
                 max(least, SHARE * ((1.0 - LEAST_SHARE) * tolerance - error)) if tolerance > 0.0 else None,
-                max(RESIDUAL, ENOUGH * tolerance),
-                centre,
-                math.sqrt(max(left, 0.0)),
+                tolerance,
+                begins[0],
+                math.sqrt(max(begins[1], 0.0)),
             )
-            held = _solve_stretch(before, part, start, climb)
-            if held.boundary is not None:
-                residual = max(residual, held.boundary.violation)
-                error += held.boundary.error
-                _check_outside(held, held.boundary)
+            boundary = None if start is None else _find_boundary(before.profile, part, start, climb)
+            is_close = boundary is None or (boundary.is_found and not boundary.is_too_rough(climb))
+            if not is_close and cuts < MOST_CUTS:
+                cuts += 1
+                waiting += part.parted(NEXT_TO_EVENT * part.duration)
+                continue
+            centre, left = begins
+            held = _held(before, part, boundary)
+            if boundary is not None:
+                residual, error = max(residual, boundary.violation), error + boundary.error
             _answer(query, end, part, before.contact, held)
             end -= part.duration
             features = _carried(before.features, part, held)
@@ -240,13 +244,23 @@ def _relevant(before: Transferred, part: Stretch, forward: float, reach: float) 
     return sign * min(furthest, bend - RELEVANT * spread)
 
 
-def _solve_stretch(before: Transferred, part: Stretch, start: Start | None, climb: Climb) -> Held:
-    """Return the value at the stretch's beginning."""
+def _held(before: Transferred, part: Stretch, boundary: Boundary | None) -> Held:
+    """Return the value at the stretch's beginning.
+
+    Raises
+    ------
+    UnservedError
+        The boundary was not found, or something is worth less than exercise outside the contact set.
+    """
     at_zero = before.at_zero * math.exp(-part.flow.rate * part.duration)
     if part.exercisable and part.sign > 0.0:
         at_zero = max(at_zero, part.strike(part.duration))
-    boundary = None if start is None else _find_boundary(before.profile, part, start, climb)
-    return Held(before.profile, part, boundary, at_zero)
+    held = Held(before.profile, part, boundary, at_zero)
+    if boundary is not None:
+        if not boundary.is_found:
+            raise UnservedError
+        _check_outside(held, boundary)
+    return held
 
 
 def _check_outside(held: Held, boundary: Boundary) -> None:
@@ -268,20 +282,11 @@ def _check_outside(held: Held, boundary: Boundary) -> None:
 
 
 def _find_boundary(profile: Profile, part: Stretch, start: Start, climb: Climb) -> Boundary:
-    """Return the boundary; where smooth pasting does not find it, the other equation is tried.
-
-    Raises
-    ------
-    UnservedError
-        Neither does.
-    """
+    """Return the boundary; where smooth pasting does not find it, the other equation is tried."""
     boundary = solve_boundary(profile, part, start, climb)
-    if not boundary.is_found and start.form in ("plain", "root"):
-        other = shifted_start(profile, part, start.time, start.place)
-        boundary = solve_boundary(profile, part, other, climb)
-    if not boundary.is_found:
-        raise UnservedError
-    return boundary
+    if boundary.is_found or start.form not in ("plain", "root"):
+        return boundary
+    return solve_boundary(profile, part, shifted_start(profile, part, start.time, start.place), climb)
 
 
 def _carried(features: tuple[Feature, ...], part: Stretch, held: Held) -> tuple[Feature, ...]:

@@ -29,7 +29,7 @@ class _Gap(NamedTuple):
 
 def _gap(profile: Profile, stretch: Stretch, x: float, s: float) -> _Gap:
     sign, flow = stretch.sign, stretch.flow
-    value, by_x, by_xx = propagate(profile, flow, np.array([x]), s)[:, 0].tolist()
+    value, by_x, by_xx = propagate(profile, flow, np.array([x]), s)[:, 0]
     spot, strike = math.exp(x), stretch.strike(s)
     grown = 0.5 * flow.volatility**2 * (by_xx - by_x) + (flow.rate - flow.dividend) * by_x - flow.rate * value
     return _Gap(

@@ -1,13 +1,14 @@
 //! The exercise boundary on a stretch: a polynomial in the root of time that meets smooth pasting at every stage.
 
-use super::multiplier::Views;
+use super::multiplier::{blocks, contribution, Past, Views};
 use super::newton::newton;
 use super::normal::{distribution, quantile};
-use super::profile::Profile;
+use super::profile::{Passage, Profile};
 use super::stretch::Stretch;
 use super::tables::{interpolation, table, Table};
 use super::touching::Touching;
 use crate::lanes::normal::ONE_OVER_SQRT_TWO_PI;
+use crate::lanes::vector::LANES;
 
 /// Degree of the polynomial, nodes of each of its integrals, and nodes of the integral for the value: near the boundary
 /// it sees the youngest contact sets closely.
@@ -36,7 +37,19 @@ const CELL: f64 = 0.6;
 const SMOOTHED: f64 = 0.5;
 /// The first cells, whose chance weighs the violation inside the contact set, and its share in the value's error.
 const NEXT: usize = 4;
-const VIOLATION_SHARE: f64 = 0.4;
+const VIOLATION_SHARE: f64 = 0.7;
+/// Of a change from one rung to the next: what is left after it, where each gains a factor of nearly three at least.
+const LEFT: f64 = 0.6;
+/// Where so many rungs in a row fail or leave more than such a share of the error, no further one is tried.
+const MOST_STALLS: usize = 2;
+const GAIN: f64 = 0.7;
+/// Residuals that are small enough, as shares of the tolerance, and at the least. Where the slope is a little wrong, so is
+/// the boundary, and the value by a few hundredths of that.
+const ENOUGH_OF_SLOPE: f64 = 0.5;
+const ENOUGH_OF_VALUE: f64 = 0.05;
+const LEAST_RESIDUAL: f64 = 1e-9;
+/// Of the slope that is small enough, on the first rung, which hardly ever is the last: the next begins from there.
+const ROUGHLY: f64 = 20.0;
 /// Spreads inside the contact set: where value and payoff are compared.
 const CHECKED: f64 = 0.5;
 
@@ -107,13 +120,6 @@ fn share(coefficient: f64) -> f64 {
     coefficient.clamp(SMALLEST_SHARE, 1.0 - SMALLEST_SHARE)
 }
 
-/// Where a contact set ended how long ago, and its weight in the integral.
-pub struct Past {
-    pub boundary: f64,
-    pub age: f64,
-    pub weight: f64,
-}
-
 /// The end of the contact set at every time of a stretch since it began, and what its multiplier is worth.
 pub struct Boundary {
     stretch: Stretch,
@@ -148,13 +154,19 @@ impl Boundary {
         let mut weights = vec![0.0; self.coefficients.len()];
         interpolation(&self.nodes.eta, eta, &mut weights);
         let coefficient = dot(&weights, &self.coefficients);
-        let shift = shifts(profile, &self.stretch, &self.start, &[s])[0];
+        let shift = at(&shifts(profile, &self.stretch, &self.start, &[s]), 0);
         self.start.place_of(self.stretch.sign, coefficient, shift).0
     }
 
     /// Whether every equation is met.
     pub fn is_found(&self) -> bool {
         self.residual <= self.enough && self.last.is_finite()
+    }
+
+    /// Whether the value's error is beyond what it may be.
+    pub fn is_too_rough(&self, climb: &Climb) -> bool {
+        let is_beyond = |budget| self.error.is_nan() || self.error > budget;
+        climb.budget.is_some_and(is_beyond)
     }
 
     /// Keep the contact sets as seen from the stretch's beginning.
@@ -167,15 +179,22 @@ impl Boundary {
             .map(|sine| start.time + span * sine * sine)
             .collect();
         let shifts = shifts(profile, stretch, start, &times);
-        let seen = shifts.into_iter().enumerate().map(|(l, shift)| {
-            let behind = dot(nodes.row(nodes.degree - 1, l), &self.coefficients);
+        let ages: Vec<(f64, f64)> = nodes.ages(span).collect();
+        let blocks = blocks(&stretch.flow, &ages).into_iter().enumerate();
+        let past = blocks.map(|(block, ages)| {
+            let mut boundary = [start.place; LANES];
+            let nodes_here = (block * LANES..nodes.points).zip(&mut boundary);
+            for (l, place) in nodes_here {
+                let behind = dot(nodes.row(nodes.degree - 1, l), &self.coefficients);
+                *place = start.place_of(stretch.sign, behind, at(&shifts, l)).0;
+            }
             Past {
-                boundary: start.place_of(stretch.sign, behind, shift).0,
-                age: span * nodes.cosine[l] * nodes.cosine[l],
-                weight: span * nodes.weight[l],
+                ages,
+                boundary,
+                edge: boundary.map(f64::exp),
             }
         });
-        self.past = seen.collect();
+        self.past = past.collect();
     }
 
     /// How far value and payoff are apart inside the contact set, where they should be equal.
@@ -192,40 +211,30 @@ impl Boundary {
         #[allow(clippy::cast_precision_loss)]
         let places: [f64; CELLS] =
             std::array::from_fn(|cell| origin + outwards * (cell as f64 + 0.5));
-        let (views, count) = (self.seen_from(&places), self.past.len());
-        self.worth = std::array::from_fn(|cell| views.sums(cell * count..(cell + 1) * count)[0]);
+        self.worth = places.map(|x| self.contribution(x)[0]);
     }
 
-    /// The contact sets as seen from each of the places, one after the other.
-    fn seen_from(&self, places: &[f64]) -> Views {
-        let mut views = Views::with_room(places.len() * self.past.len());
-        for x in places {
-            for past in &self.past {
-                views.push(*x, past.boundary, past.age, past.weight);
-            }
-        }
-        views.integrate(self.stretch.sign, &self.stretch.flow);
-        views
-    }
-
-    /// How much the two change the value now: their difference at the stretch's beginning, by the chance to be there.
+    /// What the value now may be off by: what is left of the change from one rung to the next at the stretch's beginning,
+    /// weighed by the chance to be there.
     ///
-    /// Without another one, by all that exercise on this stretch is worth.
+    /// Without another one, all that exercise on this stretch is worth.
     fn distance(&self, before: Option<&Boundary>, chances: &[f64; CELLS]) -> f64 {
         if !(self.is_found() && before.is_none_or(Boundary::is_found)) {
             return f64::INFINITY;
         }
+        let left = if before.is_none() { 1.0 } else { LEFT };
         let before = before.map_or([0.0; CELLS], |before| before.worth);
         let changes = self.worth.iter().zip(before);
-        changes
+        let change: f64 = changes
             .zip(chances)
             .map(|((now, before), chance)| (now - before).abs() * chance)
-            .sum()
+            .sum();
+        left * change
     }
 
     /// Value, slope and second derivative of the multiplier's part at x, at the beginning.
     pub fn contribution(&self, x: f64) -> [f64; 3] {
-        self.seen_from(&[x]).sums(0..self.past.len())
+        contribution(self.stretch.sign, &self.stretch.flow, &self.past, x)
     }
 }
 
@@ -233,12 +242,12 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// Where the value without exercise is the payoff at each time; zeros unless the form is `Shifted`.
+/// Where the value without exercise is the payoff at each time; empty unless the form is `Shifted`.
 fn shifts(profile: &Profile, stretch: &Stretch, start: &Start, times: &[f64]) -> Vec<f64> {
-    let mut shifts = vec![0.0; times.len()];
     if start.form != Form::Shifted {
-        return shifts;
+        return Vec::new();
     }
+    let mut shifts = vec![0.0; times.len()];
     let mut order: Vec<usize> = (0..times.len()).collect();
     order.sort_by(|&i, &j| times[j].total_cmp(&times[i]));
     let mut touching = start.touching;
@@ -254,6 +263,11 @@ fn shifts(profile: &Profile, stretch: &Stretch, start: &Start, times: &[f64]) ->
     shifts
 }
 
+/// One of the shifts.
+fn at(shifts: &[f64], index: usize) -> f64 {
+    shifts.get(index).copied().unwrap_or(0.0)
+}
+
 /// The equations of one degree.
 pub struct System<'a> {
     pub profile: &'a Profile,
@@ -262,6 +276,7 @@ pub struct System<'a> {
     pub nodes: &'static Table,
     /// s at the stages, (m).
     pub times: Vec<f64>,
+    passages: Vec<Passage>,
     stage_shift: Vec<f64>,
     node_shift: Vec<f64>,
     views: Views,
@@ -280,42 +295,42 @@ impl<'a> System<'a> {
             .iter()
             .map(|eta| start.time + span * eta * eta)
             .collect();
-        let mut every = Vec::with_capacity(times.len() * (1 + nodes.points));
-        every.extend_from_slice(&times);
-        for eta in &nodes.eta[1..] {
-            every.extend(
-                nodes
-                    .sine
-                    .iter()
-                    .map(|sine| start.time + span * (eta * sine).powi(2)),
-            );
-        }
+        let behind = nodes.eta[1..]
+            .iter()
+            .flat_map(|eta| nodes.sine.iter().map(move |sine| eta * sine))
+            .map(|eta| start.time + span * eta * eta);
+        let every: Vec<f64> = times.iter().copied().chain(behind).collect();
         let mut stage_shift = shifts(profile, stretch, start, &every);
-        let node_shift = stage_shift.split_off(times.len());
+        let node_shift = stage_shift.split_off(times.len().min(stage_shift.len()));
+        let ages = times.iter().flat_map(|s| nodes.ages(s - start.time));
+        let ages: Vec<(f64, f64)> = ages.collect();
         System {
             profile,
             stretch,
             start,
             nodes,
+            passages: times
+                .iter()
+                .map(|&s| Passage::new(&stretch.flow, s))
+                .collect(),
             times,
             stage_shift,
             node_shift,
-            views: Views::with_room(nodes.degree * nodes.points),
+            views: Views::new(&stretch.flow, &ages),
             turns: vec![0.0; nodes.degree * nodes.points],
         }
     }
 
-    /// The contact sets as seen from stage k at x: append them to the views; keep their derivatives by the coefficients.
-    fn look_back(&mut self, k: usize, x: f64, coefficients: &[f64]) {
+    /// The contact sets as seen from stage k at x: keep the views, and their derivatives by the coefficients.
+    fn look_back(&mut self, k: usize, x: f64, spot: f64, coefficients: &[f64]) {
         let (nodes, points) = (self.nodes, self.nodes.points);
-        let span = self.times[k] - self.start.time;
         for l in 0..points {
             let behind = dot(nodes.row(k, l), coefficients);
-            let shift = self.node_shift[k * points + l];
+            let index = k * points + l;
+            let shift = at(&self.node_shift, index);
             let (place, turn) = self.start.place_of(self.stretch.sign, behind, shift);
-            self.turns[k * points + l] = turn;
-            let age = span * nodes.cosine[l] * nodes.cosine[l];
-            self.views.push(x, place, age, span * nodes.weight[l]);
+            self.turns[index] = turn;
+            self.views.place(index, x, spot, place);
         }
     }
 
@@ -327,38 +342,44 @@ impl<'a> System<'a> {
     pub fn residual(&mut self, coefficients: &[f64], residual: &mut [f64], jacobian: &mut [f64]) {
         let (stretch, start, degree) = (self.stretch, self.start, self.nodes.degree);
         let points = self.nodes.points;
-        self.views.clear();
-        let mut places = [(0.0, 0.0); MOST_STAGES];
+        let mut places = [(0.0, 0.0, 0.0); MOST_STAGES];
         for k in 0..degree {
-            let coefficient = coefficients[k + 1];
-            places[k] = start.place_of(stretch.sign, coefficient, self.stage_shift[k]);
-            self.look_back(k, places[k].0, coefficients);
+            let shift = at(&self.stage_shift, k);
+            let (x, turn) = start.place_of(stretch.sign, coefficients[k + 1], shift);
+            places[k] = (x, x.exp(), turn);
+            self.look_back(k, x, places[k].1, coefficients);
         }
-        self.views.integrate(stretch.sign, &stretch.flow);
+        let with_value = start.form == Form::Shifted;
+        self.views
+            .integrate(stretch.sign, &stretch.flow, with_value);
         for k in 0..degree {
-            let (x, turn) = places[k];
-            let held = self.profile.propagate(&stretch.flow, x, self.times[k]);
-            let range = k * points..(k + 1) * points;
-            let parts = self.views.sums(range.clone());
-            let [value_by_boundary, slope_by_boundary] = self.views.by_boundary(range.clone());
-            let paid = stretch.sign * x.exp();
-            let slope = held[1] + parts[1] + paid;
-            let (left, by_place, by_boundary) = if start.form == Form::Shifted {
-                let value = held[0] + parts[0] - stretch.payoff(x, self.times[k]);
-                (value, slope, value_by_boundary)
-            } else {
-                let bend = held[2] + parts[2] + paid;
-                (slope, bend, slope_by_boundary)
-            };
-            residual[k] = left;
+            let (x, spot, turn) = places[k];
             let row = &mut jacobian[k * degree..(k + 1) * degree];
             row.fill(0.0);
-            for (l, (by_boundary, turn)) in by_boundary.iter().zip(&self.turns[range]).enumerate() {
-                let turned = by_boundary * turn;
+            let [mut value, mut slope, mut bend] = self.profile.passed(&self.passages[k], x, spot);
+            for l in 0..points {
+                let seen = self.views.seen(k * points + l);
+                value += seen.value;
+                slope += seen.by_x;
+                bend += seen.by_xx;
+                let by_boundary = if with_value {
+                    seen.value_by_boundary
+                } else {
+                    seen.slope_by_boundary
+                };
+                let turned = by_boundary * self.turns[k * points + l];
                 for (entry, weight) in row.iter_mut().zip(&self.nodes.row(k, l)[1..]) {
                     *entry += turned * weight;
                 }
             }
+            let paid = stretch.sign * spot;
+            slope += paid;
+            let (left, by_place) = if with_value {
+                (value - stretch.payoff(x, self.times[k]), slope)
+            } else {
+                (slope, bend + paid)
+            };
+            residual[k] = left;
             row[k] += by_place * turn;
         }
     }
@@ -411,14 +432,24 @@ pub struct Climb {
     pub top: usize,
     /// Strikes: where the value now changes less from one rung to the next is the end; None for the last rung alone.
     pub budget: Option<f64>,
-    /// The residual that is small enough.
-    pub enough: f64,
+    /// Strikes, of the whole value; 0 where no budget is given.
+    pub tolerance: f64,
     /// x at the stretch's beginning as it is expected now, and its standard deviation.
     pub centre: f64,
     pub deviation: f64,
 }
 
 impl Climb {
+    /// The residual that is small enough: of the slope, or of the value.
+    fn enough(&self, form: Form) -> f64 {
+        let share = if form == Form::Shifted {
+            ENOUGH_OF_VALUE
+        } else {
+            ENOUGH_OF_SLOPE
+        };
+        LEAST_RESIDUAL.max(share * self.tolerance)
+    }
+
     /// The chance to be in each of the cells from `origin` outwards at the stretch's beginning.
     fn chances(&self, stretch: &Stretch, origin: f64) -> [f64; CELLS] {
         let spread = stretch.spread();
@@ -440,6 +471,8 @@ pub fn solve_boundary(
     let mut rung = 0;
     let mut last: Option<Boundary> = None;
     let (mut origin, mut chances) = (f64::NAN, [0.0; CELLS]);
+    let (mut curvature, mut stalls) = (f64::INFINITY, 0);
+    let least = climb.enough(start.form);
     loop {
         let (degree, points, value_points) = RUNGS[rung];
         let nodes = table(degree, points);
@@ -453,11 +486,14 @@ pub fn solve_boundary(
         } else {
             SETTLED
         };
-        let residual = newton(&mut system, &mut coefficients, settled, climb.enough);
+        let is_sketch = rung == 0 && climb.budget.is_some() && start.form != Form::Shifted;
+        let enough = if is_sketch { ROUGHLY * least } else { least };
+        let ends = (settled, enough);
+        let residual = newton(&mut system, &mut coefficients, ends, &mut curvature);
         let end = start.place_of(
             stretch.sign,
             coefficients[degree],
-            system.stage_shift[degree - 1],
+            at(&system.stage_shift, degree - 1),
         );
         let mut now = Boundary {
             stretch: *stretch,
@@ -467,7 +503,7 @@ pub fn solve_boundary(
             coefficients,
             last: end.0,
             residual,
-            enough: climb.enough,
+            enough,
             worth: [0.0; CELLS],
             violation: 0.0,
             error: 0.0,
@@ -476,7 +512,7 @@ pub fn solve_boundary(
             now.look_back(profile, table(degree, value_points));
             now.violation = now.violation_inside(profile);
         }
-        if let Some(budget) = climb.budget {
+        if climb.budget.is_some() {
             if origin.is_nan() {
                 origin = now.last;
                 chances = climb.chances(stretch, origin);
@@ -484,20 +520,26 @@ pub fn solve_boundary(
             now.weigh(origin);
             let seen = chances[..NEXT].iter().sum::<f64>() * now.violation;
             now.error = now.distance(last.as_ref(), &chances) + VIOLATION_SHARE * seen;
-            if now.error <= budget {
+            if now.residual <= least && !now.is_too_rough(climb) {
                 return now;
+            }
+            if let Some(before) = &last {
+                let gains = now.error < GAIN * before.error;
+                stalls = if gains { 0 } else { stalls + 1 };
             }
         }
         // Where a degree fails or brings nothing, the one before stays.
         let kept = match last.take() {
             Some(before)
-                if climb.budget.is_some() && before.is_found() && before.error <= now.error =>
+                if climb.budget.is_some()
+                    && before.residual <= least
+                    && before.error <= now.error =>
             {
                 before
             }
             _ => now,
         };
-        if rung >= climb.top {
+        if rung >= climb.top || stalls == MOST_STALLS {
             return kept;
         }
         last = Some(kept);

@@ -6,22 +6,32 @@ const MOST_ITERATIONS: usize = 40;
 const LEAST_STEP: f64 = 0.01;
 const SMALLEST_COEFFICIENT: f64 = 1e-10;
 const LEAST_SHARE: f64 = 1e-9;
-/// Of what is enough.
-const SHARE: f64 = 0.1;
 const LIFT: f64 = 1e-12;
 const NOTHING_LEFT: f64 = 1e-14;
 
+/// A full step leaves so many times what the one before it lets expect, at the most.
+const CAUTION: f64 = 10.0;
+
 /// Replace the coefficients behind the first by a zero of the residual; return what is left of it.
 ///
-/// The iteration ends after a step that moves the boundary by less than `settled`, or once the residual is `enough`.
-pub fn newton(system: &mut System, coefficients: &mut [f64], settled: f64, enough: f64) -> f64 {
+/// The iteration ends after a step that moves the boundary by less than `settled`, or once the residual is `enough`. A
+/// full step leaves the residual's square times `curvature`, which is measured at every such step and handed on from
+/// degree to degree, infinite while unknown: where that is enough, the residual is not evaluated any more.
+pub fn newton(
+    system: &mut System,
+    coefficients: &mut [f64],
+    (settled, enough): (f64, f64),
+    curvature: &mut f64,
+) -> f64 {
     let m = system.nodes.degree;
     let (mut residual, mut jacobian) = (vec![0.0; m], vec![0.0; m * m]);
-    let mut trial = coefficients.to_vec();
+    let (mut trial, mut step) = (coefficients.to_vec(), vec![0.0; m]);
     system.residual(coefficients, &mut residual, &mut jacobian);
     for _ in 0..MOST_ITERATIONS {
         let norm = largest(&residual);
-        let mut step: Vec<f64> = residual.iter().map(|r| -r).collect();
+        for (step, left) in step.iter_mut().zip(&residual) {
+            *step = -left;
+        }
         lift_diagonal(&mut jacobian, m);
         if !eliminate(&mut jacobian, &mut step) {
             return f64::NAN;
@@ -45,8 +55,16 @@ pub fn newton(system: &mut System, coefficients: &mut [f64], settled: f64, enoug
                     _ => {}
                 }
             }
+            let expected = CAUTION * *curvature * norm * norm;
+            if length >= 1.0 && expected <= enough {
+                coefficients.copy_from_slice(&trial);
+                return expected;
+            }
             system.residual(&trial, &mut residual, &mut jacobian);
             let left = largest(&residual);
+            if length >= 1.0 {
+                *curvature = left / (norm * norm);
+            }
             if left <= (1.0 - 0.2 * length) * norm
                 || length < LEAST_STEP
                 || small
@@ -58,7 +76,7 @@ pub fn newton(system: &mut System, coefficients: &mut [f64], settled: f64, enoug
         }
         coefficients.copy_from_slice(&trial);
         let left = largest(&residual);
-        if small || left <= SHARE * enough || !left.is_finite() {
+        if small || left <= enough || !left.is_finite() {
             break;
         }
     }

@@ -18,6 +18,84 @@ pub struct Piece {
     pub slope: f64,
 }
 
+/// A finite end of a piece.
+#[derive(Clone, Copy, Debug)]
+pub struct End {
+    pub place: f64,
+    /// Constant and slope of what ends there less those of what begins.
+    pub constant: f64,
+    pub slope: f64,
+    /// e^place.
+    pub spot: f64,
+}
+
+const HALF: usize = LANES / 2;
+/// 1 in the lanes of the slopes.
+const SLOPES: [f64; LANES] = {
+    let mut lanes = [0.0; LANES];
+    let mut k = HALF;
+    while k < LANES {
+        lanes[k] = 1.0;
+        k += 1;
+    }
+    lanes
+};
+
+/// Up to eight ends in one vector: lane k weighs the constant at end k, lane k + 8 the slope there.
+#[derive(Clone, Debug)]
+struct Jumps {
+    places: [f64; LANES],
+    amounts: [f64; LANES],
+    /// 1, and e^place for the slopes.
+    spots: [f64; LANES],
+    /// By how much the value jumps: amounts times spots.
+    heights: [f64; LANES],
+}
+
+impl Jumps {
+    fn new(ends: &[End]) -> Jumps {
+        let mut jumps = Jumps {
+            places: [ends[0].place; LANES],
+            amounts: [0.0; LANES],
+            spots: [1.0; LANES],
+            heights: [0.0; LANES],
+        };
+        for (k, end) in ends.iter().enumerate() {
+            for (lane, amount, spot) in [(k, end.constant, 1.0), (k + HALF, end.slope, end.spot)] {
+                jumps.places[lane] = end.place;
+                jumps.amounts[lane] = amount;
+                jumps.spots[lane] = spot;
+                jumps.heights[lane] = amount * spot;
+            }
+        }
+        jumps
+    }
+}
+
+/// What e^{sL} needs to know of s.
+#[derive(Clone, Copy, Debug)]
+pub struct Passage {
+    spread: f64,
+    inverse: f64,
+    shift: f64,
+    bond: f64,
+    discount: f64,
+}
+
+impl Passage {
+    /// Through a time s > 0.
+    pub fn new(flow: &Flow, s: f64) -> Passage {
+        let spread = flow.volatility * s.sqrt();
+        Passage {
+            spread,
+            inverse: 1.0 / spread,
+            shift: flow.drift() * s,
+            bond: (-flow.rate * s).exp(),
+            discount: (-flow.dividend * s).exp(),
+        }
+    }
+}
+
 /// Pieces that are linear in the spot, and Gauss nodes on the rest of the line, in increasing order.
 #[derive(Clone, Debug, Default)]
 pub struct Profile {
@@ -27,12 +105,9 @@ pub struct Profile {
     nodes: Vec<f64>,
     /// The value at the nodes times their weights; 0 where they are filled up.
     weighted: Vec<f64>,
-    /// The finite ends of the pieces, filled up likewise, and what ends there less what begins.
-    ends: Vec<f64>,
-    constants: Vec<f64>,
-    slopes: Vec<f64>,
-    /// e^x at the ends.
-    spots: Vec<f64>,
+    /// The finite ends of the pieces.
+    ends: Vec<End>,
+    jumps: Vec<Jumps>,
     /// What holds far to the right.
     constant: f64,
     slope: f64,
@@ -60,18 +135,17 @@ impl Profile {
                 if end == f64::INFINITY {
                     profile.constant += constant;
                     profile.slope += slope;
-                } else if end > f64::NEG_INFINITY {
-                    profile.ends.push(end);
-                    profile.constants.push(constant);
-                    profile.slopes.push(slope);
+                } else if end > f64::NEG_INFINITY && (constant != 0.0 || slope != 0.0) {
+                    profile.ends.push(End {
+                        place: end,
+                        constant,
+                        slope,
+                        spot: end.exp(),
+                    });
                 }
             }
         }
-        let last = profile.ends.last().copied().unwrap_or(0.0);
-        pad(&mut profile.ends, last);
-        pad(&mut profile.constants, 0.0);
-        pad(&mut profile.slopes, 0.0);
-        profile.spots = profile.ends.iter().map(|end| end.exp()).collect();
+        profile.jumps = profile.ends.chunks(HALF).map(Jumps::new).collect();
         profile
     }
 
@@ -91,14 +165,9 @@ impl Profile {
         (&self.nodes[range.clone()], &self.weighted[range])
     }
 
-    /// The finite ends of the pieces: place, and constant and slope of what ends there less those of what begins.
-    pub fn ends(&self) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
-        let jumps = self.constants.iter().zip(&self.slopes);
-        self.ends
-            .iter()
-            .zip(jumps)
-            .map(|(end, (constant, slope))| (*end, *constant, *slope))
-            .filter(|(_, constant, slope)| *constant != 0.0 || *slope != 0.0)
+    /// The finite ends of the pieces.
+    pub fn ends(&self) -> &[End] {
+        &self.ends
     }
 
     /// Constant and slope of what holds far to the right.
@@ -108,11 +177,16 @@ impl Profile {
 
     /// Value, slope and second derivative by x of e^{sL} profile at x, for s > 0.
     pub fn propagate(&self, flow: &Flow, x: f64, s: f64) -> [f64; 3] {
+        self.passed(&Passage::new(flow, s), x, x.exp())
+    }
+
+    /// The same for a known passage, at x = ln(spot).
+    pub fn passed(&self, passage: &Passage, x: f64, spot: f64) -> [f64; 3] {
         dispatch(Propagation {
             profile: self,
-            flow,
+            passage,
             x,
-            s,
+            spot,
         })
     }
 }
@@ -145,9 +219,9 @@ pub fn sum<V: Vector>(values: V) -> f64 {
 
 struct Propagation<'a> {
     profile: &'a Profile,
-    flow: &'a Flow,
+    passage: &'a Passage,
     x: f64,
-    s: f64,
+    spot: f64,
 }
 
 impl Work for Propagation<'_> {
@@ -155,16 +229,15 @@ impl Work for Propagation<'_> {
 
     #[inline(always)]
     fn run<V: Vector>(self) -> [f64; 3] {
-        let Propagation {
-            profile,
-            flow,
-            x,
-            s,
-        } = self;
-        let spread = flow.volatility * s.sqrt();
-        let inverse = 1.0 / spread;
-        let centre = x + flow.drift() * s;
-        let (bond, stock) = ((-flow.rate * s).exp(), (x - flow.dividend * s).exp());
+        let (profile, stock) = (self.profile, self.spot * self.passage.discount);
+        let &Passage {
+            spread,
+            inverse,
+            shift,
+            bond,
+            ..
+        } = self.passage;
+        let centre = self.x + shift;
         let mut zeroth = V::zero();
         let mut first = V::zero();
         let mut second = V::zero();
@@ -187,24 +260,24 @@ impl Work for Propagation<'_> {
         zeroth = zeroth.times(scale);
         first = first.times(scale * inverse);
         second = second.times(scale * inverse * inverse);
-        let (in_bonds, in_stocks) = (V::all(bond), V::all(stock));
-        for start in (0..profile.ends.len()).step_by(LANES) {
-            let z = load::<V>(&profile.ends[start..])
-                .plus(-centre)
-                .times(inverse);
-            let constant = load::<V>(&profile.constants[start..]);
-            let slope = load::<V>(&profile.slopes[start..]);
-            let spot = load::<V>(&profile.spots[start..]);
-            let density = exp((z * z).times(-0.5)).times(ONE_OVER_SQRT_TWO_PI * bond);
-            let in_bond = constant * weighted_normal(z, density, in_bonds);
-            // e^x n(z - spread) e^{-q s} = e^end n(z) e^{-r s}
-            let in_stock = slope * weighted_normal(z.plus(-spread), density * spot, in_stocks);
-            let there = slope * spot;
-            let whole = constant + there;
-            let density = density.times(inverse);
-            zeroth = zeroth + in_bond + in_stock;
-            first = first + in_stock - whole * density;
-            second = second + in_stock - (whole * z.times(inverse) + there) * density;
+        if !profile.jumps.is_empty() {
+            let in_stocks = V::from_lanes(SLOPES);
+            let wholes = in_stocks.times_plus(V::all(stock - bond), V::all(bond));
+            let apart = in_stocks.times(-spread);
+            for jumps in &profile.jumps {
+                let z = V::from_lanes(jumps.places).plus(-centre).times(inverse);
+                let density = exp((z * z).times(-0.5)).times(ONE_OVER_SQRT_TWO_PI * bond);
+                // e^x n(z - spread) e^{-q s} = e^end n(z) e^{-r s}
+                let there = density * V::from_lanes(jumps.spots);
+                let part = V::from_lanes(jumps.amounts) * weighted_normal(z + apart, there, wholes);
+                let in_stock = part * in_stocks;
+                let height = V::from_lanes(jumps.heights);
+                let bend = height * (z.times(inverse) + in_stocks);
+                let density = density.times(inverse);
+                zeroth = zeroth + part;
+                first = first + in_stock - height * density;
+                second = second + in_stock - bend * density;
+            }
         }
         let far = profile.slope * stock;
         [

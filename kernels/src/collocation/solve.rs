@@ -30,7 +30,7 @@ const fn level(panel_points: usize, kernel: f64, feature: f64, reach: f64) -> Le
 pub const LEVELS: usize = RUNGS.len();
 const FINENESS: [Level; LEVELS] = [
     level(5, 2.0, 1.5, 4.6),
-    level(6, 2.0, 1.4, 5.2),
+    level(5, 2.0, 1.4, 4.9),
     level(8, 2.0, 1.3, 5.8),
     level(8, 1.6, 1.1, 6.4),
     level(10, 1.6, 1.1, 6.9),
@@ -53,11 +53,10 @@ const RELEVANT: f64 = 5.0;
 const BOUNDARY_REACH: f64 = 2.5;
 /// Of one stretch.
 const MOST_CUTS: usize = 4;
+/// Of a stretch: where it is cut whose boundary no degree follows closely enough.
+const NEXT_TO_EVENT: f64 = 0.1;
 /// Of a spot that a dividend would take to zero or less.
 const LEAST_FORWARD: f64 = 0.1;
-/// Of the slope, or of the value; and as a share of the tolerance.
-const RESIDUAL: f64 = 1e-9;
-const ENOUGH: f64 = 0.01;
 /// Of what is left of the tolerance, for one boundary; and of the tolerance, at the least for all of them together.
 const SHARE: f64 = 0.5;
 const LEAST_SHARE: f64 = 0.2;
@@ -276,41 +275,36 @@ fn solve(
                 waiting.extend([earlier, later]); // the later one needs panels of its own width
                 continue;
             }
-            let mut at_zero = before.at_zero * (-part.flow.rate * part.duration).exp();
-            if part.exercisable && part.sign > 0.0 {
-                at_zero = at_zero.max(part.strike(part.duration));
-            }
-            centre -= (part.flow.rate - part.flow.dividend) * part.duration;
-            variance -= part.spread().powi(2);
+            let begins = (
+                centre - (part.flow.rate - part.flow.dividend) * part.duration,
+                variance - part.spread().powi(2),
+            );
             let climb = Climb {
                 top: if tolerance > 0.0 { LEVELS - 1 } else { level },
                 budget: (tolerance > 0.0)
                     .then(|| least.max(SHARE * ((1.0 - LEAST_SHARE) * tolerance - error))),
-                enough: RESIDUAL.max(ENOUGH * tolerance),
-                centre,
-                deviation: variance.max(0.0).sqrt(),
+                tolerance,
+                centre: begins.0,
+                deviation: begins.1.max(0.0).sqrt(),
             };
-            let boundary = match start {
-                None => None,
-                Some(start) => Some(find_boundary(&before, &part, start, &climb)?),
-            };
-            let now = Held {
-                profile: before.profile,
-                points: fine.panel_points,
-                stretch: part,
-                boundary,
-                at_zero,
-                is_monotone: part.flow.dividend >= 0.0
-                    && held.as_ref().is_none_or(|later| later.is_monotone),
-            };
-            if let Some(boundary) = &now.boundary {
+            let boundary = start.map(|start| find_boundary(&before, &part, start, &climb));
+            let is_close = |b: &Boundary| b.is_found() && !b.is_too_rough(&climb);
+            if cuts < MOST_CUTS && !boundary.as_ref().is_none_or(is_close) {
+                cuts += 1;
+                let (earlier, later) = part.parted(NEXT_TO_EVENT * part.duration);
+                waiting.extend([earlier, later]);
+                continue;
+            }
+            (centre, variance) = begins;
+            if let Some(boundary) = &boundary {
                 residual = residual.max(boundary.violation);
                 error += boundary.error;
-                check_outside(&now, boundary)?;
             }
-            answer(query, end, before.contact, &now);
+            let (contact, bends) = (before.contact, std::mem::take(&mut before.features));
+            let now = hold(before, part, boundary, fine.panel_points, held.as_ref())?;
+            answer(query, end, contact, &now);
             end -= part.duration;
-            features = carried(&before.features, &now);
+            features = carried(&bends, &now);
             held = Some(now);
         }
     }
@@ -346,24 +340,42 @@ fn interval(
 }
 
 /// The boundary; where smooth pasting does not find it, the other equation is tried.
-fn find_boundary(
-    before: &Transferred,
-    part: &Stretch,
-    start: Start,
-    climb: &Climb,
-) -> Result<Boundary, Unsettled> {
+fn find_boundary(before: &Transferred, part: &Stretch, start: Start, climb: &Climb) -> Boundary {
     let found = solve_boundary(&before.profile, part, &start, climb);
-    if found.is_found() {
-        return Ok(found);
+    if found.is_found() || !matches!(start.form, Form::Plain | Form::Root) {
+        return found;
     }
-    if matches!(start.form, Form::Plain | Form::Root) {
-        let start = Start::shifted(&before.profile, part, start.time, start.place);
-        let found = solve_boundary(&before.profile, part, &start, climb);
-        if found.is_found() {
-            return Ok(found);
+    let start = Start::shifted(&before.profile, part, start.time, start.place);
+    solve_boundary(&before.profile, part, &start, climb)
+}
+
+/// The value at the stretch's beginning, where everything is as it should be.
+fn hold(
+    before: Transferred,
+    part: Stretch,
+    boundary: Option<Boundary>,
+    points: usize,
+    later: Option<&Held>,
+) -> Result<Held, Unsettled> {
+    let mut at_zero = before.at_zero * (-part.flow.rate * part.duration).exp();
+    if part.exercisable && part.sign > 0.0 {
+        at_zero = at_zero.max(part.strike(part.duration));
+    }
+    let held = Held {
+        profile: before.profile,
+        points,
+        stretch: part,
+        boundary,
+        at_zero,
+        is_monotone: part.flow.dividend >= 0.0 && later.is_none_or(|later| later.is_monotone),
+    };
+    if let Some(boundary) = &held.boundary {
+        if !boundary.is_found() {
+            return Err(Unsettled);
         }
+        check_outside(&held, boundary)?;
     }
-    Err(Unsettled)
+    Ok(held)
 }
 
 fn outset<'a>(

@@ -88,6 +88,12 @@ impl Table {
         }
     }
 
+    /// Age and weight of every node of the integral over a time `span`.
+    pub fn ages(&self, span: f64) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let nodes = self.cosine.iter().zip(&self.weight);
+        nodes.map(move |(cosine, weight)| (span * cosine * cosine, span * weight))
+    }
+
     /// The weights of the values at eta for node `l` of stage `k` (from 0), (m + 1).
     pub fn row(&self, k: usize, l: usize) -> &[f64] {
         let width = self.degree + 1;

@@ -2,21 +2,13 @@
 
 use super::bumps::Bumps;
 use super::held::Held;
+use super::profile::End;
 use crate::lanes::dispatch::{dispatch, Work};
 use crate::lanes::normal::{exp, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{Vector, LANES};
 
 /// In standard deviations: what lies further away has no weight.
 const FURTHEST: f64 = 7.5;
-
-/// A place where a piece of the profile ends.
-struct End {
-    place: f64,
-    constant: f64,
-    slope: f64,
-    /// e^place.
-    spot: f64,
-}
 
 /// One node of the integral over the contact sets.
 struct Source {
@@ -38,7 +30,7 @@ pub struct Continuation<'a> {
     discount: f64,
     far_right: (f64, f64),
     bumps: Bumps<'a>,
-    ends: Vec<End>,
+    ends: &'a [End],
     sources: Vec<Source>,
 }
 
@@ -49,17 +41,19 @@ impl<'a> Continuation<'a> {
         let profile = &held.profile;
         let past = held.boundary.iter().flat_map(|boundary| &boundary.past);
         let sources = past
-            .map(|past| {
-                let bond = (-flow.rate * past.age).exp();
-                let discount = (-flow.dividend * past.age).exp();
-                let sign = stretch.sign * past.weight;
+            .flat_map(|past| (0..LANES).map(move |lane| (past, lane)))
+            .filter(|(past, lane)| past.ages.weight[*lane] > 0.0)
+            .map(|(past, lane)| {
+                let ages = &past.ages;
+                let (bond, discount) = (ages.bond[lane], ages.discount[lane]);
+                let weight = stretch.sign * ages.weight[lane];
                 Source {
-                    boundary: past.boundary,
-                    drift: flow.drift() * past.age,
-                    spread: flow.volatility * past.age.sqrt(),
-                    interest: sign * flow.rate * bond,
-                    dividends: sign * flow.dividend * discount,
-                    density: bond / discount * past.boundary.exp(),
+                    boundary: past.boundary[lane],
+                    drift: ages.drift[lane],
+                    spread: ages.spread[lane],
+                    interest: weight * flow.rate * bond,
+                    dividends: weight * flow.dividend * discount,
+                    density: bond / discount * past.edge[lane],
                 }
             })
             .collect();
@@ -71,15 +65,7 @@ impl<'a> Continuation<'a> {
             discount: (-flow.dividend * s).exp(),
             far_right: profile.far_right(),
             bumps: Bumps::new(held),
-            ends: profile
-                .ends()
-                .map(|(place, constant, slope)| End {
-                    place,
-                    constant,
-                    slope,
-                    spot: place.exp(),
-                })
-                .collect(),
+            ends: profile.ends(),
             sources,
         }
     }
@@ -138,7 +124,7 @@ impl Work for Evaluation<'_> {
             }
             total = total.times(ONE_OVER_SQRT_TWO_PI * of.bond * inverse);
             total = total.plus(of.far_right.0 * of.bond) + stock.times(of.far_right.1);
-            for end in &of.ends {
+            for end in of.ends {
                 let z = (V::all(end.place) - centre).times(inverse);
                 let density = exp((z * z).times(-0.5)).times(ONE_OVER_SQRT_TWO_PI * of.bond);
                 let in_bond = weighted_normal(z, density, V::all(of.bond)).times(end.constant);
