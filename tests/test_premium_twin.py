@@ -104,7 +104,7 @@ def test_one_level_equals_that_of_the_twin(compiled: ModuleType, steps: int, gre
 
 @pytest.mark.parametrize("greeks", [False, True])
 def test_refinement_equals_that_of_the_twin(compiled: ModuleType, greeks: bool) -> None:
-    book = random_book(150, seed=1)
+    book = random_book(60, seed=1)
     found = solve(compiled, book, greeks=greeks)
     assert np.unique(found[3]).size >= 6
     assert_equal_but_for_rounding(found, solve(premium_twin, book, greeks=greeks))
@@ -137,14 +137,16 @@ def test_boundaries_equal_those_of_the_twin(compiled: ModuleType, steps: int) ->
 @pytest.mark.parametrize("threads", [1, 2, 5])
 @pytest.mark.parametrize("greeks", [False, True])
 def test_a_row_does_not_depend_on_the_others(implementation: ModuleType, greeks: bool, threads: int) -> None:
-    count = 1500 if implementation is not premium_twin else 60  # enough for each thread to have its share
+    if implementation is premium_twin and threads > 1:
+        pytest.skip("the twin has no threads")
+    count = 1500 if implementation is not premium_twin else 20  # enough for each thread to have its share
     book = random_book(count, seed=10)
     together = solve(implementation, book, greeks=greeks)
     order = np.random.default_rng(11).permutation(count)
     shuffled = solve(implementation, book.take(order), greeks=greeks, threads=threads)
     for column, moved in zip(together, shuffled, strict=True):
         assert column[..., order].tobytes() == moved.tobytes()
-    for row in (0, 17, 59):
+    for row in (0, 7, 19):
         alone = solve(implementation, book.take(np.array([row])), greeks=greeks, threads=threads)
         for column, single in zip(together, alone, strict=True):
             assert column[..., row].tobytes() == single[..., 0].tobytes()
