@@ -28,8 +28,10 @@ SMOOTHED = 0.5  # and what the places are blurred by
 NEXT = 4  # first cells, whose chance weighs the violation inside the contact set,
 VIOLATION_SHARE = 0.7  # and its share in the value's error
 LEFT = 0.6  # of a change from one rung to the next: what is left after it
-# Where so many rungs in a row fail or leave more than such a share of the error, no further one is tried.
-MOST_STALLS, GAIN = 2, 0.7
+GAIN, FAR = (
+    0.7,
+    10.0,
+)  # a rung that leaves more than such a share of the error and so many budgets brings nothing
 # Residuals that are small enough, as shares of the tolerance, and at the least. Where the slope is a little wrong, so
 # is the boundary, and the value by a few hundredths of that.
 ENOUGH_OF_SLOPE, ENOUGH_OF_VALUE = 0.5, 0.05
@@ -76,6 +78,8 @@ class Climb(NamedTuple):
         Strikes: where the value now changes less from one rung to the next is the end; None for the last rung alone.
     tolerance : float
         Strikes, of the whole value; 0 where no budget is given.
+    patience : int
+        Where so many rungs in a row bring nothing, no further one is tried.
     centre, deviation : float
         x at the stretch's beginning as it is expected now, and its standard deviation.
     """
@@ -83,6 +87,7 @@ class Climb(NamedTuple):
     top: int
     budget: float | None
     tolerance: float
+    patience: int
     centre: float
     deviation: float
 
@@ -310,10 +315,11 @@ def solve_boundary(profile: Profile, stretch: Stretch, start: Start, climb: Clim
             if now.residual <= least and not now.is_too_rough(climb):
                 return now
             if last is not None:
-                stalls = 0 if now.error < GAIN * last.error else stalls + 1
+                gains = now.error < max(GAIN * last.error, FAR * climb.budget)
+                stalls = 0 if gains else stalls + 1
                 if last.residual <= least and last.error <= now.error:
                     now, worth = last, before  # where a degree fails or brings nothing, the one before stays
-                if stalls == MOST_STALLS:
+                if stalls == climb.patience:
                     return now
             before = worth
         last = now

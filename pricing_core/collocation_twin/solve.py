@@ -61,6 +61,9 @@ BOUNDARY_REACH = (
 )
 MOST_CUTS = 4  # of one stretch
 NEXT_TO_EVENT = 0.1  # of a stretch: where it is cut whose boundary no degree follows closely enough
+MOST_STALLS = (
+    2  # where so many rungs in a row fail or bring nothing, it is cut without trying any further one
+)
 RELEVANT = 5.0  # standard deviations of ln(spot) at a stretch's end within which its contact set matters
 LEAST_FORWARD = 0.1  # of a spot that a dividend would take to zero or less
 # Of what is left of the tolerance, for one boundary; and of the tolerance, at the least for all of them together.
@@ -186,6 +189,7 @@ def _solve(
                 len(RUNGS) - 1 if tolerance > 0.0 else number,
                 max(least, SHARE * ((1.0 - LEAST_SHARE) * tolerance - error)) if tolerance > 0.0 else None,
                 tolerance,
+                MOST_STALLS if cuts < MOST_CUTS else len(RUNGS),
                 begins[0],
                 math.sqrt(max(begins[1], 0.0)),
             )

@@ -40,9 +40,9 @@ const NEXT: usize = 4;
 const VIOLATION_SHARE: f64 = 0.7;
 /// Of a change from one rung to the next: what is left after it, where each gains a factor of nearly three at least.
 const LEFT: f64 = 0.6;
-/// Where so many rungs in a row fail or leave more than such a share of the error, no further one is tried.
-const MOST_STALLS: usize = 2;
+/// A rung that fails, or leaves more than such a share of the error and so many times the budget, brings nothing.
 const GAIN: f64 = 0.7;
+const FAR: f64 = 10.0;
 /// Residuals that are small enough, as shares of the tolerance, and at the least. Where the slope is a little wrong, so is
 /// the boundary, and the value by a few hundredths of that.
 const ENOUGH_OF_SLOPE: f64 = 0.5;
@@ -434,6 +434,8 @@ pub struct Climb {
     pub budget: Option<f64>,
     /// Strikes, of the whole value; 0 where no budget is given.
     pub tolerance: f64,
+    /// Where so many rungs in a row bring nothing, no further one is tried.
+    pub patience: usize,
     /// x at the stretch's beginning as it is expected now, and its standard deviation.
     pub centre: f64,
     pub deviation: f64,
@@ -512,7 +514,7 @@ pub fn solve_boundary(
             now.look_back(profile, table(degree, value_points));
             now.violation = now.violation_inside(profile);
         }
-        if climb.budget.is_some() {
+        if let Some(budget) = climb.budget {
             if origin.is_nan() {
                 origin = now.last;
                 chances = climb.chances(stretch, origin);
@@ -524,7 +526,7 @@ pub fn solve_boundary(
                 return now;
             }
             if let Some(before) = &last {
-                let gains = now.error < GAIN * before.error;
+                let gains = now.error < (GAIN * before.error).max(FAR * budget);
                 stalls = if gains { 0 } else { stalls + 1 };
             }
         }
@@ -539,7 +541,7 @@ pub fn solve_boundary(
             }
             _ => now,
         };
-        if rung >= climb.top || stalls == MOST_STALLS {
+        if rung >= climb.top || stalls == climb.patience {
             return kept;
         }
         last = Some(kept);

@@ -55,6 +55,8 @@ const BOUNDARY_REACH: f64 = 2.5;
 const MOST_CUTS: usize = 4;
 /// Of a stretch: where it is cut whose boundary no degree follows closely enough.
 const NEXT_TO_EVENT: f64 = 0.1;
+/// Where so many rungs in a row fail or bring nothing, a stretch is cut without trying any further one.
+const MOST_STALLS: usize = 2;
 /// Of a spot that a dividend would take to zero or less.
 const LEAST_FORWARD: f64 = 0.1;
 /// Of what is left of the tolerance, for one boundary; and of the tolerance, at the least for all of them together.
@@ -284,6 +286,11 @@ fn solve(
                 budget: (tolerance > 0.0)
                     .then(|| least.max(SHARE * ((1.0 - LEAST_SHARE) * tolerance - error))),
                 tolerance,
+                patience: if cuts < MOST_CUTS {
+                    MOST_STALLS
+                } else {
+                    LEVELS
+                },
                 centre: begins.0,
                 deviation: begins.1.max(0.0).sqrt(),
             };

@@ -251,6 +251,7 @@ def listed_dividends():
 
 @slow_on_the_twin
 @needs_aapl
+@pytest.mark.nightly
 def test_american_parity_of_a_real_chain_finds_its_dividends_and_european_parity_does_not():
     chain = {**read_aapl(), "cash_dividends": listed_dividends()}
     carry = implied_carry(chain, tolerance=1e-5)
