@@ -125,7 +125,9 @@ def test_the_stored_energy_certifies_passivity(circuit, seed):
 def test_the_general_test_of_passivity_never_disagrees(circuit):
     model = circuit.to_lcs()
     if sum(model.system.shape) <= 5:
-        assert passivity(model.system).verdict is not False  # undetermined where the storage functions have no inside
+        assert (
+            passivity(model.system).verdict is not False
+        )  # undetermined where the storage functions have no inside
 
 
 @given(random_circuits(sources=False), st.integers(0, 2**32 - 1))
