@@ -60,6 +60,7 @@ BOUNDARY_REACH = (
     2.5  # deviations at expiry within which boundaries are looked for: the one now, and any asked for
 )
 MOST_CUTS = 4  # of one stretch
+MOST_SPREADS = 600.0  # of what is cut off: a wider interval needs too many panels
 NEXT_TO_EVENT = 0.1  # of a stretch: where it is cut whose boundary no degree follows closely enough
 MOST_STALLS = (
     2  # where so many rungs in a row fail or bring nothing, it is cut without trying any further one
@@ -185,17 +186,17 @@ def _solve(
                 waiting += part.parted(split)  # the later one needs panels of its own width
                 continue
             begins = centre - (part.flow.rate - part.flow.dividend) * part.duration, left - spread**2
+            may_cut = cuts < MOST_CUTS and _is_narrow(ends, spread)
             climb = Climb(
                 len(RUNGS) - 1 if tolerance > 0.0 else number,
                 max(least, SHARE * ((1.0 - LEAST_SHARE) * tolerance - error)) if tolerance > 0.0 else None,
                 tolerance,
-                MOST_STALLS if cuts < MOST_CUTS else len(RUNGS),
+                MOST_STALLS if may_cut else len(RUNGS),
                 begins[0],
                 math.sqrt(max(begins[1], 0.0)),
             )
             boundary = None if start is None else _find_boundary(before.profile, part, start, climb)
-            is_close = boundary is None or (boundary.is_found and not boundary.is_too_rough(climb))
-            if not is_close and cuts < MOST_CUTS:
+            if may_cut and not _is_close(boundary, climb):
                 cuts += 1
                 waiting += part.parted(NEXT_TO_EVENT * part.duration)
                 continue
@@ -237,6 +238,15 @@ def _interval(
     far = near + min(level.reach, BOUNDARY_REACH) * (at_expiry - here)
     below, above = (far, near) if part.sign > 0.0 else (near, far)
     return min(forward, 0.0) - below, max(forward, 0.0) + above
+
+
+def _is_close(boundary: Boundary | None, climb: Climb) -> bool:
+    return boundary is None or (boundary.is_found and not boundary.is_too_rough(climb))
+
+
+def _is_narrow(ends: tuple[float, float], spread: float) -> bool:
+    """Tell whether the interval is narrow enough for the panels of what would be cut off."""
+    return ends[1] - ends[0] <= MOST_SPREADS * math.sqrt(NEXT_TO_EVENT) * spread
 
 
 def _relevant(before: Transferred, part: Stretch, forward: float, reach: float) -> float:

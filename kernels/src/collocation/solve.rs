@@ -55,6 +55,8 @@ const BOUNDARY_REACH: f64 = 2.5;
 const MOST_CUTS: usize = 4;
 /// Of a stretch: where it is cut whose boundary no degree follows closely enough.
 const NEXT_TO_EVENT: f64 = 0.1;
+/// Spreads of what is cut off: a wider interval needs too many panels.
+const MOST_SPREADS: f64 = 600.0;
 /// Where so many rungs in a row fail or bring nothing, a stretch is cut without trying any further one.
 const MOST_STALLS: usize = 2;
 /// Of a spot that a dividend would take to zero or less.
@@ -281,6 +283,8 @@ fn solve(
                 centre - (part.flow.rate - part.flow.dividend) * part.duration,
                 variance - part.spread().powi(2),
             );
+            let cut_off = part.spread() * NEXT_TO_EVENT.sqrt();
+            let may_cut = cuts < MOST_CUTS && ends.1 - ends.0 <= MOST_SPREADS * cut_off;
             let climb = Climb {
                 top: if tolerance > 0.0 { LEVELS - 1 } else { level },
                 budget: (tolerance > 0.0)
@@ -296,7 +300,7 @@ fn solve(
             };
             let boundary = start.map(|start| find_boundary(&before, &part, start, &climb));
             let is_close = |b: &Boundary| b.is_found() && !b.is_too_rough(&climb);
-            if cuts < MOST_CUTS && !boundary.as_ref().is_none_or(is_close) {
+            if may_cut && !boundary.as_ref().is_none_or(is_close) {
                 cuts += 1;
                 let (earlier, later) = part.parted(NEXT_TO_EVENT * part.duration);
                 waiting.extend([earlier, later]);
