@@ -54,10 +54,10 @@ def collocated_greeks(
     for row, plan in plans.items():
         if not derivatives[row].is_whole():
             solution = solve_schedule_lcs(parts[row][0], GENERAL_TOLERANCE, interrupt=interrupt)
-            if math.isnan(solution.value):
-                raise DeadlinePassedError
             values = values_on_same_grid(solution, parts[row])
             derivatives[row] = plan.finish(values[0][0], values[1:])
+            if not derivatives[row].is_whole() and interrupt is not None and interrupt():
+                raise DeadlinePassedError
     return derivatives
 
 

@@ -38,7 +38,14 @@ COLLOCATION_METHOD = "multiplier-collocation"
 SPOT_STEP = 1e-3  # of the spot, for the delta of a certain path
 
 
-def price_scheduled_many(book: ScheduledBook, tolerance: Vector, *, greeks: bool, threads: int) -> Table:
+def price_scheduled_many(
+    book: ScheduledBook,
+    tolerance: Vector,
+    *,
+    greeks: bool,
+    threads: int,
+    interrupt: Callable[[], bool] | None = None,
+) -> Table:
     """Price contracts with events; what cannot be priced gets the status "out_of_domain".
 
     Parameters
@@ -47,6 +54,8 @@ def price_scheduled_many(book: ScheduledBook, tolerance: Vector, *, greeks: bool
         Fractions of the strikes.
     greeks : bool
     threads : int
+    interrupt : callable, optional
+        Asked before every time step of the general path; rows that it ends have the status "deadline".
     """
     table = empty_table(book.spot.size)
     settled = collocate(book.schedules, tolerance, threads)
@@ -65,7 +74,7 @@ def price_scheduled_many(book: ScheduledBook, tolerance: Vector, *, greeks: bool
         table[SENSITIVITIES][rows[row]] = further.dividend_sensitivities or ()
     for row in np.setdiff1d(np.arange(book.spot.size), rows).tolist():
         option, market = book.contract(row)
-        settings = SolverSettings(tolerance.item(row), greeks=greeks)
+        settings = SolverSettings(tolerance.item(row), greeks=greeks, interrupt=interrupt)
         try:
             valuation = price_scheduled_alone(option, market, settings)
         except (PricingCoreError, ArithmeticError) as error:
@@ -122,6 +131,8 @@ def price_scheduled_alone(option: Option, market: Market, settings: SolverSettin
         plan = plan_greeks(option, market, extended=settings.greeks == "extended")
         values = solve((schedule, *plan.schedules))
         derivatives[0] = plan.finish(values[0][0], values[1:])
+        if not derivatives[0].is_whole() and settings.is_interrupted():
+            derivatives, interrupted = {}, True
     valuation = _valuation(book, found, derivatives, settings.tolerance, method, diagnostics)
     return replace(valuation, status="deadline") if interrupted else valuation
 

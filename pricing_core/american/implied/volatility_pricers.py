@@ -115,7 +115,7 @@ def find_with_events(
     prices, tolerance : Vector, shape (n,)
     threads : int
     interrupt : callable, optional
-        Asked before every round of prices.
+        Asked before every round of prices, and before every time step of the general path.
     """
     bounds = [schedule_bounds(make_schedule(option, market)) for option, market in contracts]
     spot = np.array([market.spot for _, market in contracts])
@@ -129,7 +129,9 @@ def find_with_events(
             (contracts[row][0], replace(contracts[row][1], volatility=number))
             for row, number in zip(rows.tolist(), volatility.tolist(), strict=True)
         ]
-        table = price_scheduled_many(scheduled_book(trial), tolerance, greeks=False, threads=threads)
+        table = price_scheduled_many(
+            scheduled_book(trial), tolerance, greeks=False, threads=threads, interrupt=interrupt
+        )
         no_vega = np.full(rows.size, np.nan)
         return Prices(table["price"], table["european_price"], no_vega, table["error_estimate"])
 

@@ -14,6 +14,13 @@ from pricing_core.american import (
     price_many,
     value_surface,
 )
+from pricing_core.american.contracts.schedule import make_schedule
+from pricing_core.american.events.collocated_greeks import (
+    GENERAL_TOLERANCE,
+    DeadlinePassedError,
+    collocated_greeks,
+)
+from pricing_core.american.events.scheduled_lcs import solve_schedule_lcs
 from pricing_core.errors import InvalidInputError
 from tests.problems.schedules import CONTRACTS, cash, proportional
 from tests.problems.twins import slow_on_the_twin
@@ -319,6 +326,39 @@ def test_a_deadline_between_price_and_greeks_leaves_the_price():
     assert found.price == price(option, market, greeks=False).price
     assert found.vega is None
     assert price(option, market, interrupt=lambda: True).price is None
+
+
+class Deadline:
+    """An interrupt that comes at the given time that it is asked, and counts how often it is."""
+
+    def __init__(self, at=math.inf):
+        self.at, self.asked = at, 0
+
+    def __call__(self):
+        self.asked += 1
+        return self.asked >= self.at
+
+
+TWO_BOUNDARIES = Market(100.0, -0.005, 0.2, -0.02, cash_dividends=({"time": 0.5, "amount": 1.0},))
+
+
+@slow_on_the_twin
+def test_a_deadline_among_the_greeks_of_the_general_path_is_told():
+    alone = Deadline()
+    wanted = price(PUT, TWO_BOUNDARIES, tolerance=1e-3, greeks=False, interrupt=alone)
+    found = price(PUT, TWO_BOUNDARIES, tolerance=1e-3, interrupt=Deadline(alone.asked + 20))
+    assert (found.status, found.price) == ("deadline", wanted.price)
+    assert found.vega is None
+    assert found.dividend_sensitivities is None
+
+
+@slow_on_the_twin
+def test_a_deadline_among_greeks_that_the_general_path_serves_alone_is_told():
+    alone = Deadline()
+    solve_schedule_lcs(make_schedule(PUT, TWO_BOUNDARIES), GENERAL_TOLERANCE, interrupt=alone)
+    for at in (20, alone.asked + 20):
+        with pytest.raises(DeadlinePassedError):
+            collocated_greeks({0: (PUT, TWO_BOUNDARIES)}, {0: 1}, extended=False, interrupt=Deadline(at))
 
 
 @slow_on_the_twin

@@ -218,6 +218,20 @@ def test_an_interrupted_search_ends_without_convergence():
     assert implied_volatility(PUT, market, 6.5, interrupt=lambda: False).status == "ok"
 
 
+def test_a_search_on_the_general_path_is_interrupted_in_the_midst_of_a_price():
+    asked = 0
+
+    def interrupt():
+        nonlocal asked
+        asked += 1
+        return asked >= 50  # one price asks some hundreds of times
+
+    market = Market(100.0, 0.03, 0.2, -0.02, cash_dividends=[CashDividend(0.5, 1.0)])
+    found = implied_volatility(PUT, market, 8.0, interrupt=interrupt)
+    assert (found.status, found.volatility) == ("no_convergence", None)
+    assert asked < 60
+
+
 def test_the_spread_of_a_time_value_is_found_at_any_moneyness():
     rng = np.random.default_rng(2)
     k, spread = 10.0 ** rng.uniform(-6.0, 1.0, 2000), 10.0 ** rng.uniform(-2.0, 1.0, 2000)
