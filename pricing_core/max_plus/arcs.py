@@ -29,17 +29,17 @@ class Arcs:
     @cached_property
     def _first(self) -> IntVector:
         """The first arc of every head that has one."""
-        return np.flatnonzero(np.diff(self.head, prepend=-1)).astype(np.int64)
+        return first_of_runs(self.head)
 
     @cached_property
-    def _by_tail(self) -> tuple[IntVector, IntVector]:
+    def by_tail(self) -> tuple[IntVector, IntVector]:
         """The arcs in the order of their tails, and where each tail's begin."""
         order = np.argsort(self.tail, kind="stable")
         return order, np.searchsorted(self.tail[order], np.arange(self.size + 1))
 
     def out_of(self, nodes: IntVector) -> IntVector:
         """Return the indices of the arcs that begin at these nodes; the cost is their number."""
-        order, start = self._by_tail
+        order, start = self.by_tail
         count = start[nodes + 1] - start[nodes]
         ends = np.cumsum(count)
         first = np.repeat(start[nodes] - (ends - count), count)
@@ -58,9 +58,9 @@ class Arcs:
 
     def classes(self) -> IntVector:
         """Return a label for each node: two have the same if each can be reached from the other, shape (n,)."""
-        ones = np.ones(self.head.size, dtype=np.int8)
-        graph = csr_array((ones, (self.head, self.tail)), shape=(self.size, self.size))
-        return np.asarray(connected_components(graph, directed=True, connection="strong")[1], dtype=np.int64)
+        start = np.searchsorted(self.head, np.arange(self.size + 1))
+        graph = graph_of_rows(start, self.tail)
+        return connected_components(graph, directed=True, connection="strong")[1].astype(np.int64)
 
     def inside_classes(self) -> "Arcs":
         """Return the graph of those arcs that lie on some circuit."""
@@ -93,6 +93,27 @@ class Arcs:
             waiting = np.unique(heads[~reached[heads]])
             reached[waiting] = True
         return reached
+
+
+def first_of_runs(values: IntVector) -> IntVector:
+    """Return where runs of equal numbers begin.
+
+    Examples
+    --------
+    >>> first_of_runs(np.array([4, 4, 7, 7, 7, 5]))
+    array([0, 2, 5])
+    """
+    first = np.ones(values.size, dtype=np.bool_)
+    np.not_equal(values[1:], values[:-1], out=first[1:])
+    return np.flatnonzero(first).astype(np.int64, copy=False)
+
+
+def graph_of_rows(start: IntVector, neighbours: IntVector) -> csr_array:
+    """Return a graph for SciPy, as it wants it: those of node i are neighbours[start[i] : start[i + 1]]."""
+    arcs = np.ones(neighbours.size), neighbours.astype(np.int32), start.astype(np.int32)
+    graph = csr_array(arcs, shape=(start.size - 1, start.size - 1))
+    graph.sum_duplicates()  # connected_components does not return where arcs are parallel
+    return graph
 
 
 def arcs_of(A: MaxPlusMatrix) -> Arcs:

@@ -6,7 +6,7 @@ from math import lcm
 import numpy as np
 
 from pricing_core.arrays import BoolVector
-from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of
+from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of, first_of_runs
 from pricing_core.max_plus.howard import HowardSolution
 from pricing_core.max_plus.matrices import EPSILON, Scalar, as_square
 from pricing_core.max_plus.scalars import as_tolerance
@@ -124,7 +124,7 @@ def critical_components(critical: Arcs) -> tuple[tuple[int, ...], ...]:
     label = critical.classes()
     nodes = np.unique(critical.head)
     order = nodes[np.argsort(label[nodes], kind="stable")]
-    parts = np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
+    parts = np.split(order, first_of_runs(label[order])[1:])
     return tuple(sorted(tuple(part.tolist()) for part in parts if part.size))
 
 
@@ -136,7 +136,7 @@ def _cyclicities(critical: Arcs, components: tuple[tuple[int, ...], ...]) -> tup
         component[list(nodes)] = k
     order = np.argsort(component[critical.head], kind="stable")
     steps = np.abs(level[critical.tail] + 1 - level[critical.head])[order]
-    first = np.flatnonzero(np.diff(component[critical.head][order], prepend=-1))
+    first = first_of_runs(component[critical.head][order])
     return tuple(np.gcd.reduceat(steps, first).tolist()) if steps.size else ()
 
 

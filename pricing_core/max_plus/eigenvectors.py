@@ -7,7 +7,7 @@ import numpy as np
 
 from pricing_core.arrays import BoolVector
 from pricing_core.errors import InvalidInputError, NumericalError, Told
-from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of
+from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of, first_of_runs
 from pricing_core.max_plus.class_order import loudest
 from pricing_core.max_plus.critical import critical_arcs, critical_components
 from pricing_core.max_plus.howard import HowardSolution
@@ -192,7 +192,7 @@ class _Levels:
         order = np.argsort(self.level[arcs.head], kind="stable")
         wait = (arcs.weight + offset[arcs.tail] - self.rate[self.level[arcs.head]] - offset[arcs.head])[order]
         to, of = self.level[arcs.head][order], self.level[arcs.tail][order]
-        first = np.flatnonzero(np.diff(to, prepend=-1))
+        first = first_of_runs(to)
         for begin, end in zip(first, np.append(first, to.size)[1:], strict=True):
             late[to[begin]] = max((wait[begin:end] + late[of[begin:end]]).max(), late[to[begin]])
         return np.asarray(offset + late[self.level])

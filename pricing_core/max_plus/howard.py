@@ -32,7 +32,7 @@ from pricing_core.arrays import BoolVector
 from pricing_core.lcp.policies import iterate_policies
 from pricing_core.max_plus.arcs import Arcs, IntVector
 from pricing_core.max_plus.matrices import EPSILON, Numbers, is_exact, zero_like
-from pricing_core.max_plus.policies import Classes
+from pricing_core.max_plus.policies import Classes, present
 from pricing_core.max_plus.scalars import UNIT
 
 TIE = 8.0  # roundings more than there are nodes: ratios that differ by less may be one
@@ -98,10 +98,11 @@ def howard(graph: Arcs, holding: Numbers, *, max_iterations: int = 1000) -> Howa
     slack = np.full(graph.head.size, zero)
     if not inner.size:
         return HowardSolution(label, ratio, potential, arc, reduced, slack, error, 0)
-    nodes, ends = np.unique(np.concatenate([graph.head[inner], graph.tail[inner]]), return_inverse=True)
-    head, tail = np.split(ends, 2)
+    nodes = present(graph.head[inner], n)
+    place = np.empty(n, dtype=np.int64)
+    place[nodes] = np.arange(nodes.size)
     classes = Classes(
-        Arcs(nodes.size, head, tail, graph.weight[inner]),
+        Arcs(nodes.size, place[graph.head[inner]], place[graph.tail[inner]], graph.weight[inner]),
         holding[inner],
         np.unique(label[nodes], return_inverse=True)[1],
     )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pricing_core.max_plus.arcs import Arcs
+from pricing_core.max_plus.arcs import Arcs, first_of_runs
 from pricing_core.max_plus.matrices import EPSILON, Numbers, Scalar, is_exact, zero_like
 
 
@@ -26,7 +26,7 @@ def karp(graph: Arcs) -> Scalar:
     label = graph.classes()
     inner = graph.only(label[graph.head] == label[graph.tail])
     order = np.argsort(label[inner.head], kind="stable")
-    first = np.flatnonzero(np.diff(label[inner.head][order], prepend=-1))
+    first = first_of_runs(label[inner.head][order])
     means = [_mean_of_class(inner, members) for members in np.split(order, first[1:]) if members.size]
     return max(means, default=EPSILON)
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, issparse
 
+from pricing_core.arrays import BoolVector
 from pricing_core.errors import InvalidInputError, NumericalError, Told
 from pricing_core.max_plus.scalars import LARGEST, LARGEST_WHOLE
 
@@ -21,6 +22,7 @@ Stored = TypeVar("Stored", bound=MaxPlusMatrix)
 EPSILON = -np.inf  # the zero of the algebra: no path
 TOP = np.inf  # beyond all numbers: a circuit that may be run through for ever
 STORAGES = ("csr", "csc", "coo")  # in which a stored zero stays one
+WHOLE_LARGEST = int(LARGEST)
 WHAT = ("a number", "a vector", "a matrix")
 NO_TOP = "numbers and -inf: +inf has no meaning here"
 
@@ -171,8 +173,7 @@ def in_range(values: Stored) -> Stored:
     NumericalError
         A number in it is beyond 1e150 in size, and on the way to an infinity, which means something else.
     """
-    sizes = _sizes(values.data if isinstance(values, csr_array) else values)
-    if (sizes > LARGEST).any():
+    if _beyond(values.data if isinstance(values, csr_array) else values).any():
         raise NumericalError(
             f"a result is beyond {LARGEST:g} in size: scale the weights, or take fewer steps"
         )
@@ -203,10 +204,18 @@ def as_floats(values: Stored) -> Stored:
     return cast(Stored, values.astype(np.float64)) if is_exact(values) else values
 
 
-def _sizes(values: Numbers) -> Numbers:
-    """Return the sizes, 0 for infinities."""
-    sizes: Numbers = np.abs(values)
-    return np.where(sizes == TOP, 0, sizes)
+def _beyond(values: Numbers) -> BoolVector:
+    """Return which entries are beyond 1e150 in size, but no infinities, in one row."""
+    if is_exact(values):
+        return np.array(
+            [isinstance(one, Fraction) and _is_beyond(one) for one in values.flat], dtype=np.bool_
+        )
+    sizes = np.abs(values.ravel())
+    return np.asarray((sizes > LARGEST) & (sizes < TOP))
+
+
+def _is_beyond(number: Fraction) -> bool:
+    return abs(number.numerator) > WHOLE_LARGEST * number.denominator
 
 
 def _as_array(field: str, value: object, ndim: int, top: bool) -> Numbers:
@@ -239,10 +248,10 @@ def _as_float_array(field: str, raw: Numbers) -> Numbers:
         raise InvalidInputError(field, Told(f"{worst}"), "whole numbers up to 2**53 in size, or exact(...)")
     if raw.dtype.itemsize <= 8:
         raw = raw.astype(np.float64)
-    if (_sizes(raw) > LARGEST).any():
-        raise InvalidInputError(
-            field, Told(f"{_sizes(raw).max()!s} in it"), f"numbers up to {LARGEST:g} in size"
-        )
+    beyond = _beyond(raw)
+    if beyond.any():
+        worst = np.abs(raw.ravel()[beyond]).max()
+        raise InvalidInputError(field, Told(f"{worst!s} in it"), f"numbers up to {LARGEST:g} in size")
     if np.isnan(raw).any():
         raise InvalidInputError(field, Told("NaN in it"), "numbers and -inf")
     return np.array(raw, dtype=np.float64)
@@ -256,11 +265,13 @@ def _exact(field: str, raw: Numbers, *, floats: bool) -> Numbers:
 
 def _as_fraction(field: str, entry: object, floats: bool) -> Scalar:
     found: Scalar | None = None
-    if isinstance(entry, Fraction | int | np.integer) and not isinstance(entry, bool):
+    if type(entry) is Fraction:
+        found = entry
+    elif isinstance(entry, Fraction | int | np.integer) and not isinstance(entry, bool):
         found = Fraction(int(entry)) if isinstance(entry, np.integer) else Fraction(entry)
     elif isinstance(entry, float | np.floating) and not isnan(entry) and (floats or isinf(entry)):
         found = float(entry) if isinf(entry) else Fraction(float(entry))
-    if isinstance(found, Fraction) and abs(found) > LARGEST:
+    if isinstance(found, Fraction) and _is_beyond(found):
         raise InvalidInputError(field, Told("a larger one"), f"numbers up to {LARGEST:g} in size")
     if found is not None:
         return found

@@ -5,10 +5,10 @@ from functools import cached_property
 from math import fsum
 
 import numpy as np
-from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order
 
-from pricing_core.max_plus.arcs import Arcs, IntVector
+from pricing_core.arrays import BoolVector
+from pricing_core.max_plus.arcs import Arcs, IntVector, first_of_runs, graph_of_rows
 from pricing_core.max_plus.matrices import Numbers, is_exact, zero_like
 
 ROUNDING = (
@@ -39,16 +39,20 @@ class Classes:
         return np.asarray(self.graph.head * self.graph.size + self.graph.tail)
 
     @cached_property
-    def _heads_by_tail(self) -> csr_array:
-        n = self.graph.size
-        ones = np.ones(self.graph.head.size, dtype=np.int8)
-        return csr_array((ones, (self.graph.tail, self.graph.head)), shape=(n, n))
+    def _heads_by_tail(self) -> tuple[IntVector, IntVector]:
+        """The heads of the arcs in the order of their tails, and where each tail's begin."""
+        order, start = self.graph.by_tail
+        return self.graph.head[order], start
+
+    @cached_property
+    def _label_of_arc(self) -> IntVector:
+        return self.label[self.graph.head]
 
     @cached_property
     def _by_label(self) -> tuple[IntVector, IntVector]:
         """The nodes in the order of their classes, and where each class begins."""
         order = np.argsort(self.label, kind="stable")
-        return order, np.flatnonzero(np.diff(self.label[order], prepend=-1))
+        return order, first_of_runs(self.label[order])
 
     def _rounding(self, weight: Numbers, potential: Numbers, missed: Numbers) -> Numbers:
         """Return for each class the gain below which a float comparison says nothing.
@@ -64,7 +68,7 @@ class Classes:
 
     def sizes(self, ratio: Numbers) -> Numbers:
         """Return the size of the numbers added on each arc, or of the least weight in its class."""
-        of = self.label[self.graph.head]
+        of = self._label_of_arc
         weight = np.abs(self.graph.weight)
         least = np.full(ratio.size, np.inf)
         np.minimum.at(least, of, np.where(weight == 0.0, np.inf, weight))
@@ -78,23 +82,21 @@ class Classes:
     def evaluate(self, weight: Numbers, arc: IntVector) -> Value:
         """Find the best circuit of each class, lead all its nodes there, and measure the ways."""
         before = self.graph.tail[arc]
-        root, ratio = self._best_circuits(weight, arc, before)
-        n = self.graph.size
-        is_root = np.zeros(n, dtype=np.bool_)
-        is_root[root] = True
-        end, _ = follow(np.where(is_root, np.arange(n), before), np.zeros(n))
-        arc = self._led_to(arc, is_root[end])
+        root, ratio, led = self._best_circuits(weight, arc, before)
+        if not led.all():
+            arc = self._led_to(arc, led)
+            before = self.graph.tail[arc]
         own = weight[arc] - ratio[self.label] * self.holding[arc]
-        reduced = own.copy()
-        reduced[is_root] = zero_like(own)
-        _, potential = follow(np.where(is_root, np.arange(n), self.graph.tail[arc]), reduced)
-        missed = own + potential[self.graph.tail[arc]] - potential
+        ways, reduced = before.copy(), own.copy()
+        ways[root], reduced[root] = root, zero_like(own)
+        _, potential = follow(ways, reduced)
+        missed = own + potential[before] - potential
         return Value(arc, ratio, potential, self._rounding(weight[arc], potential, missed))
 
     def improve(self, weight: Numbers, value: Value) -> IntVector | None:
         """Return the policy of the arcs that gain most, or None where none gains."""
         gain = weight + value.potential[self.graph.tail]
-        gain = gain - value.ratio[self.label[self.graph.head]] * self.holding
+        gain = gain - value.ratio[self._label_of_arc] * self.holding
         best = self.graph.largest_by_head(gain)
         better = best > value.potential + value.tolerance[self.label]
         return np.where(better, self._attaining(gain, best), value.arc) if better.any() else None
@@ -104,9 +106,9 @@ class Classes:
 
         The sum of floats is rounded once.
         """
-        on_circuit = on_circuits(self.graph.tail[arc])
+        on_circuit = present(far_back(self.graph.tail[arc]), self.graph.size)
         order = on_circuit[np.argsort(self.label[on_circuit], kind="stable")]
-        start = np.flatnonzero(np.diff(self.label[order], prepend=-1))
+        start = first_of_runs(self.label[order])
         weight, holding = self.graph.weight[arc[order]], self.holding[arc[order]]
         total = np.add.reduceat(holding, start)
         if is_exact(weight):
@@ -121,10 +123,15 @@ class Classes:
         found[self.graph.head[attaining[::-1]]] = attaining[::-1]  # the first one stays
         return found
 
-    def _best_circuits(self, weight: Numbers, arc: IntVector, before: IntVector) -> tuple[IntVector, Numbers]:
-        """Return for each class a node of the policy's best circuit, and its ratio."""
-        on_circuit = on_circuits(before)
-        place = np.searchsorted(on_circuit, before[on_circuit])
+    def _best_circuits(
+        self, weight: Numbers, arc: IntVector, before: IntVector
+    ) -> tuple[IntVector, Numbers, BoolVector]:
+        """Return for each class a node of the policy's best circuit, and its ratio; and which nodes it leads."""
+        far = far_back(before)
+        on_circuit = present(far, before.size)
+        number = np.empty(before.size, dtype=np.int64)
+        number[on_circuit] = np.arange(on_circuit.size)
+        place = number[before[on_circuit]]
         least = np.arange(on_circuit.size)
         steps = 1
         while steps < 2 * on_circuit.size:
@@ -139,23 +146,18 @@ class Classes:
             )
         else:
             order = np.lexsort((-root, ratio, self.label[root]))
-        last = np.flatnonzero(np.diff(self.label[root[order]], append=-1))
-        return root[order[last]], ratio[order[last]]
+        best = order[np.append(first_of_runs(self.label[root[order]])[1:], order.size) - 1]
+        chosen = np.zeros(root.size, dtype=np.bool_)
+        chosen[best] = True
+        return root[best], ratio[best], chosen[circuit][number[far]]
 
-    def _led_to(self, arc: IntVector, led: np.ndarray) -> IntVector:
+    def _led_to(self, arc: IntVector, led: BoolVector) -> IntVector:
         """Return the policy with the other nodes led, by the fewest arcs, to those that are."""
-        if led.all():
-            return arc
-        n, graph = self.graph.size, self._heads_by_tail
-        start = np.flatnonzero(led)
-        extended = csr_array(
-            (
-                np.ones(graph.nnz + start.size, dtype=np.int8),
-                np.concatenate([graph.indices, start]),
-                np.append(graph.indptr, graph.nnz + start.size),
-            ),
-            shape=(n + 1, n + 1),
-        )
+        n, source = self.graph.size, np.flatnonzero(led)
+        heads, start = self._heads_by_tail
+        extended = graph_of_rows(
+            np.append(start, start[-1] + source.size), np.concatenate([heads, source])
+        )  # node n leads to all that are led
         before = breadth_first_order(extended, n, directed=True, return_predecessors=True)[1]
         lost = np.flatnonzero(~led)
         repaired = arc.copy()
@@ -163,12 +165,19 @@ class Classes:
         return repaired
 
 
-def on_circuits(before: IntVector) -> IntVector:
-    """Return the nodes on the circuits of a graph with one arc into each node."""
+def far_back(before: IntVector) -> IntVector:
+    """Return for each node of a graph with one arc into each the node n arcs back or more, which is on a circuit."""
     far, steps = before, 1
     while steps < before.size:
         far, steps = far[far], 2 * steps
-    return np.unique(far)
+    return far
+
+
+def present(nodes: IntVector, size: int) -> IntVector:
+    """Return the nodes among these, each once and sorted; all are below `size`."""
+    found = np.zeros(size, dtype=np.bool_)
+    found[nodes] = True
+    return np.flatnonzero(found)
 
 
 def follow(before: IntVector, weight: Numbers) -> tuple[IntVector, Numbers]:

@@ -12,7 +12,7 @@ from pricing_core.arrays import as_vector as as_finite_vector
 from pricing_core.errors import InvalidInputError, NumericalError, Told
 from pricing_core.lcp.basis import refined_solve
 from pricing_core.lcp.policies import iterate_policies
-from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of
+from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of, first_of_runs
 from pricing_core.max_plus.circuits import heaviest_circuit, named
 from pricing_core.max_plus.matrices import as_floats, as_matrix, as_square, as_vector, dense
 from pricing_core.max_plus.scalars import as_whole
@@ -158,6 +158,6 @@ def _improve(problem: VerticalLCP, value: tuple[IntVector, Vector]) -> IntVector
     residual = problem.N @ x + problem.q
     size = np.abs(problem.N) @ np.abs(x) + np.abs(problem.q)
     order = np.lexsort((residual, problem.group))
-    least = order[np.flatnonzero(np.diff(problem.group[order], prepend=-1))]
+    least = order[first_of_runs(problem.group[order])]
     better = residual[least] < -ROUNDING * size[least]
     return np.where(better, least, policy) if better.any() else None
