@@ -159,5 +159,6 @@ def _improve(problem: VerticalLCP, value: tuple[IntVector, Vector]) -> IntVector
     size = np.abs(problem.N) @ np.abs(x) + np.abs(problem.q)
     order = np.lexsort((residual, problem.group))
     least = order[first_of_runs(problem.group[order])]
-    better = residual[least] < -ROUNDING * size[least]
+    missed = np.abs(residual[policy])  # zero but for rounding, which is no gain
+    better = residual[least] < -(ROUNDING * size[least] + 2.0 * missed)
     return np.where(better, least, policy) if better.any() else None

@@ -162,6 +162,19 @@ def test_an_lcp_is_a_vertical_problem_with_two_rows_in_each_group(n, seed):
     np.testing.assert_allclose(found.x, by_lcp.z, rtol=0.0, atol=1e-12)
 
 
+def test_a_policy_whose_own_row_misses_zero_by_rounding_is_not_taken_again():
+    """Elimination leaves -1e-33 in the place of a z of zero, whose row has no larger number to be measured by."""
+    random = np.random.default_rng(432)
+    M = -random.uniform(0.0, 1.0, (6, 6))
+    np.fill_diagonal(M, 7.0)
+    q = random.normal(size=6)
+    rows = VerticalLCP(np.vstack([np.eye(6), M]), np.concatenate([np.zeros(6), q]), np.tile(np.arange(6), 2))
+    found = solve_vertical(rows)
+    np.testing.assert_array_equal(found.policy, [6, 7, 2, 3, 10, 11])
+    assert found.iterations == 3
+    np.testing.assert_allclose(found.x, solve_lemke(LCP(M, q)).z, rtol=0.0, atol=1e-15)
+
+
 @pytest.mark.parametrize(
     ("call", "error", "words"),
     [
