@@ -228,7 +228,7 @@ def _as_array(field: str, value: object, ndim: int, top: bool) -> Numbers:
             field, Told("masked entries"), f"{WHAT[ndim]} without a mask; -inf is epsilon"
         )
     if raw.ndim != ndim:
-        raise InvalidInputError(field, Told(f"shape {raw.shape}"), WHAT[ndim])
+        raise InvalidInputError(field, Told(f"shape {raw.shape}") if raw.ndim else value, WHAT[ndim])
     if not raw.size:
         raise InvalidInputError(field, Told(f"shape {raw.shape}"), f"{WHAT[ndim]} with at least one entry")
     if raw.dtype == np.object_:

@@ -176,3 +176,9 @@ def test_what_is_no_number_is_refused_by_name(call, field):
     with pytest.raises(InvalidInputError) as caught:
         call()
     assert caught.value.field == field
+
+
+@pytest.mark.parametrize(("value", "words"), [("railway.json", "A = 'railway.json'"), (None, "A = None")])
+def test_what_is_no_array_at_all_is_shown_as_it_is(value, words):
+    with pytest.raises(InvalidInputError, match=f"{words}: must be a matrix"):
+        sparse(value)
