@@ -6,6 +6,7 @@ until the bound or a value decides.
 """
 
 import math
+from collections.abc import Iterator
 from functools import cache
 from math import comb
 from typing import NamedTuple
@@ -114,17 +115,14 @@ def _first_bracket(coefficients: Vector, level: float) -> tuple[float, float] | 
 def _root_between(polynomial: Vector, low: float, high: float) -> float:
     """Return the zero between a place where the polynomial is positive and one where it is negative.
 
-    Where both are one place, the last positive value before it is looked for; without one the polynomial has fallen
-    since 0.
+    Where both are one place, a positive value before it is looked for; without one the polynomial has fallen since 0.
     """
     coefficients = np.trim_zeros(polynomial, "b")[::-1].tolist()
-    back = SAME_TIME
-    while low == high:
-        if back >= high:
+    if low == high:
+        rises = next((x for x in _places_before(high) if _value_and_slope(coefficients, x)[0] > 0.0), None)
+        if rises is None:
             return 0.0
-        if _value_and_slope(coefficients, high - back)[0] > 0.0:
-            low = high - back
-        back *= 2.0
+        low = rises
     place = high
     for _ in range(NEWTON_STEPS):
         value, slope = _value_and_slope(coefficients, place)
@@ -135,6 +133,17 @@ def _root_between(polynomial: Vector, low: float, high: float) -> float:
             return place if value == 0.0 else following
         place = following
     return place
+
+
+def _places_before(high: float) -> Iterator[float]:
+    """Yield places in (0, high): ever farther from `high`, then ever nearer to 0, where bounces die out."""
+    back = SAME_TIME
+    while back < high:
+        yield high - back
+        back *= 2.0
+    for _ in range(MOST_HALVINGS):
+        high *= 0.5
+        yield high
 
 
 def _value_and_slope(coefficients: list[float], x: float) -> tuple[float, float]:

@@ -17,6 +17,7 @@ DEGREE = 26  # of that polynomial: REACH**27/27! is 1e-20
 LONGEST = 1e308  # any interval of finite numbers
 VANISHES = 1e-11  # share of its terms' sizes below which an output counts as zero
 VANISHING_RATE = 1e-9  # the same for its derivatives
+FAINT = 1e-7  # the same for impulses, next to derivatives that are taken for zero
 ROUNDING = 1e-13  # of the terms that an entry is made of
 SOLVED = 1e-9  # residual of the impulses' equations, relative
 
@@ -72,12 +73,15 @@ class ModeDynamics:
         left = z - self.basis @ self.coordinates_of(z)
         return bool(np.all(np.abs(left) <= VANISHES * max(float(np.max(np.abs(z), initial=0.0)), 1e-300)))
 
-    def leading_impulses(self, z: Vector) -> tuple[Vector, int]:
-        """Return each output's sign of its leading impulse from z, 0 without one, and the highest order + 1."""
+    def leading_impulses(self, z: Vector, share: float = VANISHES) -> tuple[Vector, int]:
+        """Return each output's sign of its leading impulse from z, 0 without one, and the highest order + 1.
+
+        `share` is that of its terms' sizes below which an impulse counts as none.
+        """
         signs, order = np.zeros(self.outputs.shape[0]), 0
         for depth, coefficients in enumerate(self.impulses):
             size = np.linalg.norm(coefficients, axis=1) * np.linalg.norm(z)
-            found = _signs(coefficients @ z, VANISHES * size)
+            found = _signs(coefficients @ z, share * size)
             if order == 0 and found.any():
                 order = self.impulses.shape[0] - depth
             signs = np.where(signs == 0.0, found, signs)
@@ -98,14 +102,14 @@ class ModeDynamics:
             rows, largest = rows @ scaled, REACH * largest
         return signs
 
-    def signs(self, z: Vector) -> Vector:
+    def signs(self, z: Vector, share: float = VANISHES) -> Vector:
         """Return each output's sign from z on: of its leading impulse, else just after the jump."""
-        leading, _ = self.leading_impulses(z)
+        leading, _ = self.leading_impulses(z, share)
         return np.where(leading != 0.0, leading, self.initial_signs(self.coordinates_of(z)))
 
-    def admits(self, z: Vector) -> bool:
+    def admits(self, z: Vector, share: float = VANISHES) -> bool:
         """Tell whether I is in S(z) (11.77): every output is initially nonnegative (Definition 11.1)."""
-        return bool(np.all(self.signs(z) >= 0.0))
+        return bool(np.all(self.signs(z, share) >= 0.0))
 
     def continues(self, c: Vector) -> bool:
         """Tell whether the mode can go on from the coordinates c."""

@@ -12,7 +12,7 @@ from pricing_core.errors import InfeasibleError, NonUniqueError, NumericalError
 from pricing_core.lcp import LCP, solve
 from pricing_core.lcs.autonomous import AutonomousForm
 from pricing_core.lcs.free_inputs import free_input_moves_state
-from pricing_core.lcs.mode_dynamics import ModeDynamics, mode_dynamics
+from pricing_core.lcs.mode_dynamics import FAINT, VANISHES, ModeDynamics, mode_dynamics
 from pricing_core.lcs.slow_part import SlowPart, slow_part
 
 OnNonUnique: TypeAlias = Literal["raise", "first"] | Callable[[float, Vector, tuple[IndexSet, ...]], IndexSet]
@@ -79,13 +79,15 @@ class ModeSelector:
         k = self.form.system.shape[1]
         one_is_enough = self.is_unique or k > LARGEST_COMPLETE
         if one_is_enough or self.on_nonunique == "first":
-            found = next(self._admitting(z, near, without), None)
+            found = next(self._admitting(z, near, without), None) or next(
+                self._admitting(z, near, without, FAINT), None
+            )
             if found is None:
                 raise self._no_mode(z, t)
             if one_is_enough:
                 self._taken[near, without] = found.mode
             return found
-        every = list(self._admitting(z, near, without))
+        every = list(self._admitting(z, near, without)) or list(self._admitting(z, near, without, FAINT))
         if not every:
             raise self._no_mode(z, t)
         if any(not self._same_future(every[0], other, z) for other in every[1:]):
@@ -94,10 +96,17 @@ class ModeSelector:
             self._check_free_inputs(every[0], z, t)
         return every[0]
 
-    def _admitting(self, z: Vector, near: IndexSet, without: IndexSet | None) -> Iterator[ModeDynamics]:
+    def _admitting(
+        self, z: Vector, near: IndexSet, without: IndexSet | None, share: float = VANISHES
+    ) -> Iterator[ModeDynamics]:
+        """Yield the modes that go on from z.
+
+        Where bounces die out, a velocity that is taken for zero may ask for a jump that is not: with share=FAINT that
+        is taken for none as well.
+        """
         for mode in self._candidates(z, near, self._taken.get((near, without), near)):
             dynamics = None if mode == without else self.dynamics(mode)
-            if dynamics is not None and dynamics.admits(z):
+            if dynamics is not None and dynamics.admits(z, share):
                 yield dynamics
 
     def _candidates(self, z: Vector, near: IndexSet, last: IndexSet) -> Iterator[IndexSet]:

@@ -7,7 +7,7 @@ import numpy as np
 from pricing_core.arrays import Vector
 from pricing_core.lcs.trajectory import Event
 
-ROUNDS = 4  # that must have passed
+ROUNDS = 3  # that must have passed
 LONGEST_ROUND = 64  # events
 NEAR = 1e-3  # of the time that they took since the first event: how close the limit must be
 CERTAIN = 1e-11  # of that time: by how much the ratios' scatter may move it

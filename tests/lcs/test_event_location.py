@@ -52,6 +52,13 @@ def test_a_start_on_zero_is_a_crossing_only_where_it_falls():
     assert first_crossing(column(-1e-17, 1.0, -2.0), 1.0, CLOSE).place == pytest.approx(0.5)
 
 
+def test_a_bounce_below_the_tolerance_ends_where_it_comes_down():
+    """From -1e-16 it rises to 2.5e-15, comes down at 1e-7, and falls below minus its tolerance much later."""
+    crossing = first_crossing(column(-1e-16, 1e-7, -1.0), 1.0, CLOSE)
+    assert crossing is not None
+    assert crossing.place == pytest.approx(1e-7, rel=1e-1)
+
+
 def test_outputs_that_cross_together_are_told_together():
     both = np.hstack([column(0.5, -1.0), column(1.0, -2.0), column(1.0)])
     assert first_crossing(both, 1.0, np.full(3, 1e-11)).outputs == (0, 1)

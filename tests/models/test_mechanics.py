@@ -91,6 +91,48 @@ def test_a_falling_chair_settles_on_its_legs():
     assert trajectory.x[-1] == pytest.approx(np.zeros(6), abs=1e-9)
 
 
+@pytest.mark.parametrize("r", [0.5, 0.3, 0.1, 0.02, 1e-3, 1e-6])
+def test_a_plank_rocks_from_foot_to_foot_until_it_rests(r):
+    """An impact at one foot lifts the other with r times its speed: each bounce lasts r times as long as the last."""
+    plank = MechanicalSystem(
+        np.diag([1.0, (1.0 + r) / (1.0 - r)]),
+        np.zeros((2, 2)),
+        np.zeros((2, 2)),
+        [[1.0, 1.0], [1.0, -1.0]],
+        force=[-G, 0.0],
+    )
+    run = plank.simulate([1.0, 0.1], [0.0, 0.0], (0.0, 4.0))
+    pull, first = G * (1.0 - r), math.sqrt(2.0 * G * 0.9)  # of the foot in the air; the lower foot's speed
+    second = math.sqrt(((1.0 - r) * first) ** 2 + 2.0 * pull * 0.2)  # of the other, from 0.2 above the floor
+    landing = first / G + (second - (1.0 - r) * first) / pull
+    assert run.events[0].time == pytest.approx(first / G, abs=1e-14)
+    assert run.events[1].time == pytest.approx(landing, abs=1e-13)
+    assert run.events[-1].time == pytest.approx(landing + 2.0 * r * second / (pull * (1.0 - r)), abs=2e-8)
+    assert run.x[-1] == pytest.approx(np.zeros(4), abs=1e-12)
+    assert run.u[-1] == pytest.approx([G / 2.0, G / 2.0], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("inertia", "load", "tilt"),
+    [
+        (0.3, [0.3, 0.1], [0.1, 0.05]),
+        (0.4647, [0.3302, 0.0853], [0.0174, 0.1740]),
+        (0.1675, [0.1508, -0.0889], [0.0886, 0.0101]),
+        (0.3707, [-0.2595, 0.2905], [-0.0801, -0.0309]),
+        (0.1454, [-0.0764, -0.2412], [0.0321, -0.0806]),
+    ],
+)
+def test_a_tilted_chair_with_its_load_off_centre_comes_to_rest(inertia, load, tilt):
+    force = [-10.0, -10.0 * load[0], -10.0 * load[1]]
+    nothing = np.zeros((3, 3))
+    chair = MechanicalSystem(np.diag([1.0, inertia, inertia]), nothing, nothing, LEGS, force)
+    run = chair.simulate([1.0, *tilt], [0.0, 0.0, 0.0], (0.0, 3.0))
+    assert run.x[-1] == pytest.approx(np.zeros(6), abs=1e-9)
+    assert run.u[-1] == pytest.approx(np.linalg.pinv(LEGS.T) @ -np.array(force), abs=1e-9)
+    lost = sum(event.energy_lost for event in run.events if event.kind == "jump")
+    assert lost == pytest.approx(10.0 * (1.0 + load[0] * tilt[0] + load[1] * tilt[1]), abs=1e-6)
+
+
 def test_a_shaken_table_throws_the_ball_off():
     """The table moves as sin(w t) / 10; the ball leaves where its acceleration is -g."""
     w = 12.0
