@@ -12,6 +12,8 @@ PricingCoreError
     └── ZenoError                      infinitely many events accumulate, and nothing goes on from their limit
 """
 
+from fractions import Fraction
+
 SHOWN_CHARACTERS = 40
 
 
@@ -100,15 +102,17 @@ class ZenoError(NumericalError):
 
 
 def shown(value: object) -> str:
-    """Return what a message shows of a value: its repr, at most 40 characters of it.
+    """Return what a message shows of a value: its repr, of a fraction 1/3, at most 40 characters of it.
 
     Examples
     --------
+    >>> shown(Fraction(-1, 3))
+    '-1/3'
     >>> shown(10**5000)
     'a value of type int'
     """
     try:
-        text = repr(value)
+        text = str(value) if isinstance(value, Fraction) else repr(value)
     except ValueError:  # integers of thousands of digits have no repr
         return f"a value of type {type(value).__name__}"
     return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."

@@ -146,6 +146,8 @@ def _value(card: Card) -> Value:
     """Return the value of an independent source: a number, SIN(...) or PWL(...)."""
     words = card.words[4:] if card.words[3].lower() == "dc" else card.words[3:]
     shape = words[0].lower() if words else ""
+    if shape.isalpha() and shape not in ("sin", "pwl"):
+        raise InvalidInputError(card.field, " ".join(words), "one value: a number, SIN(...) or PWL(...)")
     numbers = [quantity(card.field, word) for word in (words[1:] if shape in ("sin", "pwl") else words)]
     if shape == "sin":
         allowed = "SIN(offset amplitude hertz [delay=0 damping=0 degrees])"
