@@ -8,9 +8,13 @@ from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcp.problem import LCP
 from pricing_core.linalg.coefficients import dense
 
-ACTIVE = 1e-7  # of the solution's size: below, the interior-point solution stands for zero
+# Of the solution's size: below, the interior-point solution stands for zero; the next is tried where one is too little,
+# for what is zero by accident is found to the root of the solver's accuracy alone.
+ACTIVE = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 FEASIBLE = 1e-11
+CONSISTENT = 1e-9  # of the solution's size: too many constraints for active miss what all solutions share
 SINGULAR = 1e-12  # of the largest singular value
+FIXED = 1e-10  # of a row of M: below, its product with z is the same for all solutions
 
 
 def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = None) -> Vector:
@@ -30,7 +34,8 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
     Returns
     -------
     Vector, shape (n,)
-        `solution` itself where it is the only one.
+        `solution` itself where it is the only one, and where no set of active constraints can be told that gives a
+        solution to rounding.
 
     Notes
     -----
@@ -49,34 +54,43 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
         return solution
     rows = np.vstack([M + M.T, q[None, :], *([] if kept is None else [kept])])
     rows = rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300)
-    if np.linalg.matrix_rank(rows, tol=SINGULAR * max(rows.shape)) == q.size:
+    _, singular, bases = np.linalg.svd(rows)
+    fixed = bases[: np.count_nonzero(singular > SINGULAR * max(rows.shape))]  # directions, orthonormal
+    if len(fixed) == q.size:
         return solution
-    return _polished(rows, rows @ solution, M, q, _interior(rows, rows @ solution, M, q), solution)
+    near = _interior(fixed, fixed @ solution, M, q)
+    found = (_polished(fixed, M, q, near, solution, active) for active in ACTIVE)
+    return next((z for z in found if z is not None), solution)
 
 
 def _interior(rows: Matrix, values: Vector, M: Matrix, q: Vector) -> Vector:
-    """Minimise |z|^2/2 subject to rows z = values, z >= 0 and M z + q >= 0."""
-    n = q.size
+    """Minimise |z|^2/2 subject to rows z = values, z >= 0 and M z + q >= 0; the rows are orthonormal."""
+    # What the rows fix already would leave the inequalities no inside.
+    sizes = np.linalg.norm(M, axis=1)
+    moves = np.linalg.norm(M - M @ rows.T @ rows, axis=1) > FIXED * np.maximum(sizes, 1e-300)
+    M, q, n = M[moves], q[moves], q.size
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     constraints = csc_array(np.vstack([rows, -np.eye(n), -M]))
     bounds = np.concatenate([values, np.zeros(n), q])
-    cones = [clarabel.ZeroConeT(rows.shape[0]), clarabel.NonnegativeConeT(2 * n)]
+    cones = [clarabel.ZeroConeT(rows.shape[0]), clarabel.NonnegativeConeT(n + len(q))]
     solver = clarabel.DefaultSolver(
         csc_array(eye_array(n)), np.zeros(n), constraints, bounds, cones, settings
     )
     return np.array(solver.solve().x)
 
 
-def _polished(rows: Matrix, values: Vector, M: Matrix, q: Vector, near: Vector, solution: Vector) -> Vector:
-    """Return the least z with the same active constraints, solved directly; `solution` where that is not feasible."""
+def _polished(
+    rows: Matrix, M: Matrix, q: Vector, near: Vector, solution: Vector, active: float
+) -> Vector | None:
+    """Return the least z with the same active constraints, solved directly; None where that is not feasible."""
     size = max(float(np.max(np.abs(solution), initial=0.0)), 1e-300)
-    slack_size = max(float(np.max(np.abs(M @ solution), initial=0.0)), float(np.max(np.abs(q), initial=0.0)))
-    zero = np.flatnonzero(near <= ACTIVE * size)
-    tight = np.flatnonzero(M @ near + q <= ACTIVE * slack_size)
+    slack_size = max(float(np.max(np.abs(M) @ np.abs(solution) + np.abs(q), initial=0.0)), 1e-300)
+    zero = np.flatnonzero(near <= active * size)
+    tight = np.flatnonzero(M @ near + q <= active * slack_size)
     equations = np.vstack([rows, np.eye(q.size)[zero], M[tight]])
-    z = np.linalg.lstsq(equations, np.concatenate([values, np.zeros(zero.size), -q[tight]]), rcond=SINGULAR)[
-        0
-    ]
-    feasible = np.all(z >= -FEASIBLE * size) and np.all(M @ z + q >= -FEASIBLE * max(slack_size, 1e-300))
-    return np.maximum(z, 0.0) if feasible else solution
+    wanted = np.concatenate([rows @ solution, np.zeros(zero.size), -q[tight]])
+    z = np.linalg.lstsq(equations, wanted, rcond=SINGULAR)[0]
+    feasible = np.all(z >= -FEASIBLE * size) and np.all(M @ z + q >= -FEASIBLE * slack_size)
+    feasible &= np.all(np.abs(rows @ (z - solution)) <= CONSISTENT * size)
+    return np.maximum(z, 0.0) if feasible else None

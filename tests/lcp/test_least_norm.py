@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
@@ -25,7 +25,10 @@ def test_kept_products_stay():
     assert found == pytest.approx([0.6, 1.2, 0.0], abs=1e-12)
 
 
-@given(st.integers(0, 10**6))
+@example(seed=711)  # the least is zero
+@example(seed=3678)  # parts that are zero, or nearly, by accident
+@example(seed=9384)  # slacks that are zero for every solution
+@given(seed=st.integers(0, 10**6))
 @settings(max_examples=40, deadline=None)
 def test_no_solution_is_shorter(seed):
     """M = F F^T of low rank: against a general minimiser on {z >= 0, F^T z = F^T z0, q^T z = q^T z0}."""
