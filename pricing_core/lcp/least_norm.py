@@ -12,6 +12,7 @@ from pricing_core.linalg.coefficients import dense
 # for what is zero by accident is found to the root of the solver's accuracy alone.
 ACTIVE = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 FEASIBLE = 1e-11
+INEXACT = 1e-6  # of its size: what misses an inequality by more is no solution, and nothing is sought
 CONSISTENT = 1e-9  # of the solution's size: too many constraints for active miss what all solutions share
 SINGULAR = 1e-12  # of the largest singular value
 FIXED = 1e-10  # of a row of M: below, its product with z is the same for all solutions
@@ -34,8 +35,8 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
     Returns
     -------
     Vector, shape (n,)
-        `solution` itself where it is the only one, and where no set of active constraints can be told that gives a
-        solution to rounding.
+        `solution` itself where it is the only one, where it is none, and where no set of active constraints can be
+        told that gives a solution to rounding.
 
     Notes
     -----
@@ -49,8 +50,13 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
     >>> least_norm_solution(LCP([[1, 1], [1, 1]], [-2, -2]), np.array([2.0, 0.0]))
     array([1., 1.])
     """
-    M, q = dense(problem.M), problem.q
-    if q.size == 0:
+    size = float(np.max(np.abs(solution), initial=0.0))
+    if size == 0.0:
+        return solution
+    M, q, known = dense(problem.M), problem.q / size, solution / size  # the solver's tolerances are absolute
+    if known.min() < -INEXACT or np.min(M @ known + q) < -INEXACT * np.max(
+        np.abs(M) @ np.abs(known) + np.abs(q)
+    ):
         return solution
     rows = np.vstack([M + M.T, q[None, :], *([] if kept is None else [kept])])
     rows = rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300)
@@ -58,9 +64,9 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
     fixed = bases[: np.count_nonzero(singular > SINGULAR * max(rows.shape))]  # directions, orthonormal
     if len(fixed) == q.size:
         return solution
-    near = _interior(fixed, fixed @ solution, M, q)
-    found = (_polished(fixed, M, q, near, solution, active) for active in ACTIVE)
-    return next((z for z in found if z is not None), solution)
+    near = _interior(fixed, fixed @ known, M, q)
+    found = (_polished(fixed, M, q, near, known, active) for active in ACTIVE)
+    return next((size * z for z in found if z is not None), solution)
 
 
 def _interior(rows: Matrix, values: Vector, M: Matrix, q: Vector) -> Vector:
@@ -83,14 +89,16 @@ def _interior(rows: Matrix, values: Vector, M: Matrix, q: Vector) -> Vector:
 def _polished(
     rows: Matrix, M: Matrix, q: Vector, near: Vector, solution: Vector, active: float
 ) -> Vector | None:
-    """Return the least z with the same active constraints, solved directly; None where that is not feasible."""
-    size = max(float(np.max(np.abs(solution), initial=0.0)), 1e-300)
+    """Return the least z with the same active constraints, solved directly; None where that is not feasible.
+
+    The known solution's largest entry is 1.
+    """
     slack_size = max(float(np.max(np.abs(M) @ np.abs(solution) + np.abs(q), initial=0.0)), 1e-300)
-    zero = np.flatnonzero(near <= active * size)
+    zero = np.flatnonzero(near <= active)
     tight = np.flatnonzero(M @ near + q <= active * slack_size)
     equations = np.vstack([rows, np.eye(q.size)[zero], M[tight]])
     wanted = np.concatenate([rows @ solution, np.zeros(zero.size), -q[tight]])
     z = np.linalg.lstsq(equations, wanted, rcond=SINGULAR)[0]
-    feasible = np.all(z >= -FEASIBLE * size) and np.all(M @ z + q >= -FEASIBLE * slack_size)
-    feasible &= np.all(np.abs(rows @ (z - solution)) <= CONSISTENT * size)
+    feasible = np.all(z >= -FEASIBLE) and np.all(M @ z + q >= -FEASIBLE * slack_size)
+    feasible &= np.all(np.abs(rows @ (z - solution)) <= CONSISTENT)
     return np.maximum(z, 0.0) if feasible else None
