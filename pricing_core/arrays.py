@@ -104,11 +104,11 @@ def as_share(field: str, value: object) -> float:
 
 def as_whole_number(field: str, value: object, least: int, most: int | None = None) -> int:
     """Return a whole number from the least to the most, or raise InvalidInputError naming `field`."""
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
-        raise InvalidInputError(field, value, f"a whole number >= {least}")
-    if most is not None and value > most:
-        raise InvalidInputError(field, value, f"at most {most}")
-    return int(value)
+    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not is_whole or int(value) < least or (most is not None and int(value) > most):  # type: ignore[call-overload]
+        bounds = f">= {least}" if most is None else f"from {least} to {most}"
+        raise InvalidInputError(field, value, f"a whole number {bounds}")
+    return int(value)  # type: ignore[call-overload, no-any-return]
 
 
 def as_values(field: str, value: object, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.sparse import csr_array
 
+from pricing_core.arrays import as_whole_number
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.max_plus.matrices import (
     EPSILON,
@@ -19,7 +20,6 @@ from pricing_core.max_plus.matrices import (
     is_vector,
     rows_of,
 )
-from pricing_core.max_plus.scalars import as_whole
 
 
 def add(A: object, B: object) -> MaxPlusMatrix:
@@ -132,7 +132,7 @@ def power(A: object, k: int) -> MaxPlusMatrix:
            [14., 16.]])
     """
     base = as_square("A", A)
-    k = as_whole("k", k, 0)
+    k = as_whole_number("k", k, 0)
     result: MaxPlusMatrix | None = None
     while k:
         if k & 1:
@@ -157,7 +157,7 @@ def identity(n: int, *, like: MaxPlusMatrix | None = None) -> MaxPlusMatrix:
     array([[  0., -inf],
            [-inf,   0.]])
     """
-    n = as_whole("n", n, 1)
+    n = as_whole_number("n", n, 1)
     if isinstance(like, csr_array):
         return rows_of((n, n), np.arange(n), np.arange(n), np.zeros(n))
     eye = np.where(np.eye(n, dtype=np.bool_), 0.0, EPSILON)

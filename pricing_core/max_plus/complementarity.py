@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.arrays import Matrix, Vector, as_whole_number
 from pricing_core.arrays import as_vector as as_finite_vector
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcp import LCP, solve
@@ -31,7 +31,6 @@ from pricing_core.max_plus.expressions import (
     with_parts,
 )
 from pricing_core.max_plus.matrices import EPSILON, as_floats, as_matrix, as_vector, dense
-from pricing_core.max_plus.scalars import as_whole
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,7 +108,7 @@ class MaxMinPlusScalingSystem:
         if not own:
             raise InvalidInputError("expressions", Told("none"), "one for each state")
         object.__setattr__(self, "expressions", own)
-        object.__setattr__(self, "inputs", as_whole("inputs", inputs, 0))
+        object.__setattr__(self, "inputs", as_whole_number("inputs", inputs, 0))
         size = len(own) + self.inputs
         for one in with_parts(own):
             if isinstance(one, Variable) and not 0 <= one.index < size:

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from pricing_core.arrays import as_whole_number
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.max_plus.arcs import Arcs
 from pricing_core.max_plus.circuits import a_circuit, heaviest_circuit, named
 from pricing_core.max_plus.cycle_time import largest_ratio
 from pricing_core.max_plus.howard import howard
 from pricing_core.max_plus.matrices import EPSILON, Numbers, Scalar, as_floats, as_vector, zero_like
-from pricing_core.max_plus.scalars import as_number, as_whole
+from pricing_core.max_plus.scalars import as_number
 from pricing_core.max_plus.simulate import MaxPlusTrajectory, simulate
 from pricing_core.max_plus.system import ImplicitSystem, MaxPlusSystem
 
@@ -51,7 +52,7 @@ class Place:
                 raise InvalidInputError(end, getattr(self, end), "the name of a transition")
         try:
             object.__setattr__(self, "holding", as_number("holding", self.holding, least=0.0, what="time"))
-            object.__setattr__(self, "tokens", as_whole("tokens", self.tokens, 0, MOST_TOKENS))
+            object.__setattr__(self, "tokens", as_whole_number("tokens", self.tokens, 0, MOST_TOKENS))
         except InvalidInputError as error:
             way = f"from {self.source} to {self.target}"
             raise InvalidInputError(error.field, error.value, f"{error.allowed} {way}") from None

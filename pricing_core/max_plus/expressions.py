@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pricing_core.arrays import Vector, as_vector
+from pricing_core.arrays import Vector, as_vector, as_whole_number
 from pricing_core.errors import InvalidInputError, Told
-from pricing_core.max_plus.scalars import as_number, as_whole
+from pricing_core.max_plus.scalars import as_number
 
 
 class Expression:
@@ -155,7 +155,7 @@ def values_of(expressions: Sequence[Expression], x: Vector) -> list[float]:
 
 def variables(n: int) -> tuple[Variable, ...]:
     """Return the n components of the vector as expressions."""
-    return tuple(Variable(i) for i in range(as_whole("n", n, 0)))
+    return tuple(Variable(i) for i in range(as_whole_number("n", n, 0)))
 
 
 def largest(*terms: Expression | float) -> Expression:

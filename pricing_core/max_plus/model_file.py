@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from pricing_core.arrays import as_whole_number
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.max_plus.cycle_time import cycle_time
 from pricing_core.max_plus.event_graph_reader import KEYS as GRAPH_KEYS
 from pricing_core.max_plus.event_graph_reader import event_graph_of
 from pricing_core.max_plus.event_graphs import TimedEventGraph
 from pricing_core.max_plus.matrices import EPSILON, Numbers
-from pricing_core.max_plus.scalars import as_number, as_whole
+from pricing_core.max_plus.scalars import as_number
 from pricing_core.max_plus.simulate import MaxPlusTrajectory, simulate
 from pricing_core.max_plus.system import ImplicitSystem, MaxPlusSystem
 
@@ -88,7 +89,7 @@ def run_model(content: Mapping[str, Any]) -> ModelRun:
             raise InvalidInputError(str(key), Told("unknown"), f"with {kind} one of " + ", ".join(allowed))
     if content.get("model") != NAME:
         raise InvalidInputError("model", content.get("model"), f'"{NAME}"')
-    steps = as_whole("steps", content.get("steps"), 1, MOST_STEPS)
+    steps = as_whole_number("steps", content.get("steps"), 1, MOST_STEPS)
     return _run_graph(content, steps) if is_graph else _run_matrices(content, steps)
 
 

@@ -1,4 +1,4 @@
-"""Single numbers as arguments: whole numbers, times and weights, tolerances."""
+"""Single numbers as arguments: times and weights, tolerances."""
 
 from fractions import Fraction
 from math import isfinite
@@ -10,21 +10,6 @@ from pricing_core.errors import InvalidInputError, Told
 LARGEST = 1e150  # of weights and results: sums of as many as fit into memory stay far from infinity
 UNIT = 2.0**-52  # the distance from 1 to the next float
 LARGEST_WHOLE = 2**53  # up to here every whole number is a float
-
-
-def as_whole(field: str, value: object, least: int, most: int | None = None) -> int:
-    """Return a whole number within bounds.
-
-    Raises
-    ------
-    InvalidInputError
-        It is none, or out of bounds.
-    """
-    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-    if not whole or int(value) < least or (most is not None and int(value) > most):  # type: ignore[call-overload]
-        bounds = f">= {least}" if most is None else f"from {least} to {most}"
-        raise InvalidInputError(field, value, f"a whole number {bounds}")
-    return int(value)  # type: ignore[call-overload, no-any-return]
 
 
 def as_number(

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pricing_core.arrays import as_whole_number
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.max_plus.algebra import product
 from pricing_core.max_plus.matrices import Numbers, all_alike, as_matrix, as_square, as_vector, dense
-from pricing_core.max_plus.scalars import as_whole
 
 LARGEST_STEPS = 10_000_000
 
@@ -68,7 +68,7 @@ def simulate(
     """
     matrix = as_square("A", A, top=False)
     n = matrix.shape[0]
-    steps = as_whole("steps", steps, 0, LARGEST_STEPS)
+    steps = as_whole_number("steps", steps, 0, LARGEST_STEPS)
     if (B is None) != (u is None):
         raise InvalidInputError("u", Told("u alone" if B is None else "none"), "given together with B")
     pushed = None if B is None else _pushes(B, u, n, steps)

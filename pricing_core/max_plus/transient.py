@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 
+from pricing_core.arrays import as_whole_number
 from pricing_core.errors import InvalidInputError, IterationLimitError, Told
 from pricing_core.max_plus.algebra import identity, multiply, power
 from pricing_core.max_plus.arcs import Arcs, arcs_of
@@ -11,7 +12,7 @@ from pricing_core.max_plus.critical import critical_graph_of
 from pricing_core.max_plus.howard import HowardSolution
 from pricing_core.max_plus.matrices import EPSILON, Numbers, as_square, dense, is_exact, zero_like
 from pricing_core.max_plus.normal_form import normal_form
-from pricing_core.max_plus.scalars import UNIT, as_whole
+from pricing_core.max_plus.scalars import UNIT
 from pricing_core.max_plus.spectrum import mean_of_circuits
 
 
@@ -45,7 +46,7 @@ def transient(A: object, *, max_steps: int = 1_000_000) -> int:
     >>> transient([[2.0, 5.0], [3.0, 3.0]])
     2
     """
-    max_steps = as_whole("max_steps", max_steps, 0)
+    max_steps = as_whole_number("max_steps", max_steps, 0)
     graph = arcs_of(as_square("A", A, top=False))
     solution = mean_of_circuits(graph)
     others = solution.ratio != EPSILON

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.arrays import Matrix, Vector, as_whole_number
 from pricing_core.arrays import as_matrix as as_finite_matrix
 from pricing_core.arrays import as_vector as as_finite_vector
 from pricing_core.errors import InvalidInputError, NumericalError, Told
@@ -15,7 +15,6 @@ from pricing_core.lcp.policies import iterate_policies
 from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of, first_of_runs
 from pricing_core.max_plus.circuits import heaviest_circuit, named
 from pricing_core.max_plus.matrices import as_floats, as_matrix, as_square, as_vector, dense
-from pricing_core.max_plus.scalars import as_whole
 from pricing_core.max_plus.spectrum import mean_of_circuits
 
 ROUNDING = 1e-13  # of the numbers added in a row: a smaller residual is none
@@ -92,7 +91,7 @@ def solve_vertical(problem: VerticalLCP, *, max_iterations: int = 200) -> Vertic
     >>> solve_vertical(VerticalLCP([[1.0], [1.0], [1.0]], [-1.0, -4.0, -2.0], [0, 0, 0])).x
     array([4.])
     """
-    limit = as_whole("max_iterations", max_iterations, 1)
+    limit = as_whole_number("max_iterations", max_iterations, 1)
     first = np.array([np.flatnonzero(problem.group == i)[0] for i in range(problem.N.shape[1])])
     (policy, x), iterations = iterate_policies(
         partial(_evaluate, problem), partial(_improve, problem), first, limit=limit
