@@ -1,6 +1,5 @@
 """Values of the wrong kind are refused by the name of their argument, wherever it is taken."""
 
-from decimal import Decimal
 from fractions import Fraction
 
 import numpy as np
@@ -22,21 +21,12 @@ from pricing_core.lcs import (
     well_posedness,
 )
 from pricing_core.lcs.relay_criteria import has_guaranteed_direction
+from tests.problems.bad_values import WRONG, by_name
 
 SYSTEM = LCS([[-1.0]], [[1.0]], [[1.0]])
 FALLING = {"f": lambda x, u: u - 1.0, "h": lambda x, u: x, "pairs": 1}
 RUN = simulate(SYSTEM, [1.0], (0.0, 1.0))
 STEPPED = simulate(SYSTEM, [1.0], (0.0, 1.0), method="time-stepping", h=0.5)
-WRONG = [
-    "x",
-    [[1], [1, 2]],
-    pytest.param(10**400, id="401 digits"),
-    pytest.param(10**5000, id="5001 digits"),
-    1j,
-    object(),
-    Decimal("NaN"),
-    np.datetime64("2020-01-01"),
-]
 
 
 def lcs(**given):
@@ -55,10 +45,6 @@ def nonlinear(**given):
     return simulate_nonlinear(
         **{"system": SemiExplicitSystem(**FALLING), "x0": [1.0], "t_span": (0, 1), **given}
     )
-
-
-def by_name(function, *names):
-    return [(name, lambda value, name=name: function(**{name: value})) for name in names]
 
 
 TAKEN = [

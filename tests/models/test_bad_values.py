@@ -1,6 +1,5 @@
 """Values of the wrong kind are refused by the name of their argument, wherever a model takes it."""
 
-from decimal import Decimal
 from fractions import Fraction
 
 import numpy as np
@@ -22,6 +21,7 @@ from pricing_core.models import (
     saturation,
 )
 from pricing_core.models.characteristic_file import characteristic_from_json
+from tests.problems.bad_values import WRONG, by_name
 
 ONE = np.eye(2)
 BOX = ProjectedSystem((ONE, [1, 2]), ONE, [0, 0])
@@ -35,16 +35,6 @@ CONTROL = {
     "x0": [1.0],
     "horizon": 1.0,
 }
-WRONG = [
-    "x",
-    [[1], [1, 2]],
-    pytest.param(10**400, id="401 digits"),
-    pytest.param(10**5000, id="5001 digits"),
-    1j,
-    object(),
-    Decimal("NaN"),
-    np.datetime64("2020-01-01"),
-]
 
 
 def relay(**given):
@@ -75,10 +65,6 @@ def in_the_disc(**given):
 
 def relayed(**given):
     return RELAY.simulate(**{"x0": [1.0], "t_span": (0, 1), **given})
-
-
-def by_name(function, *names):
-    return [(name, lambda value, name=name: function(**{name: value})) for name in names]
 
 
 TAKEN = [
