@@ -79,15 +79,13 @@ class ModeSelector:
         k = self.form.system.shape[1]
         one_is_enough = self.is_unique or k > LARGEST_COMPLETE
         if one_is_enough or self.on_nonunique == "first":
-            found = next(self._admitting(z, near, without), None) or next(
-                self._admitting(z, near, without, FAINT), None
-            )
+            found = next(self._admitting(z, near, without), None)
             if found is None:
                 raise self._no_mode(z, t)
             if one_is_enough:
                 self._taken[near, without] = found.mode
             return found
-        every = list(self._admitting(z, near, without)) or list(self._admitting(z, near, without, FAINT))
+        every = list(self._admitting(z, near, without))
         if not every:
             raise self._no_mode(z, t)
         if any(not self._same_future(every[0], other, z) for other in every[1:]):
@@ -96,18 +94,21 @@ class ModeSelector:
             self._check_free_inputs(every[0], z, t)
         return every[0]
 
-    def _admitting(
-        self, z: Vector, near: IndexSet, without: IndexSet | None, share: float = VANISHES
-    ) -> Iterator[ModeDynamics]:
+    def _admitting(self, z: Vector, near: IndexSet, without: IndexSet | None) -> Iterator[ModeDynamics]:
         """Yield the modes that go on from z.
 
-        Where bounces die out, a velocity that is taken for zero may ask for a jump that is not: with share=FAINT that
-        is taken for none as well.
+        Where bounces die out, a velocity that is taken for zero may ask for a jump that is not: where no mode goes on
+        otherwise, that is taken for none as well.
         """
-        for mode in self._candidates(z, near, self._taken.get((near, without), near)):
-            dynamics = None if mode == without else self.dynamics(mode)
-            if dynamics is not None and dynamics.admits(z, share):
-                yield dynamics
+        for share in (VANISHES, FAINT):
+            found = False
+            for mode in self._candidates(z, near, self._taken.get((near, without), near)):
+                dynamics = None if mode == without else self.dynamics(mode)
+                if dynamics is not None and dynamics.admits(z, share):
+                    found = True
+                    yield dynamics
+            if found:
+                return
 
     def _candidates(self, z: Vector, near: IndexSet, last: IndexSet) -> Iterator[IndexSet]:
         """Yield the mode taken last time, the nearest, what large s suggests; if they are few, all by distance."""
