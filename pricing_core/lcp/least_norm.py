@@ -54,9 +54,8 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
     if size == 0.0:
         return solution
     M, q, known = dense(problem.M), problem.q / size, solution / size  # the solver's tolerances are absolute
-    if known.min() < -INEXACT or np.min(M @ known + q) < -INEXACT * np.max(
-        np.abs(M) @ np.abs(known) + np.abs(q)
-    ):
+    slack_size = max(float(np.max(np.abs(M) @ np.abs(known) + np.abs(q))), 1e-300)
+    if known.min() < -INEXACT or np.min(M @ known + q) < -INEXACT * slack_size:
         return solution
     rows = np.vstack([M + M.T, q[None, :], *([] if kept is None else [kept])])
     rows = rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300)
@@ -65,7 +64,7 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
     if len(fixed) == q.size:
         return solution
     near = _interior(fixed, fixed @ known, M, q)
-    found = (_polished(fixed, M, q, near, known, active) for active in ACTIVE)
+    found = (_polished(fixed, M, q, near, known, active, slack_size) for active in ACTIVE)
     return next((size * z for z in found if z is not None), solution)
 
 
@@ -87,13 +86,12 @@ def _interior(rows: Matrix, values: Vector, M: Matrix, q: Vector) -> Vector:
 
 
 def _polished(
-    rows: Matrix, M: Matrix, q: Vector, near: Vector, solution: Vector, active: float
+    rows: Matrix, M: Matrix, q: Vector, near: Vector, solution: Vector, active: float, slack_size: float
 ) -> Vector | None:
     """Return the least z with the same active constraints, solved directly; None where that is not feasible.
 
-    The known solution's largest entry is 1.
+    The known solution's largest entry is 1; `slack_size` is that of the terms of its slacks.
     """
-    slack_size = max(float(np.max(np.abs(M) @ np.abs(solution) + np.abs(q), initial=0.0)), 1e-300)
     zero = np.flatnonzero(near <= active)
     tight = np.flatnonzero(M @ near + q <= active * slack_size)
     equations = np.vstack([rows, np.eye(q.size)[zero], M[tight]])
