@@ -11,6 +11,8 @@ ROUNDS = 3  # that must have passed
 LONGEST_ROUND = 64  # events
 NEAR = 1e-3  # of the time that they took since the first event: how close the limit must be
 CERTAIN = 1e-11  # of that time: by how much the ratios' scatter may move it
+CLOSE = 1e-6  # of that time: in a limit so near rounding scatters the ratios
+LOOSE = 1e-3  # of what is left: by how much the ratios' scatter may then move it
 GONE = 1e-6  # of the state at those rounds' start: components below are zero at the limit
 
 
@@ -25,9 +27,9 @@ class ZenoLimit(NamedTuple):
 def zeno_limit(events: list[Event], end: float) -> ZenoLimit | None:
     """Return the limit of the last events before `end`, None where they do not accumulate.
 
-    A diagnosis, not a proof: the modes repeat in rounds, the rounds' durations shrink by one ratio, so steady that its
-    scatter leaves the sum of the series certain, and little is left of the series. The state's components are
-    extrapolated by ratios of their own.
+    A diagnosis, not a proof: the modes repeat in rounds, the rounds' durations shrink by one ratio, and little is left
+    of the series. The ratio must be so steady that its scatter leaves the sum of the series certain, less so where next
+    to nothing is left. The state's components are extrapolated by ratios of their own.
     """
     recent = [event for event in events[-ROUNDS * LONGEST_ROUND - 1 :] if event.kind != "grazing"]
     length = _round_length(recent)
@@ -45,7 +47,8 @@ def zeno_limit(events: list[Event], end: float) -> ZenoLimit | None:
     doubt = left * float(np.ptp(ratios)) / (ratio * (1.0 - ratio))
     first = next(event for event in events if event.kind != "grazing").time
     time, elapsed = marks[-1].time + left, marks[-1].time - first
-    if time > end or left > NEAR * elapsed or doubt > CERTAIN * elapsed:
+    sure = doubt <= CERTAIN * elapsed or (left <= CLOSE * elapsed and doubt <= LOOSE * left)
+    if time > end or left > NEAR * elapsed or not sure:
         return None
     states = np.array([event.x_after for event in marks])
     x = _limit(*states[-3:])
