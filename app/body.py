@@ -10,12 +10,13 @@ from fastapi import Request
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from app.contract_schema import CURVE, CURVE_IN_WORDS, DATE, DATE_IN_WORDS, KEYS, NUMBER
+from app.contract_schema import CURVE, DATE, DATE_IN_WORDS, KEYS, NUMBER
 from app.errors import BodyTimeoutError, BodyTooLargeError, InvalidRequestError, UnsupportedMediaTypeError
 from app.json_schema import inline_schema
 from app.settings import Settings
 from app.strict_json import parse_object
-from pricing_core.american.contracts.contract import range_in_words
+from pricing_core.american.contracts.checks import range_in_words
+from pricing_core.american.contracts.field import CURVE_IN_WORDS
 from pricing_core.errors import InvalidInputError, Told
 
 Model = TypeVar("Model", bound=BaseModel)

@@ -2,18 +2,17 @@
 
 from pathlib import Path
 
+from app.answers import by_name
 from app.output_files import write_columns
-from app.tables import boundary_columns
 from pricing_core.american import ExerciseBoundary, Market, Option
+from pricing_core.american.contracts.result_fields import BOUNDARY_FIELDS
 from pricing_core.batch.replacement import replacement
-
-COLUMNS = ("time", "time_to_expiry", "boundary", "other_boundary", "error_estimate")
 
 
 def write_boundary_csv(path: Path, found: ExerciseBoundary) -> None:
     """Write one time per line, an empty cell where there is no boundary."""
-    columns = {"other_boundary": [None] * found.time.size} | boundary_columns(found)
-    write_columns(path, {name: columns[name] for name in COLUMNS})
+    empty = [None] * found.time.size
+    write_columns(path, {name: column or empty for name, column in by_name(BOUNDARY_FIELDS, found).items()})
 
 
 def write_boundary_plot(path: Path, found: ExerciseBoundary, option: Option, market: Market) -> None:

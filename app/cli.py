@@ -6,7 +6,7 @@ import sys
 from contextlib import suppress
 from math import isnan
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -36,6 +36,15 @@ ToleranceArgument = Annotated[
         parser=number,
         metavar="FLOAT",
         help="absolute error of the price as a fraction of the strike",
+    ),
+]
+GreeksArgument = Annotated[
+    Any,  # The library says which words there are.
+    typer.Option(
+        "--greeks",
+        parser=str,
+        metavar="TEXT",
+        help="none, standard or extended: also vanna, volga and those by each value of a curve",
     ),
 ]
 JsonArgument = Annotated[bool, typer.Option("--json", help="print one JSON object")]
@@ -82,9 +91,7 @@ def _options(
 def price_command(
     contract: Contract,
     tolerance: ToleranceArgument = 1e-6,
-    extended_greeks: Annotated[
-        bool, typer.Option("--extended-greeks", help="vanna, volga, and rho and vega by piece of a curve")
-    ] = False,
+    greeks: GreeksArgument = "standard",
     as_json: JsonArgument = False,
 ) -> None:
     """Value one option and its sensitivities."""
@@ -93,12 +100,12 @@ def price_command(
         from pricing_core.american import contract_from, price  # noqa: PLC0415
 
         option, market = contract_from(contract)
-        valuation = price(option, market, tolerance=tolerance, greeks="extended" if extended_greeks else True)
+        valuation = price(option, market, tolerance=tolerance, greeks=greeks)
         with standard_output():
             if as_json:
                 print(valuation_json(valuation))
             else:
-                print_valuation(valuation)
+                print_valuation(valuation, greeks)
         if valuation.price is None:
             print_failure(f"there is no price: {valuation.status}")
             raise typer.Exit(FAILED)
@@ -183,6 +190,7 @@ def batch_command(
     source: Annotated[Path, typer.Argument(metavar="INPUT", help=".csv or .parquet")],
     target: Annotated[Path, typer.Argument(metavar="OUTPUT", help=".csv or .parquet")],
     tolerance: ToleranceArgument = 1e-6,
+    greeks: GreeksArgument = "standard",
     threads: Annotated[int | None, typer.Option("--threads", min=1, help="rows priced at a time")] = None,
     rejects: Annotated[
         Path | None,
@@ -199,7 +207,13 @@ def batch_command(
         explained = rejects_path(target) if rejects is None else rejects
         with interrupted_by_signals(), shown_progress(quiet) as progress:
             summary = run_batch(
-                source, target, rejects=explained, tolerance=tolerance, threads=threads, progress=progress
+                source,
+                target,
+                rejects=explained,
+                tolerance=tolerance,
+                greeks=greeks,
+                threads=threads,
+                progress=progress,
             )
         if not quiet:
             with suppress(typer.Exit, OSError), standard_output():  # the files are there, whoever reads this

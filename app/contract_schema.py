@@ -1,41 +1,31 @@
-"""The contract in a request: an option and a market in the flat vocabulary; the ranges are the library's own."""
+"""The contract in a request: an option and a market in the flat vocabulary, as the table of fields states it."""
 
 from collections.abc import Mapping
+from math import isfinite
 from types import MappingProxyType
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+import pydantic
+from pydantic import BaseModel, ConfigDict, Discriminator, Tag
 
 from pricing_core.american import Market, Option
-from pricing_core.american.contracts.contract import (
-    LARGEST_EXPIRY,
-    LARGEST_MONEY,
-    MOST_EXERCISE_TIMES,
-    SMALLEST_MONEY,
-    Exercise,
-    OptionType,
-)
-from pricing_core.american.contracts.dividends import LATEST
-from pricing_core.american.contracts.market import (
-    LARGEST_RATE,
-    LARGEST_VOLATILITY,
-    SMALLEST_RATE,
-    DividendModel,
-)
-from pricing_core.american.contracts.tolerances import (
-    DEFAULT_TOLERANCE,
-    LARGEST_TOLERANCE,
-    SMALLEST_TOLERANCE,
-)
+from pricing_core.american.contracts import fields
+from pricing_core.american.contracts.field import Field
 from pricing_core.american.contracts.vocabulary import NAMES, contract_from
 
-# Fewer than the library takes: the deadline is not asked while one solve, or its derivatives, are under way.
-MOST_DIVIDENDS = 366  # of one kind, of one request
-MOST_PIECES = 100  # of one curve
-LONGEST_DATE = 40  # characters
+# Largest lengths of lists in a request, smaller than the library's: the deadline is not asked while one solve, or its
+# derivatives, are under way.
+MOST_DIVIDENDS = 366
+MOST_PIECES = 100
+LONGEST_DATE = 40  # Largest length of a date, in characters.
 NUMBER, CURVE, DATE = "number", "curve", "date"  # what a rate or a time may be; no field has such a name
 DATE_IN_WORDS = "with valuation_date an ISO date"
-CURVE_IN_WORDS = '{"times": [...], "values": [...]}'
+# Keys of the objects inside a field, by its name.
+KEYS = {
+    field.name: tuple(entry.name for entry in field.entries)
+    for field in fields.CONTRACT_FIELDS
+    if field.entries
+}
 
 
 class Strict(BaseModel):
@@ -44,43 +34,66 @@ class Strict(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-Money = Annotated[float, Field(ge=0.0, le=LARGEST_MONEY)]
-Rate = Annotated[float, Field(ge=SMALLEST_RATE, le=LARGEST_RATE)]
-Volatility = Annotated[float, Field(ge=0.0, le=LARGEST_VOLATILITY)]
-Time = Annotated[float, Field(ge=0.0, le=LARGEST_EXPIRY)]
-LateTime = Annotated[float, Field(ge=0.0, le=LATEST)]
-Date = Annotated[str, Field(max_length=LONGEST_DATE)]
-KnotTimes = Annotated[list[LateTime], Field(min_length=1, max_length=MOST_PIECES)]
+def limits(field: Field) -> Any:
+    """Return what pydantic is told of a number's limits."""
+    return pydantic.Field(**_limits(field))
+
+
+def _limits(field: Field) -> dict[str, Any]:
+    return {name: limit for name, limit in (("ge", field.least), ("le", field.most)) if isfinite(limit)}
+
+
+def stated(field: Field, **changes: Any) -> Any:
+    """Return what pydantic is told of an input: its default, description, example, and the limits of a number.
+
+    Parameters
+    ----------
+    changes : object
+        Arguments of `pydantic.Field` that take the place of the table's.
+    """
+    told: dict[str, Any] = {"description": field.description, "examples": [field.example]}
+    if field.kind == "number":
+        told |= _limits(field)
+    if not field.required:
+        told["default"] = list(field.default) if isinstance(field.default, tuple) else field.default
+    return pydantic.Field(**(told | changes))
+
+
+Date = Annotated[str, pydantic.Field(max_length=LONGEST_DATE)]
+Pieces = pydantic.Field(min_length=1, max_length=MOST_PIECES)
+KnotTimes = Annotated[list[Annotated[float, limits(fields.KNOT_TIMES)]], Pieces]
+Rate = Annotated[float, limits(fields.RATE)]
+Volatility = Annotated[float, limits(fields.VOLATILITY)]
 
 
 class RateCurve(Strict):
     """Piecewise constant: values[i] up to times[i], the last value for ever."""
 
     times: KnotTimes
-    values: list[Rate] = Field(min_length=1, max_length=MOST_PIECES)
+    values: Annotated[list[Rate], Pieces]
 
 
 class VolatilityCurve(Strict):
     """Piecewise constant: values[i] up to times[i], the last value for ever."""
 
     times: KnotTimes
-    values: list[Volatility] = Field(min_length=1, max_length=MOST_PIECES)
+    values: Annotated[list[Volatility], Pieces]
 
 
 class CashAmount(Strict):
     """An amount of money that the spot drops by at its ex-time."""
 
-    time: LateTime | None = None
-    ex_date: Date | None = None
-    amount: Money
+    time: float | None = stated(fields.EX_TIME, default=None)
+    ex_date: Date | None = stated(fields.EX_DATE)
+    amount: float = stated(fields.AMOUNT)
 
 
 class ProportionalAmount(Strict):
     """A fraction that the spot loses at its ex-time."""
 
-    time: LateTime | None = None
-    ex_date: Date | None = None
-    fraction: float = Field(ge=0.0, le=1.0)
+    time: float | None = stated(fields.EX_TIME, default=None)
+    ex_date: Date | None = stated(fields.EX_DATE)
+    fraction: float = stated(fields.FRACTION)
 
 
 def _kind(value: object) -> str:
@@ -100,89 +113,32 @@ def _kind_of_time(value: object) -> str:
 
 
 TimeOrDate: TypeAlias = Annotated[
-    Annotated[Time, Tag(NUMBER)] | Annotated[Date, Tag(DATE)], Discriminator(_kind_of_time)
+    Annotated[float, limits(fields.EXERCISE_START), Tag(NUMBER)] | Annotated[Date, Tag(DATE)],
+    Discriminator(_kind_of_time),
 ]
-KEYS: dict[str, tuple[str, ...]] = {  # of the objects inside a field
-    **dict.fromkeys(("rate", "dividend_yield", "volatility"), tuple(RateCurve.model_fields)),
-    "cash_dividends": tuple(CashAmount.model_fields),
-    "proportional_dividends": tuple(ProportionalAmount.model_fields),
-}
-
-
-def _events(most: int, description: str, example: object) -> Any:
-    return Field(default_factory=list, max_length=most, description=description, examples=[[example]])
 
 
 class Contract(Strict):
     """What every question holds: the option, and the market without spot and volatility."""
 
-    option_type: OptionType = Field(description="The right to sell (put) or to buy (call).", examples=["put"])
-    strike: float = Field(
-        ge=SMALLEST_MONEY,
-        le=LARGEST_MONEY,
-        description="Money per unit of the underlying.",
-        examples=[100.0],
+    option_type: fields.OptionType = stated(fields.OPTION_TYPE)
+    strike: float = stated(fields.STRIKE)
+    expiry: float | None = stated(fields.EXPIRY, default=None)
+    valuation_date: Date | None = stated(fields.VALUATION_DATE)
+    expiration_date: Date | None = stated(fields.EXPIRATION_DATE)
+    rate: RateOrCurve = stated(fields.RATE)
+    dividend_yield: RateOrCurve = stated(fields.DIVIDEND_YIELD)
+    cash_dividends: list[CashAmount] = stated(fields.CASH_DIVIDENDS, max_length=MOST_DIVIDENDS)
+    proportional_dividends: list[ProportionalAmount] = stated(
+        fields.PROPORTIONAL_DIVIDENDS, max_length=MOST_DIVIDENDS
     )
-    expiry: Time | None = Field(
-        None, description="Time to expiry in years; given unless both dates are.", examples=[1.0]
+    dividend_model: fields.DividendModel = stated(fields.DIVIDEND_MODEL)
+    exercise: fields.Exercise = stated(fields.EXERCISE)
+    exercise_times: list[TimeOrDate] = stated(
+        fields.EXERCISE_TIMES, max_length=fields.EXERCISE_TIMES.most_entries
     )
-    valuation_date: Date | None = Field(
-        None,
-        description="ISO date or date-time; with expiration_date, in the place of expiry.",
-        examples=["2026-01-02"],
-    )
-    expiration_date: Date | None = Field(
-        None,
-        description="ISO date or date-time; the years between the dates are seconds / (365 * 86400).",
-        examples=["2027-01-02"],
-    )
-    rate: RateOrCurve = Field(
-        description="Risk-free rate per year, continuously compounded; or a curve, times in years from now.",
-        examples=[0.05],
-    )
-    dividend_yield: RateOrCurve = Field(
-        0.0,
-        description="Continuous yield per year; the cost of borrowing adds to it; or a curve.",
-        examples=[0.0],
-    )
-    cash_dividends: list[CashAmount] = _events(
-        MOST_DIVIDENDS,
-        "Amounts of money with a time in years from now each, or with dates an ex_date.",
-        {"time": 0.25, "amount": 1.0},
-    )
-    proportional_dividends: list[ProportionalAmount] = _events(
-        MOST_DIVIDENDS,
-        "Fractions of the spot, 0 to 1, with a time in years from now each, or with dates an ex_date.",
-        {"time": 0.25, "fraction": 0.01},
-    )
-    dividend_model: DividendModel = Field(
-        "spot",
-        description="spot: the spot drops by the cash dividends, lognormal in between; escrowed: the spot without "
-        "the present value of those due is lognormal.",
-        examples=["spot"],
-    )
-    exercise: Exercise = Field(
-        "american",
-        description="american: at any time up to expiry; european: at expiry; bermudan: also at exercise_times.",
-        examples=["american"],
-    )
-    exercise_times: list[TimeOrDate] = _events(
-        MOST_EXERCISE_TIMES,
-        "With bermudan alone, and then at least one: years from now, or with valuation_date ISO dates.",
-        0.5,
-    )
-    exercise_start: TimeOrDate = Field(
-        0.0,
-        description="With american alone: no exercise before it, years from now, or with valuation_date an ISO date.",
-        examples=[0.0],
-    )
-    tolerance: float = Field(
-        DEFAULT_TOLERANCE,
-        ge=SMALLEST_TOLERANCE,
-        le=LARGEST_TOLERANCE,
-        description="Absolute error of the price allowed, as a fraction of the strike.",
-        examples=[1e-6],
-    )
+    exercise_start: TimeOrDate = stated(fields.EXERCISE_START)
+    tolerance: float = stated(fields.TOLERANCE)
 
     def contract(self, standing_in: Mapping[str, float] = MappingProxyType({})) -> tuple[Option, Market]:
         """Return the option and the market; `standing_in` holds values for what the question does not give.

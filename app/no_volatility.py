@@ -1,8 +1,8 @@
 """Why a price has no implied volatility, in words and with the bound that it lies beyond."""
 
 from pricing_core.american import Market, Option
-from pricing_core.american.contracts.market import LARGEST_VOLATILITY
-from pricing_core.american.implied.price_bounds import price_bounds
+from pricing_core.american.contracts.fields import VOLATILITY
+from pricing_core.american.implied.volatility_bounds import price_bounds
 
 
 def why_no_volatility(status: str, option: Option, market: Market, observed: float) -> str:
@@ -24,7 +24,7 @@ def why_no_volatility(status: str, option: Option, market: Market, observed: flo
         "below_lower_bound": f"{observed:.10g} must be at least {lower:.10g}, what the option is worth at volatility 0",
         "above_upper_bound": f"{observed:.10g} must be below {upper:.10g}: no volatility makes the option worth that"
         if observed >= upper
-        else f"{observed:.10g} is more than the option is worth at volatility {LARGEST_VOLATILITY:g}, the largest",
+        else f"{observed:.10g} is more than the option is worth at volatility {VOLATILITY.most:g}, the largest",
         "not_identifiable": f"the option is worth {lower:.10g} at volatility 0, and at a whole interval of them",
     }
     return f"{status}: {reasons[status]}" if status in reasons else status

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pricing_core.american import ExerciseBoundary, Market, Option, PiecewiseConstant
-from pricing_core.american.contracts.schedule import without_events
-from pricing_core.american.flat.closed_form import perpetual_boundary
-from pricing_core.american.flat.exercise_region import region_at_expiry
+from pricing_core.american.contracts.schedule import Schedule, make_schedule
+from pricing_core.american.engines.exercise_region import region_at_expiry
+from pricing_core.american.engines.perpetual import perpetual_boundary
 from pricing_core.arrays import BoolVector, Vector
 
 BLUE, RED, GREY = "#1f5fa8", "#b5402f", "#5a6570"
@@ -54,11 +54,10 @@ def limits_at_expiry(option: Option, market: Market) -> list[float]:
     >>> [round(limit, 9) for limit in limits_at_expiry(Option("call", 100.0, 1.0), market)]
     [200.0]
     """
-    plain = without_events(option, market)
-    if plain is None or plain[0].exercise != "american" or option.expiry == 0.0:
+    schedule = _without_events(option, market)
+    if schedule is None or option.expiry == 0.0:
         return []
-    ends = region_at_expiry(*plain).boundaries(option)
-    return [end for end in ends if math.isfinite(end)]
+    return [end for end in region_at_expiry(schedule).boundaries(schedule) if math.isfinite(end)]
 
 
 def _draw_curve(axes: Axes, time: Vector, boundary: Vector, label: str, style: str = "-") -> None:
@@ -115,11 +114,23 @@ def _draw_levels(axes: Axes, option: Option, levels: list[float]) -> None:
 
 def _perpetual_levels(option: Option, market: Market) -> list[float]:
     """Return the boundary of the option without expiry, if there is one and no event before the expiry."""
-    plain = without_events(option, market)
-    if plain is None or plain[0].exercise != "american":
+    schedule = _without_events(option, market)
+    if schedule is None:
         return []
-    level = option.strike * perpetual_boundary(plain[1], option.option_type)
+    now = schedule.segments[0]
+    level = option.strike * perpetual_boundary(
+        is_put=option.is_put, rate=now.rate, dividend_yield=now.dividend_yield, volatility=now.volatility
+    )
     return [level] if math.isfinite(level) and level > 0.0 else []
+
+
+def _without_events(option: Option, market: Market) -> Schedule | None:
+    """Return the schedule of an option that may be exercised at any time, and of whose market nothing changes."""
+    due = math.fsum(dividend.amount for dividend in market.cash_dividends)
+    schedule = make_schedule(option, replace(market, spot=option.strike + due))
+    only = schedule.segments[0]
+    is_flat = len(schedule.segments) == 1 and only.due == only.fraction == 0.0
+    return schedule if is_flat and only.exercisable else None
 
 
 def _draw_limits_at_expiry(axes: Axes, option: Option, market: Market) -> None:

@@ -1,8 +1,7 @@
 """Results in print: small tables with units for people, JSON for programs."""
 
 import json
-import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,87 +9,62 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from pricing_core.american import ExerciseBoundary, ImpliedVolatility, Valuation
+from app.answers import by_name
+from pricing_core.american import ExerciseBoundary, Greeks, ImpliedVolatility, Valuation
+from pricing_core.american.contracts.result_fields import (
+    BOUNDARY_FIELDS,
+    IMPLIED_VOLATILITY_FIELDS,
+    PRICE_FIELDS,
+    ResultField,
+    price_fields,
+)
 
 if TYPE_CHECKING:
     from pricing_core.batch import BatchSummary
 
-UNITS = {
-    "price": "money",
-    "european_price": "money",
-    "early_exercise_premium": "money",
-    "intrinsic_value": "money",
-    "delta": "",
-    "gamma": "1/money",
-    "theta": "money/year",
-    "theta_per_day": "money/day",
-    "vega": "money per 1.00 of volatility",
-    "vega_per_point": "money per 0.01 of volatility",
-    "rho": "money per 1.00 of rate",
-    "rho_per_point": "money per 0.01 of rate",
-    "dividend_rho": "money per 1.00 of dividend yield",
-    "exercise_now": "",
-    "exercise_boundary": "money",
-    "error_estimate": "money",
-    "status": "",
-    "method": "",
-    "engine_version": "",
-}
-EXTENDED_UNITS = {  # shown where they are there
-    "vanna": "1 per 1.00 of volatility",
-    "volga": "money per 1.00 of volatility, squared",
-    "rate_bucket_rho": "money per 1.00 of each value of the rate",
-    "volatility_bucket_vega": "money per 1.00 of each value of the volatility",
-    "dividend_sensitivities": "per cash dividend: money per 1.00 of its amount",
-}
-IMPLIED_UNITS = {
-    "volatility": "1/sqrt(year)",
-    "status": "",
-    "european_price": "money",
-    "price": "money",
-    "bid_volatility": "1/sqrt(year)",
-    "ask_volatility": "1/sqrt(year)",
-    "error_estimate": "money",
-    "iterations": "",
-}
-
-WIDEST = 1_000  # characters: a terminal wraps a long path by itself, nothing is cut
+# Largest width of a table, in characters: a terminal wraps a long path by itself, nothing is cut.
+WIDEST = 1_000
 
 
-def print_valuation(valuation: Valuation) -> None:
-    """Print one result per line with its unit; a missing number as a dash."""
-    _print_results(
-        valuation,
-        UNITS | {n: u for n, u in EXTENDED_UNITS.items() if getattr(valuation, n) is not None},
-    )
+def print_valuation(valuation: Valuation, greeks: Greeks) -> None:
+    """Print one result per line with its unit; a missing number as a dash, a missing list or extended Greek not."""
+    shown = [
+        field
+        for field in price_fields(greeks)
+        if getattr(valuation, field.name) is not None or (field.kind != "list" and field.given != "extended")
+    ]
+    _print_results(shown, valuation)
 
 
 def valuation_json(valuation: Valuation) -> str:
     """Return one JSON object, null for a missing number."""
-    return json.dumps({name: getattr(valuation, name) for name in UNITS | EXTENDED_UNITS}, allow_nan=False)
+    return _json(PRICE_FIELDS, valuation)
 
 
 def print_implied_volatility(found: ImpliedVolatility) -> None:
     """Print one result per line with its unit; a missing number as a dash."""
-    _print_results(found, IMPLIED_UNITS)
+    _print_results(IMPLIED_VOLATILITY_FIELDS, found)
 
 
 def implied_volatility_json(found: ImpliedVolatility) -> str:
     """Return one JSON object, null for a missing number."""
-    return json.dumps({name: getattr(found, name) for name in IMPLIED_UNITS}, allow_nan=False)
+    return _json(IMPLIED_VOLATILITY_FIELDS, found)
 
 
 def print_boundary(found: ExerciseBoundary) -> None:
-    """Print one time per line."""
-    columns = boundary_columns(found)
-    names = tuple(f"{name} ({'years' if name.startswith('time') else 'money'})" for name in columns)
-    rows = zip(*columns.values(), strict=True)
-    print_table(names, (tuple(_shown(value) for value in row) for row in rows))
+    """Print one time per line, a dash where there is no boundary, or no estimate of its error."""
+    columns = [
+        (f"{field.name} ({field.unit})", column)
+        for field in BOUNDARY_FIELDS
+        if (column := by_name([field], found)[field.name]) is not None
+    ]
+    rows = zip(*(column for _, column in columns), strict=True)
+    print_table((name for name, _ in columns), (tuple(map(_shown, row)) for row in rows))
 
 
 def boundary_json(found: ExerciseBoundary) -> str:
     """Return one JSON object, null where there is no boundary."""
-    return json.dumps({"other_boundary": None} | boundary_columns(found), allow_nan=False)
+    return _json(BOUNDARY_FIELDS, found)
 
 
 def print_summary(summary: "BatchSummary", target: Path, rejects: Path) -> None:
@@ -107,20 +81,12 @@ def print_summary(summary: "BatchSummary", target: Path, rejects: Path) -> None:
     print_table(("batch", "rows", "in"), rows)
 
 
-def boundary_columns(found: ExerciseBoundary) -> dict[str, list[float | None]]:
-    """Return the columns by name, None where there is no boundary, or no estimate of its error."""
-    columns = {"time": found.time, "time_to_expiry": found.time_to_expiry, "boundary": found.boundary}
-    if found.other_boundary is not None:
-        columns["other_boundary"] = found.other_boundary
-    columns["error_estimate"] = found.error_estimate
-    return {
-        name: [None if math.isnan(value) else value for value in values.tolist()]
-        for name, values in columns.items()
-    }
+def _json(outputs: Iterable[ResultField], found: object) -> str:
+    return json.dumps(by_name(outputs, found), allow_nan=False)
 
 
-def _print_results(found: object, units: Mapping[str, str]) -> None:
-    rows = ((name, _shown(getattr(found, name)), unit) for name, unit in units.items())
+def _print_results(outputs: Iterable[ResultField], found: object) -> None:
+    rows = ((field.name, _shown(getattr(found, field.name)), field.unit) for field in outputs)
     print_table(("result", "value", "unit"), rows)
 
 

@@ -6,10 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.classic_sets import Outputs, Problem
-from pricing_core.american.boundary import boundaries_at
-from pricing_core.american.flat.exercise_region import region_at_expiry
-from pricing_core.american.flat.resolution import Solution
-from pricing_core.american.flat.spot_values import region_of, values_at
+from benchmarks.stepping_methods import Solution
+from pricing_core.american.engines.method_of_lines.level import at_spot
 
 OUTPUTS = ("price", "delta", "gamma", "boundary")
 UNITS = {
@@ -29,15 +27,13 @@ class Error(NamedTuple):
 
 def outputs_of(solution: Solution, problem: Problem) -> Outputs:
     """Return what a solution says at the spots and times of its problem, where that is compared."""
-    region, spots = region_of(solution), problem.spots
-    rows = np.array([values_at(solution, region, x)[0] for x in np.log(spots).tolist()])
-    gamma = (rows[:, 2] - rows[:, 1]) / spots**2
-    limit = region_at_expiry(problem.option, problem.market)
+    now = solution.now()
+    price, delta, gamma = np.array([at_spot(now, spot) for spot in problem.spots.tolist()]).T
     return Outputs(
-        price=rows[:, 0],
-        delta=rows[:, 1] / spots,
-        gamma=np.where(np.isnan(problem.true.gamma), np.nan, gamma),
-        boundary=boundaries_at(solution, problem.boundary_times, limit)[:, 0],
+        price,
+        delta,
+        np.where(np.isnan(problem.true.gamma), np.nan, gamma),
+        solution.boundary(problem.boundary_times),
     )
 
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from benchmarks.accuracy import OUTPUTS, Error, errors, extrapolated, outputs_of
 from benchmarks.classic_sets import Outputs, Problem
-from benchmarks.stepping_methods import Method, domain_of
+from benchmarks.stepping_methods import Method, span_of
 from benchmarks.timing import Task, least_seconds
-from pricing_core.american.flat.grid import Domain
+from pricing_core.american.engines.method_of_lines.grid import SpotRange
 
 LEAST_STEPS = 6
 EXTRAPOLATED = ", extrapolated"
@@ -16,21 +16,18 @@ EXTRAPOLATED = ", extrapolated"
 LCS_METHODS = (
     Method("implicit Euler, uniform steps", "implicit-euler", "uniform"),
     Method("SDIRK2, square-root steps", "sdirk2", "square-root"),
-    Method("SDIRK2, square-root steps, premium", "sdirk2", "square-root", "premium"),
+    Method("SDIRK2, square-root steps, boundary in its cell", "sdirk2", "square-root", "cell"),
 )
 CRANK_NICOLSON_METHODS = (
-    Method(
-        "Crank-Nicolson, uniform steps, explicit projection",
-        "crank-nicolson",
-        "uniform",
-        peer="explicit projection",
-    ),
+    Method("Crank-Nicolson, uniform steps, explicit projection", "crank-nicolson", "uniform", "projection"),
     Method("Crank-Nicolson, uniform steps", "crank-nicolson", "uniform"),
     Method("Crank-Nicolson, square-root steps", "crank-nicolson", "square-root"),
-    Method("Crank-Nicolson, square-root steps, premium", "crank-nicolson", "square-root", "premium"),
+    Method(
+        "Crank-Nicolson, square-root steps, boundary in its cell", "crank-nicolson", "square-root", "cell"
+    ),
 )
 METHODS = LCS_METHODS + CRANK_NICOLSON_METHODS
-# What `price` does with either method: two resolutions, each cell and step of one halved in the other.
+# What the engine does with either method: two resolutions, each cell and step of one halved in the other.
 EXTRAPOLATED_METHODS = (LCS_METHODS[-1], CRANK_NICOLSON_METHODS[-1])
 
 
@@ -83,9 +80,9 @@ def study_accuracy(
     problems: Sequence[Problem], intervals: Sequence[int], steps_per_interval: Sequence[float], turns: int
 ) -> tuple[Run, ...]:
     """Solve every problem by every method at all grids and step counts; time them in turn."""
-    domains = [domain_of(problem) for problem in problems]
+    spans = [span_of(problem) for problem in problems]
     solved = [
-        _solve(method, problems, domains, cells, int(cells * ratio))
+        _solve(method, problems, spans, cells, int(cells * ratio))
         for method in METHODS
         for ratio in steps_per_interval
         for cells in intervals
@@ -108,11 +105,11 @@ def study_accuracy(
 
 
 def _solve(
-    method: Method, problems: Sequence[Problem], domains: Sequence[Domain], intervals: int, steps: int
+    method: Method, problems: Sequence[Problem], spans: Sequence[SpotRange], intervals: int, steps: int
 ) -> _Solved:
     calls = tuple(
-        partial(method.solve, problem, domain, intervals, steps)
-        for problem, domain in zip(problems, domains, strict=True)
+        partial(method.solve, problem, span, intervals, steps)
+        for problem, span in zip(problems, spans, strict=True)
     )
     solutions = [call() for call in calls]
     solves = sum(method.implicit_solves(solution) for solution in solutions) / len(problems)

@@ -9,9 +9,9 @@ from typing import TypeAlias
 import numpy as np
 
 from benchmarks.integral_equation import put_values, solve_put_boundary
-from pricing_core.american import Option
-from pricing_core.american.contracts.contract import OptionType
-from pricing_core.american.contracts.market import FlatMarket
+from pricing_core.american import Market, Option
+from pricing_core.american.contracts.fields import OptionType
+from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.arrays import Vector
 
 NEAR_BOUNDARY = 0.01  # of the boundary: closer to it gamma is not compared, because it jumps there
@@ -34,9 +34,14 @@ class Problem:
 
     name: str
     option: Option
-    market: FlatMarket
+    market: Market
     spots: Vector  # in strikes
     true: Outputs  # from the integral equation
+
+    @property
+    def schedule(self) -> Schedule:
+        """The contract as one segment, with its spot at the strike."""
+        return make_schedule(self.option, self.market)
 
     @property
     def boundary_times(self) -> Vector:
@@ -88,13 +93,13 @@ def _problem(
     expiry: float,
     spots: tuple[float, ...],
 ) -> Problem:
-    option, market = Option(option_type, 1.0, expiry), FlatMarket(1.0, rate, volatility, dividend_yield)
+    option, market = Option(option_type, 1.0, expiry), Market(1.0, rate, volatility, dividend_yield)
     true_values = _put if option.is_put else _call
     held, true = true_values(market, expiry, np.array(spots))
     return Problem(name, option, market, held, true)
 
 
-def _put(market: FlatMarket, expiry: float, spots: Vector) -> tuple[Vector, Outputs]:
+def _put(market: Market, expiry: float, spots: Vector) -> tuple[Vector, Outputs]:
     """Return the spots above the boundary and the true values there."""
     boundary = solve_put_boundary(market, expiry)
     today = boundary.at(np.array([expiry]))
@@ -105,7 +110,7 @@ def _put(market: FlatMarket, expiry: float, spots: Vector) -> tuple[Vector, Outp
     return held, Outputs(put.value, put.delta, gamma, at_times)
 
 
-def _call(market: FlatMarket, expiry: float, spots: Vector) -> tuple[Vector, Outputs]:
+def _call(market: Market, expiry: float, spots: Vector) -> tuple[Vector, Outputs]:
     """Return the same for a call, by McDonald and Schroder: call(S, 1, r, q) = S put(1/S, 1, q, r)."""
     mirrored = replace(market, rate=market.dividend_yield, dividend_yield=market.rate)
     reciprocal, put = _put(mirrored, expiry, 1.0 / spots)

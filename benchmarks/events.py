@@ -24,13 +24,12 @@ from benchmarks import quantlib_dividends
 from benchmarks.machine import cpu_model
 from benchmarks.portfolios import DAYS_PER_YEAR, STRIKE, Portfolio
 from pricing_core import kernel
-from pricing_core.american import contract_from, price_many
-from pricing_core.american.contracts.schedule import make_schedule
-from pricing_core.american.events.collocation import solve_book, solve_to_tolerance
-from pricing_core.american.events.packed_schedules import PackedSchedules, pack
-from pricing_core.american.events.scheduled import COLLOCATION_METHOD
+from pricing_core.american import Greeks, contract_from, price_many
+from pricing_core.american.book.book import Book
+from pricing_core.american.engines.multiplier_collocation.levels import solve_at_level, solve_to_tolerance
 from pricing_core.arrays import Matrix, Vector
 
+COLLOCATED = "multiplier-collocation"
 TOLERANCES = (1e-4, 1e-5, 1e-6)
 REFERENCE = 1e-8
 LEVELS = (1, 2, 3, 4, 5)
@@ -55,7 +54,7 @@ class Dividends(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Book:
+class Payers:
     """Contracts of one type and their dividends."""
 
     contracts: Portfolio
@@ -65,15 +64,14 @@ class Book:
         """Return what `price_many` takes."""
         return {**self.contracts.columns(), "cash_dividends": self.dividends.column()}
 
-    def packed(self) -> PackedSchedules:
-        """Return what the kernel takes."""
+    def book(self) -> Book:
+        """Return what the engines take."""
         columns = self.columns()
         rows = zip(*(c if isinstance(c, list) else c.tolist() for c in columns.values()), strict=True)
-        contracts = (contract_from(dict(zip(columns, row, strict=True))) for row in rows)
-        return pack([make_schedule(*contract) for contract in contracts])
+        return Book.of([contract_from(dict(zip(columns, row, strict=True))) for row in rows])
 
 
-def random_book(option_type: str, count: int, seed: int = 6) -> Book:
+def random_book(option_type: str, count: int, seed: int = 6) -> Payers:
     """Return random contracts; puts and calls of one seed differ in their type alone."""
     random = np.random.default_rng(seed)
     spot = random.uniform(60.0, 150.0, count)
@@ -86,7 +84,7 @@ def random_book(option_type: str, count: int, seed: int = 6) -> Book:
     amounts = spot[:, None] * random.uniform(0.002, 0.02, (count, DIVIDENDS))
     types, strikes = np.full(count, option_type), np.full(count, STRIKE)
     contracts = Portfolio(types, spot, strikes, days, rate, dividend_yield, volatility)
-    return Book(contracts, Dividends(ex_days.astype(np.int64), amounts))
+    return Payers(contracts, Dividends(ex_days.astype(np.int64), amounts))
 
 
 @dataclass(slots=True)
@@ -127,10 +125,10 @@ class Rate(NamedTuple):
 
 
 def measure(
-    book: Book, reference: Vector, tolerance: float, *, greeks: bool, seconds: float = SECONDS
+    payers: Payers, reference: Vector, tolerance: float, *, greeks: Greeks, seconds: float = SECONDS
 ) -> Rate:
     """Price the whole table again and again on one thread; the least time counts."""
-    columns, least, used, begun = book.columns(), float("inf"), Meter(), time.perf_counter()
+    columns, least, used, begun = payers.columns(), float("inf"), Meter(), time.perf_counter()
     while True:
         with metered() as meter:
             start = time.perf_counter()
@@ -147,30 +145,31 @@ def measure(
         solves=used.solves / error.size,
         microseconds=1e6 * used.seconds / max(used.solves, 1),
         kernel=used.seconds / least,
-        collocated=float(np.mean(table["method"] == COLLOCATION_METHOD)),
+        collocated=float(np.mean(table["method"] == COLLOCATED)),
         ok=float(np.mean(table["status"] == "ok")),
         within=float(np.mean(error[sure] <= table["error_estimate"][sure])),
         error=float(np.nanmax(error)) / STRIKE,
     )
 
 
-def solve_times(book: PackedSchedules, seconds: float = SECONDS) -> list[float]:
+def solve_times(book: Book, seconds: float = SECONDS) -> list[float]:
     """Return the least microseconds of one American solve at each level, all schedules in one call."""
     times = []
     for level in LEVELS:
-        levels, least, begun = np.full(book.x.size, level, dtype=np.int64), float("inf"), time.perf_counter()
+        levels, least, begun = np.full(book.count, level, dtype=np.int64), float("inf"), time.perf_counter()
         while time.perf_counter() - begun < seconds / len(LEVELS):
             start = time.perf_counter()
-            solve_book(book, levels, 1)
+            solve_at_level(book, levels, 1, np.zeros(book.count))
             least = min(least, time.perf_counter() - start)
-        times.append(1e6 * least / book.x.size)
+        times.append(1e6 * least / book.count)
     return times
 
 
 def report(option_type: str, rows: int = ROWS, seconds: float = SECONDS) -> None:
     """Print the table of one option type."""
-    book = random_book(option_type, rows)
-    found = solve_to_tolerance(book.packed(), np.full(rows, REFERENCE), 1)
+    payers = random_book(option_type, rows)
+    book = payers.book()
+    found = solve_to_tolerance(book, np.full(rows, REFERENCE), 1)
     exact, stated = STRIKE * found.value, found.error
     print(f"\n{rows} American {option_type}s with {DIVIDENDS} cash dividends each")
     print(
@@ -182,28 +181,28 @@ def report(option_type: str, rows: int = ROWS, seconds: float = SECONDS) -> None
         "                       contracts    solves  us each   kernel  by collo-          within    largest"
     )
     print("tolerance  Greeks     per second  each row    solve  of time    cation      ok  stated      error")
-    for greeks in (False, True):
+    asked: tuple[Greeks, ...] = ("none", "standard")
+    for greeks in asked:
         for tolerance in TOLERANCES:
-            rate = measure(book, exact, tolerance, greeks=greeks, seconds=seconds)
-            asked = f"{tolerance:9.0e}  {'with' if greeks else 'without':7s}"
+            rate = measure(payers, exact, tolerance, greeks=greeks, seconds=seconds)
+            setting = f"{tolerance:9.0e}  {'without' if greeks == 'none' else 'with':7s}"
             speed = (
                 f"{rate.per_second:12.0f}  {rate.solves:8.1f}  {rate.microseconds:7.0f}  {rate.kernel:7.0%}"
             )
             shares = f"{rate.collocated:9.1%}  {rate.ok:6.1%}  {rate.within:6.1%}"
-            print(f"{asked}  {speed}  {shares}  {rate.error:9.1e}")
+            print(f"{setting}  {speed}  {shares}  {rate.error:9.1e}")
     alone = ", ".join(
-        f"level {level}: {us:.0f}"
-        for level, us in zip(LEVELS, solve_times(book.packed(), seconds), strict=True)
+        f"level {level}: {us:.0f}" for level, us in zip(LEVELS, solve_times(book, seconds), strict=True)
     )
     print(f"the kernel alone, us per American solve: {alone}")
     if quantlib_dividends.AVAILABLE:
-        _report_quantlib(book, exact)
+        _report_quantlib(payers, exact)
 
 
-def _report_quantlib(book: Book, reference: Vector) -> None:
-    chosen = book.contracts.sample(min(QUANTLIB_ROWS, len(book.contracts)))
-    few = book.contracts.take(chosen)
-    days, amounts = book.dividends.days[chosen], book.dividends.amounts[chosen]
+def _report_quantlib(payers: Payers, reference: Vector) -> None:
+    chosen = payers.contracts.sample(min(QUANTLIB_ROWS, len(payers.contracts)))
+    few = payers.contracts.take(chosen)
+    days, amounts = payers.dividends.days[chosen], payers.dividends.amounts[chosen]
     for steps, nodes in quantlib_dividends.GRIDS:
         options = quantlib_dividends.options_with_dividends(few, days, amounts, steps, nodes)
         start = time.perf_counter()

@@ -31,7 +31,7 @@ def quotes(rows: int, dividends: int = 0) -> tuple[dict[str, Any], Any]:
     """Return random everyday contracts that are not exercised now, with so many cash dividends of 1, and prices."""
     contracts = everyday(2 * rows)
     columns = with_dividends(contracts.columns(), dividends)
-    table = price_many(columns, tolerance=1e-7, greeks=False)
+    table = price_many(columns, tolerance=1e-7, greeks="none")
     held = np.flatnonzero(~table["exercise_now"])[:rows]
     return with_dividends(contracts.take(held).columns(), dividends), table["price"][held]
 

@@ -20,10 +20,11 @@ from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from pricing_core.american import Option
-from pricing_core.american.contracts.market import FlatMarket
-from pricing_core.american.flat.closed_form import ONE_OVER_SQRT_TWO_PI, perpetual_boundary
-from pricing_core.american.flat.exercise_region import region_at_expiry
+from pricing_core.american import Market, Option
+from pricing_core.american.contracts.schedule import Segment, make_schedule
+from pricing_core.american.engines.black_scholes import ONE_OVER_SQRT_TWO_PI
+from pricing_core.american.engines.exercise_region import region_at_expiry
+from pricing_core.american.engines.perpetual import perpetual_boundary
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import NumericalError
 
@@ -37,14 +38,13 @@ MOST_ITERATIONS = 500
 class PutBoundary:
     """B(tau)/K of a put for 0 <= tau <= expiry."""
 
-    market: FlatMarket
-    expiry: float
+    segment: Segment  # the put's whole life
     limit: float  # B(0+)/K
     coefficients: Vector  # of ln(B/limit)**2 in Chebyshev polynomials of 2 sqrt(tau/expiry) - 1
 
     def at(self, tau: Vector) -> Vector:
         """Return B(tau)/K, shape of tau."""
-        return _boundary_from(self.limit, _basis(tau, self.expiry), self.coefficients)
+        return _boundary_from(self.limit, _basis(tau, self.segment.end), self.coefficients)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +56,7 @@ class PutValues:
     gamma: Vector
 
 
-def solve_put_boundary(market: FlatMarket, expiry: float) -> PutBoundary:
+def solve_put_boundary(market: Market, expiry: float) -> PutBoundary:
     """Solve for the exercise boundary of a put; rate and volatility > 0, dividend_yield >= 0.
 
     Raises
@@ -64,18 +64,21 @@ def solve_put_boundary(market: FlatMarket, expiry: float) -> PutBoundary:
     NumericalError
         The fixed-point iteration does not converge.
     """
-    limit = math.exp(region_at_expiry(Option("put", 1.0, expiry), market).upper)
+    schedule = make_schedule(Option("put", 1.0, expiry), market)
+    (segment,) = schedule.segments
+    rate, dividend_yield, volatility = segment.rate, segment.dividend_yield, segment.volatility
+    limit = math.exp(region_at_expiry(schedule).upper)
     chebyshev = np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)  # the last belongs to tau = 0
     to_coefficients = np.linalg.inv(chebvander(chebyshev, DEGREE))
-    system = _SystemA.discretise(market, expiry, limit, expiry * (0.5 * (1.0 + chebyshev[:-1])) ** 2)
-    lowest = math.log(perpetual_boundary(market, "put") / limit)
-    logarithm = np.maximum(-market.volatility * np.sqrt(system.tau), lowest)
+    system = _SystemA.discretise(segment, limit, expiry * (0.5 * (1.0 + chebyshev[:-1])) ** 2)
+    lowest = perpetual_boundary(is_put=True, rate=rate, dividend_yield=dividend_yield, volatility=volatility)
+    logarithm = np.maximum(-volatility * np.sqrt(system.tau), math.log(lowest / limit))
     for _ in range(MOST_ITERATIONS):
         coefficients = to_coefficients @ np.append(np.square(logarithm), 0.0)
         following = np.minimum(np.log(system.right_side(logarithm, coefficients) / limit), 0.0)
         change = float(np.max(np.abs(following - logarithm)))
         if change <= CONVERGED:
-            return PutBoundary(market, expiry, limit, coefficients)
+            return PutBoundary(segment, limit, coefficients)
         logarithm = following
     raise NumericalError(
         f"the exercise boundary still moves by {change:.1e} after {MOST_ITERATIONS} iterations"
@@ -84,19 +87,19 @@ def solve_put_boundary(market: FlatMarket, expiry: float) -> PutBoundary:
 
 def put_values(boundary: PutBoundary, spots: Vector) -> PutValues:
     """Return value, delta and gamma for spots above the boundary, in units of the strike."""
-    market, expiry = boundary.market, boundary.expiry
-    rate, dividend_yield = market.rate, market.dividend_yield
+    segment, expiry = boundary.segment, boundary.segment.end
+    rate, dividend_yield = segment.rate, segment.dividend_yield
     S = spots[:, None]
     u, s, weights = _quadrature(np.array([expiry]), VALUE_POINTS)
     B = boundary.at(u[0])
-    d2, d1, spread = _distances(market, S / B, s)
+    d2, d1, spread = _distances(segment, S / B, s)
     bond, share = np.exp(-rate * s), np.exp(-dividend_yield * s)
     density = bond * _density(d2) / (S * spread)
     value = rate * bond * ndtr(-d2) - dividend_yield * S * share * ndtr(-d1)
     delta = (dividend_yield * B - rate) * density - dividend_yield * share * ndtr(-d1)
     slope = -(1.0 + d2 / spread) / S  # of ln(density)
     gamma = (dividend_yield * B - rate) * density * slope + dividend_yield * B / S * density
-    d2, d1, spread = _distances(market, spots, np.array(expiry))
+    d2, d1, spread = _distances(segment, spots, np.array(expiry))
     bond, share = np.exp(-rate * expiry), np.exp(-dividend_yield * expiry)
     return PutValues(
         bond * ndtr(-d2) - spots * share * ndtr(-d1) + value @ weights[0],
@@ -109,7 +112,7 @@ def put_values(boundary: PutBoundary, spots: Vector) -> PutValues:
 class _SystemA:
     """B = N(B)/D(B) at times tau, with the quadrature that its integrals need."""
 
-    market: FlatMarket
+    segment: Segment
     limit: float
     tau: Vector  # (m,)
     u: Matrix  # (m, points)
@@ -118,18 +121,18 @@ class _SystemA:
     basis: NDArray[np.float64]  # (m, points, DEGREE + 1), the Chebyshev polynomials at u
 
     @classmethod
-    def discretise(cls, market: FlatMarket, expiry: float, limit: float, tau: Vector) -> "_SystemA":
+    def discretise(cls, segment: Segment, limit: float, tau: Vector) -> "_SystemA":
         u, s, weights = _quadrature(tau, BOUNDARY_POINTS)
-        return cls(market, limit, tau, u, s, weights, _basis(u, expiry))
+        return cls(segment, limit, tau, u, s, weights, _basis(u, segment.end))
 
     def right_side(self, logarithm: Vector, coefficients: Vector) -> Vector:
         """Return N/D for the boundary limit e^logarithm at tau, and its polynomial's coefficients."""
-        market, tau = self.market, self.tau
-        rate, dividend_yield = market.rate, market.dividend_yield
+        segment, tau = self.segment, self.tau
+        rate, dividend_yield = segment.rate, segment.dividend_yield
         B = self.limit * np.exp(logarithm)
         before = _boundary_from(self.limit, self.basis, coefficients)
-        d2, d1, spread = _distances(market, B[:, None] / before, self.s)
-        e2, e1, whole = _distances(market, B, tau)
+        d2, d1, spread = _distances(segment, B[:, None] / before, self.s)
+        e2, e1, whole = _distances(segment, B, tau)
         earned = np.exp(rate * self.u) * _density(d2) / spread
         forgone = np.exp(dividend_yield * self.u) * (ndtr(d1) + _density(d1) / spread)
         numerator = _density(e2) / whole + rate * np.sum(self.weights * earned, axis=1)
@@ -162,10 +165,10 @@ def _gauss_rule(points: int) -> tuple[Vector, Vector]:
     return nodes, weights
 
 
-def _distances(market: FlatMarket, ratio: Vector, time: Vector) -> tuple[Vector, Vector, Vector]:
+def _distances(segment: Segment, ratio: Vector, time: Vector) -> tuple[Vector, Vector, Vector]:
     """Return d2, d1 and sigma sqrt(time)."""
-    spread = market.volatility * np.sqrt(time)
-    d2 = (np.log(ratio) + (market.rate - market.dividend_yield) * time) / spread - 0.5 * spread
+    spread = segment.volatility * np.sqrt(time)
+    d2 = (np.log(ratio) + (segment.rate - segment.dividend_yield) * time) / spread - 0.5 * spread
     return d2, d2 + spread, spread
 
 

@@ -7,9 +7,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from benchmarks.classic_sets import Problem
-from benchmarks.explicit_projection import ImplicitSystem
-from benchmarks.stepping_methods import Method, domain_of
+from benchmarks.explicit_projection import projected
+from benchmarks.stepping_methods import Method, span_of
 from benchmarks.timing import Task, least_seconds
+from pricing_core.american.engines.method_of_lines.stage import StageProblem
 from pricing_core.arrays import Vector
 from pricing_core.kernel import brennan_schwartz
 from pricing_core.lcp import (
@@ -28,9 +29,9 @@ LARGEST_FOR_LEMKE = 256  # cells: every pivot updates a dense tableau
 
 
 class Step(NamedTuple):
-    """The problem of one step of (11.65), for z = v - g, and z at the step's beginning."""
+    """The problem of one step of (11.65), for z = v - g, also as one of the library, and z at its beginning."""
 
-    system: ImplicitSystem
+    stage: StageProblem
     problem: LCP
     start: Vector
 
@@ -39,12 +40,12 @@ Solver: TypeAlias = Callable[[Step], tuple[Vector, int]]
 
 
 def _elimination(step: Step) -> tuple[Vector, int]:
-    M = step.system.M
-    return np.asarray(brennan_schwartz(M.lower[1:], M.diagonal, M.upper[:-1], step.problem.q, True)), 1
+    M = step.stage.M
+    return np.asarray(brennan_schwartz(M.lower[1:], M.diagonal, M.upper[:-1], step.stage.q, True)), 1
 
 
 def _projection(step: Step) -> tuple[Vector, int]:
-    return np.maximum(step.system.linear_solution() - step.system.obstacle, 0.0), 1
+    return projected(step.stage), 1
 
 
 def _of_library(solve: Callable[[Step], LCPSolution]) -> Solver:
@@ -94,16 +95,12 @@ class RelaxationRun(NamedTuple):
 
 def put_steps(problem: Problem, intervals: int, steps: int) -> list[Step]:
     """Return the steps of one solve of a put by (11.65) with equal steps."""
-    solution = EULER.solve(problem, domain_of(problem), intervals, steps)
-    form, tau, states = solution.form, solution.tau, solution.integration.states
-    systems = [
-        ImplicitSystem.of(form, float(tau[k]), states[k - 1].value[0], float(tau[k] - tau[k - 1]))
-        for k in range(1, tau.size)
-    ]
-    return [
-        Step(system, system.complementarity_problem(), before.slack)
-        for system, before in zip(systems, states[:-1], strict=True)
-    ]
+    solution = EULER.solve(problem, span_of(problem), intervals, steps)
+    run, found = solution.integration, []
+    for before, t, h in zip(run.states[:-1], run.t[1:].tolist(), np.diff(run.t).tolist(), strict=True):
+        stage = StageProblem.of(solution.form, t, before.value, h)
+        found.append(Step(stage, LCP(stage.M.matrix, stage.q), before.slack))
+    return found
 
 
 def compare_solvers(

@@ -1,4 +1,4 @@
-"""What does the march itself cost by its steps and labels, and what does it leave as an error?"""
+"""What does the march itself cost by its steps, and what does it leave as an error?"""
 
 from functools import partial
 from typing import NamedTuple
@@ -6,25 +6,21 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.timing import Task, least_seconds
-from pricing_core.american.flat.premium import Puts, PutValues, solve_puts
-from pricing_core.arrays import Vector
-from pricing_core.premium_twin.mesh import STEPS, classify, mesh_of
+from pricing_core.american.engines.premium_march.puts import MOST_STEPS, Puts, PutValues, solve_puts
 
 STEP_COUNTS = (8, 16, 32, 64, 128)  # each with the marches of half and a quarter of the steps
-FINEST = STEPS[-1]
-FAR = 1e-8  # tolerance that the width of the grid is chosen for
+MARCHES = (1, 2, 4)  # What the steps of the three marches are divided by.
+FAR = 1e-8  # Tolerance that the width of the grid is chosen for.
 
 
 class MarchCost(NamedTuple):
     """Three marches per option, with `steps`, half and a quarter of them, extrapolated.
 
-    `label_steps` counts, for one option, the free labels of every time step of the three marches; `nanoseconds` is
-    the time of one of them, `cycles` the same at the processor's nominal clock (None where it is not known).
+    `nanoseconds` is the time of one step of any of the three, on a grid that is the wider the more steps they take;
+    `cycles` the same at the processor's nominal clock (None where it is not known).
     """
 
     steps: int
-    labels: float
-    label_steps: float
     microseconds: float
     with_derivatives: float
     rmse: float
@@ -43,7 +39,7 @@ def march_costs(count: int, megahertz: float | None) -> tuple[MarchCost, ...]:
         The processor's nominal clock.
     """
     puts = _held_puts(count)
-    reference = _solve(puts, FINEST).values[0]
+    reference = _solve(puts, MOST_STEPS).values[0]
     derivatives = np.full((puts.x.size, 7), np.inf)
     tasks = [
         Task((partial(_solve, puts, steps, wanted),))
@@ -54,14 +50,11 @@ def march_costs(count: int, megahertz: float | None) -> tuple[MarchCost, ...]:
     costs = []
     for steps in STEP_COUNTS:
         microseconds, with_derivatives = (1e6 * next(seconds) / puts.x.size for _ in range(2))
-        labels, label_steps = _sizes(puts, steps)
         error = _solve(puts, steps).values[0] - reference
-        nanoseconds = 1e3 * microseconds / label_steps
+        nanoseconds = 1e3 * microseconds / sum(steps // part for part in MARCHES)
         costs.append(
             MarchCost(
                 steps,
-                labels,
-                label_steps,
                 microseconds,
                 with_derivatives,
                 float(np.sqrt(np.mean(error**2))),
@@ -81,7 +74,7 @@ def _held_puts(count: int) -> Puts:
     )
     spread = random.uniform(0.1, 0.5, 4 * count) * np.sqrt(expiry)
     puts = Puts(random.uniform(-0.3, 0.3, 4 * count), rate, dividend, spread)
-    found = _solve(puts, FINEST)
+    found = _solve(puts, MOST_STEPS)
     held = np.flatnonzero(found.settled & ~found.exercised)
     return puts.take(held[:count])
 
@@ -89,20 +82,3 @@ def _held_puts(count: int) -> Puts:
 def _solve(puts: Puts, steps: int, limits: np.ndarray | None = None) -> PutValues:
     tolerance = np.full(puts.x.size, FAR)
     return solve_puts(puts, tolerance, limits=limits, fewest=steps, most=steps)
-
-
-def _sizes(puts: Puts, steps: int) -> tuple[float, float]:
-    """Return the labels at the end of the finest march and the label-steps of all three, means over the puts."""
-    classes = classify(puts.rate, puts.dividend, puts.spread, np.full(puts.x.size, FAR))
-    pairs, counts = np.unique(np.stack([classes.distance, classes.decay]), axis=1, return_counts=True)
-    labels, label_steps = np.zeros((2, counts.size))
-    for k, (distance, decay) in enumerate(pairs.T.tolist()):
-        for divisor in (1, 2, 4):
-            mesh = mesh_of(distance, decay, STEPS.index(steps // divisor))
-            label_steps[k] += sum(mesh.active(step) for step in range(1, mesh.steps + 1))
-        labels[k] = mesh_of(distance, decay, STEPS.index(steps)).nodes
-    return _mean(labels, counts), _mean(label_steps, counts)
-
-
-def _mean(values: Vector, counts: np.ndarray) -> float:
-    return float(np.average(values, weights=counts))

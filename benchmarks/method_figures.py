@@ -30,15 +30,15 @@ STYLES = {
     "SDIRK2, uniform steps": Style("#f0c000", "D"),
     "SDIRK2, square-root steps": Style("#e69f00", "s"),
     "SDIRK2, adaptive steps": Style("#e69f00", "h", "--"),
-    "SDIRK2, square-root steps, premium": Style("#d55e00", "o"),
-    "SDIRK2, square-root steps, premium, extrapolated": Style("#7a2000", "*"),
+    "SDIRK2, square-root steps, boundary in its cell": Style("#d55e00", "o"),
+    "SDIRK2, square-root steps, boundary in its cell, extrapolated": Style("#7a2000", "*"),
     "Crank-Nicolson, uniform steps, explicit projection": Style("#7fc4f2", "v", ":"),
     "Crank-Nicolson, uniform steps": Style("#0072b2", "^"),
     "Crank-Nicolson without damping, uniform steps": Style("#9b59d0", "<", ":"),
     "Crank-Nicolson, square-root steps": Style("#009e73", "P"),
     "Crank-Nicolson, adaptive steps": Style("#009e73", "d", "--"),
-    "Crank-Nicolson, square-root steps, premium": Style("#cc79a7", "X"),
-    "Crank-Nicolson, square-root steps, premium, extrapolated": Style("#5b2a86", "p"),
+    "Crank-Nicolson, square-root steps, boundary in its cell": Style("#cc79a7", "X"),
+    "Crank-Nicolson, square-root steps, boundary in its cell, extrapolated": Style("#5b2a86", "p"),
 }
 
 

@@ -23,14 +23,14 @@ def steps_section(found: Comparison) -> Section:
     schemes = ("SDIRK2", "Crank-Nicolson", "implicit Euler")
     sentences = [mesh_sentence(found.in_time, scheme, output) for output in TIME_ERRORS for scheme in schemes]
     text = (
-        f"On one grid of {counts.intervals} cells, for the value, errors are the distance to {counts.reference} "
-        "square-root SDIRK2 steps on that grid: errors of the time steps alone. Adaptive steps are controlled by "
-        "step doubling, whose three solves in place of one are counted; they need not know where the solution is "
-        "steep.\n\n"
+        f"On one grid of {counts.intervals} cells, with the boundary at a node, errors are the distance to "
+        f"{counts.reference} square-root SDIRK2 steps on that grid: errors of the time steps alone. Adaptive steps "
+        "are controlled by step doubling, whose three solves in place of one are counted; they need not know where "
+        "the solution is steep.\n\n"
         + " ".join(sentences)
         + "\n\nThe order is the slope through the three finest levels; errors of gamma and boundary jump when a "
-        "node changes sides, and so do their orders. In space, at very many steps, against the true values: "
-        "the premium has no kink at the strike."
+        "node changes sides, and so do their orders. In space, at very many SDIRK2 steps, against the true values, "
+        "the exercise boundary lies at a node, as the complementarity problem alone leaves it, or in its cell."
     )
     curves = {
         refinement.method: {
@@ -44,7 +44,7 @@ def steps_section(found: Comparison) -> Section:
     )
     tables = (
         _order_table("method", "implicit solves", found.in_time, "orders-in-time"),
-        _order_table("solved for", "cells", found.in_space, "orders-in-space"),
+        _order_table("boundary", "cells", found.in_space, "orders-in-space"),
     )
     return Section("Uniform, square-root and adaptive steps", text, tables, (("time-steps", figure),))
 

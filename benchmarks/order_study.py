@@ -8,8 +8,8 @@ import numpy as np
 
 from benchmarks.accuracy import OUTPUTS, Error, errors, outputs_of
 from benchmarks.classic_sets import Outputs, Problem
-from benchmarks.stepping_methods import STEPPER_NAMES, Method, domain_of
-from pricing_core.american.flat.resolution import Scheme, TimeMesh
+from benchmarks.stepping_methods import STEPPER_NAMES, Method, span_of
+from pricing_core.american.book.resolution import Scheme, TimeMesh
 
 FITTED = 3  # the finest runs, for the order
 SCHEMES: tuple[Scheme, ...] = ("implicit-euler", "sdirk2", "crank-nicolson")
@@ -22,20 +22,17 @@ STEPPING_METHODS = (
         for scheme in SCHEMES
         for mesh in MESHES
     ),
-    Method("Crank-Nicolson without damping, uniform steps", "crank-nicolson", "uniform", peer="undamped"),
+    Method("Crank-Nicolson without damping, uniform steps", "crank-nicolson", "uniform", damped=False),
     *(
         Method(
-            f"{STEPPER_NAMES[scheme]}, uniform steps, explicit projection",
-            scheme,
-            "uniform",
-            peer="explicit projection",
+            f"{STEPPER_NAMES[scheme]}, uniform steps, explicit projection", scheme, "uniform", "projection"
         )
         for scheme in PROJECTED
     ),
 )
 SPACE_METHODS = (
-    Method("value", "sdirk2", "square-root"),
-    Method("premium", "sdirk2", "square-root", "premium"),
+    Method("at a node", "sdirk2", "square-root"),
+    Method("in its cell", "sdirk2", "square-root", "cell"),
 )
 
 
@@ -85,7 +82,7 @@ def refine_steps(problems: Sequence[Problem], counts: StepCounts) -> tuple[Refin
 
 
 def refine_cells(problems: Sequence[Problem], intervals: Sequence[int], steps: int) -> tuple[Refinement, ...]:
-    """Refine the grid at very many steps, for the value and for the premium; errors are against true values."""
+    """Refine the grid at very many steps, the boundary at a node or in its cell; errors are against true values."""
     true = [problem.true for problem in problems]
     return tuple(
         Refinement(
@@ -109,6 +106,6 @@ def _solve(
     method: Method, problems: Sequence[Problem], intervals: int, steps: int
 ) -> tuple[list[Outputs], float]:
     """Return the outputs of every problem, and the implicit solves of one on average."""
-    solutions = [method.solve(problem, domain_of(problem), intervals, steps) for problem in problems]
+    solutions = [method.solve(problem, span_of(problem), intervals, steps) for problem in problems]
     solves = sum(method.implicit_solves(solution) for solution in solutions) / len(problems)
     return [outputs_of(*pair) for pair in zip(solutions, problems, strict=True)], solves

@@ -14,7 +14,7 @@ from benchmarks.portfolios import Portfolio
 from benchmarks.quantlib_peers import FINITE_DIFFERENCES, QD_FP, CallOverhead
 from benchmarks.work_precision import ENGINE, Measurement, engine_methods, measure, points, single_methods
 from pricing_core.american import price_many
-from pricing_core.american.contracts.tolerances import SMALLEST_TOLERANCE
+from pricing_core.american.contracts.fields import TOLERANCE
 from pricing_core.arrays import Vector
 
 COMPARED = ((QD_FP, 1e-5), (QD_FP, 1e-6), (QD_FP, 2e-7), (FINITE_DIFFERENCES, 5e-5))  # at these RMSEs
@@ -100,7 +100,7 @@ def _reference(portfolio: Portfolio) -> tuple[Vector, NDArray[np.bool_]]:
     if quantlib_peers.AVAILABLE:
         reference = quantlib_peers.reference_prices(portfolio)
         return reference.price, reference.agreed
-    table = price_many(portfolio.columns(), tolerance=SMALLEST_TOLERANCE, greeks=False, threads=1)
+    table = price_many(portfolio.columns(), tolerance=TOLERANCE.least, greeks="none", threads=1)
     return table["price"] / portfolio.strike, np.isfinite(table["price"])
 
 

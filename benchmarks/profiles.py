@@ -6,24 +6,18 @@ import numpy as np
 
 from benchmarks.classic_sets import Problem
 from benchmarks.integral_equation import put_values, solve_put_boundary
-from benchmarks.stepping_methods import Method, domain_of
-from pricing_core.american.boundary import boundaries_at
-from pricing_core.american.flat.exercise_region import region_at_expiry
-from pricing_core.american.flat.spot_values import region_of, values_at
+from benchmarks.stepping_methods import Method, span_of
+from pricing_core.american.engines.method_of_lines.level import at_spot
 from pricing_core.arrays import Vector
 
 POINTS = 160
 METHODS = (
+    Method("SDIRK2, square-root steps, boundary in its cell", "sdirk2", "square-root", "cell"),
     Method("SDIRK2, square-root steps", "sdirk2", "square-root"),
     Method("Crank-Nicolson, square-root steps", "crank-nicolson", "square-root"),
     Method("Crank-Nicolson, uniform steps", "crank-nicolson", "uniform"),
-    Method("Crank-Nicolson without damping, uniform steps", "crank-nicolson", "uniform", peer="undamped"),
-    Method(
-        "Crank-Nicolson, uniform steps, explicit projection",
-        "crank-nicolson",
-        "uniform",
-        peer="explicit projection",
-    ),
+    Method("Crank-Nicolson without damping, uniform steps", "crank-nicolson", "uniform", damped=False),
+    Method("Crank-Nicolson, uniform steps, explicit projection", "crank-nicolson", "uniform", "projection"),
 )
 
 
@@ -43,10 +37,8 @@ def gamma_errors(problem: Problem, intervals: int, steps: int, furthest: float) 
     true = put_values(boundary, spots).gamma
     profiles = []
     for method in METHODS:
-        solution = method.solve(problem, domain_of(problem), intervals, steps)
-        region = region_of(solution)
-        rows = np.array([values_at(solution, region, x)[0] for x in np.log(spots).tolist()])
-        gamma = (rows[:, 2] - rows[:, 1]) / spots**2
+        now = method.solve(problem, span_of(problem), intervals, steps).now()
+        gamma = np.array([at_spot(now, spot)[2] for spot in spots.tolist()])
         profiles.append(Profile(method.label, spots, gamma - true))
     return tuple(profiles)
 
@@ -55,10 +47,8 @@ def boundary_errors(problem: Problem, intervals: int, steps: int) -> tuple[Profi
     """Return the error of a put's exercise boundary, as a fraction of itself, along the time to expiry in years."""
     tau = problem.option.expiry * np.linspace(0.1, 1.0, POINTS) ** 2
     true = solve_put_boundary(problem.market, problem.option.expiry).at(tau)
-    limit = region_at_expiry(problem.option, problem.market)
     profiles = []
     for method in METHODS:
-        solution = method.solve(problem, domain_of(problem), intervals, steps)
-        found = boundaries_at(solution, tau, limit)[:, 0]
+        found = method.solve(problem, span_of(problem), intervals, steps).boundary(tau)
         profiles.append(Profile(method.label, tau, found / true - 1.0))
     return tuple(profiles)

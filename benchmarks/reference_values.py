@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 import pricing_core
-from pricing_core.american import Market, Option, price
+from pricing_core.american import Greeks, Market, Option, price
 
 TABLE = Path(__file__).parents[1] / "tests" / "data" / "american_true_values.csv"
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
@@ -52,7 +52,7 @@ class Priced(NamedTuple):
     milliseconds: float
 
 
-def timed(option: Option, market: Market, tolerance: float, greeks: bool) -> Priced:
+def timed(option: Option, market: Market, tolerance: float, greeks: Greeks) -> Priced:
     """Price one contract a few times."""
     times = []
     for _ in range(REPEATS):
@@ -76,13 +76,13 @@ def main() -> None:
     for tolerance in TOLERANCES:
         errors, claims, alone, greeks, ok, beyond = [], [], [], [], 0, 0
         for option, market, true, reference_error in table:
-            priced = timed(option, market, tolerance, greeks=False)
+            priced = timed(option, market, tolerance, greeks="none")
             errors.append(max(abs(priced.price - true / option.strike) - reference_error, 0.0))
             claims.append(priced.claim)
             ok += priced.ok
             beyond += priced.ok and errors[-1] > tolerance
             alone.append(priced.milliseconds)
-            greeks.append(timed(option, market, tolerance, greeks=True).milliseconds)
+            greeks.append(timed(option, market, tolerance, greeks="standard").milliseconds)
         accuracy = f"{tolerance:9.0e}  {max(errors):13.1e}  {np.sqrt(np.mean(np.square(errors))):9.1e}"
         claim = f"{np.median(claims):16.1e}  {ok:2d}/{len(table)}  {beyond:6d}"
         print(f"{accuracy}  {claim}  {np.mean(alone):13.1f}  {np.mean(greeks):14.1f}")

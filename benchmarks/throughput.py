@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.portfolios import Portfolio, everyday, option_chains, spot_ladders
 from benchmarks.timing import Task, least_seconds
 from pricing_core.american import Market, Option, price, price_many
-from pricing_core.american.contracts.tolerances import DEFAULT_TOLERANCE
+from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE
 
 TOLERANCE = 1e-5
 LATENCY_TURNS = 25
@@ -22,7 +22,7 @@ PRICE_ONLY, ALL_GREEKS, TWO_THREADS = (
 PRICE_BY_DEFAULT, GREEKS_BY_DEFAULT = "price only, default tolerance", "all Greeks, default tolerance"
 LADDERS, CHAINS = "spot ladders of 200 points", "chains of 100 strikes x 10 expiries"
 ONE_LADDER, ONE_CHAIN = "one such ladder per call", "one such chain per call"
-SHARING = {"share_solves": True}
+SHARING: dict[str, Any] = {"share_solves": True}
 CAN_SHARE = SHARING.keys() <= signature(price_many).parameters.keys()
 
 
@@ -50,23 +50,25 @@ def batch_rates(rows: int) -> dict[str, Rate]:
     """Time everyday contracts with and without Greeks and on two threads, and smaller and smaller batches."""
     contracts = everyday(rows)
     batches = {
-        PRICE_ONLY: Batch(contracts, {"greeks": False, "threads": 1}),
-        ALL_GREEKS: Batch(contracts, {"greeks": True, "threads": 1}),
-        TWO_THREADS: Batch(contracts, {"greeks": False, "threads": 2}),
-        PRICE_BY_DEFAULT: Batch(contracts, {"greeks": False, "threads": 1, "tolerance": DEFAULT_TOLERANCE}),
-        GREEKS_BY_DEFAULT: Batch(contracts, {"greeks": True, "threads": 1, "tolerance": DEFAULT_TOLERANCE}),
+        PRICE_ONLY: Batch(contracts, {"greeks": "none", "threads": 1}),
+        ALL_GREEKS: Batch(contracts, {"greeks": "standard", "threads": 1}),
+        TWO_THREADS: Batch(contracts, {"greeks": "none", "threads": 2}),
+        PRICE_BY_DEFAULT: Batch(contracts, {"greeks": "none", "threads": 1, "tolerance": DEFAULT_TOLERANCE}),
+        GREEKS_BY_DEFAULT: Batch(
+            contracts, {"greeks": "standard", "threads": 1, "tolerance": DEFAULT_TOLERANCE}
+        ),
     }
     count = rows // 8
     while count >= 1:
         few = contracts.take(np.arange(count))
-        batches[f"price only, one thread, {count} per call"] = Batch(few, {"greeks": False, "threads": 1})
+        batches[f"price only, one thread, {count} per call"] = Batch(few, {"greeks": "none", "threads": 1})
         count //= 8
     return _rates(batches)
 
 
 def shared_rates(ladders: int, chains: int) -> dict[str, Rate]:
     """Time spot ladders and option chains with shared solves, many and one per call."""
-    options = {"greeks": False, "threads": 1, **SHARING}
+    options = {"greeks": "none", "threads": 1, **SHARING}
     return _rates(
         {
             LADDERS: Batch(spot_ladders(ladders), options),
@@ -79,7 +81,7 @@ def shared_rates(ladders: int, chains: int) -> dict[str, Rate]:
 
 def sharing_difference(portfolio: Portfolio) -> float:
     """Return how far prices from shared solves are from those without, at most, as a fraction of the strike."""
-    asked = partial(price_many, portfolio.columns(), tolerance=TOLERANCE, greeks=False, threads=1)
+    asked = partial(price_many, portfolio.columns(), tolerance=TOLERANCE, greeks="none", threads=1)
     return float(np.max(np.abs(asked(**SHARING)["price"] - asked()["price"]) / portfolio.strike))
 
 

@@ -38,7 +38,7 @@ def tolerance_kept(portfolio: Portfolio, reference: Reference, tolerance: float)
     """Compare prices and estimates with a reference on the rows where it agrees with itself."""
     rows = np.flatnonzero(reference.agreed)
     contracts = portfolio.take(rows)
-    solve = partial(price_many, contracts.columns(), tolerance=tolerance, greeks=False, threads=1)
+    solve = partial(price_many, contracts.columns(), tolerance=tolerance, greeks="none", threads=1)
     (seconds,) = least_seconds([Task((solve,))])
     table = solve()
     distance = np.abs(table["price"] / contracts.strike - reference.price[rows])

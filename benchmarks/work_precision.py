@@ -93,7 +93,7 @@ def engine_methods(portfolio: Portfolio, tolerances: Iterable[float]) -> tuple[M
     rows = np.arange(len(portfolio))
 
     def method(tolerance: float) -> Method:
-        solve = partial(price_many, columns, tolerance=tolerance, greeks=False, threads=1)
+        solve = partial(price_many, columns, tolerance=tolerance, greeks="none", threads=1)
         return Method(
             ENGINE,
             f"tolerance {tolerance:.0e}",
@@ -112,7 +112,7 @@ def single_methods(portfolio: Portfolio, rows: Any, tolerances: Sequence[float])
 
     def method(family: str, name: SingleMethod, tolerance: float) -> Method:
         calls = tuple(
-            partial(price, *contract, tolerance=tolerance, method=name, greeks=False)
+            partial(price, *contract, tolerance=tolerance, method=name, greeks="none")
             for contract in contracts
         )
         return Method(

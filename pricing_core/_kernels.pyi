@@ -1,3 +1,5 @@
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -5,6 +7,7 @@ from pricing_core.arrays import BoolVector, Matrix, Vector
 
 __version__: str
 
+def instruction_set() -> Literal["avx512", "avx2", "portable"]: ...
 def brennan_schwartz(
     lower: Vector, diagonal: Vector, upper: Vector, q: Vector, contact_first: bool
 ) -> Vector: ...
@@ -46,10 +49,31 @@ def solve_schedules(
     sign: Vector,
     x: Vector,
     first: NDArray[np.int64],
-    stretches: Matrix,
+    segments: Matrix,
     level: NDArray[np.int64],
     tolerance: Vector,
     times: Vector,
     first_time: NDArray[np.int64],
     threads: int,
 ) -> tuple[Matrix, Vector, BoolVector]: ...
+def march_segment(
+    nodes: Vector,  # (N + 2,), s = S/K, increasing
+    lower: Vector,  # (N,), L at the interior nodes, per year; the first row reads the lower end node
+    diagonal: Vector,  # (N,)
+    upper: Vector,  # (N,), the last row reads the upper end node
+    values: Vector,  # (N + 2,), in units of the strike, at the first of the times
+    contact: BoolVector,  # (N,), a guess of the contact set
+    times: Vector,  # (M + 1,), years before the segment's end, increasing
+    scheme: int,  # 0: implicit Euler, 1: SDIRK2
+    sign: float,  # 1 for a put, -1 for a call
+    escrow: float,  # at the segment's end, in units of the strike
+    rate: float,  # per year
+    dividend_yield: float,  # per year
+    exercisable: bool,
+    lines: Matrix,  # (2, 2), (a, b) of a + b s at the lower and the upper end, at the segment's end
+    contact_at_left: bool,  # whether the end of the grid lies in the exercise region
+    contact_at_right: bool,
+) -> tuple[Vector, Vector, BoolVector, Vector, float, Matrix]:
+    # values (N + 2,), slack (N,), contact (N,), multiplier (N,) per year, largest residual at the end of a step,
+    # exercise regions in s after each step (M, 2)
+    ...

@@ -1,4 +1,4 @@
-"""The kernel's functions in plain Python and NumPy: the readable reference and the oracle of its tests."""
+"""The kernel's solvers of tridiagonal problems in plain Python and NumPy: what takes their place, and tests them."""
 
 import numpy as np
 

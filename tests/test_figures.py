@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.problems.twins import slow_on_the_twin
+from tests.problems.needs_kernel import needs_kernel
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -17,7 +17,7 @@ def load(name: str) -> dict[str, Any]:
     return runpy.run_path(str(EXAMPLES / f"{name}.py"))
 
 
-@slow_on_the_twin
+@needs_kernel
 def test_figure_11_1_shows_the_values_of_the_pricing_engine() -> None:
     example = load("figure_11_1")
     spots, values, true = example["put_values"]()

@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 
 from pricing_core import kernel, kernel_name, kernel_twin
 from pricing_core.arrays import BoolVector, Vector
+from tests.problems.needs_kernel import needs_kernel
 
-compiled_only = pytest.mark.skipif(
-    kernel_name() != "rust", reason="the compiled kernel is absent: it was installed without a Rust toolchain"
-)
 sizes = st.integers(1, 60)
 seeds = st.integers(0, 2**32 - 1)
 Problem = tuple[Vector, Vector, Vector, Vector]
@@ -61,7 +59,7 @@ def test_the_kernel_in_use_is_the_one_that_is_named() -> None:
         assert function.__module__.split(".")[-1] == expected
 
 
-@compiled_only
+@needs_kernel
 @given(sizes, seeds, st.booleans())
 def test_brennan_schwartz_equals_its_twin(size: int, seed: int, contact_first: bool) -> None:
     problem = m_matrix_problem(size, seed)
@@ -70,7 +68,7 @@ def test_brennan_schwartz_equals_its_twin(size: int, seed: int, contact_first: b
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * max(1.0, expected.max()))
 
 
-@compiled_only
+@needs_kernel
 @given(sizes, seeds, seeds)
 def test_policy_iteration_equals_its_twin_from_any_start(size: int, seed: int, start: int) -> None:
     arguments = (*m_matrix_problem(size, seed), random_set(size, start), ROUNDING, size + 2)
@@ -80,7 +78,7 @@ def test_policy_iteration_equals_its_twin_from_any_start(size: int, seed: int, s
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * max(1.0, expected.max()))
 
 
-@compiled_only
+@needs_kernel
 @given(sizes, seeds, st.floats(0.5, 1.6))
 def test_projected_sor_equals_its_twin_after_the_same_sweeps(size: int, seed: int, relaxation: float) -> None:
     problem = m_matrix_problem(size, seed)
@@ -91,7 +89,7 @@ def test_projected_sor_equals_its_twin_after_the_same_sweeps(size: int, seed: in
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * max(1.0, expected.max()))
 
 
-@compiled_only
+@needs_kernel
 @pytest.mark.parametrize("seed", range(5))
 def test_projected_sor_stops_after_as_many_sweeps_as_its_twin(seed: int) -> None:
     problem = m_matrix_problem(40, seed)

@@ -4,25 +4,29 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 
+from app.answers import by_name
 from app.body import json_body, request_body
+from app.contract_schema import Strict
 from app.errors import DeadlineError
 from app.pool import Interrupt
 from app.responses import problem_responses
 from app.schemas import ImpliedVolatilityRequest, ImpliedVolatilityResponse
 from pricing_core.american import ImpliedVolatility, implied_volatility
+from pricing_core.american.contracts.result_fields import IMPLIED_VOLATILITY_FIELDS
 
 router = APIRouter(tags=["pricing"])
 
 
 @router.post(
     "/v1/implied-volatility",
+    response_model=ImpliedVolatilityResponse,
     openapi_extra=request_body(ImpliedVolatilityRequest),
     responses=problem_responses(408, 413, 415, 422, 500, 503),
 )
 async def post_implied_volatility(
     question: Annotated[ImpliedVolatilityRequest, Depends(json_body(ImpliedVolatilityRequest))],
     request: Request,
-) -> ImpliedVolatilityResponse:
+) -> Strict:
     """Find the volatility at which the option is worth option_price, or lies between bid and ask.
 
     Where there is none, the answer is 200 with a status that says why, and volatility null; where the deadline passes
@@ -45,5 +49,4 @@ async def post_implied_volatility(
         return found
 
     found = await request.app.state.pool.run(work)
-    names = ImpliedVolatilityResponse.model_fields
-    return ImpliedVolatilityResponse(**{name: getattr(found, name) for name in names})
+    return ImpliedVolatilityResponse(**by_name(IMPLIED_VOLATILITY_FIELDS, found))

@@ -1,27 +1,31 @@
 """POST /v1/price: one option in one market."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 
+from app.answers import by_name
 from app.body import json_body, request_body
+from app.contract_schema import Strict
 from app.errors import DeadlineError
 from app.pool import Interrupt
 from app.responses import problem_responses
 from app.schemas import PriceRequest, PriceResponse
-from pricing_core.american import Greeks, Valuation, price
+from pricing_core.american import Valuation, price
+from pricing_core.american.contracts.result_fields import PRICE_FIELDS
 
 router = APIRouter(tags=["pricing"])
 
 
 @router.post(
     "/v1/price",
+    response_model=PriceResponse,
     openapi_extra=request_body(PriceRequest),
     responses=problem_responses(408, 413, 415, 422, 500, 503),
 )
 async def post_price(
     question: Annotated[PriceRequest, Depends(json_body(PriceRequest))], request: Request
-) -> PriceResponse:
+) -> Strict:
     """Value one option and its sensitivities.
 
     Where the deadline passes first, the answer is 200 with status deadline if it holds an estimate of the
@@ -29,13 +33,13 @@ async def post_price(
     out-of-domain. Unknown keys are refused.
     """
     option, market = question.contract()
-    greeks: Greeks = "extended" if question.greeks == "extended" else True
 
     def work(interrupt: Interrupt) -> Valuation:
-        return price(option, market, tolerance=question.tolerance, greeks=greeks, interrupt=interrupt)
+        return price(
+            option, market, tolerance=question.tolerance, greeks=question.greeks, interrupt=interrupt
+        )
 
     valuation = await request.app.state.pool.run(work)
     if valuation.status == "deadline" and valuation.price is None:
         raise DeadlineError("the deadline passed before there was an estimate; a wider tolerance is faster")
-    answer: dict[str, Any] = {name: getattr(valuation, name) for name in PriceResponse.model_fields}
-    return PriceResponse(**answer)
+    return PriceResponse(**by_name(PRICE_FIELDS, valuation))

@@ -22,7 +22,7 @@ pub fn brennan_schwartz(
     Ok(z)
 }
 
-/// Eliminate toward the contact end and return (a, b) with z[i] = max(0, a[i] + b[i] z[neighbour]),
+/// Eliminate toward the contact end and return (a, b) with `z[i] = max(0, a[i] + b[i] z[neighbour])`,
 /// where the neighbour of a row is the next one on its contact side (b is 0 at the end itself).
 fn eliminate(
     matrix: Tridiagonal<'_>,

@@ -1,21 +1,28 @@
-//! The inner loops of `pricing_core`, over plain slices.
+//! What must be fast in `pricing_core`, over plain slices: complementarity solvers, the method of lines over a
+//! segment, and two option engines.
 //!
-//! Problem: 0 <= z, 0 <= w = M z + q, z w = 0 with a tridiagonal M. Nothing here knows of options,
-//! dates or Python; the module `python` (feature "python") is the only bridge.
+//! - Solvers of 0 <= z, 0 <= w = M z + q, z w = 0 with a tridiagonal M: `brennan_schwartz`, `policy_iteration`,
+//!   `projected_sor`.
+//! - `segment_march`: the method of lines over one segment of an option's life, with a tridiagonal problem per stage.
+//! - `premium_march`: American puts in a flat market, by a march of their early exercise premium.
+//! - `multiplier_collocation`: American and Bermudan options with dividends, curves and exercise dates, by collocation of
+//!   the multiplier of their complementarity system.
+//!
+//! The engines run sixteen numbers side by side (`lanes`), with the instruction set that the processor has. Nothing here
+//! knows of calendars, currencies or files; the module `python` (feature "python") is the only bridge to Python.
 
 mod brennan_schwartz;
-pub mod collocation;
 mod error;
+#[cfg(test)]
+mod instruction_set_tests;
 mod lanes;
+pub mod multiplier_collocation;
 mod policy_iteration;
-pub mod premium;
+pub mod premium_march;
 mod psor;
 #[cfg(feature = "python")]
 mod python;
-#[cfg(feature = "python")]
-mod python_collocation;
-#[cfg(feature = "python")]
-mod python_premium;
+pub mod segment_march;
 mod tridiagonal;
 
 pub use brennan_schwartz::brennan_schwartz;

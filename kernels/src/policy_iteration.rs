@@ -34,10 +34,22 @@ pub fn policy_iteration(
     check_length("basic_set", basic_set, matrix.size())?;
     check_length("z", z, matrix.size())?;
     let mut multiplier = vec![0.0; matrix.size()];
+    iterate(matrix, q, basic_set, z, &mut multiplier, settling)
+}
+
+/// `policy_iteration` on slices that fit the matrix, with a buffer as long as z.
+pub(crate) fn iterate(
+    matrix: Tridiagonal<'_>,
+    q: &[f64],
+    basic_set: &mut [bool],
+    z: &mut [f64],
+    multiplier: &mut [f64],
+    settling: Settling,
+) -> Result<u64, KernelError> {
     let mut systems = 0;
     let mut settled = false;
     while !settled && systems < u64::from(settling.limit) {
-        solve_on(matrix, q, basic_set, z, &mut multiplier)?;
+        solve_on(matrix, q, basic_set, z, multiplier)?;
         settled = !exchange(matrix, q, z, settling.tolerance, basic_set);
         systems += 1;
     }

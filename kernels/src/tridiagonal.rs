@@ -2,7 +2,7 @@
 
 use crate::error::{check_length, KernelError};
 
-/// The matrix with M[i, i-1] = lower[i-1], M[i, i] = diagonal[i], M[i, i+1] = upper[i].
+/// The matrix with `M[i, i-1] = lower[i-1]`, `M[i, i] = diagonal[i]`, `M[i, i+1] = upper[i]`.
 #[derive(Clone, Copy, Debug)]
 pub struct Tridiagonal<'a> {
     pub(crate) lower: &'a [f64],

@@ -1,19 +1,19 @@
 """American and European options, priced as linear complementarity systems."""
 
+from pricing_core.american.book.resolution import Resolution
+from pricing_core.american.book.valuation import Diagnostics, Valuation
 from pricing_core.american.boundary import ExerciseBoundary, exercise_boundary
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.curves import PiecewiseConstant
 from pricing_core.american.contracts.dividends import CashDividend, ProportionalDividend
+from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.vocabulary import contract_from
-from pricing_core.american.flat.resolution import Resolution
 from pricing_core.american.implied.implied_carry import ImpliedCarry, implied_carry
 from pricing_core.american.implied.implied_volatility import ImpliedVolatility, implied_volatility
 from pricing_core.american.implied.implied_volatility_many import implied_volatility_many
+from pricing_core.american.price import price
 from pricing_core.american.price_many import price_many
-from pricing_core.american.pricing import price
-from pricing_core.american.results import Diagnostics, Valuation
-from pricing_core.american.solver_settings import Greeks
 from pricing_core.american.surface import ValueSurface, value_surface
 
 __all__ = [

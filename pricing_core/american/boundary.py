@@ -7,34 +7,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.american.contracts.contract import Option, check_kind, real_number
-from pricing_core.american.contracts.market import FlatMarket, Market
-from pricing_core.american.contracts.schedule import without_events
-from pricing_core.american.contracts.tolerances import (
-    BOUNDARY_ACCURACY,
-    DEFAULT_TOLERANCE,
-    LARGEST_TOLERANCE,
-    SMALLEST_TOLERANCE,
-)
-from pricing_core.american.events.scheduled_boundary import (
-    event_times,
-    schedule_of_boundary,
-    scheduled_boundary,
-)
-from pricing_core.american.flat.engine import coarsest_resolution, make_solver
-from pricing_core.american.flat.exercise_region import ExerciseRegion, region_at_expiry
-from pricing_core.american.flat.limits import is_deterministic
-from pricing_core.american.flat.premium import Puts, solve_boundaries
-from pricing_core.american.flat.resolution import Solution
-from pricing_core.american.flat.spot_values import region_of
-from pricing_core.arrays import Matrix, Vector, as_vector
+from pricing_core.american.book.book import Book
+from pricing_core.american.contracts.checks import check_kind
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE
+from pricing_core.american.contracts.market import Market
+from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.solve import boundary_of
+from pricing_core.arrays import Vector, as_vector
 from pricing_core.errors import InvalidInputError, NumericalError
 
-DEFAULT_POINTS = 101
-FEWEST_POINTS, JUST_AFTER = 12, 1e-6  # between two events, and of the time between them
+DEFAULT_POINTS = 101  # Number of times where none are given and nothing happens before expiry; chosen.
+FEWEST_POINTS = 12  # Smallest number of times between two events; chosen.
+JUST_AFTER = 1e-6  # Time just after an event, as a share of the time to the next one; chosen.
 INTERRUPTED = "interrupted before the boundary was found: allow more time"
-DOUBLINGS = 4  # of the coarsest resolution; one less for tolerances above 1e-4
-NEIGHBOURS = 4  # nodes of the local interpolation in sqrt(tau)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +36,7 @@ class ExerciseBoundary:
     other_boundary : Vector, shape (m,), or None
         The one further from the strike; None where the exercise region has one end only.
     error_estimate : Vector, shape (m,)
-        Of `boundary`, in money; 0 at expiry, NaN where the general path found it.
+        Estimated absolute error of `boundary`, in money; 0 at expiry, NaN where the method of lines found it.
     """
 
     time: Vector
@@ -70,9 +56,9 @@ def exercise_boundary(
 ) -> ExerciseBoundary:
     """Return the exercise boundary: within 1e-4 of itself at the default tolerance, 1e-5 at the smallest.
 
-    Every time has a march of its own, scaled to the root of the time to expiry: the accuracy is the same close to
-    expiry. Where there are two boundaries, or the march does not serve, the general path is taken: 1e-3 for time to
-    expiry >= expiry/10, and ten times less accuracy at expiry/100.
+    Without events every time has a march of its own, scaled to the root of the time to expiry: the accuracy is the same
+    close to expiry. Where there are two boundaries, or the march and the collocation do not serve, the method of lines
+    is taken: 1e-5 for time to expiry >= expiry/4, 1e-4 at expiry/10, 4e-4 at expiry/100.
 
     Parameters
     ----------
@@ -87,7 +73,7 @@ def exercise_boundary(
     tolerance : float
         As in `price`; the boundary is found to a tenth of its square root, relative to itself.
     interrupt : callable, optional
-        Asked before every time step.
+        Asked before the work begins, and between the steps of the method of lines; True ends it.
 
     Returns
     -------
@@ -111,151 +97,43 @@ def exercise_boundary(
     """
     check_kind("option", option, Option, "an Option")
     check_kind("market", market, Market, "a Market")
-    tolerance = real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
-    plain = without_events(option, market)
-    if plain is None:
-        return _with_events(option, market, times, tolerance, interrupt)
-    option, flat = plain
-    chosen = _default_times(option) if times is None else _checked_times(option, times)
-    tau = np.maximum(option.expiry - chosen, 0.0)
-    flat = replace(flat, spot=option.strike)  # the boundary does not depend on the spot
-    limit = region_at_expiry(option, flat)
-    error = np.full(tau.size, math.nan)
-    if option.exercise == "european":
-        ends = np.full((tau.size, 2), math.nan)
-    elif limit.lower > limit.upper or option.expiry == 0.0 or is_deterministic(option, flat, tolerance):
-        ends = np.tile(limit.boundaries(option), (tau.size, 1))
-    else:
-        if interrupt is not None and interrupt():
-            raise NumericalError(INTERRUPTED)
-        ends = np.full((tau.size, 2), math.nan)
-        if math.isnan(limit.boundaries(option)[1]):
-            ends[:, 0], error = _march(option, flat, tau, limit, tolerance)
-        left = np.flatnonzero(np.isnan(ends[:, 0]))  # not served by the march
-        if left.size:
-            ends[left] = _solve(option, flat, tau[left], limit, tolerance, interrupt)
-    other = None if math.isnan(limit.boundaries(option)[1]) else ends[:, 1]
-    return ExerciseBoundary(chosen, tau, ends[:, 0], other, error)
-
-
-def _with_events(
-    option: Option,
-    market: Market,
-    times: ArrayLike | None,
-    tolerance: float,
-    interrupt: Callable[[], bool] | None,
-) -> ExerciseBoundary:
-    schedule = schedule_of_boundary(option, market)
+    tolerance = TOLERANCE.check(tolerance)
+    book = _seen_from_the_strike(option, market)
     if times is not None:
         chosen = _checked_times(option, times)
+    elif option.expiry == 0.0:
+        chosen = np.zeros(1)
     elif option.exercise == "bermudan":  # there is none between
-        chosen = np.unique(np.concatenate([[0.0], event_times(schedule)]))
+        chosen = np.unique(np.concatenate([[0.0], book.segments.end]))
     else:
-        chosen = _times_around(event_times(schedule))
+        chosen = _times_around(book.segments.end)
+    tau = np.maximum(option.expiry - chosen, 0.0)
+    nothing = np.full(chosen.size, math.nan)
+    if option.exercise == "european":
+        return ExerciseBoundary(chosen, tau, nothing, None, nothing)
     if interrupt is not None and interrupt():
         raise NumericalError(INTERRUPTED)
-    ends, error = scheduled_boundary(option, schedule, chosen, tolerance, interrupt)
-    other = None if np.isnan(ends[:, 1]).all() else ends[:, 1]
-    return ExerciseBoundary(chosen, option.expiry - chosen, ends[:, 0], other, error)
+    found = boundary_of(book, chosen, Request(np.array([tolerance]), interrupt=interrupt))
+    if not found.found.all():
+        raise NumericalError("no method could find the exercise boundary of this contract")
+    other = None if np.isnan(found.far).all() else found.far
+    return ExerciseBoundary(chosen, tau, found.near, other, found.error)
 
 
-def _march(
-    option: Option, market: FlatMarket, tau: Vector, limit: ExerciseRegion, tolerance: float
-) -> tuple[Vector, Vector]:
-    """Return the boundary and its error in money; NaN at the times that the march does not serve."""
-    later = tau > 0.0
-    years = tau[later]
-    rate, dividend_yield = market.rate, market.dividend_yield
-    if not option.is_put:  # a put with rate and yield exchanged, and the boundary mirrored at the strike
-        rate, dividend_yield = dividend_yield, rate
-    puts = Puts(
-        np.zeros(years.size), rate * years, dividend_yield * years, market.volatility * np.sqrt(years)
-    )
-    found, relative, settled = solve_boundaries(puts, BOUNDARY_ACCURACY * math.sqrt(tolerance))
-    boundary, error = np.full(tau.size, limit.boundaries(option)[0]), np.zeros(tau.size)
-    boundary[later] = option.strike * np.exp(np.where(settled, found if option.is_put else -found, math.nan))
-    # Monotone in time, as the boundary is (Jaillet, Lamberton, Lapeyre 1990): tau decreases along the array.
-    running, known = (np.fmin if option.is_put else np.fmax), ~np.isnan(boundary)
-    boundary[known] = running.accumulate(boundary[::-1])[::-1][known]
-    error[later] = relative * boundary[later]
-    return boundary, error
+def _seen_from_the_strike(option: Option, market: Market) -> Book:
+    """Return the contract on a spot at the strike, above what escrowed dividends are worth.
 
-
-def _solve(
-    option: Option,
-    market: FlatMarket,
-    tau: Vector,
-    limit: ExerciseRegion,
-    tolerance: float,
-    interrupt: Callable[[], bool] | None,
-) -> Matrix:
-    """Return (near, far) boundary in money at times to expiry tau, shape (m, 2)."""
-    resolution = coarsest_resolution(option, market, "sdirk2")
-    for _ in range(DOUBLINGS if tolerance < 1e-4 else DOUBLINGS - 1):
-        resolution = resolution.refined()
-    ends = np.full((tau.size, 2), math.nan)
-    far_limit = limit.boundaries(option)[1]
-    for spot in (option.strike, far_limit):
-        if math.isnan(spot) or not np.isnan(ends[:, 1]).all():
-            continue  # there is one boundary only, or both were found on one domain
-        seen_from = replace(market, spot=spot)
-        solver = make_solver(option, seen_from, tolerance, resolution, interrupt=interrupt)
-        level = solver.solve(resolution)
-        if level is None:
-            raise NumericalError(INTERRUPTED)
-        found = boundaries_at(level.solution, tau, limit)
-        ends = np.where(np.isnan(ends), found, ends)
-    return ends
-
-
-def boundaries_at(solution: Solution, tau: Vector, limit: ExerciseRegion) -> Matrix:
-    """Return the (near, far) boundary that this solve saw, shape (m, 2), NaN where it saw none.
-
-    The solve's own values are made monotone in time, as the boundary is (Jaillet, Lamberton, Lapeyre 1990), and
-    interpolated by cubics in sqrt(tau) between their neighbours.
+    The boundary does not depend on the spot.
     """
-    option = solution.form.option
-    count = solution.tau.size
-    ends = np.array([region_of(solution, k).boundaries(option) for k in range(1, count)])
-    root = np.sqrt(solution.tau)
-    result = np.full((tau.size, 2), math.nan)
-    for column, start in enumerate(limit.boundaries(option)):
-        exists = np.flatnonzero(~np.isnan(ends[:, column]))
-        if exists.size and exists[0] == 0:
-            known = exists[-1] + 1  # the region, once gone, does not come back
-            falls = option.is_put == (column == 0)
-            running = np.minimum if falls else np.maximum
-            values = running.accumulate(np.concatenate([[start], ends[:known, column]]))
-            inside = tau <= solution.tau[known]
-            result[inside, column] = _interpolate(root[: known + 1], values, np.sqrt(tau[inside]))
-    return result
-
-
-def _interpolate(nodes: Vector, values: Vector, wanted: Vector) -> Vector:
-    """Return the cubic through the four nearest nodes, between its two neighbours; linear next to expiry."""
-    result = np.interp(wanted, nodes, values)
-    if nodes.size <= NEIGHBOURS:
-        return result
-    # The first nodes are left out: the boundary leaves its limit with infinite slope, times a logarithm.
-    for i in np.flatnonzero(wanted >= nodes[1]):
-        first = min(max(int(np.searchsorted(nodes, wanted[i])) - NEIGHBOURS // 2, 1), nodes.size - NEIGHBOURS)
-        local = nodes[first : first + NEIGHBOURS] - wanted[i]
-        scale = local[-1] - local[0]
-        powers = np.vander(local / scale, increasing=True)
-        cubic = np.linalg.solve(powers, values[first : first + NEIGHBOURS])[0]
-        bracket = values[max(0, int(np.searchsorted(nodes, wanted[i])) - 1) :][:2]
-        result[i] = min(max(cubic, bracket.min()), bracket.max())
-    return result
-
-
-def _default_times(option: Option) -> Vector:
-    if option.expiry == 0.0:
-        return np.zeros(1)
-    return option.expiry * (1.0 - np.linspace(1.0, 0.0, DEFAULT_POINTS) ** 2)
+    due = math.fsum(dividend.amount for dividend in market.cash_dividends)
+    book = Book.of([(option, replace(market, spot=option.strike + due))])
+    return replace(book, spot=option.strike + book.escrow_now())
 
 
 def _times_around(events: Vector) -> Vector:
     """Return 0, the events' times, the last of which is the expiry, and others: close before, and one just after."""
+    if events.size == 1:
+        return np.asarray(events[0] * (1.0 - np.linspace(1.0, 0.0, DEFAULT_POINTS) ** 2))
     count = max(FEWEST_POINTS, DEFAULT_POINTS // events.size)
     inside = 1.0 - np.linspace(1.0, 0.0, count) ** 2
     inside[0] = JUST_AFTER

@@ -1,38 +1,28 @@
 """Price a table of options, one status per row."""
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.contracts.contract import check_kind, real_number
-from pricing_core.american.contracts.tolerances import (
-    DEFAULT_TOLERANCE,
-    LARGEST_TOLERANCE,
-    SMALLEST_TOLERANCE,
-)
-from pricing_core.american.events.scheduled import price_scheduled_many
-from pricing_core.american.flat_price import price_left_over
-from pricing_core.american.price_table import SENSITIVITIES, Table, empty_table, fill_row, fill_rows
-from pricing_core.american.priced_rows import PricedRows
-from pricing_core.american.solver_settings import SolverSettings
-from pricing_core.american.tables.book import Book, read_book
-from pricing_core.american.tables.book_values import CLOSED, LEFT, BookValues, value_book
-from pricing_core.american.valuation import MARCH_METHOD
+from pricing_core.american.book.prices import Prices
+from pricing_core.american.book.reading import read_book
+from pricing_core.american.book.table import empty_table, fill
+from pricing_core.american.contracts.checks import check_kind
+from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, GREEKS, TOLERANCE, Greeks
+from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.solve import solve_in_chunks
 from pricing_core.errors import InvalidInputError
 
 MOST_THREADS = 1024
-CHUNK = 16384  # rows valued at a time: their arrays stay in the cache
-SMALLEST_CHUNK = 256  # fewer rows are not worth a thread
 
 
 def price_many(
     columns: Mapping[str, Any],
     *,
     tolerance: float = DEFAULT_TOLERANCE,
-    greeks: bool = True,
+    greeks: Greeks = "standard",
     threads: int | None = None,
     share_solves: bool = False,
 ) -> dict[str, NDArray[Any]]:
@@ -49,8 +39,8 @@ def price_many(
         curves may be JSON text. A single list of times or of dividends, and a single curve, serve all rows.
     tolerance : float
         For rows without a tolerance of their own.
-    greeks : bool
-        False leaves out vega, rho and dividend rho.
+    greeks : {"none", "standard", "extended"}
+        As in `price`.
     threads : int, optional
         How many to use, >= 1; one by default. The results do not depend on it.
     share_solves : bool
@@ -61,8 +51,9 @@ def price_many(
     -------
     dict of str to array, shape (n,)
         The fields of `Valuation` by name, missing numbers NaN, and "message", the reason where status is
-        "invalid_input"; where there are cash_dividends, also "dividend_sensitivities", a tuple per row, empty where
-        none falls due by expiry. Without `share_solves` a row's numbers do not depend on the other rows, bit for bit.
+        "invalid_input" or "out_of_domain"; Greeks as asked for. "dividend_sensitivities", where there are
+        cash_dividends, and the buckets of curves hold a tuple per row. Without `share_solves` a row's numbers do not
+        depend on the other rows, bit for bit.
 
     Raises
     ------
@@ -76,36 +67,22 @@ def price_many(
     >>> table["status"].tolist(), table["message"][1]
     (['ok', 'invalid_input'], 'spot = -1.0: must be a number from 0 to 1e+30')
     """
-    real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
-    check_kind("greeks", greeks, bool, "True or False")
+    TOLERANCE.check(tolerance)
+    GREEKS.check_choice(greeks)
     check_kind("share_solves", share_solves, bool, "True or False")
     workers = checked_threads(threads)
-    book, reasons = read_book(columns, tolerance)
-    count = book.spot.size
-    table = empty_table(count)
+    read = read_book(columns, tolerance)
+    table = empty_table(read.count, greeks, columns)
+    in_order = read.book.is_simple and read.rows.size == read.count
+    payoff = read.book.payoff()
 
-    def fill(rows: slice) -> None:
-        part = {name: column[rows] for name, column in table.items()}
-        inner = workers if share_solves else 1  # rows that share a solve stay together
-        _price_part(book.slice(rows), part, greeks=greeks, threads=inner, shared=share_solves)
+    def keep(rows: slice, prices: Prices) -> None:
+        places = rows if in_order else read.rows[rows]  # a slice is copied to faster
+        fill(table, places, payoff[rows], prices)
 
-    size = CHUNK * workers if share_solves else min(CHUNK, max(SMALLEST_CHUNK, -(-count // workers)))
-    chunks = [slice(start, start + size) for start in range(0, count, size)]
-    if workers == 1 or len(chunks) == 1:
-        for rows in chunks:
-            fill(rows)
-    else:  # the kernel and NumPy release the interpreter
-        with ThreadPoolExecutor(workers) as pool:
-            list(pool.map(fill, chunks))
-    if book.events:
-        places = np.array(list(book.events))
-        tolerances = book.tolerance[places]
-        events = price_scheduled_many(book.events.book, tolerances, greeks=greeks, threads=workers)
-        for name, column in events.items():
-            table[name][places] = column
-    if "cash_dividends" not in columns:
-        del table[SENSITIVITIES]
-    for row, fault in reasons.items():
+    request = Request(read.tolerance, greeks, share_solves)
+    solve_in_chunks(read.book, request, keep, workers=workers)
+    for row, fault in read.faults.items():
         table["status"][row], table["message"][row] = "invalid_input", str(fault)
     return table
 
@@ -121,29 +98,3 @@ def checked_threads(threads: object) -> int:
     ):
         return int(threads)
     raise InvalidInputError("threads", threads, f"an integer from 1 to {MOST_THREADS}")
-
-
-def _price_part(book: Book, part: Table, *, greeks: bool, threads: int, shared: bool) -> None:
-    """Fill the rows of `part` with the values of `book`."""
-    values = value_book(book, greeks=greeks, threads=threads, shared=shared)
-    _fill(book, values, part)
-    for row in np.flatnonzero((values.path == LEFT) & ~np.isnan(book.spot)).tolist():
-        try:
-            settings = SolverSettings(book.tolerance.item(row), greeks=greeks)
-            valuation = price_left_over(book.option(row), book.market(row), settings)
-        except (InvalidInputError, ArithmeticError) as error:
-            part["status"][row], part["message"][row] = "out_of_domain", str(error)
-        else:
-            fill_row(part, row, valuation)
-
-
-def _fill(book: Book, values: BookValues, part: Table) -> None:
-    rows: NDArray[np.intp] | slice = slice(None)
-    priced: PricedRows = values
-    if np.any(values.path == LEFT):
-        rows = np.flatnonzero(values.path != LEFT)
-        book, priced = book.take(rows), values.priced(rows)
-    payoff = np.maximum(np.where(book.is_put, book.strike - book.spot, book.spot - book.strike), 0.0)
-    tolerance = book.tolerance * book.strike
-    fill_rows(part, rows, priced, payoff=payoff, tolerance=tolerance, method=MARCH_METHOD)
-    part["method"][values.path == CLOSED] = "closed-form"

@@ -1,23 +1,23 @@
 """The value of one option over spots and times."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pricing_core.american.contracts.contract import Option, check_kind
-from pricing_core.american.contracts.market import FlatMarket, Market
-from pricing_core.american.contracts.schedule import make_schedule, without_events
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.prices import Prices, concatenated
+from pricing_core.american.contracts.checks import check_kind
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, SPOT, TOLERANCE
+from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.seen_later import seen_later
-from pricing_core.american.contracts.tolerances import DEFAULT_TOLERANCE
-from pricing_core.american.events.scheduled import price_scheduled_many
-from pricing_core.american.events.scheduled_book import scheduled_book
-from pricing_core.american.price_many import price_many
+from pricing_core.american.contracts.tolerances import check_moneyness
+from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.solve import solve_in_chunks
+from pricing_core.american.price_many import checked_threads
 from pricing_core.arrays import Matrix, Vector, as_vector
 from pricing_core.errors import InvalidInputError
-
-FIELDS = ("price", "delta", "gamma", "exercise_now", "error_estimate")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +41,7 @@ class ValueSurface:
     value: Matrix
     delta: Matrix
     gamma: Matrix
-    exercised: Matrix
+    exercised: NDArray[np.bool_]
     error_estimate: Matrix
 
 
@@ -86,69 +86,51 @@ def value_surface(
     """
     check_kind("option", option, Option, "an Option")
     check_kind("market", market, Market, "a Market")
+    tolerance = TOLERANCE.check(tolerance)
     time, spot = as_vector("times", times), as_vector("spots", spots)
     if np.any(time < 0.0) or np.any(time > option.expiry):
         raise InvalidInputError("times", times, "from 0 to the expiry")
-    plain = without_events(option, market)
-    if plain is None:
-        tables = [
-            _priced(*seen_later(option, market, float(t)), spot, tolerance=tolerance, threads=threads)
-            for t in time
-        ]
-        table = {name: np.concatenate([part[name] for part in tables]) for name in FIELDS}
-    else:
-        held, flat = plain
-        rows = np.tile(spot, time.size)
-        columns = {**_columns(held, flat), "spot": rows, "expiry": np.repeat(option.expiry - time, spot.size)}
-        table = _table(columns, rows, tolerance, threads)
+    workers = checked_threads(threads)
+    books = [_seen_from_spots(*seen_later(option, market, t), spot) for t in time.tolist()]
+    book = Book.of([])
+    for part in books:
+        book = book.joined(part)
+    found = _priced(book, tolerance, workers)
     shape = (time.size, spot.size)
-    return ValueSurface(time, spot, *(table[name].reshape(shape) for name in FIELDS))
+    return ValueSurface(
+        time,
+        spot,
+        found.value.reshape(shape),
+        found.delta.reshape(shape),
+        found.gamma.reshape(shape),
+        found.exercised.reshape(shape),
+        found.error.reshape(shape),
+    )
 
 
-def _priced(
-    option: Option, market: Market, spot: Vector, *, tolerance: float, threads: int | None
-) -> dict[str, NDArray[Any]]:
-    """Return the fields of one contract seen from every spot."""
-    plain = without_events(option, market)
-    if plain is not None:
-        return _table({**_columns(*plain), "spot": spot}, spot, tolerance, threads)
-    contracts = [(option, replace(market, spot=float(s))) for s in spot]
-    for contract in contracts:
-        try:
-            make_schedule(*contract)
-        except InvalidInputError as fault:  # escrowed dividends are worth the spot or more
-            raise InvalidInputError("spots", contract[1].spot, _allowed(str(fault))) from None
-    book, tolerances = scheduled_book(contracts), np.full(spot.size, tolerance)
-    return _checked(price_scheduled_many(book, tolerances, greeks=False, threads=threads or 1), spot)
+def _seen_from_spots(option: Option, market: Market, spot: Vector) -> Book:
+    """Return the contract seen from every spot."""
+    due = sum(dividend.amount for dividend in market.cash_dividends)
+    book = Book.of([(option, replace(market, spot=option.strike + due))])
+    least = book.escrow_now().item()
+    for number in spot.tolist():
+        SPOT.check(number, "spots")
+        check_moneyness(option, number, "spots")
+    for refused in spot[(least > 0.0) & (spot <= least)].tolist():
+        raise InvalidInputError("spots", refused, f"above what the escrowed dividends are worth, {least:g}")
+    return replace(book.take(np.zeros(spot.size, dtype=np.intp)), spot=spot)
 
 
-def _columns(option: Option, market: FlatMarket) -> dict[str, Any]:
-    return {
-        "option_type": option.option_type,
-        "exercise": option.exercise,
-        "strike": option.strike,
-        "expiry": option.expiry,
-        "rate": market.rate,
-        "dividend_yield": market.dividend_yield,
-        "volatility": market.volatility,
-    }
+def _priced(book: Book, tolerance: float, workers: int) -> Prices:
+    """Return the prices; contracts without events that differ in the spot alone share their solves."""
+    parts: dict[int, Prices] = {}
 
+    def keep(rows: slice, part: Prices) -> None:
+        parts[rows.start] = part
 
-def _table(
-    columns: dict[str, Any], spot: Vector, tolerance: float, threads: int | None
-) -> dict[str, NDArray[Any]]:
-    table = price_many(columns, tolerance=tolerance, greeks=False, threads=threads, share_solves=True)
-    return _checked(table, spot)
-
-
-def _checked(table: dict[str, NDArray[Any]], spot: Vector) -> dict[str, NDArray[Any]]:
-    refused = np.flatnonzero(np.isnan(table["price"]))
-    if refused.size:
-        row = int(refused[0])
-        raise InvalidInputError("spots", float(spot[row]), _allowed(str(table["message"][row])))
-    return table
-
-
-def _allowed(message: str) -> str:
-    """Return what a refusal allows; the whole message where it says no range."""
-    return message.rpartition(": must be ")[2]
+    request = Request(np.full(book.count, tolerance), "none", share_solves=True)
+    solve_in_chunks(book, request, keep, workers=workers)
+    prices = concatenated([parts[start] for start in sorted(parts)])
+    for row in np.flatnonzero(np.isnan(prices.value)).tolist():
+        raise InvalidInputError("spots", book.spot.item(row), str(prices.message[row]))
+    return prices

@@ -6,17 +6,14 @@ from typing import Any
 
 import pyarrow as pa
 
-from pricing_core.american.contracts.contract import real_number
+from pricing_core.american.book.reading import checked_contract
 from pricing_core.american.contracts.dates import is_meant_as_date
-from pricing_core.american.contracts.tolerances import LARGEST_TOLERANCE, SMALLEST_TOLERANCE
-from pricing_core.american.contracts.vocabulary import DATES
-from pricing_core.american.tables.book_rows import checked_contract
+from pricing_core.american.contracts.field import Field
+from pricing_core.american.contracts.fields import COLUMN_FIELDS, EXPIRY, TOLERANCE
+from pricing_core.american.contracts.vocabulary import DATES, DEFAULTS
 from pricing_core.batch.chunk import Chunk, is_empty, python_value
-from pricing_core.batch.schema import COLUMNS, Column
 from pricing_core.errors import InvalidInputError
 from pricing_core.plain_number import read_number
-
-DEFAULTS: Mapping[str, Any] = {"exercise": "american", "dividend_yield": 0.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +23,8 @@ class Contracts:
     Parameters
     ----------
     columns : Mapping[str, Sequence[Any]]
-        One entry per input column, each of the chunk's length: texts, numbers, dates, lists and curves, the last
-        two parsed or not; None in a cell that is missing or at fault.
+        One entry per input column, and tolerance, each of the chunk's length: texts, numbers, dates, lists and
+        curves, the last two parsed or not; None in a cell that is missing or at fault.
     faults : Mapping[int, InvalidInputError]
         Why a row cannot be priced, by its index in the chunk.
     """
@@ -51,16 +48,12 @@ def read_contracts(chunk: Chunk, tolerance: float) -> Contracts:
     faults = dict(chunk.malformed)
     names = chunk.table.schema.names
     defaults = {**DEFAULTS, "tolerance": tolerance}
-    columns: dict[str, Sequence[Any]] = {}
-    for column in COLUMNS:
-        default = defaults.get(column.name)
+    columns: dict[str, Sequence[Any]] = {"tolerance": [tolerance] * chunk.table.num_rows}
+    for column in COLUMN_FIELDS:
         if column.name in names:
-            optional = not column.required or (
-                column.name == "expiry" and all(date in names for date in DATES)
-            )
-            columns[column.name] = _read_column(column, chunk, default, optional, faults)
-        elif default is not None:
-            columns[column.name] = [default] * chunk.table.num_rows
+            dated = column is EXPIRY and all(date in names for date in DATES)
+            optional = not column.required or dated
+            columns[column.name] = _read_column(column, chunk, defaults.get(column.name), optional, faults)
     return Contracts(columns, faults)
 
 
@@ -74,7 +67,7 @@ def explain(row: Mapping[str, Any]) -> InvalidInputError | None:
 
 
 def _read_column(
-    column: Column, chunk: Chunk, default: Any, optional: bool, faults: dict[int, InvalidInputError]
+    column: Field, chunk: Chunk, default: Any, optional: bool, faults: dict[int, InvalidInputError]
 ) -> Sequence[Any]:
     values: list[Any] = []
     for index, cell in enumerate(_cells(chunk.table.column(column.name))):
@@ -97,22 +90,20 @@ def _cells(column: pa.Array) -> list[Any]:
     return cells
 
 
-def _read_cell(column: Column, cell: Any, default: Any, optional: bool) -> Any:
+def _read_cell(column: Field, cell: Any, default: Any, optional: bool) -> Any:
     if cell is None or is_empty(cell):
         if default is None and not optional:
-            raise InvalidInputError(column.name, "", f"given ({column.meaning})")
+            raise InvalidInputError(column.name, "", f"given ({column.in_brief})")
         return default
-    if column.kind == "text":
+    if column.kind == "choice":
         return str(cell).strip(" \t")
     if column.kind in ("list", "date") or (column.kind == "curve" and _is_curve(cell)):
         return cell.strip(" \t") if isinstance(cell, str) else cell
     if column.kind == "time" and is_meant_as_date(cell):
         return cell.strip(" \t") if isinstance(cell, str) else cell
     number = read_number(column.name, cell)
-    if column.name != "tolerance":
-        return number
-    # The one number whose range is not checked by Option or Market.
-    return real_number("tolerance", number, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+    # The tolerance is the one number whose range is not checked by Option or Market.
+    return column.check(number) if column is TOLERANCE else number
 
 
 def _is_curve(cell: Any) -> bool:

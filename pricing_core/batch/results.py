@@ -9,44 +9,44 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pricing_core.american import price_many
-from pricing_core.american.price_table import SENSITIVITIES
-from pricing_core.american.tables.columns import as_objects
-from pricing_core.arrays import Vector
+from pricing_core.american import Greeks, price_many
+from pricing_core.american.book.columns import as_objects
+from pricing_core.american.contracts.result_fields import price_fields
 from pricing_core.batch.contracts import Contracts, explain
-from pricing_core.batch.schema import RESULT_FLAG, RESULT_NUMBERS, RESULT_TEXTS, result_schema
+from pricing_core.batch.schema import result_schema
 from pricing_core.errors import InvalidInputError
 
 INVALID = "invalid_input"
 Reasons = Mapping[int, InvalidInputError]
 
 
-def price_contracts(contracts: Contracts, threads: int | None) -> tuple[pa.RecordBatch, Reasons]:
+def price_contracts(
+    contracts: Contracts, greeks: Greeks, threads: int | None
+) -> tuple[pa.RecordBatch, Reasons]:
     """Price the sound rows; return one row of results per contract and, by index, why a row has no price.
 
     Parameters
     ----------
+    greeks : {"none", "standard", "extended"}
     threads : int, optional
-        Passed to `price_many`.
+        Both passed to `price_many`.
     """
     rows = len(contracts.columns["tolerance"])
-    numbers = {name: np.full(rows, np.nan) for name in RESULT_NUMBERS}
-    flag = np.zeros(rows, dtype=bool)
-    schema = result_schema(list(contracts.columns))
-    names = [name for name in schema.names if name in (*RESULT_TEXTS, SENSITIVITIES)]
-    texts: dict[str, NDArray[np.object_]] = {name: np.full(rows, "", dtype=object) for name in names}
-    texts["status"][list(contracts.faults)] = INVALID
+    fields = price_fields(greeks, contracts.columns)
+    columns = {field.name: np.full(rows, None, dtype=object) for field in fields}
+    columns["status"][list(contracts.faults)] = INVALID
     reasons = dict(contracts.faults)
     sound = [index for index in range(rows) if index not in contracts.faults]
     if sound:
-        table = price_many(_columns(contracts, sound), threads=threads)
-        for name in RESULT_NUMBERS:
-            numbers[name][sound] = table[name]
-        flag[sound] = table[RESULT_FLAG]
-        for name in names:
-            texts[name][sound] = _as_json(table[name]) if name == SENSITIVITIES else table[name]
+        table = price_many(_columns(contracts, sound), greeks=greeks, threads=threads)
+        for field in fields:
+            found = table[field.name]
+            columns[field.name][sound] = _as_json(found) if field.kind == "list" else found
         reasons.update(_unpriced(contracts, sound, table))
-    return _result_table(numbers, flag, texts, reasons, schema), reasons
+    columns["exercise_now"][list(reasons)] = None
+    schema = result_schema(list(contracts.columns), greeks)
+    arrays = [_as_arrow(column, kind) for column, kind in zip(columns.values(), schema.types, strict=True)]
+    return pa.RecordBatch.from_arrays(arrays, schema=schema), reasons
 
 
 def _columns(contracts: Contracts, sound: Sequence[int]) -> dict[str, NDArray[Any]]:
@@ -54,9 +54,9 @@ def _columns(contracts: Contracts, sound: Sequence[int]) -> dict[str, NDArray[An
     return {name: as_objects([values[i] for i in sound]) for name, values in contracts.columns.items()}
 
 
-def _as_json(sensitivities: NDArray[np.object_]) -> list[str]:
+def _as_json(lists: NDArray[np.object_]) -> list[str]:
     """Return a list of numbers per row as text, "" for none, null for NaN."""
-    finite = ([None if math.isnan(number) else number for number in row] for row in sensitivities)
+    finite = ([None if math.isnan(number) else number for number in row or ()] for row in lists)
     return [json.dumps(numbers) if numbers else "" for numbers in finite]
 
 
@@ -70,16 +70,6 @@ def _unpriced(contracts: Contracts, sound: Sequence[int], table: Mapping[str, ND
     return reasons
 
 
-def _result_table(
-    numbers: Mapping[str, Vector],
-    flag: NDArray[np.bool_],
-    texts: Mapping[str, NDArray[np.object_]],
-    reasons: Reasons,
-    schema: pa.Schema,
-) -> pa.RecordBatch:
-    unknown = np.zeros(flag.size, dtype=bool)
-    unknown[list(reasons)] = True
-    arrays = [pa.array(numbers[name], from_pandas=True) for name in RESULT_NUMBERS]  # NaN is null
-    arrays.append(pa.array(flag, mask=unknown))
-    arrays.extend(pa.array([text or None for text in column], pa.string()) for column in texts.values())
-    return pa.RecordBatch.from_arrays(arrays, schema=schema)
+def _as_arrow(column: NDArray[np.object_], kind: pa.DataType) -> pa.Array:
+    """Return a column in which None, NaN and empty text are null."""
+    return pa.array([None if cell == "" else cell for cell in column], kind, from_pandas=True)

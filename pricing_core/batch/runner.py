@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from pricing_core.american.contracts.contract import real_number
-from pricing_core.american.contracts.tolerances import (
+from pricing_core.american.contracts.fields import (
+    COLUMN_FIELDS,
     DEFAULT_TOLERANCE,
-    LARGEST_TOLERANCE,
-    SMALLEST_TOLERANCE,
+    GREEKS,
+    TOLERANCE,
+    Greeks,
 )
 from pricing_core.american.contracts.vocabulary import DATES
 from pricing_core.batch.chunk import Chunk
@@ -20,13 +21,7 @@ from pricing_core.batch.contracts import Contracts, read_contracts
 from pricing_core.batch.reader import TableReader, open_table
 from pricing_core.batch.replacement import replacement
 from pricing_core.batch.results import Reasons, price_contracts
-from pricing_core.batch.schema import (
-    CURVE_COLUMNS,
-    NUMBER_COLUMNS,
-    TIME_COLUMNS,
-    result_schema,
-    unread_columns,
-)
+from pricing_core.batch.schema import check_results, result_schema, unread_columns
 from pricing_core.batch.writer import RejectsWriter, check_ending, table_writer
 from pricing_core.errors import InvalidInputError
 
@@ -77,6 +72,7 @@ def run_batch(
     *,
     rejects: Path | None = None,
     tolerance: float = DEFAULT_TOLERANCE,
+    greeks: Greeks = "standard",
     threads: int | None = None,
     chunk_rows: int = ROWS_PER_CHUNK,
     progress: Callable[[Progress], None] | None = None,
@@ -95,6 +91,8 @@ def run_batch(
         even when it holds no row, so that the one of an earlier run does not stay.
     tolerance : float
         Fraction of the strike, for rows that state none.
+    greeks : {"none", "standard", "extended"}
+        Which Greeks are columns of the output, as in `price_many`.
     threads : int, optional
         Passed to `price_many`.
     progress : callable, optional
@@ -103,26 +101,31 @@ def run_batch(
     Raises
     ------
     InvalidInputError
-        The tolerance is out of range, the table as a whole cannot be read, or two of the files are the same.
+        The tolerance or greeks is not what it must be, the table as a whole cannot be read, or two of the files are
+        the same.
     OSError
         A file cannot be read or written.
     """
     rejects = rejects_path(target) if rejects is None else rejects
-    tolerance = real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+    tolerance = TOLERANCE.check(tolerance)
+    GREEKS.check_choice(greeks)
     check_ending(target)
     _check_distinct(source, target, rejects)
     with ExitStack() as stack:
         reader = stack.enter_context(open_table(source))
+        added = result_schema(reader.schema.names, greeks)
+        check_results(reader.schema.names, added.names)
         summary = BatchSummary(unread=unread_columns(reader.schema.names))
         # Entered first, renamed last: where the output is, its rejects are.
         output = stack.enter_context(replacement(target))
         explained = stack.enter_context(replacement(rejects))
         numbers = numbers_as_text(reader) if target.suffix.lower() == ".parquet" else ()
-        rows = stack.enter_context(table_writer(target, output, output_schema(reader.schema, numbers)))
+        columns = pa.schema([*typed_schema(reader.schema, numbers), *added])
+        rows = stack.enter_context(table_writer(target, output, columns))
         faults = stack.enter_context(RejectsWriter(explained))
         for chunk in reader.chunks(chunk_rows):
             contracts = read_contracts(chunk, tolerance)
-            results, reasons = price_contracts(contracts, threads)
+            results, reasons = price_contracts(contracts, greeks, threads)
             rows.write(_joined(typed_table(chunk.table, contracts, numbers), results))
             _write_rejects(faults, chunk, reasons)
             summary = summary.plus(results, len(reasons))
@@ -144,18 +147,22 @@ def rejects_path(target: Path) -> Path:
 
 def numbers_as_text(reader: TableReader) -> tuple[str, ...]:
     """Return the columns that hold numbers alone, and as text."""
-    names = NUMBER_COLUMNS if reader.may_hold_curves else (*NUMBER_COLUMNS, *CURVE_COLUMNS)
+    kinds = ["number"]
+    if not reader.may_hold_curves:
+        kinds.append("curve")
     if not any(name in DATES for name in reader.schema.names):
-        names = (*names, *TIME_COLUMNS)
+        kinds.append("time")
+    names = [field.name for field in COLUMN_FIELDS if field.kind in kinds]
     return tuple(
         field.name for field in reader.schema if field.name in names and pa.types.is_string(field.type)
     )
 
 
-def output_schema(schema: pa.Schema, numbers: Sequence[str]) -> pa.Schema:
-    """Return the columns of the output: those of the input, some of them as numbers, then the results."""
-    fields = [pa.field(field.name, pa.float64()) if field.name in numbers else field for field in schema]
-    return pa.schema([*fields, *result_schema(schema.names)])
+def typed_schema(schema: pa.Schema, numbers: Sequence[str]) -> pa.Schema:
+    """Return the columns of the input, some of them as numbers."""
+    return pa.schema(
+        [pa.field(field.name, pa.float64()) if field.name in numbers else field for field in schema]
+    )
 
 
 def typed_table(table: pa.RecordBatch, contracts: Contracts, numbers: Sequence[str]) -> pa.RecordBatch:

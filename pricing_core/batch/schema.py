@@ -3,60 +3,17 @@
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Literal
 
 import pyarrow as pa
 
+from pricing_core.american.contracts.fields import COLUMN_FIELDS, EXPIRY, Greeks
+from pricing_core.american.contracts.result_fields import price_fields
 from pricing_core.american.contracts.vocabulary import DATES
-from pricing_core.american.price_table import NUMBERS, SENSITIVITIES
 from pricing_core.errors import InvalidInputError
 
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """One input column.
-
-    Parameters
-    ----------
-    name : str
-        In the vocabulary of the public interface.
-    kind : {"number", "text", "curve", "list", "date", "time"}
-        A curve is a number too, a time is a number or a date; curves and lists may be JSON text.
-    meaning : str
-        Unit or choice, for the message that asks for the column.
-    required : bool
-        Whether a table without it is refused.
-    """
-
-    name: str
-    kind: Literal["number", "text", "curve", "list", "date", "time"]
-    meaning: str
-    required: bool = True
-
-
-COLUMNS = (
-    Column("option_type", "text", "put or call"),
-    Column("spot", "number", "money"),
-    Column("strike", "number", "money"),
-    Column("expiry", "number", "years"),
-    Column("rate", "curve", "1/year"),
-    Column("volatility", "curve", "1/sqrt(year)"),
-    Column("exercise", "text", "american, european or bermudan", required=False),
-    Column("exercise_times", "list", "years or dates", required=False),
-    Column("exercise_start", "time", "years or a date", required=False),
-    Column("dividend_yield", "curve", "1/year", required=False),
-    Column("cash_dividends", "list", "years and money", required=False),
-    Column("proportional_dividends", "list", "years and fractions of the spot", required=False),
-    Column("dividend_model", "text", "spot or escrowed", required=False),
-    Column("valuation_date", "date", "ISO date or date-time", required=False),
-    Column("expiration_date", "date", "ISO date or date-time", required=False),
-    Column("tolerance", "number", "fraction of the strike", required=False),
-)
-NUMBER_COLUMNS = tuple(column.name for column in COLUMNS if column.kind == "number")
-TIME_COLUMNS = tuple(column.name for column in COLUMNS if column.kind == "time")
-CURVE_COLUMNS = tuple(column.name for column in COLUMNS if column.kind == "curve")
+# By the kind of an output: the type of its column; a list is JSON text.
+ARROW_TYPES = {"number": pa.float64(), "flag": pa.bool_(), "text": pa.string(), "list": pa.string()}
 
 
 def _letters(name: str) -> str:
@@ -64,10 +21,10 @@ def _letters(name: str) -> str:
     return re.sub(r"[\W_]+", "", name).casefold()
 
 
-NEAR_MISS = 0.9  # similarity of two names that are taken for one
+NEAR_MISS = 0.9  # Smallest similarity of two names that are taken for one.
 
 # A column under another spelling would pass through and its numbers be ignored.
-_SPELLINGS = {_letters(column.name): column.name for column in COLUMNS}
+_SPELLINGS = {_letters(column.name): column.name for column in COLUMN_FIELDS}
 
 
 def _near_miss(name: str, names: Sequence[str]) -> str | None:
@@ -76,21 +33,16 @@ def _near_miss(name: str, names: Sequence[str]) -> str | None:
     return next(iter(get_close_matches(name, absent, n=1, cutoff=NEAR_MISS)), None)
 
 
-RESULT_NUMBERS = NUMBERS
-RESULT_FLAG = "exercise_now"
-RESULT_TEXTS = ("status", "method", "engine_version")
-RESULT_SCHEMA = pa.schema(
-    [(name, pa.float64()) for name in RESULT_NUMBERS]
-    + [(RESULT_FLAG, pa.bool_())]
-    + [(name, pa.string()) for name in RESULT_TEXTS]
-)
+def result_schema(names: Sequence[str], greeks: Greeks = "standard") -> pa.Schema:
+    """Return the columns of the results for an input of these columns.
 
-
-def result_schema(names: Sequence[str]) -> pa.Schema:
-    """Return the columns of the results for an input of these columns."""
-    if "cash_dividends" not in names:
-        return RESULT_SCHEMA
-    return RESULT_SCHEMA.append(pa.field(SENSITIVITIES, pa.string()))  # JSON, a list per row
+    Examples
+    --------
+    >>> standard = result_schema(["cash_dividends"]).names
+    >>> [name for name in standard if name not in result_schema(["spot"], "none").names][-2:]
+    ['dividend_rho', 'dividend_sensitivities']
+    """
+    return pa.schema([(field.name, ARROW_TYPES[field.kind]) for field in price_fields(greeks, names)])
 
 
 def check_names(names: Sequence[str]) -> None:
@@ -99,8 +51,7 @@ def check_names(names: Sequence[str]) -> None:
     Raises
     ------
     InvalidInputError
-        A name appears twice or is that of another column in another spelling, a required column is missing,
-        or a name is that of a result.
+        A name appears twice or is that of another column in another spelling, or a required column is missing.
 
     Examples
     --------
@@ -119,15 +70,25 @@ def check_names(names: Sequence[str]) -> None:
     dated = all(date in names for date in DATES)
     missing = [
         column
-        for column in COLUMNS
-        if column.required and column.name not in names and not (dated and column.name == "expiry")
+        for column in COLUMN_FIELDS
+        if column.required and column.name not in names and not (dated and column is EXPIRY)
     ]
     if missing:
-        wanted = "; ".join(f"column {c.name} must be present ({c.meaning})" for c in missing[1:])
-        allowed = f"present ({missing[0].meaning})" + (f"; {wanted}" if wanted else "")
+        wanted = "; ".join(f"column {c.name} must be present ({c.in_brief})" for c in missing[1:])
+        allowed = f"present ({missing[0].in_brief})" + (f"; {wanted}" if wanted else "")
         raise InvalidInputError(f"column {missing[0].name}", "missing", allowed)
+
+
+def check_results(names: Sequence[str], results: Sequence[str]) -> None:
+    """Accept the column names of a table beside those of its results.
+
+    Raises
+    ------
+    InvalidInputError
+        A name is that of a result.
+    """
     for name in names:
-        if name in result_schema(names).names:
+        if name in results:
             raise InvalidInputError(
                 f"column {name}", "an input column", "renamed: it is the name of a result"
             )
@@ -141,7 +102,7 @@ def unread_columns(names: Sequence[str]) -> tuple[str, ...]:
     >>> unread_columns(["id", "spot", "dividends"])
     ('id', 'dividends')
     """
-    read = {column.name for column in COLUMNS}
+    read = [column.name for column in COLUMN_FIELDS]
     return tuple(name for name in names if name not in read)
 
 
@@ -153,7 +114,7 @@ def check_types(schema: pa.Schema) -> None:
     InvalidInputError
         A column of the vocabulary has a type that cannot hold its values.
     """
-    for column in COLUMNS:
+    for column in COLUMN_FIELDS:
         if column.name not in schema.names:
             continue
         found = schema.field(column.name).type
@@ -183,7 +144,7 @@ def _is_list(found: pa.DataType) -> bool:
 # By the kind of a column: what its type may be, any of them, and that in words.
 TYPES: Mapping[str, tuple[Sequence[Callable[[pa.DataType], bool]], str]] = {
     "number": ((_is_number,), "numbers (double)"),
-    "text": ((_is_text,), "text (string)"),
+    "choice": ((_is_text,), "text (string)"),
     "curve": (
         (_is_number, _is_text, pa.types.is_struct),
         "numbers (double), or of text or structures for curves",

@@ -11,7 +11,6 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import app, main
-from app.tables import EXTENDED_UNITS, IMPLIED_UNITS, UNITS
 from pricing_core import __version__, kernel_name
 from pricing_core.american import (
     CashDividend,
@@ -23,7 +22,16 @@ from pricing_core.american import (
     implied_volatility,
     price,
 )
+from pricing_core.american.contracts.result_fields import (
+    IMPLIED_VOLATILITY_FIELDS,
+    PRICE_FIELDS,
+    price_fields,
+)
 
+NAMES = [field.name for field in PRICE_FIELDS]
+PLAIN = [field.name for field in price_fields("standard", [])]
+IMPLIED = [field.name for field in IMPLIED_VOLATILITY_FIELDS]
+EXTENDED = [name for name in NAMES if name not in PLAIN]
 PUT = ["--option-type", "put", "--spot", "100", "--strike", "100", "--expiry", "1", "--rate", "0.05"]
 PUT += ["--volatility", "0.2", "--tolerance", "1e-3"]
 UNDATED = [
@@ -70,7 +78,7 @@ def test_price_prints_every_result_with_its_unit() -> None:
     found = run("price", *PUT)
     assert (found.returncode, found.stderr) == (0, "")
     first_words = [line.split()[0] for line in found.stdout.splitlines()]
-    assert first_words == ["result", *UNITS]
+    assert first_words == ["result", *PLAIN]
     assert "money per 0.01 of volatility" in found.stdout
 
 
@@ -80,8 +88,8 @@ def test_price_as_json_is_the_library_s_valuation(pricing: Any) -> None:
     )
     valuation = price(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2, 0.02), tolerance=1e-3)
     assert (status, errors) == (0, "")
-    extended = dict.fromkeys(EXTENDED_UNITS)
-    assert json.loads(output) == {name: getattr(valuation, name) for name in UNITS} | extended
+    assert json.loads(output) == {name: getattr(valuation, name) for name in NAMES}
+    assert all(json.loads(output)[name] is None for name in EXTENDED)
 
 
 def test_the_default_tolerance_is_the_library_s(pricing: Any) -> None:
@@ -116,6 +124,8 @@ def test_a_missing_number_is_null_in_json_and_a_dash_in_the_table(pricing: Any) 
         (["boundary", *PUT, "--tolerance", "\uff11"], "--tolerance"),
         (["price", *PUT, "--option-type", "straddle"], 'must be "put" or "call"'),
         (["price", *PUT, "--exercise", "bermudan"], "exercise"),
+        (["price", *PUT, "--greeks", "all"], 'greeks = \'all\': must be "none", "standard" or "extended"'),
+        (["batch", "in.csv", "out.csv", "--greeks", "no"], 'must be "none", "standard" or "extended"'),
         (["price", *PUT, "--tolerance", "1"], "tolerance"),
         (["price", *PUT, "--cash-dividend", "0.25"], "'0.25' must be TIME:AMOUNT or TIME:FRACTION"),
         (
@@ -302,11 +312,16 @@ CONTRACT = (
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Keep what the engine is asked, and let it answer with extended Greeks."""
     questions: list[Any] = []
-    extended = {"vanna": 0.5, "volga": 2.0, "rate_bucket_rho": None, "volatility_bucket_vega": (1.0, 2.5)}
+    extended = {
+        "vanna": 0.5,
+        "volga": 2.0,
+        "volatility_buckets": (1.0, 2.5),
+        "dividend_sensitivities": (0.25, 0.5),
+    }
 
     def answer(*arguments: object, **options: object) -> object:
         questions.append((*arguments, options))
-        return SimpleNamespace(**dict.fromkeys(UNITS, 1.0) | extended, dividend_sensitivities=(0.25, 0.5))
+        return SimpleNamespace(**dict.fromkeys(NAMES) | dict.fromkeys(PLAIN, 1.0) | extended)
 
     monkeypatch.setattr("pricing_core.american.price", answer)
     return questions
@@ -315,7 +330,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 def test_events_reach_the_engine(pricing: Any, asked: list[Any]) -> None:
     status, _, errors = pricing("price", *PUT, *EVENTS)
     assert (status, errors) == (0, "")
-    assert asked == [(*CONTRACT, {"tolerance": 1e-3, "greeks": True})]
+    assert asked == [(*CONTRACT, {"tolerance": 1e-3, "greeks": "standard"})]
 
 
 def test_dates_and_ex_dates_are_read(pricing: Any, asked: list[Any]) -> None:
@@ -340,14 +355,22 @@ def test_exercise_times_may_be_dates_where_there_are_dates(pricing: Any, asked: 
 
 
 def test_extended_greeks_are_printed_where_they_are_there(pricing: Any, asked: list[Any]) -> None:
-    lines = pricing("price", *PUT, "--extended-greeks")[1].splitlines()
+    lines = pricing("price", *PUT, "--greeks", "extended")[1].splitlines()
     assert asked[0][-1]["greeks"] == "extended"
-    shown = {line.split()[0]: line for line in lines[len(UNITS) + 1 :]}
-    assert list(shown) == [name for name in EXTENDED_UNITS if name != "rate_bucket_rho"]
-    assert "1, 2.5" in shown["volatility_bucket_vega"]
-    body = json.loads(pricing("price", *PUT, "--extended-greeks", "--json")[1])
+    shown = {line.split()[0]: line for line in lines[len(PLAIN) + 1 :]}
+    assert list(shown) == ["dividend_sensitivities", "vanna", "volga", "volatility_buckets"]
+    assert "1, 2.5" in shown["volatility_buckets"]
+    body = json.loads(pricing("price", *PUT, "--greeks", "extended", "--json")[1])
     assert body["dividend_sensitivities"] == [0.25, 0.5]
-    assert body["rate_bucket_rho"] is None
+    assert body["rate_buckets"] is None
+
+
+def test_greeks_that_were_not_asked_for_are_null_and_not_printed(pricing: Any) -> None:
+    without = [*PUT, "--greeks", "none"]
+    names = [field.name for field in price_fields("none")]
+    assert [line.split()[0] for line in pricing("price", *without)[1].splitlines()] == ["result", *names]
+    found = json.loads(pricing("price", *without, "--json")[1])
+    assert [name for name in NAMES if found[name] is not None] == names
 
 
 def test_a_boundary_may_have_dates(pricing: Any) -> None:
@@ -361,10 +384,10 @@ def test_an_implied_volatility_is_that_of_the_library(pricing: Any) -> None:
     status, output, _ = pricing("implied-volatility", *without, "--option-price", "6.09", "--json")
     found = implied_volatility(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2), 6.09)
     assert status == 0
-    assert json.loads(output) == {name: getattr(found, name) for name in IMPLIED_UNITS}
+    assert json.loads(output) == {name: getattr(found, name) for name in IMPLIED}
     quote = ["--bid", "6.08", "--ask", "6.1"]
     lines = pricing("implied-volatility", *without, *quote)[1].splitlines()
-    assert [line.split()[0] for line in lines] == ["result", *IMPLIED_UNITS]
+    assert [line.split()[0] for line in lines] == ["result", *IMPLIED]
     assert float(lines[1].split()[1]) == pytest.approx(0.2, abs=1e-3)
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from pricing_core.american.contracts.result_fields import price_fields
+
 HEADER = ["id", "option_type", "spot", "strike", "expiry", "rate", "volatility", "desk"]
 BOOK = Path(__file__).parents[2] / "examples" / "book.csv"
 
@@ -47,6 +49,15 @@ def test_all_priced_is_status_0_and_a_summary(tmp_path: Path) -> None:
         ("1", "A, B", "ok"),
     ]
     assert read(tmp_path / "out.rejects.csv") == []
+
+
+def test_a_file_without_greeks_is_made_where_none_are_asked_for(tmp_path: Path) -> None:
+    target = tmp_path / "out.csv"
+    found = pricing(
+        "batch", write(tmp_path / "in.csv", 90), target, "--tolerance", "1e-3", "--greeks", "none"
+    )
+    assert found.returncode == 0
+    assert list(read(target)[0]) == [*HEADER, *(field.name for field in price_fields("none", HEADER))]
 
 
 def test_rejected_rows_are_status_1_and_explained_in_the_stated_file(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from tests.problems.twins import slow_on_the_twin
+from tests.problems.needs_kernel import needs_kernel
 
 JSON = {"content-type": "application/json"}
 CANARY = "Xq7canary"
@@ -244,7 +244,7 @@ def test_a_number_out_of_range_is_told_with_the_whole_range(
     assert problem["detail"] == detail.replace("{curve}", '{"times": [...], "values": [...]}')
 
 
-@slow_on_the_twin
+@needs_kernel
 def test_every_door_takes_as_many_exercise_times(client: TestClient, question: dict[str, Any]) -> None:
     times = [0.001 * k for k in range(1, 1_001)]
     body = question | {"exercise": "bermudan", "tolerance": 1e-2}

@@ -5,7 +5,6 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from app.schemas import PriceResponse
 from pricing_core.american import (
     CashDividend,
     Market,
@@ -15,30 +14,10 @@ from pricing_core.american import (
     Valuation,
     price,
 )
+from pricing_core.american.contracts.result_fields import PRICE_FIELDS, price_fields
 
-VOCABULARY = {
-    "price",
-    "european_price",
-    "early_exercise_premium",
-    "intrinsic_value",
-    "delta",
-    "gamma",
-    "theta",
-    "theta_per_day",
-    "vega",
-    "vega_per_point",
-    "rho",
-    "rho_per_point",
-    "dividend_rho",
-    "exercise_now",
-    "exercise_boundary",
-    "error_estimate",
-    "status",
-    "method",
-    "engine_version",
-}
+VOCABULARY = {field.name for field in PRICE_FIELDS}
 TEXTS = ("status", "method", "engine_version")
-EXTENDED = {"vanna", "volga", "rate_bucket_rho", "volatility_bucket_vega", "dividend_sensitivities"}
 
 
 def test_the_answer_is_the_library_s_valuation_key_by_key(
@@ -48,7 +27,7 @@ def test_the_answer_is_the_library_s_valuation_key_by_key(
     valuation = price(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2), tolerance=1e-4)
     assert answer.status_code == 200
     assert answer.headers["content-type"] == "application/json"
-    assert answer.json() == {name: getattr(valuation, name) for name in VOCABULARY} | dict.fromkeys(EXTENDED)
+    assert answer.json() == {name: getattr(valuation, name) for name in VOCABULARY}
 
 
 def test_the_american_put_is_worth_what_the_literature_says(
@@ -130,8 +109,10 @@ def test_a_result_that_is_not_finite_is_a_500_with_an_id_and_never_null(
     assert answer.json()["request_id"] == "lookup-17"
 
 
-def test_the_response_model_holds_the_vocabulary_and_nothing_else() -> None:
-    assert set(PriceResponse.model_fields) == VOCABULARY | EXTENDED
+def test_greeks_that_were_not_asked_for_are_null(client: TestClient, question: dict[str, Any]) -> None:
+    answer = client.post("/v1/price", json=question | {"greeks": "none"}).json()
+    assert answer.keys() == VOCABULARY
+    assert {name for name in VOCABULARY if answer[name] is not None} == {f.name for f in price_fields("none")}
 
 
 class Asked:
@@ -170,15 +151,14 @@ CONTRACT = (
 )
 
 
-@pytest.mark.parametrize(("greeks", "passed_on"), [("standard", True), ("extended", "extended")])
+@pytest.mark.parametrize("greeks", ["none", "standard", "extended"])
 def test_events_reach_the_engine_and_extended_greeks_come_back(
     client: TestClient,
     question: dict[str, Any],
     monkeypatch: pytest.MonkeyPatch,
     greeks: str,
-    passed_on: object,
 ) -> None:
-    numbers = {"vanna": 0.5, "volga": 2.0, "rate_bucket_rho": (-1.0, -2.0), "volatility_bucket_vega": None}
+    numbers = {"vanna": 0.5, "volga": 2.0, "rate_buckets": (-1.0, -2.0), "volatility_buckets": None}
     found = SimpleNamespace(
         **dict.fromkeys(VOCABULARY, None) | {"price": 6.0, **dict.fromkeys(TEXTS, "ok")} | numbers
     )
@@ -188,9 +168,9 @@ def test_events_reach_the_engine_and_extended_greeks_come_back(
     answer = client.post("/v1/price", json=question | EVENTS | {"greeks": greeks})
     assert answer.status_code == 200
     assert asked.arguments == CONTRACT
-    assert asked.options["greeks"] == passed_on
+    assert asked.options["greeks"] == greeks
     body = answer.json()
-    assert {name: body[name] for name in numbers} == numbers | {"rate_bucket_rho": [-1.0, -2.0]}
+    assert {name: body[name] for name in numbers} == numbers | {"rate_buckets": [-1.0, -2.0]}
     assert body["dividend_sensitivities"] == [0.25, 0.5]
 
 
@@ -229,6 +209,6 @@ def test_a_contract_with_events_is_valued_as_the_library_does(
     market = Market(100.0, 0.05, 0.2, cash_dividends=(CashDividend(0.5, 3.0),))
     valuation = price(option, market, tolerance=1e-3)
     assert valuation.status == "ok"
-    assert answer.json() == {name: getattr(valuation, name) for name in VOCABULARY | EXTENDED} | {
+    assert answer.json() == {name: getattr(valuation, name) for name in VOCABULARY} | {
         "dividend_sensitivities": list(valuation.dividend_sensitivities or ())
     }

@@ -11,14 +11,18 @@ import pytest
 
 from pricing_core.american import (
     CashDividend,
+    Greeks,
     Market,
     Option,
     PiecewiseConstant,
     ProportionalDividend,
+    contract_from,
     price,
 )
+from pricing_core.american.contracts.result_fields import price_fields
 from pricing_core.batch import run_batch
 from pricing_core.batch.csv_reader import BYTES_PER_READ, mentions
+from pricing_core.errors import InvalidInputError
 
 Read = Callable[[Path], list[dict[str, str]]]
 PLAIN = {
@@ -29,6 +33,7 @@ PLAIN = {
     "rate": "0.05",
     "volatility": "0.2",
 }
+NUMBERS = {name: float(cell) for name, cell in PLAIN.items() if name != "option_type"}
 DATES = {"expiry": "", "valuation_date": "2026-01-01", "expiration_date": "2027-01-01"}
 CURVE = '{"times": [0.5, 1], "values": [0.1, 0.2]}'
 COARSE = 1e-3
@@ -71,7 +76,7 @@ def test_every_event_of_a_csv_reaches_the_engine(tmp_path: Path, read_table: Rea
         (Option("put", 100.0, 1.0, exercise_start=0.5), market),
         (put, Market(100.0, 0.05, 0.2, 0.0, (), (ProportionalDividend(0.2, 0.01),))),
     ]
-    valuations = [price(*contract, tolerance=COARSE, greeks=False) for contract in contracts]
+    valuations = [price(*contract, tolerance=COARSE, greeks="none") for contract in contracts]
     output = read_table(tmp_path / "out.csv")
     assert [line["method"] for line in output] == ["premium-march", *["multiplier-collocation"] * 8]
     assert [line["price"] for line in output[1:]] == [repr(valuation.price) for valuation in valuations]
@@ -149,6 +154,38 @@ def test_a_row_with_events_is_priced_as_the_library_does(tmp_path: Path, read_ta
     valuation = price(Option("put", 100.0, 1.0), market, tolerance=COARSE)
     assert line["price"] == repr(valuation.price)
     assert json.loads(line["dividend_sensitivities"]) == list(valuation.dividend_sensitivities or ())
+
+
+@pytest.mark.parametrize("greeks", ["none", "standard", "extended"])
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_file_has_the_greeks_that_were_asked_for(
+    tmp_path: Path, read_table: Read, greeks: Greeks, ending: str
+) -> None:
+    events = {"rate": CURVE, "dividend_yield": "0.02", "cash_dividends": '[{"time": 0.5, "amount": 3}]'}
+    source = write(tmp_path / "in.csv", PLAIN | events, PLAIN | {"spot": "-1"})
+    target = tmp_path / f"out.{ending}"
+    run_batch(source, target, tolerance=COARSE, greeks=greeks)
+    found = read_table(target) if ending == "csv" else pq.read_table(target).to_pylist()
+    names = list(read_table(source)[0])
+    fields = price_fields(greeks, names)
+    assert list(found[0]) == [*names, *(field.name for field in fields)]
+    single = price(
+        *contract_from(PLAIN | NUMBERS | events | {"dividend_yield": 0.02}), tolerance=COARSE, greeks=greeks
+    )
+    for field in fields:
+        cell, wanted = found[0][field.name], getattr(single, field.name)
+        if field.kind == "list":
+            assert (None if cell in (None, "") else json.loads(cell)) == (wanted and list(wanted)), field.name
+        elif field.kind == "number":
+            assert (None if cell in (None, "") else float(cell)) == wanted, field.name
+        assert (found[1][field.name] in ("", None)) == (field.name != "status")
+
+
+def test_greeks_by_another_word_are_refused(tmp_path: Path) -> None:
+    source = write(tmp_path / "in.csv", PLAIN)
+    with pytest.raises(InvalidInputError, match='greeks = True: must be "none", "standard" or "extended"'):
+        run_batch(source, tmp_path / "out.csv", greeks=True)  # type: ignore[arg-type]
+    assert not (tmp_path / "out.csv").exists()
 
 
 def test_lists_structures_and_timestamps_of_parquet_are_read(tmp_path: Path) -> None:

@@ -13,9 +13,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from pricing_core.american import price_many
+from pricing_core.american.contracts.result_fields import price_fields
 from pricing_core.batch import BatchSummary, Progress, run_batch
 from pricing_core.batch.runner import ROWS_PER_CHUNK
-from pricing_core.batch.schema import RESULT_NUMBERS, RESULT_SCHEMA
+from pricing_core.batch.schema import result_schema
 from pricing_core.errors import InvalidInputError
 
 Row = Callable[..., list[str]]
@@ -86,7 +87,7 @@ def test_the_numbers_are_those_of_price_many_to_the_last_digit(
     columns = {"option_type": ["put"], "spot": [100.0], "strike": [100.0], "expiry": [1.0], "rate": [0.05]}
     expected = price_many(columns | {"volatility": [0.2]}, tolerance=COARSE)
     (line,) = read_table(target)
-    for name in RESULT_NUMBERS:
+    for name in (field.name for field in price_fields("standard", columns) if field.kind == "number"):
         found = math.nan if line[name] == "" else float(line[name])
         np.testing.assert_equal(found, expected[name][0])
     assert line["exercise_now"] == "false"
@@ -152,7 +153,7 @@ def test_unknown_columns_pass_through_unchanged(
     run_batch(source, target, tolerance=COARSE)
     output = read_table(target)
     assert [line["note"] for line in output] == notes
-    assert list(output[0]) == [*header, *RESULT_SCHEMA.names]
+    assert list(output[0]) == [*header, *result_schema(header).names]
 
 
 def test_rows_end_in_a_line_feed_alone(write_table: Write, row: Row, target: Path) -> None:
@@ -249,7 +250,7 @@ def test_parquet_to_parquet_keeps_the_types_of_the_input(
     summary = run_batch(parquet_source, parquet, tolerance=COARSE, chunk_rows=3)
     before, after = pq.read_table(parquet_source), pq.read_table(parquet)
     assert (summary.priced, summary.rejected) == (2, 2)
-    assert after.schema == pa.schema([*before.schema, *RESULT_SCHEMA])
+    assert after.schema == pa.schema([*before.schema, *result_schema(before.schema.names)])
     assert after["day"].to_pylist() == before["day"].to_pylist()
     rejects = read_table(target.with_name("out.rejects.csv"))
     assert [(reject["line"], reject["field"], reject["value"]) for reject in rejects] == [
@@ -356,6 +357,17 @@ def test_parquet_text_that_is_not_utf_8_is_damage_too(
     pq.write_table(pa.table({**sound_columns, "note": bad}), source)
     with pytest.raises(InvalidInputError, match=r"'in\.parquet': must be an undamaged Parquet"):
         run_batch(source, target)
+
+
+def test_a_column_with_the_name_of_a_result_is_refused_where_there_is_such_a_result(
+    write_table: Write, row: Row, target: Path
+) -> None:
+    header = ["delta", "option_type", "spot", "strike", "expiry", "rate", "volatility"]
+    source = write_table([row()], header)
+    with pytest.raises(InvalidInputError, match=r"^column delta = .* renamed: it is the name of a result"):
+        run_batch(source, target)
+    assert list(target.parent.iterdir()) == [source]
+    assert run_batch(source, target, tolerance=COARSE, greeks="none").priced == 1
 
 
 @pytest.mark.parametrize("name", ["in.csv", "in.parquet"])

@@ -1,11 +1,11 @@
 import pyarrow as pa
 import pytest
 
-from app.schemas import PriceResponse
-from pricing_core.batch.schema import COLUMNS, RESULT_SCHEMA, check_names, check_types, result_schema
+from pricing_core.american.contracts.fields import COLUMN_FIELDS
+from pricing_core.batch.schema import check_names, check_results, check_types, result_schema
 from pricing_core.errors import InvalidInputError
 
-REQUIRED = [column.name for column in COLUMNS if column.required]
+REQUIRED = [column.name for column in COLUMN_FIELDS if column.required]
 
 
 def test_the_required_columns_are_enough_and_others_may_stand_between() -> None:
@@ -31,23 +31,22 @@ def test_a_name_that_appears_twice_is_refused() -> None:
         check_names([*REQUIRED, "spot"])
 
 
-@pytest.mark.parametrize("name", RESULT_SCHEMA.names)
+RESULTS = result_schema(REQUIRED).names
+
+
+@pytest.mark.parametrize("name", RESULTS)
 def test_an_input_column_may_not_have_the_name_of_a_result(name: str) -> None:
     with pytest.raises(InvalidInputError, match=f"column {name} .* renamed"):
-        check_names([*REQUIRED, name])
-
-
-def test_the_results_are_those_of_the_service() -> None:
-    extended = {"vanna", "volga", "rate_bucket_rho", "volatility_bucket_vega"}  # of single prices alone
-    found = set(result_schema(["cash_dividends"]).names)
-    assert found == set(PriceResponse.model_fields) - extended
-    assert found - set(result_schema(["spot"]).names) == {"dividend_sensitivities"}
+        check_results([*REQUIRED, name], RESULTS)
 
 
 def test_the_name_of_a_result_is_free_where_there_is_no_such_result() -> None:
-    check_names([*REQUIRED, "dividend_sensitivities"])
-    with pytest.raises(InvalidInputError, match=r"column dividend_sensitivities .* renamed"):
-        check_names([*REQUIRED, "cash_dividends", "dividend_sensitivities"])
+    names = [*REQUIRED, "delta", "dividend_sensitivities", "vanna"]
+    check_results(names[:-3], RESULTS)
+    check_results(names, result_schema(names, "none").names)
+    for taken in (result_schema(names).names, result_schema([*names, "cash_dividends"], "extended").names):
+        with pytest.raises(InvalidInputError, match=r"column delta .* renamed"):
+            check_results(names, taken)
 
 
 def test_the_expiry_may_be_missing_where_both_dates_are_there() -> None:

@@ -18,15 +18,15 @@ def test_dividends_are_paid_in_order_within_the_life_of_each_option(option_type:
 
 def test_the_kernel_is_counted_where_it_is_called() -> None:
     with metered() as meter:
-        price_many(random_book("call", 3).columns(), tolerance=1e-4, greeks=False)
+        price_many(random_book("call", 3).columns(), tolerance=1e-4, greeks="none")
     assert meter.solves >= 3 * 2  # the American and the European value
     assert meter.seconds > 0.0
 
 
 def test_a_measurement_at_the_tolerance_of_its_reference_has_no_error() -> None:
     book = random_book("call", 3)
-    exact = price_many(book.columns(), tolerance=1e-4, greeks=False)
-    rate = measure(book, exact["price"], 1e-4, greeks=False, seconds=0.0)
+    exact = price_many(book.columns(), tolerance=1e-4, greeks="none")
+    rate = measure(book, exact["price"], 1e-4, greeks="none", seconds=0.0)
     assert (rate.error, rate.within) == (0.0, 1.0)
     assert rate.per_second > 0.0
     assert 0.0 < rate.kernel <= 1.0
@@ -44,6 +44,6 @@ def test_the_report_has_a_line_for_each_tolerance(capsys: pytest.CaptureFixture[
 @pytest.mark.parametrize("option_type", ["put", "call"])
 def test_quantlib_prices_the_same_contracts(option_type: str) -> None:
     book = random_book(option_type, 10)
-    ours = price_many(book.columns(), tolerance=1e-5, greeks=False)["price"]
+    ours = price_many(book.columns(), tolerance=1e-5, greeks="none")["price"]
     peers = prices(options_with_dividends(book.contracts, *book.dividends, 400, 400))
     assert peers == pytest.approx(ours, abs=2e-2)

@@ -40,8 +40,10 @@ def test_the_price_converges_in_time_with_the_orders_of_theory() -> None:
         assert least < found[method] < most, method
 
 
-def test_value_and_premium_converge_in_space_with_second_order_the_premium_from_a_smaller_error() -> None:
-    value, premium = refine_cells(classic_problems(("A", "ALO")), (64, 128, 256), 512)
-    assert 1.8 < value.order("price") < 2.2
-    assert 1.7 < premium.order("price") < 2.4
-    assert premium.levels[-1].errors["price"].rmse < 0.5 * value.levels[-1].errors["price"].rmse
+def test_the_price_converges_in_space_with_second_order_and_errs_less_with_the_boundary_in_its_cell() -> None:
+    at_node, in_cell = refine_cells(classic_problems(("A", "ALO")), (64, 128, 256), 512)
+    assert 1.8 < at_node.order("price") < 2.2
+    assert 1.8 < in_cell.order("price") < 2.2
+    last_at_node, last_in_cell = (refinement.levels[-1].errors for refinement in (at_node, in_cell))
+    assert last_in_cell["price"].rmse < last_at_node["price"].rmse
+    assert last_in_cell["boundary"].rmse < 0.3 * last_at_node["boundary"].rmse

@@ -68,5 +68,5 @@ def test_the_rows_of_a_ladder_or_chain_share_all_but_their_place_in_it():
 
 
 def test_the_engine_takes_the_columns():
-    table = price_many(everyday(3).columns(), tolerance=1e-2, greeks=False)
+    table = price_many(everyday(3).columns(), tolerance=1e-2, greeks="none")
     assert set(table["status"]) == {"ok"}

@@ -1,12 +1,10 @@
 import numpy as np
 import pytest
 
-from pricing_core.american import Market, Option
-from pricing_core.american.flat.grid import exercise_domain, make_grid
-from pricing_core.american.flat.semidiscrete import ValueForm
 from pricing_core.lcs import LCS, relative_degree
 from pricing_core.lcs.exact_degree import exact_degree
 from tests.problems.lcs_problems import problems
+from tests.problems.segment_forms import CONTRACTS, segment_form
 
 
 @pytest.mark.parametrize("problem", problems(), ids=lambda p: p.name)
@@ -84,9 +82,8 @@ def test_numbers_too_long_for_exact_arithmetic_are_declined():
 
 
 def test_hundreds_of_pairs_are_settled_by_the_leading_markov_parameter():
-    option, market = Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2)
-    domain = exercise_domain(option, market, 1e-6)
-    system, _ = ValueForm.discretise(option, market, domain, make_grid(domain, 301)).as_lcs()
+    form, values = segment_form(CONTRACTS["put"], 301)
+    system, _ = form.as_lcs(values)
     assert system.shape[1] == 300
     assert relative_degree(system) == 1
 

@@ -1,7 +1,6 @@
 """A zoo of options with events, one of each kind that begins a contact set in its own way."""
 
 from pricing_core.american import Market, Option
-from pricing_core.american.contracts.schedule import Schedule, make_schedule
 
 QUARTERS = (0.125, 0.375, 0.625, 0.875)
 
@@ -101,7 +100,4 @@ CONTRACTS: dict[str, tuple[Option, Market]] = {
         Option("put", 100.0, 1.0, "european"),
         Market(100.0, 0.05, 0.25, cash_dividends=cash(1.0)),
     ),
-}
-SCHEDULES: dict[str, Schedule] = {
-    name: make_schedule(option, market) for name, (option, market) in CONTRACTS.items()
 }

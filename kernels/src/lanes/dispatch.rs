@@ -1,6 +1,8 @@
 //! The same code for three instruction sets, chosen at run time: the only file of the crate with `unsafe`.
 //!
-//! A vector type of an instruction set is only made by code that the choice below has let in.
+//! Code that is generic in the vector type is compiled once for each instruction set, in the function below that carries
+//! it (`run_avx512`, `run_avx2`). Whatever works on vectors must be inlined into that function: a call would leave the
+//! instruction set. A vector type of an instruction set is only made by code that `InstructionSet` has let in.
 #![allow(unsafe_code)]
 
 #[cfg(target_arch = "x86_64")]
@@ -219,20 +221,109 @@ pub trait Work {
     fn run<V: Vector>(self) -> Self::Result;
 }
 
-/// Do the work with the widest registers this processor has.
-pub fn dispatch<W: Work>(work: W) -> W::Result {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
     #[cfg(target_arch = "x86_64")]
-    {
-        if is_x86_feature_detected!("avx512f") {
-            // SAFETY: the processor has the features.
-            return unsafe { run_avx512(work) };
+    Avx512,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    Portable,
+}
+
+/// An instruction set that this processor has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InstructionSet(Kind); // private, so that only the functions below make one
+
+impl InstructionSet {
+    /// The one with the widest registers.
+    #[inline]
+    pub fn best() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx512f") {
+                return Self(Kind::Avx512);
+            }
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                return Self(Kind::Avx2);
+            }
         }
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            // SAFETY: the processor has the features.
-            return unsafe { run_avx2(work) };
+        Self(Kind::Portable)
+    }
+
+    /// All of them.
+    #[cfg(test)]
+    pub fn available() -> Vec<Self> {
+        let mut sets = vec![Self(Kind::Portable)];
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                sets.push(Self(Kind::Avx2));
+            }
+            if is_x86_feature_detected!("avx512f") {
+                sets.push(Self(Kind::Avx512));
+            }
+        }
+        sets
+    }
+
+    /// "avx512", "avx2" or "portable".
+    #[cfg(any(test, feature = "python"))]
+    pub fn name(self) -> &'static str {
+        match self.0 {
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx512 => "avx512",
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx2 => "avx2",
+            Kind::Portable => "portable",
         }
     }
-    work.run::<Portable>()
+
+    /// Do the work with this instruction set.
+    #[inline]
+    fn run<W: Work>(self, work: W) -> W::Result {
+        match self.0 {
+            // SAFETY: the processor has the features, or there would be no such set.
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx512 => unsafe { run_avx512(work) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Kind::Avx2 => unsafe { run_avx2(work) },
+            Kind::Portable => work.run::<Portable>(),
+        }
+    }
+}
+
+/// Do the work with the widest registers that this processor has.
+#[inline]
+pub fn dispatch<W: Work>(work: W) -> W::Result {
+    #[cfg(test)]
+    if let Some(set) = forced::instruction_set() {
+        return set.run(work);
+    }
+    InstructionSet::best().run(work)
+}
+
+/// Other instruction sets than the best one, for tests.
+#[cfg(test)]
+pub mod forced {
+    use super::InstructionSet;
+    use std::cell::Cell;
+
+    thread_local! {
+        static FORCED: Cell<Option<InstructionSet>> = const { Cell::new(None) };
+    }
+
+    pub(super) fn instruction_set() -> Option<InstructionSet> {
+        FORCED.get()
+    }
+
+    /// Call the function with everything that this thread dispatches meanwhile done by one instruction set.
+    pub fn with<R>(set: InstructionSet, function: impl FnOnce() -> R) -> R {
+        FORCED.set(Some(set));
+        let result = function();
+        FORCED.set(None);
+        result
+    }
 }
 
 #[cfg(target_arch = "x86_64")]

@@ -2,10 +2,10 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Options side by side: two registers of eight hide the latency of a recurrence.
+/// The number of options side by side; chosen: two registers of eight hide the latency of a recurrence.
 pub const LANES: usize = 16;
 
-/// One number per option; the builds differ in how many lie in a register.
+/// One number per option; instruction sets differ in how many of them lie in a register.
 pub trait Vector:
     Copy
     + Add<Output = Self>
@@ -18,19 +18,19 @@ pub trait Vector:
     fn all(x: f64) -> Self;
     /// One number per lane.
     fn from_lanes(x: [f64; LANES]) -> Self;
-    /// The numbers.
+    /// The numbers of all lanes.
     fn lanes(self) -> [f64; LANES];
     /// The number of one lane, below `LANES`.
     fn lane(&self, lane: usize) -> f64;
     /// `self` b + c, rounded once where the processor can.
     fn times_plus(self, b: Self, c: Self) -> Self;
-    /// The smaller.
+    /// The smaller number of each lane.
     fn min(self, other: Self) -> Self;
-    /// The larger.
+    /// The larger number of each lane.
     fn max(self, other: Self) -> Self;
-    /// The absolute value.
+    /// The absolute value of each lane.
     fn abs(self) -> Self;
-    /// The square root.
+    /// The square root of each lane.
     fn sqrt(self) -> Self;
     /// `yes` where `self` < 0, else `no`.
     fn negative(self, yes: Self, no: Self) -> Self;
@@ -71,6 +71,20 @@ pub trait Part<V> {
     type Result;
     /// Do it; must be inlined, to be compiled for the instruction set.
     fn run(self) -> Self::Result;
+}
+
+/// The sum of all lanes, always in the same order.
+#[inline(always)]
+pub fn sum_of_lanes<V: Vector>(values: V) -> f64 {
+    let mut lanes = values.lanes();
+    let mut width = LANES / 2;
+    while width > 0 {
+        for k in 0..width {
+            lanes[k] += lanes[k + width];
+        }
+        width /= 2;
+    }
+    lanes[0]
 }
 
 /// Implement `Vector` for an array of registers from the operations on one; written out, for nothing here may remain a call.

@@ -1,21 +1,21 @@
 """The option contract: what the holder may do and what it pays."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
 
 import numpy as np
 
+from pricing_core.american.contracts.fields import (
+    EXERCISE,
+    EXERCISE_START,
+    EXERCISE_TIMES,
+    EXPIRY,
+    OPTION_TYPE,
+    STRIKE,
+    Exercise,
+    OptionType,
+)
 from pricing_core.errors import InvalidInputError, Told
-
-OptionType: TypeAlias = Literal["put", "call"]
-Exercise: TypeAlias = Literal["american", "european", "bermudan"]
-OPTION_TYPES = ("put", "call")
-EXERCISES = ("american", "european", "bermudan")
-LARGEST_EXPIRY = 200.0  # years
-MOST_EXERCISE_TIMES = 1000
-SMALLEST_MONEY, LARGEST_MONEY = 1e-30, 1e30  # for strike and, unless it is 0, spot
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +57,10 @@ class Option:
     exercise_start: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.option_type not in OPTION_TYPES:
-            raise InvalidInputError("option_type", self.option_type, '"put" or "call"')
-        if self.exercise not in EXERCISES:
-            raise InvalidInputError("exercise", self.exercise, '"american", "european" or "bermudan"')
-        object.__setattr__(self, "strike", real_number("strike", self.strike, SMALLEST_MONEY, LARGEST_MONEY))
-        object.__setattr__(self, "expiry", real_number("expiry", self.expiry, 0.0, LARGEST_EXPIRY))
+        OPTION_TYPE.check_choice(self.option_type)
+        EXERCISE.check_choice(self.exercise)
+        object.__setattr__(self, "strike", STRIKE.check(self.strike))
+        object.__setattr__(self, "expiry", EXPIRY.check(self.expiry))
         if self.exercise == "bermudan" or type(self.exercise_times) is not tuple or self.exercise_times:
             object.__setattr__(self, "exercise_times", self._checked_times())
         if self.exercise_start != 0.0 or not isinstance(self.exercise_start, float):
@@ -72,16 +70,15 @@ class Option:
         """Return the exercise times in order, each once."""
         times = self.exercise_times
         if not isinstance(times, Sequence | np.ndarray) or isinstance(times, str | bytes):
-            raise InvalidInputError("exercise_times", times, "a list of times")
+            raise InvalidInputError("exercise_times", times, EXERCISE_TIMES.allowed)
         if self.exercise != "bermudan":
             if len(times) == 0:
                 return ()
             raise InvalidInputError("exercise_times", list(times), 'empty unless exercise is "bermudan"')
-        if not 1 <= len(times) <= MOST_EXERCISE_TIMES:
-            raise InvalidInputError(
-                "exercise_times", Told(f"{len(times)} times"), f"1 to {MOST_EXERCISE_TIMES} times"
-            )
-        read = {real_number("exercise_times", time, 0.0, LARGEST_EXPIRY) for time in times}
+        most = EXERCISE_TIMES.most_entries
+        if not 1 <= len(times) <= most:
+            raise InvalidInputError("exercise_times", Told(f"{len(times)} times"), f"1 to {most} times")
+        read = {EXERCISE_TIMES.check(time) for time in times}
         for time in read:
             if not 0.0 < time <= self.expiry:
                 raise InvalidInputError(
@@ -90,7 +87,7 @@ class Option:
         return tuple(sorted(read))
 
     def _checked_start(self) -> float:
-        start = real_number("exercise_start", self.exercise_start, 0.0, LARGEST_EXPIRY)
+        start = EXERCISE_START.check(self.exercise_start)
         if start > self.expiry:
             raise InvalidInputError("exercise_start", start, f"at most the expiry, {self.expiry:g}")
         if start > 0.0 and self.exercise != "american":
@@ -105,45 +102,3 @@ class Option:
     def payoff(self, spot: float) -> float:
         """Return what exercise brings at `spot`, in money per unit of underlying (11.47)."""
         return max(self.strike - spot if self.is_put else spot - self.strike, 0.0)
-
-
-def real_number(
-    field: str,
-    value: object,
-    least: float = -math.inf,
-    most: float = math.inf,
-) -> float:
-    """Return `value` as a float if it is a finite number with least <= value <= most.
-
-    Raises
-    ------
-    InvalidInputError
-        It is not; the message names `field` and the range.
-    """
-    allowed = range_in_words(least, most)
-    if isinstance(value, (str, bytes, bool)) or value is None:
-        raise InvalidInputError(field, value, allowed)
-    if isinstance(value, np.generic) and value.dtype.kind not in "fiu":  # truth values, dates, durations
-        raise InvalidInputError(field, value, allowed)
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except Exception:  # whatever a stranger's __float__ raises, this is no number
-        raise InvalidInputError(field, value, allowed) from None
-    if not (math.isfinite(number) and least <= number <= most):
-        raise InvalidInputError(field, value, allowed)
-    return number
-
-
-def check_kind(field: str, value: object, kind: type, allowed: str) -> None:
-    """Raise InvalidInputError where an argument is of another kind."""
-    if not isinstance(value, kind):
-        raise InvalidInputError(field, value, allowed)
-
-
-def range_in_words(least: float, most: float) -> str:
-    """Return what a number must be, completing "must be ..."."""
-    if math.isfinite(least) and math.isfinite(most):
-        return f"a number from {least:g} to {most:g}"
-    if math.isfinite(least):
-        return f"a finite number >= {least:g}"
-    return "a finite number"

@@ -8,11 +8,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from pricing_core.american.contracts.contract import LARGEST_EXPIRY, real_number
+from pricing_core.american.contracts.field import Field
+from pricing_core.american.contracts.fields import KNOT_TIMES, KNOT_VALUES
 from pricing_core.errors import InvalidInputError, Told
-
-MOST_PIECES = 1000
-IN_WORDS = 'a number or {"times": [...], "values": [...]}'
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +39,8 @@ class PiecewiseConstant:
     values: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        times = _numbers("times", self.times)
-        values = _numbers("values", self.values)
+        times = _numbers(KNOT_TIMES, self.times)
+        values = _numbers(KNOT_VALUES, self.values)
         if len(times) != len(values):
             raise InvalidInputError(
                 "values", Told(f"{len(values)} values"), f"as many as there are times ({len(times)})"
@@ -76,28 +74,28 @@ class PiecewiseConstant:
 Curve: TypeAlias = float | PiecewiseConstant
 
 
-def read_curve(field: str, value: object, least: float, most: float) -> Curve:
+def read_curve(field: Field, value: object) -> Curve:
     """Return a number, or a curve that is none, as it is meant: a float where it is constant.
 
     Parameters
     ----------
+    field : Field
+        Its limits are those of each of the values.
     value : float, PiecewiseConstant, or mapping with "times" and "values"
-    least, most : float
-        What each of the values must lie between.
 
     Raises
     ------
     InvalidInputError
-        Naming `field`.
+        It is none of them, or a value lies outside the limits; the message names the field.
     """
     if isinstance(value, Mapping):
         if set(value) != {"times", "values"}:
-            raise InvalidInputError(field, dict(value), IN_WORDS)
-        value = _named(field, value)
+            raise InvalidInputError(field.name, dict(value), field.allowed)
+        value = _named(field.name, value)
     if not isinstance(value, PiecewiseConstant):
-        return real_number(field, value, least, most)
+        return field.check(value)
     for number in value.values:
-        real_number(f"{field}.values", number, least, most)
+        field.check(number, f"{field.name}.values")
     return value.values[0] if len(set(value.values)) == 1 else value
 
 
@@ -108,11 +106,12 @@ def _named(field: str, value: Mapping[str, object]) -> PiecewiseConstant:
         raise InvalidInputError(f"{field}.{fault.field}", fault.value, fault.allowed) from None
 
 
-def _numbers(field: str, values: object) -> tuple[float, ...]:
-    """Return a sequence of finite numbers, at least one and not too many."""
+def _numbers(field: Field, values: object) -> tuple[float, ...]:
+    """Return a sequence of numbers, at least one and not too many."""
     if not isinstance(values, Sequence | np.ndarray) or isinstance(values, str | bytes):
-        raise InvalidInputError(field, values, "a list of numbers")
-    if not 1 <= len(values) <= MOST_PIECES:
-        raise InvalidInputError(field, Told(f"{len(values)} entries"), f"1 to {MOST_PIECES} numbers")
-    limits = (0.0, 10.0 * LARGEST_EXPIRY) if field == "times" else (-math.inf, math.inf)
-    return tuple(real_number(field, value, *limits) for value in values)
+        raise InvalidInputError(field.name, values, "a list of numbers")
+    if not 1 <= len(values) <= field.most_entries:
+        raise InvalidInputError(
+            field.name, Told(f"{len(values)} entries"), f"1 to {field.most_entries} numbers"
+        )
+    return tuple(field.check(value) for value in values)

@@ -5,7 +5,7 @@ import re
 
 import numpy as np
 
-from pricing_core.american.contracts.contract import LARGEST_EXPIRY
+from pricing_core.american.contracts.fields import EXPIRY
 from pricing_core.errors import InvalidInputError
 
 SECONDS_PER_YEAR = 365.0 * 86_400.0
@@ -49,8 +49,8 @@ def expiry_from_dates(valuation_date: object, expiration_date: object) -> float:
         As `year_fraction`; the expiration lies before the valuation, or more than 200 years after it.
     """
     years = years_from(read_moment("valuation_date", valuation_date), "expiration_date", expiration_date)
-    if not 0.0 <= years <= LARGEST_EXPIRY:
-        allowed = f"at most {LARGEST_EXPIRY:g} years after valuation_date, and not before it"
+    if not EXPIRY.least <= years <= EXPIRY.most:
+        allowed = f"at most {EXPIRY.most:g} years after valuation_date, and not before it"
         raise InvalidInputError("expiration_date", str(expiration_date), allowed)
     return years
 

@@ -2,16 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pricing_core.american.contracts.contract import LARGEST_EXPIRY, LARGEST_MONEY, real_number
+from pricing_core.american.contracts.field import Field
+from pricing_core.american.contracts.fields import (
+    AMOUNT,
+    CASH_DIVIDENDS,
+    EX_TIME,
+    FRACTION,
+    PROPORTIONAL_DIVIDENDS,
+)
 from pricing_core.errors import SHOWN_CHARACTERS, InvalidInputError, Told
-
-MOST_DIVIDENDS = 1000
-LATEST = 10.0 * LARGEST_EXPIRY  # years
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +33,8 @@ class CashDividend:
     amount: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time", real_number("time", self.time, 0.0, LATEST))
-        object.__setattr__(self, "amount", real_number("amount", self.amount, 0.0, LARGEST_MONEY))
+        object.__setattr__(self, "time", EX_TIME.check(self.time))
+        object.__setattr__(self, "amount", AMOUNT.check(self.amount))
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +53,11 @@ class ProportionalDividend:
     fraction: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "time", real_number("time", self.time, 0.0, LATEST))
-        object.__setattr__(self, "fraction", real_number("fraction", self.fraction, 0.0, 1.0))
+        object.__setattr__(self, "time", EX_TIME.check(self.time))
+        object.__setattr__(self, "fraction", FRACTION.check(self.fraction))
+
+
+Dividend = TypeVar("Dividend", CashDividend, ProportionalDividend)
 
 
 def read_cash_dividends(value: object) -> tuple[CashDividend, ...]:
@@ -62,13 +68,7 @@ def read_cash_dividends(value: object) -> tuple[CashDividend, ...]:
     InvalidInputError
         Naming cash_dividends and what is wrong.
     """
-    read = [
-        entry
-        if isinstance(entry, CashDividend)
-        else CashDividend(*_fields("cash_dividends", i, entry, "amount"))
-        for i, entry in enumerate(_entries("cash_dividends", value))
-    ]
-    return tuple(sorted(read, key=lambda dividend: dividend.time))
+    return _read(CASH_DIVIDENDS, CashDividend, value)
 
 
 def read_proportional_dividends(value: object) -> tuple[ProportionalDividend, ...]:
@@ -79,38 +79,35 @@ def read_proportional_dividends(value: object) -> tuple[ProportionalDividend, ..
     InvalidInputError
         Naming proportional_dividends and what is wrong.
     """
-    field = "proportional_dividends"
+    return _read(PROPORTIONAL_DIVIDENDS, ProportionalDividend, value)
+
+
+def _read(field: Field, kind: type[Dividend], value: object) -> tuple[Dividend, ...]:
+    """Return the dividends of one kind in the order of time."""
+    if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str | bytes):
+        raise InvalidInputError(field.name, value, "a list of dividends")
+    if len(value) > field.most_entries:
+        raise InvalidInputError(
+            field.name, Told(f"{len(value)} entries"), f"at most {field.most_entries} dividends"
+        )
     read = [
-        entry
-        if isinstance(entry, ProportionalDividend)
-        else ProportionalDividend(*_fields(field, i, entry, "fraction"))
-        for i, entry in enumerate(_entries(field, value))
+        entry if isinstance(entry, kind) else kind(*_numbers(field, f"{field.name}[{i}]", entry))
+        for i, entry in enumerate(value)
     ]
     return tuple(sorted(read, key=lambda dividend: dividend.time))
 
 
-def _entries(field: str, value: object) -> Sequence[object] | NDArray[Any]:
-    if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str | bytes):
-        raise InvalidInputError(field, value, "a list of dividends")
-    if len(value) > MOST_DIVIDENDS:
-        raise InvalidInputError(field, Told(f"{len(value)} entries"), f"at most {MOST_DIVIDENDS} dividends")
-    return value
-
-
-def _fields(field: str, index: int, entry: object, what: str) -> tuple[float, float]:
-    """Return (time, amount or fraction) of a mapping, checked, faults named by their place in the list."""
+def _numbers(field: Field, place: str, entry: object) -> tuple[float, float]:
+    """Return (time, amount or fraction) of a mapping, checked; `place` names it in the list."""
+    time, _, size = field.entries
     if not isinstance(entry, Mapping):
-        raise InvalidInputError(f"{field}[{index}]", entry, f'{{"time": ..., "{what}": ...}}')
-    needed = {"time": "given, or ex_date where there is a valuation_date", what: "given"}
+        raise InvalidInputError(place, entry, field.allowed.removeprefix("a list of "))
+    needed = {time.name: "given, or ex_date where there is a valuation_date", size.name: "given"}
     for name, allowed in needed.items():
         if name not in entry:
-            raise InvalidInputError(f"{field}[{index}].{name}", Told("missing"), allowed)
+            raise InvalidInputError(f"{place}.{name}", Told("missing"), allowed)
     for name, value in entry.items():
         if name not in needed:
-            allowed = f"left out: a dividend has time and {what}"
-            raise InvalidInputError(f"{field}[{index}].{str(name)[:SHOWN_CHARACTERS]}", value, allowed)
-    most = LARGEST_MONEY if what == "amount" else 1.0
-    return (
-        real_number(f"{field}[{index}].time", entry["time"], 0.0, LATEST),
-        real_number(f"{field}[{index}].{what}", entry[what], 0.0, most),
-    )
+            allowed = f"left out: a dividend has time and {size.name}"
+            raise InvalidInputError(f"{place}.{str(name)[:SHOWN_CHARACTERS]}", value, allowed)
+    return time.check(entry[time.name], f"{place}.time"), size.check(entry[size.name], f"{place}.{size.name}")

@@ -1,4 +1,4 @@
-"""The life of an option cut at its events: flat stretches between curve knots, ex-times and exercise times.
+"""The life of an option cut at its events: segments between curve knots, ex-times and exercise times.
 
 In the escrowed model the spot here is S* = S - A(t), A(t) the present value of the cash dividends still due, which
 is lognormal and does not jump; exercise at t brings K - A(t) - S* (a put) or its negative (a call).
@@ -7,20 +7,21 @@ is lognormal and does not jump; exercise at t brings K - A(t) - S* (a put) or it
 import math
 from bisect import bisect_left
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.curves import Curve, PiecewiseConstant
-from pricing_core.american.contracts.market import FlatMarket, Market
+from pricing_core.american.contracts.market import Market
 from pricing_core.errors import InvalidInputError
 
-NEGLIGIBLE = 1e-10  # of the strike, or of the spot: a dividend that makes no difference
-SAME_TIME = 1e-12  # years, relative to the expiry: times closer than that are one
+# Largest dividend that makes no difference, as a share of the strike or of the spot; chosen.
+NEGLIGIBLE = 1e-10
+SAME_TIME = 1e-12  # Largest distance of two times that are one, as a share of the expiry; chosen.
 
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A stretch of time without events inside, and the event at its end.
+    """An interval of time without events inside, and the event at its end.
 
     Parameters
     ----------
@@ -28,13 +29,15 @@ class Segment:
         Years from now.
     rate, dividend_yield, volatility : float
     exercisable : bool
-        Whether the holder may exercise at every time of the stretch, both ends included.
+        Whether the holder may exercise at every time of the segment, both ends included.
     exercise_at_end : bool
         Whether the holder may exercise at its end, before the dividends there.
     fraction, amount : float
         The spot's drop at the end, s -> max(s (1 - fraction) - amount, 0). Escrowed: amount is 0.
     escrow : float
-        A at the end of the stretch, before the dividends there; e^{-rate (end - t)} as much at t. 0 in the spot model.
+        A at the end of the segment, before the dividends there; e^{-rate (end - t)} as much at t. 0 in the spot model.
+    due : float
+        Cash dividends at the end, money, in either model.
     """
 
     start: float
@@ -45,6 +48,7 @@ class Segment:
     exercisable: bool
     exercise_at_end: bool
     fraction: float
+    due: float
     amount: float
     escrow: float
 
@@ -54,7 +58,7 @@ class Segment:
         return self.end - self.start
 
     def escrow_at(self, time: float) -> float:
-        """Return A at `time` (years from now) in the stretch, money; at its end before the dividends there."""
+        """Return A at `time` (years from now) in the segment, money; at its end before the dividends there."""
         return self.escrow * math.exp(-self.rate * max(self.end - time, 0.0))
 
 
@@ -78,7 +82,7 @@ class Schedule:
 
 
 def make_schedule(option: Option, market: Market) -> Schedule:
-    """Cut the option's life, which must be longer than 0, at its events.
+    """Cut the option's life at its events; one that has expired is one segment of length 0.
 
     Raises
     ------
@@ -95,7 +99,7 @@ def make_schedule(option: Option, market: Market) -> Schedule:
     for curve in (market.rate, market.dividend_yield, market.volatility):
         if isinstance(curve, PiecewiseConstant):
             cuts.update(curve.knots(0.0, T))
-    ends = _distinct(sorted(cuts), T)
+    ends = _distinct(sorted(cuts), T) if T > 0.0 else [0.0]
     amounts = _by_end(ends, ((d.time, d.amount) for d in cash))
     fractions = _by_end(ends, ((d.time, d.fraction) for d in proportional))
     dates = _by_end(ends, ((time, 1.0) for time in option.exercise_times))
@@ -105,7 +109,6 @@ def make_schedule(option: Option, market: Market) -> Schedule:
     for k in reversed(range(len(ends))):
         start, end = ends[k - 1] if k else 0.0, ends[k]
         rate = _at(market.rate, 0.5 * (start + end))
-
         amount = math.fsum(amounts.get(k, ()))
         escrow = due + amount if escrowed else 0.0
         american = option.exercise == "american"
@@ -119,6 +122,7 @@ def make_schedule(option: Option, market: Market) -> Schedule:
                 exercisable=american and start >= option.exercise_start - SAME_TIME * T,
                 exercise_at_end=(american and end >= option.exercise_start - SAME_TIME * T) or k in dates,
                 fraction=1.0 - math.prod(1.0 - fraction for fraction in fractions.get(k, ())),
+                due=amount,
                 amount=0.0 if escrowed else amount,
                 escrow=escrow,
             )
@@ -153,20 +157,3 @@ def _distinct(times: list[float], expiry: float) -> list[float]:
     if expiry - kept[-1] <= SAME_TIME * expiry:
         kept[-1] = expiry
     return kept
-
-
-def without_events(option: Option, market: Market) -> tuple[Option, FlatMarket] | None:
-    """Return the same contract in a flat market, exercisable from now on or at expiry only; None if it is not that."""
-    flat = market.flat_until(option.expiry)
-    at_expiry_only = (
-        option.exercise == "european"
-        or (option.exercise == "bermudan" and option.exercise_times == (option.expiry,))
-        or 0.0 < option.exercise_start == option.expiry
-    )
-    if flat is None or (option.exercise == "bermudan" and not at_expiry_only):
-        return None
-    if option.exercise_start > 0.0 and not at_expiry_only:
-        return None
-    if at_expiry_only and option.exercise != "european":
-        option = replace(option, exercise="european", exercise_times=(), exercise_start=0.0)
-    return option, flat

@@ -6,27 +6,31 @@ from typing import Any
 
 import numpy as np
 
-from pricing_core.american.contracts.contract import Option, check_kind
-from pricing_core.american.contracts.curves import IN_WORDS as CURVE_IN_WORDS
+from pricing_core.american.contracts.checks import check_kind
+from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.dates import expiry_from_dates, read_moment, years_from
-from pricing_core.american.contracts.dividends import LATEST
+from pricing_core.american.contracts.fields import (
+    CONTRACT_FIELDS,
+    DIVIDEND_MODEL,
+    DIVIDEND_YIELD,
+    EX_TIME,
+    EXERCISE,
+    EXERCISE_START,
+    EXPIRY,
+    input_field,
+)
 from pricing_core.american.contracts.json_text import parse_cell
 from pricing_core.american.contracts.market import Market
 from pricing_core.errors import InvalidInputError
 
-REQUIRED = ("option_type", "spot", "strike", "rate", "volatility")
-OPTIONAL = (
-    *("expiry", "exercise_times", "exercise_start", "cash_dividends", "proportional_dividends"),
-    *("dividend_model", "valuation_date", "expiration_date"),
-)
-DATES = ("valuation_date", "expiration_date")
-DATE_KINDS = (str, dt.date, np.datetime64)  # what a date may be given as, where a number is none
-LISTS = {
-    "exercise_times": "a list of times",
-    "cash_dividends": 'a list of {"time": ..., "amount": ...}',
-    "proportional_dividends": 'a list of {"time": ..., "fraction": ...}',
-}
-NAMES = (*REQUIRED, "exercise", "dividend_yield", *OPTIONAL)
+NAMES = tuple(field.name for field in CONTRACT_FIELDS)
+# Fields with a default that a value of None or NaN does not stand for: it may be the trace of a fault.
+DEFAULTS = {field.name: field.default for field in (EXERCISE, DIVIDEND_YIELD)}
+REQUIRED = tuple(field.name for field in CONTRACT_FIELDS if field.required and field is not EXPIRY)
+OPTIONAL = tuple(name for name in NAMES if name not in REQUIRED and name not in DEFAULTS)
+DATES = tuple(field.name for field in CONTRACT_FIELDS if field.kind == "date")
+LISTS = tuple(field.name for field in CONTRACT_FIELDS if field.kind == "list")
+DATE_KINDS = (str, dt.date, np.datetime64)  # Types of dates; a number is none.
 
 
 def contract_from(contract: Mapping[str, Any]) -> tuple[Option, Market]:
@@ -116,9 +120,9 @@ def _option(given: Mapping[str, Any], expiry: Any, start: dt.datetime | None) ->
         given["option_type"],
         given["strike"],
         expiry,
-        given.get("exercise", "american"),
+        given.get("exercise", EXERCISE.default),
         _exercise_times(given, expiry, start),
-        _exercise_start(given.get("exercise_start", 0.0), expiry, start),
+        _exercise_start(given.get("exercise_start", EXERCISE_START.default), expiry, start),
     )
 
 
@@ -127,10 +131,10 @@ def _market(given: Mapping[str, Any], start: dt.datetime | None) -> Market:
         given["spot"],
         _curve("rate", given["rate"]),
         _curve("volatility", given["volatility"]),
-        _curve("dividend_yield", given.get("dividend_yield", 0.0)),
+        _curve("dividend_yield", given.get("dividend_yield", DIVIDEND_YIELD.default)),
         _timed("cash_dividends", given, start),
         _timed("proportional_dividends", given, start),
-        given.get("dividend_model", "spot"),
+        given.get("dividend_model", DIVIDEND_MODEL.default),
     )
 
 
@@ -175,7 +179,7 @@ def _unpacked(array: np.ndarray[Any, Any]) -> Any:
 def _curve(field: str, value: Any) -> Any:
     """Return a curve for its text; a number for what `Market` reads as one."""
     if isinstance(value, str) and value.lstrip().startswith("{"):
-        return parse_cell(field, value, CURVE_IN_WORDS)
+        return parse_cell(field, value, input_field(field).allowed)
     return value
 
 
@@ -183,7 +187,7 @@ def _listed(field: str, given: Mapping[str, Any]) -> Any:
     """Return a list for its text, () where there is none; what is no list is for the constructors to refuse."""
     value = given.get(field, ())
     if isinstance(value, str):
-        value = parse_cell(field, value, LISTS[field])
+        value = parse_cell(field, value, input_field(field).allowed)
     return value.item() if isinstance(value, np.generic) else value
 
 
@@ -209,4 +213,4 @@ def _with_time(place: str, entry: Mapping[str, Any], start: dt.datetime | None) 
     if start is None:
         raise InvalidInputError(place, ex_date, "left out, and time given, where there is no valuation_date")
     years = years_from(start, place, ex_date)
-    return {"time": min(max(years, 0.0), LATEST), **read}  # before now it has gone, as at 0
+    return {"time": min(max(years, 0.0), EX_TIME.most), **read}  # before now it has gone, as at 0

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.contracts.contract import LARGEST_EXPIRY, LARGEST_MONEY, SMALLEST_MONEY, check_kind
+from pricing_core.american.book.columns import as_numbers, broadcast_columns
+from pricing_core.american.contracts.checks import check_kind
+from pricing_core.american.contracts.fields import EXPIRY, STRIKE
 from pricing_core.american.contracts.market import Market
-from pricing_core.american.implied.volatility_pricers import ANY_VOLATILITY
-from pricing_core.american.tables.columns import as_numbers, broadcast_columns
+from pricing_core.american.implied.volatility_bounds import ANY_VOLATILITY
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import InvalidInputError
 
@@ -18,7 +19,7 @@ CONTRACTS = ("option_type", "strike", "expiry")
 PRICES = ("option_price", "bid", "ask")
 SHARED = ("spot", "rate")
 DIVIDENDS = ("cash_dividends", "proportional_dividends", "dividend_model")
-NARROWEST = 1e-9  # of the strike: a width that counts as none
+NARROWEST = 1e-9  # Smallest width of a quote that counts, in strikes; chosen.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,7 +98,7 @@ def read_chain(chain: Mapping[str, Any]) -> Chain:
     with np.errstate(all="ignore"):
         sound, price, width = _quotes(numbers)
     expiry = numbers["expiry"]
-    expiries = np.unique(expiry[(expiry > 0.0) & (expiry <= LARGEST_EXPIRY)])
+    expiries = np.unique(expiry[(expiry > 0.0) & (expiry <= EXPIRY.most)])
     sides = [np.flatnonzero(sound & (table["option_type"] == side)) for side in ("call", "put")]
     return Chain(expiries, _match(sides, numbers, price, width, expiries), market, market.rate, exercise)
 
@@ -118,9 +119,7 @@ def _check_names(chain: Mapping[str, Any]) -> None:
 def _quotes(numbers: Mapping[str, Vector]) -> tuple[BoolVector, Vector, Vector]:
     """Return which rows can be used, their prices and the widths of their quotes."""
     strike, expiry = numbers["strike"], numbers["expiry"]
-    sound = (
-        (strike >= SMALLEST_MONEY) & (strike <= LARGEST_MONEY) & (expiry > 0.0) & (expiry <= LARGEST_EXPIRY)
-    )
+    sound = (strike >= STRIKE.least) & (strike <= STRIKE.most) & (expiry > 0.0) & (expiry <= EXPIRY.most)
     if "option_price" in numbers:
         price = numbers["option_price"]
         return sound & (price > 0.0) & (price < np.inf), price, np.zeros_like(price)

@@ -8,23 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.contracts.contract import real_number
-from pricing_core.american.contracts.market import LARGEST_RATE, SMALLEST_RATE, Market
-from pricing_core.american.contracts.tolerances import (
-    DEFAULT_TOLERANCE,
-    LARGEST_TOLERANCE,
-    SMALLEST_TOLERANCE,
-)
+from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, DIVIDEND_YIELD, TOLERANCE
+from pricing_core.american.contracts.market import Market
 from pricing_core.american.implied.carry_pairs import DIVIDENDS, Chain, Pairs, read_chain
 from pricing_core.american.implied.implied_volatility_many import implied_volatility_many
 from pricing_core.american.price_many import price_many
 from pricing_core.arrays import BoolVector, Vector
 
-PAIRS = 8  # of an expiry, nearest the money
-MOST_PASSES = 20
-SETTLED = 2.0  # tolerances, of the spot, that a pass may change the forward by
-LEAST_SLOPE, LARGEST_SLOPE = -0.5, 0.8  # of a pass, that the secant believes
-ROBUST = 3.0 * 1.4826  # median absolute deviations: three standard deviations of a normal distribution
+PAIRS = 8  # Number of pairs of an expiry that are used, those nearest the money; chosen.
+MOST_PASSES = 20  # Largest number of trial yields; chosen.
+SETTLED = 2.0  # Largest change of the forward in the last pass, in tolerances times the spot; chosen.
+SMALLEST_SLOPE, LARGEST_SLOPE = -0.5, 0.8  # Limits of the slope that the secant believes; chosen.
+ROBUST = 3.0 * 1.4826  # Three standard deviations of a normal distribution, in median absolute deviations.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +53,7 @@ class ImpliedCarry:
 
 
 class _Carry(NamedTuple):
-    """Of one expiry: what is known of its stock, the spot without yield and dividends up to expiry."""
+    """What is known of the stock of one expiry, the spot without yield and dividends up to then."""
 
     forward: float = math.nan
     dividend_yield: float = math.nan
@@ -110,7 +105,7 @@ def implied_carry(
     >>> carry.dividend_yield.round(4).tolist(), carry.forward.round(2).tolist()
     ([0.03], [102.02])
     """
-    tolerance = real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+    tolerance = TOLERANCE.check(tolerance)
     read = read_chain(chain)
     carries = [
         _carry(read, read.pairs.take(read.pairs.group == group), expiry, tolerance, threads)
@@ -169,7 +164,7 @@ def _carry(chain: Chain, pairs: Pairs, expiry: float, tolerance: float, threads:
         if abs(change) <= SETTLED * tolerance * market.spot:
             return _inside(estimate)
         slope = (found - before[1]) / (here - before[0])
-        slope = 0.0 if math.isnan(slope) else min(max(slope, LEAST_SLOPE), LARGEST_SLOPE)
+        slope = 0.0 if math.isnan(slope) else min(max(slope, SMALLEST_SLOPE), LARGEST_SLOPE)
         there = _clipped(here + (found - here) / (1.0 - slope))
         if there == here:
             break
@@ -179,13 +174,13 @@ def _carry(chain: Chain, pairs: Pairs, expiry: float, tolerance: float, threads:
 
 def _inside(estimate: _Carry) -> _Carry:
     """Return the estimate if its yield is one that a market may have."""
-    if estimate.status == "ok" and not SMALLEST_RATE <= estimate.dividend_yield <= LARGEST_RATE:
+    if estimate.status == "ok" and estimate.dividend_yield != _clipped(estimate.dividend_yield):
         return _Carry(status="no_convergence")
     return estimate
 
 
 def _clipped(dividend_yield: float) -> float:
-    return min(max(dividend_yield, SMALLEST_RATE), LARGEST_RATE)
+    return min(max(dividend_yield, DIVIDEND_YIELD.least), DIVIDEND_YIELD.most)
 
 
 def _premiums(
@@ -207,7 +202,7 @@ def _premiums(
     volatility = implied["volatility"].reshape(2, count).mean(axis=0)
     identified = np.isfinite(volatility)
     columns["volatility"] = np.tile(np.where(identified, volatility, np.nan), 2)
-    table = price_many(columns, tolerance=tolerance, greeks=False, threads=threads)
+    table = price_many(columns, tolerance=tolerance, greeks="none", threads=threads)
     call, put = table["early_exercise_premium"].reshape(2, count)
     return identified & np.isfinite(call) & np.isfinite(put), call - put
 

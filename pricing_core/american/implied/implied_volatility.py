@@ -2,18 +2,17 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pricing_core.american.contracts.contract import Option, check_kind, real_number
+from pricing_core.american.book.book import Book
+from pricing_core.american.contracts.checks import check_kind
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.fields import ASK, BID, DEFAULT_TOLERANCE, OPTION_PRICE, TOLERANCE
 from pricing_core.american.contracts.market import Market
-from pricing_core.american.contracts.tolerances import (
-    DEFAULT_TOLERANCE,
-    LARGEST_TOLERANCE,
-    SMALLEST_TOLERANCE,
-    check_moneyness,
-)
+from pricing_core.american.contracts.tolerances import check_moneyness
+from pricing_core.american.implied.volatility_bounds import ANY_VOLATILITY
 from pricing_core.american.implied.volatility_pricers import find_volatilities
 from pricing_core.american.implied.volatility_search import STATUSES, ImpliedStatus
 from pricing_core.errors import InvalidInputError
@@ -101,12 +100,14 @@ def implied_volatility(
     >>> round(found.volatility, 4), round(found.european_price, 4), found.status
     (0.2, 5.5736, 'ok')
     """
-    tolerance = real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+    tolerance = TOLERANCE.check(tolerance)
     check_kind("option", option, Option, "an Option")
     check_kind("market", market, Market, "a Market")
     check_moneyness(option, market.spot)
     prices = _observed(option_price, bid, ask)
-    found = find_volatilities(option, market, np.array(prices), tolerance, interrupt)
+    contract = option, replace(market, volatility=ANY_VOLATILITY)
+    book = Book.of([contract]).take(np.zeros(len(prices), dtype=np.intp))
+    found = find_volatilities(book, np.array(prices), np.full(len(prices), tolerance), interrupt)
     sides = [_number(number) for number in found.volatility[1:]] or [None, None]
     return ImpliedVolatility(
         volatility=_number(found.volatility[0]),
@@ -125,11 +126,11 @@ def _observed(option_price: object, bid: object, ask: object) -> list[float]:
     if option_price is not None:
         if bid is not None or ask is not None:
             raise InvalidInputError("option_price", option_price, "left out where bid and ask are given")
-        return [real_number("option_price", option_price, 0.0)]
+        return [OPTION_PRICE.check(option_price)]
     if bid is None or ask is None:
         missing = "option_price" if bid is None and ask is None else ("bid" if bid is None else "ask")
         raise InvalidInputError(missing, None, "given, option_price alone or both bid and ask")
-    low, high = real_number("bid", bid, 0.0), real_number("ask", ask, 0.0)
+    low, high = BID.check(bid), ASK.check(ask)
     if high == 0.0 or low > high:
         raise InvalidInputError("ask", ask, f"above 0 and at least the bid, {low:g}")
     return [0.5 * (low + high), low, high]

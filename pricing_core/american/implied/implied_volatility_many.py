@@ -1,25 +1,31 @@
 """The implied volatilities of a table of quotes, one status per row."""
 
-from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.contracts.contract import check_kind, real_number
-from pricing_core.american.contracts.tolerances import (
-    DEFAULT_TOLERANCE,
-    LARGEST_TOLERANCE,
-    SMALLEST_TOLERANCE,
+from pricing_core.american.book.columns import as_numbers, broadcast_columns, plain
+from pricing_core.american.book.reading import ReadBook, read_book
+from pricing_core.american.contracts.checks import check_kind
+from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE, input_field
+from pricing_core.american.engines.solve import mapped
+from pricing_core.american.implied.volatility_bounds import ANY_VOLATILITY
+from pricing_core.american.implied.volatility_pricers import find_volatilities
+from pricing_core.american.implied.volatility_search import (
+    INVALID,
+    STATUSES,
+    FoundVolatilities,
+    nothing_found,
 )
-from pricing_core.american.implied.volatility_pricers import ANY_VOLATILITY, find_in_book, find_with_events
-from pricing_core.american.implied.volatility_search import INVALID, STATUSES, Found, nothing_found
-from pricing_core.american.price_many import CHUNK, SMALLEST_CHUNK, checked_threads
-from pricing_core.american.tables.book import Book, read_book
-from pricing_core.american.tables.columns import as_numbers, broadcast_columns, plain
+from pricing_core.american.price_many import checked_threads
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError
+
+# Number of contracts searched at a time, so that their columns stay in the cache; measured.
+LARGEST_CHUNK = 16384
+SMALLEST_CHUNK = 256  # Number of contracts: fewer are not worth a thread; measured.
 
 
 def implied_volatility_many(
@@ -66,24 +72,23 @@ def implied_volatility_many(
     >>> table["volatility"].round(3).tolist(), table["status"].tolist()
     ([0.197, 0.2, nan], ['ok', 'ok', 'not_identifiable'])
     """
-    real_number("tolerance", tolerance, SMALLEST_TOLERANCE, LARGEST_TOLERANCE)
+    TOLERANCE.check(tolerance)
     check_kind("columns", columns, Mapping, "a mapping of names to columns")
     workers = checked_threads(threads)
     cells, sides = _observed(option_price, bid, ask)
     count = sides.shape[1]
-    book, reasons = read_book({**columns, "volatility": ANY_VOLATILITY}, tolerance)
-    if book.spot.size == 1 and count != 1:  # one contract, many prices
-        book, reasons = read_book({**columns, "volatility": np.full(count, ANY_VOLATILITY)}, tolerance)
-    rows = book.spot.size
-    if count not in (1, rows):
+    read = read_book({**columns, "volatility": ANY_VOLATILITY}, tolerance)
+    if read.count == 1 and count != 1:  # one contract, many prices
+        read = read_book({**columns, "volatility": np.full(count, ANY_VOLATILITY)}, tolerance)
+    if count not in (1, read.count):
         raise InvalidInputError(
-            "option_price, bid, ask", f"{count} rows", f"one, or as many as columns: {rows}"
+            "option_price, bid, ask", f"{count} rows", f"one, or as many as columns: {read.count}"
         )
-    cells = {name: np.broadcast_to(column, (rows,)) for name, column in cells.items()}
-    sides = np.broadcast_to(sides, (sides.shape[0], rows))
-    reasons |= _faults(cells, sides, reasons)
-    found = [_find(book, prices, list(reasons), workers) for prices in sides]
-    return _table(found, {row: str(fault) for row, fault in sorted(reasons.items())})
+    cells = {name: np.broadcast_to(column, (read.count,)) for name, column in cells.items()}
+    sides = np.broadcast_to(sides, (sides.shape[0], read.count))
+    faults = read.faults | _faults(cells, sides, read.faults)
+    found = [_find(read, prices, [*faults], workers) for prices in sides]
+    return _table(found, {row: str(fault) for row, fault in sorted(faults.items())})
 
 
 def _observed(option_price: Any, bid: Any, ask: Any) -> tuple[dict[str, NDArray[Any]], NDArray[np.float64]]:
@@ -120,41 +125,30 @@ def _faults(
 
 def _fault(quote: Mapping[str, Any]) -> InvalidInputError:
     try:
-        numbers = {name: real_number(name, cell, 0.0) for name, cell in quote.items()}
+        numbers = {name: input_field(name).check(cell) for name, cell in quote.items()}
     except InvalidInputError as fault:
         return fault
     return InvalidInputError("ask", quote["ask"], f"above 0 and at least the bid, {numbers['bid']:g}")
 
 
-def _find(book: Book, prices: Vector, refused: list[int], workers: int) -> Found:
+def _find(read: ReadBook, prices: Vector, refused: list[int], workers: int) -> FoundVolatilities:
     """Search every row that is not refused."""
     found = nothing_found(prices.size, INVALID)
     wanted = np.ones(prices.size, dtype=bool)
     wanted[refused] = False
-    special = np.array([row for row in book.events if wanted[row]], dtype=np.intp)
-    wanted[special] = False
-    rows = np.flatnonzero(wanted)
-    size = min(CHUNK, max(SMALLEST_CHUNK, -(-rows.size // workers)))
-    parts = [rows[start : start + size] for start in range(0, rows.size, size)]
-    _each(parts, lambda part: found.store(part, find_in_book(book.take(part), prices[part])), workers)
-    if special.size:
-        contracts = [book.events[row] for row in special.tolist()]
-        tolerance = book.tolerance[special]
-        found.store(special, find_with_events(contracts, prices[special], tolerance, threads=workers))
+    places = np.flatnonzero(wanted[read.rows])
+    size = min(LARGEST_CHUNK, max(SMALLEST_CHUNK, -(-places.size // workers)))
+    parts = [places[start : start + size] for start in range(0, places.size, size)]
+
+    def search(part: NDArray[np.intp]) -> None:
+        rows = read.rows[part]
+        found.store(rows, find_volatilities(read.book.take(part), prices[rows], read.tolerance[part]))
+
+    mapped(search, parts, workers)
     return found
 
 
-def _each(tasks: list[Any], do: Callable[[Any], None], workers: int) -> None:
-    """Do the tasks, which write to rows of their own, on as many threads."""
-    if workers == 1 or len(tasks) < 2:
-        for task in tasks:
-            do(task)
-        return
-    with ThreadPoolExecutor(workers) as pool:  # the kernel and NumPy release the interpreter
-        list(pool.map(do, tasks))
-
-
-def _table(sides: list[Found], messages: Mapping[int, str]) -> dict[str, NDArray[Any]]:
+def _table(sides: list[FoundVolatilities], messages: Mapping[int, str]) -> dict[str, NDArray[Any]]:
     """Return the columns of the result; `sides` holds prices, or mids, bids and asks."""
     middle = sides[0]
     message = np.full(middle.status.size, "", dtype=object)

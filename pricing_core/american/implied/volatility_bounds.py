@@ -1,24 +1,32 @@
 """What an option may cost at volatilities from zero to infinity."""
 
-import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
-from pricing_core.american.contracts.schedule import Schedule
-from pricing_core.american.events.certain_schedule import certain_value
-from pricing_core.american.tables.book import Book
+from pricing_core.american.book.book import Book, Rows
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.market import Market
+from pricing_core.american.engines.certain import certain_value
 from pricing_core.arrays import BoolVector, Vector
 
+ANY_VOLATILITY = 0.2  # Volatility, 1/sqrt(year), that stands in for the one that is looked for.
 
-class PriceBounds(NamedTuple):
-    """Every field has shape (n,); money per unit of underlying.
 
-    `lower` is the value at volatility 0, `upper` what the value tends to as the volatility grows;
-    `european_lower` and `european_upper` are those of the option without early exercise, and `out_of_the_money` is
-    its ln(F/K) for a put, ln(K/F) for a call, F the forward. `at_once` tells whether exercise now is best at
-    volatility 0, and brings something.
+@dataclass(frozen=True, slots=True, eq=False)
+class PriceBounds:
+    """Bounds of n options; money per unit of underlying, every field of shape (n,).
+
+    Parameters
+    ----------
+    lower, european_lower : Vector
+        The value at volatility 0, and that of the option without early exercise.
+    upper, european_upper : Vector
+        What these tend to as the volatility grows.
+    out_of_the_money : Vector
+        ln(F/K) for a put, ln(K/F) for a call, F the forward.
+    at_once : bool array
+        Whether exercise now is best at volatility 0, and brings something.
     """
 
     lower: Vector
@@ -28,81 +36,76 @@ class PriceBounds(NamedTuple):
     out_of_the_money: Vector
     at_once: BoolVector
 
-
-def join_bounds(bounds: Sequence[PriceBounds]) -> PriceBounds:
-    """Return the bounds of several options as one."""
-    numbers = np.array([part[:5] for part in bounds], dtype=np.float64).reshape(-1, 5)
-    lower, upper, european_lower, european_upper, out_of_the_money = numbers.T
-    at_once = np.array([part.at_once[0] for part in bounds], dtype=bool)
-    return PriceBounds(lower, upper, european_lower, european_upper, out_of_the_money, at_once)
+    def take(self, rows: Rows) -> "PriceBounds":
+        """Return those of some of the options."""
+        return PriceBounds(*(getattr(self, name)[rows] for name in self.__slots__))
 
 
-def book_bounds(book: Book) -> PriceBounds:
-    """Return the bounds of options without events; NaN in rows that hold NaN.
-
-    At volatility 0 the option is exercised at the best time, now, at expiry or where r K e^{-rt} = q S e^{-qt}. A
-    put costs at most K, a call S, with interest to the best time: K max(1, e^{-rT}) and S max(1, e^{-qT}), European
-    K e^{-rT} and S e^{-qT} (Merton 1973).
-    """
-    S, K, T, rate, dividend_yield = book.spot, book.strike, book.expiry, book.rate, book.dividend_yield
-    sign = np.where(book.is_put, 1.0, -1.0)
-
-    def exercised_at(t: Vector) -> Vector:
-        return np.maximum(sign * (K * np.exp(-rate * t) - S * np.exp(-dividend_yield * t)), 0.0)
-
-    with np.errstate(all="ignore"):
-        at_expiry, at_once = exercised_at(T), exercised_at(np.zeros_like(T))
-        stationary = np.log(dividend_yield * S / (rate * K)) / (dividend_yield - rate)
-        between = (stationary > 0.0) & (stationary < T)
-        best = np.maximum(at_once, np.where(between, exercised_at(np.where(between, stationary, 0.0)), 0.0))
-        lower = np.where(book.is_american, np.maximum(best, at_expiry), at_expiry)
-        bond, stock = np.exp(-rate * T), np.exp(-dividend_yield * T)
-        european_upper = np.where(book.is_put, K * bond, S * stock)
-        most = np.where(book.is_put, K, S)
-        upper = np.where(book.is_american, np.maximum(most, european_upper), european_upper)
-        forward = np.log(S / K) + (rate - dividend_yield) * T
-    certain = (T == 0.0) | (S == 0.0)
-    return PriceBounds(
-        lower,
-        np.where(certain, lower, upper),
-        at_expiry,
-        european_upper,
-        sign * forward,
-        book.is_american & (at_once > 0.0) & (at_once >= lower),
-    )
-
-
-def schedule_bounds(schedule: Schedule) -> PriceBounds:
-    """Return the bounds of one option with events, as vectors of one entry.
+def bounds_of(book: Book) -> PriceBounds:
+    """Return the bounds of the contracts, whose volatilities are ignored.
 
     At volatility 0 the spot is certain. At infinite volatility it goes to 0 on almost every path: a put brings the
-    strike, less the escrow; a call is worth the spot, less the fractions and the yield paid before exercise.
+    strike, less the escrow, a call the spot, less the fractions and the yield paid before exercise, each with interest
+    to the best time; European ones with interest to expiry (Merton 1973).
     """
-    sign = 1.0 if schedule.is_put else -1.0
-    first, held = schedule.segments[0], 0.0 if schedule.is_put else schedule.spot
-    european_lower, lower = certain_value(schedule, exercise=False), certain_value(schedule)
-    now = first.escrow_at(0.0)
-    at_once = sign * (schedule.strike - schedule.spot - now) if first.exercisable else 0.0
-    upper, discount, share, spot = 0.0, 1.0, 1.0, schedule.spot
-    for segment in schedule.segments:
-        before = (discount, share)
-        discount *= math.exp(-segment.rate * segment.duration)
-        share *= math.exp(-segment.dividend_yield * segment.duration)
-        escrow = discount * segment.escrow  # worth today the same at every time of the segment
-        times = [before, (discount, share)] if segment.exercisable else [(discount, share)]
-        if segment.exercisable or segment.exercise_at_end:
-            most = max(sign * (bond * schedule.strike - escrow) for bond, _ in times)
-            upper = max(upper, max(most, 0.0) + held * max(kept for _, kept in times))
-        share *= 1.0 - segment.fraction
-        spot *= math.exp((segment.rate - segment.dividend_yield) * segment.duration)
-        spot = max(spot * (1.0 - segment.fraction) - segment.amount, 0.0)
-    european_upper = discount * schedule.strike if schedule.is_put else held * share
-    forward = math.log(spot / schedule.strike) if spot > 0.0 else -math.inf
+    segments, sign, K, count = book.segments, book.sign, book.strike, book.count
+    lower, european_lower = certain_value(book), certain_value(book.european())
+    start = book.spot - book.escrow_now()
+    spot, held = start.copy(), np.where(book.is_put, 0.0, start)
+    discount, share, upper = np.ones(count), np.ones(count), np.zeros(count)
+    duration, escrow, drops = segments.duration, book.escrow(), book.drops()
+    with np.errstate(all="ignore"):
+        for rows, at in book.by_place():
+            h, exercisable = duration[at], segments.exercisable[at]
+            before = discount[rows], share[rows]
+            after = (
+                before[0] * np.exp(-segments.rate[at] * h),
+                before[1] * np.exp(-segments.dividend_yield[at] * h),
+            )
+            due = after[0] * escrow[at]  # worth today the same at every time of the segment
+            bond = sign[rows] * (after[0] * K[rows] - due)
+            earlier = np.where(exercisable, sign[rows] * (before[0] * K[rows] - due), bond)
+            stock = np.maximum(after[1], np.where(exercisable, before[1], 0.0))
+            most = np.maximum(np.maximum(bond, earlier), 0.0) * (sign[rows] > 0.0) + held[rows] * stock
+            allowed = exercisable | segments.exercise_at_end[at]
+            upper[rows] = np.maximum(upper[rows], np.where(allowed, most, 0.0))
+            discount[rows], share[rows] = after[0], after[1] * (1.0 - segments.fraction[at])
+            grown = spot[rows] * np.exp((segments.rate[at] - segments.dividend_yield[at]) * h)
+            spot[rows] = np.maximum(grown * (1.0 - segments.fraction[at]) - drops[at], 0.0)
+        european_upper = np.where(book.is_put, K * discount, held * share)
+        forward = np.log(spot / K)
+    now = np.where(book.first_segments().exercisable, sign * (K - book.spot), 0.0)
+    certain = (start == 0.0) | (book.expiry == 0.0)
     return PriceBounds(
-        np.array([lower]),
-        np.array([max(upper, european_upper) if schedule.spot > 0.0 else lower]),
-        np.array([european_lower]),
-        np.array([european_upper]),
-        np.array([sign * forward]),
-        np.array([0.0 < at_once >= lower]),
+        lower,
+        np.where(certain, lower, np.maximum(upper, european_upper)),
+        european_lower,
+        european_upper,
+        sign * forward,
+        (now > 0.0) & (now >= lower),
     )
+
+
+def price_bounds(option: Option, market: Market) -> tuple[float, float]:
+    """Return the value at volatility 0, and what the value tends to as the volatility grows; money.
+
+    Parameters
+    ----------
+    option : Option
+    market : Market
+        Its volatility is ignored.
+
+    Raises
+    ------
+    InvalidInputError
+        Escrowed dividends are worth the spot or more.
+
+    Examples
+    --------
+    A put that is exercised now brings 10, and no volatility makes it worth its strike (Merton 1973):
+
+    >>> price_bounds(Option("put", 100.0, 1.0), Market(spot=90.0, rate=0.05, volatility=0.2))
+    (10.0, 100.0)
+    """
+    bounds = bounds_of(Book.of([(option, market)]))
+    return bounds.lower.item(), bounds.upper.item()

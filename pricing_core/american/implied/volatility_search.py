@@ -13,8 +13,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.contracts.market import LARGEST_VOLATILITY
-from pricing_core.american.contracts.tolerances import SMALLEST_TOLERANCE
+from pricing_core.american.book.prices import Prices
+from pricing_core.american.contracts.fields import TOLERANCE, VOLATILITY
 from pricing_core.american.implied.volatility_targets import (
     Coordinate,
     Targets,
@@ -35,45 +35,30 @@ STATUSES: tuple[ImpliedStatus, ...] = (
     "invalid_input",
 )
 OK, BELOW, ABOVE, NOT_IDENTIFIABLE, NO_CONVERGENCE, INVALID, NOT_SERVED, OPEN = range(8)
-MOST_PRICINGS = 60
-PATIENCE = 6  # pricings; from then on every other step halves the bracket, or widens it
-ROUNDING = 1e-12  # of strike and spot: what a price may miss its bounds by
-COARSE = 1e-4  # tolerance of the first prices
-COARSE_SHARE = 0.05  # of the time value that their tolerance may be
-COARSE_GAIN = 4.0  # tolerances of the last prices: a coarse one that is less is not worth a stage of its own
-COARSE_REACH = 4.0  # coarse tolerances between price and target at which the coarse stage has done its work
-FINE_SHARE = 0.25  # of the tolerance, for the last prices
-GAP_SHARE = 0.5  # of the tolerance, for the distance of price and target
-GAP_OF_TIME_VALUE = 0.05  # the same, of the time value: a small one deserves a volatility, too
-LARGEST_ERROR = 10.0  # tolerances, of a price that is believed; what it is is stated
-FIRST_SLOPE = 2.0  # of y over the volatility, next to the exercise region
-LARGEST_FACTOR = 3.0  # of the volatility in a step without Newton and bracket
-LARGEST_NEWTON = 2.5  # change of the volatility's logarithm in a Newton step
-NARROWEST_BRACKET = 1e-10  # relative
+MOST_PRICINGS = 60  # Largest number of prices for one volatility; chosen.
+PATIENCE = 6  # Number of prices from which every other step halves or widens the bracket; chosen.
+ROUNDING = 1e-12  # Largest distance of a price to its bounds that is rounding, over strike plus spot; chosen.
+COARSE = 1e-4  # Tolerance of the first prices, in strikes; calibrated.
+COARSE_SHARE = 0.05  # Largest tolerance of the first prices, as a share of the time value; calibrated.
+COARSE_GAIN = 4.0  # Smallest coarse tolerance over the fine one that is worth a stage of its own; calibrated.
+# Distance of price and target, in coarse tolerances, that ends the coarse stage; calibrated.
+COARSE_REACH = 4.0
+FINE_SHARE = 0.25  # Tolerance of the last prices, as a share of the one asked for; chosen.
+GAP_SHARE = 0.5  # Largest distance of price and target, as a share of the tolerance; chosen.
+GAP_OF_TIME_VALUE = 0.05  # The same as a share of the time value, where that is small; chosen.
+LARGEST_ERROR = 10.0  # Largest error of a price that is believed, in tolerances; chosen.
+FIRST_SLOPE = 2.0  # Slope to begin with next to the exercise region, in y over the volatility; calibrated.
+LARGEST_FACTOR = 3.0  # Largest factor of the volatility in a step without Newton and bracket; chosen.
+LARGEST_NEWTON = 2.5  # Largest change of ln(volatility) in a Newton step; chosen.
+NARROWEST_BRACKET = 1e-10  # Relative width of a bracket that is closed; chosen.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Prices:
-    """A pricer's answer, every field of shape (n,); NaN where it does not serve the option.
-
-    Parameters
-    ----------
-    value, european, vega, error : Vector
-        As in `pricing_core.american.Valuation`; vega is NaN where it is not asked for, or costs too much.
-    """
-
-    value: Vector
-    european: Vector
-    vega: Vector
-    error: Vector
-
-
-# Prices some of the options, at volatilities, to tolerances, with or without vega.
+# Prices some of the options, at volatilities, to tolerances, with or without vega; NaN where it does not serve one.
 Pricer: TypeAlias = Callable[[NDArray[np.intp], Vector, Vector, bool], Prices]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class FoundVolatilities:
     """What came of the search; every field has shape (n,).
 
     Parameters
@@ -92,17 +77,19 @@ class Found:
     error: Vector
     pricings: NDArray[np.int64]
 
-    def store(self, rows: NDArray[np.intp], part: "Found") -> None:
+    def store(self, rows: NDArray[np.intp], part: "FoundVolatilities") -> None:
         """Put in what was found of some of the rows elsewhere."""
-        for name in Found.__slots__:
+        for name in FoundVolatilities.__slots__:
             getattr(self, name)[rows] = getattr(part, name)
 
 
-def nothing_found(count: int, status: int) -> Found:
+def nothing_found(count: int, status: int) -> FoundVolatilities:
     """Return the result of so many rows before, or without, a search."""
     volatility, price, european, error = np.full((4, count), np.nan)
     pricings = np.zeros(count, dtype=np.int64)
-    return Found(np.full(count, status, dtype=np.int8), volatility, price, european, error, pricings)
+    return FoundVolatilities(
+        np.full(count, status, dtype=np.int8), volatility, price, european, error, pricings
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +113,7 @@ class _State:
     is_fine: BoolVector
 
 
-def search(targets: Targets, price_at: Pricer) -> Found:
+def search(targets: Targets, price_at: Pricer) -> FoundVolatilities:
     """Find the volatilities, 0 to 15, at which the prices are met to the tolerance.
 
     Each price is the pricer's to a quarter of the tolerance, 1e-8 at best, and met within half the tolerance, or a
@@ -157,7 +144,7 @@ def search(targets: Targets, price_at: Pricer) -> Found:
     return found
 
 
-def _settled_by_bounds(targets: Targets) -> Found:
+def _settled_by_bounds(targets: Targets) -> FoundVolatilities:
     """Return the statuses that the bounds settle."""
     found = nothing_found(targets.price.size, OPEN)
     rounding = ROUNDING * (targets.spot + targets.strike)
@@ -172,12 +159,12 @@ def _start(targets: Targets, coordinate: Coordinate) -> _State:
     count = targets.price.size
     goal, _ = coordinate.of(np.arange(count), targets.share(np.arange(count), targets.price))
     time_value = (targets.price - targets.bounds.lower) / targets.strike
-    fine = np.maximum(FINE_SHARE * targets.tolerance, SMALLEST_TOLERANCE)
+    fine = np.maximum(FINE_SHARE * targets.tolerance, TOLERANCE.least)
     coarse = np.minimum(np.maximum(COARSE_SHARE * time_value, COARSE_GAIN * fine), COARSE)
     slope = np.where(coordinate.is_root, np.nan, np.sqrt(targets.expiry))  # exact for a European option
     vega, before, y_before = np.full((3, count), np.nan)
     return _State(
-        here=np.minimum(first_volatility(targets, coordinate, goal), LARGEST_VOLATILITY),
+        here=np.minimum(first_volatility(targets, coordinate, goal), VOLATILITY.most),
         low=np.zeros(count),
         high=np.full(count, np.inf),
         slope=slope,
@@ -194,7 +181,7 @@ def _start(targets: Targets, coordinate: Coordinate) -> _State:
 def _advance(
     targets: Targets,
     coordinate: Coordinate,
-    found: Found,
+    found: FoundVolatilities,
     state: _State,
     rows: NDArray[np.intp],
     prices: Prices,
@@ -244,7 +231,7 @@ def _status(
     status[final & (narrow | reached)] = NO_CONVERGENCE
     status[final & reached & sure] = OK
     reach = np.where(final, most, COARSE_REACH * tolerance * strike)
-    status[(here >= LARGEST_VOLATILITY) & (gap < -reach)] = ABOVE
+    status[(here >= VOLATILITY.most) & (gap < -reach)] = ABOVE
     status[np.isnan(gap)] = NOT_SERVED
     return status
 
@@ -252,7 +239,7 @@ def _status(
 def _next(
     targets: Targets,
     coordinate: Coordinate,
-    found: Found,
+    found: FoundVolatilities,
     state: _State,
     rows: NDArray[np.intp],
     prices: Prices,
@@ -270,7 +257,7 @@ def _next(
         newton = here + step
         inside = (newton > low) & (newton < high) & (np.abs(np.log(newton / here)) <= LARGEST_NEWTON)
         there = np.where(inside & (y > 0.0) & ~slow, newton, there)
-    next_volatility: Vector = np.minimum(there, LARGEST_VOLATILITY)
+    next_volatility: Vector = np.minimum(there, VOLATILITY.most)
     return next_volatility
 
 

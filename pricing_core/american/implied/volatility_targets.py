@@ -5,13 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.flat.black_spread import black_spread, black_time_value
+from pricing_core.american.implied.black_spread import black_spread, black_time_value
 from pricing_core.american.implied.volatility_bounds import PriceBounds
 from pricing_core.arrays import BoolVector, Vector
 
-LARGEST_MONEYNESS = 600.0  # e to the power of more overflows
-ROOT_SHARE = 0.02  # of the time value that is possible: below, one won by not exercising grows like a square
-SMALLEST_START = 1e-6  # spread
+LARGEST_MONEYNESS = 600.0  # Largest |ln(F/K)|, so that powers of e do not overflow; chosen.
+# Largest time value, as a share of what is possible, that grows like a square next to the exercise region; calibrated.
+ROOT_SHARE = 0.02
+SMALLEST_START = 1e-6  # Smallest standard deviation of ln S at expiry to begin with; chosen.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +34,12 @@ class Targets:
     strike: Vector
     expiry: Vector
     tolerance: Vector
+
+    def take(self, rows: NDArray[np.intp]) -> "Targets":
+        """Return some of them."""
+        columns = (self.price, self.spot, self.strike, self.expiry, self.tolerance)
+        price, spot, strike, expiry, tolerance = (column[rows] for column in columns)
+        return Targets(price, self.bounds.take(rows), spot, strike, expiry, tolerance)
 
     def share(self, rows: NDArray[np.intp], value: Vector) -> Vector:
         """Return the time value as a share of the largest that is possible."""
@@ -68,7 +75,7 @@ def choose_coordinate(targets: Targets) -> Coordinate:
 
     That is the spread at which Black's formula, with the option's bounds in the place of its own, gives the time
     value; for a European option it is sigma sqrt(T) itself. Next to the exercise region, where the time value grows
-    like the square of what the volatility exceeds the least one that makes holding worth while, it is the root.
+    like the square of what the volatility exceeds the smallest one at which holding pays, it is the root.
     """
     bounds = targets.bounds
     span = bounds.upper - bounds.lower

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, ProportionalDividend
+from pricing_core.american.contracts.schedule import make_schedule
 from pricing_core.american.contracts.vocabulary import NAMES, OPTIONAL, contract_from
 from pricing_core.errors import InvalidInputError
 
@@ -120,7 +121,7 @@ def test_a_dividend_before_the_valuation_has_gone_already():
 
 def test_a_dividend_of_the_far_future_is_after_expiry_and_no_fault():
     _, market = contract_from({**DATED, "cash_dividends": [{"ex_date": "9999-01-01", "amount": 1.0}]})
-    assert market.flat_until(1.0) is not None
+    assert len(make_schedule(Option("put", 100.0, 1.0), market).segments) == 1
 
 
 @pytest.mark.parametrize(

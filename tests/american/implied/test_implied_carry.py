@@ -8,7 +8,7 @@ import pytest
 
 from pricing_core.american import implied_carry, implied_volatility_many, price_many
 from pricing_core.errors import InvalidInputError
-from tests.problems.twins import slow_on_the_twin
+from tests.problems.needs_kernel import needs_kernel
 
 AAPL = Path(__file__).parents[4] / "shared" / "references" / "market" / "aapl_2014-06-06.csv"
 needs_aapl = pytest.mark.skipif(not AAPL.exists(), reason="the quotes are not part of the project")
@@ -33,7 +33,7 @@ def synthetic_chain(yields=YIELDS, strikes=(85.0, 90.0, 95.0, 100.0, 105.0, 110.
         "volatility": 0.25 - 0.2 * np.log(strike / SPOT),
         "dividend_yield": np.array([yields[T] for T in expiry.tolist()]),
     }
-    return chain, price_many(contracts, tolerance=1e-7, greeks=False)["price"]
+    return chain, price_many(contracts, tolerance=1e-7, greeks="none")["price"]
 
 
 def errors_of_forward(carry, yields=YIELDS):
@@ -41,7 +41,7 @@ def errors_of_forward(carry, yields=YIELDS):
     return np.abs(carry.forward - expected)
 
 
-@slow_on_the_twin
+@needs_kernel
 def test_the_yield_of_an_american_chain_is_recovered():
     chain, prices = synthetic_chain()
     carry = implied_carry({**chain, "option_price": prices})
@@ -53,6 +53,7 @@ def test_the_yield_of_an_american_chain_is_recovered():
     assert (carry.pairs_used >= 5).all()
 
 
+@needs_kernel
 def test_european_parity_on_american_prices_is_biased():
     chain, prices = synthetic_chain()
     naive = implied_carry({**chain, "option_price": prices, "exercise": "european"})
@@ -69,7 +70,7 @@ def test_parity_of_a_european_chain_is_exact():
     assert np.max(carry.residual) <= 1e-11
 
 
-@slow_on_the_twin
+@needs_kernel
 def test_a_quote_far_off_is_left_out():
     chain, prices = synthetic_chain()
     bid, ask = prices - 0.01, prices + 0.01
@@ -79,7 +80,7 @@ def test_a_quote_far_off_is_left_out():
     assert np.max(errors_of_forward(carry)) <= 2e-3
 
 
-@slow_on_the_twin
+@needs_kernel
 def test_wide_quotes_count_for_less():
     rng = np.random.default_rng(5)
     chain, prices = synthetic_chain()
@@ -89,6 +90,7 @@ def test_wide_quotes_count_for_less():
     assert np.max(errors_of_forward(carry)) <= 0.02
 
 
+@needs_kernel
 @pytest.mark.parametrize(
     ("change", "statuses"),
     [
@@ -117,6 +119,7 @@ def test_a_yield_that_no_market_has_does_not_converge():
     assert np.isnan(carry.dividend_yield[0])
 
 
+@needs_kernel
 def test_of_several_quotes_of_one_option_the_narrowest_counts():
     chain, prices = synthetic_chain({0.5: 0.03})
     doubled = {
@@ -172,6 +175,7 @@ def test_parity_with_cash_dividends_takes_them_off_the_forward():
     assert carry.forward[0] == pytest.approx(forward, abs=1e-12)
 
 
+@needs_kernel
 def test_the_yield_on_top_of_cash_dividends_is_recovered():
     yields = {1.0: 0.02}
     chain, prices = synthetic_chain(yields, strikes=(95.0, 105.0), cash_dividends=DIVIDENDS)
@@ -225,7 +229,7 @@ def share_identified(chain, contracts, tolerance):
     return outside.sum(), ok.mean()
 
 
-@slow_on_the_twin
+@needs_kernel
 @needs_aapl
 def test_the_quotes_of_a_real_chain_have_implied_volatilities():
     chain = read_aapl()
@@ -249,7 +253,7 @@ def listed_dividends():
     return [{"time": time, "amount": 3.29} for time in years]
 
 
-@slow_on_the_twin
+@needs_kernel
 @needs_aapl
 @pytest.mark.nightly
 def test_american_parity_of_a_real_chain_finds_its_dividends_and_european_parity_does_not():

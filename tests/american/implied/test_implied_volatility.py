@@ -1,5 +1,4 @@
 import math
-import sys
 
 import numpy as np
 import pytest
@@ -16,14 +15,14 @@ from pricing_core.american import (
     price,
     price_many,
 )
-from pricing_core.american.contracts.schedule import make_schedule, without_events
-from pricing_core.american.flat.black_spread import black_spread, black_time_value
-from pricing_core.american.implied.volatility_bounds import book_bounds, schedule_bounds
-from pricing_core.american.tables.book import read_book, single_row
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.reading import read_book
+from pricing_core.american.implied.black_spread import black_spread, black_time_value
+from pricing_core.american.implied.volatility_bounds import bounds_of, price_bounds
 from pricing_core.errors import InvalidInputError
-from tests.problems.twins import slow_on_the_twin
+from tests.problems.needs_kernel import needs_kernel
 
-COMPILED = kernel_name() == "rust"  # the twin is some hundred times slower
+COMPILED = kernel_name() == "rust"  # without it a price takes some hundred times as long
 PUT, CALL = Option("put", 100.0, 1.0), Option("call", 100.0, 1.0)
 PLAIN = Market(100.0, 0.05, 0.2)
 
@@ -42,12 +41,12 @@ def random_contracts(count, seed, exercise="american"):
     }
 
 
-@slow_on_the_twin
+@needs_kernel
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-6])
 @pytest.mark.parametrize("exercise", ["american", "european"])
 def test_prices_at_the_implied_volatility_are_the_ones_observed(exercise, tolerance):
     contracts = random_contracts(5000 if COMPILED else 300, 7, exercise)
-    observed = price_many(contracts, tolerance=1e-7, greeks=False)
+    observed = price_many(contracts, tolerance=1e-7, greeks="none")
     table = implied_volatility_many(contracts, observed["price"], tolerance=tolerance)
     ok = table["status"] == "ok"
     assert np.isin(table["status"], ["ok", "not_identifiable"]).all()
@@ -55,7 +54,7 @@ def test_prices_at_the_implied_volatility_are_the_ones_observed(exercise, tolera
     assert ok.mean() > 0.9
     assert np.max(np.abs(table["price"] - observed["price"])[ok]) <= tolerance * 100.0
     columns = {name: column[ok] if np.ndim(column) else column for name, column in contracts.items()}
-    again = price_many({**columns, "volatility": table["volatility"][ok]}, tolerance=1e-7, greeks=False)
+    again = price_many({**columns, "volatility": table["volatility"][ok]}, tolerance=1e-7, greeks="none")
     assert np.max(np.abs(again["price"] - observed["price"][ok])) <= tolerance * 100.0
     assert np.allclose(again["european_price"], table["european_price"][ok], rtol=0, atol=1e-8)
 
@@ -83,12 +82,12 @@ def with_dividends(contracts, seed):
     return {**contracts, "cash_dividends": cash}
 
 
-@slow_on_the_twin
+@needs_kernel
 @pytest.mark.parametrize("count", [60 if COMPILED else 4, pytest.param(5000, marks=pytest.mark.nightly)])
 def test_prices_with_cash_dividends_are_met_too(count):
     tolerance = 1e-5
     contracts = with_dividends(random_contracts(count, 11), 12)
-    observed = price_many(contracts, tolerance=1e-6, greeks=False)
+    observed = price_many(contracts, tolerance=1e-6, greeks="none")
     table = implied_volatility_many(contracts, observed["price"], tolerance=tolerance)
     ok = table["status"] == "ok"
     assert np.isin(table["status"], ["ok", "not_identifiable", "no_convergence"]).all()
@@ -126,14 +125,14 @@ def test_prices_with_cash_dividends_are_met_too(count):
     ],
 )
 def test_contracts_with_other_events_have_implied_volatilities(option, market):
-    observed = price(option, market, tolerance=1e-6, greeks=False).price
+    observed = price(option, market, tolerance=1e-6, greeks="none").price
     found = implied_volatility(option, market, observed, tolerance=1e-5)
     assert found.status == "ok"
     assert found.volatility == pytest.approx(0.2, abs=1e-4)
     assert abs(found.price - observed) <= 1e-5 * option.strike
 
 
-@slow_on_the_twin
+@needs_kernel
 def test_the_volatility_is_recovered_where_vega_is_not_tiny():
     contracts = random_contracts(2000 if COMPILED else 50, 8)
     observed = price_many(contracts, tolerance=1e-8)
@@ -145,10 +144,10 @@ def test_the_volatility_is_recovered_where_vega_is_not_tiny():
     assert table["iterations"][visible].mean() < 5.0
 
 
-@slow_on_the_twin
+@needs_kernel
 def test_rows_equal_single_searches_bit_for_bit_whatever_their_neighbours():
     contracts = random_contracts(600, 9)
-    prices = price_many(contracts, tolerance=1e-6, greeks=False)["price"]
+    prices = price_many(contracts, tolerance=1e-6, greeks="none")["price"]
     table = implied_volatility_many(contracts, prices, tolerance=1e-5, threads=2)
     for row in (0, 17, 599):
         cells = {name: np.broadcast_to(column, 600)[row].item() for name, column in contracts.items()}
@@ -205,13 +204,12 @@ def test_a_price_that_the_engine_cannot_give_ends_without_convergence(monkeypatc
     def refuse(*arguments, **options):
         raise ArithmeticError
 
-    module = sys.modules["pricing_core.american.implied.volatility_pricers"]
-    monkeypatch.setattr(module, "price_alone", refuse)
-    monkeypatch.setattr(module, "march_value", lambda *arguments: None)
+    monkeypatch.setattr("pricing_core.american.engines.method_of_lines.engine.make_solver", refuse)
     two_boundaries = Market(90.0, -0.02, 0.2, -0.05)
     assert implied_volatility(PUT, two_boundaries, 14.0).status == "no_convergence"
 
 
+@needs_kernel
 def test_an_interrupted_search_ends_without_convergence():
     market = Market(100.0, 0.05, 0.2, cash_dividends=[CashDividend(0.5, 1.0)])
     assert implied_volatility(PUT, market, 6.5, interrupt=lambda: True).status == "no_convergence"
@@ -245,6 +243,7 @@ def test_the_spread_of_a_time_value_is_found_at_any_moneyness():
     assert black_spread(np.zeros(3), np.array([-1.0, 0.0, 1.0])).tolist() == [0.0, 0.0, math.inf]
 
 
+@needs_kernel
 def test_a_call_is_the_put_with_spot_and_strike_exchanged():
     put = implied_volatility(Option("put", 110.0, 0.7), Market(95.0, 0.06, 0.2, 0.02), 17.0, tolerance=1e-7)
     call = implied_volatility(Option("call", 95.0, 0.7), Market(110.0, 0.02, 0.2, 0.06), 17.0, tolerance=1e-7)
@@ -270,6 +269,7 @@ def test_a_tiny_time_value_deserves_a_volatility_too():
     assert implied_volatility(option, market, observed).volatility == pytest.approx(0.25, abs=2e-3)
 
 
+@needs_kernel
 def test_quotes_have_three_volatilities():
     found = implied_volatility(PUT, PLAIN, bid=6.0, ask=6.2)
     assert found.bid_volatility < found.volatility < found.ask_volatility
@@ -304,6 +304,7 @@ def test_nonsense_is_refused_by_name(field, quote):
     assert refusal.value.field == field
 
 
+@needs_kernel
 def test_nonsense_in_a_table_gets_a_status_and_a_message():
     columns = {"option_type": "put", "spot": 100.0, "strike": 100.0, "expiry": 1.0, "rate": 0.05}
     table = implied_volatility_many(columns, [6.1, math.nan, None, -1.0, "6"])
@@ -338,35 +339,74 @@ def test_a_table_as_a_whole_can_be_refused(columns, options):
         implied_volatility_many({**contract, **columns}, **options)
 
 
-def test_bounds_of_a_schedule_are_those_of_the_book_where_there_are_no_events():
-    contracts = random_contracts(200, 3)
-    book, _ = read_book(contracts, 1e-6)
-    expected = book_bounds(book)
-    for row in range(200):
-        flat = book.market(row)
-        market = Market(flat.spot, flat.rate, flat.volatility, flat.dividend_yield)
-        found = schedule_bounds(make_schedule(book.option(row), market))
-        for one, all_of_them in zip(found, expected, strict=True):
-            assert one[0] == pytest.approx(all_of_them[row], rel=1e-12)
+def bounds(option, market):
+    return bounds_of(Book.of([(option, market)]))
+
+
+def test_bounds_do_not_depend_on_the_volatility_or_on_the_other_rows():
+    read = read_book(random_contracts(200, 3), 1e-6)
+    dividends = read_book(with_dividends(random_contracts(50, 4), 5), 1e-6)
+    book = read.book.joined(dividends.book)
+    together = bounds_of(book)
+    other = bounds_of(book.with_volatility(np.full(book.count, 1.7)))
+    for name in together.__slots__:
+        np.testing.assert_array_equal(getattr(together, name), getattr(other, name), err_msg=name)
+    for row in range(0, book.count, 7):
+        alone = bounds_of(book.take(np.array([row])))
+        for name in together.__slots__:
+            assert getattr(alone, name)[0] == getattr(together, name)[row], name
+
+
+@pytest.mark.parametrize("exercise", ["american", "european"])
+def test_bounds_without_events_are_mertons(exercise):
+    """At no volatility the best of both ends and the time between; at an infinite one K and S with their interest."""
+    contracts = random_contracts(300, 6, exercise)
+    contracts["rate"] -= 0.03
+    contracts["dividend_yield"] -= 0.03
+    found = bounds_of(read_book(contracts, 1e-6).book)
+    put, american = contracts["option_type"] == "put", exercise == "american"
+    sign, K, S, T = np.where(put, 1.0, -1.0), 100.0, contracts["spot"], contracts["expiry"]
+    r, q = contracts["rate"], contracts["dividend_yield"]
+    times = np.linspace(0.0, 1.0, 4001)[:, None] * T
+    paid = sign * (K * np.exp(-r * times) - S * np.exp(-q * times))
+    lower = np.maximum(paid.max(axis=0) if american else paid[-1], 0.0)
+    np.testing.assert_allclose(found.lower, lower, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(found.european_lower, np.maximum(paid[-1], 0.0), rtol=0.0, atol=1e-12)
+    stock, bond = S * np.exp(-q * T), K * np.exp(-r * T)
+    if american:
+        stock, bond = np.maximum(stock, S), np.maximum(bond, K)
+    np.testing.assert_allclose(found.upper, np.where(put, bond, stock), rtol=1e-14)
+    assert np.all(found.lower <= found.upper)
+    now = sign * (K - S)
+    np.testing.assert_array_equal(found.at_once, (now > 0.0) & (now >= found.lower) & american)
+
+
+@needs_kernel
+def test_prices_lie_between_the_bounds_and_tend_to_them():
+    dividends = with_dividends(random_contracts(40, 13), 14)
+    found = bounds_of(read_book(dividends, 1e-6).book)
+    for volatility in (0.01, 0.3, 3.0, 15.0):
+        table = price_many({**dividends, "volatility": volatility}, tolerance=1e-3, greeks="none")
+        assert np.all(table["price"] >= found.lower - table["error_estimate"] - 1e-9)
+        assert np.all(table["price"] <= found.upper + table["error_estimate"])
 
 
 def test_bounds_with_dividends_can_be_computed_by_hand():
     cash = Market(100.0, 0.05, 0.2, cash_dividends=[CashDividend(0.5, 4.0)])
-    put = schedule_bounds(make_schedule(Option("put", 110.0, 1.0), cash))
+    put = bounds(Option("put", 110.0, 1.0), cash)
     just_after = 110.0 * math.exp(-0.025) - (100.0 - 4.0 * math.exp(-0.025))  # worth more than 10 now
     assert put.lower[0] == pytest.approx(just_after)
     assert put.upper[0] == 110.0
     assert not put.at_once[0]
+    assert price_bounds(Option("put", 110.0, 1.0), cash) == (put.lower[0], put.upper[0])
     proportional = Market(100.0, 0.0, 0.2, proportional_dividends=[ProportionalDividend(0.5, 0.1)])
-    call = schedule_bounds(make_schedule(Option("call", 80.0, 1.0, "european"), proportional))
+    call = bounds(Option("call", 80.0, 1.0, "european"), proportional)
     assert (call.lower[0], call.upper[0]) == (pytest.approx(10.0), pytest.approx(90.0))
     escrowed = Market(100.0, 0.0, 0.2, cash_dividends=[CashDividend(0.5, 10.0)], dividend_model="escrowed")
-    call = schedule_bounds(make_schedule(Option("call", 80.0, 1.0), escrowed))
+    call = bounds(Option("call", 80.0, 1.0), escrowed)
     assert (call.lower[0], call.upper[0]) == (pytest.approx(20.0), pytest.approx(90.0))
     bermudan = Option("put", 100.0, 1.0, "bermudan", exercise_times=(0.5,))
     curve = Market(90.0, PiecewiseConstant([0.5, 1.0], [0.02, 0.1]), 0.2)
-    put = schedule_bounds(make_schedule(bermudan, curve))
+    put = bounds(bermudan, curve)
     assert put.lower[0] == pytest.approx(100.0 * math.exp(-0.01) - 90.0)
     assert put.upper[0] == pytest.approx(100.0 * math.exp(-0.01))
-    assert without_events(bermudan, curve) is None
-    assert single_row(*without_events(PUT, PLAIN), 1e-6).spot[0] == 100.0

@@ -1,0 +1,255 @@
+//! Both engines on each instruction set that this machine has, against each other and against known values.
+
+use crate::lanes::dispatch::{forced, InstructionSet};
+use crate::multiplier_collocation::{self, solve_schedules, Schedules};
+use crate::premium_march::{self, march_boundaries, solve_puts, Puts};
+
+/// The largest difference between two instruction sets in values and their derivatives, in strikes: fused products and
+/// other orders of sums differ by rounding, which the derivatives magnify; 1e-13 is attained.
+const AGREEMENT: f64 = 1e-12;
+
+/// American puts: r T, q T, sigma sqrt(T), ln(S/K).
+const PUTS: [[f64; 4]; 20] = [
+    [0.05, 0.0, 0.2, 0.0],
+    [0.05, 0.0, 0.2, -0.1],
+    [0.05, 0.0, 0.2, -0.4],
+    [0.05, 0.0, 0.2, 0.35],
+    [0.05, 0.05, 0.25, 0.0],
+    [0.03, 0.07, 0.3, 0.05],
+    [0.08, 0.02, 0.15, -0.02],
+    [0.02, 0.0, 0.6, 0.3],
+    [0.15, 0.1, 0.8, -0.6],
+    [0.3, 0.0, 0.5, 0.1],
+    [0.004, 0.002, 0.08, 0.01],
+    [0.001, 0.0, 0.05, 0.0],
+    [0.05, -0.02, 0.2, 0.0],
+    [0.1, 0.3, 0.4, 0.2],
+    [0.02, 0.02, 0.1, -0.15],
+    [0.06, 0.03, 0.35, 0.5],
+    [0.05, 0.0, 1.0, 0.0],
+    [0.09, 0.045, 0.45, -0.25],
+    [0.0125, 0.01, 0.12, 0.03],
+    [0.05, 0.051, 0.2, 0.0],
+];
+
+/// The stack of a thread that solves, in bytes: without optimisation every number of a march has a place of its own.
+const STACK: usize = 1 << 28;
+
+/// Call the function on one instruction set, with room on the stack.
+fn on<R: Send>(set: InstructionSet, function: impl FnOnce() -> R + Send) -> R {
+    let work = || forced::with(set, function);
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new().stack_size(STACK);
+        thread.spawn_scoped(scope, work).unwrap().join().unwrap()
+    })
+}
+
+struct SolvedPuts {
+    numbers: Vec<f64>,
+    settled: Vec<bool>,
+    boundary: Vec<f64>,
+}
+
+fn puts(set: InstructionSet, tolerance: f64) -> SolvedPuts {
+    let column = |k: usize| PUTS.map(|put| put[k]);
+    let (rate, dividend, spread, x) = (column(0), column(1), column(2), column(3));
+    let first: Vec<usize> = (0..=PUTS.len()).collect();
+    let limits = vec![1.0; premium_march::VALUES * PUTS.len()];
+    let puts = Puts {
+        rate: &rate,
+        dividend: &dividend,
+        spread: &spread,
+        first: &first,
+        x: &x,
+        tolerance: &[tolerance; PUTS.len()],
+        limits: Some(&limits),
+        levels: (2, premium_march::STEPS.len() - 1),
+    };
+    on(set, || {
+        let solved = solve_puts(puts, 1);
+        SolvedPuts {
+            numbers: solved.numbers,
+            settled: solved.settled,
+            boundary: march_boundaries(puts, 8).0,
+        }
+    })
+}
+
+/// One schedule: sign, ln(S/K), and its segments.
+type ScheduleRow = (f64, f64, Vec<[f64; multiplier_collocation::COLUMNS]>);
+
+fn flat(rate: f64, dividend: f64, volatility: f64) -> [f64; multiplier_collocation::COLUMNS] {
+    [1.0, rate, dividend, volatility, 1.0, 1.0, 0.0, 0.0, 0.0]
+}
+
+fn with_event(
+    mut segment: [f64; multiplier_collocation::COLUMNS],
+    column: usize,
+    number: f64,
+) -> [f64; multiplier_collocation::COLUMNS] {
+    segment[column] = number;
+    segment
+}
+
+/// Flat puts and calls, cash and proportional dividends, escrow, a Bermudan option, a curve, and a European option.
+fn schedule_rows() -> Vec<ScheduleRow> {
+    let put = flat(0.05, 0.0, 0.2);
+    let call = flat(0.03, 0.06, 0.3);
+    let half = with_event(put, 0, 0.5);
+    let bermudan = with_event(half, 4, 0.0);
+    let european = with_event(bermudan, 5, 0.0);
+    let (amount, fraction) = (with_event(half, 7, 0.02), with_event(half, 6, 0.03));
+    let escrow = with_event(half, 8, 0.02);
+    vec![
+        (1.0, 0.0, vec![put]),
+        (1.0, -0.05, vec![flat(0.05, 0.05, 0.25)]),
+        (-1.0, 0.1, vec![call]),
+        (1.0, 0.05, vec![amount, half]),
+        (-1.0, 0.05, vec![amount, half]),
+        (1.0, 0.0, vec![fraction, half]),
+        (-1.0, 0.0, vec![fraction, half]),
+        (-1.0, 0.02, vec![escrow, half]),
+        (1.0, -0.02, vec![bermudan, bermudan]),
+        (1.0, 0.02, vec![half, with_event(half, 1, 0.02)]),
+        (1.0, 0.0, vec![european, european]),
+    ]
+}
+
+fn schedules(set: InstructionSet, rows: &[ScheduleRow], tolerance: f64) -> (Vec<f64>, Vec<bool>) {
+    let sign: Vec<f64> = rows.iter().map(|row| row.0).collect();
+    let x: Vec<f64> = rows.iter().map(|row| row.1).collect();
+    let mut first = vec![0];
+    let mut segments = Vec::new();
+    for row in rows {
+        segments.extend(row.2.iter().flatten());
+        first.push(segments.len() / multiplier_collocation::COLUMNS);
+    }
+    let schedules = Schedules {
+        sign: &sign,
+        x: &x,
+        first: &first,
+        segments: &segments,
+        level: &vec![4; rows.len()],
+        tolerance: &vec![tolerance; rows.len()],
+        times: &[],
+        first_time: &vec![0; rows.len() + 1],
+    };
+    let solved = on(set, || solve_schedules(schedules, 1));
+    (solved.numbers, solved.settled)
+}
+
+fn assert_agree(found: &[f64], expected: &[f64], names: (InstructionSet, InstructionSet)) {
+    assert_eq!(found.len(), expected.len());
+    for (k, (a, b)) in found.iter().zip(expected).enumerate() {
+        let close = (a - b).abs() <= AGREEMENT * (1.0 + b.abs()) || (a.is_nan() && b.is_nan());
+        assert!(close, "number {k}: {a} and {b} on {names:?}");
+    }
+}
+
+#[test]
+fn the_best_instruction_set_is_one_of_those_available() {
+    let available = InstructionSet::available();
+    assert_eq!(available[0].name(), "portable");
+    assert_eq!(available.last(), Some(&InstructionSet::best()));
+}
+
+#[test]
+fn marches_agree_on_every_instruction_set() {
+    let portable = InstructionSet::available()[0];
+    let expected = puts(portable, 1e-6);
+    assert!(expected.settled.iter().all(|&settled| settled));
+    for set in InstructionSet::available() {
+        let found = puts(set, 1e-6);
+        assert_eq!(found.settled, expected.settled);
+        assert_agree(&found.numbers, &expected.numbers, (set, portable));
+        assert_agree(&found.boundary, &expected.boundary, (set, portable));
+    }
+}
+
+#[test]
+fn collocations_agree_on_every_instruction_set() {
+    let portable = InstructionSet::available()[0];
+    let rows = schedule_rows();
+    for tolerance in [0.0, 1e-6] {
+        let expected = schedules(portable, &rows, tolerance);
+        assert!(expected.1.iter().all(|&settled| settled));
+        for set in InstructionSet::available() {
+            let found = schedules(set, &rows, tolerance);
+            assert_eq!(found.1, expected.1);
+            assert_agree(&found.0, &expected.0, (set, portable));
+        }
+    }
+}
+
+/// S = K = 100, r = 5 %, no yield, volatility 20 %, one year: 6.0903707.
+const PUBLISHED_PUT: f64 = 0.060_903_707;
+
+#[test]
+fn marches_have_known_values_on_every_instruction_set() {
+    for set in InstructionSet::available() {
+        let found = puts(set, 1e-8).numbers;
+        assert!((found[0] - PUBLISHED_PUT).abs() < 1e-8, "{set:?}");
+        // r = q = 5 %, volatility 25 %: from an integral equation.
+        assert!((found[4] - 0.095_694_452_99).abs() < 1e-8, "{set:?}");
+        // Black and Scholes of the first: 5.5735260.
+        assert!(
+            (found[3 * PUTS.len()] - 0.055_735_260).abs() < 1e-9,
+            "{set:?}"
+        );
+    }
+}
+
+#[test]
+fn collocations_have_known_values_on_every_instruction_set() {
+    let rows = schedule_rows();
+    for set in InstructionSet::available() {
+        let (found, _) = schedules(set, &rows, 1e-8);
+        assert!((found[0] - PUBLISHED_PUT).abs() < 2e-8, "{set:?}");
+        let european = found[rows.len() - 1];
+        assert!((european - 0.055_735_260).abs() < 1e-9, "{set:?}");
+    }
+}
+
+#[test]
+fn a_put_is_the_call_with_spot_and_strike_and_rate_and_yield_exchanged() {
+    // In strikes: put(x; r, q) = e^x call(-x; q, r).
+    let x: f64 = 0.07;
+    let rows = vec![
+        (1.0, x, vec![flat(0.06, 0.02, 0.25)]),
+        (-1.0, -x, vec![flat(0.02, 0.06, 0.25)]),
+    ];
+    for set in InstructionSet::available() {
+        let (found, _) = schedules(set, &rows, 1e-8);
+        assert!((found[0] - x.exp() * found[1]).abs() < 1e-8, "{set:?}");
+    }
+}
+
+#[test]
+fn the_engines_agree_on_flat_puts() {
+    let rows: Vec<ScheduleRow> = PUTS
+        .iter()
+        .map(|&[rate, dividend, spread, x]| (1.0, x, vec![flat(rate, dividend, spread)]))
+        .collect();
+    for set in InstructionSet::available() {
+        let march = puts(set, 1e-7).numbers;
+        let (collocation, settled) = schedules(set, &rows, 1e-8);
+        for k in (0..PUTS.len()).filter(|&k| settled[k]) {
+            let difference = (march[k] - collocation[k]).abs();
+            assert!(difference < 2e-7, "put {k} on {set:?}: {difference}");
+        }
+    }
+}
+
+#[test]
+fn without_rates_a_put_is_european() {
+    // The multiplier r - q S/K is nowhere positive.
+    let european = with_event(with_event(flat(0.0, 0.02, 0.2), 4, 0.0), 5, 0.0);
+    let rows = vec![
+        (1.0, 0.0, vec![flat(0.0, 0.02, 0.2)]),
+        (1.0, 0.0, vec![european]),
+    ];
+    for set in InstructionSet::available() {
+        let (found, _) = schedules(set, &rows, 1e-8);
+        assert!((found[0] - found[1]).abs() < 1e-14, "{set:?}");
+    }
+}

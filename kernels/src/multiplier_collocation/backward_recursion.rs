@@ -1,0 +1,350 @@
+//! One schedule from expiry to now, segment by segment.
+
+use super::boundary::Boundary;
+use super::boundary_query::BoundaryQuery;
+use super::boundary_solver::find_boundary;
+use super::degree_control::DegreeControl;
+use super::event_transfer::{at_expiry, before_event, Transferred};
+use super::fineness::{Fineness, FINENESS, LEVELS};
+use super::forecast::{forecasts, Forecast};
+use super::onset_search::OnsetSearch;
+use super::panels::{Interval, Kink, PanelWidths};
+use super::segment::Segment;
+use super::segment_value::SegmentValue;
+use super::unsettled::Unsettled;
+
+/// The number of results of a schedule: value, slope and second derivative by x, in strikes; the boundary ln(S*/K) now,
+/// NaN without one; the largest violation of complementarity that was seen and the error estimate of the boundaries,
+/// both in strikes.
+pub const RESULTS: usize = 6;
+
+/// The largest width of a panel where the contact set begins at nodes, in standard deviations of ln S over the segment;
+/// calibrated on random contracts.
+const FINE_PANEL: f64 = 0.4;
+/// The distance from the boundary out of the contact set at which value and payoff are compared, in standard deviations of
+/// ln S over the segment; chosen.
+const CHECKED: f64 = 0.5;
+/// The largest amount by which waiting may be worth less than exercise outside the contact set, in strikes; chosen.
+const LARGEST_VIOLATION: f64 = 1e-4;
+/// The largest distance from the forward at which a contact set matters, in standard deviations of ln S at its time;
+/// chosen.
+const RELEVANT: f64 = 5.0;
+/// The largest distance from the forward at which boundaries are looked for, the one now and any that is asked for, in
+/// standard deviations of ln S at expiry; chosen.
+const BOUNDARY_REACH: f64 = 2.5;
+/// The largest number of cuts of one segment; chosen.
+const MOST_CUTS: usize = 4;
+/// The place where a segment is cut whose boundary no degree follows closely enough, as a share of its duration from its
+/// end; chosen.
+const NEXT_TO_EVENT: f64 = 0.1;
+/// The largest width of the interval of x, in standard deviations of ln S over what is cut off: a wider one needs too many
+/// panels. Chosen.
+const MOST_SPREADS: f64 = 600.0;
+/// The number of degrees in a row that fail or bring nothing after which a segment is cut; chosen.
+const MOST_STALLS: usize = 2;
+/// The share of what is left of the tolerance that one boundary may use; chosen.
+const SHARE: f64 = 0.5;
+/// The share of the tolerance that is kept for all boundaries together; chosen.
+const KEPT_SHARE: f64 = 0.2;
+/// What is asked of one schedule.
+pub struct Schedule<'a> {
+    /// From now on, at least one.
+    pub segments: &'a [Segment],
+    /// ln(S/K) now.
+    pub x: f64,
+    /// The place in `FINENESS`, and in `DEGREES` where `tolerance` is 0.
+    pub level: usize,
+    /// The largest error estimate of the boundaries, in strikes; 0 for one degree without an estimate.
+    pub tolerance: f64,
+}
+
+/// Fill in the results and the boundaries that are asked for.
+pub fn solve_schedule(
+    schedule: &Schedule,
+    query: &mut BoundaryQuery,
+    result: &mut [f64; RESULTS],
+) -> Result<(), Unsettled> {
+    let segments = schedule.segments;
+    let forecasts = forecasts(segments, schedule.x);
+    #[allow(clippy::cast_precision_loss)]
+    let smallest_budget = KEPT_SHARE * schedule.tolerance / segments.len() as f64;
+    let mut recursion = BackwardRecursion {
+        level: schedule.level,
+        fineness: &FINENESS[schedule.level],
+        tolerance: schedule.tolerance,
+        smallest_budget,
+        deviation: forecasts.last().map_or(0.0, |f| f.variance).sqrt(),
+        exercised: segments
+            .iter()
+            .any(|segment| segment.exercisable || segment.exercise_at_end),
+        later: None,
+        kinks: Vec::new(),
+        end: segments.iter().map(|segment| segment.duration).sum(),
+        violation: 0.0,
+        error: 0.0,
+    };
+    for (segment, here) in segments.iter().zip(&forecasts).rev() {
+        recursion.solve_segment(segment, here, query)?;
+    }
+    let now = recursion.later.ok_or(Unsettled)?;
+    let [value, slope, second] = now.value(schedule.x);
+    *result = [
+        value,
+        slope,
+        second,
+        now.boundary_now(),
+        recursion.violation,
+        recursion.error,
+    ];
+    if value.is_finite() && slope.is_finite() && second.is_finite() {
+        Ok(())
+    } else {
+        Err(Unsettled)
+    }
+}
+
+/// The state of the recursion between two segments.
+struct BackwardRecursion<'a> {
+    level: usize,
+    fineness: &'a Fineness,
+    tolerance: f64,
+    /// The part of the tolerance that every boundary may use, in strikes.
+    smallest_budget: f64,
+    /// The standard deviation of ln S at expiry.
+    deviation: f64,
+    /// Whether the option may ever be exercised early, or before the dividends of the last day.
+    exercised: bool,
+    /// The value after the event of the next segment; None at expiry.
+    later: Option<SegmentValue>,
+    /// Where that is not smooth.
+    kinks: Vec<Kink>,
+    /// The time from now to the end of the next segment, years.
+    end: f64,
+    /// The largest violation of complementarity so far, and the sum of the error estimates, in strikes.
+    violation: f64,
+    error: f64,
+}
+
+/// What became of one part of a segment.
+enum Part {
+    /// It is solved; the forecast is that at its beginning.
+    Solved(Forecast),
+    /// It has to be cut at this time to its end.
+    Cut(f64),
+}
+
+impl BackwardRecursion<'_> {
+    /// Solve a segment, cut into parts where its boundary needs that; `here` is the forecast at its end.
+    fn solve_segment(
+        &mut self,
+        segment: &Segment,
+        here: &Forecast,
+        query: &mut BoundaryQuery,
+    ) -> Result<(), Unsettled> {
+        let mut waiting = vec![*segment];
+        let mut cuts = 0;
+        let mut part_end = *here;
+        while let Some(part) = waiting.pop() {
+            if part.exercisable && part.is_two_sided() {
+                return Err(Unsettled);
+            }
+            match self.solve_part(part, here, part_end, cuts, query)? {
+                Part::Solved(beginning) => part_end = beginning,
+                Part::Cut(s) => {
+                    cuts += 1;
+                    let (earlier, later) = part.split(s);
+                    waiting.extend([earlier, later]); // the later one needs panels of its own width
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Solve one part of a segment; `here` and `part_end` are the forecasts at the segment's end and at the part's.
+    fn solve_part(
+        &mut self,
+        part: Segment,
+        here: &Forecast,
+        part_end: Forecast,
+        cuts: usize,
+        query: &mut BoundaryQuery,
+    ) -> Result<Part, Unsettled> {
+        let ends = self.interval(&part, here);
+        let asked = if query.times.is_empty() {
+            0.0
+        } else {
+            BOUNDARY_REACH * self.deviation
+        };
+        let reach = asked.max(RELEVANT * here.deviation());
+        let (mut transferred, relevant) = self.transfer(&part, ends, here.forward, reach);
+        let found = self.onset_search(&transferred, &part, relevant).find()?;
+        if found.onset.is_some() && found.split > 0.0 && cuts < MOST_CUTS {
+            return Ok(Part::Cut(found.split));
+        }
+        let beginning = part_end.before(&part);
+        let control = self.degree_control(&beginning, cuts);
+        let boundary = found
+            .onset
+            .map(|onset| find_boundary(&transferred.profile, &part, onset, &control));
+        let cut_off = part.spread() * NEXT_TO_EVENT.sqrt();
+        let may_cut = cuts < MOST_CUTS && ends.1 - ends.0 <= MOST_SPREADS * cut_off;
+        let is_close = |b: &Boundary| b.is_found() && !b.exceeds_budget(&control);
+        if may_cut && !boundary.as_ref().is_none_or(is_close) {
+            return Ok(Part::Cut(NEXT_TO_EVENT * part.duration));
+        }
+        if let Some(boundary) = &boundary {
+            self.violation = self.violation.max(boundary.violation);
+            self.error += boundary.error;
+        }
+        let (contact, kinks) = (transferred.contact, std::mem::take(&mut transferred.kinks));
+        let now = self.value_at_beginning(transferred, part, boundary)?;
+        query.answer(self.end, contact, &now);
+        self.end -= part.duration;
+        self.kinks = now.kinks_from(&kinks);
+        self.later = Some(now);
+        Ok(Part::Solved(beginning))
+    }
+
+    /// The interval of x that matters at a segment's end: where the spot may be then, and as far as a boundary may be.
+    fn interval(&self, part: &Segment, here: &Forecast) -> Interval {
+        let reach = self.fineness.reach;
+        let near = reach * here.variance.sqrt();
+        if !self.exercised {
+            return (here.forward - near, here.forward + near);
+        }
+        let far = near + reach.min(BOUNDARY_REACH) * (self.deviation - here.variance.sqrt());
+        let (below, above) = if part.sign > 0.0 {
+            (far, near)
+        } else {
+            (near, far)
+        };
+        (here.forward.min(0.0) - below, here.forward.max(0.0) + above)
+    }
+
+    /// The value at a part's end, with finer panels where its contact set begins at nodes, and the x beyond which that
+    /// does not matter.
+    fn transfer(
+        &self,
+        part: &Segment,
+        ends: Interval,
+        forward: f64,
+        reach: f64,
+    ) -> (Transferred, f64) {
+        let mut widths = PanelWidths {
+            spread: part.spread(),
+            points: self.fineness.panel_points,
+            largest: self.fineness.largest_panel,
+            kink_factor: self.fineness.kink_factor,
+        };
+        let transfer = |widths: &PanelWidths| match &self.later {
+            None => at_expiry(part),
+            Some(later) => before_event(later, part, &self.kinks, ends, widths),
+        };
+        let mut transferred = transfer(&widths);
+        let relevant = relevant(&transferred, part, forward, reach);
+        let search = self.onset_search(&transferred, part, relevant);
+        if search.nodes_only && search.has_contact() {
+            widths.largest = FINE_PANEL;
+            transferred = transfer(&widths);
+        }
+        (transferred, relevant)
+    }
+
+    fn onset_search<'b>(
+        &self,
+        transferred: &'b Transferred,
+        part: &'b Segment,
+        relevant: f64,
+    ) -> OnsetSearch<'b> {
+        OnsetSearch {
+            profile: &transferred.profile,
+            segment: part,
+            contact: transferred.contact,
+            relevant,
+            kinks: &transferred.kinks,
+            nodes_only: self
+                .later
+                .as_ref()
+                .is_some_and(|later| later.boundary.is_none()),
+        }
+    }
+
+    /// How far the degree of the next boundary is raised; `beginning` is the forecast at the part's beginning.
+    fn degree_control(&self, beginning: &Forecast, cuts: usize) -> DegreeControl {
+        let tolerance = self.tolerance;
+        let left = (1.0 - KEPT_SHARE) * tolerance - self.error;
+        DegreeControl {
+            last: if tolerance > 0.0 {
+                LEVELS - 1
+            } else {
+                self.level
+            },
+            budget: (tolerance > 0.0).then(|| self.smallest_budget.max(SHARE * left)),
+            tolerance,
+            patience: if cuts < MOST_CUTS {
+                MOST_STALLS
+            } else {
+                LEVELS
+            },
+            centre: beginning.forward,
+            deviation: beginning.variance.max(0.0).sqrt(),
+        }
+    }
+
+    /// The value at the part's beginning, checked.
+    fn value_at_beginning(
+        &self,
+        transferred: Transferred,
+        part: Segment,
+        boundary: Option<Boundary>,
+    ) -> Result<SegmentValue, Unsettled> {
+        let mut at_zero = transferred.at_zero * (-part.dynamics.rate * part.duration).exp();
+        if part.exercisable && part.sign > 0.0 {
+            at_zero = at_zero.max(part.strike(part.duration));
+        }
+        let later_is_monotone = self.later.as_ref().is_none_or(|later| later.is_monotone);
+        let now = SegmentValue {
+            profile: transferred.profile,
+            points: self.fineness.panel_points,
+            segment: part,
+            boundary,
+            at_zero,
+            is_monotone: part.dynamics.dividend >= 0.0 && later_is_monotone,
+        };
+        if let Some(boundary) = &now.boundary {
+            if !boundary.is_found() {
+                return Err(Unsettled);
+            }
+            check_outside(&now, boundary)?;
+        }
+        Ok(now)
+    }
+}
+
+/// The x beyond which, on the side of exercise, the contact set does not matter while it begins.
+fn relevant(transferred: &Transferred, part: &Segment, forward: f64, reach: f64) -> f64 {
+    let sign = part.sign;
+    let furthest = (sign * forward).min(0.0) - reach;
+    let sharp = transferred.kinks.iter().filter(|kink| kink.width <= 0.0);
+    let seen = sharp
+        .map(|kink| sign * kink.place)
+        .filter(|&x| x > furthest);
+    let kink = seen.reduce(f64::min).unwrap_or(0.0);
+    sign * furthest.min(kink - RELEVANT * part.spread())
+}
+
+/// Refuse a value of waiting that is less than the payoff outside the contact set: next to it, and where it has left.
+fn check_outside(now: &SegmentValue, boundary: &Boundary) -> Result<(), Unsettled> {
+    let (sign, spread) = (now.segment.sign, now.segment.spread());
+    let (onset, end) = (boundary.onset.place, boundary.at_beginning);
+    let mut places = vec![end + sign * CHECKED * spread];
+    if sign * (onset - end) > spread {
+        places.extend([0.5 * (onset + end), onset]);
+    }
+    for x in places {
+        if now.waiting(x)[0] - sign * (now.strike() - x.exp()) < -LARGEST_VIOLATION {
+            return Err(Unsettled);
+        }
+    }
+    Ok(())
+}

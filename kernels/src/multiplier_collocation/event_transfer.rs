@@ -1,0 +1,312 @@
+//! From the value just after an event to that just before it: the spot's drop, then the holder's choice.
+
+use super::continuation::Continuation;
+use super::exercise_choice::{
+    choose, contact_end, is_payoff, joined, payoff_piece, Choice, Chosen, SAME_END,
+};
+use super::panels::{append_nodes, Interval, Kink, PanelWidths};
+use super::profile::{Piece, Profile};
+use super::segment::Segment;
+use super::segment_value::SegmentValue;
+use super::spot_drop::{logarithm, SpotDrop};
+
+/// The number of panels for which room is made at once; chosen: few profiles have more.
+const USUAL_PANELS: usize = 40;
+/// The width of the kink where the event takes the whole spot, in standard deviations of ln S over the segment; chosen.
+const PAID_OUT_WIDTH: f64 = 0.25;
+
+/// The value at a segment's end, before the event.
+pub struct Transferred {
+    pub profile: Profile,
+    /// The end of the contact set that reaches to the far side (spot 0 for a put, infinity for a call), x, infinite
+    /// without one.
+    pub contact: f64,
+    /// Where the value is not smooth.
+    pub kinks: Vec<Kink>,
+    /// The value at spot zero.
+    pub at_zero: f64,
+}
+
+fn piece(lower: f64, upper: f64, constant: f64, slope: f64) -> Piece {
+    Piece {
+        lower,
+        upper,
+        constant,
+        slope,
+    }
+}
+
+fn sharp_kink(place: f64) -> Kink {
+    Kink { place, width: 0.0 }
+}
+
+/// The value at expiry: the payoff after the dividends of that time, or what exercise just before them is worth.
+pub fn at_expiry(segment: &Segment) -> Transferred {
+    let sign = segment.sign;
+    let mut pieces = payoff_after_dividends(segment);
+    let mut kinks: Vec<f64> = pieces
+        .iter()
+        .flat_map(|p| [p.lower, p.upper])
+        .filter(|x| x.is_finite())
+        .collect();
+    let mut exercised = Vec::new();
+    if segment.exercise_at_end {
+        (pieces, exercised) = choose(&pieces, segment);
+    }
+    let (contact, ends) = contact_end(&exercised, sign);
+    kinks.extend(ends);
+    kinks.sort_by(f64::total_cmp);
+    kinks.dedup();
+    pieces.retain(|p| p.constant != 0.0 || p.slope != 0.0);
+    Transferred {
+        profile: Profile::new(&pieces, Vec::new(), Vec::new(), Vec::new()),
+        contact,
+        kinks: kinks.into_iter().map(sharp_kink).collect(),
+        at_zero: if sign > 0.0 { 1.0 } else { 0.0 },
+    }
+}
+
+/// The payoff as a function of the spot before the dividends of that time.
+fn payoff_after_dividends(segment: &Segment) -> Vec<Piece> {
+    let (sign, keep, amount) = (segment.sign, 1.0 - segment.fraction, segment.amount);
+    if keep <= 0.0 {
+        let at_zero = if sign > 0.0 { 1.0 } else { 0.0 };
+        return vec![piece(f64::NEG_INFINITY, f64::INFINITY, at_zero, 0.0)];
+    }
+    let (strike, paid_out) = (logarithm((1.0 + amount) / keep), logarithm(amount / keep));
+    if sign < 0.0 {
+        return vec![
+            piece(strike, f64::INFINITY, -1.0 - amount, keep),
+            piece(f64::NEG_INFINITY, strike, 0.0, 0.0),
+        ];
+    }
+    let mut pieces = vec![
+        piece(paid_out, strike, 1.0 + amount, -keep),
+        piece(strike, f64::INFINITY, 0.0, 0.0),
+    ];
+    if paid_out > f64::NEG_INFINITY {
+        pieces.insert(0, piece(f64::NEG_INFINITY, paid_out, 1.0, 0.0));
+    }
+    pieces
+}
+
+/// The value at the end of `segment`, before its event, from that after it, whose kinks are `kinks`.
+///
+/// `ends` is the interval of x that matters; beyond it the value is continued as a line in the spot.
+pub fn before_event(
+    later: &SegmentValue,
+    segment: &Segment,
+    kinks: &[Kink],
+    ends: Interval,
+    widths: &PanelWidths,
+) -> Transferred {
+    if segment.fraction >= 1.0 {
+        return paid_out_whole(later, segment);
+    }
+    let drop = SpotDrop {
+        keep: 1.0 - segment.fraction,
+        amount: segment.amount,
+    };
+    let mut boundary = drop.before(later.boundary_now());
+    if !(ends.0 < boundary && boundary < ends.1) {
+        boundary = f64::NAN; // a contact set that far away is continued like the value of waiting
+    }
+    let (mut pieces, open_ends) = known_pieces(later, segment, drop, boundary);
+    let mut kinks = moved(kinks, drop);
+    if boundary.is_finite() {
+        kinks.push(sharp_kink(boundary));
+    }
+    if segment.paid_out_below() > ends.0 {
+        kinks.push(Kink {
+            place: segment.paid_out_below(),
+            width: PAID_OUT_WIDTH * widths.spread,
+        });
+    }
+    let inside = (open_ends.0.max(ends.0), open_ends.1.min(ends.1));
+    let mut waiting: Vec<Interval> = Vec::new();
+    if inside.0 < inside.1 {
+        waiting.push(inside);
+    }
+    let mut contact = -segment.sign * f64::INFINITY;
+    let continuation = later.continuation();
+    if segment.exercise_at_end {
+        let same_strike = (later.strike() - segment.strike(0.0)).abs() < SAME_END;
+        if segment.is_continuous() && !boundary.is_nan() && same_strike {
+            contact = boundary;
+            kinks.push(sharp_kink(boundary));
+        } else {
+            let choice = Choice {
+                later,
+                continuation: &continuation,
+                drop,
+                segment,
+            };
+            let exercised = exercise(&choice, &mut pieces, &mut waiting, open_ends);
+            let (end, places) = contact_end(&exercised, segment.sign);
+            contact = end;
+            kinks.extend(places.into_iter().map(sharp_kink));
+        }
+    }
+    let sample = Sample {
+        later,
+        drop,
+        waiting: &waiting,
+        open_ends,
+        inside,
+    };
+    Transferred {
+        profile: sample.profile(&continuation, pieces, &kinks, widths),
+        contact,
+        kinks,
+        at_zero: at_zero(later, segment),
+    }
+}
+
+/// The pieces that are lines without approximation, below a spot that the event takes whole and on the later contact
+/// set, which ends at `boundary` (NaN without one); and the interval between them.
+fn known_pieces(
+    later: &SegmentValue,
+    segment: &Segment,
+    drop: SpotDrop,
+    boundary: f64,
+) -> (Vec<Piece>, Interval) {
+    let sign = segment.sign;
+    let paid_out = segment.paid_out_below();
+    let (mut lower, mut upper) = (paid_out, f64::INFINITY);
+    let mut pieces = Vec::new();
+    if paid_out > f64::NEG_INFINITY {
+        pieces.push(piece(f64::NEG_INFINITY, paid_out, later.at_zero, 0.0));
+    }
+    if !boundary.is_nan() {
+        let (constant, slope) = (sign * (later.strike() + drop.amount), -sign * drop.keep);
+        if sign > 0.0 {
+            pieces.push(piece(lower, boundary, constant, slope));
+            lower = boundary;
+        } else {
+            pieces.push(piece(boundary, f64::INFINITY, constant, slope));
+            upper = boundary;
+        }
+    }
+    (pieces, (lower, upper))
+}
+
+/// Replace pieces and intervals of waiting by the payoff where that is larger; return where it is.
+fn exercise(
+    choice: &Choice,
+    pieces: &mut Vec<Piece>,
+    waiting: &mut Vec<Interval>,
+    open_ends: Interval,
+) -> Vec<Interval> {
+    let segment = choice.segment;
+    let (chosen, mut exercised) = choose(pieces, segment);
+    *pieces = chosen;
+    if let Some(&interval) = waiting.first() {
+        let split: Chosen = choice.split(interval, open_ends);
+        *waiting = split.waiting;
+        exercised.extend(split.exercised);
+    }
+    let exercised = joined(exercised);
+    pieces.retain(|p| !is_payoff(p, segment));
+    pieces.extend(exercised.iter().map(|&ends| payoff_piece(segment, ends)));
+    exercised
+}
+
+/// The value at spot zero, after what the holder may do there.
+fn at_zero(later: &SegmentValue, segment: &Segment) -> f64 {
+    if segment.exercise_at_end && segment.sign > 0.0 {
+        later.at_zero.max(segment.strike(0.0))
+    } else {
+        later.at_zero
+    }
+}
+
+/// The value of waiting, to be sampled at Gauss nodes.
+struct Sample<'a> {
+    later: &'a SegmentValue,
+    drop: SpotDrop,
+    waiting: &'a [Interval],
+    open_ends: Interval,
+    inside: Interval,
+}
+
+impl Sample<'_> {
+    /// The pieces, the nodes, and the lines in the spot that continue the value beyond the ends of the sample.
+    fn profile(
+        &self,
+        continuation: &Continuation,
+        mut pieces: Vec<Piece>,
+        kinks: &[Kink],
+        widths: &PanelWidths,
+    ) -> Profile {
+        let room = USUAL_PANELS * widths.points;
+        let mut panels = Vec::with_capacity(USUAL_PANELS);
+        let (mut nodes, mut weighted) = (Vec::with_capacity(room), Vec::with_capacity(room));
+        for &interval in self.waiting {
+            append_nodes(
+                interval,
+                kinks,
+                widths,
+                &mut panels,
+                &mut nodes,
+                &mut weighted,
+            );
+        }
+        let after = self.drop.after_all(&nodes);
+        for (weight, value) in weighted
+            .iter_mut()
+            .zip(self.later.values(continuation, &after))
+        {
+            *weight *= value;
+        }
+        let ((lower, upper), (start, stop)) = (self.open_ends, self.inside);
+        if let (Some(first), Some(last)) = (self.waiting.first(), self.waiting.last()) {
+            if first.0.total_cmp(&start).is_eq() && start > lower {
+                let (constant, slope) = self.tangent(start);
+                pieces.push(piece(lower, start, constant, slope));
+            }
+            if last.1.total_cmp(&stop).is_eq() && stop < upper {
+                let (constant, slope) = self.tangent(stop);
+                pieces.push(piece(stop, upper, constant, slope));
+            }
+        }
+        Profile::new(&pieces, panels, nodes, weighted)
+    }
+
+    /// The constant and the slope of the tangent at x as a function of the spot.
+    fn tangent(&self, x: f64) -> (f64, f64) {
+        let after = self.drop.after(x);
+        let [value, by_x, _] = self.later.value(after);
+        let slope = self.drop.keep * by_x * (-after).exp();
+        (value - slope * x.exp(), slope)
+    }
+}
+
+/// The value before an event that takes the whole spot.
+fn paid_out_whole(later: &SegmentValue, segment: &Segment) -> Transferred {
+    let mut pieces = vec![piece(f64::NEG_INFINITY, f64::INFINITY, later.at_zero, 0.0)];
+    let mut exercised = Vec::new();
+    if segment.exercise_at_end {
+        (pieces, exercised) = choose(&pieces, segment);
+    }
+    let (contact, ends) = contact_end(&exercised, segment.sign);
+    Transferred {
+        profile: Profile::new(&pieces, Vec::new(), Vec::new(), Vec::new()),
+        contact,
+        kinks: ends.into_iter().map(sharp_kink).collect(),
+        at_zero: at_zero(later, segment),
+    }
+}
+
+/// The kinks where they are before the event; their widths shrink as distances in ln S do.
+fn moved(kinks: &[Kink], drop: SpotDrop) -> Vec<Kink> {
+    kinks
+        .iter()
+        .map(|kink| {
+            let spot = kink.place.exp();
+            Kink {
+                place: drop.before(kink.place),
+                width: kink.width * spot / (spot + drop.amount),
+            }
+        })
+        .collect()
+}

@@ -1,0 +1,146 @@
+//! Newton's method for the coefficients of a boundary, with halved steps.
+
+use super::collocation_system::CollocationSystem;
+use super::contact_onset::Representation;
+use super::linear_system::{eliminate, lift_diagonal};
+
+/// The largest number of Newton's steps; chosen.
+const MOST_ITERATIONS: usize = 40;
+/// The smallest share of a step that is tried; chosen.
+const SMALLEST_STEP: f64 = 0.01;
+/// The share of the residual that a step must take away, times its length; chosen.
+const SMALLEST_GAIN: f64 = 0.2;
+/// The smallest probability that a step may give, and its distance from 1; chosen.
+const SMALLEST_COEFFICIENT: f64 = 1e-10;
+/// The smallest share of a squared distance that one step leaves; chosen.
+const SMALLEST_LEFT: f64 = 0.1;
+/// The smallest probability at which the move of the boundary is measured, and its distance from 1; chosen.
+const SMALLEST_SHARE: f64 = 1e-9;
+/// The residual below which there is nothing but rounding, in strikes.
+const ROUNDING: f64 = 1e-14;
+/// The factor by which a full step may leave more than the step before it lets expect; chosen.
+const CAUTION: f64 = 10.0;
+
+/// When the iteration ends.
+#[derive(Clone, Copy)]
+pub struct Stopping {
+    /// The largest move of the boundary (in x) or of a probability in the last step.
+    pub settled: f64,
+    /// The largest residual, in strikes, with which no further step is taken.
+    pub enough: f64,
+}
+
+/// Replace the coefficients behind the first by a zero of the residual; return what is left of it, in strikes.
+///
+/// A full step leaves the square of the residual times `curvature`, which is measured at every such step and handed on
+/// from degree to degree, infinite while unknown: where that is `enough`, the residual is not evaluated any more.
+pub fn newton(
+    system: &mut CollocationSystem,
+    coefficients: &mut [f64],
+    stopping: Stopping,
+    curvature: &mut f64,
+) -> f64 {
+    let Stopping { settled, enough } = stopping;
+    let m = system.nodes.degree;
+    let (mut residual, mut jacobian) = (vec![0.0; m], vec![0.0; m * m]);
+    let (mut trial, mut step) = (coefficients.to_vec(), vec![0.0; m]);
+    system.residual(coefficients, &mut residual, &mut jacobian);
+    for _ in 0..MOST_ITERATIONS {
+        let norm = largest(&residual);
+        for (step, left) in step.iter_mut().zip(&residual) {
+            *step = -left;
+        }
+        lift_diagonal(&mut jacobian, m);
+        if !eliminate(&mut jacobian, &mut step) {
+            return f64::NAN;
+        }
+        let largest_move = largest_move(system, coefficients, &step);
+        let mut length = (system.segment.spread() / largest_move).min(1.0);
+        let small = if is_share(system) {
+            largest(&step) <= settled
+        } else {
+            largest_move <= settled
+        };
+        loop {
+            try_step(system, coefficients, &step, length, &mut trial);
+            let expected = CAUTION * *curvature * norm * norm;
+            if length >= 1.0 && expected <= enough {
+                coefficients.copy_from_slice(&trial);
+                return expected;
+            }
+            system.residual(&trial, &mut residual, &mut jacobian);
+            let left = largest(&residual);
+            if length >= 1.0 {
+                *curvature = left / (norm * norm);
+            }
+            if left <= (1.0 - SMALLEST_GAIN * length) * norm
+                || length < SMALLEST_STEP
+                || small
+                || left < ROUNDING
+            {
+                break;
+            }
+            length *= 0.5;
+        }
+        coefficients.copy_from_slice(&trial);
+        let left = largest(&residual);
+        if small || left <= enough || !left.is_finite() {
+            break;
+        }
+    }
+    largest(&residual)
+}
+
+/// Fill in the coefficients after a share of the step, inside their limits.
+fn try_step(
+    system: &CollocationSystem,
+    coefficients: &[f64],
+    step: &[f64],
+    length: f64,
+    trial: &mut [f64],
+) {
+    for k in 0..step.len() {
+        trial[k + 1] = coefficients[k + 1] + length * step[k];
+        match system.onset.representation {
+            Representation::NormalShare { .. } => {
+                trial[k + 1] = trial[k + 1].clamp(SMALLEST_COEFFICIENT, 1.0 - SMALLEST_COEFFICIENT);
+            }
+            Representation::SquaredDistance => {
+                trial[k + 1] = trial[k + 1].max(SMALLEST_LEFT * coefficients[k + 1]);
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The largest absolute value; NaN if there is one.
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most: f64, v| {
+        if v.abs() > most || v.is_nan() {
+            v.abs()
+        } else {
+            most
+        }
+    })
+}
+
+/// Whether the coefficients are probabilities.
+fn is_share(system: &CollocationSystem) -> bool {
+    matches!(
+        system.onset.representation,
+        Representation::NormalShare { .. }
+    )
+}
+
+/// The largest distance by which the step moves the boundary, in x.
+fn largest_move(system: &CollocationSystem, coefficients: &[f64], step: &[f64]) -> f64 {
+    let moves = step.iter().zip(&coefficients[1..]).map(|(step, c)| {
+        let c = if is_share(system) {
+            c.clamp(SMALLEST_SHARE, 1.0 - SMALLEST_SHARE)
+        } else {
+            *c
+        };
+        (step * system.onset.boundary_of(system.segment.sign, c, 0.0).1).abs()
+    });
+    moves.fold(0.0, f64::max)
+}

@@ -1,0 +1,252 @@
+//! The search for the onset of a segment's contact set: when it is, where, and how the boundary goes on.
+
+use super::contact_onset::{ContactOnset, Representation};
+use super::normal::quantile;
+use super::panels::Kink;
+use super::payoff_crossing::PayoffCrossing;
+use super::profile::Profile;
+use super::roots::find_root;
+use super::segment::Segment;
+use super::unsettled::Unsettled;
+
+/// The time at which a contact set from far away has arrived, in times of its onset; calibrated on random contracts.
+const ARRIVAL_OF_SHARE: f64 = 2.0;
+/// The time after which a fast contact set has arrived, in times at which it has gone `MOST_OF_THE_WAY`; calibrated on
+/// random contracts.
+const ARRIVAL_OF_FAST: f64 = 1.3;
+/// The share of its way after which a fast contact set is looked at; chosen.
+const MOST_OF_THE_WAY: f64 = 0.7;
+/// The smallest way of a contact set that arrives, in standard deviations of ln S over the segment; chosen.
+const SMALLEST_WAY: f64 = 1.5;
+/// The earliest arrival at which a segment is split, as a share of its duration; chosen.
+const EARLIEST_ARRIVAL: f64 = 1e-3;
+/// The same for a contact set from far away; chosen.
+const EARLIEST_SPLIT: f64 = 1e-6;
+/// The smallest duration of a segment that is split, in times of the split; chosen.
+const WORTH_SPLITTING: f64 = 1.1;
+/// The earliest time at which panels show the value far from a kink, as a share of the duration; chosen: sooner they
+/// are too wide.
+const EARLIEST_SEEN: f64 = 0.02;
+/// The earliest time that is looked at where the value is known as lines, as a share of the duration; chosen.
+const AT_ONCE: f64 = 1e-9;
+/// The steepest approach of value and payoff far away that counts as normal, in slopes of the payoff: steeper ones part
+/// like lines. Chosen.
+const STEEP: f64 = 1e-6;
+/// The slope away from the payoff, in slopes of the payoff, from which the contact set begins somewhere else, with two
+/// ends; chosen.
+const OVERHANGING: f64 = 1e-4;
+/// The distance in time to which an onset is found, as a share of the duration; chosen.
+const CLOSE: f64 = 1e-7;
+/// The same for an arrival; chosen.
+const ROUGHLY: f64 = 1e-2;
+/// The growth of a contact set that is faster than diffusion follows, in standard deviations of ln S over the segment;
+/// calibrated on random contracts.
+const FAST: f64 = 4.0;
+/// The larger distance from the kink towards exercise at which the approach to the payoff is fitted, in standard deviations
+/// of ln S; chosen.
+const DEEP: f64 = 2.0;
+/// The smaller of these two distances, in standard deviations of ln S; chosen.
+const SHALLOW: f64 = 0.25;
+/// The smallest probability that this fit uses; chosen.
+const SMALLEST_HEIGHT: f64 = 1e-6;
+/// The largest probability that this fit uses; chosen.
+const LARGEST_HEIGHT: f64 = 0.9;
+/// The smallest scale that this fit gives, in standard deviations of ln S; chosen.
+const SMALLEST_SCALE: f64 = 0.5;
+/// The largest scale that this fit gives, in standard deviations of ln S; chosen.
+const LARGEST_SCALE: f64 = 5.0;
+
+/// What is known of a segment before its boundary is.
+pub struct OnsetSearch<'a> {
+    /// The value at the segment's end.
+    pub profile: &'a Profile,
+    pub segment: &'a Segment,
+    /// The end of the contact set at the segment's end, x, infinite without one.
+    pub contact: f64,
+    /// The x beyond which, on the side of exercise, the value does not matter.
+    pub relevant: f64,
+    pub kinks: &'a [Kink],
+    /// Whether the value there is known at nodes only, and not as lines: what happens at once is not seen then.
+    pub nodes_only: bool,
+}
+
+/// What the search finds.
+pub struct FoundOnset {
+    /// None where nothing is exercised.
+    pub onset: Option<ContactOnset>,
+    /// The time to the segment's end at which the segment is best split, so that the part before has a smooth boundary;
+    /// 0 where it is not.
+    pub split: f64,
+}
+
+impl OnsetSearch<'_> {
+    /// Whether there is a contact set, at the segment's end or before.
+    pub fn has_contact(&self) -> bool {
+        let segment = self.segment;
+        if !(segment.exercisable && segment.has_cost_of_waiting()) {
+            return false;
+        }
+        if segment.sign * (self.contact - self.relevant) > 0.0 {
+            return true;
+        }
+        let reached = segment.sign * (segment.zero_of_multiplier() - self.relevant) > 0.0;
+        reached && self.excess(self.relevant, segment.duration) < 0.0
+    }
+
+    /// Find the onset.
+    pub fn find(&self) -> Result<FoundOnset, Unsettled> {
+        if !self.has_contact() {
+            return Ok(FoundOnset {
+                onset: None,
+                split: 0.0,
+            });
+        }
+        if self.segment.sign * (self.contact - self.relevant) > 0.0 {
+            Ok(self.at_segment_end())
+        } else {
+            self.inside_segment()
+        }
+    }
+
+    /// The onset of a contact set that exists at the segment's end.
+    fn at_segment_end(&self) -> FoundOnset {
+        let segment = self.segment;
+        let (sign, largest) = (segment.sign, segment.zero_of_multiplier());
+        let place = if sign > 0.0 {
+            self.contact.min(largest)
+        } else {
+            self.contact.max(largest)
+        };
+        let ahead = place + FAST * sign * segment.spread();
+        if self.excess(ahead, segment.duration) < 0.0 {
+            return self.crossing_onset(0.0, place);
+        }
+        let gradual = sign * (largest - self.contact) <= 0.0;
+        let onset = ContactOnset {
+            representation: if gradual || self.profile.continues(segment) {
+                Representation::Direct
+            } else {
+                Representation::SquaredDistance
+            },
+            time: 0.0,
+            place,
+            crossing: PayoffCrossing::default(),
+        };
+        FoundOnset {
+            onset: Some(onset),
+            split: 0.0,
+        }
+    }
+
+    /// The onset of a contact set that comes from far away some time before the segment's end.
+    fn inside_segment(&self) -> Result<FoundOnset, Unsettled> {
+        let (segment, place) = (self.segment, self.relevant);
+        let excess = |s: f64| self.excess(place, s);
+        let duration = segment.duration;
+        let share = if self.profile.has_nodes() && self.nodes_only {
+            EARLIEST_SEEN
+        } else {
+            AT_ONCE
+        };
+        let soon = share * duration;
+        let time = if excess(soon) > 0.0 {
+            find_root(excess, soon, duration, CLOSE * duration)
+        } else {
+            soon
+        };
+        let steepness = self.height(place, time) * place.exp();
+        if steepness < -OVERHANGING {
+            return Err(Unsettled);
+        }
+        if segment.sign < 0.0 || steepness > STEEP || place < segment.paid_out_below() {
+            return Ok(self.crossing_onset(time, place));
+        }
+        let split = ARRIVAL_OF_SHARE * time;
+        let is_long_enough =
+            WORTH_SPLITTING * split < duration && split > EARLIEST_SPLIT * duration;
+        let onset = ContactOnset {
+            representation: self.normal_share(time),
+            time,
+            place,
+            crossing: PayoffCrossing::search(self.profile, segment, (time, place), duration),
+        };
+        Ok(FoundOnset {
+            onset: Some(onset),
+            split: if is_long_enough { split } else { 0.0 },
+        })
+    }
+
+    /// The onset of a boundary that is measured from the payoff crossing, split where it has arrived.
+    fn crossing_onset(&self, time: f64, place: f64) -> FoundOnset {
+        let onset = ContactOnset::from_crossing(self.profile, self.segment, time, place);
+        FoundOnset {
+            onset: Some(onset),
+            split: self.arrival(time, place, onset.crossing.x),
+        }
+    }
+
+    /// A time after that at which a contact set that grows far and fast has arrived; 0 where it does not.
+    ///
+    /// The boundary is near the payoff crossing, which is followed until it has gone most of its way.
+    fn arrival(&self, onset_time: f64, place: f64, end: f64) -> f64 {
+        let segment = self.segment;
+        if segment.sign * (end - place) < SMALLEST_WAY * segment.spread() {
+            return 0.0;
+        }
+        let most = place + MOST_OF_THE_WAY * (end - place);
+        let soon = onset_time.max(AT_ONCE * segment.duration);
+        if self.excess(most, soon) <= 0.0 {
+            return 0.0;
+        }
+        let excess = |s: f64| self.excess(most, s);
+        let close = ROUGHLY * segment.duration;
+        let arrival = ARRIVAL_OF_FAST * find_root(excess, soon, segment.duration, close);
+        let is_long_enough = EARLIEST_ARRIVAL * segment.duration < arrival
+            && WORTH_SPLITTING * arrival < segment.duration;
+        if is_long_enough {
+            arrival
+        } else {
+            0.0
+        }
+    }
+
+    /// The kink next to where the option is not exercised, x.
+    fn nearest_kink(&self) -> f64 {
+        let (sign, kinks) = (self.segment.sign, self.kinks.iter());
+        kinks
+            .filter(|kink| kink.width <= 0.0)
+            .map(|kink| kink.place)
+            .reduce(|a, b| if sign > 0.0 { a.max(b) } else { a.min(b) })
+            .unwrap_or(0.0)
+    }
+
+    /// The representation whose normal distribution function has the shape of 1 + delta at the onset, from its height
+    /// at two places.
+    fn normal_share(&self, onset_time: f64) -> Representation {
+        let (sign, dynamics) = (self.segment.sign, &self.segment.dynamics);
+        let seen = onset_time.max(EARLIEST_SEEN * self.segment.duration);
+        let spread = sign * dynamics.volatility * seen.sqrt();
+        let kink = self.nearest_kink() - dynamics.drift() * seen;
+        let quantile_at =
+            |x: f64| quantile(self.height(x, seen).clamp(SMALLEST_HEIGHT, LARGEST_HEIGHT));
+        let (deep, shallow) = (kink - DEEP * spread, kink - SHALLOW * spread);
+        let (low, high) = (quantile_at(deep), quantile_at(shallow));
+        let scale = ((shallow - deep) / (high - low)).abs();
+        let scale = scale.clamp(SMALLEST_SCALE * spread.abs(), LARGEST_SCALE * spread.abs());
+        Representation::NormalShare {
+            centre: shallow - sign * scale * high,
+            scale,
+        }
+    }
+
+    /// The value without exercise before s less the payoff at x, in strikes.
+    fn excess(&self, x: f64, s: f64) -> f64 {
+        self.profile.propagate(&self.segment.dynamics, x, s)[0] - self.segment.payoff(x, s)
+    }
+
+    /// 1 + delta of a put, 1 - delta of a call, both without exercise before s.
+    fn height(&self, x: f64, s: f64) -> f64 {
+        let by_x = self.profile.propagate(&self.segment.dynamics, x, s)[1];
+        1.0 + by_x * (-x).exp() * self.segment.sign
+    }
+}

@@ -1,0 +1,102 @@
+//! A solved segment: the value at its beginning as a function of x = ln(S/K).
+
+use super::boundary::Boundary;
+use super::continuation::Continuation;
+use super::panels::Kink;
+use super::profile::Profile;
+use super::segment::Segment;
+
+/// The value at the beginning of a segment, in strikes.
+pub struct SegmentValue {
+    /// The value at the segment's end, after what the holder may do there.
+    pub profile: Profile,
+    /// The number of nodes of each of its panels.
+    pub points: usize,
+    pub segment: Segment,
+    /// None where the option is not exercised at the beginning.
+    pub boundary: Option<Boundary>,
+    /// The value at spot zero.
+    pub at_zero: f64,
+    /// Whether the option gains or loses no more than the spot does: there is no negative yield from here on.
+    pub is_monotone: bool,
+}
+
+impl SegmentValue {
+    /// The end of the contact set, NaN without one.
+    pub fn boundary_now(&self) -> f64 {
+        self.boundary.as_ref().map_or(f64::NAN, |b| b.at_beginning)
+    }
+
+    /// The strike less the escrow, in strikes.
+    pub fn strike(&self) -> f64 {
+        self.segment.strike(self.segment.duration)
+    }
+
+    /// The value of waiting, prepared for many places.
+    pub fn continuation(&self) -> Continuation<'_> {
+        let contact_blocks = self
+            .boundary
+            .as_ref()
+            .map_or(&[][..], |boundary| &boundary.contact_blocks);
+        Continuation::new(&self.profile, self.points, &self.segment, contact_blocks)
+    }
+
+    /// The value at increasing places: the payoff on the contact set.
+    pub fn values(&self, continuation: &Continuation, places: &[f64]) -> Vec<f64> {
+        let mut values = continuation.values(places);
+        if self.boundary.is_some() {
+            let (sign, boundary, strike) = (self.segment.sign, self.boundary_now(), self.strike());
+            for (value, x) in values.iter_mut().zip(places) {
+                if sign * (boundary - x) >= 0.0 {
+                    *value = sign * (strike - x.exp());
+                }
+            }
+        }
+        values
+    }
+
+    /// The value of waiting at x, its slope and its second derivative.
+    pub fn waiting(&self, x: f64) -> [f64; 3] {
+        let mut out = self
+            .profile
+            .propagate(&self.segment.dynamics, x, self.segment.duration);
+        if let Some(boundary) = &self.boundary {
+            let part = boundary.contribution(x);
+            for (total, part) in out.iter_mut().zip(part) {
+                *total += part;
+            }
+        }
+        out
+    }
+
+    /// The value at x, its slope and its second derivative: those of the payoff on the contact set.
+    pub fn value(&self, x: f64) -> [f64; 3] {
+        let sign = self.segment.sign;
+        if self.boundary.is_some() && sign * (self.boundary_now() - x) >= 0.0 {
+            let paid = -sign * x.exp();
+            return [sign * self.strike() + paid, paid, paid];
+        }
+        self.waiting(x)
+    }
+
+    /// The kinks of the value: those at the segment's end, moved by the drift and smoothed, and the end of the contact
+    /// set.
+    pub fn kinks_from(&self, at_end: &[Kink]) -> Vec<Kink> {
+        let spread = self.segment.spread();
+        let shift = self.segment.dynamics.drift() * self.segment.duration;
+        let mut kinks: Vec<Kink> = at_end
+            .iter()
+            .map(|kink| Kink {
+                place: kink.place - shift,
+                width: kink.width.hypot(spread),
+            })
+            .collect();
+        if self.boundary.is_some() {
+            kinks.push(Kink {
+                place: self.boundary_now(),
+                width: 0.0,
+            });
+        }
+        kinks
+    }
+}

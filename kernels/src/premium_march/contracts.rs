@@ -1,0 +1,57 @@
+//! The puts to be priced, in their dimensionless parameters: as columns, and sixteen side by side.
+
+use crate::lanes::vector::{Vector, LANES};
+
+/// Puts in their dimensionless parameters: runs of spots that share a march.
+#[derive(Clone, Copy)]
+pub struct Puts<'a> {
+    /// r T of each run, (runs,).
+    pub rate: &'a [f64],
+    /// q T of each run, (runs,).
+    pub dividend: &'a [f64],
+    /// sigma sqrt(T) of each run, (runs,).
+    pub spread: &'a [f64],
+    /// The first spot of each run, and the number of spots; increasing, (runs + 1,).
+    pub first: &'a [usize],
+    /// ln(S/K) of each spot, (spots,).
+    pub x: &'a [f64],
+    /// The largest error allowed in V/K, (spots,).
+    pub tolerance: &'a [f64],
+    /// The largest error allowed in each of the `VALUES` numbers of a spot, (spots x `VALUES`,); None leaves out the
+    /// derivatives by the parameters.
+    pub limits: Option<&'a [f64]>,
+    /// The smallest and the largest level of the finest march of a put; places in `STEPS`.
+    pub levels: (usize, usize),
+}
+
+/// The parameters of sixteen puts: r T > 0, q T, sigma sqrt(T) > 0.
+#[derive(Clone, Copy)]
+pub struct Contracts<V> {
+    /// r T.
+    pub rate: V,
+    /// q T.
+    pub dividend: V,
+    /// sigma sqrt(T).
+    pub spread: V,
+}
+
+impl<V: Vector> Contracts<V> {
+    /// Those of sixteen runs.
+    #[inline(always)]
+    pub fn gather(puts: Puts, runs: &[usize; LANES]) -> Self {
+        Self {
+            rate: gather(puts.rate, runs),
+            dividend: gather(puts.dividend, runs),
+            spread: gather(puts.spread, runs),
+        }
+    }
+}
+
+#[inline(always)]
+fn gather<V: Vector>(column: &[f64], rows: &[usize; LANES]) -> V {
+    let mut numbers = [0.0; LANES];
+    for (number, &row) in numbers.iter_mut().zip(rows) {
+        *number = column[row];
+    }
+    V::from_lanes(numbers)
+}

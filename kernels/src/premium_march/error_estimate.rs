@@ -1,0 +1,152 @@
+//! The extrapolant of marches with M, M/2 and M/4 time steps, and its error estimate.
+
+use super::mesh::STEPS;
+use super::spot_evaluation::{SpotEvaluation, Spots, VALUES};
+use crate::lanes::vector::{Vector, LANES};
+
+/// The first level whose extrapolant rests on three marches: with fewer steps there is no march with a quarter of them.
+pub const COARSEST_CHECKED: usize = 4;
+
+/// The difference of two marches over the error of the finer one; calibrated on random puts.
+const GAIN: f64 = 5.5;
+/// The same where there is no third march: half the steps are too few for that law; calibrated on random puts.
+const LONE_GAIN: f64 = 12.0;
+/// The same for ln(S*/K); calibrated on random puts.
+const BOUNDARY_GAIN: f64 = 4.0;
+/// The share of the difference of M and M/2 steps in the error estimate; calibrated on random puts.
+const NEAR_SHARE: f64 = 0.25;
+/// The share of the difference of M/2 and M/4 steps, about six times the other one; calibrated on random puts.
+const FAR_SHARE: f64 = 0.05;
+/// The share of the only difference where there is no third march; calibrated on random puts.
+const LONE_SHARE: f64 = 2.0;
+/// The factor on the error estimate of `COARSEST_CHECKED`, where the law of the differences does not hold yet; calibrated
+/// on random puts.
+const COARSE_FACTOR: f64 = 2.0;
+/// The share of the difference of `u_xi` that the error estimate is not less than, in V/K: values of two marches may
+/// agree by accident, but hardly their slopes as well; calibrated on random puts.
+const SLOPE_SHARE: f64 = 0.4;
+/// The share of the difference of two marches that estimates the error of a derivative after extrapolation; calibrated
+/// on random puts.
+const DERIVATIVE_SHARE: f64 = 0.17;
+/// The smallest number of steps from which derivatives do not ask for more; chosen.
+const MOST_STEPS_FOR_DERIVATIVES: usize = 96;
+/// The smallest number of steps with which a march that loses the boundary is not refined further; chosen.
+const STEPS_TO_SETTLE: usize = 96;
+
+/// What the last three marches say, with M (`whole`), M/2 and M/4 steps.
+pub struct Comparison<'a, V> {
+    pub spots: &'a Spots<V>,
+    /// The place of M in `STEPS`.
+    pub level: usize,
+    pub whole: &'a SpotEvaluation<V>,
+    pub half: &'a SpotEvaluation<V>,
+    /// Not used below `COARSEST_CHECKED`.
+    pub quarter: &'a SpotEvaluation<V>,
+}
+
+impl<V: Vector> Comparison<'_, V> {
+    /// That with M steps less that with M/2; `settled` where all marches were.
+    #[inline(always)]
+    pub fn difference(&self) -> SpotEvaluation<V> {
+        let Self {
+            whole,
+            half,
+            quarter,
+            ..
+        } = self;
+        let mut by = whole.tangents;
+        for (tangent, before) in by.iter_mut().zip(half.tangents) {
+            *tangent = *tangent - before;
+        }
+        SpotEvaluation {
+            tangents: by,
+            u: whole.u - half.u,
+            slope: whole.slope - half.slope,
+            curvature: whole.curvature - half.curvature,
+            boundary: whole.boundary - half.boundary,
+            settled: whole.settled.min(half.settled).min(quarter.settled),
+        }
+    }
+
+    /// Richardson's extrapolant.
+    #[inline(always)]
+    pub fn extrapolant(&self, difference: &SpotEvaluation<V>) -> SpotEvaluation<V> {
+        let (whole, gain) = (self.whole, self.gain());
+        let mut by = difference.tangents;
+        for (tangent, newest) in by.iter_mut().zip(whole.tangents) {
+            *tangent = extrapolated(newest, *tangent, gain);
+        }
+        SpotEvaluation {
+            tangents: by,
+            u: extrapolated(whole.u, difference.u, gain),
+            slope: extrapolated(whole.slope, difference.slope, gain),
+            curvature: extrapolated(whole.curvature, difference.curvature, gain),
+            boundary: extrapolated(whole.boundary, difference.boundary, BOUNDARY_GAIN),
+            settled: difference.settled,
+        }
+    }
+
+    #[inline(always)]
+    fn gain(&self) -> f64 {
+        if self.level < COARSEST_CHECKED {
+            LONE_GAIN
+        } else {
+            GAIN
+        }
+    }
+
+    /// The error estimate of the extrapolant, in V/K; `of_values` is the difference of V/K.
+    #[inline(always)]
+    pub fn error(&self, difference: &SpotEvaluation<V>, of_values: V) -> V {
+        let (spots, whole) = (self.spots, self.whole);
+        let error = if self.level < COARSEST_CHECKED {
+            of_values.abs().times(LONE_SHARE)
+        } else {
+            let before = spots.discounted(self.half.u - self.quarter.u).abs();
+            let factor = if self.level == COARSEST_CHECKED {
+                COARSE_FACTOR
+            } else {
+                1.0
+            };
+            let near = of_values.abs().times(factor * NEAR_SHARE);
+            before.times_plus(V::all(factor * FAR_SHARE), near)
+        };
+        let slopes = spots.discounted(difference.slope).abs();
+        let error = error.max(slopes.times(SLOPE_SHARE));
+        // Just inside the exercise region the value exceeds the payoff if the boundary is as far off as it moved.
+        let depth = whole.boundary - spots.x;
+        let shortfall = (difference.boundary.abs() - depth).max(V::zero());
+        let excess = shortfall * shortfall * spots.half_curvature_at_boundary();
+        let error = depth.negative(error, error.max(excess));
+        // Beyond the nodes u is taken for zero.
+        let neglected = spots.premium_bound(whole.boundary);
+        (-whole.u.abs()).negative(error, error.max(neglected))
+    }
+}
+
+/// The limit, from the newest march and its difference from the one before.
+#[inline(always)]
+fn extrapolated<V: Vector>(newest: V, difference: V, gain: f64) -> V {
+    newest + difference.times(1.0 / gain)
+}
+
+/// Whether the derivatives of one lane are close enough for its limits, or need no more steps.
+#[inline(always)]
+pub fn derivatives_are_met(
+    level: usize,
+    limits: Option<&[f64]>,
+    differences: &[[f64; LANES]; VALUES],
+    lane: usize,
+) -> bool {
+    let close = |limits: &[f64]| {
+        let mut limits = limits.iter().zip(differences);
+        limits.all(|(limit, d)| DERIVATIVE_SHARE * d[lane].abs() <= *limit)
+    };
+    STEPS[level] >= MOST_STEPS_FOR_DERIVATIVES || limits.is_none_or(close)
+}
+
+/// Whether a march that loses the boundary at this level is given up.
+#[inline(always)]
+pub fn is_hopeless(level: usize) -> bool {
+    STEPS[level] >= STEPS_TO_SETTLE
+}

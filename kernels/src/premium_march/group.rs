@@ -1,0 +1,253 @@
+//! At most sixteen marches side by side, refined together, and what they say of their spots.
+
+use super::contracts::{Contracts, Puts};
+use super::error_estimate::{derivatives_are_met, is_hopeless, Comparison, COARSEST_CHECKED};
+use super::grid_values::Workspace;
+use super::march::{march, Marched};
+use super::mesh::Mesh;
+use super::mesh_class::MeshClass;
+use super::spot_evaluation::{SpotEvaluation, Spots, VALUES};
+use super::work_items::Item;
+use crate::lanes::vector::{Vector, LANES};
+
+/// The number of numbers found for each spot: its `VALUES`, the error estimate of V/K and ln(S*/K).
+pub const COLUMNS: usize = VALUES + 2;
+
+/// The numbers of `EarlierMarches`.
+const KEPT: usize = 10;
+
+/// What the next level needs of the marches of a spot: the last evaluation without its tangents, u and `settled` of the
+/// one before, and the last tangents.
+pub type EarlierMarches = [f64; KEPT];
+
+/// The lanes of each vector.
+#[inline(always)]
+fn lanes_of<V: Vector, const N: usize>(vectors: &[V; N]) -> [[f64; LANES]; N] {
+    let mut numbers = [[0.0; LANES]; N];
+    for (own, vector) in numbers.iter_mut().zip(vectors) {
+        *own = vector.lanes();
+    }
+    numbers
+}
+
+/// Which marches a group takes.
+#[derive(Clone, Copy)]
+pub struct Refinement {
+    /// The level of the finest march.
+    pub level: usize,
+    /// Whether a finer one may follow.
+    pub may_continue: bool,
+}
+
+/// What is found for one spot.
+pub struct Outcome {
+    /// The `VALUES`, the error estimate of V/K, ln(S*/K).
+    pub numbers: [f64; COLUMNS],
+    /// Whether the spot lies in the exercise region.
+    pub exercised: bool,
+    /// Whether no march lost the boundary.
+    pub settled: bool,
+    /// None where no finer march is needed.
+    pub earlier: Option<EarlierMarches>,
+}
+
+/// Marches side by side.
+pub struct Group<'a, 'w, V> {
+    puts: Puts<'a>,
+    contracts: Contracts<V>,
+    chunks: Vec<Chunk<'a, V>>,
+    work: &'w mut Workspace<V>,
+}
+
+/// At most sixteen of the spots.
+struct Chunk<'a, V> {
+    items: &'a [Item],
+    spots: Spots<V>,
+    /// The evaluations of the last three marches, newest first.
+    evaluations: [SpotEvaluation<V>; 3],
+}
+
+impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
+    /// That of items of at most sixteen runs, those of one run next to each other.
+    #[inline(always)]
+    pub fn new(puts: Puts<'a>, items: &'a [Item], work: &'w mut Workspace<V>) -> Self {
+        let mut runs = [items[0].run; LANES];
+        let mut lane = 0;
+        let mut chunks = Vec::with_capacity(items.len().div_ceil(LANES));
+        for items in items.chunks(LANES) {
+            let mut lanes = [0; LANES];
+            for (place, item) in lanes.iter_mut().zip(items) {
+                if item.run != runs[lane] {
+                    lane += 1;
+                    runs[lane..].fill(item.run);
+                }
+                *place = lane;
+            }
+            lanes[items.len()..].fill(lane);
+            let (mut own, mut x) = ([0; LANES], [0.0; LANES]);
+            for l in 0..LANES {
+                let item = items[l.min(items.len() - 1)];
+                (own[l], x[l]) = (item.run, puts.x[item.spot]);
+            }
+            let contracts = Contracts::gather(puts, &own);
+            let x = V::from_lanes(x);
+            chunks.push(Chunk {
+                items,
+                spots: Spots::new(contracts, x, lanes),
+                evaluations: [SpotEvaluation::zero(); 3],
+            });
+        }
+        Self {
+            puts,
+            contracts: Contracts::gather(puts, &runs),
+            chunks,
+            work,
+        }
+    }
+
+    /// March up to the level: from a quarter of its steps, or on from what earlier marches said.
+    #[inline(always)]
+    pub fn march(&mut self, level: usize, class: MeshClass, earlier: Option<&[EarlierMarches]>) {
+        let mut coarsest = level;
+        if let Some(earlier) = earlier {
+            for chunk in &mut self.chunks {
+                chunk.restore(earlier);
+            }
+        } else if level >= COARSEST_CHECKED {
+            coarsest = level - 4;
+        } else {
+            coarsest = level - 2;
+        }
+        let mut coarser_first = None;
+        for at in (coarsest..=level).step_by(2) {
+            let mesh = class.mesh(at);
+            if self.puts.limits.is_some() && at + 2 >= level {
+                let marched = march::<V, true>(&mesh, &self.contracts, coarser_first, self.work);
+                for chunk in &mut self.chunks {
+                    chunk.evaluate::<true>(&mesh, &marched, self.work);
+                }
+                coarser_first = Some(marched.first_boundary);
+            } else {
+                let marched = march::<V, false>(&mesh, &self.contracts, coarser_first, self.work);
+                for chunk in &mut self.chunks {
+                    chunk.evaluate::<false>(&mesh, &marched, self.work);
+                }
+                coarser_first = Some(marched.first_boundary);
+            }
+        }
+    }
+
+    /// Extrapolate, estimate the error, and say of each spot what is found and whether it needs a finer march.
+    #[inline(always)]
+    pub fn report(&self, refinement: Refinement, mut store: impl FnMut(Item, Outcome)) {
+        for chunk in &self.chunks {
+            chunk.report(self.puts, refinement, &mut store);
+        }
+    }
+}
+
+impl<V: Vector> Chunk<'_, V> {
+    /// Take in what a march says.
+    #[inline(always)]
+    fn evaluate<const D: bool>(&mut self, mesh: &Mesh, marched: &Marched<V>, work: &Workspace<V>) {
+        let newest = self.spots.evaluate::<D>(mesh, marched, work);
+        self.evaluations = [newest, self.evaluations[0], self.evaluations[1]];
+    }
+
+    /// Put back what `keep` has kept.
+    #[inline(always)]
+    fn restore(&mut self, earlier: &[EarlierMarches]) {
+        let mut columns = [[0.0; LANES]; KEPT];
+        for l in 0..LANES {
+            let numbers = &earlier[self.items[l.min(self.items.len() - 1)].earlier];
+            for (column, number) in columns.iter_mut().zip(numbers) {
+                column[l] = *number;
+            }
+        }
+        self.evaluations[0] = SpotEvaluation {
+            u: V::from_lanes(columns[0]),
+            slope: V::from_lanes(columns[1]),
+            curvature: V::from_lanes(columns[2]),
+            boundary: V::from_lanes(columns[3]),
+            settled: V::from_lanes(columns[4]),
+            tangents: [
+                V::from_lanes(columns[7]),
+                V::from_lanes(columns[8]),
+                V::from_lanes(columns[9]),
+            ],
+        };
+        self.evaluations[1] = SpotEvaluation {
+            u: V::from_lanes(columns[5]),
+            settled: V::from_lanes(columns[6]),
+            ..SpotEvaluation::zero()
+        };
+    }
+
+    /// `EarlierMarches` of each lane.
+    #[inline(always)]
+    fn keep(&self) -> [[f64; LANES]; KEPT] {
+        let [whole, half, _] = &self.evaluations;
+        let [rate, dividend, spread] = whole.tangents;
+        lanes_of(&[
+            whole.u,
+            whole.slope,
+            whole.curvature,
+            whole.boundary,
+            whole.settled,
+            half.u,
+            half.settled,
+            rate,
+            dividend,
+            spread,
+        ])
+    }
+
+    #[inline(always)]
+    fn report(&self, puts: Puts, refinement: Refinement, store: &mut impl FnMut(Item, Outcome)) {
+        let [whole, half, quarter] = &self.evaluations;
+        let comparison = Comparison {
+            spots: &self.spots,
+            level: refinement.level,
+            whole,
+            half,
+            quarter,
+        };
+        let difference = comparison.difference();
+        let differences = self.spots.value_differences(&difference);
+        let error = comparison.error(&difference, differences[0]);
+        let extrapolant = comparison.extrapolant(&difference);
+        let depth = extrapolant.boundary - self.spots.x;
+        let values = self.spots.values(&extrapolant, depth);
+
+        let values = lanes_of(&values);
+        let (error, boundary) = (error.lanes(), extrapolant.boundary.lanes());
+        let (depth, settled) = (depth.lanes(), difference.settled.lanes());
+        let newest_settled = whole.settled.lanes();
+        let differences = lanes_of(&differences);
+        let mut kept = None;
+        for (l, &item) in self.items.iter().enumerate() {
+            let mut numbers = [0.0; COLUMNS];
+            for (number, value) in numbers.iter_mut().zip(&values) {
+                *number = value[l];
+            }
+            (numbers[VALUES], numbers[VALUES + 1]) = (error[l], boundary[l]);
+            let limits = puts.limits.map(|limits| &limits[item.spot * VALUES..]);
+            let met = settled[l] > 0.0
+                && error[l] <= puts.tolerance[item.spot]
+                && derivatives_are_met(refinement.level, limits, &differences, l);
+            let hopeless = newest_settled[l] < 0.0 && is_hopeless(refinement.level);
+            let goes_on = refinement.may_continue && !met && !hopeless;
+            let earlier = goes_on.then(|| {
+                let columns = kept.get_or_insert_with(|| self.keep());
+                columns.each_ref().map(|column| column[l])
+            });
+            let outcome = Outcome {
+                numbers,
+                exercised: depth[l] >= 0.0,
+                settled: settled[l] > 0.0,
+                earlier,
+            };
+            store(item, outcome);
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! The work of one thread: which puts are marched side by side, and how far each is refined.
+
+use std::ops::Range;
+
+use super::contracts::{Contracts, Puts};
+use super::grid_values::Workspace;
+use super::group::{EarlierMarches, Group, Outcome, Refinement};
+use super::mesh::STEPS;
+use super::mesh_class::classify;
+use super::work_items::{by_class, groups, Item};
+use crate::lanes::dispatch::Work;
+use crate::lanes::vector::{Vector, LANES};
+
+/// A range of runs, and where the results of its spots go; see `Solved`.
+pub struct Task<'a> {
+    pub puts: Puts<'a>,
+    pub runs: Range<usize>,
+    /// The first spot.
+    pub start: usize,
+    /// `COLUMNS` columns of the spots of these runs.
+    pub numbers: Vec<&'a mut [f64]>,
+    pub exercised: &'a mut [bool],
+    pub settled: &'a mut [bool],
+    pub steps: &'a mut [i64],
+}
+
+impl Work for Task<'_> {
+    type Result = ();
+
+    /// Go through the levels from the coarsest: at each first the puts that begin there, then those that missed their
+    /// tolerance two levels below.
+    #[inline(always)]
+    fn run<V: Vector>(mut self) {
+        let puts = self.puts;
+        let mut fresh: [Vec<Item>; STEPS.len()] = Default::default();
+        self.sort_into_levels::<V>(&mut fresh);
+        let mut missed: [Vec<Item>; STEPS.len()] = Default::default();
+        let mut earlier = Vec::<EarlierMarches>::new();
+        let mut work = Workspace::<V>::new();
+        for level in 0..STEPS.len() {
+            let refinement = Refinement {
+                level,
+                may_continue: level + 2 <= puts.levels.1,
+            };
+            for continues in [false, true] {
+                let items = if continues {
+                    std::mem::take(&mut missed[level])
+                } else {
+                    std::mem::take(&mut fresh[level])
+                };
+                for items in by_class(items).chunk_by(|a, b| a.class == b.class) {
+                    for items in groups(items) {
+                        let mut group = Group::new(puts, items, &mut work);
+                        let known = continues.then_some(&earlier[..]);
+                        group.march(level, items[0].class, known);
+                        group.report(refinement, |item, outcome| {
+                            self.store(item.spot, level, &outcome);
+                            if let Some(kept) = outcome.earlier {
+                                let place = if continues {
+                                    earlier[item.earlier] = kept;
+                                    item.earlier
+                                } else {
+                                    earlier.push(kept);
+                                    earlier.len() - 1
+                                };
+                                missed[level + 2].push(Item {
+                                    earlier: place,
+                                    ..item
+                                });
+                            }
+                        });
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Task<'_> {
+    /// Find the mesh and the first level of each run.
+    #[inline(always)]
+    fn sort_into_levels<V: Vector>(&self, fresh: &mut [Vec<Item>; STEPS.len()]) {
+        let puts = self.puts;
+        let (fewest, most) = puts.levels;
+        let mut start = self.runs.start;
+        while start < self.runs.end {
+            let end = self.runs.end.min(start + LANES);
+            let (mut runs, mut tolerance) = ([0; LANES], [f64::MAX; LANES]);
+            for l in 0..LANES {
+                runs[l] = (start + l).min(end - 1);
+                for spot in puts.first[runs[l]]..puts.first[runs[l] + 1] {
+                    tolerance[l] = tolerance[l].min(puts.tolerance[spot]);
+                }
+            }
+            let classes = classify(
+                &Contracts::<V>::gather(puts, &runs),
+                V::from_lanes(tolerance),
+            );
+            for (run, class) in (start..end).zip(classes) {
+                if let Some((class, level)) = class {
+                    let items = &mut fresh[level.clamp(fewest, most)];
+                    let spots = puts.first[run]..puts.first[run + 1];
+                    let known = spots.filter(|&spot| puts.x[spot].is_finite());
+                    items.extend(known.map(|spot| Item {
+                        run,
+                        spot,
+                        class,
+                        earlier: 0,
+                    }));
+                }
+            }
+            start = end;
+        }
+    }
+
+    #[inline(always)]
+    fn store(&mut self, spot: usize, level: usize, found: &Outcome) {
+        let at = spot - self.start;
+        for (column, number) in self.numbers.iter_mut().zip(found.numbers) {
+            column[at] = number;
+        }
+        self.exercised[at] = found.exercised;
+        self.settled[at] = found.settled;
+        self.steps[at] = i64::try_from(STEPS[level]).unwrap_or(i64::MAX);
+    }
+}

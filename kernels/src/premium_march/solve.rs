@@ -1,0 +1,100 @@
+//! Many puts to their tolerances, on several threads.
+
+use std::sync::Mutex;
+
+use super::contracts::Puts;
+use super::group::COLUMNS;
+use super::refinement::Task;
+use crate::lanes::dispatch::dispatch;
+
+/// The number of spots that one thread takes at a time; chosen: enough to fill the lanes, few enough for the cache.
+const TASK: usize = 16_384;
+/// The smallest number of spots that is worth a thread of its own; chosen.
+const SMALLEST_SHARE: usize = 256;
+
+/// The results, by spot; nothing of a spot that is not settled may be used.
+pub struct Solved {
+    /// `COLUMNS` columns: the `VALUES`, the error estimate of V/K, ln(S*/K).
+    pub numbers: Vec<f64>,
+    /// Whether the spot is in the exercise region.
+    pub exercised: Vec<bool>,
+    /// False where x is not finite, the march does not serve, or a march lost the boundary.
+    pub settled: Vec<bool>,
+    /// The number of time steps of the finest march; 0 where the march does not serve.
+    pub steps: Vec<i64>,
+}
+
+/// Refine every put until its error estimate meets its tolerance, or to the finest mesh.
+#[must_use]
+pub fn solve_puts(puts: Puts, threads: usize) -> Solved {
+    let count = puts.x.len();
+    let mut solved = Solved {
+        numbers: vec![f64::NAN; COLUMNS * count],
+        exercised: vec![false; count],
+        settled: vec![false; count],
+        steps: vec![0; count],
+    };
+    let threads = threads.min(count / SMALLEST_SHARE).max(1);
+    let tasks = Mutex::new(tasks(puts, threads, &mut solved));
+    let working = || {
+        while let Some(task) = take(&tasks) {
+            dispatch(task);
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(working);
+        }
+        working();
+    });
+    solved
+}
+
+fn take<'a>(tasks: &Mutex<Vec<Task<'a>>>) -> Option<Task<'a>> {
+    tasks.lock().ok()?.pop()
+}
+
+/// Split the runs into tasks of about `TASK` spots, equally many for each thread.
+fn tasks<'a>(puts: Puts<'a>, threads: usize, solved: &'a mut Solved) -> Vec<Task<'a>> {
+    let count = puts.x.len();
+    let wanted = count.div_ceil(TASK).next_multiple_of(threads).max(1);
+    let size = count.div_ceil(wanted).max(1);
+    let mut columns: Vec<&mut [f64]> = solved.numbers.chunks_mut(count.max(1)).collect();
+    let (mut exercised, mut settled, mut steps) = (
+        &mut solved.exercised[..],
+        &mut solved.settled[..],
+        &mut solved.steps[..],
+    );
+    let runs = puts.rate.len();
+    let mut tasks = Vec::new();
+    let mut run = 0;
+    while run < runs {
+        let start = puts.first[run];
+        let end = (run + 1..runs)
+            .find(|&r| puts.first[r] - start >= size)
+            .unwrap_or(runs);
+        let spots = puts.first[end] - start;
+        let mut numbers = Vec::with_capacity(COLUMNS);
+        for column in &mut columns {
+            numbers.push(split_off(column, spots));
+        }
+        tasks.push(Task {
+            puts,
+            runs: run..end,
+            start,
+            numbers,
+            exercised: split_off(&mut exercised, spots),
+            settled: split_off(&mut settled, spots),
+            steps: split_off(&mut steps, spots),
+        });
+        run = end;
+    }
+    tasks
+}
+
+#[allow(clippy::mut_mut)]
+fn split_off<'a, T>(slice: &mut &'a mut [T], count: usize) -> &'a mut [T] {
+    let (mine, rest) = std::mem::take(slice).split_at_mut(count);
+    *slice = rest;
+    mine
+}

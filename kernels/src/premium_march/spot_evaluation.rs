@@ -1,0 +1,242 @@
+//! From the premium at the nodes to the options at sixteen spots.
+
+use super::contracts::Contracts;
+use super::grid_values::Workspace;
+use super::interpolation::Interpolation;
+use super::march::Marched;
+use super::mesh::Mesh;
+use crate::lanes::normal::{exp, expm1, weighted_normal, ONE_OVER_SQRT_TWO_PI};
+use crate::lanes::vector::{Vector, LANES};
+
+/// The number of values of each spot: V/K, its first and second derivative by x = ln(S/K), the European V/K, and the
+/// derivatives of V/K by rate, dividend and spread.
+pub const VALUES: usize = 7;
+
+/// What one march says at sixteen spots; in the exercise region u is the obstacle G.
+#[derive(Clone, Copy)]
+pub struct SpotEvaluation<V> {
+    /// u, `u_xi` and `u_xixi`.
+    pub u: V,
+    pub slope: V,
+    pub curvature: V,
+    /// The derivatives of u by rate, dividend and spread at fixed xi.
+    pub tangents: [V; 3],
+    /// ln(S*/K).
+    pub boundary: V,
+    /// 1, or -1 where the march lost the boundary.
+    pub settled: V,
+}
+
+impl<V: Vector> SpotEvaluation<V> {
+    /// That of a march with the premium zero.
+    #[inline(always)]
+    pub fn zero() -> Self {
+        let zero = V::zero();
+        Self {
+            u: zero,
+            slope: zero,
+            curvature: zero,
+            tangents: [zero; 3],
+            boundary: zero,
+            settled: V::all(1.0),
+        }
+    }
+}
+
+/// Sixteen spots, and the parts of their options that no march changes.
+pub struct Spots<V> {
+    /// The lane of the march that each spot belongs to.
+    lanes: [usize; LANES],
+    contracts: Contracts<V>,
+    /// ln(S/K).
+    pub x: V,
+    xi: V,
+    /// e^{-r T}, e^x and n(xi).
+    bond: V,
+    moneyness: V,
+    density: V,
+    /// The parts of the European put, e^{-r T} N(-d2) and e^{x - q T} N(-d1).
+    in_bond: V,
+    in_stock: V,
+    /// The evaluation in the exercise region: the obstacle and its derivatives.
+    exercised: SpotEvaluation<V>,
+}
+
+impl<V: Vector> Spots<V> {
+    /// The spots x = ln(S/K) of these contracts; `lanes` says which lane of the march each belongs to.
+    #[inline(always)]
+    pub fn new(contracts: Contracts<V>, x: V, lanes: [usize; LANES]) -> Self {
+        let Contracts {
+            rate,
+            dividend,
+            spread,
+        } = contracts;
+        let xi = (x + rate - dividend) / spread - spread.times(0.5);
+        let (bond, stock, moneyness) = (exp(-rate), exp(x - dividend), exp(x));
+        let density = exp((xi * xi).times(-0.5)).times(ONE_OVER_SQRT_TWO_PI);
+        let in_bond = weighted_normal(-xi, bond * density, bond);
+        let in_stock = weighted_normal(-(xi + spread), bond * density, stock);
+        let growth = V::all(1.0) / bond;
+        let shares = growth * (moneyness - in_stock);
+        let slope = -(spread * shares);
+        Self {
+            lanes,
+            contracts,
+            x,
+            xi,
+            bond,
+            moneyness,
+            density,
+            in_bond,
+            in_stock,
+            exercised: SpotEvaluation {
+                u: growth * (in_stock - in_bond - expm1(x)),
+                slope,
+                curvature: spread * (slope - density),
+                tangents: [
+                    growth,
+                    -(growth * moneyness),
+                    -((xi + spread) * shares) - density,
+                ],
+                ..SpotEvaluation::zero()
+            },
+        }
+    }
+
+    /// Evaluate a march at the spots, with the derivatives by the parameters where D.
+    #[inline(always)]
+    pub fn evaluate<const D: bool>(
+        &self,
+        mesh: &Mesh,
+        marched: &Marched<V>,
+        work: &Workspace<V>,
+    ) -> SpotEvaluation<V> {
+        let waiting = self.interpolate::<D>(mesh, marched, work);
+        let boundary = self.of_lanes(marched.boundary);
+        let depth = boundary - self.x; // negative where the option is not exercised
+        let mut settled = [1.0; LANES];
+        for (own, &lane) in settled.iter_mut().zip(&self.lanes) {
+            *own = if marched.settled[lane] { 1.0 } else { -1.0 };
+        }
+        let mut tangents = waiting.tangents;
+        for (tangent, exercised) in tangents.iter_mut().zip(self.exercised.tangents) {
+            *tangent = depth.negative(*tangent, exercised);
+        }
+        SpotEvaluation {
+            u: depth.negative(waiting.u, self.exercised.u),
+            slope: depth.negative(waiting.slope, self.exercised.slope),
+            curvature: depth.negative(waiting.curvature, self.exercised.curvature),
+            tangents,
+            boundary,
+            settled: V::from_lanes(settled),
+        }
+    }
+
+    /// The premium at the spots: zero beyond the nodes.
+    #[inline(always)]
+    fn interpolate<const D: bool>(
+        &self,
+        mesh: &Mesh,
+        marched: &Marched<V>,
+        work: &Workspace<V>,
+    ) -> SpotEvaluation<V> {
+        let per_cell = 1.0 / mesh.last_spacing();
+        let cells = (self.xi - self.of_lanes(marched.node)).times(per_cell);
+        let at = Interpolation::new(cells, mesh.nodes, self.lanes);
+        let inside = at.inside();
+        let (value, slope, curvature) = at.with_derivatives(&work.premium.state);
+        let zero = V::zero();
+        let slope = slope.times(per_cell);
+        let mut tangents = [zero; 3];
+        if D {
+            for (j, tangent) in tangents.iter_mut().enumerate() {
+                let along = at.value(&work.tangents[j].state);
+                let at_fixed_xi = along - slope * self.of_lanes(marched.node_by[j]);
+                *tangent = inside.negative(at_fixed_xi, zero);
+            }
+        }
+        SpotEvaluation {
+            u: inside.negative(value, zero),
+            slope: inside.negative(slope, zero),
+            curvature: inside.negative(curvature.times(per_cell * per_cell), zero),
+            tangents,
+            ..SpotEvaluation::zero()
+        }
+    }
+
+    /// From the lanes of the march to the spots.
+    #[inline(always)]
+    fn of_lanes(&self, v: V) -> V {
+        let (numbers, mut own) = (v.lanes(), [0.0; LANES]);
+        for (number, &lane) in own.iter_mut().zip(&self.lanes) {
+            *number = numbers[lane];
+        }
+        V::from_lanes(own)
+    }
+
+    /// From u to V/K less the European V/K.
+    #[inline(always)]
+    pub fn discounted(&self, u: V) -> V {
+        self.bond * u
+    }
+
+    /// Half the second derivative by x of V/K less the payoff, at the boundary; the part of the dividend is left out.
+    #[inline(always)]
+    pub fn half_curvature_at_boundary(&self) -> V {
+        self.contracts.rate / (self.contracts.spread * self.contracts.spread)
+    }
+
+    /// About the largest premium over K that an option so far from the boundary can have, by its density now and by its
+    /// decay without expiry.
+    #[inline(always)]
+    pub fn premium_bound(&self, boundary: V) -> V {
+        let Contracts {
+            rate,
+            dividend,
+            spread,
+        } = self.contracts;
+        let drift = (rate - dividend) / spread - spread.times(0.5);
+        let decay = drift + (drift * drift + rate + rate).sqrt();
+        let deviations = (self.x - boundary) / spread;
+        let now = rate * exp((deviations * deviations).times(-0.5));
+        now.min(exp(-(decay * deviations)))
+    }
+
+    /// The differences of the `VALUES` numbers from those of u and its derivatives.
+    #[inline(always)]
+    pub fn value_differences(&self, difference: &SpotEvaluation<V>) -> [V; VALUES] {
+        let scale = self.bond / self.contracts.spread;
+        [
+            self.bond * difference.u,
+            scale * difference.slope,
+            scale * difference.curvature / self.contracts.spread,
+            V::zero(),
+            self.bond * difference.tangents[0],
+            self.bond * difference.tangents[1],
+            self.bond * difference.tangents[2],
+        ]
+    }
+
+    /// The `VALUES` numbers from u and its derivatives; those of the payoff where `depth`, ln(S*/S), is not negative.
+    #[inline(always)]
+    pub fn values(&self, premium: &SpotEvaluation<V>, depth: V) -> [V; VALUES] {
+        let inverse = V::all(1.0) / self.contracts.spread;
+        let density = self.bond * self.density;
+        let by_x = self.bond * premium.slope * inverse;
+        let european = self.in_bond - self.in_stock;
+        let slope_by_spread = premium.slope * (self.xi * inverse).plus(1.0);
+        let (zero, by) = (V::zero(), premium.tangents);
+        [
+            depth.negative(european + self.bond * premium.u, -expm1(self.x)),
+            depth.negative(by_x - self.in_stock, -self.moneyness),
+            depth.negative(
+                (self.bond * premium.curvature * inverse + density) * inverse - self.in_stock,
+                -self.moneyness,
+            ),
+            european,
+            depth.negative(by_x + self.bond * (by[0] - premium.u) - self.in_bond, zero),
+            depth.negative(self.bond * by[1] - by_x + self.in_stock, zero),
+            depth.negative(self.bond * (by[2] - slope_by_spread) + density, zero),
+        ]
+    }
+}

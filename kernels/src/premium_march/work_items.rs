@@ -1,0 +1,53 @@
+//! The spots that are still to be marched, and how they are put into groups.
+
+use super::mesh_class::MeshClass;
+use crate::lanes::vector::LANES;
+
+/// A spot to be marched.
+#[derive(Clone, Copy)]
+pub struct Item {
+    pub run: usize,
+    pub spot: usize,
+    pub class: MeshClass,
+    /// Where the task keeps what earlier marches said of the spot.
+    pub earlier: usize,
+}
+
+/// Sort by class, in order otherwise.
+pub fn by_class(items: Vec<Item>) -> Vec<Item> {
+    if items.len() < 2 {
+        return items;
+    }
+    let mut places = vec![0_usize; MeshClass::COUNT];
+    for item in &items {
+        places[item.class.index()] += 1;
+    }
+    let mut next = 0;
+    for place in &mut places {
+        next += std::mem::replace(place, next);
+    }
+    let mut sorted = items.clone();
+    for item in items {
+        let place = &mut places[item.class.index()];
+        sorted[*place] = item;
+        *place += 1;
+    }
+    sorted
+}
+
+/// Split into the items of at most sixteen runs.
+pub fn groups(items: &[Item]) -> impl Iterator<Item = &[Item]> {
+    let mut rest = items;
+    std::iter::from_fn(move || {
+        let mut runs = 0;
+        let mut last = usize::MAX;
+        let full = rest.iter().position(|item| {
+            runs += usize::from(item.run != last);
+            last = item.run;
+            runs > LANES
+        });
+        let (group, others) = rest.split_at(full.unwrap_or(rest.len()));
+        rest = others;
+        (!group.is_empty()).then_some(group)
+    })
+}

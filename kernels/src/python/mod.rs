@@ -1,0 +1,37 @@
+//! The module `pricing_core._kernels`: arrays in, arrays out, without the interpreter lock.
+
+mod arguments;
+mod multiplier_collocation;
+mod premium_march;
+mod segment_march;
+mod tridiagonal;
+
+use pyo3::prelude::*;
+
+use crate::lanes::dispatch::InstructionSet;
+
+/// Return the instruction set that the two option engines use here: "avx512", "avx2" or "portable".
+#[pyfunction]
+fn instruction_set() -> &'static str {
+    InstructionSet::best().name()
+}
+
+/// The inner loops of `pricing_core`, compiled.
+#[pymodule]
+mod _kernels {
+    #[pymodule_export]
+    use super::instruction_set;
+    #[pymodule_export]
+    use super::multiplier_collocation::solve_schedules;
+    #[pymodule_export]
+    use super::premium_march::{march_boundaries, solve_puts};
+    #[pymodule_export]
+    use super::segment_march::march_segment;
+    #[pymodule_export]
+    use super::tridiagonal::{brennan_schwartz, policy_iteration, projected_sor};
+
+    /// The version of the crate.
+    #[pymodule_export]
+    #[allow(non_upper_case_globals)]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}

@@ -1,0 +1,125 @@
+//! The engine of flat puts.
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use super::arguments::{check_lengths, nonempty_group_starts, numbers};
+use crate::premium_march::{self, Puts, COLUMNS, STEPS, VALUES};
+
+/// The place of a number of time steps in `STEPS`.
+fn level(steps: usize) -> PyResult<usize> {
+    STEPS
+        .iter()
+        .position(|&s| s == steps)
+        .ok_or_else(|| PyValueError::new_err(format!("steps is {steps}: must be one of {STEPS:?}")))
+}
+
+/// Refine American puts until the error estimate of each meets its tolerance, or to the finest mesh.
+///
+/// Runs of spots with the same parameters share a march: `rate` r T, `dividend` q T, `spread` sigma sqrt(T), each
+/// (runs,), and `first`, (runs + 1,), the first spot of each run and n. By spot: `x` = ln(S/K), `tolerance` of V/K, each
+/// (n,), and `limits`, (n, 7), the errors allowed in each of the values, or None to leave out the derivatives by the
+/// parameters. `fewest` and `most` bound the number of time steps of the finest march.
+///
+/// Returns numbers, (9, n): V/K, its first and second derivative by x, the European V/K, the derivatives of V/K by rate,
+/// dividend and spread at fixed x, the error estimate of V/K, ln(S*/K); exercised, settled and steps, each (n,). Nothing of
+/// a spot that is not settled may be used.
+#[pyfunction]
+#[pyo3(signature = (x, rate, dividend, spread, first, tolerance, limits, fewest, most, threads))]
+#[allow(
+    clippy::needless_pass_by_value,
+    clippy::too_many_arguments,
+    clippy::type_complexity
+)]
+pub fn solve_puts<'py>(
+    py: Python<'py>,
+    x: PyReadonlyArray1<'py, f64>,
+    rate: PyReadonlyArray1<'py, f64>,
+    dividend: PyReadonlyArray1<'py, f64>,
+    spread: PyReadonlyArray1<'py, f64>,
+    first: PyReadonlyArray1<'py, i64>,
+    tolerance: PyReadonlyArray1<'py, f64>,
+    limits: Option<PyReadonlyArray2<'py, f64>>,
+    fewest: usize,
+    most: usize,
+    threads: usize,
+) -> PyResult<(
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<i64>>,
+)> {
+    let (x, rate, dividend, spread) = (
+        numbers(&x),
+        numbers(&rate),
+        numbers(&dividend),
+        numbers(&spread),
+    );
+    let tolerance = numbers(&tolerance);
+    let limits = limits.as_ref().map(numbers);
+    check_lengths(rate.len(), &[dividend.len(), spread.len()])?;
+    check_lengths(x.len(), &[tolerance.len()])?;
+    if let Some(limits) = &limits {
+        check_lengths(VALUES * x.len(), &[limits.len()])?;
+    }
+    let first = nonempty_group_starts("first", &numbers(&first), rate.len(), x.len())?;
+    let levels = (level(fewest)?, level(most)?);
+    if levels.0 < 2 || levels.0 > levels.1 {
+        let told = format!(
+            "fewest is {fewest}: must be from {} to most = {most}",
+            STEPS[2]
+        );
+        return Err(PyValueError::new_err(told));
+    }
+    let puts = Puts {
+        rate: &rate,
+        dividend: &dividend,
+        spread: &spread,
+        first: &first,
+        x: &x,
+        tolerance: &tolerance,
+        limits: limits.as_deref(),
+        levels,
+    };
+    let found = py.detach(|| premium_march::solve_puts(puts, threads));
+    Ok((
+        PyArray1::from_vec(py, found.numbers).reshape([COLUMNS, x.len()])?,
+        PyArray1::from_vec(py, found.exercised),
+        PyArray1::from_vec(py, found.settled),
+        PyArray1::from_vec(py, found.steps),
+    ))
+}
+
+/// Return ln(S*/K) now and whether it was found, each (n,), of American puts from one march with `steps` time steps each.
+///
+/// `rate` is r T, `dividend` q T, `spread` sigma sqrt(T), each (n,).
+#[pyfunction]
+#[pyo3(signature = (steps, rate, dividend, spread))]
+#[allow(clippy::needless_pass_by_value, clippy::type_complexity)]
+pub fn march_boundaries<'py>(
+    py: Python<'py>,
+    steps: usize,
+    rate: PyReadonlyArray1<'py, f64>,
+    dividend: PyReadonlyArray1<'py, f64>,
+    spread: PyReadonlyArray1<'py, f64>,
+) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)> {
+    let (rate, dividend, spread) = (numbers(&rate), numbers(&dividend), numbers(&spread));
+    check_lengths(rate.len(), &[dividend.len(), spread.len()])?;
+    let level = level(steps)?;
+    let puts = Puts {
+        rate: &rate,
+        dividend: &dividend,
+        spread: &spread,
+        first: &[],
+        x: &[],
+        tolerance: &[],
+        limits: None,
+        levels: (level, level),
+    };
+    let (boundary, settled) = py.detach(|| premium_march::march_boundaries(puts, level));
+    Ok((
+        PyArray1::from_vec(py, boundary),
+        PyArray1::from_vec(py, settled),
+    ))
+}

@@ -1,0 +1,309 @@
+"""Contracts in columns: every one a schedule of segments without events, with the events at their ends."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pricing_core.american.book.ragged import Ragged, gather, join_starts, starts
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.curves import Curve, PiecewiseConstant
+from pricing_core.american.contracts.market import Market
+from pricing_core.american.contracts.schedule import Schedule, Segment, make_schedule
+from pricing_core.arrays import BoolVector, Vector
+
+Rows: TypeAlias = NDArray[np.intp]
+CURVES = ("rate", "dividend_yield", "volatility")  # the market's parameters that may be curves
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Segments:
+    """The segments of all contracts of a book in columns of shape (m,); units and meanings as in `Segment`.
+
+    Parameters
+    ----------
+    start, end : Vector
+        Years from now.
+    rate, dividend_yield, volatility : Vector
+    exercisable, exercise_at_end : bool array
+    fraction : Vector
+    due : Vector
+        Cash dividends at the end, money, in either dividend model.
+    """
+
+    start: Vector
+    end: Vector
+    rate: Vector
+    dividend_yield: Vector
+    volatility: Vector
+    exercisable: BoolVector
+    exercise_at_end: BoolVector
+    fraction: Vector
+    due: Vector
+
+    @property
+    def duration(self) -> Vector:
+        """Years."""
+        return self.end - self.start
+
+    def take(self, chosen: NDArray[np.int64] | slice) -> "Segments":
+        """Return some of them."""
+        return Segments(*(getattr(self, name)[chosen] for name in self.__slots__))
+
+    def joined(self, other: "Segments") -> "Segments":
+        """Return these and then the others."""
+        names = self.__slots__
+        return Segments(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in names))
+
+
+_columns_of = attrgetter(*Segments.__slots__)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Listed:
+    """What each contract lists, for derivatives by each entry; every column has one list per contract.
+
+    Parameters
+    ----------
+    cash_dividends : Ragged
+        Ex-times in order, years from now, of those before now and after expiry as well.
+    rate, dividend_yield, volatility : Ragged
+        The `times` of the curves; empty where the parameter is a number.
+    """
+
+    cash_dividends: Ragged
+    rate: Ragged
+    dividend_yield: Ragged
+    volatility: Ragged
+
+    @classmethod
+    def nothing(cls, count: int) -> "Listed":
+        """Return empty lists for so many contracts."""
+        return cls(*[Ragged.empty(count)] * 4)
+
+    def take(self, rows: Rows) -> "Listed":
+        """Return the lists of some contracts."""
+        return Listed(*(getattr(self, name).take(rows) for name in self.__slots__))
+
+    def joined(self, other: "Listed") -> "Listed":
+        """Return these lists and then the others."""
+        return Listed(*(getattr(self, name).joined(getattr(other, name)) for name in self.__slots__))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Book:
+    """n contracts, each a schedule of at least one segment; a contract without events has one.
+
+    Parameters
+    ----------
+    is_put : bool array, shape (n,)
+    strike, spot : Vector, shape (n,)
+        Money; the spot as it is quoted.
+    escrowed : bool array, shape (n,)
+        Whether the spot less the present value of the dividends due is what diffuses.
+    first : int array, shape (n + 1,)
+        Where the segments of each contract begin, and the end.
+    segments : Segments
+        Those of one contract in the order of time.
+    listed : Listed
+    is_plain : bool
+        Whether no contract has an event before its expiry, or a dividend then.
+    """
+
+    is_put: BoolVector
+    strike: Vector
+    spot: Vector
+    escrowed: BoolVector
+    first: NDArray[np.int64]
+    segments: Segments
+    listed: Listed
+    is_plain: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        segments = self.segments
+        plain = self.is_simple and not (segments.fraction.any() or segments.due.any())
+        object.__setattr__(self, "is_plain", plain)
+
+    @classmethod
+    def of(cls, contracts: Sequence[tuple[Option, Market]]) -> "Book":
+        """Return the book of these contracts.
+
+        Raises
+        ------
+        InvalidInputError
+            Escrowed dividends are worth the spot or more.
+        """
+        schedules = [make_schedule(option, market) for option, market in contracts]
+        rows = [_columns_of(segment) for schedule in schedules for segment in schedule.segments]
+        columns = np.array(rows, dtype=np.float64).reshape(len(rows), len(Segments.__slots__)).T
+        start, end, rate, dividend_yield, volatility, exercisable, at_end, fraction, due = columns
+        markets = [market for _, market in contracts]
+        return cls(
+            np.array([schedule.is_put for schedule in schedules], dtype=bool),
+            np.array([schedule.strike for schedule in schedules], dtype=np.float64),
+            np.array([market.spot for market in markets], dtype=np.float64),
+            np.array([market.dividend_model == "escrowed" for market in markets], dtype=bool),
+            starts(np.array([len(schedule.segments) for schedule in schedules], dtype=np.int64)),
+            Segments(
+                start, end, rate, dividend_yield, volatility, exercisable != 0.0, at_end != 0.0, fraction, due
+            ),
+            _listed(markets),
+        )
+
+    @property
+    def count(self) -> int:
+        """How many contracts there are."""
+        return self.spot.size
+
+    @property
+    def sign(self) -> Vector:
+        """1 for puts, -1 for calls, shape (n,)."""
+        return np.where(self.is_put, 1.0, -1.0)
+
+    @property
+    def expiry(self) -> Vector:
+        """Years from now, shape (n,)."""
+        return self.segments.end if self.is_simple else self.segments.end[self.first[1:] - 1]
+
+    @property
+    def is_simple(self) -> bool:
+        """Whether every contract has one segment, so that segments and contracts are the same rows."""
+        return self.segments.end.size == self.spot.size
+
+    def has_events(self) -> BoolVector:
+        """Tell which contracts have more than one segment, or a dividend at expiry, shape (n,)."""
+        last = self.first[1:] - 1
+        paid = (self.segments.fraction[last] > 0.0) | (self.segments.due[last] > 0.0)
+        return paid | (np.diff(self.first) > 1)
+
+    def payoff(self) -> Vector:
+        """Return what exercise brings now, (11.47), money, shape (n,)."""
+        return np.maximum(np.where(self.is_put, self.strike - self.spot, self.spot - self.strike), 0.0)
+
+    def first_segments(self) -> Segments:
+        """Return the segment of each contract that holds now."""
+        return self.segments if self.is_simple else self.segments.take(self.first[:-1])
+
+    def per_segment(self, column: NDArray[Any]) -> NDArray[Any]:
+        """Return a column of the contracts for each of their segments, shape (m,)."""
+        return column if self.is_simple else np.repeat(column, np.diff(self.first))
+
+    def by_place(self, *, backward: bool = False) -> Iterator[tuple[Rows, NDArray[np.int64]]]:
+        """Yield for the first, second, ... segment the contracts that have one, and where it is.
+
+        Parameters
+        ----------
+        backward : bool
+            From expiry: the last segments come first.
+        """
+        rows, counts = np.arange(self.count), np.diff(self.first)
+        for place in range(int(counts.max(initial=0))):
+            rows = rows[counts[rows] > place]
+            yield rows, (self.first[rows + 1] - 1 - place if backward else self.first[rows] + place)
+
+    def escrow(self) -> Vector:
+        """Return what the cash dividends still due are worth at the end of each segment, before those there.
+
+        Money, shape (m,); 0 in the spot model. t years before the segment's end it is e^{-rate t} times that.
+        """
+        escrow = np.zeros(self.segments.end.size)
+        if self.escrowed.any():
+            due_later, duration = np.zeros(self.count), self.segments.duration
+            for rows, at in self.by_place(backward=True):
+                escrow[at] = np.where(self.escrowed[rows], due_later[rows] + self.segments.due[at], 0.0)
+                due_later[rows] = escrow[at] * np.exp(-self.segments.rate[at] * duration[at])
+        return escrow
+
+    def escrow_now(self) -> Vector:
+        """Return what the cash dividends due are worth now in the escrowed model, money, shape (n,)."""
+        if not self.escrowed.any():
+            return np.zeros(self.count)
+        now = self.first_segments()
+        return self.escrow()[self.first[:-1]] * np.exp(-now.rate * now.duration)
+
+    def drops(self) -> Vector:
+        """Return the amounts by which the spot that diffuses drops at the ends of the segments, money, (m,)."""
+        due = self.segments.due
+        return np.where(self.per_segment(self.escrowed), 0.0, due) if self.escrowed.any() else due
+
+    def european(self) -> "Book":
+        """Return the same contracts without early exercise."""
+        never = np.zeros(self.segments.end.size, dtype=bool)
+        return replace(self, segments=replace(self.segments, exercisable=never, exercise_at_end=never))
+
+    def take(self, rows: Rows) -> "Book":
+        """Return some of the contracts, in the order asked for."""
+        if rows.size == self.count and bool((rows == np.arange(rows.size)).all()):
+            return self
+        first, chosen = (np.arange(rows.size + 1), rows) if self.is_simple else gather(self.first, rows)
+        return Book(
+            self.is_put[rows],
+            self.strike[rows],
+            self.spot[rows],
+            self.escrowed[rows],
+            first,
+            self.segments.take(chosen),
+            self.listed.take(rows),
+        )
+
+    def part(self, rows: slice) -> "Book":
+        """Return consecutive contracts; the columns of those with one segment each are not copied."""
+        if not self.is_simple:
+            return self.take(np.arange(self.count)[rows])
+        chosen = np.arange(self.count)[rows]
+        return Book(
+            self.is_put[rows],
+            self.strike[rows],
+            self.spot[rows],
+            self.escrowed[rows],
+            np.arange(chosen.size + 1),
+            self.segments.take(rows),
+            self.listed.take(chosen),
+        )
+
+    def joined(self, other: "Book") -> "Book":
+        """Return these contracts and then the others."""
+        return Book(
+            np.concatenate([self.is_put, other.is_put]),
+            np.concatenate([self.strike, other.strike]),
+            np.concatenate([self.spot, other.spot]),
+            np.concatenate([self.escrowed, other.escrowed]),
+            join_starts(self.first, other.first),
+            self.segments.joined(other.segments),
+            self.listed.joined(other.listed),
+        )
+
+    def with_volatility(self, volatility: Vector) -> "Book":
+        """Return the contracts with constant volatilities, shape (n,)."""
+        listed = replace(self.listed, volatility=Ragged.empty(self.count))
+        segments = replace(self.segments, volatility=self.per_segment(volatility))
+        return replace(self, segments=segments, listed=listed)
+
+    def schedule(self, row: int) -> Schedule:
+        """Return one contract as a schedule."""
+        alone = self.part(slice(row, row + 1))
+        escrowed, escrow = bool(self.escrowed[row]), alone.escrow().tolist()
+        columns = zip(*(getattr(alone.segments, name).tolist() for name in Segments.__slots__), strict=True)
+        segments = tuple(
+            Segment(*numbers, amount=0.0 if escrowed else numbers[-1], escrow=due)  # type: ignore[misc]
+            for numbers, due in zip(columns, escrow, strict=True)
+        )
+        spot = self.spot.item(row) - (segments[0].escrow_at(0.0) if escrowed else 0.0)
+        return Schedule(bool(self.is_put[row]), self.strike.item(row), spot, segments)
+
+
+def _listed(markets: Sequence[Market]) -> Listed:
+    """Return the times of the markets' dividends and curves."""
+    if not any(market.cash_dividends or market.has_curves() for market in markets):
+        return Listed.nothing(len(markets))
+    dividends = Ragged.of([[d.time for d in market.cash_dividends] for market in markets])
+    return Listed(
+        dividends, *(Ragged.of([_times(getattr(market, name)) for market in markets]) for name in CURVES)
+    )
+
+
+def _times(curve: Curve) -> tuple[float, ...]:
+    return curve.times if isinstance(curve, PiecewiseConstant) else ()

@@ -1,0 +1,226 @@
+"""A table of contracts, one per row, read into a book; a row that cannot be read costs itself alone."""
+
+import datetime as dt
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pricing_core.american.book.book import Book, Listed, Rows, Segments
+from pricing_core.american.book.columns import as_numbers, broadcast_columns, equals, plain
+from pricing_core.american.book.dividend_rows import read_dividend_rows
+from pricing_core.american.contracts.checks import check_kind
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.dates import expiry_from_dates
+from pricing_core.american.contracts.fields import COLUMN_FIELDS, TOLERANCE
+from pricing_core.american.contracts.market import NEGLIGIBLE_RATE, Market
+from pricing_core.american.contracts.schedule import make_schedule
+from pricing_core.american.contracts.tolerances import LARGEST_RATIO, check_moneyness
+from pricing_core.american.contracts.vocabulary import DATES, DEFAULTS, contract_from, is_missing
+from pricing_core.arrays import BoolVector, Vector
+from pricing_core.errors import InvalidInputError
+
+REQUIRED_COLUMNS = tuple(field.name for field in COLUMN_FIELDS if field.required)
+LIMITS = {field.name: field.limits for field in COLUMN_FIELDS if field.kind in ("number", "curve")}
+DIVIDENDS = "cash_dividends"
+OTHER_EVENTS: Mapping[str, object] = {  # and what a row without events holds there, if anything
+    "exercise_times": "[]",
+    "exercise_start": 0.0,
+    "proportional_dividends": "[]",
+    "dividend_model": "spot",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReadBook:
+    """What a table of `count` rows holds.
+
+    Parameters
+    ----------
+    count : int
+    book : Book
+        n contracts.
+    rows : int array, shape (n,)
+        Where in the table each of them stands.
+    tolerance : Vector, shape (n,)
+        Fractions of the strikes.
+    faults : dict of int to InvalidInputError
+        By row of the table, why its contract is refused.
+    """
+
+    count: int
+    book: Book
+    rows: Rows
+    tolerance: Vector
+    faults: dict[int, InvalidInputError]
+
+
+def read_book(columns: Mapping[str, Any], tolerance: float) -> ReadBook:
+    """Return the contracts of a table.
+
+    Parameters
+    ----------
+    columns : mapping of str to array_like, shape (n,), or scalar
+        Those of `contract_from`, and tolerance.
+    tolerance : float
+        For rows without one of their own.
+
+    Raises
+    ------
+    InvalidInputError
+        A column is missing or unknown, or lengths differ.
+    """
+    check_kind("columns", columns, Mapping, "a mapping of names to columns")
+    _check_names(columns)
+    table = broadcast_columns({**DEFAULTS, "tolerance": tolerance, **columns})
+    numbers = {name: as_numbers(table[name]) for name in LIMITS if name in table}
+    count = table["spot"].size
+    expiry = numbers.setdefault("expiry", np.full(count, np.nan))
+    if any(name in table for name in DATES):
+        _read_dates(table, expiry)
+    types, exercises = table["option_type"], table["exercise"]
+    is_put, is_american = equals(types, "put"), equals(exercises, "american")
+    sound = (is_put | equals(types, "call")) & (is_american | equals(exercises, "european"))
+    with np.errstate(all="ignore"):
+        for name, (least, most) in LIMITS.items():
+            sound &= (numbers[name] >= least) & (numbers[name] <= most)
+        ratio = numbers["spot"] / numbers["strike"]
+    # Rows next to the limits, which rounding may place on either side of them, are read one by one.
+    sound &= (ratio == 0.0) | ((ratio >= 10.0 / LARGEST_RATIO) & (ratio <= 0.1 * LARGEST_RATIO))
+    for name in ("rate", "dividend_yield"):
+        numbers[name][np.abs(numbers[name]) < NEGLIGIBLE_RATE] = 0.0
+    arrays = {"is_put": is_put, "is_american": is_american, **numbers}
+    return _joined(table, arrays, sound)
+
+
+def checked_contract(cells: Mapping[str, Any]) -> tuple[Option, Market]:
+    """Return a row's contract.
+
+    Raises
+    ------
+    InvalidInputError
+        `price` would refuse it.
+    """
+    option, market = contract_from({name: cell for name, cell in cells.items() if name != "tolerance"})
+    check_moneyness(option, market.spot)
+    if market.dividend_model == "escrowed":
+        make_schedule(option, market)  # refuses dividends that are worth more than the spot
+    return option, market
+
+
+def _joined(
+    table: Mapping[str, NDArray[Any]], arrays: Mapping[str, NDArray[Any]], sound: BoolVector
+) -> ReadBook:
+    """Return the rows without events, those with plain cash dividends, and the others, read one by one."""
+    without = sound & np.logical_and.reduce([_is_empty(table, *column) for column in OTHER_EVENTS.items()])
+    unpaid = _is_empty(table, DIVIDENDS, "[]")
+    rest = ~(without & unpaid)
+    if not rest.any():
+        return ReadBook(sound.size, _without_events(arrays), np.arange(sound.size), arrays["tolerance"], {})
+    rows = np.flatnonzero(~rest)
+    books, places = [_without_events({name: column[rows] for name, column in arrays.items()})], [rows]
+    if DIVIDENDS in table:
+        paid = read_dividend_rows(table[DIVIDENDS].tolist(), np.flatnonzero(without & ~unpaid), arrays)
+        if paid is not None:
+            places.append(paid[0])
+            books.append(paid[1])
+            rest[paid[0]] = False
+    contracts, faults = _read_singly(np.flatnonzero(rest).tolist(), table, arrays["tolerance"])
+    places.append(np.array([*contracts], dtype=np.intp))
+    books.append(Book.of([*contracts.values()]))
+    book = books[0]
+    for part in books[1:]:
+        book = book.joined(part) if part.count else book
+    together = np.concatenate(places)
+    return ReadBook(sound.size, book, together, arrays["tolerance"][together], faults)
+
+
+def _without_events(arrays: Mapping[str, NDArray[Any]]) -> Book:
+    """Return the contracts of rows that are plain numbers."""
+    expiry, american = arrays["expiry"], arrays["is_american"]
+    nothing = np.zeros(expiry.size)
+    segments = Segments(
+        nothing,
+        expiry,
+        arrays["rate"],
+        arrays["dividend_yield"],
+        arrays["volatility"],
+        american,
+        american,
+        nothing,
+        nothing,
+    )
+    escrowed = np.zeros(expiry.size, dtype=bool)
+    first, listed = np.arange(expiry.size + 1), Listed.nothing(expiry.size)
+    return Book(arrays["is_put"], arrays["strike"], arrays["spot"], escrowed, first, segments, listed)
+
+
+def _read_singly(
+    rows: list[int], table: Mapping[str, NDArray[Any]], tolerance: Vector
+) -> tuple[dict[int, tuple[Option, Market]], dict[int, InvalidInputError]]:
+    """Return the contracts by row, and what is wrong with others; write the rows' tolerances."""
+    contracts: dict[int, tuple[Option, Market]] = {}
+    faults: dict[int, InvalidInputError] = {}
+    for row in rows:
+        try:
+            contract = checked_contract({name: plain(column[row]) for name, column in table.items()})
+            cell = plain(table["tolerance"][row])
+            tolerance[row] = TOLERANCE.check(cell)
+        except InvalidInputError as fault:
+            faults[row] = fault
+        else:
+            contracts[row] = contract
+    return contracts, faults
+
+
+def _check_names(columns: Mapping[str, Any]) -> None:
+    """Accept the names of the columns."""
+    dated = all(name in columns for name in DATES)
+    for name in REQUIRED_COLUMNS:
+        if name not in columns and not (name == "expiry" and dated):
+            raise InvalidInputError(name, "missing", "given as a column or a scalar")
+    allowed = [field.name for field in COLUMN_FIELDS]
+    for name in columns:
+        if name not in allowed:
+            raise InvalidInputError("columns", name, "named " + ", ".join(allowed))
+
+
+def _read_dates(table: Mapping[str, NDArray[Any]], expiry: Vector) -> None:
+    """Write the expiries of the rows that have dates, NaN where there is a fault."""
+    known: dict[tuple[object, object], float] = {}  # many rows have the same few dates
+    absent = np.broadcast_to(np.array(None), expiry.shape)
+    starts, ends = (table.get(name, absent).tolist() for name in DATES)
+    for row, dates in enumerate(zip(starts, ends, strict=True)):
+        if is_missing(dates[0]) and is_missing(dates[1]):
+            continue
+        if all(isinstance(date, str | dt.date | np.datetime64) for date in dates) and math.isnan(expiry[row]):
+            if dates not in known:
+                known[dates] = _years(*dates)
+            expiry[row] = known[dates]
+        else:
+            expiry[row] = math.nan
+
+
+def _is_empty(table: Mapping[str, NDArray[Any]], name: str, default: object) -> BoolVector:
+    """Return which rows hold nothing in a column of events."""
+    if name not in table:
+        return np.ones(table["spot"].size, dtype=bool)
+    return np.array([_is_default(cell, default) for cell in table[name].tolist()], dtype=bool)
+
+
+def _is_default(cell: object, default: object) -> bool:
+    if isinstance(cell, list | tuple | np.ndarray):
+        return len(cell) == 0
+    if isinstance(cell, bool | np.bool_):
+        return False
+    return is_missing(cell) or (isinstance(cell, str | int | float) and cell == default)
+
+
+def _years(start: object, end: object) -> float:
+    try:
+        return expiry_from_dates(start, end)
+    except InvalidInputError:
+        return math.nan

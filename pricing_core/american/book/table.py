@@ -1,0 +1,81 @@
+"""The table that `price_many` returns, and what fills its rows."""
+
+from collections.abc import Container
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pricing_core.american.book.book import Rows
+from pricing_core.american.book.prices import LISTS, Prices
+from pricing_core.american.book.valuation import DAYS_PER_YEAR
+from pricing_core.american.contracts.fields import Greeks
+from pricing_core.american.contracts.result_fields import price_fields
+from pricing_core.arrays import Vector
+from pricing_core.version import ENGINE_VERSION
+
+Table: TypeAlias = dict[str, NDArray[Any]]
+
+
+def empty_table(count: int, greeks: Greeks, columns: Container[str]) -> Table:
+    """Return a table of so many rows that nothing is known of, with the columns of `price_many`.
+
+    Parameters
+    ----------
+    columns : container of str
+        Those of the table of contracts.
+    """
+    table: Table = {}
+    for field in price_fields(greeks, columns):
+        if field.kind == "number":
+            table[field.name] = np.full(count, np.nan)
+        elif field.kind == "flag":
+            table[field.name] = np.zeros(count, dtype=bool)
+        else:
+            table[field.name] = np.full(count, "", dtype=object)
+            if field.kind == "list":
+                table[field.name].fill(())
+    return table | {"message": np.full(count, "", dtype=object)}
+
+
+def fill(table: Table, rows: Rows | slice, payoff: Vector, prices: Prices) -> None:
+    """Write prices to rows of the table.
+
+    Parameters
+    ----------
+    payoff : Vector
+        What exercise brings now, money.
+    """
+    numbers = {
+        "price": prices.value,
+        "european_price": prices.european,
+        "early_exercise_premium": prices.value - prices.european,
+        "intrinsic_value": payoff,
+        "exercise_boundary": prices.boundary,
+        "error_estimate": prices.error,
+    }
+    if "delta" in table:
+        numbers |= {
+            "delta": prices.delta,
+            "gamma": prices.gamma,
+            "theta": prices.theta,
+            "theta_per_day": prices.theta / DAYS_PER_YEAR,
+            "vega": prices.vega,
+            "vega_per_point": prices.vega / 100.0,
+            "rho": prices.rho,
+            "rho_per_point": prices.rho / 100.0,
+            "dividend_rho": prices.dividend_rho,
+        }
+    if "vanna" in table:
+        numbers |= {"vanna": prices.vanna, "volga": prices.volga}
+    for name, column in numbers.items():
+        table[name][rows] = column + 0.0  # no -0.0
+    table["exercise_now"][rows] = prices.exercised
+    for name in ("status", "method", "message"):
+        table[name][rows] = getattr(prices, name)
+    table["engine_version"][rows] = ENGINE_VERSION
+    places = np.arange(next(iter(table.values())).size)[rows]
+    for name in [name for name in LISTS if name in table]:
+        column = getattr(prices, name)
+        for row in np.flatnonzero(column.counts()).tolist():
+            table[name][places[row]] = column.known_row(row)

@@ -1,0 +1,157 @@
+"""What `price` returns: one row of prices, with everything that follows from it."""
+
+import math
+from dataclasses import dataclass
+
+from pricing_core.american.book.prices import Prices, Status
+from pricing_core.american.book.ragged import Ragged
+from pricing_core.american.book.resolution import Resolution
+from pricing_core.american.contracts.contract import Option
+from pricing_core.arrays import Vector
+from pricing_core.version import ENGINE_VERSION
+
+DAYS_PER_YEAR = 365.0
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostics:
+    """How a price was found.
+
+    Parameters
+    ----------
+    solves : int
+        How often the contract was solved; on grids at doubling resolutions, extrapolated from the last two.
+    steps_taken : int
+        Time steps of the finest solve.
+    resolution : Resolution or None
+        The finest grid and steps; with lcp_residual and fitted, of the method of lines alone.
+    lcp_residual : float
+        Largest natural residual of the finest solve's complementarity problems, as a fraction of the strike.
+    fitted : bool
+        Exponential fitting was needed (the drift dominates the diffusion on the finest grid): first order only.
+    """
+
+    solves: int = 0
+    steps_taken: int = 0
+    resolution: Resolution | None = None
+    lcp_residual: float = 0.0
+    fitted: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Valuation:
+    """The result of `price`. Money per unit of underlying; None where a number is missing.
+
+    Parameters
+    ----------
+    price, european_price, early_exercise_premium, intrinsic_value : float
+    delta, gamma : float
+        dV/dS, d2V/dS2.
+    theta, theta_per_day : float
+        dV/dt in calendar time, per year and per 1/365 year.
+    vega, vega_per_point, rho, rho_per_point, dividend_rho : float
+        Per 1.00 of volatility, rate and yield, a curve shifted as a whole; per point: per 0.01.
+    dividend_sensitivities : tuple of float or None
+        dV/d amount of each of the market's cash dividends, in their order (that of time).
+    vanna, volga : float or None
+        d delta/d volatility and d vega/d volatility; with extended Greeks only, as the next three.
+    rate_buckets, dividend_yield_buckets, volatility_buckets : tuple of float or None
+        dV by each of the values of the curve; None where the parameter is a number.
+    exercise_now : bool
+        The intrinsic value is positive and the spot lies in the closed exercise region.
+    exercise_boundary : float or None
+        S* now, where there are two the one nearer the strike (see `exercise_boundary` for both); None where
+        exercise is never optimal.
+    error_estimate : float
+        Estimated absolute error of the price, money.
+    status : str
+        "ok", "tolerance_not_met" or "deadline".
+    method : str
+        "premium-march"; "multiplier-collocation" with events; the time stepping of the method of lines; or what took
+        their place: "closed-form", "zero-volatility", "worthless-underlying", "expired", "none".
+    engine_version : str
+    diagnostics : Diagnostics
+    """
+
+    price: float | None
+    european_price: float | None
+    early_exercise_premium: float | None
+    intrinsic_value: float
+    delta: float | None
+    gamma: float | None
+    theta: float | None
+    theta_per_day: float | None
+    vega: float | None
+    vega_per_point: float | None
+    rho: float | None
+    rho_per_point: float | None
+    dividend_rho: float | None
+    dividend_sensitivities: tuple[float, ...] | None
+    vanna: float | None
+    volga: float | None
+    rate_buckets: tuple[float, ...] | None
+    dividend_yield_buckets: tuple[float, ...] | None
+    volatility_buckets: tuple[float, ...] | None
+    exercise_now: bool
+    exercise_boundary: float | None
+    error_estimate: float | None
+    status: Status
+    method: str
+    engine_version: str
+    diagnostics: Diagnostics
+
+
+def valuation(option: Option, spot: float, prices: Prices, *, greeks: bool) -> Valuation:
+    """Return the valuation of a book of one contract; NaN becomes None.
+
+    Parameters
+    ----------
+    greeks : bool
+        Whether Greeks are wanted at all.
+    """
+    value, european = prices.value.item(), prices.european.item()
+
+    def greek(column: Vector, share: float = 1.0) -> float | None:
+        return _present(column.item() / share) if greeks else None
+
+    def greek_list(column: Ragged) -> tuple[float, ...] | None:
+        return (column.known_row(0) or None) if greeks and column.values.size else None
+
+    return Valuation(
+        price=_present(value),
+        european_price=_present(european),
+        early_exercise_premium=_present(value - european),
+        intrinsic_value=option.payoff(spot),
+        delta=greek(prices.delta),
+        gamma=greek(prices.gamma),
+        theta=greek(prices.theta),
+        theta_per_day=greek(prices.theta, DAYS_PER_YEAR),
+        vega=greek(prices.vega),
+        vega_per_point=greek(prices.vega, 100.0),
+        rho=greek(prices.rho),
+        rho_per_point=greek(prices.rho, 100.0),
+        dividend_rho=greek(prices.dividend_rho),
+        dividend_sensitivities=greek_list(prices.dividend_sensitivities),
+        vanna=greek(prices.vanna),
+        volga=greek(prices.volga),
+        rate_buckets=greek_list(prices.rate_buckets),
+        dividend_yield_buckets=greek_list(prices.dividend_yield_buckets),
+        volatility_buckets=greek_list(prices.volatility_buckets),
+        exercise_now=bool(prices.exercised[0]),
+        exercise_boundary=_present(prices.boundary.item()),
+        error_estimate=_present(prices.error.item()),
+        status=prices.status[0],
+        method=prices.method[0] or "none",
+        engine_version=ENGINE_VERSION,
+        diagnostics=Diagnostics(
+            solves=prices.solves.item(),
+            steps_taken=prices.steps.item(),
+            resolution=prices.resolution[0],
+            lcp_residual=prices.residual.item(),
+            fitted=bool(prices.fitted[0]),
+        ),
+    )
+
+
+def _present(number: float) -> float | None:
+    return None if math.isnan(number) else number + 0.0  # no -0.0

@@ -1,0 +1,187 @@
+"""Every output of the option engine, stated once.
+
+Results in Python, the columns of tables and files, JSON answers and printed tables go by these names. What writes or
+describes an output takes its unit and words from here, or is compared with this table by a test.
+"""
+
+from collections.abc import Container
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+from pricing_core.american.contracts.fields import GREEKS, Greeks
+
+Kind: TypeAlias = Literal["number", "count", "flag", "text", "list"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResultField:
+    """One output.
+
+    Parameters
+    ----------
+    name : str
+        The same in Python, tables and JSON.
+    kind : {"number", "count", "flag", "text", "list"}
+        A list is one of numbers.
+    unit : str
+    meaning : str
+        One line without the unit.
+    example : object
+    given : {"always", "standard", "extended"}
+        The least value of `greeks` at which there is such an output.
+    per : str
+        The input that a list holds a number for each entry or value of; a table without that column has no such list.
+    choices : tuple of str
+        What a text is one of, where it is.
+    """
+
+    name: str
+    kind: Kind
+    unit: str
+    meaning: str
+    example: Any
+    given: Literal["always", "standard", "extended"] = "always"
+    per: str = ""
+    choices: tuple[str, ...] = ()
+
+    @property
+    def description(self) -> str:
+        """One sentence, the unit included."""
+        return f"{self.meaning} ({self.unit})." if self.unit else f"{self.meaning}."
+
+
+PRICE_FIELDS = (
+    ResultField("price", "number", "money", "Value now", 6.09),
+    ResultField("european_price", "number", "money", "Value without early exercise", 5.57),
+    ResultField("early_exercise_premium", "number", "money", "price - european_price", 0.52),
+    ResultField("intrinsic_value", "number", "money", "What exercise brings now", 0.0),
+    ResultField("delta", "number", "", "dV/dS", -0.41, "standard"),
+    ResultField("gamma", "number", "1/money", "d2V/dS2", 0.023, "standard"),
+    ResultField("theta", "number", "money/year", "dV/dt in calendar time", -2.3, "standard"),
+    ResultField("theta_per_day", "number", "money/day", "theta/365", -0.0063, "standard"),
+    ResultField("vega", "number", "money per 1.00 of volatility", "dV/d volatility", 37.8, "standard"),
+    ResultField("vega_per_point", "number", "money per 0.01 of volatility", "vega/100", 0.378, "standard"),
+    ResultField("rho", "number", "money per 1.00 of rate", "dV/d rate", -30.3, "standard"),
+    ResultField("rho_per_point", "number", "money per 0.01 of rate", "rho/100", -0.303, "standard"),
+    ResultField(
+        "dividend_rho", "number", "money per 1.00 of dividend yield", "dV/d dividend_yield", 24.2, "standard"
+    ),
+    ResultField("exercise_now", "flag", "", "Whether the holder does best to exercise now", False),
+    ResultField(
+        "exercise_boundary",
+        "number",
+        "money",
+        "Spot at which to exercise now; of two, the one nearer the strike",
+        81.0,
+    ),
+    ResultField("error_estimate", "number", "money", "Estimated absolute error of the price", 2e-5),
+    ResultField(
+        "status",
+        "text",
+        "",
+        "ok, tolerance_not_met (a price with its honest estimate), invalid_input, out_of_domain or deadline",
+        "ok",
+        choices=("ok", "tolerance_not_met", "invalid_input", "out_of_domain", "deadline"),
+    ),
+    ResultField("method", "text", "", "How the price was computed", "premium-march"),
+    ResultField("engine_version", "text", "", "Version of the pricing engine", "0.1.0"),
+    ResultField(
+        "dividend_sensitivities",
+        "list",
+        "money per 1.00 of an amount",
+        "dV/d amount of each cash dividend, in the order of their times",
+        [-0.5],
+        "standard",
+        per="cash_dividends",
+    ),
+    ResultField("vanna", "number", "1 per 1.00 of volatility", "d2V/dS d volatility", -0.3, "extended"),
+    ResultField(
+        "volga", "number", "money per 1.00 of volatility, squared", "d2V/d volatility2", 11.0, "extended"
+    ),
+    ResultField(
+        "rate_buckets",
+        "list",
+        "money per 1.00 of a value",
+        "dV/d each value of a curve of rates",
+        [-12.0, -18.3],
+        "extended",
+        per="rate",
+    ),
+    ResultField(
+        "dividend_yield_buckets",
+        "list",
+        "money per 1.00 of a value",
+        "dV/d each value of a curve of dividend yields",
+        [9.6, 14.6],
+        "extended",
+        per="dividend_yield",
+    ),
+    ResultField(
+        "volatility_buckets",
+        "list",
+        "money per 1.00 of a value",
+        "dV/d each value of a curve of volatilities",
+        [20.0, 17.8],
+        "extended",
+        per="volatility",
+    ),
+)
+
+IMPLIED_VOLATILITY_FIELDS = (
+    ResultField(
+        "volatility", "number", "1/sqrt(year)", "Volatility at which the option is worth its price", 0.2
+    ),
+    ResultField(
+        "status",
+        "text",
+        "",
+        "ok, below_lower_bound, above_upper_bound, not_identifiable (a whole interval of volatilities makes that "
+        "price), no_convergence or invalid_input",
+        "ok",
+        choices=(
+            *("ok", "below_lower_bound", "above_upper_bound", "not_identifiable", "no_convergence"),
+            "invalid_input",
+        ),
+    ),
+    ResultField("european_price", "number", "money", "Value without early exercise at that volatility", 5.57),
+    ResultField("price", "number", "money", "Value at that volatility", 6.09),
+    ResultField("bid_volatility", "number", "1/sqrt(year)", "Volatility at which it is worth its bid", 0.198),
+    ResultField("ask_volatility", "number", "1/sqrt(year)", "Volatility at which it is worth its ask", 0.202),
+    ResultField("error_estimate", "number", "money", "Estimated absolute error of that price", 1e-6),
+    ResultField("iterations", "count", "", "How many times the option was priced", 4),
+)
+
+BOUNDARY_FIELDS = (
+    ResultField("time", "list", "years", "Calendar times from now", [0.0, 1.0]),
+    ResultField("time_to_expiry", "list", "years", "expiry - time", [1.0, 0.0]),
+    ResultField(
+        "boundary", "list", "money", "Critical spot, null where no spot is exercised at", [81.0, 100.0]
+    ),
+    ResultField(
+        "other_boundary", "list", "money", "The end of the exercise region farther from the strike", None
+    ),
+    ResultField("error_estimate", "list", "money", "Estimated absolute error of boundary", [0.0004, 0.0]),
+)
+
+
+def price_fields(greeks: Greeks, columns: Container[str] | None = None) -> tuple[ResultField, ...]:
+    """Return the outputs of a price at a value of `greeks`.
+
+    Parameters
+    ----------
+    columns : container of str, optional
+        Those of a table of contracts: lists for an input that it does not have are left out.
+
+    Examples
+    --------
+    >>> [field.name for field in price_fields("none")][:4]
+    ['price', 'european_price', 'early_exercise_premium', 'intrinsic_value']
+    >>> [field.name for field in price_fields("extended", columns=["rate", "volatility"])][-4:]
+    ['vanna', 'volga', 'rate_buckets', 'volatility_buckets']
+    """
+    given = ("always", *GREEKS.choices[1 : GREEKS.choices.index(greeks) + 1])
+    return tuple(
+        field
+        for field in PRICE_FIELDS
+        if field.given in given and (columns is None or not field.per or field.per in columns)
+    )

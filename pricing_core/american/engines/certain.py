@@ -1,0 +1,61 @@
+"""Contracts whose spot does not diffuse: zero volatility, or a spot of zero."""
+
+import numpy as np
+
+from pricing_core.american.book.book import Book
+from pricing_core.arrays import Vector
+
+
+def certain_value(book: Book) -> Vector:
+    """Return the value of the best time to exercise on the spot's certain path, money, shape (n,).
+
+    On a segment exercise pays +-(K e^{-rt} - S e^{-qt}), which has one stationary point, r K e^{-rt} = q S e^{-qt}:
+    the best of both ends and that point.
+    """
+    segments, sign, strike = book.segments, book.sign, book.strike
+    spot, discount, best = book.spot - book.escrow_now(), np.ones(book.count), np.zeros(book.count)
+    duration, escrow, drops = segments.duration, book.escrow(), book.drops()
+    with np.errstate(all="ignore"):
+        for rows, at in book.by_place():
+            s, d, k, side = spot[rows], discount[rows], strike[rows], sign[rows]
+            h, rate, dividend_yield = duration[at], segments.rate[at], segments.dividend_yield[at]
+
+            def paid(
+                t: Vector,
+                s: Vector = s,
+                d: Vector = d,
+                k: Vector = k,
+                side: Vector = side,
+                h: Vector = h,
+                rate: Vector = rate,
+                dividend_yield: Vector = dividend_yield,
+                due: Vector = escrow[at],
+            ) -> Vector:
+                bond = (k - due * np.exp(-rate * (h - t))) * np.exp(-rate * t)
+                result: Vector = side * d * (bond - s * np.exp(-dividend_yield * t))
+                return result
+
+            stationary = np.log(dividend_yield * s / (rate * k)) / (dividend_yield - rate)
+            inside = segments.exercisable[at] & (stationary > 0.0) & (stationary < h)
+            pays = np.where(segments.exercisable[at], paid(np.zeros_like(h)), 0.0)
+            pays = np.maximum(pays, np.where(inside, paid(np.where(inside, stationary, 0.0)), 0.0))
+            at_end = segments.exercisable[at] | segments.exercise_at_end[at]
+            best[rows] = np.maximum(best[rows], np.maximum(pays, np.where(at_end, paid(h), 0.0)))
+            grown = s * np.exp((rate - dividend_yield) * h)
+            spot[rows] = np.maximum(grown * (1.0 - segments.fraction[at]) - drops[at], 0.0)
+            discount[rows] = d * np.exp(-rate * h)
+    return np.maximum(np.maximum(best, sign * (strike - spot) * discount), 0.0)
+
+
+def uncertainty(book: Book) -> Vector:
+    """Return bounds on what the volatility adds to or takes from `certain_value`, money, shape (n,).
+
+    For every stopping time |E e^{-rt} (K - S_t)^+ - ...| <= S e^{-qt} E |e^{sigma W - sigma**2 t/2} - 1|, and by
+    Doob's inequality |V - V(volatility 0)| is at most 2 S sup e^{-int q} sqrt(e^{int sigma**2} - 1). Dividends make the
+    spot at most smaller, and int -q is at most that of its positive part.
+    """
+    segments, starts = book.segments, book.first[:-1]
+    variance = np.add.reduceat(segments.volatility**2 * segments.duration, starts)
+    growth = np.add.reduceat(np.maximum(-segments.dividend_yield, 0.0) * segments.duration, starts)
+    bound = 2.0 * book.spot * np.exp(growth) * np.sqrt(np.expm1(np.minimum(variance, 1.0)))
+    return np.where((variance > 1.0) & (book.spot > 0.0), np.inf, bound)

@@ -1,0 +1,188 @@
+"""The engine of the closed formulas: contracts that have expired, are certain, European, or never exercised early."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.prices import Prices, prices
+from pricing_core.american.engines.black_scholes import european_columns
+from pricing_core.american.engines.certain import certain_value, uncertainty
+from pricing_core.american.engines.differences import plan_differences
+from pricing_core.american.engines.engine import Boundaries, Request
+from pricing_core.american.engines.exercise_region import region_at_expiry
+from pricing_core.american.engines.held import held_theta
+from pricing_core.arrays import BoolVector, Vector
+
+SMALLEST_SPREAD = 1e-12  # Standard deviation of ln S at expiry below which it makes no difference; chosen.
+SURE_SHARE = 0.1  # Largest effect of a volatility that is left out, as a share of the tolerance; chosen.
+# Largest bound on the effect of the volatility, in strikes, at which the certain path is tried: SURE_SHARE of the
+# largest tolerance.
+LARGEST_UNCERTAINTY = 1e-3
+# Steps of differences over the usual ones: certain values are exact; calibrated on the formula.
+CERTAIN_STEPS = 1e-2
+SPOT_STEP = 1e-5  # Step of the spot for the delta on a certain path, as a share of spot and strike; chosen.
+
+
+class ClosedForm:
+    """Black, Scholes and Merton's formula, its limits, and the best time to exercise where nothing is uncertain."""
+
+    name = "closed form"
+    least_error = 0.0
+
+    def serves(self, book: Book) -> BoolVector:
+        """Tell which contracts have expired, are certain, or have a formula because early exercise never pays."""
+        served: BoolVector = has_formula(book) | _is_certain(book) | (book.spot == 0.0)
+        return served
+
+    def solve(self, book: Book, request: Request) -> Prices:
+        """Price by formula; certain contracts are settled where volatility adds at most a tenth of the tolerance."""
+        formula = has_formula(book) & (_deviation(book) >= SMALLEST_SPREAD) & (book.spot > 0.0)
+        if formula.all():
+            return _by_formula(book, request)
+        rows = np.flatnonzero(formula)
+        certain = _on_certain_path(book, request)
+        return certain.replaced(rows, _by_formula(book.take(rows), request.take(rows)))
+
+    def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
+        """Return the limit at expiry, where early exercise never pays; of a certain contract the same at all times."""
+        nothing, none = np.full(times.size, math.nan), np.zeros(times.size, dtype=bool)
+        (near, far), expired = _certain_boundary(book), book.expiry[0] == 0.0
+        if has_formula(book)[0] and not (expired and _may_exercise(book)[0]):
+            at_expiry = np.where(times == book.expiry[0], near, math.nan)
+            return Boundaries(at_expiry, nothing, nothing, ~none)
+        at_strike = replace(book, spot=book.strike)
+        sure = expired or _uncertain_by(at_strike)[0] <= SURE_SHARE * request.tolerance[0] * book.strike[0]
+        if not sure or book.has_events()[0]:
+            return Boundaries(nothing, nothing, nothing, none)
+        return Boundaries(np.full(times.size, near[0]), np.full(times.size, far[0]), nothing, ~none)
+
+
+def has_formula(book: Book) -> BoolVector:
+    """Tell European contracts, and those never exercised early, whose spot at expiry is lognormal."""
+    if book.is_plain:
+        return ~book.segments.exercisable | _never_exercised(book)
+    drops = book.drops() > 0.0
+    lognormal = ~_any(book, drops) if drops.any() else np.ones(book.count, dtype=bool)
+    return lognormal & (~_may_exercise(book) | _never_exercised(book))
+
+
+def _may_exercise(book: Book) -> BoolVector:
+    """Tell contracts that may be exercised before expiry, or just before a dividend at expiry."""
+    segments = book.segments
+    if book.is_plain:
+        return segments.exercisable
+    early = segments.exercise_at_end.copy()
+    last = book.first[1:] - 1
+    early[last] &= (segments.fraction[last] > 0.0) | (segments.due[last] > 0.0)
+    return _any(book, early | segments.exercisable)
+
+
+def _never_exercised(book: Book) -> BoolVector:
+    """Tell contracts without dividends whose holder never earns by exercise.
+
+    That is where at all times r <= 0 and r <= q for a put, q <= 0 and q <= r for a call (11.46): then r K - q S, what
+    a put's exercise earns, is at most 0 wherever the payoff is positive.
+    """
+    segments, is_put = book.segments, book.per_segment(book.is_put)
+    earned = np.where(is_put, segments.rate, segments.dividend_yield)
+    if (earned > 0.0).all():
+        return np.zeros(book.count, dtype=bool)
+    paid = np.where(is_put, segments.dividend_yield, segments.rate)
+    never: BoolVector = (earned <= 0.0) & (earned <= paid)
+    if book.is_plain:
+        return never
+    never &= (segments.fraction == 0.0) & (segments.due == 0.0)
+    return never if book.is_simple else np.logical_and.reduceat(never, book.first[:-1])
+
+
+def _any(book: Book, flags: BoolVector) -> BoolVector:
+    return flags if book.is_simple else np.logical_or.reduceat(flags, book.first[:-1])
+
+
+def _deviation(book: Book) -> Vector:
+    """Return the standard deviation of ln S at expiry, shape (n,)."""
+    segments = book.segments
+    variance = segments.volatility**2 * segments.duration
+    return np.sqrt(variance if book.is_simple else np.add.reduceat(variance, book.first[:-1]))
+
+
+def _uncertain_by(book: Book) -> Vector:
+    """Return what the volatility may add to or take from the value, money, as if the spot were at least the strike.
+
+    A spot of 0 does not diffuse, but the exercise boundary of its contract does not depend on the spot.
+    """
+    return uncertainty(replace(book, spot=np.maximum(book.spot, book.strike)))
+
+
+def _is_certain(book: Book) -> BoolVector:
+    """Tell contracts of which the certain path may be all that matters, at the largest tolerance."""
+    small = _deviation(book) <= LARGEST_UNCERTAINTY
+    if small.any():
+        rows = np.flatnonzero(small)
+        part = book.take(rows)
+        small[rows] = _uncertain_by(part) <= LARGEST_UNCERTAINTY * part.strike
+    return small
+
+
+def _by_formula(book: Book, request: Request) -> Prices:
+    columns = european_columns(book, request.greeks)
+    return prices(
+        book.count, settled=True, complete=True, method="closed-form", european=columns["value"], **columns
+    )
+
+
+def _on_certain_path(book: Book, request: Request) -> Prices:
+    """Return the values of the best times to exercise; derivatives are differences, for the values are exact."""
+    value, european = certain_value(book), certain_value(book.european())
+    step = SPOT_STEP * np.maximum(book.spot, book.strike)
+    below = np.minimum(step, book.spot)
+    up, down = (certain_value(replace(book, spot=book.spot + by)) for by in (step, -below))
+    delta, gamma = np.where(value > 0.0, (up - down) / (step + below), 0.0), np.zeros(book.count)
+    payoff = book.payoff()
+    formula = has_formula(book)
+    error = uncertainty(book)
+    expired = book.expiry == 0.0
+    now = book.first_segments().exercisable
+    exercised = (payoff > 0.0) & (value <= payoff) & (expired | (now & ~formula))
+    delta = np.where(exercised, -book.sign, np.where(expired, 0.0, delta))
+    further: dict[str, Any] = {}
+    if request.greeks != "none":
+        differences = plan_differences(book, extended=request.greeks == "extended", share=CERTAIN_STEPS)
+        bumped = certain_value(differences.book)
+        further = differences.columns(bumped, np.zeros(bumped.size))
+    certain = error <= SURE_SHARE * request.tolerance * book.strike
+    worthless = (book.spot == 0.0) & ~_is_certain(book)
+    words = np.array(["zero-volatility", "worthless-underlying", "closed-form", "expired"], dtype=object)
+    near = np.where(worthless | (book.has_events() & ~expired), math.nan, _certain_boundary(book)[0])
+    return prices(
+        book.count,
+        value=value,
+        european=european,
+        error=error,
+        delta=delta,
+        gamma=gamma,
+        theta=np.where(exercised | expired, 0.0, held_theta(book, value, delta, gamma)),
+        boundary=near,
+        exercised=exercised,
+        settled=certain | formula | expired,
+        complete=True,
+        method=words[np.select([expired, formula, worthless], [3, 2, 1], 0)],
+        **further,
+    )
+
+
+def _certain_boundary(book: Book) -> tuple[Vector, Vector]:
+    """Return the ends of the exercise region just before expiry, (near, far), money, each of shape (n,).
+
+    At volatility 0 they are those of contracts without events at all times; at expiry everything that pays is
+    exercised.
+    """
+    near, far = np.full((2, book.count), math.nan)
+    for row in np.flatnonzero(_may_exercise(book)).tolist():
+        schedule = book.schedule(row)
+        near[row], far[row] = region_at_expiry(schedule).boundaries(schedule)
+    expired = book.expiry == 0.0
+    return np.where(expired, book.strike, near), np.where(expired, math.nan, far)

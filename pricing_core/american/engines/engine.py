@@ -1,0 +1,105 @@
+"""What an engine is, and what it is asked for."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from pricing_core.american.book.book import Book, Rows
+from pricing_core.american.book.prices import Prices
+from pricing_core.american.contracts.fields import Greeks
+from pricing_core.arrays import BoolVector, Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Request:
+    """What is wanted of a book of n contracts.
+
+    Parameters
+    ----------
+    tolerance : Vector, shape (n,)
+        Absolute errors of the prices, as fractions of the strikes.
+    greeks : {"none", "standard", "extended"}
+        "none" still lets an engine give delta, gamma and theta, which come free.
+    share_solves : bool
+        Whether contracts that differ in spot and strike alone may be priced from one solve.
+    threads : int
+        How many an engine may use for one call of the kernel.
+    interrupt : callable, optional
+        True ends the work.
+    """
+
+    tolerance: Vector
+    greeks: Greeks = "standard"
+    share_solves: bool = False
+    threads: int = 1
+    interrupt: Callable[[], bool] | None = None
+
+    def take(self, rows: Rows | slice) -> "Request":
+        """Return the request for some of the contracts."""
+        if isinstance(rows, np.ndarray) and rows.size == self.tolerance.size:
+            return self
+        return replace(self, tolerance=self.tolerance[rows])
+
+    def is_interrupted(self) -> bool:
+        """Ask the interrupt, if there is one."""
+        return self.interrupt is not None and self.interrupt()
+
+
+class Boundaries(NamedTuple):
+    """The exercise boundary of one contract at given times, money; NaN where there is none.
+
+    `near` is the one nearer the strike, `far` the other end of an exercise region that has two; `error` is the
+    estimated absolute error of `near`. `found` tells at which times the engine settled the question. Every array has
+    shape (m,).
+    """
+
+    near: Vector
+    far: Vector
+    error: Vector
+    found: BoolVector
+
+    def completed_by(self, other: "Boundaries") -> "Boundaries":
+        """Return these boundaries, and at the times at which they were not found the other ones."""
+        columns = (np.where(self.found, mine, its) for mine, its in zip(self, other, strict=True))
+        near, far, error, found = columns
+        return Boundaries(near, far, error, found.astype(bool))
+
+
+class Engine(Protocol):
+    """A way to price contracts."""
+
+    @property
+    def name(self) -> str:
+        """What the engine is called."""
+        ...
+
+    @property
+    def least_error(self) -> float:
+        """The error, in strikes, from which a price that misses its tolerance is worth this engine's time."""
+        ...
+
+    def serves(self, book: Book) -> BoolVector:
+        """Tell which contracts the engine may be asked for, shape (n,)."""
+        ...
+
+    def solve(self, book: Book, request: Request) -> Prices:
+        """Price contracts that the engine serves; those it gives up are not `settled`."""
+        ...
+
+    def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
+        """Return the exercise boundary of a book of one contract that the engine serves.
+
+        Parameters
+        ----------
+        times : Vector, shape (m,)
+            Years from now, increasing, 0 to expiry; at a time at which something happens the boundary is the one just
+            before it, at expiry the limit.
+
+        Raises
+        ------
+        NumericalError
+            The interrupt came before the end.
+        """
+        ...

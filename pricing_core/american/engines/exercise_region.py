@@ -1,0 +1,66 @@
+"""The interval of spots at which a contract is exercised."""
+
+import math
+from dataclasses import dataclass
+
+from pricing_core.american.contracts.fields import SPOT
+from pricing_core.american.contracts.schedule import Schedule, Segment
+
+LARGEST_EXPONENT = 700.0  # Largest exponent of e that does not overflow.
+
+
+@dataclass(frozen=True, slots=True)
+class ExerciseRegion:
+    """The log-moneyness interval [lower, upper] in which the option is exercised; empty where lower > upper.
+
+    The end that belongs to the far side (S -> 0 for a put, S -> inf for a call) is infinite unless there are
+    two boundaries.
+    """
+
+    lower: float
+    upper: float
+
+    def contains(self, x: float) -> bool:
+        """Whether x lies in the closed region."""
+        return self.lower <= x <= self.upper
+
+    def boundaries(self, schedule: Schedule) -> tuple[float, float]:
+        """Return S*, the boundary nearer the strike, and the other one, in money; NaN where there is none."""
+        if self.lower > self.upper:
+            return math.nan, math.nan
+        ends = (self.upper, self.lower) if schedule.is_put else (self.lower, self.upper)
+        near, far = (schedule.strike * math.exp(min(end, LARGEST_EXPONENT)) for end in ends)
+        return near if near <= SPOT.most else math.nan, far if 0.0 < far <= SPOT.most else math.nan
+
+
+EMPTY_REGION = ExerciseRegion(math.inf, -math.inf)
+
+
+def region_at_expiry(schedule: Schedule) -> ExerciseRegion:
+    """Return the limit of the exercise region just before expiry in ln(S/K), where nothing happens at expiry.
+
+    Where the holder may not exercise all through the last segment, that is wherever the payoff is positive.
+    """
+    last, is_put = schedule.segments[-1], schedule.is_put
+    if last.exercisable:
+        return earning_region(last, is_put=is_put)
+    return ExerciseRegion(-math.inf, 0.0) if is_put else ExerciseRegion(0.0, math.inf)
+
+
+def earning_region(segment: Segment, *, is_put: bool) -> ExerciseRegion:
+    """Return where the payoff is positive and holding it earns less than exercising, in ln(S/K).
+
+    r K > q S for the put: S/K below min(1, r/q) for r, q > 0, in [r/q, 1] for q < r < 0; the call with the
+    inequalities reversed. The exercise region begins there before expiry.
+    """
+    # A call is a put with rate and yield exchanged, and its region mirrored at the strike.
+    earned, paid = segment.rate, segment.dividend_yield
+    if not is_put:
+        earned, paid = paid, earned
+    if earned <= 0.0 and earned <= paid:
+        return EMPTY_REGION
+    if earned < 0.0:
+        lower, upper = math.log(earned / paid), 0.0
+    else:
+        lower, upper = -math.inf, math.log(earned / paid) if 0.0 < earned < paid else 0.0
+    return ExerciseRegion(lower, upper) if is_put else ExerciseRegion(-upper, -lower)

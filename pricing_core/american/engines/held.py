@@ -1,0 +1,76 @@
+"""Prices from what an engine finds of contracts as if they were held: bounds, the exercise region and theta."""
+
+from typing import Any
+
+import numpy as np
+
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.prices import Prices, prices
+from pricing_core.arrays import BoolVector, Vector
+
+BY_PARAMETERS = ("vega", "rho", "dividend_rho", "vanna", "volga")
+
+
+def priced(
+    book: Book,
+    *,
+    value: Vector,
+    european: Vector,
+    error: Vector,
+    delta: Vector,
+    gamma: Vector,
+    boundary: Vector,
+    exercised: BoolVector,
+    **others: Any,
+) -> Prices:
+    """Return the prices; in the exercise region they and their derivatives are the payoff's.
+
+    What a held value lacks of a bound that it cannot be below counts as error.
+
+    Parameters
+    ----------
+    value, european, error, delta, gamma, boundary : Vector, shape (n,)
+        Money; in the exercise region value, delta and gamma are not read.
+    exercised : bool array, shape (n,)
+        Whether the spot lies in the closed exercise region.
+    others
+        Further columns of `Prices` by name. Derivatives by the parameters are not read in the exercise region.
+    """
+    payoff, now = book.payoff(), book.first_segments().exercisable
+    least = np.maximum(np.where(now, payoff, 0.0), european)
+    value, missing = np.maximum(value, least), least - value
+    columns = {
+        "value": value,
+        "error": np.maximum(error, missing),
+        "delta": delta,
+        "gamma": gamma,
+        "theta": held_theta(book, value, delta, gamma),
+    }
+    if exercised.any():
+        columns |= {name: others.pop(name) for name in BY_PARAMETERS if name in others}
+        paid = {"value": payoff, "error": error, "delta": -book.sign}
+        columns = {name: np.where(exercised, paid.get(name, 0.0), column) for name, column in columns.items()}
+    return prices(
+        book.count,
+        european=european,
+        boundary=boundary,
+        exercised=exercised & (payoff > 0.0),
+        **columns,
+        **others,
+    )
+
+
+def held_theta(book: Book, value: Vector, delta: Vector, gamma: Vector) -> Vector:
+    """Return dV/dt where the contract is held, from (11.46), money per year, shape (n,).
+
+    In the escrowed model the present value A of the dividends due grows like a bond while the spot less A diffuses:
+    r V - ((r - q) (S - A) + r A) V_S - sigma**2/2 (S - A)**2 V_SS.
+    """
+    now, spot = book.first_segments(), book.spot
+    grown: Vector | float = 0.0
+    if book.escrowed.any():
+        escrow = book.escrow_now()
+        spot, grown = spot - escrow, now.rate * escrow
+    drift = (now.rate - now.dividend_yield) * spot + grown
+    theta: Vector = now.rate * value - drift * delta - 0.5 * (now.volatility * spot) ** 2 * gamma
+    return theta

@@ -1,0 +1,123 @@
+"""Grids in s = S/K, and the range of spots that they must cover.
+
+In s a cash dividend is a shift, s = 0 is a node where it may be reached, and central differences are exact for a + b s,
+the value deep in the money. Nodes are equally spaced in ln(s + shift), or in that stretched around the strike: like
+ln s for s >> shift, like s below.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pricing_core.american.contracts.schedule import Schedule
+from pricing_core.arrays import Vector
+from pricing_core.errors import InvalidInputError
+
+SMALLEST_SPREAD = 1e-4  # Smallest standard deviation of ln S that a grid is made for; chosen.
+FURTHEST = 100.0  # Largest |ln(S/K)| of a node; chosen far inside the range of floating-point numbers.
+REACHES_ZERO = 0.5  # Share of the lowest spot that dividends take from which the grid goes down to 0; chosen.
+# Smallest share of the spot left by proportional dividends above which it does not; chosen.
+SMALLEST_KEPT = 1e-3
+# Shift of a grid that goes down to 0, as a share of the lowest spot without dividends; calibrated.
+SHIFT = 0.5
+SMALLEST_SPOT = 1e-7  # Smallest spot, in strikes, from which it still matters what the spot may gain; chosen.
+STRETCHED_FROM = 0.5  # Standard deviation of ln S at expiry from which a grid is stretched; calibrated.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """Nodes x_0 < x_1 < ... < x_{N+1}: boundary values at the two ends, N unknowns between."""
+
+    nodes: Vector  # (N + 2,)
+
+    def __post_init__(self) -> None:
+        if self.nodes.size < 3 or not np.all(np.diff(self.nodes) > 0):
+            raise InvalidInputError("nodes", self.nodes, "at least 3 increasing numbers")
+
+    @property
+    def interior(self) -> Vector:
+        """The unknowns' nodes, shape (N,)."""
+        return self.nodes[1:-1]
+
+
+@dataclass(frozen=True, slots=True)
+class SpotRange:
+    """What the spot may reach from now to expiry but for a negligible chance, in units of the strike.
+
+    Parameters
+    ----------
+    low, high : float
+        0 <= low < high.
+    shift : float
+        See the module; 0 unless low is 0.
+    spread : float
+        Standard deviation of ln S at expiry.
+    """
+
+    low: float
+    high: float
+    shift: float
+    spread: float
+
+    def down_to_zero(self) -> "SpotRange":
+        """Return the range with everything below it."""
+        return self if self.low == 0.0 else replace(self, low=0.0, shift=SHIFT * self.low)
+
+    def grid(self, intervals: int, stretching: float) -> Grid:
+        """Return a grid of this range, the strike anywhere between its nodes."""
+        one = 1.0 + self.shift
+        left, right = (math.log((edge + self.shift) / one) for edge in (self.low, self.high))
+        nodes = one * np.exp(_stretched(left, right, intervals, stretching)) - self.shift
+        nodes[[0, -1]] = self.low, self.high
+        return Grid(nodes)
+
+
+def spot_range(schedule: Schedule, truncation: float, start: tuple[float, float]) -> SpotRange:
+    """Return the range that a spot from start[0] to start[1], in units of the strike, reaches.
+
+    ln S stays within sqrt(2 ln(20/truncation)) standard deviations of every path of its mean, under the pricing
+    measure and under that of the stock (a call weighs its payoff by S): what happens outside changes the value by
+    less than about `truncation` of the strike.
+    """
+    variance = math.fsum(segment.volatility**2 * segment.duration for segment in schedule.segments)
+    spread = max(math.sqrt(variance), SMALLEST_SPREAD)
+    width = math.sqrt(2.0 * math.log(20.0 / truncation)) * spread
+    falls = rises = 0.0
+    for segment in schedule.segments:
+        drift = (segment.rate - segment.dividend_yield) * segment.duration
+        half = 0.5 * segment.volatility**2 * segment.duration
+        kept = 1.0 - segment.fraction
+        falls += min(drift - half, 0.0) + (math.log(kept) if kept >= SMALLEST_KEPT else 0.0)
+        rises += max(drift + half, 0.0)
+    undivided = _moved(start[0], falls - width)
+    high = _moved(start[1], rises + width)
+    paid = math.fsum(segment.amount for segment in schedule.segments) / schedule.strike
+    low = undivided - paid
+    nothing_left = any(1.0 - segment.fraction < SMALLEST_KEPT for segment in schedule.segments)
+    if low > max((1.0 - REACHES_ZERO) * undivided, SMALLEST_SPOT * start[0]) and not nothing_left:
+        return SpotRange(low, high, 0.0, spread)
+    return SpotRange(0.0, high, SHIFT * max(undivided, SMALLEST_SPOT * start[0]), spread)
+
+
+def _moved(s: float, distance: float) -> float:
+    return math.exp(min(max(math.log(s) + distance, -FURTHEST), FURTHEST))
+
+
+def natural_stretching(spread: float) -> float:
+    """Return the stretching that keeps the payoff's scale, 1 in ln(S/K), resolved on a wide grid."""
+    return math.log1p(spread / STRETCHED_FROM) if spread > STRETCHED_FROM else 0.0
+
+
+def _stretched(left: float, right: float, intervals: int, stretching: float) -> Vector:
+    """Return intervals + 1 increasing numbers from left to right.
+
+    At stretching 0 they are equally spaced, as in (11.60)-(11.61). At s > 0 they are c + d sinh(s u), u equally spaced:
+    about exp(s)/s times closer around 0, the strike, than at the far end.
+    """
+    if stretching == 0.0:
+        return np.linspace(left, right, intervals + 1)
+    center = min(max(0.0, left), right)
+    scale = max(center - left, right - center) / math.sinh(stretching)
+    ends = np.arcsinh((np.array([left, right]) - center) / scale)
+    return center + scale * np.sinh(np.linspace(ends[0], ends[1], intervals + 1))

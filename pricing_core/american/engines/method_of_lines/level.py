@@ -1,0 +1,212 @@
+"""A schedule at one resolution: the grid it is solved on, and what the solve says at the spot."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pricing_core.american.book.resolution import Resolution, Scheme
+from pricing_core.american.contracts.schedule import Schedule
+from pricing_core.american.engines.exercise_region import EMPTY_REGION, ExerciseRegion
+from pricing_core.american.engines.method_of_lines.grid import SpotRange, natural_stretching, spot_range
+from pricing_core.american.engines.method_of_lines.interpolation import local_derivatives, run_around
+from pricing_core.american.engines.method_of_lines.limits import without_exercise
+from pricing_core.american.engines.method_of_lines.stage import LCPMethod
+from pricing_core.american.engines.method_of_lines.sweep import SMALLEST_SHARE, Sweep, sweep_schedule
+from pricing_core.arrays import Vector
+
+COARSEST_INTERVALS, COARSEST_STEPS = 64, 16  # Cells and steps of the first resolution; calibrated.
+MOST_COARSEST_INTERVALS, MOST_COARSEST_STEPS = 768, 128  # The same where drift or rates ask for more; chosen.
+# Number of cells that the drift asks for, over the most, from which it is not followed; calibrated.
+HOPELESS = 1.0
+TRUNCATION_SHARE = 0.01  # Share of the tolerance that the ends of the grid may neglect; chosen.
+LARGEST_TRUNCATION = 1e-6  # Largest value that the ends of the grid may neglect, in strikes; chosen.
+STEPS_PER_RATE = 4.0  # Number of steps per unit of |rate| * duration; calibrated.
+STEPS_PER_DRIFT = 2.0  # Number of steps per standard deviation that the spot drifts; calibrated.
+FINEST_CELL = 1e-5  # Smallest cell, in strikes, over which differences are more than rounding; derived.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Level:
+    """What the solves at one resolution say at the spot.
+
+    Parameters
+    ----------
+    american, european : Vector, shape (3,)
+        v, v_s, v_ss in units of the strike.
+    exercised : bool
+    region : ExerciseRegion
+        In ln(S/K) of the actual spot.
+    resolution : Resolution
+    steps : int
+    residual : float
+    fitted : bool
+        As in `Sweep`.
+    """
+
+    american: Vector
+    european: Vector
+    exercised: bool
+    region: ExerciseRegion
+    resolution: Resolution
+    steps: int
+    residual: float
+    fitted: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScheduleSolver:
+    """One schedule's solves at different resolutions, all on the same range of spots.
+
+    Parameters
+    ----------
+    span : SpotRange
+    covers_strike : bool
+        The range includes what the strike, as a spot, may become; else they do not meet.
+    truncation : float
+        What the ends of the range neglect, as a fraction of the strike.
+    """
+
+    schedule: Schedule
+    span: SpotRange
+    covers_strike: bool
+    truncation: float
+    lcp_method: LCPMethod = "tridiagonal"
+    interrupt: Callable[[], bool] | None = None
+
+    @property
+    def spot(self) -> float:
+        """In units of the strike."""
+        return self.schedule.spot / self.schedule.strike
+
+    def solve(self, resolution: Resolution, *, held: bool = True) -> Level | None:
+        """Return the solves with and without early exercise, None where they were interrupted.
+
+        Parameters
+        ----------
+        held : bool
+            Whether the one without is wanted; its values are NaN otherwise.
+        """
+        never = without_exercise(self.schedule)
+        without = self._sweep(never, resolution) if held else None
+        sweep = without if held and never == self.schedule else self._sweep(self.schedule, resolution)
+        if sweep is None or (held and without is None):
+            return None
+        exercised = sweep.region.contains(self.spot)
+        return Level(
+            self.exercised() if exercised else at_spot(sweep, self.spot),
+            np.full(3, math.nan) if without is None else at_spot(without, self.spot),
+            exercised,
+            actual_region(sweep.region, self._escrow()),
+            resolution,
+            sweep.steps,
+            sweep.residual,
+            sweep.fitted,
+        )
+
+    def regions(self, times: tuple[float, ...], resolution: Resolution) -> tuple[ExerciseRegion, ...] | None:
+        """Return the exercise regions at these times in s = S/K of the spot that diffuses, None where interrupted."""
+        sweep = self._sweep(self.schedule, resolution, times)
+        return None if sweep is None else sweep.regions
+
+    def exercised(self) -> Vector:
+        """Return (v, v_s, v_ss) of what exercise now brings, shape (3,)."""
+        sign = 1.0 if self.schedule.is_put else -1.0
+        return np.array([sign * (1.0 - self._escrow() - self.spot), -sign, 0.0])
+
+    def _sweep(
+        self, schedule: Schedule, resolution: Resolution, times: tuple[float, ...] = ()
+    ) -> Sweep | None:
+        grid = self.span.grid(resolution.intervals, resolution.stretching)
+        return sweep_schedule(
+            schedule, grid, resolution, lcp_method=self.lcp_method, times=times, interrupt=self.interrupt
+        )
+
+    def _escrow(self) -> float:
+        return self.schedule.segments[0].escrow_at(0.0) / self.schedule.strike
+
+
+def make_solver(
+    schedule: Schedule,
+    tolerance: float,
+    lcp_method: LCPMethod = "tridiagonal",
+    interrupt: Callable[[], bool] | None = None,
+) -> ScheduleSolver:
+    """Choose the range: what the spot and the strike may become, or the spot alone where these do not meet."""
+    truncation = min(TRUNCATION_SHARE * tolerance, LARGEST_TRUNCATION)
+    spot = schedule.spot / schedule.strike
+    span = spot_range(schedule, truncation, (spot, spot))
+    of_strike = spot_range(schedule, truncation, (1.0, 1.0))
+    together = span.low < of_strike.high and of_strike.low < span.high
+    if together:
+        span = spot_range(schedule, truncation, (min(spot, 1.0), max(spot, 1.0)))
+    return ScheduleSolver(schedule, span, together, truncation, lcp_method, interrupt)
+
+
+def solver_at_strike(
+    schedule: Schedule, tolerance: float, interrupt: Callable[[], bool] | None
+) -> ScheduleSolver:
+    """Return a solver whose range is that of the strike: for the exercise region, which the spot does not change.
+
+    A put's may shrink to nothing before a cash dividend, and is followed there.
+    """
+    solver = make_solver(replace(schedule, spot=schedule.strike), tolerance, interrupt=interrupt)
+    if schedule.is_put and any(segment.amount > 0.0 for segment in schedule.segments):
+        return replace(solver, span=solver.span.down_to_zero())
+    return solver
+
+
+def coarsest_resolution(solver: ScheduleSolver, scheme: Scheme) -> Resolution:
+    """Return the first of the doubling resolutions: fine enough for the rates and for the drift."""
+    span, segments = solver.span, solver.schedule.segments
+    width = math.log(span.high / max(span.low, span.shift))
+    steps, cells = 1.0, 1.0
+    for segment in segments:
+        drift, root = abs(segment.rate - segment.dividend_yield), math.sqrt(segment.duration)
+        # A segment's share of the steps goes like the root of its length.
+        share = max(root / math.sqrt(segments[-1].end), SMALLEST_SHARE)
+        needed = STEPS_PER_RATE * abs(segment.rate) * segment.duration
+        if segment.volatility > 0.0:
+            needed = max(needed, STEPS_PER_DRIFT * drift * root / segment.volatility)
+            cells = max(cells, 0.5 * width * drift / segment.volatility**2 / COARSEST_INTERVALS)
+        steps = max(steps, needed / share / COARSEST_STEPS)
+    if cells > HOPELESS * MOST_COARSEST_INTERVALS / COARSEST_INTERVALS:
+        cells = steps = (
+            1.0  # no grid resolves the drift: the spot hardly diffuses, and the fitted operator carries it
+        )
+    return Resolution(
+        COARSEST_INTERVALS * min(math.ceil(cells), MOST_COARSEST_INTERVALS // COARSEST_INTERVALS),
+        COARSEST_STEPS * min(math.ceil(steps), MOST_COARSEST_STEPS // COARSEST_STEPS),
+        scheme=scheme,
+        stretching=natural_stretching(span.spread),
+    )
+
+
+def at_spot(sweep: Sweep, s: float) -> Vector:
+    """Return (v, v_s, v_ss) at s, shape (3,), from the nodes on its side of the exercise boundary."""
+    nodes = sweep.grid.nodes
+    free = np.concatenate([~sweep.contact[:1], ~sweep.contact, ~sweep.contact[-1:]])
+    nearest = int(np.argmin(np.abs(nodes - s)))
+    if not free[nearest]:  # between the boundary and the first free node
+        nearest = min(max(nearest + (1 if s > sweep.region.upper else -1), 0), free.size - 1)
+    usable = run_around(free, nearest) if free[nearest] else ~free
+    if nodes[0] == 0.0:  # its first cells are far finer than rounding allows differences of
+        cell = nodes[min(nearest + 1, nodes.size - 1)] - nodes[max(nearest - 1, 0)]
+        stride = max(math.ceil(2.0 * FINEST_CELL / cell), 1)
+        thinned = np.zeros(nodes.size, dtype=bool)
+        thinned[nearest % stride :: stride] = True
+        usable = usable & thinned
+    return np.asarray(local_derivatives(nodes, sweep.values[None, :], usable, s)[0])
+
+
+def actual_region(region: ExerciseRegion, escrow: float) -> ExerciseRegion:
+    """Return the region in ln(S/K) of the actual spot from that in s = S*/K; escrow in units of the strike."""
+    upper = region.upper + escrow
+    if region.lower > region.upper or upper <= 0.0:
+        return EMPTY_REGION
+    lower = region.lower + escrow
+    return ExerciseRegion(
+        math.log(lower) if lower > 0.0 else -math.inf,
+        math.log(upper) if upper < math.inf else math.inf,
+    )

@@ -1,0 +1,199 @@
+"""Contracts to a tolerance, many at once, by the kernel's collocation of the multiplier.
+
+The kernel raises the degree of each boundary until what is left of the value's last change, weighted by the probability
+to get there, is less than its share of the tolerance: each degree gains a factor of three to ten, so that 0.6 of the
+last change bounds what is left. Where no degree is enough the segment is cut next to its event. How finely the value
+itself is held is the level's; calibrated on random contracts, checked in tests.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pricing_core import kernel
+from pricing_core.american.book.book import Book, Rows
+from pricing_core.american.book.ragged import gather
+from pricing_core.american.engines.multiplier_collocation.served import log_moneyness
+from pricing_core.arrays import BoolVector, Matrix, Vector
+
+FINEST = 6  # Finest level of the kernel.
+# Tolerances from which a level is tried first; calibrated on random contracts.
+FIRST_LEVELS = ((4e-6, 1), (4e-7, 2), (4e-8, 3), (0.0, 4))
+# What lies beyond the interval of space of each level, in strikes; derived from the interval.
+NEGLECTED = (1e-5, 1e-6, 2e-8, 1e-9, 3e-11, 1e-12, 1e-13)
+ROUNDING = 1e-13  # Rounding error of a value, in strikes; measured.
+SMALLEST_SHARE = 0.1  # Smallest share of the tolerance that is left for the boundaries; chosen.
+EXERCISE = slice(4, 6)  # The columns of a segment that tell when the holder may exercise.
+AMOUNT, ESCROW = 7, 8  # The columns of money.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Packed:
+    """n contracts with m segments in all, money in strikes.
+
+    Parameters
+    ----------
+    sign : Vector, shape (n,)
+        1 for a put, -1 for a call.
+    x : Vector, shape (n,)
+        ln(S/K) of the spot that diffuses.
+    first : int array, shape (n + 1,)
+        Where the segments of each contract begin, and the end.
+    segments : Matrix, shape (m, 9)
+        Duration, rate, dividend yield, volatility, exercisable and exercise at end (0 or 1), fraction, amount, escrow.
+    """
+
+    sign: Vector
+    x: Vector
+    first: NDArray[np.int64]
+    segments: Matrix
+
+    def take(self, rows: Rows) -> "Packed":
+        """Return some of the contracts, in the order asked for."""
+        if rows.size == self.x.size:
+            return self
+        first, chosen = gather(self.first, rows)
+        return Packed(self.sign[rows], self.x[rows], first, self.segments[chosen])
+
+    def european(self) -> "Packed":
+        """Return the same contracts without early exercise."""
+        segments = self.segments.copy()
+        segments[:, EXERCISE] = 0.0
+        return replace(self, segments=segments)
+
+
+def pack(book: Book) -> Packed:
+    """Return the book for the kernel."""
+    columns, strike = book.segments, book.per_segment(book.strike)
+    segments = np.empty((columns.end.size, 9))
+    segments[:, 0], segments[:, 1] = columns.duration, columns.rate
+    segments[:, 2], segments[:, 3] = columns.dividend_yield, columns.volatility
+    segments[:, 4], segments[:, 5] = columns.exercisable, columns.exercise_at_end
+    segments[:, 6] = columns.fraction
+    segments[:, AMOUNT], segments[:, ESCROW] = book.drops() / strike, book.escrow() / strike
+    return Packed(book.sign, log_moneyness(book), book.first, segments)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solved:
+    """What the collocation says of each schedule, in strikes; every array has shape (n,).
+
+    Parameters
+    ----------
+    value, slope, curvature : Vector
+        V/K and its first and second derivative by x = ln(S/K).
+    european : Vector
+        The value without early exercise.
+    boundary : Vector
+        ln(S*/K) now; NaN without one.
+    error : Vector
+        Of the value.
+    settled : bool array
+        Whether the collocation found every boundary; nothing in the other columns may be used where it did not.
+    level : int array
+        At which the value was found.
+    """
+
+    value: Vector
+    slope: Vector
+    curvature: Vector
+    boundary: Vector
+    european: Vector
+    error: Vector
+    settled: BoolVector
+    level: NDArray[np.int64]
+
+    def take(self, rows: NDArray[np.intp]) -> "Solved":
+        """Return some of them."""
+        return Solved(*(getattr(self, name)[rows] for name in self.__slots__))
+
+
+def solve_to_tolerance(book: Book, tolerance: Vector, threads: int) -> Solved:
+    """Solve every contract at the level of its tolerance, and at finer ones until its stated error meets that.
+
+    Parameters
+    ----------
+    tolerance : Vector, shape (n,)
+        Fractions of the strike.
+    """
+    packed, count = pack(book), book.count
+    least, first = np.array(FIRST_LEVELS).T
+    level = first[np.argmax(tolerance[:, None] >= least, axis=1)].astype(np.int64)
+    value, slope, curvature, boundary = np.full((4, count), np.nan)
+    nothing = np.full(count, np.inf), np.zeros(count, dtype=bool), level.copy()
+    european, _ = _kernel_values(packed.european(), level, threads, np.zeros(count))
+    solved = Solved(value, slope, curvature, boundary, european[0], *nothing)
+    rows = np.arange(count)
+    while rows.size:
+        beyond = np.array(NEGLECTED)[level[rows]] + ROUNDING
+        left = np.maximum(tolerance[rows] - beyond, SMALLEST_SHARE * tolerance[rows])
+        found, settled = _kernel_values(packed.take(rows), level[rows], threads, left)
+        _keep(solved, rows, level[rows], found, settled, found[5] + beyond)
+        rows = rows[~(solved.error[rows] <= tolerance[rows]) & (level[rows] < FINEST)]
+        level[rows] += 1
+    return solved
+
+
+def _keep(
+    solved: Solved,
+    rows: NDArray[np.intp],
+    level: NDArray[np.int64],
+    found: Matrix,
+    settled: BoolVector,
+    error: Vector,
+) -> None:
+    """Store what these rows found, unless what is there has the smaller error."""
+    better = settled & ((error <= solved.error[rows]) | ~solved.settled[rows])
+    kept = rows[better]
+    columns = (solved.value, solved.slope, solved.curvature, solved.boundary)
+    for column, numbers in zip(columns, found[:4], strict=True):
+        column[kept] = numbers[better]
+    solved.error[kept], solved.level[kept] = error[better], level[better]
+    solved.settled[kept] = True
+
+
+def solve_at_level(
+    book: Book, level: NDArray[np.int64], threads: int, tolerance: Vector
+) -> tuple[Matrix, BoolVector]:
+    """Return V/K, its first and second derivative by x = ln(S/K) and more, shape (6, n), and what may be used.
+
+    Parameters
+    ----------
+    tolerance : Vector, shape (n,)
+        Strikes, for the boundaries; at 0 each has its level's own degree.
+    """
+    return _kernel_values(pack(book), level, threads, tolerance)
+
+
+def _kernel_values(
+    packed: Packed, level: NDArray[np.int64], threads: int, tolerance: Vector
+) -> tuple[Matrix, BoolVector]:
+    assert kernel.solve_schedules is not None
+    nothing, none = np.zeros(0), np.zeros(packed.x.size + 1, dtype=np.int64)
+    found, _, settled = kernel.solve_schedules(
+        packed.sign, packed.x, packed.first, packed.segments, level, tolerance, nothing, none, threads
+    )
+    return found, settled
+
+
+def boundaries_at(book: Book, times: Vector, level: int) -> tuple[Vector, bool]:
+    """Return ln(S*/K) at increasing times from now, just before what happens then, and whether all were found.
+
+    Parameters
+    ----------
+    book : Book
+        One contract.
+    """
+    assert kernel.solve_schedules is not None
+    packed, ends = pack(book), np.array([0, times.size], dtype=np.int64)
+    numbers = (
+        packed.sign,
+        packed.x,
+        packed.first,
+        packed.segments,
+        np.array([level], dtype=np.int64),
+        np.zeros(1),
+    )
+    _, boundary, settled = kernel.solve_schedules(*numbers, times, ends, 1)
+    return boundary, bool(settled[0])

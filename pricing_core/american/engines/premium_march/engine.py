@@ -1,0 +1,173 @@
+"""The engine of the premium's march: contracts as dimensionless puts, and what the march finds in money."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pricing_core import kernel
+from pricing_core.american.book.book import CURVES, Book, Rows
+from pricing_core.american.book.prices import Prices
+from pricing_core.american.book.ragged import Ragged
+from pricing_core.american.contracts.tolerances import BOUNDARY_ACCURACY
+from pricing_core.american.engines.differences import BUCKETS, DIVIDENDS, PARALLEL, of_dividends_not_due
+from pricing_core.american.engines.engine import Boundaries, Request
+from pricing_core.american.engines.exercise_region import region_at_expiry
+from pricing_core.american.engines.held import priced
+from pricing_core.american.engines.premium_march.puts import Puts, PutValues, solve_boundaries, solve_puts
+from pricing_core.arrays import BoolVector, Matrix, Vector
+
+GREEKS_SHARE = 10.0  # Error allowed to Greeks, in tolerances; chosen.
+ROUNDING = 1e-14  # Rounding error of a marched value, in strikes of its put; measured.
+SMALLEST_SPREAD = 1e-7  # Smallest standard deviation of ln S at expiry that the kernel marches.
+# Step of the differences for vanna and volga as a share of the volatility; calibrated.
+VOLATILITY_SHARE = 0.01
+
+
+class PremiumMarch:
+    """One segment, one exercise boundary."""
+
+    name = "premium march"
+    least_error = 0.0
+
+    def serves(self, book: Book) -> BoolVector:
+        """Tell American contracts without events and with a positive volatility; the kernel may still give them up."""
+        if kernel.solve_puts is None:
+            return np.zeros(book.count, dtype=bool)
+        now = book.first_segments()
+        served = now.exercisable & (now.volatility * np.sqrt(now.end) >= SMALLEST_SPREAD) & (book.spot > 0.0)
+        return served if book.is_plain else served & ~book.has_events()
+
+    def solve(self, book: Book, request: Request) -> Prices:
+        """March the premiums of all contracts."""
+        with np.errstate(all="ignore"):
+            found = _march(book, request, greeks=request.greeks != "none")
+            if request.greeks != "extended":
+                return found
+            return replace(found, **_extended(book, request, found))
+
+    def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
+        """Return the boundary of marches to each of the times, refined until two agree."""
+        schedule, nothing = book.schedule(0), np.full(times.size, math.nan)
+        limit, far = region_at_expiry(schedule).boundaries(schedule)
+        if not math.isnan(far):
+            return Boundaries(nothing, nothing, nothing, np.zeros(times.size, dtype=bool))
+        tau = np.maximum(book.expiry[0] - times, 0.0)
+        later = np.flatnonzero(tau > 0.0)
+        near, error, found = np.full(tau.size, limit), np.zeros(tau.size), np.ones(tau.size, dtype=bool)
+        puts = _as_puts(_repeated(book, tau[later]))
+        accuracy = BOUNDARY_ACCURACY * math.sqrt(request.tolerance[0])
+        places, relative, found[later] = solve_boundaries(puts, accuracy)
+        near[later] = schedule.strike * np.exp(places if schedule.is_put else -places)
+        error[later] = relative * near[later]
+        return Boundaries(near, nothing, error, found)
+
+
+def _repeated(book: Book, years: Vector) -> Book:
+    """Return the book's contract with each of these lives."""
+    many = book.take(np.zeros(years.size, dtype=np.intp))
+    return replace(many, segments=replace(many.segments, end=years))
+
+
+def _as_puts(book: Book) -> Puts:
+    """Return the puts: a call is one with spot and strike, and rate and yield, exchanged."""
+    segments, expiry = book.segments, book.segments.end
+    x = np.log(book.spot / book.strike)
+    return Puts(
+        np.where(book.is_put, x, -x),
+        np.where(book.is_put, segments.rate, segments.dividend_yield) * expiry,
+        np.where(book.is_put, segments.dividend_yield, segments.rate) * expiry,
+        segments.volatility * np.sqrt(expiry),
+    )
+
+
+def _march(book: Book, request: Request, *, greeks: bool) -> Prices:
+    puts = _as_puts(book)
+    scale = np.where(book.is_put, book.strike, book.spot)
+    # A spot that even the option without expiry would be exercised at needs the boundary alone.
+    certain = puts.x < 0.0
+    if certain.any():
+        certain &= puts.x <= -np.log1p(puts.spread / puts.decay())
+    tolerance = request.tolerance * np.where(book.is_put | certain, 1.0, book.strike / scale)
+    limits = _limits(book, request.tolerance, scale) if greeks else None
+    solved = solve_puts(puts, tolerance, limits=limits, threads=request.threads, shared=request.share_solves)
+    return _in_money(book, scale, solved, greeks)
+
+
+def _limits(book: Book, tolerance: Vector, scale: Vector) -> Matrix:
+    """Return what the dimensionless values may be off by for Greeks to ten tolerances.
+
+    Delta, and theta, vega and the rhos over the strike; strike times gamma to a thousand tolerances.
+    """
+    allowed = GREEKS_SHARE * tolerance * book.strike / scale
+    moneyness, expiry = book.spot / book.strike, book.segments.end
+    by_spot = allowed * moneyness  # delta = K/S v_x or v - v_x; its scale is 1, not the strike
+    curvature = np.minimum(2.0 * allowed / book.segments.volatility**2, 100.0 * allowed * moneyness**2)
+    limits = np.full((scale.size, 7), np.inf)
+    limits[:, 1], limits[:, 2] = by_spot, curvature
+    limits[:, 4] = limits[:, 5] = allowed / expiry
+    limits[:, 6] = allowed / np.sqrt(expiry)
+    return limits
+
+
+def _in_money(book: Book, scale: Vector, solved: PutValues, greeks: bool) -> Prices:
+    """Return money for the puts' dimensionless values; a call is S times the put with spot and strike exchanged."""
+    is_put, S, K, T = book.is_put, book.spot, book.strike, book.segments.end
+    v, v_x, v_xx, european, *_ = solved.values
+    settled = solved.settled
+    columns: dict[str, Any] = {}
+    if greeks:
+        columns[DIVIDENDS] = of_dividends_not_due(book)
+        by_rate, by_dividend, by_spread = solved.values[4:]
+        columns["vega"] = scale * np.sqrt(T) * by_spread
+        columns["rho"] = scale * T * np.where(is_put, by_rate, by_dividend)
+        columns["dividend_rho"] = scale * T * np.where(is_put, by_dividend, by_rate)
+    return priced(
+        book,
+        value=np.where(settled, scale * v, math.nan),
+        european=scale * european,
+        error=np.where(settled, scale * (solved.error + np.where(solved.exercised, 0.0, ROUNDING)), math.nan),
+        delta=np.where(is_put, K / S * v_x, v - v_x),
+        gamma=scale / S * (v_xx - v_x) / S,
+        boundary=K * np.exp(np.where(is_put, solved.boundary, -solved.boundary)),
+        exercised=solved.exercised,
+        settled=settled,
+        complete=True,
+        method="premium-march",
+        solves=np.ones(book.count, dtype=np.int64),
+        steps=solved.steps,
+        **columns,
+    )
+
+
+def _extended(book: Book, request: Request, found: Prices) -> dict[str, Any]:
+    """Return vanna and volga, differences by the volatility, and the buckets of curves that do not change any more."""
+    volatility = book.segments.volatility
+    step = VOLATILITY_SHARE * volatility
+    up, down = (_march(book.with_volatility(volatility + by), request, greeks=True) for by in (step, -step))
+    sound = up.settled & down.settled
+    columns: dict[str, Any] = {"complete": sound | found.exercised}
+    for name, of in (("vanna", "delta"), ("volga", "vega")):
+        difference = (getattr(up, of) - getattr(down, of)) / (2.0 * step)
+        columns[name] = np.where(found.exercised, 0.0, np.where(sound, difference, math.nan))
+    for name in CURVES:
+        times = getattr(book.listed, name)
+        columns[BUCKETS[name]], whole = _whole_in_one_piece(
+            times, book.segments.end, getattr(found, PARALLEL[name])
+        )
+        columns["complete"] = columns["complete"] & whole
+    return columns
+
+
+def _whole_in_one_piece(times: Ragged, expiry: Vector, derivative: Vector) -> tuple[Ragged, BoolVector]:
+    """Return the buckets of curves of which one piece alone holds before expiry, and for which contracts that is so."""
+    values, whole = np.zeros(times.values.size), np.ones(expiry.size, dtype=bool)
+    for row in np.flatnonzero(times.counts()).tolist():
+        ends: Rows = times.first[row : row + 2]
+        pieces = times.values[ends[0] : ends[1]]
+        values[ends[0]] = derivative[row]
+        whole[row] = pieces.size == 1 or bool(pieces[0] >= expiry[row])
+        if not whole[row]:
+            values[ends[0] : ends[1]] = math.nan
+    return Ragged(times.first, values), whole

@@ -1,0 +1,196 @@
+"""The one way from a book to its prices: each contract goes to the first engine that serves it, and on where needed."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+
+from pricing_core.american.book.book import Book, Rows
+from pricing_core.american.book.prices import GREEKS, LISTS, Prices, constant, prices
+from pricing_core.american.engines.closed_form import ClosedForm
+from pricing_core.american.engines.engine import Boundaries, Engine, Request
+from pricing_core.american.engines.method_of_lines import MethodOfLines
+from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
+from pricing_core.american.engines.premium_march import PremiumMarch
+from pricing_core.arrays import BoolVector, Vector
+from pricing_core.kernel import warn_where_missing
+
+CLOSED_FORM, PREMIUM_MARCH = ClosedForm(), PremiumMarch()
+ENGINES: tuple[Engine, ...] = (CLOSED_FORM, PREMIUM_MARCH, MultiplierCollocation(), MethodOfLines())
+# Those whose vega costs no more than a few prices: the search for a volatility asks them first.
+FAST_ENGINES = (CLOSED_FORM, PREMIUM_MARCH)
+# Number of segments priced at a time, so that their columns stay in the cache; measured.
+LARGEST_CHUNK = 16384
+SMALLEST_CHUNK = 256  # Number of segments: fewer are not worth a thread; measured.
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) -> Prices:
+    """Price a book.
+
+    A contract that an engine does not settle, or whose error estimate misses the tolerance, goes on to the next
+    engine that serves it; of two prices the one with the smaller error estimate counts, and Greeks that it lacks are
+    taken from the other.
+
+    Parameters
+    ----------
+    book : Book
+    request : Request
+    engines : sequence of Engine
+        In the order in which they are asked.
+    """
+    warn_where_missing()
+    best: Prices | None = None
+    rows, part, wanted = np.arange(book.count), book, request
+    interrupted = False
+    for engine in engines:
+        interrupted = rows.size > 0 and request.is_interrupted()
+        if rows.size == 0 or interrupted:
+            break
+        served = engine.serves(part)
+        if best is not None:
+            served = served & _is_worthwhile(engine, best.take(rows), part)
+        if served.all():
+            found = engine.solve(part, wanted)
+        elif served.any():
+            places = np.flatnonzero(served)
+            found = engine.solve(part.take(places), wanted.take(places))
+            rows = rows[places]
+        else:
+            continue
+        best = _together(best, book.count, rows, found)
+        done = best.settled & best.complete & (best.error <= request.tolerance * book.strike)
+        if done.all():
+            return _with_boundaries(book, replace(best, status=constant("ok", book.count)), request, engines)
+        rows = np.flatnonzero(~(done | (best.status != "")))
+        part, wanted = book.take(rows), request.take(rows)
+    if best is None:
+        best = prices(book.count)
+    best = _judged(best, request.tolerance * book.strike, interrupted=interrupted)
+    return _with_boundaries(book, best, request, engines)
+
+
+def solve_in_chunks(
+    book: Book,
+    request: Request,
+    take: Callable[[slice, Prices], None],
+    *,
+    engines: Sequence[Engine] = ENGINES,
+    workers: int = 1,
+) -> None:
+    """Price a book some rows at a time, and hand the prices on as they come, from any of the threads.
+
+    Parameters
+    ----------
+    take : callable
+        Is given the rows and their prices.
+    workers : int
+        Number of threads; the prices do not depend on it.
+    """
+    if request.share_solves:  # contracts that share a solve stay together
+        take(slice(0, book.count), solve(book, replace(request, threads=workers), engines=engines))
+        return
+
+    def price(rows: slice) -> None:
+        take(rows, solve(book.part(rows), request.take(rows), engines=engines))
+
+    mapped(price, _chunks(book, workers), workers)
+
+
+def boundary_of(
+    book: Book, times: Vector, request: Request, engines: Sequence[Engine] = ENGINES
+) -> Boundaries:
+    """Return the exercise boundary of a book of one contract, at each time from the first engine that finds it.
+
+    Raises
+    ------
+    NumericalError
+        The interrupt came before the end.
+    """
+    warn_where_missing()
+    nothing = np.full(times.size, np.nan)
+    best = Boundaries(nothing, nothing, nothing, np.zeros(times.size, dtype=bool))
+    for engine in engines:
+        if engine.serves(book)[0] and not best.found.all():
+            best = best.completed_by(engine.boundary(book, times, request))
+    if not book.is_plain:
+        return best
+    # Without events the boundary is monotone in time (Jaillet, Lamberton, Lapeyre 1990).
+    running = np.fmin if book.is_put[0] else np.fmax
+    monotone = running.accumulate(best.near[::-1])[::-1]
+    return best._replace(near=np.where(np.isnan(best.near), best.near, monotone))
+
+
+def mapped(do: Callable[[T], R], tasks: Sequence[T], workers: int) -> list[R]:
+    """Return the results of the tasks in their order, done by so many threads."""
+    if workers == 1 or len(tasks) < 2:
+        return [do(task) for task in tasks]
+    with ThreadPoolExecutor(workers) as pool:  # the kernel and NumPy release the interpreter
+        return list(pool.map(do, tasks))
+
+
+def _chunks(book: Book, workers: int) -> list[slice]:
+    """Cut the book into consecutive rows with about as many segments each."""
+    segments = int(book.first[-1])
+    size = min(LARGEST_CHUNK, max(SMALLEST_CHUNK, -(-segments // workers)))
+    cuts = np.unique(np.searchsorted(book.first, np.arange(0, segments + size, size)))
+    cuts = np.minimum(cuts, book.count)
+    return [slice(int(a), int(b)) for a, b in pairwise(cuts) if a < b]
+
+
+def _is_worthwhile(engine: Engine, before: Prices, book: Book) -> BoolVector:
+    """Tell which contracts may gain from an engine, given what others found of them."""
+    rough = ~(before.error <= engine.least_error * book.strike)
+    return rough | ~before.settled | ~before.complete
+
+
+def _together(best: Prices | None, count: int, rows: Rows, found: Prices) -> Prices:
+    """Return the prices so far with those that were found where their error estimates are smaller."""
+    if best is None:
+        return prices(count).replaced(rows, found) if rows.size < count else found
+    before = best.take(rows)
+    keep = (before.error <= found.error) | (np.isnan(found.error) & ~np.isnan(before.error))
+    kept = np.flatnonzero(keep)
+    if kept.size == 0:
+        return best.replaced(rows, found)
+    lacking = kept[~before.complete[kept] & found.complete[kept]]
+    columns: dict[str, Any] = {}
+    for name in GREEKS:
+        column = getattr(before, name).copy()
+        other = getattr(found, name)[lacking]
+        column[lacking] = np.where(np.isnan(column[lacking]), other, column[lacking])
+        columns[name] = column
+    for name in LISTS:
+        columns[name] = getattr(before, name).replaced(lacking, getattr(found, name).take(lacking))
+    complete, settled = before.complete.copy(), before.settled | found.settled
+    complete[lacking] = True
+    filled = replace(before, **columns, complete=complete, settled=settled)
+    return best.replaced(rows, found.replaced(kept, filled.take(kept)))
+
+
+def _judged(best: Prices, allowed: Vector, *, interrupted: bool) -> Prices:
+    """Return the prices with a status in every row; `allowed` is the tolerance in money."""
+    status = np.where(best.error <= allowed, "ok", "tolerance_not_met").astype(object)
+    status[np.isnan(best.value)] = "deadline" if interrupted else "out_of_domain"
+    ended = best.status != ""
+    status[ended] = best.status[ended]
+    return replace(best, status=status)
+
+
+def _with_boundaries(book: Book, best: Prices, request: Request, engines: Sequence[Engine]) -> Prices:
+    """Return the prices with the exercise boundaries of contracts on a spot of 0, which do not depend on it."""
+    if book.spot.all():
+        return best
+    rows = np.flatnonzero((book.spot == 0.0) & (best.method == "worthless-underlying"))
+    boundary = best.boundary.copy()
+    for row in rows.tolist():
+        at_strike = book.part(slice(row, row + 1))
+        at_strike = replace(at_strike, spot=at_strike.strike)
+        found = boundary_of(at_strike, np.zeros(1), request.take(slice(row, row + 1)), engines)
+        boundary[row] = found.near[0]
+    return replace(best, boundary=boundary)

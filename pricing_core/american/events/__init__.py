@@ -1,1 +1,0 @@
-"""Dividends, curves, exercise dates: collocation of the multiplier, and the method of lines between events."""

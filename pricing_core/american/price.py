@@ -1,0 +1,116 @@
+"""Price one option to a tolerance."""
+
+from collections.abc import Callable, Sequence
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.resolution import Resolution, Scheme
+from pricing_core.american.book.valuation import Valuation, valuation
+from pricing_core.american.contracts.checks import check_kind
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, GREEKS, TOLERANCE, Greeks
+from pricing_core.american.contracts.market import Market
+from pricing_core.american.contracts.tolerances import check_moneyness
+from pricing_core.american.engines.engine import Engine, Request
+from pricing_core.american.engines.method_of_lines import LCPMethod, MethodOfLines
+from pricing_core.american.engines.solve import CLOSED_FORM, ENGINES, solve
+from pricing_core.errors import InvalidInputError, NumericalError
+
+Method: TypeAlias = Literal["auto", "lcs", "crank-nicolson"]
+METHODS = ("auto", "lcs", "crank-nicolson")
+LCP_METHODS = ("tridiagonal", "policy", "psor", "lemke")
+
+
+def price(
+    option: Option,
+    market: Market,
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    method: Method = "auto",
+    lcp_method: LCPMethod = "tridiagonal",
+    greeks: Greeks = "standard",
+    resolution: Resolution | None = None,
+    interrupt: Callable[[], bool] | None = None,
+) -> Valuation:
+    """Price an option to a tolerance.
+
+    American options are solved as what they are, linear complementarity systems, (11.59)-(11.65) of Schumacher's
+    chapter on complementarity systems; European ones whose spot at expiry is lognormal, and those never exercised
+    early, by the closed formula.
+
+    Parameters
+    ----------
+    option : Option
+    market : Market
+    tolerance : float
+        Absolute error of the price as a fraction of the strike, 1e-8 to 1e-2.
+    method : {"auto", "lcs", "crank-nicolson"}
+        "auto" is, without events, the compiled march of the premium in a frame that moves with the exercise
+        boundary, and with dividends at known times, curves, Bermudan dates or exercise windows the collocation of
+        the multiplier; where there are two boundaries, or these do not settle, "lcs": the method of lines, stepped
+        by SDIRK2. "crank-nicolson" is that stepped by Crank and Nicolson's method. Contracts with a closed formula are
+        priced by it in any case.
+    lcp_method : {"tridiagonal", "policy", "psor", "lemke"}
+        The solver of each stage's complementarity problem in the method of lines; one other than "tridiagonal" takes
+        "auto" there.
+    greeks : {"none", "standard", "extended"}
+        "none" leaves out all Greeks; "extended" adds vanna, volga, and rho, dividend rho and vega by the pieces of
+        curves.
+    resolution : Resolution, optional
+        Solve by the method of lines at exactly this grid and these steps, once, without extrapolation; the error is
+        estimated from a second solve with half as many of each.
+    interrupt : callable, optional
+        Asked between steps of the work; True ends it with status "deadline".
+
+    Returns
+    -------
+    Valuation
+        With status "tolerance_not_met" where the estimated error exceeds the tolerance at the finest
+        resolution.
+
+    Raises
+    ------
+    InvalidInputError
+        An argument lies outside what is allowed.
+    NumericalError
+        No engine could price the contract.
+
+    Examples
+    --------
+    >>> valuation = price(Option("put", strike=100.0, expiry=1.0), Market(100.0, rate=0.05, volatility=0.2))
+    >>> round(valuation.price, 3), round(valuation.exercise_boundary, 1), valuation.status
+    (6.09, 80.9, 'ok')
+    """
+    tolerance = TOLERANCE.check(tolerance)
+    check_kind("option", option, Option, "an Option")
+    check_kind("market", market, Market, "a Market")
+    GREEKS.check_choice(greeks)
+    _check_choice("method", method, METHODS)
+    _check_choice("lcp_method", lcp_method, LCP_METHODS)
+    check_moneyness(option, market.spot)
+    engines = _engines(method, lcp_method, resolution)
+    request = Request(np.array([tolerance]), greeks, interrupt=interrupt)
+    prices = solve(Book.of([(option, market)]), request, engines=engines)
+    if prices.status[0] == "out_of_domain":
+        raise NumericalError(prices.message[0] or "no method could price this contract")
+    return valuation(option, market.spot, prices, greeks=greeks != "none")
+
+
+def _check_choice(field: str, value: object, allowed: tuple[str, ...]) -> None:
+    """Raise InvalidInputError where a word is none of those allowed."""
+    if value not in allowed:
+        raise InvalidInputError(field, value, "one of " + ", ".join(f'"{choice}"' for choice in allowed))
+
+
+def _engines(method: Method, lcp_method: LCPMethod, resolution: Resolution | None) -> Sequence[Engine]:
+    """Return the engines that an answer may come from."""
+    asked = None if resolution is None else resolution.scheme
+    scheme: Scheme = asked or ("crank-nicolson" if method == "crank-nicolson" else "sdirk2")
+    if method != "auto" and (scheme == "crank-nicolson") != (method == "crank-nicolson"):
+        allowed = f'"auto" where the resolution asks for the scheme "{scheme}"'
+        raise InvalidInputError("method", method, allowed)
+    if method == "auto" and lcp_method == "tridiagonal" and resolution is None:
+        return ENGINES
+    return CLOSED_FORM, MethodOfLines(scheme, lcp_method, resolution)

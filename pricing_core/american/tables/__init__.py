@@ -1,1 +1,0 @@
-"""Tables of contracts: columns in, checked rows out."""

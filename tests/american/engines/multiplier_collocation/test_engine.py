@@ -1,0 +1,106 @@
+"""The collocation as an engine: Greeks, what it gives up, and boundaries."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pricing_core import kernel
+from pricing_core.american import CashDividend, PiecewiseConstant
+from pricing_core.american.book.book import Book
+from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
+from tests.problems.engines import solved
+from tests.problems.needs_kernel import needs_kernel
+from tests.problems.random_events import random_contracts
+from tests.problems.schedules import CONTRACTS
+
+pytestmark = needs_kernel
+ENGINE = MultiplierCollocation()
+
+
+def value(contract, **changes):
+    option, market = contract
+    return solved(ENGINE, (option, replace(market, **changes)), tolerance=1e-8).value[0]
+
+
+def piece_shifted(curve, piece, by):
+    return PiecewiseConstant(curve.times, [v + by * (k == piece) for k, v in enumerate(curve.values)])
+
+
+def test_without_the_kernel_nothing_is_served(monkeypatch):
+    monkeypatch.setattr(kernel, "solve_schedules", None)
+    assert not ENGINE.serves(Book.of(list(CONTRACTS.values()))).any()
+
+
+@pytest.mark.parametrize("name", ["put, curves", "call, curves"])
+def test_buckets_are_the_derivatives_by_the_pieces_and_sum_to_the_whole(name):
+    contract = _, market = CONTRACTS[name]
+    found = solved(ENGINE, contract, tolerance=1e-7, greeks="extended")
+    assert found.complete[0]
+    for parameter, greek, step in (
+        ("rate", "rho", 1e-3),
+        ("dividend_yield", "dividend_rho", 1e-3),
+        ("volatility", "vega", 1e-3),
+    ):
+        curve, buckets = getattr(market, parameter), getattr(found, f"{parameter}_buckets").row(0)
+        assert len(buckets) == 3
+        assert sum(buckets) == pytest.approx(getattr(found, greek)[0], abs=2e-2)
+        for piece, bucket in enumerate(buckets):
+            if curve.values[piece] < step:  # exercise is another matter below zero
+                continue
+            up, down = (
+                value(contract, **{parameter: piece_shifted(curve, piece, by)}) for by in (step, -step)
+            )
+            assert bucket == pytest.approx((up - down) / (2.0 * step), abs=2e-2), (parameter, piece)
+
+
+@pytest.mark.parametrize(
+    "name", ["put, quarterly dividends", "put, escrowed", "call, escrowed", "call, quarterly dividends"]
+)
+def test_dividend_sensitivities_are_the_derivatives_by_the_amounts(name):
+    contract = _, market = CONTRACTS[name]
+    found = solved(ENGINE, contract, tolerance=1e-7, greeks="standard").dividend_sensitivities.row(0)
+    assert len(found) == 4
+    for k, sensitivity in enumerate(found):
+        moved = [
+            [CashDividend(d.time, d.amount + by * (j == k)) for j, d in enumerate(market.cash_dividends)]
+            for by in (0.02, -0.02)
+        ]
+        up, down = (value(contract, cash_dividends=amounts) for amounts in moved)
+        assert sensitivity == pytest.approx((up - down) / 0.04, abs=1e-3)
+
+
+def test_a_price_that_misses_its_tolerance_by_far_is_given_up():
+    """Settled is what has its error within the tolerance, or within 1e-6 strikes."""
+    book = Book.of(random_contracts(21, 1500))
+    book = book.take(np.flatnonzero(ENGINE.serves(book)))
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        found = ENGINE.solve(book, Request(np.full(book.count, tolerance), "none"))
+        assert np.all(
+            found.error[found.settled] <= max(tolerance, 1e-6) * book.strike[found.settled] * (1 + 1e-12)
+        )
+        assert found.settled.mean() > 0.99
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_boundaries_are_within_their_stated_errors(tolerance):
+    apart = []
+    for option, market in random_contracts(22, 40):
+        book = Book.of([(option, market)])
+        times = np.array([0.0, 0.3, 0.7, 1.0]) * option.expiry
+        found, best = (ENGINE.boundary(book, times, Request(np.array([t]))) for t in (tolerance, 1e-8))
+        assert found.found.all()
+        known = np.isfinite(found.near) & np.isfinite(best.near)
+        apart += (np.abs(found.near - best.near) <= found.error + best.error + 1e-9)[known].tolist()
+    assert len(apart) > 50
+    assert np.mean(apart) >= 0.98
+
+
+def test_what_is_exercised_has_no_derivatives_by_parameters():
+    option, market = CONTRACTS["call, yield above the rate"]
+    found = solved(ENGINE, (option, replace(market, spot=300.0)), greeks="extended")
+    assert found.exercised[0]
+    assert (found.value[0], found.delta[0], found.vega[0], found.vanna[0]) == (200.0, 1.0, 0.0, 0.0)
+    assert found.dividend_sensitivities.row(0) == (0.0,) * 4
+    assert found.complete[0]

@@ -1,0 +1,128 @@
+import math
+
+import numpy as np
+import pytest
+
+from pricing_core import kernel
+from pricing_core.american import Market, Option
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.cuts import with_cuts
+from pricing_core.american.book.ragged import Ragged
+from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.premium_march import PremiumMarch
+from tests.problems.engines import solved
+from tests.problems.needs_kernel import needs_kernel
+
+pytestmark = needs_kernel
+ENGINE = PremiumMarch()
+PUT, FLAT = Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.25, 0.01)
+LATER = {"times": [2.0, 3.0], "values": [0.05, 0.07]}  # changes after expiry alone
+
+
+@pytest.mark.parametrize(
+    ("option", "market", "served"),
+    [
+        (PUT, FLAT, True),
+        (Option("call", 100.0, 1.0), FLAT, True),
+        (PUT, Market(100.0, LATER, 0.25), True),
+        (Option("put", 100.0, 1.0, "european"), FLAT, False),
+        (Option("put", 100.0, 1.0, exercise_start=0.5), FLAT, False),
+        (Option("put", 100.0, 1.0, "bermudan", (0.5, 1.0)), FLAT, False),
+        (PUT, Market(100.0, 0.05, 0.25, cash_dividends=[{"time": 0.5, "amount": 1.0}]), False),
+        (PUT, Market(100.0, 0.05, 0.25, cash_dividends=[{"time": 1.0, "amount": 1.0}]), False),
+        (PUT, Market(100.0, 0.05, 0.25, proportional_dividends=[{"time": 1.0, "fraction": 0.1}]), False),
+        (PUT, Market(100.0, {"times": [0.5, 1.0], "values": [0.05, 0.07]}, 0.25), False),
+        (PUT, Market(0.0, 0.05, 0.25), False),
+        (PUT, Market(100.0, 0.05, 0.0), False),
+        (PUT, Market(100.0, 0.05, 1e-10), False),
+    ],
+)
+def test_american_contracts_without_events_are_served(option, market, served):
+    assert ENGINE.serves(Book.of([(option, market)])).tolist() == [served]
+    assert ENGINE.serves(Book.of([(PUT, FLAT), (option, market), (PUT, FLAT)])).tolist() == [
+        True,
+        served,
+        True,
+    ]
+
+
+def test_without_the_kernel_nothing_is_served(monkeypatch):
+    monkeypatch.setattr(kernel, "solve_puts", None)
+    assert ENGINE.serves(Book.of([(PUT, FLAT)] * 2)).tolist() == [False, False]
+
+
+def test_what_the_march_gives_up_is_not_settled():
+    two_boundaries = Market(90.0, -0.02, 0.2, -0.05)
+    lost = Option("put", 100.0, 2.0), Market(60.9, 0.15515858795, 0.0813951507, 1.5)
+    found = solved(ENGINE, (PUT, FLAT), (PUT, two_boundaries), lost, tolerance=1e-3)
+    assert found.settled.tolist() == [True, False, False]
+    assert np.isnan(found.error).tolist() == [False, True, True]
+    book = Book.of([(PUT, two_boundaries)])
+    ends = ENGINE.boundary(book, np.array([0.0, 0.5]), Request(np.array([1e-6])))
+    assert not ends.found.any()
+    assert np.isnan(ends.near).all()
+
+
+def test_none_of_the_derivatives_by_parameters_unless_asked_for():
+    without, standard, extended = (
+        solved(ENGINE, (PUT, FLAT), greeks=g) for g in ("none", "standard", "extended")
+    )
+    for name in ("vega", "rho", "dividend_rho"):
+        assert math.isnan(getattr(without, name)[0])
+        assert getattr(standard, name)[0] == getattr(extended, name)[0]
+    assert math.isnan(standard.vanna[0])
+    assert np.isfinite(extended.vanna[0] + extended.volga[0])
+    assert without.complete[0]
+    assert standard.complete[0]
+    assert extended.complete[0]
+
+
+def test_a_curve_of_one_piece_up_to_expiry_has_that_bucket_alone():
+    found = solved(ENGINE, (PUT, Market(100.0, LATER, 0.25, 0.01)), (PUT, FLAT), greeks="extended")
+    assert found.rate_buckets.row(0) == (found.rho[0], 0.0)
+    assert found.rate_buckets.row(1) == found.volatility_buckets.row(0) == ()
+    assert found.complete.all()
+
+
+def test_buckets_of_pieces_that_rounding_alone_keeps_apart_are_left_to_others():
+    """A knot so close to now that it makes no segment: the piece before it holds at no time that counts."""
+    curve = {"times": [1e-14, 1.0], "values": [0.06, 0.05]}
+    found = solved(ENGINE, (PUT, Market(100.0, curve, 0.25, 0.01)), greeks="extended")
+    assert not found.complete[0]
+    assert np.isnan(found.rate_buckets.row(0)).all()
+
+
+def test_contracts_that_share_a_march_have_the_same_prices():
+    contracts = [(PUT, Market(spot, 0.05, 0.25, 0.01)) for spot in (90.0, 100.0, 110.0, 60.0)]
+    book = Book.of(contracts)
+    alone = ENGINE.solve(book, Request(np.full(4, 1e-5)))
+    shared = ENGINE.solve(book, Request(np.full(4, 1e-5), share_solves=True))
+    for name in ("value", "error", "delta", "gamma", "vega", "boundary"):
+        assert getattr(alone, name).tobytes() == getattr(shared, name).tobytes(), name
+
+
+@pytest.mark.parametrize("option_type", ["put", "call"])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+def test_boundaries_are_within_their_stated_errors(option_type, tolerance):
+    option, market = Option(option_type, 100.0, 2.0), Market(100.0, 0.04, 0.3, 0.06)
+    book, times = Book.of([(option, market)]), np.array([0.0, 0.3, 1.0, 1.9, 1.999])
+    found, best = (ENGINE.boundary(book, times, Request(np.array([t]))) for t in (tolerance, 1e-8))
+    assert found.found.all()
+    assert np.isnan(found.far).all()
+    assert np.all(np.abs(found.near - best.near) <= found.error + best.error)
+    assert np.all(found.error <= 0.1 * math.sqrt(tolerance) * found.near)
+    limit = ENGINE.boundary(book, np.array([2.0]), Request(np.array([1e-6])))
+    assert limit.near[0] == pytest.approx(100.0 * (2.0 / 3.0 if option_type == "put" else 1.0), rel=1e-12)
+    assert limit.error[0] == 0.0
+
+
+def test_a_contract_cut_where_nothing_happens_is_not_served():
+    cut = with_cuts(Book.of([(PUT, FLAT)]), Ragged.of([(0.5,)]))
+    assert not ENGINE.serves(cut)[0]
+
+
+def test_a_time_beyond_the_march_costs_itself_alone():
+    """Far from expiry this put is beyond the march; close to it, it is not."""
+    book = Book.of([(Option("put", 100.0, 35.0), Market(100.0, 0.05, 3.0))])
+    found = ENGINE.boundary(book, np.array([0.0, 0.5, 0.9999]) * 35.0, Request(np.array([1e-6])))
+    assert found.found.tolist() == [False, True, True]

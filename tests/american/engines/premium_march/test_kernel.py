@@ -1,0 +1,149 @@
+"""The compiled march of early exercise premiums: every row for itself, and what it refuses."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pricing_core import kernel
+from pricing_core.arrays import Vector
+from tests.problems.needs_kernel import needs_kernel
+
+pytestmark = needs_kernel
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Puts with a spot each, and how exactly they are wanted."""
+
+    x: Vector
+    rate: Vector
+    dividend: Vector
+    spread: Vector
+    tolerance: Vector
+
+    @property
+    def puts(self) -> tuple[Vector, Vector, Vector]:
+        return self.rate, self.dividend, self.spread
+
+    def take(self, rows: NDArray[np.intp]) -> "Rows":
+        return Rows(self.x[rows], *(column[rows] for column in self.puts), self.tolerance[rows])
+
+
+def random_book(count: int, seed: int) -> Rows:
+    """Return puts of 5 % to 80 % volatility and a week to five years, for tolerances of 1e-3 to 1e-7."""
+    random = np.random.default_rng(seed)
+    expiry = random.uniform(0.02, 5.0, count)
+    spread = random.uniform(0.05, 0.8, count) * np.sqrt(expiry)
+    return Rows(
+        random.uniform(-2.0, 2.0, count) * np.maximum(spread, 0.1),
+        random.uniform(0.002, 0.15, count) * expiry,
+        random.uniform(-0.02, 0.15, count) * expiry,
+        spread,
+        10.0 ** random.uniform(-7.0, -3.0, count),
+    )
+
+
+def solve(
+    book: Rows,
+    *,
+    greeks: bool = False,
+    first: NDArray[np.int64] | None = None,
+    fewest: int = 4,
+    most: int = 384,
+    threads: int = 1,
+):
+    """Solve each put by itself, or the runs of spots that begin at `first`."""
+    if first is None:
+        first = np.arange(book.rate.size + 1)
+    limits = np.full((book.x.size, 7), 1e-5) if greeks else None
+    return kernel.solve_puts(book.x, *book.puts, first, book.tolerance, limits, fewest, most, threads)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+@pytest.mark.parametrize("greeks", [False, True])
+def test_a_row_does_not_depend_on_the_others(greeks: bool, threads: int) -> None:
+    count = 1500  # enough for each thread to have its share
+    book = random_book(count, seed=10)
+    together = solve(book, greeks=greeks)
+    order = np.random.default_rng(11).permutation(count)
+    shuffled = solve(book.take(order), greeks=greeks, threads=threads)
+    for column, moved in zip(together, shuffled, strict=True):
+        assert column[..., order].tobytes() == moved.tobytes()
+    for row in (0, 7, 19):
+        alone = solve(book.take(np.array([row])), greeks=greeks, threads=threads)
+        for column, single in zip(together, alone, strict=True):
+            assert column[..., row].tobytes() == single[..., 0].tobytes()
+
+
+def test_spots_that_share_a_march_are_those_that_do_not() -> None:
+    book = random_book(10, seed=5)
+    x = np.linspace(-1.5, 1.5, 30)[:, None] * book.spread
+    shared = replace(book, x=x.T.ravel(), tolerance=np.full(300, 1e-5))
+    apart = Rows(shared.x, *(np.repeat(column, 30) for column in book.puts), np.full(300, 1e-5))
+    found = solve(shared, first=np.arange(0, 301, 30))
+    for column, other in zip(found, solve(apart), strict=True):
+        assert column.tobytes() == other.tobytes()
+
+
+@pytest.mark.parametrize("column", ["x", "rate", "dividend", "spread"])
+def test_a_row_that_is_not_finite_leaves_its_neighbours_alone(column: str) -> None:
+    sound = random_book(40, seed=12)
+    number = np.where(np.arange(40) == 5, np.nan, getattr(sound, column))
+    expected, found = solve(sound), solve(replace(sound, **{column: number}))
+    assert not np.isfinite(found[0][0, 5]) or not found[2][5]
+    for one, other in zip(expected, found, strict=True):
+        assert np.delete(one, 5, axis=-1).tobytes() == np.delete(other, 5, axis=-1).tobytes()
+
+
+def test_no_rows_make_empty_results() -> None:
+    nothing = random_book(1, seed=13).take(np.zeros(0, dtype=np.intp))
+    numbers, exercised, settled, steps = solve(nothing)
+    assert (numbers.shape, exercised.shape, settled.shape, steps.shape) == ((9, 0), (0,), (0,), (0,))
+    boundary, found = kernel.march_boundaries(8, *nothing.puts)
+    assert (boundary.shape, found.shape) == ((0,), (0,))
+
+
+def test_no_argument_is_modified_and_views_with_strides_are_read_right() -> None:
+    book = random_book(25, seed=14)
+    before = [part.copy() for part in (book.x, *book.puts, book.tolerance)]
+    expected = solve(book)
+    for part, copy in zip((book.x, *book.puts, book.tolerance), before, strict=True):
+        np.testing.assert_array_equal(part, copy)
+    spread_out = Rows(*(np.repeat(part, 3)[::3] for part in before))
+    for column, other in zip(expected, solve(spread_out), strict=True):
+        assert column.tobytes() == other.tobytes()
+
+
+@pytest.mark.parametrize("short", ["x", "rate", "dividend", "spread", "tolerance"])
+def test_columns_of_different_lengths_are_refused(short: str) -> None:
+    book = random_book(5, seed=15)
+    wrong = replace(book, **{short: getattr(book, short)[:4]})
+    with pytest.raises(ValueError, match=r"length|first must"):
+        solve(wrong, first=np.arange(6))
+    if short in ("dividend", "spread"):
+        with pytest.raises(ValueError, match="length"):
+            kernel.march_boundaries(8, *wrong.puts)
+
+
+@pytest.mark.parametrize(
+    "first", [[0, 1, 2], [1, 2, 3, 5], [0, 2, 2, 5], [0, 3, 2, 5], [0, 1, 2, 6], [-1, 1, 2, 5]]
+)
+def test_runs_that_do_not_cover_the_spots_are_refused(first: list[int]) -> None:
+    book = random_book(3, seed=16)
+    spots = replace(book, x=np.zeros(5), tolerance=np.full(5, 1e-5))
+    with pytest.raises(ValueError, match="first must"):
+        solve(spots, first=np.array(first))
+
+
+@pytest.mark.parametrize(("fewest", "most"), [(2, 8), (8, 4), (5, 8), (4, 400)])
+def test_numbers_of_steps_out_of_range_are_refused(fewest: int, most: int) -> None:
+    with pytest.raises(ValueError, match=r"steps is|fewest is"):
+        solve(random_book(3, seed=17), fewest=fewest, most=most)
+
+
+def test_limits_of_another_shape_are_refused() -> None:
+    book = random_book(3, seed=18)
+    with pytest.raises(ValueError, match="length"):
+        kernel.solve_puts(book.x, *book.puts, np.arange(4), book.tolerance, np.zeros((2, 7)), 4, 384, 1)

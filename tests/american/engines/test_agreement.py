@@ -1,0 +1,226 @@
+"""Three engines that share no discretisation, asked the same questions: they agree within their error estimates.
+
+The march of the premium and the collocation of the multiplier are compiled and have no twin in Python; this is their
+check, besides closed forms and published values. What is allowed beyond the estimates is stated with what was measured.
+"""
+
+import numpy as np
+import pytest
+
+from pricing_core.american import Market, Option
+from pricing_core.american.book.book import Book
+from pricing_core.american.engines.closed_form import ClosedForm
+from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.method_of_lines import MethodOfLines
+from pricing_core.american.engines.premium_march import PremiumMarch
+from tests.problems.engines import CollocationAlone, solved
+from tests.problems.needs_kernel import needs_kernel
+from tests.problems.random_events import random_contracts
+from tests.problems.true_values import true_values
+
+pytestmark = needs_kernel
+MARCH, COLLOCATION, LINES = PremiumMarch(), CollocationAlone(), MethodOfLines()
+nightly = pytest.mark.nightly
+
+
+def random_flat_contracts(seed, count):
+    """Return American puts and calls of 5 days to 10 years, 5 % to 100 % volatility, rates of -2 % to 15 %."""
+    rng = np.random.default_rng(seed)
+    contracts = []
+    for _ in range(count):
+        expiry = float(np.exp(rng.uniform(np.log(5 / 365), np.log(10.0))))
+        volatility = float(np.exp(rng.uniform(np.log(0.05), np.log(1.0))))
+        rate, dividend_yield = rng.uniform(-0.02, 0.15, 2).tolist()
+        spot = 100.0 * float(np.exp(rng.normal() * min(volatility * np.sqrt(expiry), 0.7)))
+        option = Option(str(rng.choice(["put", "call"])), 100.0, expiry)
+        contracts.append((option, Market(spot, rate, volatility, dividend_yield)))
+    return contracts
+
+
+def asked(book, tolerance):
+    return Request(np.full(book.count, tolerance), "none")
+
+
+def served_by(book, *engines):
+    """Return the contracts that all of the engines serve."""
+    return book.take(np.flatnonzero(np.logical_and.reduce([engine.serves(book) for engine in engines])))
+
+
+def ratios(one, other, settled):
+    """Return the distance of two prices over the sum of their error estimates."""
+    distance, stated = np.abs(one.value - other.value)[settled], (one.error + other.error)[settled]
+    return np.where(distance == 0.0, 0.0, distance / np.maximum(stated, 1e-300))
+
+
+@pytest.mark.parametrize(
+    ("seed", "count"), [(1, 300), pytest.param(2, 3000, marks=nightly)], ids=["few", "many"]
+)
+def test_march_and_collocation_agree_without_events(seed, count):
+    """Measured on 6,000: apart by more than both estimates in 0.5 %, by more than five times them in none."""
+    book = served_by(Book.of(random_flat_contracts(seed, count)), MARCH, COLLOCATION)
+    march, collocation = (engine.solve(book, asked(book, 1e-7)) for engine in (MARCH, COLLOCATION))
+    settled = march.settled & collocation.settled
+    assert np.count_nonzero(settled) > 0.8 * count
+    assert np.mean(march.error[settled] <= 1e-7 * 100.0) > 0.98
+    assert np.mean(collocation.error[settled] <= 1e-7 * 100.0) > 0.98
+    apart = ratios(march, collocation, settled)
+    assert np.mean(apart > 1.0) <= 0.01
+    assert apart.max() <= 10.0
+    size = np.maximum(book.spot, book.strike)[settled]
+    assert np.max(np.abs(march.value - collocation.value)[settled] / size) <= 1e-6
+    np.testing.assert_array_equal(march.exercised[settled], collocation.exercised[settled])
+    np.testing.assert_allclose(march.european[settled], collocation.european[settled], rtol=0.0, atol=1e-5)
+    assert np.max(np.abs(march.delta - collocation.delta)[settled]) <= 5e-4
+    # Closer to the boundary the collocation's gamma is off by up to a third.
+    spread = book.segments.volatility * np.sqrt(book.expiry)
+    held = settled & (np.abs(np.log(book.spot / march.boundary)) > 0.1 * spread)
+    assert np.max((np.abs(march.gamma - collocation.gamma) * book.spot * spread)[held]) <= 5e-3
+
+
+@pytest.mark.parametrize(
+    ("seed", "count"), [(3, 60), pytest.param(4, 1000, marks=nightly)], ids=["few", "many"]
+)
+def test_march_and_collocation_have_the_same_boundaries(seed, count):
+    """Measured on 1,400: apart by more than both estimates in 0.8 %; in the median by 1e-6 of the boundary."""
+    book = served_by(Book.of(random_flat_contracts(seed, count)), MARCH, COLLOCATION)
+    beyond, apart = [], []
+    for row in range(book.count):
+        alone = book.part(slice(row, row + 1))
+        times = np.array([0.0, 0.5, 0.9, 0.99]) * alone.expiry[0]
+        march, collocation = (
+            engine.boundary(alone, times, asked(alone, 1e-6)) for engine in (MARCH, COLLOCATION)
+        )
+        both = march.found & collocation.found
+        np.testing.assert_array_equal(np.isnan(march.near)[both], np.isnan(collocation.near)[both])
+        distance = np.abs(march.near - collocation.near)[both]
+        stated = (march.error + collocation.error + 1e-6 * march.near)[both]
+        beyond += (distance > stated).tolist()
+        apart += (distance / march.near[both]).tolist()
+    assert len(apart) > 3 * count
+    assert np.mean(beyond) <= 0.02
+    assert np.median(apart) <= 1e-5
+    assert np.quantile(apart, 0.99) <= 2e-3
+
+
+@pytest.mark.parametrize(
+    ("seed", "count"), [(5, 60), pytest.param(6, 400, marks=nightly)], ids=["few", "many"]
+)
+@pytest.mark.parametrize("engine", [MARCH, COLLOCATION], ids=lambda engine: engine.name)
+def test_the_method_of_lines_agrees_without_events(engine, seed, count):
+    """Measured on 120: never apart by more than both estimates."""
+    book = served_by(Book.of(random_flat_contracts(seed, count)), engine)
+    fast, lines = engine.solve(book, asked(book, 1e-8)), LINES.solve(book, asked(book, 1e-6))
+    settled = fast.settled
+    assert np.count_nonzero(settled) > 0.75 * count
+    assert np.mean(lines.error <= 1e-6 * 100.0) > 0.95
+    apart = ratios(fast, lines, settled)
+    assert np.mean(apart > 1.0) <= 0.01
+    assert apart.max() <= 2.0
+    np.testing.assert_array_equal(fast.exercised[settled], lines.exercised[settled])
+    assert np.max(np.abs(fast.delta - lines.delta)[settled]) <= 1e-4
+    known = settled & np.isfinite(fast.boundary)
+    np.testing.assert_array_equal(np.isnan(fast.boundary)[settled], np.isnan(lines.boundary)[settled])
+    assert np.max(np.abs(lines.boundary / fast.boundary - 1.0)[known]) <= 2e-3
+
+
+@pytest.mark.parametrize(
+    ("seed", "count"), [(8, 60), pytest.param(9, 400, marks=nightly)], ids=["few", "many"]
+)
+def test_collocation_and_method_of_lines_agree_whatever_the_events(seed, count):
+    """Measured on 120: apart by more than both estimates in one, by 1.3 times them."""
+    book = served_by(Book.of(random_contracts(seed, count)), COLLOCATION)
+    fast, lines = COLLOCATION.solve(book, asked(book, 1e-7)), LINES.solve(book, asked(book, 1e-6))
+    settled = fast.settled
+    assert np.count_nonzero(settled) > 0.9 * count
+    assert np.mean(lines.error <= 1e-6 * 100.0) > 0.95
+    apart = ratios(fast, lines, settled)
+    assert np.mean(apart > 1.0) <= 0.05  # what the method of lines claims of its estimate
+    assert apart.max() <= 3.0
+    assert np.max(np.abs(fast.delta - lines.delta)[settled]) <= 2e-5
+    assert np.max(np.abs(fast.gamma - lines.gamma)[settled]) * 100.0 <= 5e-4
+    close = np.abs(fast.european - lines.european)[settled]
+    assert np.max(close) <= 1e-4
+
+
+# Closed forms.
+
+
+@pytest.mark.parametrize("count", [300, pytest.param(5000, marks=nightly)], ids=["few", "many"])
+@pytest.mark.parametrize("engine", [MARCH, COLLOCATION], ids=lambda engine: engine.name)
+def test_the_value_without_exercise_is_the_formulas(engine, count):
+    book = served_by(Book.of(random_flat_contracts(10, count)), engine)
+    found = engine.solve(book, asked(book, 1e-8))
+    exact = ClosedForm().solve(book.european(), asked(book, 1e-8)).value
+    size = np.maximum(book.spot, book.strike)
+    settled = found.settled if engine is MARCH else slice(None)
+    assert np.max((np.abs(found.european - exact) / size)[settled]) <= 1e-9
+
+
+def test_the_collocation_prices_european_contracts_with_curves_and_fractions_as_the_formula_does():
+    book = Book.of(random_contracts(11, 400)).european()
+    book = served_by(book, COLLOCATION, ClosedForm())
+    assert book.count > 150
+    found, exact = (engine.solve(book, asked(book, 1e-8)) for engine in (COLLOCATION, ClosedForm()))
+    assert found.settled.all()
+    assert np.max(np.abs(found.value - exact.value)) <= 1e-8 * 100.0
+    assert np.max(np.abs(found.delta - exact.delta)) <= 1e-6
+    assert np.max(np.abs(found.gamma - exact.gamma)) * 100.0 <= 1e-4
+    assert not found.exercised.any()
+
+
+NEVER = [
+    (Option("put", 100.0, 1.0), Market(95.0, -0.02, 0.3, 0.01)),
+    (Option("put", 100.0, 2.0), Market(120.0, -0.03, 0.2, -0.01)),
+    (Option("call", 100.0, 1.0), Market(95.0, 0.04, 0.3, -0.01)),
+    (Option("call", 100.0, 3.0), Market(130.0, -0.01, 0.25, -0.02)),
+]
+
+
+@pytest.mark.parametrize("engine", [COLLOCATION, LINES], ids=lambda engine: engine.name)
+@pytest.mark.parametrize("contract", NEVER)
+def test_what_is_never_exercised_is_worth_the_formula_to_every_engine(engine, contract):
+    exact, found = solved(ClosedForm(), contract), solved(engine, contract, tolerance=1e-6)
+    if not found.settled[0]:
+        pytest.skip("given up")
+    assert abs(found.value[0] - exact.value[0]) <= found.error[0] + exact.error[0]
+    assert np.isnan(found.boundary[0])
+    assert not found.exercised[0]
+
+
+@pytest.mark.parametrize("engine", [MARCH, COLLOCATION, LINES], ids=lambda engine: engine.name)
+def test_calls_are_puts_with_spot_and_strike_and_rate_and_yield_exchanged(engine):
+    """McDonald and Schroder 1998: call(S, K, r, q) = put(K, S, q, r); S*_call S*_put = K S."""
+    contracts = random_flat_contracts(12, 30 if engine is LINES else 400)
+    mirrored = [
+        (
+            Option("call" if option.option_type == "put" else "put", market.spot, option.expiry),
+            Market(option.strike, market.dividend_yield, market.volatility, market.rate),
+        )
+        for option, market in contracts
+    ]
+    book, other_book = Book.of(contracts), Book.of(mirrored)
+    both = np.flatnonzero(engine.serves(book) & engine.serves(other_book))
+    book, other_book = book.take(both), other_book.take(both)
+    one, other = engine.solve(book, asked(book, 1e-6)), engine.solve(other_book, asked(book, 1e-6))
+    settled = one.settled & other.settled
+    assert np.count_nonzero(settled) > 0.7 * len(contracts)
+    apart = ratios(one, other, settled)
+    assert np.mean(apart > 1.0) <= 0.01
+    assert apart.max() <= 3.0
+    product = one.boundary * other.boundary / (book.spot * book.strike)
+    known = settled & np.isfinite(product)
+    assert np.quantile(np.abs(product[known] - 1.0), 0.9) <= 1e-3
+
+
+@pytest.mark.parametrize("engine", [MARCH, COLLOCATION, LINES], ids=lambda engine: engine.name)
+def test_published_values_are_met_by_every_engine_alone(engine):
+    cases = [case for case in true_values() if case.market.rate > 0.0 and case.market.dividend_yield >= 0.0]
+    book = served_by(Book.of([(case.option, case.market) for case in cases]), engine)
+    assert book.count == len(cases)
+    found = engine.solve(book, asked(book, 1e-6))
+    assert found.settled.all()
+    error = np.abs(found.value - [case.price for case in cases]) / book.strike
+    known = np.array([case.reference_error for case in cases])
+    assert np.all(error <= np.maximum(1e-6, 2.0 * found.error / book.strike) + known)
+    assert np.mean(error <= found.error / book.strike + known) >= 0.95
+    assert np.mean(found.error <= 1e-6 * book.strike) >= 0.9

@@ -1,0 +1,97 @@
+import math
+
+import numpy as np
+import pytest
+
+from pricing_core.american import Market, Option
+from pricing_core.american.contracts.schedule import make_schedule
+from pricing_core.american.engines.exercise_region import (
+    EMPTY_REGION,
+    ExerciseRegion,
+    earning_region,
+    region_at_expiry,
+)
+
+PUT = make_schedule(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2))
+CALL = make_schedule(Option("call", 100.0, 1.0), Market(100.0, 0.05, 0.2))
+
+
+def limits(option, market):
+    schedule = make_schedule(option, market)
+    return region_at_expiry(schedule).boundaries(schedule)
+
+
+@pytest.mark.parametrize(
+    ("option_type", "rate", "dividend_yield", "expected"),
+    [
+        ("put", 0.05, 0.0, (100.0, math.nan)),
+        ("put", 0.03, 0.06, (50.0, math.nan)),
+        ("put", -0.02, -0.04, (100.0, 50.0)),
+        ("put", 0.0, -0.04, (100.0, math.nan)),
+        ("put", 0.0, 0.04, (math.nan, math.nan)),
+        ("put", -0.02, 0.0, (math.nan, math.nan)),
+        ("call", 0.06, 0.03, (200.0, math.nan)),
+        ("call", 0.0, 0.03, (100.0, math.nan)),
+        ("call", -0.04, -0.02, (100.0, 200.0)),
+        ("call", 0.04, 0.0, (math.nan, math.nan)),
+    ],
+)
+def test_limits_at_expiry(option_type, rate, dividend_yield, expected):
+    """K min(1, r/q) and K max(1, r/q); [K r/q, K] for q < r < 0 and [K, K r/q] for r < q < 0."""
+    found = limits(Option(option_type, 100.0, 1.0), Market(100.0, rate, 0.2, dividend_yield))
+    assert found == pytest.approx(expected, nan_ok=True)
+
+
+def test_the_last_piece_of_a_curve_settles_the_limit():
+    market = Market(
+        100.0,
+        {"times": [0.5, 1.0], "values": [0.08, 0.02]},
+        0.2,
+        {"times": [0.5, 1.0], "values": [0.0, 0.04]},
+    )
+    assert limits(Option("put", 100.0, 1.0), market)[0] == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("option_type", ["put", "call"])
+def test_what_is_exercised_at_expiry_alone_is_exercised_wherever_it_pays(option_type):
+    market = Market(100.0, 0.02, 0.2, 0.04)
+    for option in (
+        Option(option_type, 100.0, 1.0, "bermudan", exercise_times=(0.5, 1.0)),
+        Option(option_type, 100.0, 1.0, "european"),
+    ):
+        assert limits(option, market) == pytest.approx((100.0, math.nan), nan_ok=True)
+
+
+@pytest.mark.parametrize("option_type", ["put", "call"])
+def test_where_exercise_earns_is_where_the_payoff_grows_faster_than_interest(option_type):
+    """r K - q S for a put, the negative for a call, at spots where the payoff is positive."""
+    rng = np.random.default_rng(1)
+    for rate, dividend_yield in rng.uniform(-0.1, 0.1, (200, 2)).tolist():
+        segment = make_schedule(
+            Option(option_type, 1.0, 1.0), Market(1.0, rate, 0.2, dividend_yield)
+        ).segments[0]
+        region = earning_region(segment, is_put=option_type == "put")
+        s = np.exp(rng.uniform(-3.0, 3.0, 50))
+        sign = 1.0 if option_type == "put" else -1.0
+        earns = (sign * (1.0 - s) > 0.0) & (sign * (rate - dividend_yield * s) > 0.0)
+        assert [region.contains(x) for x in np.log(s).tolist()] == earns.tolist()
+
+
+def test_an_interval_holds_its_ends():
+    region = ExerciseRegion(-0.5, 0.25)
+    assert [region.contains(x) for x in (-0.51, -0.5, 0.0, 0.25, 0.26)] == [False, True, True, True, False]
+    assert not EMPTY_REGION.contains(0.0)
+
+
+def test_the_end_nearer_the_strike_comes_first():
+    region = ExerciseRegion(math.log(0.5), math.log(0.8))
+    assert region.boundaries(PUT) == pytest.approx((80.0, 50.0))
+    assert region.boundaries(CALL) == pytest.approx((50.0, 80.0))
+    assert EMPTY_REGION.boundaries(PUT) == pytest.approx((math.nan, math.nan), nan_ok=True)
+
+
+@pytest.mark.parametrize("largest", [math.inf, 650.0])
+def test_a_boundary_beyond_all_money_is_none(largest):
+    """Spots above 1e30 are not priced, and e to more than 709 would overflow."""
+    assert math.isnan(ExerciseRegion(0.0, largest).boundaries(CALL)[1])
+    assert math.isnan(ExerciseRegion(largest, math.inf).boundaries(CALL)[0])
