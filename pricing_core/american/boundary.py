@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -98,7 +98,7 @@ def exercise_boundary(
     check_kind("option", option, Option, "an Option")
     check_kind("market", market, Market, "a Market")
     tolerance = TOLERANCE.check(tolerance)
-    book = _seen_from_the_strike(option, market)
+    book = Book.at_strike(option, market)
     if times is not None:
         chosen = _checked_times(option, times)
     elif option.expiry == 0.0:
@@ -118,16 +118,6 @@ def exercise_boundary(
         raise NumericalError("no method could find the exercise boundary of this contract")
     other = None if np.isnan(found.far).all() else found.far
     return ExerciseBoundary(chosen, tau, found.near, other, found.error)
-
-
-def _seen_from_the_strike(option: Option, market: Market) -> Book:
-    """Return the contract on a spot at the strike, above what escrowed dividends are worth.
-
-    The boundary does not depend on the spot.
-    """
-    due = math.fsum(dividend.amount for dividend in market.cash_dividends)
-    book = Book.of([(option, replace(market, spot=option.strike + due))])
-    return replace(book, spot=option.strike + book.escrow_now())
 
 
 def _times_around(events: Vector) -> Vector:

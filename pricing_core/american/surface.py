@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.prices import Prices, concatenated
+from pricing_core.american.book.prices import Prices
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, SPOT, TOLERANCE
@@ -14,7 +14,7 @@ from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.seen_later import seen_later
 from pricing_core.american.contracts.tolerances import check_moneyness
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.solve import solve_in_chunks
+from pricing_core.american.engines.solve import solve
 from pricing_core.american.price_many import checked_threads
 from pricing_core.arrays import Matrix, Vector, as_vector
 from pricing_core.errors import InvalidInputError
@@ -110,8 +110,7 @@ def value_surface(
 
 def _seen_from_spots(option: Option, market: Market, spot: Vector) -> Book:
     """Return the contract seen from every spot."""
-    due = sum(dividend.amount for dividend in market.cash_dividends)
-    book = Book.of([(option, replace(market, spot=option.strike + due))])
+    book = Book.at_strike(option, market)
     least = book.escrow_now().item()
     for number in spot.tolist():
         SPOT.check(number, "spots")
@@ -123,14 +122,8 @@ def _seen_from_spots(option: Option, market: Market, spot: Vector) -> Book:
 
 def _priced(book: Book, tolerance: float, workers: int) -> Prices:
     """Return the prices; contracts without events that differ in the spot alone share their solves."""
-    parts: dict[int, Prices] = {}
-
-    def keep(rows: slice, part: Prices) -> None:
-        parts[rows.start] = part
-
-    request = Request(np.full(book.count, tolerance), "none", share_solves=True)
-    solve_in_chunks(book, request, keep, workers=workers)
-    prices = concatenated([parts[start] for start in sorted(parts)])
+    request = Request(np.full(book.count, tolerance), "none", threads=workers, share_solves=True)
+    prices = solve(book, request)
     for row in np.flatnonzero(np.isnan(prices.value)).tolist():
         raise InvalidInputError("spots", book.spot.item(row), str(prices.message[row]))
     return prices

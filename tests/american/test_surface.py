@@ -56,10 +56,10 @@ def test_an_argument_of_another_kind_is_named():
 
 
 def test_a_refusal_that_names_no_range_is_passed_on_whole(monkeypatch):
-    def refuse(book, request, take, **options):
-        take(slice(0, 1), prices(1, status="out_of_domain", message="did not converge"))
+    def refuse(book, request):
+        return prices(1, status="out_of_domain", message="did not converge")
 
-    monkeypatch.setattr("pricing_core.american.surface.solve_in_chunks", refuse)
+    monkeypatch.setattr("pricing_core.american.surface.solve", refuse)
     with pytest.raises(InvalidInputError, match="did not converge"):
         value_surface(Option("put", 100.0, 1.0), MARKET, spots=[100.0], times=[0.0])
 

@@ -1,5 +1,6 @@
 """Contracts in columns: every one a schedule of segments without events, with the events at their ends."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
@@ -152,6 +153,16 @@ class Book:
             ),
             _listed(markets),
         )
+
+    @classmethod
+    def at_strike(cls, option: Option, market: Market) -> "Book":
+        """Return the contract with the spot at the strike, above what escrowed dividends are worth.
+
+        For questions that do not depend on the spot; a market whose own spot is too small for them is served.
+        """
+        due = math.fsum(dividend.amount for dividend in market.cash_dividends)
+        book = cls.of([(option, replace(market, spot=option.strike + due))])
+        return replace(book, spot=option.strike + book.escrow_now())
 
     @property
     def count(self) -> int:
