@@ -127,6 +127,16 @@ def _is_certain(book: Book) -> BoolVector:
     return small
 
 
+def is_worthless_underlying(book: Book) -> BoolVector:
+    """Tell contracts on a spot of 0 whose exercise boundary is that of a spot that diffuses, and not known here."""
+    return _is_worthless(book) & ~has_formula(book)
+
+
+def _is_worthless(book: Book) -> BoolVector:
+    worthless: BoolVector = (book.spot == 0.0) & ~_is_certain(book)
+    return worthless
+
+
 def _by_formula(book: Book, request: Request) -> Prices:
     columns = european_columns(book, request.greeks)
     return prices(
@@ -154,7 +164,7 @@ def _on_certain_path(book: Book, request: Request) -> Prices:
         bumped = certain_value(differences.book)
         further = differences.columns(bumped, np.zeros(bumped.size))
     certain = error <= SURE_SHARE * request.tolerance * book.strike
-    worthless = (book.spot == 0.0) & ~_is_certain(book)
+    worthless = _is_worthless(book)
     words = np.array(["zero-volatility", "worthless-underlying", "closed-form", "expired"], dtype=object)
     near = np.where(worthless | (book.has_events() & ~expired), math.nan, _certain_boundary(book)[0])
     return prices(

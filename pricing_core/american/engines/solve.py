@@ -10,7 +10,7 @@ import numpy as np
 
 from pricing_core.american.book.book import Book, Rows
 from pricing_core.american.book.prices import GREEKS, LISTS, Prices, constant, prices
-from pricing_core.american.engines.closed_form import ClosedForm
+from pricing_core.american.engines.closed_form import ClosedForm, is_worthless_underlying
 from pricing_core.american.engines.engine import Boundaries, Engine, Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
@@ -186,7 +186,7 @@ def _with_boundaries(book: Book, best: Prices, request: Request, engines: Sequen
     """Return the prices with the exercise boundaries of contracts on a spot of 0, which do not depend on it."""
     if book.spot.all():
         return best
-    rows = np.flatnonzero((book.spot == 0.0) & (best.method == "worthless-underlying"))
+    rows = np.flatnonzero(best.settled & is_worthless_underlying(book))
     boundary = best.boundary.copy()
     for row in rows.tolist():
         at_strike = book.part(slice(row, row + 1))
