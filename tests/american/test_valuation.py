@@ -8,6 +8,7 @@ from pricing_core.american import Market, Option, Resolution, price
 from pricing_core.errors import InvalidInputError, NumericalError
 from tests.problems.needs_kernel import needs_kernel
 from tests.problems.true_values import true_values
+from tests.problems.zero_volatility import OPTIMAL_STOPPING
 
 DEFAULT_TOLERANCE = 1e-6
 TRUE_VALUES = true_values()
@@ -169,20 +170,11 @@ def test_at_expiry_the_value_is_the_intrinsic_value(option_type, spot, exercise)
 
 @pytest.mark.parametrize(
     ("option_type", "spot", "strike", "expiry", "rate", "dividend_yield", "expected"),
-    [
-        ("call", 100.0, 50.0, 1.0, 0.05, 0.01, 51.4435121498811085),  # held to expiry
-        ("put", 100.0, 120.0, 40.0, 0.01, 0.5, 108.980904561184602),  # best time between
-        ("put", 100.0, 120.0, 1.0, 0.05, 0.01, 20.0),  # exercised now
-        ("put", 100.0, 120.0, 1.0, 0.0, 0.05, 24.8770575499286082),
-        ("call", 100.0, 1e-7, 1.0, 0.05, 0.025, 100.0 - 1e-7),
-        ("put", 0.0, 120.0, 1.0, -0.075, 0.05, 129.346098106155779),
-        ("call", 0.0, 120.0, 1.0, 0.075, 0.05, 0.0),
-    ],
+    OPTIMAL_STOPPING,
 )
 def test_zero_volatility_is_optimal_stopping_without_chance(
     option_type, spot, strike, expiry, rate, dividend_yield, expected
 ):
-    """Expected values: the closed formulas, as in QuantLib's edge-case test for American options."""
     valuation = price(Option(option_type, strike, expiry), Market(spot, rate, 0.0, dividend_yield))
     assert valuation.price == pytest.approx(expected, abs=1e-10)
     assert valuation.status == "ok"

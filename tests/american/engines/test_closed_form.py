@@ -15,6 +15,7 @@ from pricing_core.american.engines.closed_form import ClosedForm
 from pricing_core.american.engines.engine import Request
 from tests.problems.engines import solved
 from tests.problems.schedules import cash, proportional
+from tests.problems.zero_volatility import OPTIMAL_STOPPING
 
 rates = st.floats(-0.2, 0.3)
 volatilities = st.floats(0.02, 2.0)
@@ -427,20 +428,11 @@ def test_a_certain_value_is_that_of_the_best_time_to_exercise(name):
 
 @pytest.mark.parametrize(
     ("option_type", "spot", "strike", "expiry", "rate", "dividend_yield", "expected"),
-    [
-        ("call", 100.0, 50.0, 1.0, 0.05, 0.01, 51.4435121498811085),  # held to expiry
-        ("put", 100.0, 120.0, 40.0, 0.01, 0.5, 108.980904561184602),  # best time between
-        ("put", 100.0, 120.0, 1.0, 0.05, 0.01, 20.0),  # exercised now
-        ("put", 100.0, 120.0, 1.0, 0.0, 0.05, 24.8770575499286082),
-        ("call", 100.0, 1e-7, 1.0, 0.05, 0.025, 100.0 - 1e-7),
-        ("put", 0.0, 120.0, 1.0, -0.075, 0.05, 129.346098106155779),
-        ("call", 0.0, 120.0, 1.0, 0.075, 0.05, 0.0),
-    ],
+    OPTIMAL_STOPPING,
 )
 def test_zero_volatility_is_optimal_stopping_without_chance(
     option_type, spot, strike, expiry, rate, dividend_yield, expected
 ):
-    """Expected values: the closed formulas, as in QuantLib's edge-case test for American options."""
     contract = Option(option_type, strike, expiry), Market(spot, rate, 0.0, dividend_yield)
     assert solved(ENGINE, contract).value[0] == pytest.approx(expected, abs=1e-10)
 
