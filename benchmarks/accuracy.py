@@ -19,7 +19,7 @@ UNITS = {
 
 
 class Error(NamedTuple):
-    """Of one output, over all spots or times of all problems."""
+    """The error of one output, over all spots or times of all problems."""
 
     rmse: float
     largest: float

@@ -64,7 +64,7 @@ def leaves(value: Any) -> list[Any]:
 
 @dataclass(slots=True)
 class Differences:
-    """Of one column in the answers of one kind and method, relative to the unit or, if larger, the old number."""
+    """How far a column of one kind and method differs, relative to the unit or, if larger, the old number."""
 
     cells: int
     above: list[int]

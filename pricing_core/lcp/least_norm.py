@@ -8,8 +8,8 @@ from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcp.problem import LCP
 from pricing_core.linalg.coefficients import dense
 
-# Of the solution's size: below, the interior-point solution stands for zero; the next is tried where one is too little,
-# for what is zero by accident is found to the root of the solver's accuracy alone.
+# Shares of the solution's size below which the interior-point solution stands for zero; the next is tried where one is
+# too little, for what is zero by accident is found to the root of the solver's accuracy alone.
 ACTIVE = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 FEASIBLE = 1e-11
 INEXACT = 1e-6  # of its size: what misses an inequality by more is no solution, and nothing is sought

@@ -172,9 +172,8 @@ def coarsest_resolution(solver: ScheduleSolver, scheme: Scheme) -> Resolution:
             cells = max(cells, 0.5 * width * drift / segment.volatility**2 / COARSEST_INTERVALS)
         steps = max(steps, needed / share / COARSEST_STEPS)
     if cells > HOPELESS * MOST_COARSEST_INTERVALS / COARSEST_INTERVALS:
-        cells = steps = (
-            1.0  # no grid resolves the drift: the spot hardly diffuses, and the fitted operator carries it
-        )
+        # No grid resolves the drift: the spot hardly diffuses, and the fitted operator carries it.
+        cells = steps = 1.0
     return Resolution(
         COARSEST_INTERVALS * min(math.ceil(cells), MOST_COARSEST_INTERVALS // COARSEST_INTERVALS),
         COARSEST_STEPS * min(math.ceil(steps), MOST_COARSEST_STEPS // COARSEST_STEPS),

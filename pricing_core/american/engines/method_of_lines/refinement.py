@@ -27,18 +27,15 @@ from pricing_core.american.engines.method_of_lines.limits import first_boundarie
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import NumericalError
 
-DOUBLINGS, TIGHT_DOUBLINGS = (
-    4,
-    5,
-)  # Largest number of doublings, ordinarily and below the tight tolerance; chosen.
+# Largest number of doublings, ordinarily and below the tight tolerance; chosen.
+DOUBLINGS, TIGHT_DOUBLINGS = 4, 5
 TIGHT_TOLERANCE = 1e-6  # Tolerance, in strikes, below which there is one doubling more; chosen.
 MOST_WORK = 4_000_000  # Cells times steps of the finest solve for which events count as few; chosen by time.
 FEWEST_SOLVES = 3  # Smallest number of resolutions: two may agree by chance; chosen.
 # Error of a solve over its distance to one with half the cells and steps: 4/3 at order 2, 2 at 1.
 ERROR_SHARE = 1.5
-EUROPEAN_SHARE = (
-    0.5  # Share of the European value's error on the same grid that counts as error of a solve; calibrated.
-)
+# Share of the European value's error on the same grid that counts as error of a solve; calibrated.
+EUROPEAN_SHARE = 0.5
 # Share of a distance below which agreement is not believed, ordinarily and where convergence is regular; calibrated.
 CHANCE, REGULAR_CHANCE = 1.0 / 4.0, 1.0 / 16.0
 # Error of the extrapolant over its last move where convergence is regular; on 86 such values it was at most 0.42.

@@ -30,10 +30,8 @@ ROUGHEST = 1e-6
 CLOSE = 1e-8  # Tolerance of the boundaries, in strikes, where Greeks need degrees that follow the contract; chosen.
 CLOSE_LEVEL = 4  # Level of the values at that tolerance; chosen.
 SEGMENTS_AT_ONCE = 500  # Segments solved between two looks at the clock: a fraction of a second; chosen.
-FIRST_LEVEL, TIGHT_LEVEL = (
-    4,
-    5,
-)  # Levels at which a boundary is tried first, ordinarily and at tight tolerances.
+# Levels at which a boundary is tried first, ordinarily and at tight tolerances.
+FIRST_LEVEL, TIGHT_LEVEL = 4, 5
 TIGHT_TOLERANCE = 1e-7  # Tolerance, in strikes, from which boundaries begin at the finer level; chosen.
 CAUTION = 3.0  # Stated error of a boundary, in distances of two levels; calibrated on reference boundaries.
 
