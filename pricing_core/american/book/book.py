@@ -142,11 +142,16 @@ class Book:
         columns = np.array(rows, dtype=np.float64).reshape(len(rows), len(Segments.__slots__)).T
         start, end, rate, dividend_yield, volatility, exercisable, at_end, fraction, due = columns
         markets = [market for _, market in contracts]
+        terms = [
+            (option.is_put, option.strike, market.spot, market.dividend_model == "escrowed")
+            for option, market in contracts
+        ]
+        is_put, strike, spot, escrowed = np.array(terms, dtype=np.float64).reshape(len(terms), 4).T
         return cls(
-            np.array([schedule.is_put for schedule in schedules], dtype=bool),
-            np.array([schedule.strike for schedule in schedules], dtype=np.float64),
-            np.array([market.spot for market in markets], dtype=np.float64),
-            np.array([market.dividend_model == "escrowed" for market in markets], dtype=bool),
+            is_put != 0.0,
+            strike,
+            spot,
+            escrowed != 0.0,
             starts(np.array([len(schedule.segments) for schedule in schedules], dtype=np.int64)),
             Segments(
                 start, end, rate, dividend_yield, volatility, exercisable != 0.0, at_end != 0.0, fraction, due

@@ -37,7 +37,7 @@ class Prices:
     complete : bool array, shape (n,)
         Whether every Greek that was asked for is there.
     status, method, message : object array of str, shape (n,)
-        The status is empty until the row has been compared with its tolerance, unless the engine ended it.
+        The status is "ok" until the row has been compared with its tolerance, unless the engine ended it.
     solves, steps : int array, shape (n,)
         How often the contract was solved, and the time steps of the finest solve.
     residual : Vector, shape (n,)
@@ -99,9 +99,10 @@ class Prices:
 NUMBERS = tuple(field.name for field in fields(Prices) if field.type is Vector and field.name != "residual")
 LISTS = tuple(field.name for field in fields(Prices) if field.type is Ragged)
 FLAGS = ("exercised", "settled", "complete", "fitted")
-TEXTS = ("status", "method", "message")
+TEXTS = ("method", "message")
 CACHED = 16384  # Number of rows of the shared columns of one value: those of one chunk.
 COUNTS = ("solves", "steps")
+COLUMN = (np.ndarray, Ragged)
 GREEKS = ("delta", "gamma", "theta", "vega", "rho", "dividend_rho", "vanna", "volga")
 
 
@@ -110,6 +111,7 @@ _KINDS: dict[str, tuple[Any, type]] = {
     **dict.fromkeys(NUMBERS, (math.nan, np.float64)),
     **dict.fromkeys(FLAGS, (False, np.bool_)),
     **dict.fromkeys(TEXTS, ("", np.object_)),
+    "status": ("ok", np.object_),
     **dict.fromkeys(COUNTS, (0, np.int64)),
     "residual": (0.0, np.float64),
     "resolution": (None, np.object_),
@@ -124,14 +126,11 @@ def prices(count: int, **columns: Any) -> Prices:
     columns
         Columns of `Prices` by name; a number, a flag or a text serves all rows.
     """
-    unknown = columns.keys() - _KINDS.keys() - set(LISTS)
-    if unknown:
-        raise TypeError(f"prices have no column {', '.join(unknown)}")
-    made = dict(_shared_nothing(count) if count <= CACHED else _nothing(count))
+    nothing = _shared_nothing(count) if count <= CACHED else _nothing(count)
     for name, column in columns.items():
-        is_column = isinstance(column, np.ndarray | Ragged)
-        made[name] = column if is_column else constant(column, count, _KINDS[name][1])
-    return Prices(**made)
+        if not isinstance(column, COLUMN):
+            columns[name] = constant(column, count, _KINDS[name][1])
+    return Prices(**(nothing | columns))
 
 
 def constant(value: Any, count: int, kind: type = np.object_) -> NDArray[Any]:

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pricing_core.american.book.book import Book, Rows
-from pricing_core.american.book.prices import GREEKS, LISTS, Prices, constant, prices
+from pricing_core.american.book.prices import GREEKS, LISTS, Prices, prices
 from pricing_core.american.engines.closed_form import ClosedForm, is_worthless_underlying
 from pricing_core.american.engines.engine import Boundaries, Engine, Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines
@@ -66,8 +66,8 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
         best = _together(best, book.count, rows, found)
         done = best.settled & best.complete & (best.error <= request.tolerance * book.strike)
         if done.all():
-            return _with_boundaries(book, replace(best, status=constant("ok", book.count)), request, engines)
-        rows = np.flatnonzero(~(done | (best.status != "")))
+            return _with_boundaries(book, best, request, engines)
+        rows = np.flatnonzero(~(done | (best.status != "ok")))
         part, wanted = book.take(rows), request.take(rows)
     if best is None:
         best = prices(book.count)
@@ -174,11 +174,10 @@ def _together(best: Prices | None, count: int, rows: Rows, found: Prices) -> Pri
 
 
 def _judged(best: Prices, allowed: Vector, *, interrupted: bool) -> Prices:
-    """Return the prices with a status in every row; `allowed` is the tolerance in money."""
-    status = np.where(best.error <= allowed, "ok", "tolerance_not_met").astype(object)
-    status[np.isnan(best.value)] = "deadline" if interrupted else "out_of_domain"
-    ended = best.status != ""
-    status[ended] = best.status[ended]
+    """Return the prices with the status of every row that no engine ended; `allowed` is the tolerance in money."""
+    status, judged = best.status.copy(), best.status == "ok"
+    status[judged & ~(best.error <= allowed)] = "tolerance_not_met"
+    status[judged & np.isnan(best.value)] = "deadline" if interrupted else "out_of_domain"
     return replace(best, status=status)
 
 

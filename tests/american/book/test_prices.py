@@ -35,7 +35,7 @@ def test_columns_that_are_not_given_hold_nothing(count):
     assert np.all(found.value == 1.5)
     assert np.isnan(found.vega).all()
     assert set(found.method) <= {"closed-form"}
-    assert set(found.status) <= {""}
+    assert set(found.status) <= {"ok"}
     for name in ("exercised", "settled", "complete", "fitted", "solves", "steps", "residual"):
         assert not getattr(found, name).any()
     assert found.rate_buckets.counts().tolist() == [0] * count
@@ -44,6 +44,8 @@ def test_columns_that_are_not_given_hold_nothing(count):
 
 def test_an_unknown_column_is_refused():
     with pytest.raises(TypeError, match="colour"):
+        prices(2, colour=np.zeros(2))
+    with pytest.raises(KeyError, match="colour"):
         prices(2, colour="red")
 
 

@@ -40,7 +40,7 @@ class Stub:
     settled: list[bool] = field(default_factory=lambda: [True] * 4)
     error: list[float] = field(default_factory=lambda: [0.001] * 4)
     complete: list[bool] = field(default_factory=lambda: [True] * 4)
-    status: list[str] = field(default_factory=lambda: [""] * 4)
+    status: list[str] = field(default_factory=lambda: ["ok"] * 4)
     value: float = 10.0
     vega: float = 1.0
     sensitivity: float = 1.0
@@ -154,7 +154,7 @@ def test_what_no_engine_prices_is_out_of_domain():
 
 
 def test_a_status_that_an_engine_gives_stands_and_ends_the_row():
-    first = Stub("first", status=["", "deadline", "", ""], error=[0.001, 0.02, 0.001, 0.02])
+    first = Stub("first", status=["ok", "deadline", "ok", "ok"], error=[0.001, 0.02, 0.001, 0.02])
     second = Stub("second", value=20.0)
     found = solved(first, second)
     assert second.asked == [[3]]

@@ -107,7 +107,7 @@ class MethodOfLines:
             boundary=np.array([estimate.region.boundaries(solver.schedule)[0]]),
             exercised=np.array([finest.exercised]),
             settled=not late,
-            status="deadline" if late else "",
+            status="deadline" if late else "ok",
             method=finest.resolution.scheme,
             solves=np.array([estimate.solves]),
             steps=np.array([finest.steps]),

@@ -58,7 +58,7 @@ class MultiplierCollocation:
         believed = solved.settled & (solved.error <= np.maximum(request.tolerance, ROUGHEST))
         exercised = book.sign * (solved.boundary - log_moneyness(book)) >= 0.0
         columns: dict[str, Any] = {"complete": True}
-        ended = np.full(book.count, "", dtype=object)
+        ended = np.full(book.count, "ok", dtype=object)
         if request.greeks != "none":
             wanted = np.flatnonzero(believed & ~exercised)
             columns, late = _derivatives(book, solved, wanted, request)

@@ -113,29 +113,28 @@ def _limits(book: Book, tolerance: Vector, scale: Vector) -> Matrix:
 
 def _in_money(book: Book, scale: Vector, solved: PutValues, greeks: bool) -> Prices:
     """Return money for the puts' dimensionless values; a call is S times the put with spot and strike exchanged."""
-    is_put, S, K, T = book.is_put, book.spot, book.strike, book.segments.end
-    v, v_x, v_xx, european, *_ = solved.values
-    settled = solved.settled
+    is_put, spot, expiry, settled = book.is_put, book.spot, book.segments.end, solved.settled
+    money = np.where(settled, scale, math.nan) * solved.values
+    value, by_x, by_xx, european, by_rate, by_dividend, by_spread = money
     columns: dict[str, Any] = {}
     if greeks:
         columns[DIVIDENDS] = of_dividends_not_due(book)
-        by_rate, by_dividend, by_spread = solved.values[4:]
-        columns["vega"] = scale * np.sqrt(T) * by_spread
-        columns["rho"] = scale * T * np.where(is_put, by_rate, by_dividend)
-        columns["dividend_rho"] = scale * T * np.where(is_put, by_dividend, by_rate)
+        columns["vega"] = np.sqrt(expiry) * by_spread
+        columns["rho"] = expiry * np.where(is_put, by_rate, by_dividend)
+        columns["dividend_rho"] = expiry * np.where(is_put, by_dividend, by_rate)
     return priced(
         book,
-        value=np.where(settled, scale * v, math.nan),
-        european=scale * european,
+        value=value,
+        european=european,
         error=np.where(settled, scale * (solved.error + np.where(solved.exercised, 0.0, ROUNDING)), math.nan),
-        delta=np.where(is_put, K / S * v_x, v - v_x),
-        gamma=scale / S * (v_xx - v_x) / S,
-        boundary=K * np.exp(np.where(is_put, solved.boundary, -solved.boundary)),
+        delta=np.where(is_put, by_x, value - by_x) / spot,
+        gamma=(by_xx - by_x) / spot / spot,
+        boundary=book.strike * np.exp(np.where(is_put, solved.boundary, -solved.boundary)),
         exercised=solved.exercised,
         settled=settled,
         complete=True,
         method="premium-march",
-        solves=np.ones(book.count, dtype=np.int64),
+        solves=1,
         steps=solved.steps,
         **columns,
     )
