@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from pricing_core.arrays import IndexSet, Matrix, Vector
 from pricing_core.lcs import Event, Trajectory
 from pricing_core.models.trajectory import ModelTrajectory, Pieces
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 CURVE_POINTS = 1_500  # of a picture
 ROUNDING = 1e-13  # of the largest: less is shown as zero, or as no jump
@@ -107,7 +108,7 @@ class Simulation:
     state_names: tuple[str, ...]
     modes: Modes
     facts: Mapping[str, Any]
-    picture: Callable[[], Figure] | None = None
+    picture: "Callable[[], Figure] | None" = None
 
 
 def of_trajectory(

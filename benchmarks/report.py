@@ -14,7 +14,7 @@ from benchmarks.machine import machine_and_versions
 from benchmarks.report_html import html
 from benchmarks.report_markdown import markdown
 from benchmarks.report_parts import Report, Section, Table
-from pricing_core.batch.replacement import replacement
+from pricing_core.replacement import replacement
 
 __all__ = ["Report", "Section", "Table", "write_report"]
 
