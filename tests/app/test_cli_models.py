@@ -207,7 +207,7 @@ WRONG = [
     (
         "saturation",
         {"characteristics": [{"saturation": {"limit": -1}}]},
-        "characteristics[0].limit = -1",
+        "characteristics[0].saturation.limit = -1",
     ),
     ("oligopoly", {"F": 3}, "F = 3: must be an object with the keys matrix, vector"),
     ("oligopoly", {"F": {"matrix": [[1]]}}, "F.vector = missing"),
