@@ -109,7 +109,7 @@ def read_float(field: str, value: Any) -> float:
 def read_text(field: str, value: Any) -> str:
     """Read a text."""
     if not isinstance(value, str):
-        raise InvalidInputError(field, value, "a text")
+        raise InvalidInputError(field, value, "a text, in double quotes")
     return value
 
 

@@ -60,7 +60,10 @@ def test_characteristics_have_points_or_a_name(
         ({"saturation": {"limit": -1}}, "curves[0].saturation.limit = -1.0: must be a finite number > 0"),
         ({"saturation": {"height": 1}}, "key = 'curves[0].saturation.height': must be one of gain, limit"),
         ({"saturation": {}, "relay_step": {}}, "key = 'curves[0].relay_step': must be one of saturation"),
-        ({"resistor": {"voltages": [0]}}, "curves[0].resistor.currents = missing: must be one for each corner"),
+        (
+            {"resistor": {"voltages": [0]}},
+            "curves[0].resistor.currents = missing: must be one for each corner",
+        ),
         ({"saturation": {"limit": [1, 2]}}, "curves[0].saturation.limit = [1, 2]: must be a number"),
         ({"saturation": 1}, "curves[0].saturation = 1: must be an object with the keys gain, limit"),
         ({"hysteresis": {}}, "curves[0] = {'hysteresis': {}}: must be an object with "),
