@@ -2,8 +2,8 @@
 
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, TypeAlias
@@ -174,6 +174,15 @@ def built(make: Callable[..., Any], keys: Mapping[str, Key]) -> Key:
             raise InvalidInputError(f"{field}.{fault.field}", fault.value, fault.allowed) from None
 
     return Key(read, object_schema(keys))
+
+
+@contextmanager
+def keys_for(arguments: Mapping[str, str]) -> Iterator[None]:
+    """Let errors of the library name the keys of the file in the place of these arguments."""
+    try:
+        yield
+    except InvalidInputError as fault:
+        raise InvalidInputError(arguments.get(fault.field, fault.field), fault.value, fault.allowed) from None
 
 
 def one_of(forms: Mapping[str, Key], allowed: str) -> Key:

@@ -237,9 +237,9 @@ WRONG = [
     ("cart_to_floor", {"t_span": [0, 1]}, "key = 't_span': must be one of model, A, B, C, Q, "),
     ("railway", {"steps": None}, "steps = missing: must be events to compute"),
     ("railway", {"steps": 0}, "steps = 0: must be a whole number from 1 to 100000"),
-    ("railway", {"t_span": [0, 1]}, "key = 't_span': must be one of model, steps, "),
-    ("railway", {"A": [[1]]}, "A = unknown: must be with an event graph one of "),
-    ("railway", {"x0": [0]}, "x0 = [0]: must be a list of 4 numbers"),
+    ("railway", {"t_span": [0, 1]}, "key = 't_span': must be one of model, transitions, places, "),
+    ("railway", {"A": [[1]]}, "key = 'A': must be one of model, transitions, places, "),
+    ("railway", {"x0": [0]}, "x0 = shape (1,): must be a vector of length 4"),
     (
         "railway",
         {"transitions": ["k"], "places": [["k", "k", 2, 1]], "x0": None},

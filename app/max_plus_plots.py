@@ -1,4 +1,4 @@
-"""Pictures of orbits and schedules; matplotlib is imported by whoever asks for one."""
+"""Pictures of max-plus orbits and schedules; matplotlib is imported by whoever asks for one."""
 
 from collections.abc import Sequence
 
