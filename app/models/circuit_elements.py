@@ -54,23 +54,17 @@ VALUE = Key(
 
 NODE = TEXT.described('a node; the ground is "0"', required=True)
 POSITIVE = QUANTITY.described('a positive number, or a text such as "4.7k" or "1/3"', required=True)
+INITIAL = QUANTITY.described("0 where missing")
 GAIN = QUANTITY.described("output over control", required=True)
 ENDS = {"plus": NODE, "minus": NODE}
 CONTROL_NODES = {"control_plus": NODE, "control_minus": NODE}
 CONTROL = {"control": TEXT.described("the element whose current controls", required=True)}
 INDUCTOR = TEXT.described("the name of an inductor", required=True)
-KINDS: Mapping[str, Mapping[str, Key]] = {  # the methods of `DiodeCircuit` with their arguments
+# The methods of `DiodeCircuit`, with their arguments beside the name.
+KINDS: Mapping[str, Mapping[str, Key]] = {
     "resistor": {**ENDS, "ohms": POSITIVE},
-    "capacitor": {
-        **ENDS,
-        "farads": POSITIVE,
-        "initial_voltage": QUANTITY.described("0 where missing"),
-    },
-    "inductor": {
-        **ENDS,
-        "henries": POSITIVE,
-        "initial_current": QUANTITY.described("0 where missing"),
-    },
+    "capacitor": {**ENDS, "farads": POSITIVE, "initial_voltage": INITIAL},
+    "inductor": {**ENDS, "henries": POSITIVE, "initial_current": INITIAL},
     "coupling": {
         "first": INDUCTOR,
         "second": INDUCTOR,

@@ -2,16 +2,7 @@
 
 from typing import Any
 
-from app.model_keys import (
-    MATRIX,
-    NUMBER,
-    VECTOR,
-    Key,
-    built,
-    choice,
-    first_that_fits,
-    one_of,
-)
+from app.model_keys import MATRIX, NUMBER, VECTOR, Key, built, choice, first_that_fits, one_of
 from pricing_core.lcs import Exosystem, PiecewiseConstant, piecewise_linear, sine
 
 NUMBER_OR_VECTOR = Key(

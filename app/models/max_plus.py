@@ -18,7 +18,8 @@ from pricing_core.max_plus.scalars import as_number
 
 MOST_STEPS = 100_000
 MOST_STATES = 1000
-LARGEST_GANTT = 40  # firings that can still be told apart
+# That many firings can still be told apart in a Gantt chart.
+LARGEST_GANTT = 40
 
 
 def _read_time(field: str, value: Any) -> float:
