@@ -22,6 +22,7 @@ ENGINE_NEEDS_NONE = ("scipy.optimize", "scipy.sparse", "pyarrow", "matplotlib", 
 COMMAND_NEEDS_NONE = ("scipy.optimize", "scipy.sparse", "pyarrow", "matplotlib", "fastapi")
 LIBRARY_NEEDS_NONE = ("matplotlib", "pydantic", "fastapi", "typer", "rich", "pyarrow", "app")
 LIBRARY = Path(pricing_core.__file__).parent
+MODELS = Path(__file__).parents[1] / "examples" / "models"
 
 
 def imported_by(code: str) -> set[str]:
@@ -62,3 +63,15 @@ def test_the_library_but_for_its_tables_does_without_plots_the_service_and_the_c
     imported = imported_by("import " + ", ".join(sorted(names)))
     assert names <= imported
     assert imported.isdisjoint(LIBRARY_NEEDS_NONE)
+
+
+def test_model_files_of_every_kind_are_run_without_plots() -> None:
+    code = f"""
+from pathlib import Path
+from app.model_files import simulate_file
+for path in Path({str(MODELS)!r}).glob("*.json"):
+    simulate_file(path)
+"""
+    imported = imported_by(code)
+    assert "app.models.max_plus" in imported
+    assert "matplotlib" not in imported

@@ -1,12 +1,10 @@
 """The model "max-plus": x(k+1) = A x(k) + B u(k) with max for + and + for x, or a timed event graph."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from app.max_plus_plots import gantt, orbit
 from app.model_keys import TEXT, Key, array_schema, built, keys_for, list_of, matrix_of, whole_number
 from app.simulation import Columns, Modes, Samples, Simulation
 from pricing_core.errors import InvalidInputError, Told
@@ -15,6 +13,9 @@ from pricing_core.max_plus import simulate as simulate_system
 from pricing_core.max_plus.event_graphs import MOST_TOKENS
 from pricing_core.max_plus.matrices import Numbers
 from pricing_core.max_plus.scalars import as_number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MOST_STEPS = 100_000
 MOST_STATES = 1000
@@ -152,7 +153,9 @@ def _simulation(
         twice = sorted({name for name in every if every.count(name) > 1})
         raise InvalidInputError("names", twice, "different from k and from one another")
 
-    def picture() -> Figure:
+    def picture() -> "Figure":
+        from app.max_plus_plots import gantt, orbit  # noqa: PLC0415
+
         if graph is not None and len(times) <= LARGEST_GANTT + 1:
             return gantt(graph, times)
         return orbit(times, names, rate=float(pace.max()))
