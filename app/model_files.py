@@ -5,7 +5,8 @@ A model is one module with two names. `KEYS` are the keys of its file beside "mo
 A new model is such a module and one line of `MODULES`: reading, errors, table, CSV, JSON, picture and schema then come
 by themselves; a model whose keys depend on each other may have a `SCHEMA` of its own. Models whose library returns a
 `Trajectory` end with `of_trajectory`, those with a `ModelTrajectory` with `of_model`; others make a `Simulation` of
-their own. `app.models.inputs`, `app.models.plant` and `app.models.times` hold keys that several models share.
+their own. `app.models.inputs`, `app.models.method`, `app.models.plant` and `app.models.times` hold keys that several
+models share.
 """
 
 from collections.abc import Mapping
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from app.model_keys import Key, choice, object_schema, read_object
+from app.models.method import named_as_in_files
 from app.simulation import Simulation
 from pricing_core.american.contracts.json_text import JSONTextError, parse_json
 from pricing_core.errors import InvalidInputError, Told
@@ -69,7 +71,9 @@ def simulate_file(path: Path) -> Simulation:
         raise InvalidInputError("model", Told("missing"), "one of " + ", ".join(MODULES))
     name = choice(*MODULES).read("model", content["model"])
     model = _model(name)
-    return model.simulate(read_object("", content, _keys(name, model)))
+    values = read_object("", content, _keys(name, model))
+    with named_as_in_files():
+        return model.simulate(values)
 
 
 def schema() -> dict[str, Any]:

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from app.model_keys import INTEGER, VECTOR, Key, choice
-from app.models.inputs import ON_NONUNIQUE
+from app.model_keys import VECTOR, Key
+from app.models.method import METHOD, method_in
 from app.models.times import SPAN_AND_TIMES, times_in
 from app.simulation import CURVE_POINTS, Columns, Modes, Samples, Simulation, of_samples
 from pricing_core.models import CircuitRun, circuit_from_json
@@ -26,11 +26,6 @@ CIRCUIT: Mapping[str, Key] = {  # read by the library
     "elements": Key(lambda _, value: value, {"type": "array", "items": ELEMENT}).described(
         "each with its kind, its name, the nodes that it joins and its value"
     ),
-}
-METHOD: Mapping[str, Key] = {
-    "method": choice("event-driven", "time-stepping").described("event-driven where missing"),
-    "on_nonunique": ON_NONUNIQUE,
-    "max_events": INTEGER.described("of an event-driven run"),
 }
 KEYS: Mapping[str, Key] = {
     **CIRCUIT,
@@ -51,8 +46,9 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
     circuit = circuit_from_json(
         {"model": "circuit"} | {name: values[name] for name in CIRCUIT if name in values}
     )
-    options = {name: values[name] for name in METHOD if name in values}
-    run = circuit.simulate(values["t_span"], values.get("x0"), t_eval=times_in(values), **options)
+    run = circuit.simulate(
+        values["t_span"], values.get("x0"), method=method_in(values), t_eval=times_in(values)
+    )
     simulation = of_samples(
         run.trajectory,
         _samples(run),

@@ -8,7 +8,6 @@ from app.model_keys import (
     VECTOR,
     Key,
     array_schema,
-    choice,
     first_that_fits,
     object_schema,
     read_matrix,
@@ -30,7 +29,6 @@ VECTOR_OR_MATRIX = Key(
     ),
     {"anyOf": [VECTOR.schema, MATRIX.schema]},
 )
-ON_NONUNIQUE = choice("raise", "first").described("where a state has several continuations")
 PIECES = {
     "times": VECTOR.described("increasing", required=True),
     "values": VECTOR_OR_MATRIX.described("values[i] holds up to times[i], the last for ever", required=True),

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from app.model_keys import MATRIX, NUMBER, VECTOR, Key, choice, object_schema, read_object
+from app.model_keys import MATRIX, VECTOR, Key, object_schema, read_object
+from app.models.method import METHOD, method_in
 from app.models.times import SPAN_AND_TIMES, times_in
 from app.simulation import Modes, Simulation, numbered, of_model
 from pricing_core.errors import InvalidInputError
@@ -13,11 +14,7 @@ AFFINE = {
     "matrix": MATRIX.described("n x n, by rows", required=True),
     "vector": VECTOR.described("n numbers", required=True),
 }
-METHOD: Mapping[str, Key] = {
-    "method": choice("event-driven", "stepping").described("event-driven where missing"),
-    "rtol": NUMBER.described("relative tolerance of stepping"),
-    "atol": NUMBER.described("absolute tolerance of stepping"),
-}
+CHOICES = {name: METHOD[name] for name in ("method", "max_events", "rtol", "atol")}  # h is a vector here
 KEYS: Mapping[str, Key] = {
     "F": Key(lambda field, value: read_object(field, value, AFFINE), object_schema(AFFINE)).described(
         "F(x) = matrix x + vector", required=True
@@ -26,7 +23,7 @@ KEYS: Mapping[str, Key] = {
     "h": VECTOR.described("k numbers", required=True),
     "x0": VECTOR.described("n numbers with H x0 >= h: the state at the start", required=True),
     **SPAN_AND_TIMES,
-    **METHOD,
+    **CHOICES,
 }
 PARTS = {"F[0]": "F.matrix", "F[1]": "F.vector"}  # as the library and as files call them
 
@@ -44,6 +41,6 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         system = ProjectedSystem((F["matrix"], F["vector"]), values["H"], values["h"])
     except InvalidInputError as fault:
         raise InvalidInputError(PARTS.get(fault.field, fault.field), fault.value, fault.allowed) from None
-    options = {name: values[name] for name in METHOD if name in values}
-    run = system.simulate(values["x0"], values["t_span"], t_eval=times_in(values), **options)
+    method = method_in(values, CHOICES)
+    run = system.simulate(values["x0"], values["t_span"], method=method, t_eval=times_in(values))
     return of_model(run, ("multiplier", "slack"), modes=Modes(numbered("y", run.y.shape[1])))

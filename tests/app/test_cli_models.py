@@ -86,7 +86,7 @@ def test_the_oligopoly_comes_close_to_its_nash_equilibrium(answer: Any) -> None:
 
 
 def test_a_projected_system_may_be_simulated_by_steps(answer: Any) -> None:
-    found = answer("oligopoly", t_span=[0, 20], method="stepping", rtol=1e-7)
+    found = answer("oligopoly", t_span=[0, 20], method="time-stepping", rtol=1e-7)
     assert found["scheme"] == "projected-heun"
     assert found["x"][-1] == pytest.approx([30.0, 25.0, 0.0], abs=1e-5)
 
