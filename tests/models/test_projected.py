@@ -222,3 +222,22 @@ def test_functions_without_a_value_on_the_way_are_named():
         ProjectedSystem(
             lambda x: x, constraints=lambda x: [1 - x @ x], constraint_gradients=lambda x: [[np.nan, 0.0]]
         ).projection([2.0, 2.0])
+
+
+def test_a_constant_step_is_as_long_as_told():
+    """Along x2 = 0 towards (1, 0) with x1' = 1 - x1: Heun's error falls with the square of the step."""
+    slide = ProjectedSystem((np.eye(2), [-1.0, 1.0]), np.eye(2), [0.0, 0.0])
+    errors = []
+    for count in (10, 20, 40):
+        run = slide.simulate([0.0, 0.0], (0.0, 1.0), method=TimeStepping(step=1.0 / count))
+        assert run.t == pytest.approx(np.linspace(0.0, 1.0, count + 1), abs=1e-12)
+        errors.append(abs(run.x[-1, 0] - (1.0 - math.exp(-1.0))))
+    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(2.0, abs=0.1)
+
+
+def test_automatic_is_by_steps_where_no_flow_is_exact():
+    automatic, stepped = (
+        disc().simulate([0.0, 0.0], (0.0, 3.0), method=method) for method in ("auto", "time-stepping")
+    )
+    assert np.array_equal(automatic.x, stepped.x)
+    assert automatic.lcs.scheme == "projected-heun"
