@@ -5,8 +5,8 @@ A model is one module with two names. `KEYS` are the keys of its file beside "mo
 title. `simulate(values) -> Simulation` takes what the keys read, builds the library's object and runs it. A new model
 is such a module and one line of `MODULES`: reading, errors, table, CSV, JSON, picture and schema then come by
 themselves. Models whose library returns a `Trajectory` end with `of_trajectory`, those with a `ModelTrajectory` with
-`of_model`; others make a `Simulation` of their own. `app.models.inputs`, `app.models.plant` and `app.models.times` hold
-keys that several models share.
+`of_model`; others make a `Simulation` of their own. `app.models.inputs`, `app.models.method`, `app.models.plant` and
+`app.models.times` hold keys that several models share.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from app.model_keys import Key, choice, object_schema, read_object
+from app.model_keys import Key, choice, keys_for, object_schema, read_object
+from app.models.method import KEYS_OF_FIELDS
 from app.simulation import Simulation
 from pricing_core.american.contracts.json_text import JSONTextError, parse_json
 from pricing_core.errors import InvalidInputError, Told
@@ -85,7 +86,9 @@ def simulate_model(content: Mapping[str, Any]) -> Simulation:
     name = choice(*MODULES).read("model", content["model"])
     model = _model(name)
     keys = max(_forms(name, model).values(), key=lambda form: len(form.keys() & content.keys()))
-    return model.simulate(read_object("", content, keys))
+    values = read_object("", content, keys)
+    with keys_for(KEYS_OF_FIELDS):
+        return model.simulate(values)
 
 
 def schema() -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from benchmarks.lcs_problems import KnownProblem, integer_system, passive_network
 from benchmarks.timing import Task, least_seconds
-from pricing_core.lcs import Trajectory, simulate, well_posedness
+from pricing_core.lcs import TimeStepping, Trajectory, simulate, well_posedness
 
 EVENT_DRIVEN = "event-driven"
 INTEGER_KINDS = ("any", "no feedthrough", "dominant")
@@ -41,7 +41,8 @@ def study_problem(problem: KnownProblem, tolerances: Sequence[float]) -> tuple[L
     runs: dict[tuple[str, float | None], Callable[[], Trajectory]] = {(EVENT_DRIVEN, None): start}
     runs |= {
         (scheme, tolerance): partial(
-            start, method="time-stepping", scheme=scheme, rtol=0.0, atol=tolerance * problem.scale
+            start,
+            method=TimeStepping(scheme, tolerance=0.0, absolute_tolerance=tolerance * problem.scale),
         )
         for scheme in problem.schemes
         for tolerance in tolerances
@@ -68,9 +69,7 @@ def study_large(n: int, k: int, steps: int, pairs: int) -> tuple[LargeRun, ...]:
         network,
         [0.0] * n,
         (0.0, steps / 100.0),
-        method="time-stepping",
-        scheme="implicit-euler",
-        h=0.01,
+        method=TimeStepping("implicit-euler", step=0.01),
     )
     systems = {kind: integer_system(pairs, pairs, kind) for kind in INTEGER_KINDS}
     reports = [partial(well_posedness, system) for system in systems.values()]

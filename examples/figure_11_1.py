@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from pricing_core.american import Market, Option, price
-from pricing_core.lcs import LCS, simulate
+from pricing_core.lcs import LCS, TimeStepping, simulate
 
 OUT = Path(__file__).parent / "out"
 STRIKE, RATE, VOLATILITY = 100.0, 0.06, 0.3  # money; per year; per square root of a year
@@ -39,7 +39,7 @@ def put_values():
         np.hstack([np.eye(n), -payoff[:, None]]),
     )
     start = np.append(payoff, 1.0)  # (11.64)
-    run = simulate(system, start, (0.0, TIMES[-1]), method="time-stepping", t_eval=TIMES, h=0.005)
+    run = simulate(system, start, (0.0, TIMES[-1]), method=TimeStepping(step=0.005), t_eval=TIMES)
 
     spots = STRIKE * np.exp(x)
     return spots, STRIKE * run.x[:, :n], engine_values(spots)

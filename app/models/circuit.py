@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from app.model_keys import INTEGER, TEXT, VECTOR, Key, choice
+from app.model_keys import TEXT, VECTOR, Key
 from app.models.circuit_elements import ELEMENTS
-from app.models.inputs import ON_NONUNIQUE
+from app.models.method import METHOD, method_in
 from app.models.times import SPAN_AND_TIMES, times_in
 from app.simulation import CURVE_POINTS, Columns, Modes, Samples, Simulation, of_samples
 from pricing_core.errors import InvalidInputError, Told
@@ -18,11 +18,6 @@ from pricing_core.models.circuits.equations import GROUND
 CIRCUIT: Mapping[str, Key] = {
     "netlist": TEXT.described("in a subset of SPICE's language; either this or elements"),
     "elements": ELEMENTS.described("each with its kind, its name, the nodes that it joins and its value"),
-}
-METHOD: Mapping[str, Key] = {
-    "method": choice("event-driven", "time-stepping").described("event-driven where missing"),
-    "on_nonunique": ON_NONUNIQUE,
-    "max_events": INTEGER.described("of an event-driven run"),
 }
 KEYS: Mapping[str, Key] = {
     **CIRCUIT,
@@ -40,9 +35,8 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
     values : mapping
         What `KEYS` read.
     """
-    circuit = circuit_of(values)
-    options = {name: values[name] for name in METHOD if name in values}
-    run = circuit.simulate(values["t_span"], values.get("x0"), t_eval=times_in(values), **options)
+    circuit, method = circuit_of(values), method_in(values)
+    run = circuit.simulate(values["t_span"], values.get("x0"), method=method, t_eval=times_in(values))
     simulation = of_samples(
         run.trajectory,
         _samples(run),

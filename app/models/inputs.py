@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from app.model_keys import MATRIX, NUMBER, VECTOR, Key, built, choice, first_that_fits, one_of
+from app.model_keys import MATRIX, NUMBER, VECTOR, Key, built, first_that_fits, one_of
 from pricing_core.lcs import Exosystem, PiecewiseConstant, piecewise_linear, sine
 
 NUMBER_OR_VECTOR = Key(
@@ -17,7 +17,6 @@ VECTOR_OR_MATRIX = Key(
     ),
     {"anyOf": [VECTOR.schema, MATRIX.schema]},
 )
-ON_NONUNIQUE = choice("raise", "first").described("where a state has several continuations")
 PIECES = {
     "times": VECTOR.described("increasing", required=True),
     "values": VECTOR_OR_MATRIX.described("values[i] holds up to times[i], the last for ever", required=True),

@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from app.model_keys import INTEGER, MATRIX, NUMBER, VECTOR, Key
+from app.model_keys import MATRIX, NUMBER, VECTOR, Key
 from app.models.inputs import INPUT
+from app.models.method import METHOD, method_in
 from app.models.times import SPAN_AND_TIMES, times_in
 from app.simulation import CURVE_POINTS, Columns, Modes, Samples, Simulation, numbered, of_samples
 from pricing_core.lcs import Trajectory
@@ -24,7 +25,7 @@ KEYS: Mapping[str, Key] = {
     "q0": VECTOR.described("n numbers: the position at the start", required=True),
     "v0": VECTOR.described("n numbers: the velocity at the start", required=True),
     **SPAN_AND_TIMES,
-    "max_events": INTEGER.described("of the run"),
+    **METHOD,
 }
 
 
@@ -39,9 +40,8 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
     given = {name: values[name] for name in SYSTEM if name in values}
     n = len(given["mass"])
     at_rest = {name: [[0] * n] * n for name in ("damping", "stiffness")}
-    options = {name: values[name] for name in ("max_events",) if name in values}
     run = MechanicalSystem(**at_rest | given).simulate(
-        values["q0"], values["v0"], values["t_span"], t_eval=times_in(values), **options
+        values["q0"], values["v0"], values["t_span"], method=method_in(values), t_eval=times_in(values)
     )
     states = numbered("q", n) + numbered("v", n)
     modes = Modes(numbered("y", run.y.shape[1]))

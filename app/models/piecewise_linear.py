@@ -3,19 +3,14 @@
 from collections.abc import Mapping
 from typing import Any
 
-from app.model_keys import NUMBER, VECTOR, Key, choice
+from app.model_keys import VECTOR, Key
 from app.models.characteristics import CHARACTERISTICS
-from app.models.inputs import ON_NONUNIQUE
+from app.models.method import METHOD, method_in
 from app.models.plant import PLANT
 from app.models.times import SPAN_AND_TIMES, times_in
 from app.simulation import Simulation, of_model
 from pricing_core.models import PiecewiseLinearSystem
 
-METHOD: Mapping[str, Key] = {
-    "method": choice("event-driven", "time-stepping").described("event-driven where missing"),
-    "on_nonunique": ON_NONUNIQUE,
-    "h": NUMBER.described("constant step of time stepping"),
-}
 KEYS: Mapping[str, Key] = {
     **PLANT,
     "characteristics": CHARACTERISTICS.described("k of them, each a polyline in (y, u)", required=True),
@@ -36,6 +31,5 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
     system = PiecewiseLinearSystem(
         values["A"], values["B"], values["C"], values.get("D"), values["characteristics"]
     )
-    options = {name: values[name] for name in METHOD if name in values}
-    run = system.simulate(values["x0"], values["t_span"], t_eval=times_in(values), **options)
+    run = system.simulate(values["x0"], values["t_span"], method=method_in(values), t_eval=times_in(values))
     return of_model(run, ("value u", "argument y"))

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from app.model_keys import MATRIX, NUMBER, VECTOR, Key, choice, keys_for, object_schema, read_object
+from app.model_keys import MATRIX, VECTOR, Key, keys_for, object_schema, read_object
+from app.models.method import METHOD, method_in
 from app.models.times import SPAN_AND_TIMES, times_in
 from app.simulation import Modes, Simulation, numbered, of_model
 from pricing_core.models import ProjectedSystem
@@ -12,11 +13,7 @@ AFFINE = {
     "matrix": MATRIX.described("n x n, by rows", required=True),
     "vector": VECTOR.described("n numbers", required=True),
 }
-METHOD: Mapping[str, Key] = {
-    "method": choice("event-driven", "stepping").described("event-driven where missing"),
-    "rtol": NUMBER.described("relative tolerance of stepping"),
-    "atol": NUMBER.described("absolute tolerance of stepping"),
-}
+CHOICES = {name: METHOD[name] for name in ("method", "max_events", "rtol", "atol")}  # h is a vector here
 KEYS: Mapping[str, Key] = {
     "F": Key(lambda field, value: read_object(field, value, AFFINE), object_schema(AFFINE)).described(
         "F(x) = matrix x + vector", required=True
@@ -25,7 +22,7 @@ KEYS: Mapping[str, Key] = {
     "h": VECTOR.described("k numbers", required=True),
     "x0": VECTOR.described("n numbers with H x0 >= h: the state at the start", required=True),
     **SPAN_AND_TIMES,
-    **METHOD,
+    **CHOICES,
 }
 
 
@@ -40,6 +37,6 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
     F = values["F"]
     with keys_for({"F[0]": "F.matrix", "F[1]": "F.vector"}):
         system = ProjectedSystem((F["matrix"], F["vector"]), values["H"], values["h"])
-    options = {name: values[name] for name in METHOD if name in values}
-    run = system.simulate(values["x0"], values["t_span"], t_eval=times_in(values), **options)
+    method = method_in(values, CHOICES)
+    run = system.simulate(values["x0"], values["t_span"], method=method, t_eval=times_in(values))
     return of_model(run, ("multiplier", "slack"), modes=Modes(numbered("y", run.y.shape[1])))

@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from app.model_keys import NUMBER, VECTOR, Key, choice
-from app.models.inputs import NUMBER_OR_VECTOR, ON_NONUNIQUE
+from app.model_keys import VECTOR, Key, choice
+from app.models.inputs import NUMBER_OR_VECTOR
+from app.models.method import METHOD, method_in
 from app.models.plant import PLANT
 from app.models.times import SPAN_AND_TIMES, times_in
 from app.simulation import Modes, Simulation, numbered, of_model
@@ -15,16 +16,13 @@ SYSTEM: Mapping[str, Key] = {
     "lower": NUMBER_OR_VECTOR.described("u_i where y_i > 0; -1 where missing"),
     "upper": NUMBER_OR_VECTOR.described("u_i where y_i < 0; 1 where missing"),
 }
-METHOD: Mapping[str, Key] = {
-    "form": choice("input-output", "dae").described("which complementarity system is simulated"),
-    "method": choice("event-driven", "time-stepping").described("event-driven where missing"),
-    "on_nonunique": ON_NONUNIQUE,
-    "h": NUMBER.described("constant step of time stepping"),
-}
 KEYS: Mapping[str, Key] = {
     **SYSTEM,
     "x0": VECTOR.described("n numbers: the state at the start", required=True),
     **SPAN_AND_TIMES,
+    "form": choice("input-output", "dae").described(
+        "which complementarity system is simulated; input-output where missing"
+    ),
     **METHOD,
 }
 PIECES = ("upper", "slides", "lower")
@@ -39,7 +37,12 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         What `KEYS` read.
     """
     system = RelaySystem(**{name: values[name] for name in SYSTEM if name in values})
-    options = {name: values[name] for name in METHOD if name in values}
-    run = system.simulate(values["x0"], values["t_span"], t_eval=times_in(values), **options)
+    run = system.simulate(
+        values["x0"],
+        values["t_span"],
+        form=values.get("form", "input-output"),
+        method=method_in(values),
+        t_eval=times_in(values),
+    )
     modes = Modes(numbered("u", run.u.shape[1]), run.pieces, PIECES)
     return of_model(run, ("relay output", "relay input"), modes=modes)

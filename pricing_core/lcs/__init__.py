@@ -20,6 +20,7 @@ from pricing_core.lcs.rational_complementarity import RationalComplementarity, r
 from pricing_core.lcs.relay_criteria import has_guaranteed_direction, theorem_11_6
 from pricing_core.lcs.semi_explicit import SemiExplicitSystem
 from pricing_core.lcs.simulate import simulate
+from pricing_core.lcs.simulation_method import EventDriven, TimeStepping
 from pricing_core.lcs.system import LCS, PiecewiseConstant
 from pricing_core.lcs.theorems import Finding
 from pricing_core.lcs.time_stepping import LCSStage, LCSState
@@ -32,6 +33,7 @@ from pricing_core.lcs.well_posedness import WellPosedness, well_posedness
 __all__ = [
     "LCS",
     "Event",
+    "EventDriven",
     "Exosystem",
     "Finding",
     "FrequencyWitness",
@@ -47,6 +49,7 @@ __all__ = [
     "PiecewiseConstant",
     "RationalComplementarity",
     "SemiExplicitSystem",
+    "TimeStepping",
     "Trajectory",
     "TransferMatrix",
     "WellPosedness",

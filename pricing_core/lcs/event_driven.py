@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -13,17 +13,16 @@ from pricing_core.lcs.contact_order import depends_on_order
 from pricing_core.lcs.event_location import Crossing, first_crossing, touching_places
 from pricing_core.lcs.flow import Flow, evaluate
 from pricing_core.lcs.mode_dynamics import ModeDynamics
-from pricing_core.lcs.mode_selection import ModeSelector, OnNonUnique
+from pricing_core.lcs.mode_selection import ModeSelector
 from pricing_core.lcs.multipliers import least_norm_multipliers
 from pricing_core.lcs.one_step_uniqueness import has_unique_steps
 from pricing_core.lcs.overflow import check_size
+from pricing_core.lcs.simulation_method import EventDriven
 from pricing_core.lcs.slow_part import NOTHING
 from pricing_core.lcs.stored_energy import with_energy_lost
 from pricing_core.lcs.system import LCS
 from pricing_core.lcs.trajectory import Event, EventKind, Trajectory
 from pricing_core.lcs.zeno import ZenoLimit, zeno_limit
-
-Rebound: TypeAlias = Callable[[Vector, Vector, IndexSet], tuple[Vector, Vector]]
 
 CROSSES = 1e-11  # of an output's size: how far below zero counts
 TOUCHES = 1e-9  # of an output's size: how close to zero counts as contact
@@ -37,16 +36,13 @@ def drive_by_events(
     x0: Vector,
     t_span: tuple[float, float],
     t_eval: Vector | None,
-    *,
-    on_nonunique: OnNonUnique,
-    max_events: int,
-    rebound: Rebound | None,
+    method: EventDriven,
     interrupt: Callable[[], bool] | None,
 ) -> Trajectory:
     """Simulate from x0 over t_span from event to event; see `simulate`."""
     form = autonomous_form(system)
-    selector = ModeSelector(form, has_unique_steps(form), on_nonunique)
-    run = _Run(form, selector, t_span, max_events, rebound, interrupt)
+    selector = ModeSelector(form, has_unique_steps(form), method.on_nonunique)
+    run = _Run(form, selector, t_span, method, interrupt)
     status = run.simulate(x0)
     flows = tuple(run.flows)
     times = np.concatenate([[*flow.times, flow.end] for flow in flows]) if t_eval is None else t_eval
@@ -89,8 +85,7 @@ class _Run:
     form: AutonomousForm
     selector: ModeSelector
     span: tuple[float, float]
-    max_events: int
-    rebound: Rebound | None
+    method: EventDriven
     interrupt: Callable[[], bool] | None
     flows: list[Flow] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
@@ -199,9 +194,9 @@ class _Run:
         landing = self._land(z, t, near, left)
         if landing.multiplicity > 0:
             kind = "jump"
-            if self.rebound is not None:
+            if self.method.rebound is not None:
                 contacts = self._contacts(before)
-                x, impulse = self.rebound(self._state(before), self._state(landing.z), contacts)
+                x, impulse = self.method.rebound(self._state(before), self._state(landing.z), contacts)
                 z = self.form.state_after(x, t) / self.form.units.state
                 again = self._land(z, t, landing.dynamics.mode, None)
                 landing = again._replace(impulse=impulse + again.impulse, multiplicity=landing.multiplicity)
@@ -312,9 +307,10 @@ class _Run:
         self.steps += 1
 
     def _note(self, event: Event) -> None:
-        if len(self.events) == self.max_events:
+        if len(self.events) == self.method.max_events:
             raise IterationLimitError(
-                f"{self.max_events} events by t = {event.time:.12g}: raise max_events, or look for a Zeno point there"
+                f"{self.method.max_events} events by t = {event.time:.12g}: raise max_events, or look for a Zeno point "
+                "there"
             )
         self.events.append(event)
 

@@ -8,23 +8,15 @@ from numpy.typing import ArrayLike
 
 from pricing_core.arrays import Vector, as_vector, check_callable
 from pricing_core.errors import InvalidInputError, IterationLimitError
-from pricing_core.lcp import Method
 from pricing_core.lcs.nonlinear_stage import NonlinearStage, RetriedSmaller
 from pricing_core.lcs.semi_explicit import SemiExplicitSystem
+from pricing_core.lcs.simulation_method import TimeStepping, check_unused
 from pricing_core.lcs.simulation_times import checked_span, checked_times
-from pricing_core.lcs.stepping_scheme import (
-    ATOL,
-    RTOL,
-    SMALLEST_STEP,
-    choose_scheme,
-    of_states,
-    one_step_method,
-    stepped_trajectory,
-)
+from pricing_core.lcs.stepping_scheme import SMALLEST_STEP, choose_scheme, one_step_method, stepped_trajectory
 from pricing_core.lcs.system import LCS
-from pricing_core.lcs.time_stepping import LCSState, Scheme, SwitchControl
+from pricing_core.lcs.time_stepping import LCSState, SwitchControl
 from pricing_core.lcs.trajectory import Trajectory
-from pricing_core.stepping import FixedStep, PIController, StepDoubling, integrate
+from pricing_core.stepping import StepDoubling, integrate
 
 CONSISTENT = 1e-12  # of the state: slacks at the start down to minus this count as zero
 
@@ -34,19 +26,14 @@ def simulate_nonlinear(
     x0: ArrayLike,
     t_span: tuple[float, float],
     *,
+    method: TimeStepping | Literal["time-stepping"] = "time-stepping",
     t_eval: ArrayLike | None = None,
-    scheme: Scheme | Literal["auto"] = "auto",
-    theta: float | None = None,
-    h: float | None = None,
-    rtol: float | None = None,
-    atol: ArrayLike | None = None,
-    lcp_method: Method = "auto",
     interrupt: Callable[[], bool] | None = None,
 ) -> Trajectory:
     """Simulate x' = f(x, u), y = h(x, u), 0 <= y _|_ u >= 0 from x0 over t_span.
 
-    Every implicit stage is solved by Newton's method with an LCP in each iteration. The arguments are those of time
-    stepping in `simulate`. The relative degree that "auto" goes by is that of the system linearised at x0.
+    Every implicit stage is solved by Newton's method with an LCP in each iteration. The relative degree that the scheme
+    "auto" goes by is that of the system linearised at x0.
 
     Parameters
     ----------
@@ -54,6 +41,10 @@ def simulate_nonlinear(
     x0 : array_like, shape (n,)
         On the constraints: h(x0, u) >= 0 for some u >= 0 with u _|_ y. Where f or h is nonlinear there is no accepted
         rule for a jump of the state (section 11.9).
+    method : "time-stepping" or TimeStepping
+        The name stands for the method with its defaults. The field `multipliers` has no effect here and is left out.
+    t_span, t_eval, interrupt
+        See `simulate`.
 
     Raises
     ------
@@ -69,7 +60,8 @@ def simulate_nonlinear(
     x' = -1 - x**2 + u, 0 <= x _|_ u >= 0 from 1: x = tan(pi/4 - t), which is 0 at pi/4, and rests there with u = 1:
 
     >>> falling = SemiExplicitSystem(lambda x, u: u - 1.0 - x**2, lambda x, u: x, pairs=1)
-    >>> trajectory = simulate_nonlinear(falling, [1.0], (0.0, 2.0), t_eval=[0.5, 2.0], rtol=1e-7)
+    >>> fine = TimeStepping(tolerance=1e-7)
+    >>> trajectory = simulate_nonlinear(falling, [1.0], (0.0, 2.0), method=fine, t_eval=[0.5, 2.0])
     >>> trajectory.x.ravel().round(5), trajectory.u.ravel().round(5)
     (array([0.29341, 0.     ]), array([0., 1.]))
     """
@@ -78,37 +70,29 @@ def simulate_nonlinear(
     reported = None if t_eval is None else checked_times(t_eval, span)
     if interrupt is not None:
         check_callable("interrupt", interrupt, "nothing")
-    stage = NonlinearStage(system, lcp_method)
+    if isinstance(method, str) and method == "time-stepping":
+        method = TimeStepping()
+    if not isinstance(method, TimeStepping):
+        raise InvalidInputError("method", method, '"time-stepping" or a TimeStepping(...)')
+    check_unused(method, ("multipliers",), "a nonlinear system")
+    stage = NonlinearStage(system, method.lcp_method)
     state = _consistent(stage, start, t0)
     local = system.linearised(state.value, state.multiplier)
-    chosen = choose_scheme(LCS(local.f_x, local.f_u, local.h_x, local.h_u), scheme)
-    one_step = one_step_method(stage, chosen, theta)
+    chosen = choose_scheme(LCS(local.f_x, local.f_u, local.h_x, local.h_u), method.scheme)
+    one_step = one_step_method(stage, chosen, method.theta)
     smallest = SMALLEST_STEP * (t1 - t0)
-    if h is None:
-        controlled = SwitchControl(StepDoubling(one_step), _rates(system), smallest)
-        integration = integrate(
-            RetriedSmaller(controlled, smallest),
-            state,
-            span,
-            controller=PIController(
-                RTOL if rtol is None else rtol,
-                ATOL if atol is None else of_states("atol", atol, start.size),
-                start=1e-3,
-            ),
-            stop_times=() if reported is None else reported,
-            smallest_h=smallest,
-            force_smallest=chosen == "implicit-euler",
-            interrupt=interrupt,
-        )
-    else:
-        integration = integrate(
-            one_step,
-            state,
-            span,
-            controller=FixedStep(h),
-            stop_times=() if reported is None else reported,
-            interrupt=interrupt,
-        )
+    integration = integrate(
+        one_step
+        if method.step is not None
+        else RetriedSmaller(SwitchControl(StepDoubling(one_step), _rates(system), smallest), smallest),
+        state,
+        span,
+        controller=method.controller(start.size),
+        stop_times=() if reported is None else reported,
+        smallest_h=smallest,
+        force_smallest=chosen == "implicit-euler",
+        interrupt=interrupt,
+    )
     return stepped_trajectory(
         integration.t.tolist(),
         integration.states,

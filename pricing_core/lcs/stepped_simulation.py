@@ -3,57 +3,27 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pricing_core.arrays import Vector
-from pricing_core.errors import InvalidInputError
-from pricing_core.lcp import Method
 from pricing_core.lcs.overflow import check_size
-from pricing_core.lcs.stepping_scheme import (
-    ATOL,
-    RTOL,
-    SMALLEST_STEP,
-    choose_scheme,
-    of_states,
-    one_step_method,
-    stepped_trajectory,
-)
+from pricing_core.lcs.simulation_method import TimeStepping
+from pricing_core.lcs.stepping_scheme import SMALLEST_STEP, choose_scheme, one_step_method, stepped_trajectory
 from pricing_core.lcs.system import LCS
-from pricing_core.lcs.time_stepping import (
-    LCSStage,
-    LCSState,
-    Multipliers,
-    Scheme,
-    SwitchControl,
-    continue_from,
-    jump,
-)
+from pricing_core.lcs.time_stepping import LCSStage, LCSState, SwitchControl, continue_from, jump
 from pricing_core.lcs.trajectory import Event, Trajectory
-from pricing_core.stepping import FixedStep, PIController, StepDoubling, integrate
+from pricing_core.stepping import StepDoubling, integrate
 from pricing_core.stepping.controller import StepSizeController
 from pricing_core.stepping.method import OneStepMethod
 
 JUMP_STEP = 1e-10  # fraction of the interval that stands for an instant
 
 
-class StepChoices(NamedTuple):
-    """The numerical choices of a stepped simulation; see `simulate`."""
-
-    scheme: Scheme | Literal["auto"]
-    theta: float | None
-    h: float | None
-    rtol: float | None
-    atol: ArrayLike | None
-    lcp_method: Method
-    multipliers: Multipliers
-
-
 @dataclass(frozen=True, slots=True)
 class _Run:
-    """What they come to."""
+    """What the choices of a method come to for one system."""
 
     method: OneStepMethod[LCSState]
     controller: StepSizeController
@@ -66,31 +36,22 @@ def simulate_by_steps(
     x0: Vector,
     t_span: tuple[float, float],
     t_eval: Vector | None,
-    choices: StepChoices,
+    method: TimeStepping,
     interrupt: Callable[[], bool] | None,
 ) -> Trajectory:
     """Simulate from x0 over t_span, one LCP per implicit stage (11.65); see `simulate`."""
     t0, t1 = t_span
-    chosen = choose_scheme(system, choices.scheme)
-    h = choices.h
+    chosen = choose_scheme(system, method.scheme)
     size = float(np.max(np.abs(x0), initial=0.0))
-    if choices.multipliers not in ("any", "least-norm"):
-        raise InvalidInputError("multipliers", choices.multipliers, '"any" or "least-norm"')
-    stage = LCSStage(system, choices.lcp_method, choices.multipliers)
-    one_step = one_step_method(stage, chosen, choices.theta)
+    stage = LCSStage(system, method.lcp_method, method.multipliers)
+    one_step = one_step_method(stage, chosen, method.theta)
     run = _Run(
         method=one_step
-        if h is not None
+        if method.step is not None
         else SwitchControl(
             StepDoubling(one_step), partial(_change_of_rate, system), SMALLEST_STEP * (t1 - t0)
         ),
-        controller=FixedStep(h)
-        if h is not None
-        else PIController(
-            RTOL if choices.rtol is None else choices.rtol,
-            ATOL if choices.atol is None else of_states("atol", choices.atol, x0.size),
-            start=1e-3,
-        ),
+        controller=method.controller(x0.size),
         consistent_within=1e-12 * max(1.0, size) * max(1.0, float(np.max(np.abs(system.C), initial=0.0))),
         interrupt=interrupt,
     )

@@ -8,10 +8,18 @@ from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
 
 from pricing_core.arrays import IndexSet, Matrix, Vector, as_matrix, as_share, as_square_matrix, as_vector
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcp import LCP, least_norm_solution, solve
-from pricing_core.lcs import LCS, Exosystem, PiecewiseConstant, Trajectory
-from pricing_core.lcs.simulate import MAX_EVENTS, simulate
+from pricing_core.lcs import (
+    LCS,
+    EventDriven,
+    Exosystem,
+    PiecewiseConstant,
+    TimeStepping,
+    Trajectory,
+    simulate,
+)
+from pricing_core.lcs.simulation_method import SimulationMethod, as_method
 
 PENETRATES = 1e-12
 SYMMETRIC = 1e-12
@@ -120,22 +128,25 @@ class MechanicalSystem:
         v0: ArrayLike,
         t_span: tuple[float, float],
         *,
+        method: SimulationMethod = "event-driven",
         t_eval: ArrayLike | None = None,
-        max_events: int = MAX_EVENTS,
         interrupt: Callable[[], bool] | None = None,
     ) -> Trajectory:
-        """Simulate from event to event; x = (q, q'), and impacts carry the energy that they lose.
+        """Simulate from q0 and v0 over t_span; x = (q, q'), and jumps carry the energy that they lose.
+
+        Time stepping reports no impacts but those at the start; later the velocity changes from step to step.
 
         Parameters
         ----------
         q0, v0 : array_like, shape (n,)
-        t_span, t_eval, max_events, interrupt
+        t_span, method, t_eval, interrupt
             As in `pricing_core.lcs.simulate`.
 
         Raises
         ------
         InvalidInputError
-            q0 violates a constraint, or an argument lies outside what is allowed.
+            q0 violates a constraint, or an argument lies outside what is allowed; with a restitution e > 0, a method
+            other than event-driven simulation by Newton's law.
         """
         n = self.mass.shape[0]
         position, velocity = as_vector("q0", q0, n), as_vector("v0", v0, n)
@@ -152,9 +163,8 @@ class MechanicalSystem:
             self.to_lcs(),
             x0,
             t_span,
+            method=self._with_newtons_law(as_method(method)),
             t_eval=t_eval,
-            max_events=max_events,
-            rebound=self._rebound if self.restitution > 0.0 else None,
             interrupt=interrupt,
         )
         return replace(
@@ -166,6 +176,16 @@ class MechanicalSystem:
                 for event in trajectory.events
             ),
         )
+
+    def _with_newtons_law(self, method: EventDriven | TimeStepping) -> EventDriven | TimeStepping:
+        """Return the method with the law of impact that the restitution asks for."""
+        if self.restitution == 0.0:
+            return method
+        if isinstance(method, TimeStepping):
+            raise InvalidInputError("method", method, "event-driven where the restitution is > 0")
+        if method.rebound is not None:
+            raise InvalidInputError("rebound", Told("a law"), "left out where the restitution is > 0")
+        return replace(method, rebound=self._rebound)
 
     def _kinetic(self, x: Vector) -> float:
         v = x[self.mass.shape[0] :]

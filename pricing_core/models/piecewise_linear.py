@@ -2,17 +2,18 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pricing_core.arrays import IndexSet, Matrix
 from pricing_core.errors import InvalidInputError, Told
-from pricing_core.lcs import LCS, Finding, simulate
-from pricing_core.lcs.mode_selection import LARGEST_COMPLETE, OnNonUnique
+from pricing_core.lcs import LCS, EventDriven, Finding, simulate
+from pricing_core.lcs.mode_selection import LARGEST_COMPLETE
+from pricing_core.lcs.simulation_method import SimulationMethod, as_method
 from pricing_core.models.characteristic import Characteristic
 from pricing_core.models.horizontal_system import HorizontalSystem
 from pricing_core.models.trajectory import ModelTrajectory, Pieces, of_lcs
@@ -129,10 +130,8 @@ class PiecewiseLinearSystem:
         x0: ArrayLike,
         t_span: tuple[float, float],
         *,
-        method: Literal["event-driven", "time-stepping"] = "event-driven",
+        method: SimulationMethod = "event-driven",
         t_eval: ArrayLike | None = None,
-        on_nonunique: OnNonUnique = "raise",
-        h: float | None = None,
     ) -> ModelTrajectory:
         """Simulate from x0 over t_span, exactly on every piece, with corners located to rounding.
 
@@ -140,7 +139,7 @@ class PiecewiseLinearSystem:
         ----------
         x0 : array_like, shape (n,)
         t_span : (float, float)
-        method, t_eval, on_nonunique, h
+        method, t_eval
             See `pricing_core.lcs.simulate`.
 
         Returns
@@ -154,11 +153,15 @@ class PiecewiseLinearSystem:
             As `pricing_core.lcs.simulate`.
         """
         horizontal = self.to_horizontal()
-        system = horizontal.to_lcs()
-        looks_for_others = method == "event-driven" and system.shape[1] <= LARGEST_COMPLETE
-        if on_nonunique == "raise" and looks_for_others and self.w_property().status == "holds":
-            on_nonunique = "first"  # it is the only one
-        run = simulate(system, x0, t_span, method=method, t_eval=t_eval, on_nonunique=on_nonunique, h=h)
+        system, chosen = horizontal.to_lcs(), as_method(method)
+        if (
+            isinstance(chosen, EventDriven)
+            and chosen.on_nonunique == "raise"
+            and system.shape[1] <= LARGEST_COMPLETE
+            and self.w_property().status == "holds"
+        ):
+            chosen = replace(chosen, on_nonunique="first")  # it is the only one
+        run = simulate(system, x0, t_span, method=chosen, t_eval=t_eval)
         return of_lcs(run, partial(self._elements, horizontal), lambda mode: self._pieces(horizontal, mode))
 
     def w_property(self) -> Finding:

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal, TypeAlias
 
@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from pricing_core.arrays import IndexSet, Matrix, Vector, as_square_matrix, as_values, as_vector
 from pricing_core.errors import InvalidInputError, Told
-from pricing_core.lcs import LCS, Trajectory, simulate
+from pricing_core.lcs import LCS, TimeStepping, Trajectory, simulate
+from pricing_core.lcs.simulation_method import SimulationMethod, as_method, check_unused
 from pricing_core.lcs.simulation_times import checked_span, checked_times
-from pricing_core.lcs.stepping_scheme import of_states
 from pricing_core.models.convex_set import (
     ConvexSet,
     MatrixFunction,
@@ -27,11 +27,9 @@ from pricing_core.models.equilibrium import Equilibrium, solve_affine, solve_smo
 from pricing_core.models.projected_heun import ProjectedHeun
 from pricing_core.models.tangent_cone import ProjectedVelocity, project_velocity
 from pricing_core.models.trajectory import ModelTrajectory, Pieces, Switch, as_they_are, of_lcs
-from pricing_core.stepping import PIController, StepDoubling, integrate
+from pricing_core.stepping import StepDoubling, integrate
 
 AffineMap: TypeAlias = tuple[ArrayLike, ArrayLike]
-Method: TypeAlias = Literal["auto", "event-driven", "stepping"]
-RTOL, ATOL = 1e-6, 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,10 +147,8 @@ class ProjectedSystem:
         x0: ArrayLike,
         t_span: tuple[float, float],
         *,
-        method: Method = "auto",
+        method: SimulationMethod | Literal["auto"] = "auto",
         t_eval: ArrayLike | None = None,
-        rtol: float = RTOL,
-        atol: ArrayLike = ATOL,
     ) -> ModelTrajectory:
         """Simulate from x0 in K over t_span.
 
@@ -160,13 +156,12 @@ class ProjectedSystem:
         ----------
         x0 : array_like, shape (n,)
         t_span : (float, float)
-        method : {"auto", "event-driven", "stepping"}
-            "event-driven" simulates (11.44) exactly, for affine F and polyhedra, and is what "auto" takes for these.
-            "stepping" takes steps of `ProjectedHeun` whose local error is kept below atol + rtol |x|.
+        method : {"auto", "event-driven", "time-stepping"}, EventDriven or TimeStepping
+            "event-driven" simulates (11.44) exactly, for affine F and polyhedra, and is what "auto" takes for these;
+            the state is unique and does not jump, so that max_events alone may be given. "time-stepping" takes steps of
+            `ProjectedHeun`, of a constant size or to a tolerance; the other fields of `TimeStepping` are left out.
         t_eval : array_like, optional
             Times to report, increasing.
-        rtol, atol : float, and float or array_like of shape (n,)
-            For "stepping".
 
         Returns
         -------
@@ -176,20 +171,23 @@ class ProjectedSystem:
         Raises
         ------
         InvalidInputError
-            x0 is outside K, with the constraint that says so; a method that does not fit.
+            x0 is outside K, with the constraint that says so; a method, or a field of it, that does not fit.
         StepSizeError
             The tolerance could not be met.
         """
         start = self._point("x0", x0)
         check_inside("x0", self.K, start)
         exact = self.affine is not None and isinstance(self.K, Polyhedron)
-        if method not in ("auto", "event-driven", "stepping"):
-            raise InvalidInputError("method", method, '"auto", "event-driven" or "stepping"')
-        if method == "stepping" or (method == "auto" and not exact):
-            controller = PIController(rtol, of_states("atol", atol, start.size))
-            return self._simulate_by_steps(start, t_span, t_eval, controller)
+        if isinstance(method, str) and method == "auto":
+            method = "event-driven" if exact else "time-stepping"
+        chosen = as_method(method)
+        if isinstance(chosen, TimeStepping):
+            check_unused(chosen, ("scheme", "lcp_method", "multipliers"), "a projected system")
+            return self._simulate_by_steps(start, t_span, t_eval, chosen)
+        check_unused(chosen, ("on_nonunique", "rebound"), "a projected system")
         # The state is unique (11.39), whatever the multipliers.
-        run = simulate(self.to_lcs(), start, t_span, t_eval=t_eval, on_nonunique="first")
+        chosen = replace(chosen, on_nonunique="first")
+        run = simulate(self.to_lcs(), start, t_span, method=chosen, t_eval=t_eval)
         return of_lcs(run, as_they_are, partial(self._pieces, k=run.y.shape[1]))
 
     def equilibrium(self, start: ArrayLike | None = None) -> Equilibrium:
@@ -230,16 +228,17 @@ class ProjectedSystem:
         return as_values("F(x)", self.F(x), (x.size,))
 
     def _simulate_by_steps(
-        self, x0: Vector, t_span: tuple[float, float], t_eval: ArrayLike | None, controller: PIController
+        self, x0: Vector, t_span: tuple[float, float], t_eval: ArrayLike | None, method: TimeStepping
     ) -> ModelTrajectory:
         span = checked_span(t_span)
         wanted = None if t_eval is None else checked_times(t_eval, span)
+        heun = ProjectedHeun(self._rate, self.K)
         with np.errstate(over="ignore", invalid="ignore"):  # told by `as_values` and `check_size`
             run = integrate(
-                StepDoubling(ProjectedHeun(self._rate, self.K)),
+                StepDoubling(heun) if method.step is None else heun,
                 self.K.project(x0),
                 span,
-                controller=controller,
+                controller=method.controller(x0.size),
                 stop_times=[] if wanted is None else wanted.tolist(),
             )
         x = np.array(run.states)

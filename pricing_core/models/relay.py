@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from pricing_core.arrays import IndexSet, Matrix, Vector, as_array, as_vector
 from pricing_core.errors import InvalidInputError
-from pricing_core.lcs import LCS, WellPosedness, simulate, theorem_11_6, well_posedness
-from pricing_core.lcs.mode_selection import LARGEST_COMPLETE, OnNonUnique
+from pricing_core.lcs import LCS, EventDriven, WellPosedness, simulate, theorem_11_6, well_posedness
+from pricing_core.lcs.mode_selection import LARGEST_COMPLETE
+from pricing_core.lcs.simulation_method import SimulationMethod, as_method
 from pricing_core.models.horizontal_system import HorizontalSystem
 from pricing_core.models.named_characteristics import relay_step
 from pricing_core.models.piecewise_linear import PiecewiseLinearSystem
@@ -152,10 +153,8 @@ class RelaySystem:
         t_span: tuple[float, float],
         *,
         form: Form = "input-output",
-        method: Literal["event-driven", "time-stepping"] = "event-driven",
+        method: SimulationMethod = "event-driven",
         t_eval: ArrayLike | None = None,
-        on_nonunique: OnNonUnique = "raise",
-        h: float | None = None,
     ) -> ModelTrajectory:
         """Simulate from x0 over t_span; switches, and the start and end of sliding, are located to rounding.
 
@@ -165,7 +164,7 @@ class RelaySystem:
         t_span : (float, float)
         form : {"input-output", "dae"}
             Which of the two complementarity systems is simulated; the states are the same.
-        method, t_eval, on_nonunique, h
+        method, t_eval
             See `pricing_core.lcs.simulate`.
 
         Returns
@@ -187,11 +186,15 @@ class RelaySystem:
         ([[-1.0], [0.0]], (Switch(time=2.0, before=(2,), after=(1,)),))
         """
         _check_form(form)
-        k, system = self.shape[1], self.to_lcs(form)
-        looks_for_others = method == "event-driven" and system.shape[1] <= LARGEST_COMPLETE
-        if on_nonunique == "raise" and looks_for_others and theorem_11_6(*self.given).status == "holds":
-            on_nonunique = "first"  # it is the only one
-        run = simulate(system, x0, t_span, method=method, t_eval=t_eval, on_nonunique=on_nonunique, h=h)
+        k, system, chosen = self.shape[1], self.to_lcs(form), as_method(method)
+        if (
+            isinstance(chosen, EventDriven)
+            and chosen.on_nonunique == "raise"
+            and system.shape[1] <= LARGEST_COMPLETE
+            and theorem_11_6(*self.given).status == "holds"
+        ):
+            chosen = replace(chosen, on_nonunique="first")  # it is the only one
+        run = simulate(system, x0, t_span, method=chosen, t_eval=t_eval)
         dae = self.to_dae() if form == "dae" else None
         return of_lcs(run, partial(self._relay, dae), lambda mode: _pieces(mode, k, dae))
 

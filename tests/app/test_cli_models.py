@@ -86,7 +86,7 @@ def test_the_oligopoly_comes_close_to_its_nash_equilibrium(answer: Any) -> None:
 
 
 def test_a_projected_system_may_be_simulated_by_steps(answer: Any) -> None:
-    found = answer("oligopoly", t_span=[0, 20], method="stepping", rtol=1e-7)
+    found = answer("oligopoly", t_span=[0, 20], method="time-stepping", rtol=1e-7)
     assert found["scheme"] == "projected-heun"
     assert found["x"][-1] == pytest.approx([30.0, 25.0, 0.0], abs=1e-5)
 
@@ -272,3 +272,62 @@ def test_the_schema_of_max_plus_keeps_its_two_forms(pricing: Any) -> None:
     assert [form["required"][1] for form in forms] == ["A", "transitions"]
     assert models["mechanics"]["required"] == ["model", "mass", "F", "q0", "v0", "t_span"]
     assert models["circuit"]["properties"]["netlist"]["type"] == "string"
+
+
+METHODS = ("saturation", "relays_to_origin", "rectifier_netlist", "bouncing_ball")
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"h": 0.1}, 'h = 0.1: must be left out with method="event-driven"'),
+        ({"lcp_method": "psor"}, "lcp_method = 'psor': must be left out with method=\"event-driven\""),
+        (
+            {"method": "time-stepping", "on_nonunique": "first"},
+            "on_nonunique = 'first': must be left out with method=\"time-stepping\"",
+        ),
+        (
+            {"method": "time-stepping", "max_events": 9},
+            'max_events = 9: must be left out with method="time-stepping"',
+        ),
+        ({"method": "time-stepping", "h": 0}, "h = 0.0: must be a number > 0"),
+        (
+            {"method": "time-stepping", "h": 0.1, "rtol": 1e-3},
+            "rtol = 0.001: must be left out with a constant step",
+        ),
+        (
+            {"method": "time-stepping", "theta": 0.5},
+            'theta = 0.5: must be left out unless scheme="theta"',
+        ),
+        ({"method": "time-stepping", "atol": -1}, "atol = -1.0: must be > 0"),
+    ],
+)
+def test_a_key_that_the_method_has_no_use_for_is_refused_by_its_name(
+    simulate: Any, name: str, changes: dict[str, Any], sentence: str
+) -> None:
+    assert simulate(example(name) | changes) == (2, "", f"pricing: {sentence}\n")
+
+
+def test_tolerances_for_each_state_are_as_many(simulate: Any) -> None:
+    changes = {"method": "time-stepping", "atol": [1, 1, 1]}
+    status, _, errors = simulate(example("relays_to_origin") | changes)
+    assert (status, errors) == (2, "pricing: atol = 'shape (3,)': must be a vector of length 2\n")
+
+
+def test_projected_systems_take_what_their_steps_use(simulate: Any) -> None:
+    """Their h is the vector of H x >= h, and no step."""
+    status, _, errors = simulate(example("oligopoly") | {"rtol": 1e-3})
+    assert (status, errors) == (2, 'pricing: rtol = 0.001: must be left out with method="event-driven"\n')
+    status, _, errors = simulate(example("oligopoly") | {"scheme": "sdirk2"})
+    assert (status, errors.startswith("pricing: key = 'scheme': must be one of ")) == (2, True)
+
+
+def test_mechanics_without_rebound_may_be_simulated_by_steps(answer: Any, simulate: Any) -> None:
+    found = answer("bouncing_ball", restitution=0, method="time-stepping", h=1e-3)
+    assert found["scheme"] == "implicit-euler"
+    assert (found["q"][-1], found["u"][-1]) == ([pytest.approx(0.0, abs=1e-9)], [pytest.approx(9.81)])
+    status, _, errors = simulate(example("bouncing_ball") | {"method": "time-stepping"})
+    assert status == 2
+    assert errors.startswith("pricing: method = ")
+    assert errors.endswith("must be event-driven where the restitution is > 0\n")

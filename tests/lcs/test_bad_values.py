@@ -8,9 +8,11 @@ import pytest
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import (
     LCS,
+    EventDriven,
     Exosystem,
     PiecewiseConstant,
     SemiExplicitSystem,
+    TimeStepping,
     mode_geometry,
     piecewise_linear,
     rational_complementarity,
@@ -26,7 +28,7 @@ from tests.problems.bad_values import WRONG, by_name
 SYSTEM = LCS([[-1.0]], [[1.0]], [[1.0]])
 FALLING = {"f": lambda x, u: u - 1.0, "h": lambda x, u: x, "pairs": 1}
 RUN = simulate(SYSTEM, [1.0], (0.0, 1.0))
-STEPPED = simulate(SYSTEM, [1.0], (0.0, 1.0), method="time-stepping", h=0.5)
+STEPPED = simulate(SYSTEM, [1.0], (0.0, 1.0), method=TimeStepping(step=0.5))
 
 
 def lcs(**given):
@@ -37,10 +39,6 @@ def run(**given):
     return simulate(**{"system": SYSTEM, "x0": [1.0], "t_span": (0.0, 1.0), **given})
 
 
-def stepped(**given):
-    return run(method="time-stepping", **given)
-
-
 def nonlinear(**given):
     return simulate_nonlinear(
         **{"system": SemiExplicitSystem(**FALLING), "x0": [1.0], "t_span": (0, 1), **given}
@@ -49,10 +47,11 @@ def nonlinear(**given):
 
 TAKEN = [
     *by_name(lcs, "A", "B", "C", "D", "f", "g"),
-    *by_name(run, "x0", "t_span", "t_eval", "interrupt", "rebound", "on_nonunique"),
-    *by_name(stepped, "x0", "t_span", "t_eval", "h", "rtol", "atol", "interrupt"),
-    ("theta", lambda value: stepped(scheme="theta", theta=value)),
-    *by_name(nonlinear, "x0", "t_span", "t_eval", "h", "rtol", "atol", "interrupt"),
+    *by_name(run, "x0", "t_span", "method", "t_eval", "interrupt"),
+    *by_name(EventDriven, "on_nonunique", "rebound"),
+    *by_name(TimeStepping, "scheme", "step", "tolerance", "absolute_tolerance", "lcp_method", "multipliers"),
+    ("theta", lambda value: TimeStepping("theta", value)),
+    *by_name(nonlinear, "x0", "t_span", "method", "t_eval", "interrupt"),
     *by_name(lambda **given: SemiExplicitSystem(**{**FALLING, **given}), "f", "h", "pairs", "f_jacobian"),
     ("f", lambda value: nonlinear(system=SemiExplicitSystem(**{**FALLING, "f": lambda x, u: value}))),
     *by_name(lambda **given: PiecewiseConstant(**{"times": [1], "values": [1], **given}), "times", "values"),
@@ -95,35 +94,16 @@ def test_a_transfer_matrix_is_evaluated_at_numbers_alone(s):
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("h", -1), ("h", 0), ("rtol", -1.0), ("atol", -1.0), ("theta", 0.4)]
-)
-def test_numerical_choices_out_of_range_are_refused(name, value):
-    with pytest.raises(InvalidInputError, match=name):
-        stepped(scheme="theta", **{name: value})
-
-
-@pytest.mark.parametrize("value", ["x", -1, 2.5, True, np.float64(3.0)])
-def test_events_are_counted_by_whole_numbers(value):
-    with pytest.raises(InvalidInputError, match=r"max_events = .* whole number"):
-        run(max_events=value)
-
-
-def test_a_tolerance_for_each_state_has_as_many_numbers():
-    with pytest.raises(InvalidInputError, match=r"atol = .* vector of length 1"):
-        stepped(atol=[1e-6, 1e-6])
-
-
 @pytest.mark.parametrize("kind", [np.float64, np.float32, np.int64, np.int8])
 def test_numpy_numbers_are_taken_as_those_of_python(kind):
     one, third = kind(1), Fraction(1, 3)
     mixed = LCS([[-one, third], [0, -1]], [[one], [0]], [[one, 0]], f=[third, one])
     plain = LCS([[-1, third], [0, -1]], [[1], [0]], [[1, 0]], f=[third, 1])
     span = (kind(0), kind(2))
-    found = simulate(mixed, [one, kind(3)], span, t_eval=[one], max_events=np.int64(9))
+    found = simulate(mixed, [one, kind(3)], span, t_eval=[one], method=EventDriven(max_events=np.int64(9)))
     assert np.array_equal(found.x, simulate(plain, [1, 3], (0, 2), t_eval=[1]).x)
     assert well_posedness(mixed).verdict == well_posedness(plain).verdict
-    assert stepped(h=one).t.tolist() == [0.0, 1.0]
+    assert run(method=TimeStepping(step=one)).t.tolist() == [0.0, 1.0]
 
 
 def test_the_smallest_numbers_are_numbers():

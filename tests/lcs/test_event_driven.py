@@ -12,7 +12,17 @@ from pricing_core.errors import (
     NumericalError,
     ZenoError,
 )
-from pricing_core.lcs import LCS, Exosystem, PiecewiseConstant, event_driven, piecewise_linear, simulate, sine
+from pricing_core.lcs import (
+    LCS,
+    EventDriven,
+    Exosystem,
+    PiecewiseConstant,
+    TimeStepping,
+    event_driven,
+    piecewise_linear,
+    simulate,
+    sine,
+)
 from tests.problems.lcs_problems import diode_bridge, problems, two_capacitors, two_relays
 from tests.problems.lcs_systems import bridge, filtered_bridge, integrators, two_carts, two_integrators
 
@@ -233,17 +243,18 @@ def test_several_continuations_are_reported_or_chosen_from(B):
         simulate(system, zero, (0.0, 1.0))
     ends = set()
     for wanted in range(3):
-        trajectory = simulate(system, zero, (0.0, 1.0), on_nonunique=lambda t, x, modes, i=wanted: modes[i])
+        method = EventDriven(lambda t, x, modes, i=wanted: modes[i])
+        trajectory = simulate(system, zero, (0.0, 1.0), method=method)
         ends.add(tuple(trajectory.x[-1].round(9)))
     expected = {(0.0,), (1.0,), (-1.0,)} if len(B) == 1 else {(0.0, 0.0), (2.0, 1.0), (-2.0, -1.0)}
     assert ends == expected
-    first = simulate(system, zero, (0.0, 1.0), on_nonunique="first")
+    first = simulate(system, zero, (0.0, 1.0), method=EventDriven("first"))
     assert tuple(first.x[-1].round(9)) in expected
 
 
 def test_a_mode_that_was_not_offered_is_refused():
     with pytest.raises(NonUniqueError, match="not one of"):
-        simulate(relays([[-1.0]]), [0.0], (0.0, 1.0), on_nonunique=lambda t, x, modes: (1,))
+        simulate(relays([[-1.0]]), [0.0], (0.0, 1.0), method=EventDriven(lambda t, x, modes: (1,)))
 
 
 def test_a_triple_integrator_jumps_to_the_origin():
@@ -332,7 +343,7 @@ def test_a_state_from_which_nothing_goes_on_is_named():
 
 def test_too_many_events_are_refused_by_time():
     with pytest.raises(IterationLimitError, match="5 events by t = "):
-        simulate(diode_bridge().system, [10.0, 0.0], (0.0, 5e-3), max_events=5)
+        simulate(diode_bridge().system, [10.0, 0.0], (0.0, 5e-3), method=EventDriven(max_events=5))
 
 
 def test_an_interrupt_keeps_the_trajectory_so_far():
@@ -361,7 +372,7 @@ def test_random_passive_systems_keep_their_constraints_and_lose_energy(seed):
     assert trajectory.y == pytest.approx(trajectory.x @ B + trajectory.u @ D.T, abs=1e-10)
     assert np.all(np.diff(np.sum(trajectory.x**2, axis=1)) < 1e-12)
     times = np.linspace(0.0, 5.0, 6)
-    stepped = simulate(system, x0, (0.0, 5.0), method="time-stepping", rtol=1e-6, atol=1e-8, t_eval=times)
+    stepped = simulate(system, x0, (0.0, 5.0), method=TimeStepping(tolerance=1e-6), t_eval=times)
     assert trajectory(times) == pytest.approx(stepped.x, abs=2e-4)
 
 
@@ -413,7 +424,7 @@ def test_a_twisting_relay_comes_to_rest_in_finite_time():
     B, C = [[0.0, 0.0, 0.0, 0.0], [2.0, 0.0, 1.0, 0.0]], [[1.0, 0.0], [0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]
     D = np.kron(np.eye(2), [[0.0, 1.0], [-1.0, 0.0]])
     twisting = LCS([[0.0, 1.0], [0.0, 0.0]], B, C, D, f=[0.0, -3.0], g=[0.0, 2.0, 0.0, 2.0])
-    trajectory = simulate(twisting, [0.0, 2.0], (0.0, 6.0), on_nonunique="first")
+    trajectory = simulate(twisting, [0.0, 2.0], (0.0, 6.0), method=EventDriven("first"))
     zeno = trajectory.events[-1]
     assert zeno.kind == "zeno"
     shrink = 1.0 / math.sqrt(3.0)
@@ -457,7 +468,7 @@ def test_inputs_that_no_output_sees_leave_the_state_open(A, B, C, x0):
     system = LCS(A, B, C)
     with pytest.raises(NonUniqueError, match=r"several continuations .* no output sees"):
         simulate(system, x0, (0.0, 1.0))
-    assert simulate(system, x0, (0.0, 1.0), on_nonunique="first").x[-1] == steady(x0)
+    assert simulate(system, x0, (0.0, 1.0), method=EventDriven("first")).x[-1] == steady(x0)
 
 
 def test_inputs_that_no_output_sees_and_that_move_nothing_leave_the_state_alone():
@@ -498,13 +509,12 @@ def test_a_slack_that_the_input_alone_takes_to_zero_at_its_knot_rises_again():
     assert trajectory.x[:, 0] == pytest.approx(np.exp([-0.15, -0.3, -0.45]), rel=1e-14)
 
 
-@pytest.mark.parametrize("method", ["event-driven", "time-stepping"])
+@pytest.mark.parametrize("method", [EventDriven(), TimeStepping(step=0.5)])
 def test_a_state_that_grows_without_bound_overflows_at_a_time(method):
     """x = e^t is 1e140 at t = 140 ln 10 = 322.4."""
-    h = None if method == "event-driven" else 0.5
     system = LCS([[1.0]], [[1.0]], [[1.0]])
     with pytest.raises(NumericalError, match=r"the state overflows at t = 3[12]\d"):
-        simulate(system, [1.0], (0.0, 1000.0), method=method, h=h)
+        simulate(system, [1.0], (0.0, 1000.0), method=method)
     assert simulate(system, [1.0], (0.0, 300.0)).x[-1, 0] == pytest.approx(math.exp(300.0), rel=1e-11)
 
 

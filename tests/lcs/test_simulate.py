@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pricing_core.errors import InvalidInputError
-from pricing_core.lcs import LCS, simulate
+from pricing_core.lcs import LCS, EventDriven, TimeStepping, simulate
 from tests.problems.lcs_problems import falling_ball, problems
 
 SYSTEM = LCS([[-1.0]], [[1.0]], [[1.0]])
@@ -16,9 +16,7 @@ def test_both_methods_give_the_same_trajectory(problem):
         problem.system,
         problem.x0,
         span,
-        method="time-stepping",
-        rtol=0.0,
-        atol=1e-6 * np.array(problem.scale),
+        method=TimeStepping(tolerance=0.0, absolute_tolerance=1e-6 * np.array(problem.scale)),
         t_eval=problem.times,
     )
     distance = np.max(np.abs(driven.x - stepped.x) / problem.scale)
@@ -36,16 +34,19 @@ def test_both_methods_give_the_same_trajectory(problem):
         ("method", {"method": "guessing"}),
         ("t_eval", {"t_eval": [2.0]}),
         ("t_eval", {"t_eval": [0.5, 0.4]}),
-        ("h", {"h": 0.1}),
-        ("rtol", {"rtol": 1e-3}),
-        ("theta", {"theta": 0.5}),
-        ("on_nonunique", {"on_nonunique": "last"}),
+        (
+            "rebound",
+            {
+                "system": LCS([[-1.0]], [[1.0]], [[1.0]], [[1.0]]),
+                "method": EventDriven(rebound=lambda *states: states),
+            },
+        ),
     ],
 )
 def test_bad_arguments_are_refused(field, arguments):
-    given = {"x0": [1.0], "t_span": (0.0, 1.0), **arguments}
+    given = {"system": SYSTEM, "x0": [1.0], "t_span": (0.0, 1.0), **arguments}
     with pytest.raises(InvalidInputError, match=field):
-        simulate(SYSTEM, **given)
+        simulate(**given)
 
 
 def test_a_refined_trajectory_agrees_with_its_own_flow() -> None:

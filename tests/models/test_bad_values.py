@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from pricing_core.errors import InvalidInputError
+from pricing_core.lcs import TimeStepping
 from pricing_core.models import (
     Characteristic,
     ControlAffineProblem,
+    DiodeCircuit,
     MechanicalSystem,
     PiecewiseLinearSystem,
     ProjectedSystem,
@@ -55,7 +57,7 @@ def thrown(**given):
 
 
 def in_the_box(**given):
-    return BOX.simulate(**{"x0": [1, 1], "t_span": (0, 1), "method": "stepping", **given})
+    return BOX.simulate(**{"x0": [1, 1], "t_span": (0, 1), "method": TimeStepping(tolerance=0.5), **given})
 
 
 def in_the_disc(**given):
@@ -68,17 +70,18 @@ def relayed(**given):
 
 TAKEN = [
     *by_name(relay, "A", "B", "C", "D", "lower", "upper"),
-    *by_name(relayed, "x0", "t_span", "t_eval", "form"),
-    ("h", lambda value: relayed(method="time-stepping", h=value)),
+    *by_name(relayed, "x0", "t_span", "method", "t_eval", "form"),
     ("count", RUN.refined),
     ("t", RUN),
     *by_name(polylines, "A", "B", "C", "D", "characteristics"),
+    ("method", lambda value: polylines().simulate([1.0], (0, 1), method=value)),
+    ("method", lambda value: DiodeCircuit().resistor("R", "a", "0", 1).simulate((0, 1), method=value)),
     *by_name(ball, "mass", "damping", "stiffness", "F", "force", "offset", "restitution"),
-    *by_name(thrown, "q0", "v0", "t_span", "t_eval"),
+    *by_name(thrown, "q0", "v0", "t_span", "method", "t_eval"),
     ("q", lambda value: ball().energy(value, [1.0])),
     ("v", lambda value: ball().energy([1.0], value)),
-    *by_name(in_the_box, "x0", "t_span", "t_eval", "rtol", "atol"),
-    *by_name(in_the_disc, "x0", "t_span", "t_eval", "rtol", "atol"),
+    *by_name(in_the_box, "x0", "t_span", "method", "t_eval"),
+    *by_name(in_the_disc, "x0", "t_span", "method", "t_eval"),
     ("F", lambda value: ProjectedSystem(value, ONE, [0, 0])),
     ("H", lambda value: ProjectedSystem((ONE, [1, 2]), value, [0, 0])),
     ("h", lambda value: ProjectedSystem((ONE, [1, 2]), ONE, value)),
@@ -165,5 +168,5 @@ def test_numpy_numbers_are_taken_as_those_of_python(kind):
     assert ball(mass=[[two]], restitution=one).restitution == 1.0
     fall = thrown(q0=[one], t_span=(kind(0), two), t_eval=[one])
     assert np.array_equal(fall.x, thrown(q0=[1], t_span=(0, 2), t_eval=[1]).x)
-    stepped = in_the_box(t_span=(kind(0), one), rtol=np.float32(0.5))
-    assert np.array_equal(stepped.x, in_the_box(rtol=0.5).x)
+    stepped = in_the_box(t_span=(kind(0), one), method=TimeStepping(tolerance=np.float32(0.5)))
+    assert np.array_equal(stepped.x, in_the_box().x)

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from pricing_core.errors import InvalidInputError
-from pricing_core.lcs import LCS, simulate, sine, transfer_matrix
+from pricing_core.errors import InvalidInputError, IterationLimitError
+from pricing_core.lcs import LCS, EventDriven, TimeStepping, simulate, sine, transfer_matrix
 from pricing_core.models import MechanicalSystem
 
 G = 9.81
@@ -170,3 +170,42 @@ def test_what_does_not_fit_is_refused_by_name(field, change):
 def test_a_start_inside_a_wall_names_the_constraint():
     with pytest.raises(InvalidInputError, match=r"constraint 1 holds: F q \+ offset is -0\.5"):
         carts().simulate([0.5, 1.0], [0.0, 0.0], (0.0, 1.0))
+
+
+def test_time_stepping_comes_to_rest_on_the_floor():
+    run = ball().simulate([1.0], [0.0], (0.0, 1.0), method=TimeStepping(step=1e-3))
+    assert run.scheme == "implicit-euler"
+    assert run.x[-1] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert run.u[-1] == pytest.approx([2.0 * G], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("field", "method"),
+    [
+        ("method", "time-stepping"),
+        ("method", TimeStepping(step=1e-3)),
+        ("rebound", EventDriven(rebound=lambda before, after, contacts: (after, np.zeros(1)))),
+    ],
+)
+def test_a_restitution_is_the_only_law_of_impact(field, method):
+    with pytest.raises(InvalidInputError, match=f"{field} = .* where the restitution is > 0"):
+        ball(0.5).simulate([1.0], [0.0], (0.0, 1.0), method=method)
+
+
+def test_without_restitution_another_law_may_be_given():
+    """What Newton's law does with e = 1/2, for one contact."""
+
+    def law(before, after, contacts):
+        assert contacts == (0,)
+        rising = np.array([after[0], -0.5 * before[1]])
+        return rising, 2.0 * (rising[1:] - before[1:])
+
+    given = ball().simulate([1.0], [0.0], (0.0, 1.2), method=EventDriven(rebound=law))
+    newton = ball(0.5).simulate([1.0], [0.0], (0.0, 1.2))
+    assert given.x[-1] == pytest.approx(newton.x[-1], rel=1e-12)
+    assert given.events[0].impulse == pytest.approx(newton.events[0].impulse, rel=1e-12)
+
+
+def test_events_are_counted_in_mechanics_too():
+    with pytest.raises(IterationLimitError, match="2 events by t = "):
+        ball(0.5).simulate([1.0], [0.0], (0.0, 3.0), method=EventDriven(max_events=2))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from pricing_core.errors import InfeasibleError, InvalidInputError, NonUniqueError
-from pricing_core.lcs import LCS, simulate, theorem_11_6
+from pricing_core.lcs import LCS, TimeStepping, simulate, theorem_11_6
 from pricing_core.models import (
     Characteristic,
     PiecewiseLinearSystem,
@@ -239,7 +239,7 @@ def test_time_stepping_agrees():
     times = np.linspace(0.0, 3.0, 7)
     system = PiecewiseLinearSystem([[0, 1], [-1, -0.1]], [[0], [1]], [[0, 1]], None, [relay_step(-0.4, 0.2)])
     exact = system.simulate([1.0, 0.0], (0.0, 3.0), t_eval=times)
-    stepped = system.simulate([1.0, 0.0], (0.0, 3.0), t_eval=times, method="time-stepping", h=1e-3)
+    stepped = system.simulate([1.0, 0.0], (0.0, 3.0), method=TimeStepping(step=1e-3), t_eval=times)
     assert stepped.x == pytest.approx(exact.x, abs=5e-3)
     assert on_the_curves(system, stepped) < 1e-9
 

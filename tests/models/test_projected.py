@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pricing_core.errors import InfeasibleError, InvalidInputError, IterationLimitError, NumericalError
-from pricing_core.lcs import simulate
+from pricing_core.lcs import EventDriven, TimeStepping, simulate
 from pricing_core.models import ProjectedSystem
 
 
@@ -100,13 +100,13 @@ def test_projected_dynamics_are_the_complementarity_system(seed):
     system, x0 = random_monotone(seed)
     times = np.linspace(0.0, 2.0, 9)
     lcs = system.simulate(x0, (0.0, 2.0), t_eval=times)
-    stepped = system.simulate(x0, (0.0, 2.0), t_eval=times, method="stepping", rtol=1e-4)
+    stepped = system.simulate(x0, (0.0, 2.0), t_eval=times, method=TimeStepping(tolerance=1e-4))
     assert stepped.x == pytest.approx(lcs.x, abs=2e-3)
     for x, u in zip(lcs.x, lcs.u, strict=True):
         direction, multipliers = system.velocity(x)
         assert direction == pytest.approx(-system.F(x) + system.K.H.T @ u, abs=1e-6)
         assert system.K.H.T @ multipliers == pytest.approx(system.K.H.T @ u, abs=1e-6)
-    backward = simulate(system.to_lcs(), x0, (0.0, 2.0), method="time-stepping", h=1e-2, t_eval=times)
+    backward = simulate(system.to_lcs(), x0, (0.0, 2.0), method=TimeStepping(step=1e-2), t_eval=times)
     assert backward.x == pytest.approx(lcs.x, abs=0.1)
 
 
@@ -133,7 +133,8 @@ def test_more_constraints_than_dimensions_may_meet_in_a_corner():
 def test_a_smooth_boundary_is_slid_along(rtol, error):
     """Straight to the circle, and on it theta' = -sin theta: tan(theta/2) = tan(theta0/2) e^{-t}."""
     theta = math.pi - 2.5
-    run = disc().simulate([math.cos(2.5), math.sin(2.5)], (0.0, 3.0), rtol=rtol, atol=rtol / 100)
+    method = TimeStepping(tolerance=rtol, absolute_tolerance=rtol / 100)
+    run = disc().simulate([math.cos(2.5), math.sin(2.5)], (0.0, 3.0), method=method)
     left = 3.0 - 2.0 * math.cos(theta)
     end = 2 * math.atan(math.tan(theta / 2) * math.exp(-left))
     assert run.x[-1] == pytest.approx([math.cos(end), math.sin(end)], abs=error)
@@ -178,6 +179,19 @@ def test_normals_and_projections_of_a_corner():
         (lambda: ProjectedSystem((np.eye(2), [0, 0]), np.eye(3), np.zeros(3)), "H = .*3 columns"),
         (lambda: ProjectedSystem(np.eye(2), np.eye(2), np.zeros(2)), r"(?s)F = .*pair"),
         (lambda: disc().simulate([0.0, 0.0], (0, 1), method="event-driven"), "F = "),
+        *(
+            (
+                lambda method=method: disc().simulate([0.0, 0.0], (0, 1), method=method),
+                f"{field} = .*left out",
+            )
+            for field, method in (
+                ("scheme", TimeStepping("implicit-euler")),
+                ("lcp_method", TimeStepping(lcp_method="psor")),
+                ("multipliers", TimeStepping(multipliers="least-norm")),
+                ("on_nonunique", EventDriven("first")),
+                ("rebound", EventDriven(rebound=lambda before, after, contacts: (after, []))),
+            )
+        ),
     ],
 )
 def test_bad_input_is_named(call, message):
@@ -190,12 +204,12 @@ def test_an_empty_polyhedron_is_refused():
         ProjectedSystem((np.eye(1), [0]), [[1], [-1]], [1, 0])
 
 
-@pytest.mark.parametrize("method", ["event-driven", "stepping"])
+@pytest.mark.parametrize("method", [EventDriven(), TimeStepping(tolerance=1e-2)])
 def test_a_motion_without_bound_overflows_at_a_time(method):
     """x' = 4 x from 1: 1e140 at t = 80.6, with loose steps somewhat later."""
     system = ProjectedSystem((-4.0 * np.eye(1), [0.0]), np.eye(1), [0.0])
     with pytest.raises(NumericalError, match=r"the state overflows at t = (79|8[0-2])\."):
-        system.simulate([1.0], (0.0, 200.0), method=method, rtol=1e-2)
+        system.simulate([1.0], (0.0, 200.0), method=method)
 
 
 def test_functions_without_a_value_on_the_way_are_named():
@@ -208,3 +222,22 @@ def test_functions_without_a_value_on_the_way_are_named():
         ProjectedSystem(
             lambda x: x, constraints=lambda x: [1 - x @ x], constraint_gradients=lambda x: [[np.nan, 0.0]]
         ).projection([2.0, 2.0])
+
+
+def test_a_constant_step_is_as_long_as_told():
+    """Along x2 = 0 towards (1, 0) with x1' = 1 - x1: Heun's error falls with the square of the step."""
+    slide = ProjectedSystem((np.eye(2), [-1.0, 1.0]), np.eye(2), [0.0, 0.0])
+    errors = []
+    for count in (10, 20, 40):
+        run = slide.simulate([0.0, 0.0], (0.0, 1.0), method=TimeStepping(step=1.0 / count))
+        assert run.t == pytest.approx(np.linspace(0.0, 1.0, count + 1), abs=1e-12)
+        errors.append(abs(run.x[-1, 0] - (1.0 - math.exp(-1.0))))
+    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(2.0, abs=0.1)
+
+
+def test_automatic_is_by_steps_where_no_flow_is_exact():
+    automatic, stepped = (
+        disc().simulate([0.0, 0.0], (0.0, 3.0), method=method) for method in ("auto", "time-stepping")
+    )
+    assert np.array_equal(automatic.x, stepped.x)
+    assert automatic.lcs.scheme == "projected-heun"

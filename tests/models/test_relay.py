@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pricing_core.errors import InvalidInputError, NonUniqueError
-from pricing_core.lcs import theorem_11_6
+from pricing_core.lcs import EventDriven, TimeStepping, theorem_11_6
 from pricing_core.models import RelaySystem
 
 FORMS = ("input-output", "dae")
@@ -126,7 +126,7 @@ def test_the_relay_with_the_wrong_sign_has_three_continuations(form):
     with pytest.raises(NonUniqueError, match="several continuations"):
         system.simulate([0.0], (0.0, 1.0), form=form)
     ends = {
-        system.simulate([0.0], (0.0, 1.0), form=form, on_nonunique=lambda t, x, modes, i=i: modes[i])
+        system.simulate([0.0], (0.0, 1.0), form=form, method=EventDriven(lambda t, x, modes, i=i: modes[i]))
         .x[-1]
         .item()
         for i in range(3)
@@ -147,7 +147,7 @@ def test_a_relay_that_does_not_see_its_effect_may_give_anything_at_zero(A, B, C,
         system.simulate(on, (0.0, 1.0), form=form)
     with pytest.raises(NonUniqueError, match="several continuations"):
         system.to_piecewise_linear().simulate(on, (0.0, 1.0))
-    chosen = system.simulate(on, (0.0, 1.0), form=form, on_nonunique="first")
+    chosen = system.simulate(on, (0.0, 1.0), form=form, method=EventDriven("first"))
     assert abs(chosen.x[-1, 0]) == steady(1.0)
     if off is not None:
         assert system.simulate(off, (0.0, 1.0), form=form).x[-1] == steady([-1.0, math.exp(-1.0)])
@@ -206,7 +206,8 @@ def test_time_stepping_agrees(form):
     times = np.linspace(0.0, 3.0, 13)
     system = RelaySystem([[-0.2, 1.0], [-1.0, -0.3]], [[0.5], [1.0]], [[1.0, 0.5]])
     exact = system.simulate([2.0, 1.0], (0.0, 3.0), form=form, t_eval=times)
-    stepped = system.simulate([2.0, 1.0], (0.0, 3.0), form=form, t_eval=times, method="time-stepping", h=1e-3)
+    method = TimeStepping(step=1e-3)
+    stepped = system.simulate([2.0, 1.0], (0.0, 3.0), form=form, method=method, t_eval=times)
     assert stepped.x == pytest.approx(exact.x, abs=5e-3)
     assert np.all(np.abs(stepped.u) <= 1.0 + 1e-9)
 

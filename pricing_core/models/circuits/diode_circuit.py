@@ -1,13 +1,13 @@
 """The builder of circuits with ideal diodes (11.2.1)."""
 
 from collections.abc import Callable
-from typing import Literal, Self
+from typing import Self
 
 from numpy.typing import ArrayLike
 
 from pricing_core.errors import InfeasibleError, InvalidInputError
-from pricing_core.lcs.mode_selection import OnNonUnique
-from pricing_core.lcs.simulate import MAX_EVENTS, simulate
+from pricing_core.lcs import simulate
+from pricing_core.lcs.simulation_method import SimulationMethod
 from pricing_core.lcs.simulation_times import checked_span
 from pricing_core.models.circuits.assembly import assemble
 from pricing_core.models.circuits.checked import checked_words
@@ -211,10 +211,8 @@ class DiodeCircuit:
         t_span: tuple[float, float],
         x0: ArrayLike | None = None,
         *,
-        method: Literal["event-driven", "time-stepping"] = "event-driven",
+        method: SimulationMethod = "event-driven",
         t_eval: ArrayLike | None = None,
-        on_nonunique: OnNonUnique = "raise",
-        max_events: int = MAX_EVENTS,
         interrupt: Callable[[], bool] | None = None,
     ) -> CircuitRun:
         """Simulate the circuit over t_span, in seconds.
@@ -223,7 +221,7 @@ class DiodeCircuit:
         ----------
         x0 : array_like, shape (n,), optional
             In the order of `CircuitLCS.state_names`; from the elements' initial voltages and currents if missing.
-        method, t_eval, on_nonunique, max_events, interrupt
+        method, t_eval, interrupt
             See `pricing_core.lcs.simulate`.
 
         Raises
@@ -255,8 +253,6 @@ class DiodeCircuit:
                 span,
                 method=method,
                 t_eval=t_eval,
-                on_nonunique=on_nonunique,
-                max_events=max_events,
                 interrupt=interrupt,
             )
         except InfeasibleError as error:

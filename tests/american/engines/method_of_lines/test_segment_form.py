@@ -6,7 +6,7 @@ import pytest
 
 from pricing_core.american import Market, Option
 from pricing_core.american.engines.method_of_lines.stage import TridiagonalStage, start_state
-from pricing_core.lcs import LCSStage, LCSState, simulate
+from pricing_core.lcs import LCSStage, LCSState, TimeStepping, simulate
 from pricing_core.stepping import ImplicitEuler, Sdirk2
 from tests.problems.segment_forms import CONTRACTS, segment_form
 
@@ -137,7 +137,8 @@ def test_the_general_simulator_prices_the_option():
     """`simulate` knows nothing of options: 6.090371 is the true value, 3e-2 the error of this coarse grid."""
     form, values = segment_form(CONTRACTS["put"], 80, truncation=1e-6)
     system, x0 = form.as_lcs(values)
-    trajectory = simulate(system, x0, (0.0, 1.0), method="time-stepping", rtol=0.0, atol=1e-5, t_eval=[1.0])
+    method = TimeStepping(tolerance=0.0, absolute_tolerance=1e-5)
+    trajectory = simulate(system, x0, (0.0, 1.0), method=method, t_eval=[1.0])
     value = 100 * np.interp(1.0, form.grid.interior, trajectory.x[-1, : form.grid.interior.size])
     assert value == pytest.approx(6.090371, abs=3e-2)
 
