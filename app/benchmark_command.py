@@ -7,7 +7,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple, Protocol, cast
 
-from benchmarks.report import Report, write_report
+from benchmarks.reporting.files import write_report
+from benchmarks.reporting.report import Report
 from pricing_core.errors import InvalidInputError
 
 MODULES = {

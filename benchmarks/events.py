@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import pricing_core
-from benchmarks import quantlib_dividends
-from benchmarks.machine import cpu_model
-from benchmarks.portfolios import DAYS_PER_YEAR, STRIKE, Portfolio
+from benchmarks.measuring.machine import cpu_model
+from benchmarks.problems.portfolios import DAYS_PER_YEAR, STRIKE, Portfolio
+from benchmarks.quantlib import cash_dividends
 from pricing_core import kernel
 from pricing_core.american import Greeks, contract_from, price_many
 from pricing_core.american.book.book import Book
@@ -195,7 +195,7 @@ def report(option_type: str, rows: int = ROWS, seconds: float = SECONDS) -> None
         f"level {level}: {us:.0f}" for level, us in zip(LEVELS, solve_times(book, seconds), strict=True)
     )
     print(f"the kernel alone, us per American solve: {alone}")
-    if quantlib_dividends.AVAILABLE:
+    if cash_dividends.AVAILABLE:
         _report_quantlib(payers, exact)
 
 
@@ -203,10 +203,10 @@ def _report_quantlib(payers: Payers, reference: Vector) -> None:
     chosen = payers.contracts.sample(min(QUANTLIB_ROWS, len(payers.contracts)))
     few = payers.contracts.take(chosen)
     days, amounts = payers.dividends.days[chosen], payers.dividends.amounts[chosen]
-    for steps, nodes in quantlib_dividends.GRIDS:
-        options = quantlib_dividends.options_with_dividends(few, days, amounts, steps, nodes)
+    for steps, nodes in cash_dividends.GRIDS:
+        options = cash_dividends.options_with_dividends(few, days, amounts, steps, nodes)
         start = time.perf_counter()
-        found = quantlib_dividends.prices(options)
+        found = cash_dividends.prices(options)
         milliseconds = 1e3 * (time.perf_counter() - start) / len(few)
         error = np.abs(found - reference[chosen]) / STRIKE
         root = np.sqrt(np.mean(np.square(error)))

@@ -28,9 +28,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pricing_core
-from benchmarks.frozen_comparison import compare, read_frozen
-from benchmarks.frozen_contracts import EVERY, FAMILIES, SEED, Answer, Contract, all_contracts
-from benchmarks.frozen_report import report
+from benchmarks.frozen_answers.comparison import compare, read_frozen
+from benchmarks.frozen_answers.contracts import EVERY, FAMILIES, SEED, Answer, Contract, all_contracts
+from benchmarks.frozen_answers.report import report
 from pricing_core.american import (
     Greeks,
     contract_from,

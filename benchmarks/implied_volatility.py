@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pricing_core
-from benchmarks.portfolios import everyday
+from benchmarks.problems.portfolios import everyday
 from pricing_core.american import implied_volatility_many, price_many
 
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6)

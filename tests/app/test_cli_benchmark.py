@@ -11,7 +11,7 @@ import pytest
 
 from app import benchmark_command
 from app.cli import main
-from benchmarks.report import Report, Section
+from benchmarks.reporting.report import Report, Section
 
 
 @pytest.fixture

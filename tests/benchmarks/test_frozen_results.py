@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from benchmarks.frozen_comparison import read_frozen
-from benchmarks.frozen_contracts import EVERY, all_contracts
+from benchmarks.frozen_answers.comparison import read_frozen
+from benchmarks.frozen_answers.contracts import EVERY, all_contracts
 from benchmarks.frozen_results import chosen, main, plain
 from pricing_core.american import contract_from
 from pricing_core.errors import InvalidInputError
