@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.frozen_answers.contracts import Answer, Contract
+from benchmarks.frozen_answers.answers import Answer
+from benchmarks.frozen_answers.contracts import Contract
 
 COMPILED = ("premium-march", "multiplier-collocation", "closed-form")  # Methods that owe the same digits.
 SAME = 1e-13  # Largest relative difference of two numbers that count as equal.

@@ -4,9 +4,10 @@ from typing import Any
 
 import pytest
 
+from benchmarks.frozen_answers.answers import chosen, plain
 from benchmarks.frozen_answers.comparison import read_frozen
 from benchmarks.frozen_answers.contracts import EVERY, all_contracts
-from benchmarks.frozen_results import chosen, main, plain
+from benchmarks.frozen_results import main
 from pricing_core.american import contract_from
 from pricing_core.errors import InvalidInputError
 
