@@ -9,7 +9,7 @@ import pytest
 
 from tests.problems.needs_kernel import needs_kernel
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
