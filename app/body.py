@@ -22,7 +22,8 @@ from pricing_core.errors import InvalidInputError, Told
 Model = TypeVar("Model", bound=BaseModel)
 Location: TypeAlias = tuple[int | str, ...]
 LONGEST_NAME = 40
-KINDS = {NUMBER: "number", CURVE: "object", DATE: "string"}  # of a rate or a time, and their types in JSON
+# The kinds that a rate or a time may be of, and their types in JSON.
+KINDS = {NUMBER: "number", CURVE: "object", DATE: "string"}
 LENGTHS = ("too_long", "too_short")  # kinds of fault, as pydantic calls them
 OF_NUMBERS = ("float_type", "finite_number", "greater_than_equal", "less_than_equal")
 

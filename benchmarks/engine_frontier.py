@@ -25,7 +25,8 @@ from benchmarks.problems.portfolios import (
 from benchmarks.quantlib import american_engines
 from benchmarks.reporting.report import Report
 
-LEAST_PRICE = 0.005  # of the strike: what Andersen, Lake and Offengenden count
+# Lowest price that counts, as a fraction of the strike, as with Andersen, Lake and Offengenden.
+LEAST_PRICE = 0.005
 OVERHEAD_ROWS = 1000
 
 

@@ -33,8 +33,8 @@ COLLOCATED = "multiplier-collocation"
 TOLERANCES = (1e-4, 1e-5, 1e-6)
 REFERENCE = 1e-8
 LEVELS = (1, 2, 3, 4, 5)
-SECONDS = 1.0  # that each measurement is repeated for, at least
-ROWS = 2000  # of puts, and of calls
+SECONDS = 1.0  # Least time that each measurement is repeated for.
+ROWS = 2000  # Number of puts, and of calls.
 QUANTLIB_ROWS = 100
 DIVIDENDS = 4
 
@@ -115,8 +115,8 @@ class Rate(NamedTuple):
     """What a table of contracts takes, in its quickest run; errors are fractions of the strike."""
 
     per_second: float
-    solves: float  # of a contract
-    microseconds: float  # of a solve
+    solves: float  # solves per contract
+    microseconds: float  # time per solve
     kernel: float  # share of the time
     collocated: float  # share of the rows, as the next two
     ok: float

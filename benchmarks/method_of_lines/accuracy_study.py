@@ -39,7 +39,7 @@ class Run(NamedTuple):
     node_steps : float
         Unknowns times implicit solves.
     errors : dict
-        Of every output.
+        The error of every output, by name.
     """
 
     method: str

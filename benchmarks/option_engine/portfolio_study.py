@@ -34,9 +34,9 @@ class Effort:
     Parameters
     ----------
     tolerances : tuple of float
-        Of this engine.
+        Tolerances of this engine.
     single_rows, single_tolerances
-        Of the LCS path and Crank-Nicolson, which price one contract per call.
+        Contracts and tolerances of the LCS path and Crank-Nicolson, which price one contract per call.
     screened_rows, slow_rows : int
         See `peer_methods`.
     """

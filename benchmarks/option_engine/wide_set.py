@@ -11,7 +11,8 @@ from benchmarks.quantlib.american_engines import Reference
 from pricing_core.american import price_many
 
 TOLERANCES = (1e-5, 1e-6, 1e-7)
-LEAST_ERROR = 1e-9  # of the strike, below which an estimate is not compared with the error
+# Smallest error, as a fraction of the strike, that an estimate is compared with.
+LEAST_ERROR = 1e-9
 
 
 class ToleranceKept(NamedTuple):

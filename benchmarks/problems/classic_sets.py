@@ -14,7 +14,8 @@ from pricing_core.american.contracts.fields import OptionType
 from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.arrays import Vector
 
-NEAR_BOUNDARY = 0.01  # of the boundary: closer to it gamma is not compared, because it jumps there
+# Distance from the boundary, as a fraction of it, within which gamma is not compared: it jumps there.
+NEAR_BOUNDARY = 0.01
 BOUNDARY_TIMES = (0.1, 0.25, 0.5, 1.0)  # times to expiry, as fractions of the expiry
 
 

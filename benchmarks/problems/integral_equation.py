@@ -28,7 +28,7 @@ from pricing_core.american.engines.perpetual import perpetual_boundary
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import NumericalError
 
-DEGREE = 32  # of the boundary's polynomial
+DEGREE = 32  # Degree of the boundary's polynomial.
 BOUNDARY_POINTS, VALUE_POINTS = 64, 500  # quadrature
 CONVERGED = 1e-13  # largest change of ln B
 MOST_ITERATIONS = 500
@@ -40,7 +40,7 @@ class PutBoundary:
 
     segment: Segment  # the put's whole life
     limit: float  # B(0+)/K
-    coefficients: Vector  # of ln(B/limit)**2 in Chebyshev polynomials of 2 sqrt(tau/expiry) - 1
+    coefficients: Vector  # ln(B/limit)**2 in Chebyshev polynomials of 2 sqrt(tau/expiry) - 1
 
     def at(self, tau: Vector) -> Vector:
         """Return B(tau)/K, shape of tau."""
@@ -97,7 +97,7 @@ def put_values(boundary: PutBoundary, spots: Vector) -> PutValues:
     density = bond * _density(d2) / (S * spread)
     value = rate * bond * ndtr(-d2) - dividend_yield * S * share * ndtr(-d1)
     delta = (dividend_yield * B - rate) * density - dividend_yield * share * ndtr(-d1)
-    slope = -(1.0 + d2 / spread) / S  # of ln(density)
+    slope = -(1.0 + d2 / spread) / S  # derivative of ln(density)
     gamma = (dividend_yield * B - rate) * density * slope + dividend_yield * B / S * density
     d2, d1, spread = _distances(segment, spots, np.array(expiry))
     bond, share = np.exp(-rate * expiry), np.exp(-dividend_yield * expiry)

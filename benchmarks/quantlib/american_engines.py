@@ -25,7 +25,8 @@ QD_FP = "QuantLib QdFp"
 FINITE_DIFFERENCES = "QuantLib finite differences"
 LEISEN_REIMER = "QuantLib Leisen-Reimer"
 
-AGREEMENT = 1e-8  # of the strike, between the two fixed-point systems
+# Largest difference of the two fixed-point systems for a reference value, as a fraction of the strike.
+AGREEMENT = 1e-8
 CONTRACTS_PER_CALL = 64  # timed at a time: short enough to escape most interruptions
 GRIDS = ((50, 100), (100, 100), (200, 200), (400, 400))  # time steps, space steps
 TREE_STEPS = (51, 101, 201, 401, 801)

@@ -27,9 +27,9 @@ def options_with_dividends(
     ----------
     portfolio : Portfolio
     days, amounts : shape (n, m)
-        Of each contract's dividends: days from now, and money.
+        Ex-dates of each contract's dividends in days from now, and their amounts in money.
     steps, nodes : int
-        Of the grid.
+        Size of the grid.
     """
     instruments = Instruments.of(portfolio)
     today = ql.Settings.instance().evaluationDate

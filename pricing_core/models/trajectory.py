@@ -37,7 +37,7 @@ class ModelTrajectory:
         What they are given: relay inputs, arguments of characteristics.
     switches : tuple of Switch
     lcs : Trajectory
-        Of the linear complementarity system that was simulated, with its own u and y.
+        The run of the linear complementarity system that was simulated, with its own u and y.
     external : callable
         From those to the u and y of the model.
     pieces : callable

@@ -102,7 +102,7 @@ def test_a_number_changed_within_the_errors_is_no_contradiction(pair, capsys):
 
 
 def test_the_last_digits_may_differ(pair, capsys):
-    assert pair.compare({"intrinsic_value": lambda value: value + 1e-12}) == 0  # of a strike of 100
+    assert pair.compare({"intrinsic_value": lambda value: value + 1e-12}) == 0  # at a strike of 100
     assert capsys.readouterr().out.endswith("\nNo difference.\n")
 
 

@@ -486,7 +486,7 @@ def test_an_output_that_reaches_zero_at_a_knot_is_left_to_the_input_after_it(kno
     trajectory = simulate(system, [1.0], (start, start + 2 * knot))
     (event,) = trajectory.events
     assert (event.kind, event.time, event.mode_after) == ("input", start + knot, ())
-    assert trajectory.x[-1, 0] == pytest.approx(1.0, abs=2e-9)  # of times about 1e6 no more is known
+    assert trajectory.x[-1, 0] == pytest.approx(1.0, abs=2e-9)  # times about 1e6 are known no better
     assert not trajectory.u.any()
 
 

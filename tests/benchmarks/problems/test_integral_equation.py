@@ -10,7 +10,7 @@ from benchmarks.problems.integral_equation import put_values, solve_put_boundary
 from pricing_core.american import Market
 
 DATA = Path(__file__).parents[2] / "data"
-OWN_ERROR = 1e-9  # of the strike
+OWN_ERROR = 1e-9  # as a fraction of the strike
 
 
 def rows(name: str) -> Iterator[dict[str, str]]:
