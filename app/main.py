@@ -9,7 +9,7 @@ from fastapi import FastAPI
 from app import docs_page
 from app.envelope import Envelope
 from app.errors import install_handlers
-from app.head import HeadAsGet
+from app.head_requests import HeadAsGet
 from app.pool import PricingPool
 from app.routes import boundary, health, implied_volatility, price
 from app.settings import Settings, settings_from_environment

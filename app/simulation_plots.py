@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from app.plots import DOTS_PER_INCH, GREY
+from app.boundary_plot import DOTS_PER_INCH, GREY
 from app.simulation import ROUNDING, Columns, Samples, Simulation
 from pricing_core.arrays import Vector
 

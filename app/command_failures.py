@@ -1,4 +1,4 @@
-"""How a command fails: one line on standard error and a status, never a traceback."""
+"""What a command does when it fails: one line on standard error and an exit status, never a traceback."""
 
 import os
 import signal

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from app.plots import draw_boundary, limits_at_expiry
+from app.boundary_plot import draw_boundary, limits_at_expiry
 from pricing_core.american import ExerciseBoundary, Market, Option, PiecewiseConstant, exercise_boundary
 
 PUT, CALL = Option("put", 100.0, 1.0), Option("call", 100.0, 1.0)

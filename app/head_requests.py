@@ -1,4 +1,4 @@
-"""HEAD, answered wherever GET is."""
+"""HEAD requests, which are answered wherever GET is."""
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 

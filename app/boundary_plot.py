@@ -1,4 +1,4 @@
-"""Pictures of results, as PNG; matplotlib is imported by whoever asks for one."""
+"""The picture of an exercise boundary, as PNG; importing this module imports matplotlib."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""How the OpenAPI description names the problems that an operation may answer with."""
+"""The problems that an operation may answer with, as the OpenAPI description states them."""
 
 from typing import Any
 
