@@ -22,7 +22,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     Parameters
     ----------
     settings : Settings, optional
-        From the environment unless given.
+        The limits of the service; taken from the environment unless given.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How long does a method take for an accuracy: the lower envelope of its settings, and points between them."""
+"""The time that a method takes for an accuracy: the lower envelope of its settings, and points between them."""
 
 import math
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""How long do calls take that are repeated in turn, so that noise on the machine meets them all?"""
+"""Times of calls that are repeated in turn, so that noise on the machine meets them all."""
 
 import gc
 from collections.abc import Callable, Iterator, Sequence

@@ -26,7 +26,7 @@ class Portfolio:
     spot, strike : Vector
         Money.
     days : array of int
-        To expiry; `expiry` is in years of 360 days.
+        Days to expiry; `expiry` is in years of 360 days.
     rate, dividend_yield : Vector
         Per year, continuously compounded.
     volatility : Vector

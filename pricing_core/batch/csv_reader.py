@@ -1,4 +1,4 @@
-"""CSV tables, read as text: each cell is judged by itself, so a bad one rejects its own row and no other.
+"""CSV tables, read as text: each cell is checked by itself, so a bad one rejects its own row and no other.
 
 The standard library's reader rather than a columnar one: it knows on which physical line every record starts,
 blank lines and quoted newlines included, and it goes on behind a malformed line.

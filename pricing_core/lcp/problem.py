@@ -1,4 +1,4 @@
-"""The linear complementarity problem, its solution, and the residuals that judge one."""
+"""The linear complementarity problem, its solution, and the residuals that measure its error."""
 
 from dataclasses import dataclass
 

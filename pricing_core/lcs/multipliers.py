@@ -20,7 +20,7 @@ def least_norm_multipliers(system: LCS, u: Matrix, y: Matrix) -> tuple[Matrix, M
     ----------
     system : LCS
     u, y : Matrix, shape (m, k)
-        At m times.
+        Multipliers and slacks at m times.
 
     Notes
     -----

@@ -39,9 +39,9 @@ class ModelTrajectory:
     lcs : Trajectory
         The run of the linear complementarity system that was simulated, with its own u and y.
     external : callable
-        From those to the u and y of the model.
+        Function from its u and y to those of the model.
     pieces : callable
-        From a mode of that system to the pieces that the elements are on.
+        Function from a mode of that system to the pieces that the elements are on.
     """
 
     t: Vector

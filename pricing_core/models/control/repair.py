@@ -139,7 +139,7 @@ def _positive_parts(contact: Contact, t: Vector, eta: Vector, smooth: bool) -> l
 def _with_violated(
     data: LQData, orders: tuple[int | None, ...], samples: tuple[Samples, ...], structure: Structure
 ) -> Structure:
-    """Add contacts where slacks are negative; a touch point inside such a stretch grows to an arc."""
+    """Add contacts where slacks are negative; a touch point inside such an interval grows to an arc."""
     t = np.concatenate([part.t for part in samples])
     x = np.vstack([part.x for part in samples])
     largest = max(float(np.max(np.abs(values))) for part in samples for values in (part.x, part.costate))

@@ -30,7 +30,7 @@ class Shot:
     starts : tuple of Matrix, shape (pieces, d + 1)
         (c, 1) at the start of every piece of every segment.
     atoms : tuple of Vector
-        For each junction, of the constraints in its `with_atom`.
+        The atoms of each junction, for the constraints in its `with_atom`.
     residual : float
         The largest violation of the equations, against the size of (x, lambda).
     converged : bool

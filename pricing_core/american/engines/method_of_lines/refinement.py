@@ -129,7 +129,7 @@ def value_on_same_grids(estimate: Estimate, solver: ScheduleSolver) -> tuple[flo
     Parameters
     ----------
     solver : ScheduleSolver
-        On the range of spots that the estimate was solved on.
+        The solver on the range of spots that the estimate was solved on.
     """
     levels = []
     for level in estimate.levels:

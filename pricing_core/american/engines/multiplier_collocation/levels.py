@@ -92,7 +92,7 @@ class Solved:
     settled : bool array
         Whether the collocation found every boundary; nothing in the other columns may be used where it did not.
     level : int array
-        At which the value was found.
+        The level at which the value was found.
     """
 
     value: Vector
