@@ -13,7 +13,7 @@ from pricing_core.errors import (
     ZenoError,
 )
 from pricing_core.lcs import LCS, Exosystem, PiecewiseConstant, event_driven, piecewise_linear, simulate, sine
-from tests.problems.lcs_problems import diode_bridge, problems, two_capacitors, two_relays
+from tests.problems.lcs_problems import diode_bridge, problems, pulled_particle, two_capacitors, two_relays
 from tests.problems.lcs_systems import bridge, filtered_bridge, integrators, two_carts, two_integrators
 
 
@@ -298,14 +298,7 @@ def test_a_wall_that_moves_like_a_sine_carries_the_particle_until_it_is_too_fast
 
 
 def test_inputs_that_jump_are_events_and_may_force_the_state_to_jump():
-    system = LCS(
-        [[0.0]],
-        [[1.0]],
-        [[1.0]],
-        f=PiecewiseConstant([1.0, 9.0], [[-1.0], [2.0]]),
-        g=PiecewiseConstant([1.5, 9.0], [[0.0], [-3.0]]),
-    )
-    trajectory = simulate(system, [0.5], (0.0, 2.0))
+    trajectory = simulate(pulled_particle().system, [0.5], (0.0, 2.0))
     assert [(event.time, event.kind) for event in trajectory.events] == [
         (0.5, "switch"),
         (1.0, "input"),
