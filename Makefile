@@ -10,14 +10,17 @@ BIN := $(VENV)/bin
 INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 CARGO := $(shell command -v cargo 2>/dev/null)
 MANIFEST := --manifest-path kernels/Cargo.toml
-SOURCES := pyproject.toml constraints.txt kernels/Cargo.toml kernels/Cargo.lock $(wildcard kernels/src/*.rs kernels/src/*/*.rs)
+BUILD_TOOLS := 'setuptools>=77,<84' 'setuptools-rust>=1.11,<2'
+SOURCES := pyproject.toml setup.py constraints.txt kernels/Cargo.toml kernels/Cargo.lock $(wildcard kernels/src/*.rs kernels/src/*/*.rs)
+SAY_WHAT_IS_DONE := echo "$(if $(CARGO),installing the packages and compiling the kernel: about two minutes on two cores,installing \
+	the packages) ..."
 SAY_KERNEL := $(BIN)/python -c "import pricing_core as p; name = p.kernel_name(); print('kernel:', name, \
 	'' if name == 'rust' else '- NOT COMPILED, 500 to 2,000 times slower: it needs Rust 1.89 or later')"
 
 # cargo and the build backend must agree on the interpreter, or each would recompile the other's work.
 export PYO3_PYTHON := $(abspath $(BIN)/python)
 
-.PHONY: help demo test lint benchmark nightly lock clean
+.PHONY: help demo test check benchmark nightly wheels image lock clean
 .DEFAULT_GOAL := help
 
 help:  ## show this list
@@ -32,14 +35,14 @@ ifneq ($(CARGO),)
 endif
 	$(BIN)/python -m pytest $(PYTEST_FLAGS)
 
-lint: $(VENV)/.installed-for-tests  ## check style, types and the import contract
+check: $(VENV)/.installed-for-tests  ## what is checked before the tests: style, types, import contract
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/hadolint Dockerfile
 ifneq ($(CARGO),)
 	cargo fmt $(MANIFEST) --check
-	cargo clippy --quiet --locked $(MANIFEST) --all-targets -- --deny warnings
 	cargo clippy --quiet --locked $(MANIFEST) --all-targets --features python -- --deny warnings
 endif
 
@@ -49,14 +52,25 @@ benchmark: $(VENV)/.installed-for-tests  ## run every benchmark quickly, into bu
 nightly: $(VENV)/.installed-for-tests  ## run the long accuracy tests
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m nightly
 
-lock:  ## write constraints.txt anew: the newest versions that pyproject.toml allows
+wheels: $(VENV)/.installed-for-release  ## build the sdist and the abi3 wheel into dist, and try them on each installed Python
+	$(BIN)/python .ci/wheels.py
+
+image: $(VENV)/.installed-for-release  ## run the steps of the Dockerfile in an empty folder, up to a priced contract over HTTP
+	$(BIN)/python .ci/image.py
+
+lock:  ## write constraints.txt and requirements.txt anew: the newest versions that pyproject.toml allows
 	scratch=$$(mktemp -d) && trap 'rm -rf "$$scratch"' EXIT && \
 	$(PYTHON) -m venv "$$scratch" && \
 	"$$scratch/bin/python" -m pip install --quiet --upgrade pip && \
-	"$$scratch/bin/python" -m pip install --quiet --editable '.[test]' 'setuptools>=77,<84' 'setuptools-rust>=1.11,<2' && \
+	PRICING_CORE_KERNEL=none "$$scratch/bin/python" -m pip install --quiet --editable '.[all]' --group test --group release \
+		$(BUILD_TOOLS) && \
 	{ echo '# Exact versions of everything that is installed; written by `make lock`.'; \
 	  "$$scratch/bin/python" -m pip freeze --all --exclude-editable; } > "$$scratch/constraints.txt" && \
-	mv "$$scratch/constraints.txt" constraints.txt
+	mv "$$scratch/constraints.txt" constraints.txt && \
+	{ echo '# What the image installs, with the hashes of the files; written by `make lock`.'; \
+	  "$$scratch/bin/uv" pip compile pyproject.toml --quiet --extra all --constraint constraints.txt --generate-hashes \
+		--universal --python-version 3.11 --no-header --no-annotate; } > "$$scratch/requirements.txt" && \
+	mv "$$scratch/requirements.txt" requirements.txt
 
 clean:  ## remove the virtual environment and everything that was built or written
 	rm -rf $(VENV) build dist *.egg-info kernels/target examples/out
@@ -67,15 +81,21 @@ clean:  ## remove the virtual environment and everything that was built or writt
 # The build tools are pinned too: hence no build isolation.
 $(VENV)/.build-tools: constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(INSTALL) pip setuptools setuptools-rust
+	$(INSTALL) pip $(BUILD_TOOLS)
 	touch $@
 
 $(VENV)/.installed: $(VENV)/.build-tools $(SOURCES)
-	$(INSTALL) --no-build-isolation --editable .
+	@$(SAY_WHAT_IS_DONE)
+	$(INSTALL) --no-build-isolation --editable '.[all]'
 	@$(SAY_KERNEL)
 	touch $@
 
 $(VENV)/.installed-for-tests: $(VENV)/.build-tools $(SOURCES)
-	$(INSTALL) --no-build-isolation --editable '.[test]'
+	@$(SAY_WHAT_IS_DONE)
+	$(INSTALL) --no-build-isolation --editable '.[all]' --group test
 	@$(SAY_KERNEL)
 	touch $(VENV)/.installed $@
+
+$(VENV)/.installed-for-release: $(VENV)/.installed-for-tests
+	$(INSTALL) --group release
+	touch $@

@@ -1,6 +1,5 @@
-"""Results of the library as JSON has them, and the models of the answers that hold them."""
+"""The models of the answers that hold results of the library."""
 
-import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -28,17 +27,3 @@ def answer_model(name: str, meaning: str, outputs: Iterable[ResultField]) -> typ
 def _stated(output: ResultField) -> Any:
     missing = " Null where it is missing." if output.kind in ("number", "list") else ""
     return pydantic.Field(description=output.description + missing, examples=[output.example])
-
-
-def by_name(outputs: Iterable[ResultField], found: object) -> dict[str, Any]:
-    """Return outputs of a result by name: arrays and tuples as lists, None in the place of a NaN in a list.
-
-    A number that is not finite stays, for the answer to refuse.
-    """
-    return {output.name: _plain(output, getattr(found, output.name)) for output in outputs}
-
-
-def _plain(output: ResultField, value: Any) -> Any:
-    if output.kind != "list" or value is None:
-        return value
-    return [None if math.isnan(number) else float(number) for number in value]

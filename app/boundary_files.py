@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from app.answers import by_name
 from app.output_files import write_columns
+from app.result_values import by_name
 from pricing_core.american import ExerciseBoundary, Market, Option
 from pricing_core.american.contracts.result_fields import BOUNDARY_FIELDS
-from pricing_core.batch.replacement import replacement
+from pricing_core.replacement import replacement
 
 
 def write_boundary_csv(path: Path, found: ExerciseBoundary) -> None:

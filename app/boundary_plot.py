@@ -5,14 +5,18 @@ from dataclasses import replace
 from typing import BinaryIO
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from pricing_core.american import ExerciseBoundary, Market, Option, PiecewiseConstant
 from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.perpetual import perpetual_boundary
 from pricing_core.arrays import BoolVector, Vector
+from pricing_core.extras import needs_extra
+
+with needs_extra("plot"):
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 BLUE, RED, GREY = "#1f5fa8", "#b5402f", "#5a6570"
 DOTS_PER_INCH = 150

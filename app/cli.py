@@ -253,7 +253,7 @@ def simulate_command(
             write_columns(csv, simulation_columns(simulation))
         if plot is not None:
             from app.simulation_plots import draw_simulation  # noqa: PLC0415
-            from pricing_core.batch.replacement import replacement  # noqa: PLC0415
+            from pricing_core.replacement import replacement  # noqa: PLC0415
 
             with replacement(plot) as file:
                 draw_simulation(simulation, file)
@@ -302,7 +302,3 @@ def serve_command(
         from app.server import serve  # noqa: PLC0415
 
         serve(host, port)
-
-
-if __name__ == "__main__":
-    main()

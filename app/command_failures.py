@@ -60,7 +60,7 @@ def standard_output() -> Iterator[None]:
 
 @contextmanager
 def one_line_errors() -> Iterator[None]:
-    """Turn what a command may raise into one line and a status."""
+    """Turn bad input, an answer out of reach, a bad setting or a missing extra into one line and a status."""
     try:
         yield
     except KeyboardInterrupt:
@@ -70,6 +70,6 @@ def one_line_errors() -> Iterator[None]:
         where = f"{error.filename}: " if error.filename else ""
         print_failure(f"{where}{error.strerror or error}")
         raise typer.Exit(FAILED) from None
-    except (ValueError, ArithmeticError) as error:  # bad input, an answer out of reach, a bad setting
+    except (ValueError, ArithmeticError, ImportError) as error:
         print_failure(str(error))
         raise typer.Exit(FAILED) from None

@@ -4,16 +4,19 @@ import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from fastapi import FastAPI
-
-from app import docs_page
-from app.envelope import Envelope
-from app.errors import install_handlers
-from app.head_requests import HeadAsGet
-from app.pool import PricingPool
-from app.routes import boundary, health, implied_volatility, price
-from app.settings import Settings, settings_from_environment
 from pricing_core import __version__
+from pricing_core.extras import needs_extra
+
+with needs_extra("service"):
+    from fastapi import FastAPI
+
+    from app import docs_page
+    from app.envelope import Envelope
+    from app.errors import install_handlers
+    from app.head_requests import HeadAsGet
+    from app.pool import PricingPool
+    from app.routes import boundary, health, implied_volatility, price
+    from app.settings import Settings, settings_from_environment
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:

@@ -1,11 +1,12 @@
 """Model files of `pricing simulate`: the models by name, and how a file is read.
 
 A model is one module with two names. `KEYS` are the keys of its file beside "model", each with its reader and schema
-(`app.model_keys`). `simulate(values) -> Simulation` takes what the keys read, builds the library's object and runs it.
-A new model is such a module and one line of `MODULES`: reading, errors, table, CSV, JSON, picture and schema then come
-by themselves; a model whose keys depend on each other may have a `SCHEMA` of its own. Models whose library returns a
-`Trajectory` end with `of_trajectory`, those with a `ModelTrajectory` with `of_model`; others make a `Simulation` of
-their own. `app.models.inputs`, `app.models.plant` and `app.models.times` hold keys that several models share.
+(`app.model_keys`); a model that may be stated in several forms has `FORMS` in their place, the keys of each by its
+title. `simulate(values) -> Simulation` takes what the keys read, builds the library's object and runs it. A new model
+is such a module and one line of `MODULES`: reading, errors, table, CSV, JSON, picture and schema then come by
+themselves. Models whose library returns a `Trajectory` end with `of_trajectory`, those with a `ModelTrajectory` with
+`of_model`; others make a `Simulation` of their own. `app.models.inputs`, `app.models.plant` and `app.models.times` hold
+keys that several models share.
 """
 
 from collections.abc import Mapping
@@ -65,23 +66,34 @@ def simulate_file(path: Path) -> Simulation:
         raise ModelFileError(f"{path} {fault}") from None
     if not isinstance(content, dict):
         raise ModelFileError(f"{path} must hold one JSON object")
+    return simulate_model(content)
+
+
+def simulate_model(content: Mapping[str, Any]) -> Simulation:
+    """Run a model whose file is parsed; see `simulate_file`.
+
+    Where a model has several forms, that one is read which knows the most of the keys.
+
+    Examples
+    --------
+    >>> run = simulate_model({"model": "max-plus", "A": [[3, 7], [2, 4]], "x0": [1, 0], "steps": 2})
+    >>> run.headline, run.samples.columns[0].values.tolist()
+    ('2 steps, cycle time 4.5', [[1.0, 0.0], [7.0, 4.0], [11.0, 9.0]])
+    """
     if "model" not in content:
         raise InvalidInputError("model", Told("missing"), "one of " + ", ".join(MODULES))
     name = choice(*MODULES).read("model", content["model"])
     model = _model(name)
-    return model.simulate(read_object("", content, _keys(name, model)))
+    keys = max(_forms(name, model).values(), key=lambda form: len(form.keys() & content.keys()))
+    return model.simulate(read_object("", content, keys))
 
 
 def schema() -> dict[str, Any]:
     """Return the JSON Schema of model files."""
-    models = {name: _model(name) for name in MODULES}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": TITLE,
-        "oneOf": [
-            {**getattr(model, "SCHEMA", object_schema(_keys(name, model))), "title": name}
-            for name, model in models.items()
-        ],
+        "oneOf": [_schema(name, _model(name)) for name in MODULES],
     }
 
 
@@ -89,5 +101,13 @@ def _model(name: str) -> Model:
     return cast(Model, import_module(MODULES[name]))
 
 
-def _keys(name: str, model: Model) -> dict[str, Key]:
-    return {"model": choice(name).described("which equations these are", required=True), **model.KEYS}
+def _forms(name: str, model: Model) -> dict[str, dict[str, Key]]:
+    """Return the keys of each form of a model by its title."""
+    forms: Mapping[str, Mapping[str, Key]] = getattr(model, "FORMS", None) or {name: model.KEYS}
+    kind = {"model": choice(name).described("which equations these are", required=True)}
+    return {title: {**kind, **keys} for title, keys in forms.items()}
+
+
+def _schema(name: str, model: Model) -> dict[str, Any]:
+    forms = [{**object_schema(keys), "title": title} for title, keys in _forms(name, model).items()]
+    return forms[0] if len(forms) == 1 else {"title": name, "oneOf": forms}

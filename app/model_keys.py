@@ -1,12 +1,14 @@
 """The keys of a model file: how each value is read, and what the JSON Schema says of it."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, TypeAlias
 
+from pricing_core.arrays import as_whole_number
 from pricing_core.errors import InvalidInputError, Told
 
 Number: TypeAlias = int | float | Fraction
@@ -104,31 +106,17 @@ def read_float(field: str, value: Any) -> float:
     return float(read_number(field, value))
 
 
-def read_vector(field: str, value: Any) -> list[Number]:
-    """Read a list of numbers."""
-    if not isinstance(value, list):
-        raise InvalidInputError(field, value, "a list of numbers")
-    return [read_number(f"{field}[{i}]", entry) for i, entry in enumerate(value)]
-
-
-def read_matrix(field: str, value: Any) -> list[list[Number]]:
-    """Read a list of rows, which are equally long lists of numbers."""
-    if not isinstance(value, list) or not value:
-        raise InvalidInputError(field, value, "a list of rows, which are lists of numbers")
-    rows = [read_vector(f"{field}[{i}]", row) for i, row in enumerate(value)]
-    for i, row in enumerate(rows):
-        if len(row) != len(rows[0]):
-            raise InvalidInputError(
-                f"{field}[{i}]", Told(f"{len(row)} numbers"), f"as long as the first row: {len(rows[0])}"
-            )
-    return rows
-
-
-def read_integer(field: str, value: Any) -> int:
-    """Read a whole number above 0."""
-    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise InvalidInputError(field, value, "a whole number >= 1")
+def read_text(field: str, value: Any) -> str:
+    """Read a text."""
+    if not isinstance(value, str):
+        raise InvalidInputError(field, value, "a text, in double quotes")
     return value
+
+
+def whole_number(least: int, most: int | None = None) -> Key:
+    """Return the key that takes a whole number from the least to the most."""
+    limits = {"minimum": least} | ({} if most is None else {"maximum": most})
+    return Key(lambda field, value: as_whole_number(field, value, least, most), {"type": "integer", **limits})
 
 
 def choice(*allowed: str) -> Key:
@@ -147,6 +135,75 @@ def array_schema(entries: Mapping[str, Any], **limits: int) -> dict[str, Any]:
     return {"type": "array", "items": dict(entries), **limits}
 
 
+def list_of(entry: Key, allowed: str, **limits: int) -> Key:
+    """Return the key that takes a list of such entries; the limits of its length are minItems and maxItems."""
+    least, most = limits.get("minItems", 0), limits.get("maxItems", sys.maxsize)
+
+    def read(field: str, value: Any) -> list[Any]:
+        if not isinstance(value, list) or not least <= len(value) <= most:
+            raise InvalidInputError(field, value, allowed)
+        return [entry.read(f"{field}[{i}]", part) for i, part in enumerate(value)]
+
+    return Key(read, array_schema(entry.schema, **limits))
+
+
+def matrix_of(row: Key, allowed: str) -> Key:
+    """Return the key that takes a list of such rows, one or more and equally long."""
+    rows = list_of(row, allowed, minItems=1)
+
+    def read(field: str, value: Any) -> list[list[Any]]:
+        found: list[list[Any]] = rows.read(field, value)
+        for i, length in enumerate(map(len, found)):
+            if length != len(found[0]):
+                raise InvalidInputError(
+                    f"{field}[{i}]", Told(f"{length} numbers"), f"as long as the first row: {len(found[0])}"
+                )
+        return found
+
+    return Key(read, rows.schema)
+
+
+def built(make: Callable[..., Any], keys: Mapping[str, Key]) -> Key:
+    """Return the key that takes an object of these keys, and makes of it what a function of the library returns."""
+
+    def read(field: str, value: Any) -> Any:
+        given = read_object(field, value, keys)
+        try:
+            return make(**given)
+        except InvalidInputError as fault:  # the library does not know where in the file its argument stands
+            raise InvalidInputError(f"{field}.{fault.field}", fault.value, fault.allowed) from None
+
+    return Key(read, object_schema(keys))
+
+
+@contextmanager
+def keys_for(arguments: Mapping[str, str]) -> Iterator[None]:
+    """Let errors of the library name the keys of the file in the place of these arguments."""
+    try:
+        yield
+    except InvalidInputError as fault:
+        raise InvalidInputError(arguments.get(fault.field, fault.field), fault.value, fault.allowed) from None
+
+
+def one_of(forms: Mapping[str, Key], allowed: str) -> Key:
+    """Return the key that takes an object with one of these keys alone, and is what that key reads.
+
+    Examples
+    --------
+    >>> forms = {"power": built(pow, {"base": NUMBER, "exp": INTEGER})}
+    >>> one_of(forms, "a power").read("f", {"power": {"base": "1/2", "exp": 2}})
+    0.25
+    """
+
+    def read(field: str, value: Any) -> Any:
+        name = next((name for name in forms if isinstance(value, dict) and name in value), None)
+        if name is None:
+            raise InvalidInputError(field, value, allowed)
+        return read_object(field, value, {name: forms[name]})[name]
+
+    return Key(read, {**object_schema(forms), "minProperties": 1, "maxProperties": 1})
+
+
 def first_that_fits(alternatives: Sequence[tuple[type, Reader]], allowed: str) -> Reader:
     """Return the reader that goes by the kind of the value: list, dict, ..."""
 
@@ -160,6 +217,7 @@ def first_that_fits(alternatives: Sequence[tuple[type, Reader]], allowed: str) -
 
 
 NUMBER = Key(read_float, NUMBER_SCHEMA)
-INTEGER = Key(read_integer, {"type": "integer", "minimum": 1})
-VECTOR = Key(read_vector, array_schema(NUMBER_SCHEMA))
-MATRIX = Key(read_matrix, array_schema(array_schema(NUMBER_SCHEMA), minItems=1))
+INTEGER = whole_number(1)
+TEXT = Key(read_text, {"type": "string"})
+VECTOR = list_of(Key(read_number, NUMBER_SCHEMA), "a list of numbers")
+MATRIX = matrix_of(VECTOR, "a list of rows, which are lists of numbers")

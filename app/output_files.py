@@ -4,11 +4,9 @@ import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import pyarrow as pa
-
-from pricing_core.batch.replacement import check_replaceable, replacement
-from pricing_core.batch.writer import CsvWriter
+from pricing_core.csv_text import CsvText, number_text
 from pricing_core.errors import InvalidInputError
+from pricing_core.replacement import check_replaceable, replacement
 
 
 def check_output_files(table: Path | None, picture: Path | None) -> None:
@@ -32,7 +30,6 @@ def check_output_files(table: Path | None, picture: Path | None) -> None:
 
 def write_columns(path: Path, columns: Mapping[str, Sequence[float | None]]) -> None:
     """Write columns of numbers as CSV, an empty cell where there is none."""
-    names = list(columns)
-    arrays = [pa.array(column, pa.float64()) for column in columns.values()]
-    with replacement(path) as file, CsvWriter(file, names) as rows:
-        rows.write(pa.RecordBatch.from_arrays(arrays, names=names))
+    rows = zip(*columns.values(), strict=True)
+    with replacement(path) as file, CsvText(file, columns) as table:
+        table.write([number_text(None if x is None else float(x)) for x in row] for row in rows)

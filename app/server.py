@@ -7,12 +7,15 @@ import threading
 import time
 from types import FrameType
 
-import uvicorn
+from pricing_core.extras import needs_extra
 
-from app.connections import BACKLOG, BoundedConnection, reserve_descriptors
-from app.logs import configure_logging
-from app.main import create_app
-from app.settings import settings_from_environment
+with needs_extra("service"):
+    import uvicorn
+
+    from app.connections import BACKLOG, BoundedConnection, reserve_descriptors
+    from app.logs import configure_logging
+    from app.main import create_app
+    from app.settings import settings_from_environment
 
 log = logging.getLogger("pricing.server")
 

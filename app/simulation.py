@@ -2,13 +2,14 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from pricing_core.arrays import IndexSet, Matrix, Vector
 from pricing_core.lcs import Event, Trajectory
 from pricing_core.models.trajectory import ModelTrajectory, Pieces
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 CURVE_POINTS = 1_500  # Number of points of a curve in a picture.
 # Share of the largest number below which one is shown as zero, or as no jump.
@@ -108,7 +109,7 @@ class Simulation:
     state_names: tuple[str, ...]
     modes: Modes
     facts: Mapping[str, Any]
-    picture: Callable[[], Figure] | None = None
+    picture: "Callable[[], Figure] | None" = None
 
 
 def of_trajectory(

@@ -4,12 +4,16 @@ from collections.abc import Sequence
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from app.boundary_plot import DOTS_PER_INCH, GREY
 from app.simulation import ROUNDING, Columns, Samples, Simulation
 from pricing_core.arrays import Vector
+from pricing_core.extras import needs_extra
+
+with needs_extra("plot"):
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 # Okabe and Ito's colours, which colour-blind readers can tell apart.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4d4d4d")

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.answers import by_name
+from app.result_values import by_name
 from pricing_core.american import ExerciseBoundary, Greeks, ImpliedVolatility, Valuation
 from pricing_core.american.contracts.result_fields import (
     BOUNDARY_FIELDS,

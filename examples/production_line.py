@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from app.max_plus_plots import gantt
 from pricing_core import max_plus as mp
-from pricing_core.max_plus.figures import gantt
 
 PLOT = Path(__file__).parent / "out" / "production_line.png"
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from app.max_plus_plots import gantt
 from pricing_core import max_plus as mp
-from pricing_core.max_plus.figures import gantt
 
 PERIOD = 60.0  # minutes between trains in the timetable
 PLOT = Path(__file__).parent / "out" / "railway_timetable.png"

@@ -2,6 +2,7 @@
 
 PricingCoreError
 ├── InvalidInputError (ValueError)     the question is wrong: field, value, what is allowed
+├── MissingExtraError (ImportError)    a module of an extra is not installed: the message says which extra
 └── NumericalError (ArithmeticError)   the question stands, the method could not answer it
     ├── InfeasibleError                proved: there is no solution
     ├── RayTerminationError            Lemke's method stopped on a ray: nothing is proved
@@ -101,6 +102,10 @@ class NonUniqueError(NumericalError):
 
 class ZenoError(NumericalError):
     """Events accumulate at an instant from which there is no continuation."""
+
+
+class MissingExtraError(PricingCoreError, ImportError):
+    """A module that an extra of the distribution installs is not there."""
 
 
 class KernelMissingWarning(UserWarning):

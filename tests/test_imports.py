@@ -1,9 +1,12 @@
-"""What a price waits for: modules that the option engine and its command do without."""
+"""What the library, a price and its command do without: modules that they must not import."""
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+import pricing_core
 
 IMPORT = "import pricing_core.american"
 PRICE = """
@@ -17,6 +20,9 @@ app("price --option-type put --spot 100 --strike 100 --expiry 1 --rate 0.05 --vo
 """
 ENGINE_NEEDS_NONE = ("scipy.optimize", "scipy.sparse", "pyarrow", "matplotlib", "fastapi", "pydantic", "rich")
 COMMAND_NEEDS_NONE = ("scipy.optimize", "scipy.sparse", "pyarrow", "matplotlib", "fastapi")
+LIBRARY_NEEDS_NONE = ("matplotlib", "pydantic", "fastapi", "typer", "rich", "pyarrow", "app")
+LIBRARY = Path(pricing_core.__file__).parent
+MODELS = Path(__file__).parents[1] / "examples" / "models"
 
 
 def imported_by(code: str) -> set[str]:
@@ -49,3 +55,23 @@ def test_the_price_command_does_without_tables_plots_and_the_service() -> None:
 def test_a_method_of_the_library_is_imported_when_it_is_asked_for() -> None:
     code = PRICE.format(more="tolerance=1e-2, method='lcs', lcp_method='psor'")
     assert "pricing_core.lcp.psor" in imported_by(code)
+
+
+def test_the_library_but_for_its_tables_does_without_plots_the_service_and_the_command() -> None:
+    paths = [path.relative_to(LIBRARY.parent).with_suffix("") for path in LIBRARY.rglob("*.py")]
+    names = {".".join(path.parts).removesuffix(".__init__") for path in paths if path.parts[1] != "batch"}
+    imported = imported_by("import " + ", ".join(sorted(names)))
+    assert names <= imported
+    assert imported.isdisjoint(LIBRARY_NEEDS_NONE)
+
+
+def test_model_files_of_every_kind_are_run_without_plots() -> None:
+    code = f"""
+from pathlib import Path
+from app.model_files import simulate_file
+for path in Path({str(MODELS)!r}).glob("*.json"):
+    simulate_file(path)
+"""
+    imported = imported_by(code)
+    assert "app.models.max_plus" in imported
+    assert "matplotlib" not in imported

@@ -6,26 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from app.model_keys import INTEGER, VECTOR, Key, choice
+from app.model_keys import INTEGER, TEXT, VECTOR, Key, choice
+from app.models.circuit_elements import ELEMENTS
 from app.models.inputs import ON_NONUNIQUE
 from app.models.times import SPAN_AND_TIMES, times_in
 from app.simulation import CURVE_POINTS, Columns, Modes, Samples, Simulation, of_samples
-from pricing_core.models import CircuitRun, circuit_from_json
+from pricing_core.errors import InvalidInputError, Told
+from pricing_core.models import CircuitRun, DiodeCircuit
 from pricing_core.models.circuits.equations import GROUND
-from pricing_core.models.circuits.model_file import KINDS
 
-ELEMENT = {
-    "type": "object",
-    "properties": {"kind": {"enum": list(KINDS)}, "name": {"type": "string"}},
-    "required": ["kind", "name"],
-}
-CIRCUIT: Mapping[str, Key] = {  # read by the library
-    "netlist": Key(lambda _, value: value, {"type": "string"}).described(
-        "in a subset of SPICE's language; either this or elements"
-    ),
-    "elements": Key(lambda _, value: value, {"type": "array", "items": ELEMENT}).described(
-        "each with its kind, its name, the nodes that it joins and its value"
-    ),
+CIRCUIT: Mapping[str, Key] = {
+    "netlist": TEXT.described("in a subset of SPICE's language; either this or elements"),
+    "elements": ELEMENTS.described("each with its kind, its name, the nodes that it joins and its value"),
 }
 METHOD: Mapping[str, Key] = {
     "method": choice("event-driven", "time-stepping").described("event-driven where missing"),
@@ -48,9 +40,7 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
     values : mapping
         What `KEYS` read.
     """
-    circuit = circuit_from_json(
-        {"model": "circuit"} | {name: values[name] for name in CIRCUIT if name in values}
-    )
+    circuit = circuit_of(values)
     options = {name: values[name] for name in METHOD if name in values}
     run = circuit.simulate(values["t_span"], values.get("x0"), t_eval=times_in(values), **options)
     simulation = of_samples(
@@ -61,6 +51,33 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         Modes(run.circuit.slack_names),
     )
     return replace(simulation, facts={**simulation.facts, "energy_lost_at_start": run.energy_lost_at_start})
+
+
+def circuit_of(values: Mapping[str, Any]) -> DiodeCircuit:
+    """Return the circuit that a model file states.
+
+    Parameters
+    ----------
+    values : mapping
+        What `CIRCUIT` read.
+
+    Raises
+    ------
+    InvalidInputError
+        It is stated twice or not at all, or is no circuit.
+    """
+    stated = [name for name in CIRCUIT if name in values]
+    if len(stated) != 1:
+        raise InvalidInputError(
+            "circuit", Told(" and ".join(stated) or "missing"), 'given either as "netlist" or as "elements"'
+        )
+    if "netlist" in values:
+        return DiodeCircuit.from_netlist(values["netlist"])
+    circuit = DiodeCircuit()
+    for element in values["elements"]:
+        add = getattr(circuit, element["kind"])
+        add(**{name: value for name, value in element.items() if name != "kind"})
+    return circuit
 
 
 def _samples(run: CircuitRun) -> Samples:

@@ -2,31 +2,18 @@
 
 from typing import Any
 
-from app.model_keys import (
-    MATRIX,
-    NUMBER,
-    VECTOR,
-    Key,
-    array_schema,
-    choice,
-    first_that_fits,
-    object_schema,
-    read_matrix,
-    read_object,
-    read_vector,
-)
-from pricing_core.errors import InvalidInputError
+from app.model_keys import MATRIX, NUMBER, VECTOR, Key, built, choice, first_that_fits, one_of
 from pricing_core.lcs import Exosystem, PiecewiseConstant, piecewise_linear, sine
 
 NUMBER_OR_VECTOR = Key(
-    first_that_fits([(list, read_vector), (object, NUMBER.read)], ""),
+    first_that_fits([(list, VECTOR.read), (object, NUMBER.read)], ""),
     {"anyOf": [NUMBER.schema, VECTOR.schema]},
 )
 VECTOR_OR_MATRIX = Key(
     lambda field, value: (
-        read_matrix(field, value)
+        MATRIX.read(field, value)
         if isinstance(value, list) and value and isinstance(value[0], list)
-        else read_vector(field, value)
+        else VECTOR.read(field, value)
     ),
     {"anyOf": [VECTOR.schema, MATRIX.schema]},
 )
@@ -52,42 +39,25 @@ GENERATED = {
     "times": VECTOR.described("when w starts anew; 0 where missing"),
 }
 FORMS = 'a list of numbers, {"times", "values"}, {"sine"}, {"piecewise_linear"}, or {"generator", "output", "states"}'
+NAMED = one_of({"sine": built(sine, WAVE), "piecewise_linear": built(piecewise_linear, CORNERS)}, FORMS)
+PIECEWISE = built(PiecewiseConstant, PIECES)
+EXOSYSTEM = built(Exosystem, GENERATED)
+BY_KEY = {
+    "sine": NAMED,
+    "piecewise_linear": NAMED,
+    "generator": EXOSYSTEM,
+    "times": PIECEWISE,
+    "values": PIECEWISE,
+}
 
 
 def _read_signal(field: str, value: dict[str, Any]) -> Exosystem | PiecewiseConstant:
-    try:
-        if "sine" in value:
-            return sine(**_only(field, value, "sine", WAVE))
-        if "piecewise_linear" in value:
-            return piecewise_linear(**_only(field, value, "piecewise_linear", CORNERS))
-        if "generator" in value:
-            return Exosystem(**read_object(field, value, GENERATED))
-        if "values" in value or "times" in value:
-            return PiecewiseConstant(**read_object(field, value, PIECES))
-    except InvalidInputError as fault:  # the library does not know which input it is
-        if fault.field == "key" or fault.field.startswith(field):
-            raise
-        raise InvalidInputError(f"{field}.{fault.field}", fault.value, fault.allowed) from None
-    raise InvalidInputError(field, value, FORMS)
-
-
-def _only(field: str, value: dict[str, Any], form: str, keys: dict[str, Key]) -> dict[str, Any]:
-    """Read the object under the only key of another."""
-    read_object(field, value, {form: Key(lambda _, entry: entry, {})})
-    return read_object(f"{field}.{form}", value[form], keys)
+    form = next((form for key, form in BY_KEY.items() if key in value), NAMED)
+    signal: Exosystem | PiecewiseConstant = form.read(field, value)
+    return signal
 
 
 INPUT = Key(
-    first_that_fits([(list, read_vector), (dict, _read_signal)], FORMS),
-    {
-        "anyOf": [
-            array_schema(NUMBER.schema),
-            object_schema(PIECES),
-            object_schema({"sine": Key(lambda _, value: value, object_schema(WAVE), required=True)}),
-            object_schema(
-                {"piecewise_linear": Key(lambda _, value: value, object_schema(CORNERS), required=True)}
-            ),
-            object_schema(GENERATED),
-        ]
-    },
+    first_that_fits([(list, VECTOR.read), (dict, _read_signal)], FORMS),
+    {"anyOf": [key.schema for key in (VECTOR, PIECEWISE, NAMED, EXOSYSTEM)]},
 )

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from app.model_keys import MATRIX, NUMBER, VECTOR, Key, choice, object_schema, read_object
+from app.model_keys import MATRIX, NUMBER, VECTOR, Key, choice, keys_for, object_schema, read_object
 from app.models.times import SPAN_AND_TIMES, times_in
 from app.simulation import Modes, Simulation, numbered, of_model
-from pricing_core.errors import InvalidInputError
 from pricing_core.models import ProjectedSystem
 
 AFFINE = {
@@ -28,7 +27,6 @@ KEYS: Mapping[str, Key] = {
     **SPAN_AND_TIMES,
     **METHOD,
 }
-PARTS = {"F[0]": "F.matrix", "F[1]": "F.vector"}  # as the library and as files call them
 
 
 def simulate(values: Mapping[str, Any]) -> Simulation:
@@ -40,10 +38,8 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         What `KEYS` read.
     """
     F = values["F"]
-    try:
+    with keys_for({"F[0]": "F.matrix", "F[1]": "F.vector"}):
         system = ProjectedSystem((F["matrix"], F["vector"]), values["H"], values["h"])
-    except InvalidInputError as fault:
-        raise InvalidInputError(PARTS.get(fault.field, fault.field), fault.value, fault.allowed) from None
     options = {name: values[name] for name in METHOD if name in values}
     run = system.simulate(values["x0"], values["t_span"], t_eval=times_in(values), **options)
     return of_model(run, ("multiplier", "slack"), modes=Modes(numbered("y", run.y.shape[1])))

@@ -5,30 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from app.model_keys import (
-    NUMBER,
-    VECTOR,
-    Key,
-    first_that_fits,
-    object_schema,
-    read_integer,
-    read_object,
-    read_vector,
-)
+from app.model_keys import NUMBER, VECTOR, Key, first_that_fits, object_schema, read_object, whole_number
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError
 
 MOST_STEPS = 1_000_000
 
 
-def _read_count(field: str, value: Any) -> int:
-    if (count := read_integer(field, value)) > MOST_STEPS:
-        raise InvalidInputError(field, value, f"at most {MOST_STEPS}")
-    return count
-
-
-COUNT = Key(_read_count, {"type": "integer", "minimum": 1, "maximum": MOST_STEPS})
-STEPS = {"steps": COUNT.described("number of equal steps", required=True)}
+STEPS = {"steps": whole_number(1, MOST_STEPS).described("number of equal steps", required=True)}
 
 
 def _read_span(field: str, value: Any) -> tuple[float, float]:
@@ -44,7 +28,7 @@ def _read_steps(field: str, value: Any) -> int:
 
 T_SPAN = Key(_read_span, {"type": "array", "items": NUMBER.schema, "minItems": 2, "maxItems": 2})
 T_EVAL = Key(
-    first_that_fits([(list, read_vector), (dict, _read_steps)], 'a list of times, or {"steps": 100}'),
+    first_that_fits([(list, VECTOR.read), (dict, _read_steps)], 'a list of times, or {"steps": 100}'),
     {"anyOf": [VECTOR.schema, object_schema(STEPS)]},
 )
 SPAN_AND_TIMES: Mapping[str, Key] = {

@@ -14,7 +14,7 @@ from benchmarks.measuring.machine import machine_and_versions
 from benchmarks.reporting.html_page import html
 from benchmarks.reporting.markdown import markdown
 from benchmarks.reporting.report import Report, Table
-from pricing_core.batch.replacement import replacement
+from pricing_core.replacement import replacement
 
 DOTS_PER_INCH = 110
 

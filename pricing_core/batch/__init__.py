@@ -1,5 +1,8 @@
 """Tables of contracts: a CSV or Parquet file in, the same rows with their values out."""
 
-from pricing_core.batch.runner import BatchSummary, Progress, rejects_path, run_batch
+from pricing_core.extras import needs_extra
+
+with needs_extra("batch"):
+    from pricing_core.batch.runner import BatchSummary, Progress, rejects_path, run_batch
 
 __all__ = ["BatchSummary", "Progress", "rejects_path", "run_batch"]

@@ -19,11 +19,11 @@ from pricing_core.american.contracts.vocabulary import DATES
 from pricing_core.batch.chunk import Chunk
 from pricing_core.batch.contracts import Contracts, read_contracts
 from pricing_core.batch.reader import TableReader, open_table
-from pricing_core.batch.replacement import replacement
 from pricing_core.batch.results import Reasons, price_contracts
 from pricing_core.batch.schema import check_results, result_schema, unread_columns
 from pricing_core.batch.writer import RejectsWriter, check_ending, table_writer
 from pricing_core.errors import InvalidInputError
+from pricing_core.replacement import replacement
 
 ROWS_PER_CHUNK = 1024
 
@@ -184,7 +184,7 @@ def _write_rejects(faults: RejectsWriter, chunk: Chunk, reasons: Reasons) -> Non
         # As it stands in the file, not as it was read; a fault of the whole row names no field.
         cell = chunk.cell(index, fault.field) if fault.field else None
         value = _value_in_words(fault) if cell is None else cell
-        faults.write(chunk.lines[index], fault.field, value, f"must be {fault.allowed}")
+        faults.reject(chunk.lines[index], fault.field, value, f"must be {fault.allowed}")
 
 
 def _value_in_words(fault: InvalidInputError) -> str:

@@ -1,8 +1,5 @@
 """Tables written chunk by chunk: missing cells are empty in CSV and null in Parquet."""
 
-import csv
-import io
-import math
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -12,6 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from pricing_core.csv_text import CsvText, number_text
 from pricing_core.errors import SHOWN_CHARACTERS, InvalidInputError
 
 # Rows in a row group of a Parquet file; smaller groups cost space and reading time.
@@ -62,14 +60,10 @@ def table_writer(path: Path, file: BinaryIO, schema: pa.Schema) -> TableWriter:
 
 
 class CsvWriter:
-    """Writes UTF-8 CSV with a header and shortest round-trip numbers."""
+    """Writes chunks as CSV."""
 
     def __init__(self, file: BinaryIO, names: list[str]) -> None:
-        self._text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-        # The csv module quotes the characters of its line terminator: with "\n" alone, a carriage return in a
-        # cell would stand bare and break the row in two for whoever reads it.
-        self._rows = csv.writer(_UnixLines(self._text), lineterminator="\r\n")
-        self._rows.writerow(names)
+        self._text = CsvText(file, names)
 
     def __enter__(self) -> "CsvWriter":
         return self
@@ -77,22 +71,11 @@ class CsvWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._text.detach()
+        self._text.__exit__(kind, error, trace)
 
     def write(self, table: pa.RecordBatch) -> None:
         """Append the rows of `table`."""
-        columns = [_column_text(column) for column in table.columns]
-        self._rows.writerows(zip(*columns, strict=True))
-
-
-class _UnixLines:
-    """Passes on each row, which the csv module writes in one piece, with a bare line feed as its end."""
-
-    def __init__(self, text: io.TextIOWrapper) -> None:
-        self._text = text
-
-    def write(self, row: str) -> None:
-        self._text.write(row.removesuffix("\r\n") + "\n")
+        self._text.write(zip(*map(_column_text, table.columns), strict=True))
 
 
 class ParquetWriter:
@@ -132,31 +115,22 @@ class ParquetWriter:
         self._held, self._held_rows = [], 0
 
 
-class RejectsWriter:
+class RejectsWriter(CsvText):
     """Writes one line per rejected row: line, field, value (cut at 40 characters), reason."""
 
     def __init__(self, file: BinaryIO) -> None:
-        self._csv = CsvWriter(file, ["line", "field", "value", "reason"])
+        super().__init__(file, ["line", "field", "value", "reason"])
 
-    def __enter__(self) -> "RejectsWriter":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._csv.__exit__(kind, error, trace)
-
-    def write(self, line: int, field: str, value: str, reason: str) -> None:
+    def reject(self, line: int, field: str, value: str, reason: str) -> None:
         """Append one rejected row."""
         shown = value if len(value) <= SHOWN_CHARACTERS else value[: SHOWN_CHARACTERS - 3] + "..."
-        cells = ([str(line)], [field], [shown], [reason])
-        self._csv.write(pa.RecordBatch.from_arrays([pa.array(cell) for cell in cells], ["", "", "", ""]))
+        self.write([[str(line), field, shown, reason]])
 
 
 def _column_text(column: pa.Array) -> list[str]:
     """Return the cells as CSV text; a missing value or a NaN is empty."""
     if pa.types.is_floating(column.type):
-        return ["" if x is None or math.isnan(x) else repr(x) for x in column.to_pylist()]
+        return [number_text(x) for x in column.to_pylist()]
     return [text or "" for text in pc.cast(column, pa.string()).to_pylist()]
 
 

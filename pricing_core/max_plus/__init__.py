@@ -12,13 +12,12 @@ from pricing_core.max_plus.composition import feedback, parallel, series
 from pricing_core.max_plus.critical import CriticalGraph, critical_graph, cyclicity
 from pricing_core.max_plus.cycle_time import cycle_ratio, cycle_time
 from pricing_core.max_plus.eigenvectors import Eigenmode, eigenmode, eigenvector, eigenvectors
-from pricing_core.max_plus.event_graph_reader import event_graph_of, read_event_graph
+from pricing_core.max_plus.event_graph_reader import read_event_graph
 from pricing_core.max_plus.event_graphs import Place, TimedEventGraph
 from pricing_core.max_plus.expressions import Expression, largest, least, variables
 from pricing_core.max_plus.just_in_time import JustInTime, just_in_time
 from pricing_core.max_plus.longest_paths import least_solution
 from pricing_core.max_plus.matrices import EPSILON, TOP, dense, exact, sparse
-from pricing_core.max_plus.model_file import ModelRun, run_model
 from pricing_core.max_plus.performance import latency, throughput
 from pricing_core.max_plus.residuation import residuate_left, residuate_right, solution_of_equation
 from pricing_core.max_plus.simulate import MaxPlusTrajectory, simulate
@@ -45,7 +44,6 @@ __all__ = [
     "MaxMinPlusScalingSystem",
     "MaxPlusSystem",
     "MaxPlusTrajectory",
-    "ModelRun",
     "Place",
     "StepProblem",
     "TimedEventGraph",
@@ -63,7 +61,6 @@ __all__ = [
     "eigenvalues",
     "eigenvector",
     "eigenvectors",
-    "event_graph_of",
     "exact",
     "feedback",
     "fixed_point_problem",
@@ -81,7 +78,6 @@ __all__ = [
     "read_event_graph",
     "residuate_left",
     "residuate_right",
-    "run_model",
     "series",
     "simulate",
     "solution_of_equation",

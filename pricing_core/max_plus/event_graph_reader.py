@@ -1,13 +1,7 @@
-"""Timed event graphs as text, one place to a line, and as JSON objects."""
+"""Timed event graphs as text, one place to a line."""
 
-from collections.abc import Mapping
-from typing import Any
-
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError
 from pricing_core.max_plus.event_graphs import Place, TimedEventGraph
-
-KEYS = ("transitions", "places", "inputs", "outputs")
-PLACE_KEYS = ("source", "target", "holding", "tokens")
 
 
 def read_event_graph(text: str) -> TimedEventGraph:
@@ -46,38 +40,6 @@ def read_event_graph(text: str) -> TimedEventGraph:
     return TimedEventGraph(tuple(names), places, ends["input"], ends["output"] or None)
 
 
-def event_graph_of(content: Mapping[str, Any]) -> TimedEventGraph:
-    """Return the graph of a parsed JSON object: the arguments of `TimedEventGraph` by name.
-
-    A place is an object with the keys source, target, holding and tokens (default 0), or a list of these.
-
-    Raises
-    ------
-    InvalidInputError
-        A key is missing, unknown or wrong, and is named.
-
-    Examples
-    --------
-    >>> event_graph_of({"transitions": ["tick"], "places": [["tick", "tick", 2, 1]]}).cycle_time()
-    2.0
-    """
-    if not isinstance(content, Mapping):
-        raise InvalidInputError("content", content, "an object with " + ", ".join(KEYS))
-    unknown = [key for key in content if key not in KEYS]
-    if unknown:
-        raise InvalidInputError(str(unknown[0]), Told("unknown"), "one of " + ", ".join(KEYS))
-    missing = [key for key in ("transitions", "places") if key not in content]
-    if missing:
-        raise InvalidInputError(missing[0], Told("missing"), "in the object")
-    lists = {key: content.get(key) for key in KEYS}
-    for key, value in lists.items():
-        needed = key in ("transitions", "places")
-        if (value is not None or needed) and not isinstance(value, list):
-            raise InvalidInputError(key, value, "a list")
-    places = [_place_of(f"places[{k}]", entry) for k, entry in enumerate(content["places"])]
-    return TimedEventGraph(content["transitions"], places, content.get("inputs") or (), lists["outputs"])
-
-
 def _place_of_line(number: int, content: str) -> Place:
     way, _, numbers = content.rpartition(":")
     source, arrow, target = way.partition("->")
@@ -91,19 +53,3 @@ def _place_of_line(number: int, content: str) -> Place:
         raise InvalidInputError(f"line {number}: {error.field}", error.value, error.allowed) from None
     except ValueError:
         raise InvalidInputError(f"line {number}", content, "SOURCE -> TARGET: HOLDING, TOKENS") from None
-
-
-def _place_of(field: str, entry: object) -> Place:
-    if isinstance(entry, list) and 3 <= len(entry) <= 4:
-        values = dict(zip(PLACE_KEYS, entry, strict=False))
-    elif isinstance(entry, dict) and entry.keys() <= set(PLACE_KEYS) and {"source", "target"} <= entry.keys():
-        values = entry
-    else:
-        raise InvalidInputError(field, entry, "an object with " + ", ".join(PLACE_KEYS))
-    for key in ("source", "target"):
-        if not isinstance(values[key], str):
-            raise InvalidInputError(f"{field}.{key}", values[key], "a name")
-    try:
-        return Place(**values)
-    except InvalidInputError as error:
-        raise InvalidInputError(f"{field}.{error.field}", error.value, error.allowed) from None

@@ -4,7 +4,6 @@ from pricing_core.lcs import PiecewiseConstant
 from pricing_core.models.characteristic import Characteristic
 from pricing_core.models.circuits.circuit_lcs import CircuitLCS
 from pricing_core.models.circuits.diode_circuit import DiodeCircuit
-from pricing_core.models.circuits.model_file import circuit_from_json, circuit_to_json
 from pricing_core.models.circuits.run import CircuitRun
 from pricing_core.models.circuits.signals import Sine
 from pricing_core.models.control.solution import OptimalControl
@@ -42,8 +41,6 @@ __all__ = [
     "RelaySystem",
     "Sine",
     "StateConstrainedLQ",
-    "circuit_from_json",
-    "circuit_to_json",
     "coulomb_friction",
     "dead_zone",
     "gain_schedule",

@@ -53,7 +53,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 def run(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
     """Run the command in a process of its own, as a shell does."""
-    command = [sys.executable, "-m", "app.cli", *arguments]
+    command = [sys.executable, "-m", "app", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **options)
 
 
@@ -200,7 +200,7 @@ def test_the_files_of_a_boundary_are_checked_before_it_is_found(
 def test_a_closed_pipe_ends_a_command_quietly_as_the_signal_would(arguments: list[str]) -> None:
     reading, writing = os.pipe()
     os.close(reading)
-    command = [sys.executable, "-m", "app.cli", *arguments]
+    command = [sys.executable, "-m", "app", *arguments]
     with os.fdopen(writing, "wb") as output:
         found = subprocess.run(
             command, stdout=output, stderr=subprocess.PIPE, text=True, timeout=120, check=False
@@ -209,14 +209,14 @@ def test_a_closed_pipe_ends_a_command_quietly_as_the_signal_would(arguments: lis
 
 
 def test_a_command_does_without_a_standard_output() -> None:
-    command = f"exec {sys.executable} -m app.cli price {' '.join(PUT)} >&-"
+    command = f"exec {sys.executable} -m app price {' '.join(PUT)} >&-"
     found = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, timeout=120, check=False)
     assert (found.returncode, found.stderr) == (0, b"")
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
 def test_an_answer_that_cannot_be_written_is_one_line_and_status_2() -> None:
-    command = [sys.executable, "-m", "app.cli", "price", *PUT]
+    command = [sys.executable, "-m", "app", "price", *PUT]
     with open("/dev/full", "wb") as output:
         found = subprocess.run(
             command, stdout=output, stderr=subprocess.PIPE, text=True, timeout=120, check=False

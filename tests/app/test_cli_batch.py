@@ -17,7 +17,7 @@ BOOK = Path(__file__).parents[2] / "examples" / "book.csv"
 
 
 def pricing(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "app.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "app", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
@@ -126,7 +126,7 @@ def test_a_summary_that_nobody_reads_does_not_change_the_status(
     reading, writing = os.pipe()
     os.close(reading)
     source, target = write(tmp_path / "in.csv", strike), tmp_path / "out.csv"
-    command = [sys.executable, "-m", "app.cli", "batch", str(source), str(target), "--tolerance", "1e-3"]
+    command = [sys.executable, "-m", "app", "batch", str(source), str(target), "--tolerance", "1e-3"]
     outputs = [writing] + [os.open("/dev/full", os.O_WRONLY)] * os.path.exists("/dev/full")
     for output in outputs:
         found = subprocess.run(
@@ -160,7 +160,7 @@ def test_a_pipe_may_take_the_rejects(tmp_path: Path) -> None:
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interruption_leaves_no_half_written_output(tmp_path: Path, how: signal.Signals) -> None:
     source = write(tmp_path / "in.csv", *range(50, 300_050))
-    command = [sys.executable, "-m", "app.cli", "batch", str(source), str(tmp_path / "out.csv")]
+    command = [sys.executable, "-m", "app", "batch", str(source), str(tmp_path / "out.csv")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         until = time.monotonic() + 60.0
         while len(list(tmp_path.iterdir())) == 1 and time.monotonic() < until:

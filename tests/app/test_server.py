@@ -24,7 +24,7 @@ class Server:
 
     def __init__(self, **settings: str) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "app.cli", "serve", "--port", "0"],
+            [sys.executable, "-m", "app", "serve", "--port", "0"],
             stderr=subprocess.PIPE,
             text=True,
             env=os.environ | SETTINGS | settings,
@@ -236,7 +236,7 @@ def test_bytes_now_and_then_do_not_keep_half_a_request_open() -> None:
 
 
 def test_a_limit_of_connections_that_the_system_does_not_allow_is_one_line() -> None:
-    command = f"ulimit -n 600 && exec {sys.executable} -m app.cli serve --port 0"
+    command = f"ulimit -n 600 && exec {sys.executable} -m app serve --port 0"
     found = subprocess.run(
         ["sh", "-c", command],
         capture_output=True,
@@ -297,7 +297,7 @@ def test_the_log_is_one_json_line_per_request() -> None:
 
 
 def test_a_port_in_use_is_one_line_and_status_2(server: Server) -> None:
-    command = [sys.executable, "-m", "app.cli", "serve", "--port", str(server.port)]
+    command = [sys.executable, "-m", "app", "serve", "--port", str(server.port)]
     found = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     lines = [line for line in found.stderr.splitlines() if line.startswith("pricing: ")]
     assert found.returncode == 2

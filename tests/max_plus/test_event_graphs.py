@@ -13,10 +13,8 @@ from pricing_core.max_plus import (
     TimedEventGraph,
     cycle_time,
     eigenvalue,
-    event_graph_of,
     read_event_graph,
 )
-from pricing_core.max_plus.figures import gantt, orbit
 
 LINE = """
 # times in minutes
@@ -91,28 +89,6 @@ def test_times_that_are_fractions_stay_exact():
     assert graph.cycle_time() == Fraction(5, 21)
 
 
-def test_text_and_json_give_the_same_graph():
-    content = {
-        "transitions": ["order", "drill", "press"],
-        "places": [
-            {"source": "order", "target": "drill", "holding": 1},
-            ["drill", "press", 3],
-            ["press", "drill", 2, 2],
-            {"source": "press", "target": "press", "holding": 4, "tokens": 1},
-            ["drill", "drill", 3, 1],
-        ],
-        "inputs": ["order"],
-        "outputs": ["press"],
-    }
-    first, second = event_graph_of(content), read_event_graph(LINE)
-    assert (first.transitions, first.places, first.inputs, first.outputs) == (
-        second.transitions,
-        second.places,
-        second.inputs,
-        second.outputs,
-    )
-
-
 @pytest.mark.parametrize(
     ("transitions", "places", "more", "words"),
     [
@@ -154,24 +130,6 @@ def test_what_is_no_event_graph_is_refused_with_the_reason(transitions, places, 
 def test_a_line_that_cannot_be_read_is_named_by_its_number(text, words):
     with pytest.raises(InvalidInputError, match=words):
         read_event_graph(text)
-
-
-@pytest.mark.parametrize(
-    ("content", "field"),
-    [
-        ({"places": []}, "transitions"),
-        ({"transitions": ["a"], "place": []}, "place"),
-        ({"transitions": "a", "places": []}, "transitions"),
-        ({"transitions": ["a"], "places": [3]}, "places[0]"),
-        ({"transitions": ["a"], "places": [{"source": "a"}]}, "places[0]"),
-        ({"transitions": ["a"], "places": [{"source": "a", "target": 1}]}, "places[0].target"),
-        ({"transitions": ["a"], "places": [["a", "a", "1", 1]]}, "places[0].holding"),
-    ],
-)
-def test_a_key_that_is_wrong_is_named(content, field):
-    with pytest.raises(InvalidInputError) as caught:
-        event_graph_of(content)
-    assert caught.value.field == field
 
 
 def test_inputs_need_their_times_and_only_they():
@@ -227,46 +185,9 @@ def test_more_states_than_memory_holds_are_refused():
         (lambda: TimedEventGraph(["a"], [("a", "a", True, 1)]), "holding"),
         (lambda: read_event_graph(5), "text"),
         (lambda: read_event_graph("a -> a: 9007199254740993, 1"), "line 1: holding"),
-        (lambda: event_graph_of([]), "content"),
-        (lambda: event_graph_of({"transitions": None, "places": []}), "transitions"),
-        (lambda: event_graph_of({5: 1}), "5"),
     ],
 )
 def test_what_is_no_graph_at_all_is_refused_by_name(call, field):
     with pytest.raises(InvalidInputError) as caught:
         call()
     assert caught.value.field == field
-
-
-def test_a_gantt_chart_bars_every_token_that_is_there_at_the_beginning():
-    """Three pallets on their way at time 0: the stays numbered 0, -1 and -2, and one for each later firing."""
-    graph = TimedEventGraph(["a", "b"], [("a", "b", 3.0, 0), ("b", "a", 2.0, 3)])
-    axes = gantt(graph, graph.run(2).x).axes[0]
-    labels = {(text.get_text(), text.get_position()[0]) for text in axes.texts}
-    assert labels == {("1", 3.5), ("2", 3.5), ("0", 1.0), ("-1", 1.0), ("-2", 1.0), ("1", 6.0), ("2", 6.0)}
-    assert len(axes.patches) == len(axes.texts) == 7
-
-
-@pytest.mark.parametrize(
-    ("call", "field"),
-    [
-        (lambda graph: gantt(graph, [[0.0]]), "x"),
-        (lambda graph: gantt(graph, None), "x"),
-        (lambda graph: gantt(5, [[0.0]]), "graph"),
-        (lambda graph: orbit([[0.0, 1.0]], ["a"]), "names"),
-        (lambda graph: orbit([[0.0, 1.0]], "ab"), "names"),
-        (lambda graph: orbit([0.0], ["a"]), "times"),
-        (lambda graph: orbit([[0.0]], ["a"], rate="x"), "rate"),
-    ],
-)
-def test_what_cannot_be_drawn_is_refused_by_name(call, field):
-    graph = TimedEventGraph(["a", "b"], [("a", "b", 3.0, 0), ("b", "a", 2.0, 3)])
-    with pytest.raises(InvalidInputError) as caught:
-        call(graph)
-    assert caught.value.field == field
-
-
-def test_lists_of_times_are_drawn():
-    graph = TimedEventGraph(["a"], [("a", "a", 2.0, 1)])
-    assert len(gantt(graph, [[0], [2]]).axes[0].patches) == 2
-    assert len(orbit([[0], [2]], ["a"]).axes) == 2

@@ -20,7 +20,6 @@ from pricing_core.models import (
     resistor,
     saturation,
 )
-from pricing_core.models.characteristic_file import characteristic_from_json
 from tests.problems.bad_values import WRONG, by_name
 
 ONE = np.eye(2)
@@ -104,10 +103,6 @@ TAKEN = [
     ("y", saturation()),
     ("y", lambda value: saturation().distance(value, 1.0)),
     ("u", lambda value: saturation().distance(1.0, value)),
-    ("c", lambda value: characteristic_from_json("c", value)),
-    ("c.points", lambda value: characteristic_from_json("c", {"points": value})),
-    ("c.left_slope", lambda value: characteristic_from_json("c", {"points": [[0, 0]], "left_slope": value})),
-    ("c.saturation.limit", lambda value: characteristic_from_json("c", {"saturation": {"limit": value}})),
     *by_name(lambda **given: ControlAffineProblem(**{**CONTROL, **given}), *CONTROL, "final_reward"),
     *by_name(ControlAffineProblem(**CONTROL).solve, "intervals", "tolerance", "start"),
 ]  # fmt: skip
@@ -165,7 +160,7 @@ def test_numpy_numbers_are_taken_as_those_of_python(kind):
     assert saturation(one, two).points.tolist() == [[-2.0, -2.0], [2.0, 2.0]]
     assert dead_zone(two, one).points.tolist() == [[-2.0, 0.0], [2.0, 0.0]]
     assert coulomb_friction(two, one).right_slope == -1.0
-    assert characteristic_from_json("c", {"points": [[one, two]], "left_slope": two}).left_slope == 2.0
+    assert Characteristic([[one, two]], two).left_slope == 2.0
     assert Characteristic([(0, Fraction(1, 2))], Fraction(1, 2)).left_slope == 0.5
     assert ball(mass=[[two]], restitution=one).restitution == 1.0
     fall = thrown(q0=[one], t_span=(kind(0), two), t_eval=[one])

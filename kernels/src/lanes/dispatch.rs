@@ -1,8 +1,8 @@
 //! The same code for three instruction sets, chosen at run time: the only file of the crate with `unsafe`.
 //!
 //! Code that is generic in the vector type is compiled once for each instruction set, in the function below that carries
-//! it (`run_avx512`, `run_avx2`). Whatever works on vectors must be inlined into that function: a call would leave the
-//! instruction set. A vector type of an instruction set is only made by code that `InstructionSet` has let in.
+//! it (`run_avx512`, `run_avx2`). Whatever works on vectors must be inlined into that function or called through
+//! `Vector::call`: any other call would leave the instruction set. A vector type of an instruction set is only made by code that `InstructionSet` has let in.
 #![allow(unsafe_code)]
 
 #[cfg(target_arch = "x86_64")]
@@ -15,8 +15,12 @@ mod portable {
     use super::Part;
 
     #[inline(never)]
-    pub fn apart<V, P: Part<V>>(part: P) -> P::Result {
+    pub fn call<V, P: Part<V>>(part: P) -> P::Result {
         part.run()
+    }
+    #[inline(always)]
+    pub fn apart<V, P: Part<V>>(part: P) -> P::Result {
+        call(part)
     }
     #[inline(always)]
     pub fn all(x: f64) -> f64 {
@@ -108,7 +112,7 @@ mod portable {
 /// The operations of one register; sound because only `dispatch` makes these vectors, after asking the processor.
 #[cfg(target_arch = "x86_64")]
 macro_rules! register {
-    ($module:ident, $register:ident, $width:literal, apart($part:ident) = $apart:expr;
+    ($module:ident, $register:ident, $width:literal, call($part:ident) = $call:expr; apart($same:ident) = $apart:expr;
      $($name:ident($($argument:ident),*) = $body:expr;)*
      ; load($source:ident) = $load:expr; store($target:ident, $value:ident) = $store:expr;) => {
         #[allow(clippy::wildcard_imports)]
@@ -117,7 +121,12 @@ macro_rules! register {
             type R = $register;
             $(register!(@operation $name($($argument),*) = $body);)*
             #[inline(always)]
-            pub fn apart<V, P: super::Part<V>>($part: P) -> P::Result {
+            pub fn call<V, P: super::Part<V>>($part: P) -> P::Result {
+                // SAFETY: the processor has the instructions, see above.
+                unsafe { $call }
+            }
+            #[inline(always)]
+            pub fn apart<V, P: super::Part<V>>($same: P) -> P::Result {
                 $apart
             }
             #[inline(always)]
@@ -157,6 +166,7 @@ macro_rules! register {
 
 #[cfg(target_arch = "x86_64")]
 register! { avx512, __m512d, 8,
+    call(part) = super::call_avx512(part);
     apart(part) = part.run(); // its 32 registers hold whole steps, which are up to a fifth faster in one piece
     add(a, b) = _mm512_add_pd(a, b);
     sub(a, b) = _mm512_sub_pd(a, b);
@@ -180,8 +190,8 @@ register! { avx512, __m512d, 8,
 
 #[cfg(target_arch = "x86_64")]
 register! { avx2, __m256d, 4,
-    // SAFETY: the processor has the instructions, see above.
-    apart(part) = unsafe { super::apart_avx2(part) };
+    call(part) = super::call_avx2(part);
+    apart(part) = call(part);
     add(a, b) = _mm256_add_pd(a, b);
     sub(a, b) = _mm256_sub_pd(a, b);
     mul(a, b) = _mm256_mul_pd(a, b);
@@ -341,6 +351,13 @@ fn run_avx2<W: Work>(work: W) -> W::Result {
 #[cfg(target_arch = "x86_64")]
 #[inline(never)]
 #[target_feature(enable = "avx2,fma")]
-fn apart_avx2<V, P: Part<V>>(part: P) -> P::Result {
+fn call_avx2<V, P: Part<V>>(part: P) -> P::Result {
+    part.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[inline(never)]
+#[target_feature(enable = "avx512f")]
+fn call_avx512<V, P: Part<V>>(part: P) -> P::Result {
     part.run()
 }

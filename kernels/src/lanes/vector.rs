@@ -42,8 +42,10 @@ pub trait Vector:
     /// m with x = m 2^e, 1 <= m < 2, for normal x > 0.
     fn mantissa(self) -> Self;
 
-    /// Do a part of the work, where registers are few in a function of its own, compiled for the instruction set: one
-    /// function of everything takes minutes to compile and is no faster.
+    /// Do a part of the work in a function of its own, compiled for the instruction set; one function of everything
+    /// takes minutes to compile and is no faster.
+    fn call<P: Part<Self>>(part: P) -> P::Result;
+    /// Do a part of the work by `call` where registers are few, and in line where the whole is faster in one piece.
     fn apart<P: Part<Self>>(part: P) -> P::Result;
 
     /// Zero in every lane.
@@ -167,6 +169,10 @@ macro_rules! vector {
             #[inline(always)]
             fn apart<P: Part<Self>>(part: P) -> P::Result {
                 $ops::apart::<Self, P>(part)
+            }
+            #[inline(always)]
+            fn call<P: Part<Self>>(part: P) -> P::Result {
+                $ops::call::<Self, P>(part)
             }
         }
     };

@@ -6,7 +6,7 @@ use super::first_step::first_step;
 use super::grid_values::Workspace;
 use super::mesh::Mesh;
 use super::runge_kutta_step::RungeKuttaStep;
-use crate::lanes::vector::{Vector, LANES};
+use crate::lanes::vector::{Part, Vector, LANES};
 
 /// What a march leaves beside the premium at the nodes; node i is at xi = `node` + i dx.
 #[derive(Clone, Copy)]
@@ -26,7 +26,8 @@ pub struct Marched<V> {
 
 /// March to now; the premium is left in `work`, with its derivatives by the parameters where D.
 ///
-/// `coarser_first` is `first_boundary` of the march with half as many steps.
+/// `coarser_first` is `first_boundary` of the march with half as many steps. One function for each vector type and D,
+/// whoever calls it: compiled into each caller it would take most of the crate's build.
 #[inline(always)]
 pub fn march<V: Vector, const D: bool>(
     mesh: &Mesh,
@@ -34,37 +35,65 @@ pub fn march<V: Vector, const D: bool>(
     coarser_first: Option<V>,
     work: &mut Workspace<V>,
 ) -> Marched<V> {
-    let mut history = BoundaryHistory::new(contracts);
-    let mut node = first_step::<V, D>(mesh, contracts, &mut history, work);
-    let first_boundary = node.xi;
-    let mut settled = [true; LANES];
-    for n in 2..=mesh.step_count() {
-        let step = mesh.step(n);
-        if step.coarsens {
-            work.premium.coarsen();
-            if D {
-                for tangent in &mut work.tangents {
-                    tangent.coarsen();
-                }
-            }
-        }
-        let accepted = V::apart(RungeKuttaStep::<V, D> {
-            step: &step,
+    V::call(March::<V, D> {
+        mesh,
+        contracts,
+        coarser_first,
+        work,
+    })
+}
+
+/// What a march is made from.
+struct March<'a, V, const D: bool> {
+    mesh: &'a Mesh,
+    contracts: &'a Contracts<V>,
+    coarser_first: Option<V>,
+    work: &'a mut Workspace<V>,
+}
+
+impl<V: Vector, const D: bool> Part<V> for March<'_, V, D> {
+    type Result = Marched<V>;
+
+    #[inline(always)]
+    fn run(self) -> Marched<V> {
+        let Self {
+            mesh,
             contracts,
-            history: &mut history,
-            node: &mut node,
             coarser_first,
             work,
-        });
-        for (settled, accepted) in settled.iter_mut().zip(accepted) {
-            *settled &= accepted;
+        } = self;
+        let mut history = BoundaryHistory::new(contracts);
+        let mut node = first_step::<V, D>(mesh, contracts, &mut history, work);
+        let first_boundary = node.xi;
+        let mut settled = [true; LANES];
+        for n in 2..=mesh.step_count() {
+            let step = mesh.step(n);
+            if step.coarsens {
+                work.premium.coarsen();
+                if D {
+                    for tangent in &mut work.tangents {
+                        tangent.coarsen();
+                    }
+                }
+            }
+            let accepted = V::apart(RungeKuttaStep::<V, D> {
+                step: &step,
+                contracts,
+                history: &mut history,
+                node: &mut node,
+                coarser_first,
+                work,
+            });
+            for (settled, accepted) in settled.iter_mut().zip(accepted) {
+                *settled &= accepted;
+            }
         }
-    }
-    Marched {
-        node: node.xi,
-        node_by: node.xi_by,
-        first_boundary,
-        boundary: history.latest * contracts.spread,
-        settled,
+        Marched {
+            node: node.xi,
+            node_by: node.xi_by,
+            first_boundary,
+            boundary: history.latest * contracts.spread,
+            settled,
+        }
     }
 }

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pricing_core.batch.replacement import replacement
+from pricing_core.replacement import replacement
 
 
 def test_the_file_appears_when_the_block_ends(tmp_path: Path) -> None:

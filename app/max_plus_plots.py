@@ -1,15 +1,19 @@
-"""Pictures of orbits and schedules; matplotlib is imported by whoever asks for one."""
+"""Pictures of max-plus orbits and schedules; matplotlib is imported by whoever asks for one."""
 
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from pricing_core.errors import InvalidInputError, Told
+from pricing_core.extras import needs_extra
 from pricing_core.max_plus.event_graphs import Place, TimedEventGraph
 from pricing_core.max_plus.matrices import EPSILON, Numbers, as_floats, as_matrix, dense
 from pricing_core.max_plus.scalars import as_number
+
+with needs_extra("plot"):
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 
 COLOURS = ("#1f5fa8", "#b5402f", "#3f8f4f", "#8a5fa8", "#b8860b", "#5a6570")
 MOST_ROWS = 60

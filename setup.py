@@ -1,0 +1,54 @@
+"""Compile the kernel where Rust is new enough; without it the package is pure Python, and prices in NumPy."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+from setuptools import setup
+from setuptools_rust import Binding, RustExtension
+
+MANIFEST = Path(__file__).parent / "kernels" / "Cargo.toml"
+# The oldest Python whose stable interface the kernel is compiled for, as in `requires-python` and pyo3's feature.
+OLDEST_PYTHON = "cp311"
+
+
+def why_no_kernel() -> str:
+    """Return why the kernel is left out; nothing where it is to be compiled."""
+    wanted = os.environ.get("PRICING_CORE_KERNEL", "auto")
+    if wanted not in ("auto", "none"):
+        sys.exit(f'PRICING_CORE_KERNEL = {wanted!r}: must be "auto" or "none"')
+    if wanted == "none":
+        return "PRICING_CORE_KERNEL is none"
+    if shutil.which(os.environ.get("CARGO", "cargo")) is None:
+        return "cargo is not on PATH"
+    compiler = os.environ.get("RUSTC", "rustc")
+    try:
+        told = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout
+    except (OSError, subprocess.CalledProcessError) as error:
+        return f"{compiler} does not run: {error}"
+    found = re.search(r"(\d+)\.(\d+)", told)
+    oldest = tomllib.loads(MANIFEST.read_text())["package"]["rust-version"]
+    if found is None or tuple(map(int, found.groups())) < tuple(map(int, oldest.split("."))):
+        return f"{told.strip()} is older than {oldest}"
+    return ""
+
+
+reason = why_no_kernel()
+if reason:
+    print(f"pricing-core: the kernel is not compiled, since {reason}", file=sys.stderr)
+    setup()
+else:
+    kernel = RustExtension(
+        "pricing_core._kernels",
+        path=str(MANIFEST.relative_to(Path(__file__).parent)),
+        binding=Binding.PyO3,
+        features=["python"],
+        args=["--locked"],
+        debug=False,
+        py_limited_api=True,
+    )
+    setup(rust_extensions=[kernel], options={"bdist_wheel": {"py_limited_api": OLDEST_PYTHON}})
