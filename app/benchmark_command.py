@@ -12,14 +12,15 @@ from pricing_core.errors import InvalidInputError
 from pricing_core.extras import needs_extra
 
 SOURCE_TREE = Path(__file__).parents[1]
-if not (SOURCE_TREE / "benchmarks" / "report.py").is_file():
+if not (SOURCE_TREE / "benchmarks" / "reporting" / "report.py").is_file():
     raise ImportError(
         "the benchmarks are not installed with the package: get its source, and run `make benchmark` there"
     )
 sys.path.insert(0, str(SOURCE_TREE))  # an editable install makes known the packages alone
 
 with needs_extra("plot"):
-    from benchmarks.report import Report, write_report
+    from benchmarks.reporting.files import write_report
+    from benchmarks.reporting.report import Report
 
 MODULES = {
     "engine-frontier": "benchmarks.engine_frontier",

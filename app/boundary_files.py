@@ -17,7 +17,7 @@ def write_boundary_csv(path: Path, found: ExerciseBoundary) -> None:
 
 def write_boundary_plot(path: Path, found: ExerciseBoundary, option: Option, market: Market) -> None:
     """Draw the boundary into a PNG file."""
-    from app.plots import draw_boundary  # noqa: PLC0415
+    from app.boundary_plot import draw_boundary  # noqa: PLC0415
 
     with replacement(path) as file:
         draw_boundary(found, option, market, file)

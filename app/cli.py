@@ -10,8 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from app.contract_arguments import Contract, number, takes_contract
-from app.reporting import (
+from app.command_failures import (
     FAILED,
     INTERRUPTED,
     SOME_REJECTED,
@@ -20,6 +19,7 @@ from app.reporting import (
     print_failure,
     standard_output,
 )
+from app.contract_arguments import Contract, number, takes_contract
 
 app = typer.Typer(
     help="American options solved as linear complementarity systems, and the systems themselves.",

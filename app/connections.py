@@ -1,4 +1,4 @@
-"""Connections with an end: bounded in number, and closed where no request comes or no answer is taken."""
+"""Connections, bounded in number, and closed where no request comes or no answer is taken."""
 
 import asyncio
 import logging

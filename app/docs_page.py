@@ -1,4 +1,4 @@
-"""GET /docs, where / leads to: the service on one page, from its own OpenAPI description, without a script."""
+"""GET /docs, to which / redirects: the service on one page, made from its OpenAPI description, without a script."""
 
 import base64
 import hashlib

@@ -1,4 +1,4 @@
-"""From exception to answer: one table of problem types, one body (RFC 9457); of the input it names keys and numbers."""
+"""The answer to each exception: a problem document (RFC 9457), which repeats of the input only keys and numbers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

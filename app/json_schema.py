@@ -1,4 +1,4 @@
-"""The JSON schema of a model in one piece, as the parts of an OpenAPI description need it that name no components."""
+"""The JSON schema of a model with its definitions inlined, for an OpenAPI description without components."""
 
 from typing import Any
 

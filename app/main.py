@@ -13,7 +13,7 @@ with needs_extra("service"):
     from app import docs_page
     from app.envelope import Envelope
     from app.errors import install_handlers
-    from app.head import HeadAsGet
+    from app.head_requests import HeadAsGet
     from app.pool import PricingPool
     from app.routes import boundary, health, implied_volatility, price
     from app.settings import Settings, settings_from_environment
@@ -25,7 +25,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     Parameters
     ----------
     settings : Settings, optional
-        From the environment unless given.
+        The limits of the service; taken from the environment unless given.
 
     Raises
     ------

@@ -11,8 +11,9 @@ from pricing_core.models.trajectory import ModelTrajectory, Pieces
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CURVE_POINTS = 1_500  # of a picture
-ROUNDING = 1e-13  # of the largest: less is shown as zero, or as no jump
+CURVE_POINTS = 1_500  # Number of points of a curve in a picture.
+# Share of the largest number below which one is shown as zero, or as no jump.
+ROUNDING = 1e-13
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,7 +25,7 @@ class Columns:
     symbol : str
         The key in JSON.
     title : str
-        In pictures.
+        Title in pictures.
     names : tuple of str
     values : Matrix, shape (m, len(names))
     """
@@ -51,7 +52,7 @@ class Modes:
     Parameters
     ----------
     names : tuple of str
-        Of the slacks; or, where a mode says which pieces the elements of a model are on, of the elements.
+        Names of the slacks; or, where a mode says which pieces the elements of a model are on, of the elements.
     pieces : function of a mode, optional
         The number of each element's piece.
     piece_names : tuple of str
@@ -93,7 +94,7 @@ class Simulation:
         The same, as finely as a picture wants it.
     events : tuple of Event
     state_names : tuple of str
-        Of the states in events.
+        Names of the states in events.
     modes : Modes
     facts : mapping
         Status, scheme, counters.
@@ -143,7 +144,7 @@ def of_model(run: ModelTrajectory, titles: tuple[str, str], *, modes: Modes | No
     ----------
     run : ModelTrajectory
     titles : (str, str)
-        Of u and y in pictures.
+        Titles of u and y in pictures.
     modes : Modes, optional
         The number of each element's piece where missing.
     """

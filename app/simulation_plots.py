@@ -5,7 +5,7 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from app.plots import DOTS_PER_INCH, GREY
+from app.boundary_plot import DOTS_PER_INCH, GREY
 from app.simulation import ROUNDING, Columns, Samples, Simulation
 from pricing_core.arrays import Vector
 from pricing_core.extras import needs_extra

@@ -1,1 +1,1 @@
-"""Benchmarks: each asks one question and answers it with a report of tables and figures."""
+"""Benchmarks: each module asks one question and answers it; the folders hold what the modules are made of."""

@@ -2,18 +2,31 @@
 
 from dataclasses import dataclass
 
-from benchmarks import quantlib_peers
-from benchmarks.engine_frontier_report import compose
-from benchmarks.findings import Findings
-from benchmarks.machine import nominal_megahertz
-from benchmarks.march_scaling import march_costs
-from benchmarks.portfolio_study import Effort, study_portfolio
-from benchmarks.portfolios import andersen_lake_offengenden, everyday, option_chains, spot_ladders, wide
-from benchmarks.report import Report
-from benchmarks.throughput import CAN_SHARE, batch_rates, latency, shared_rates, sharing_difference
-from benchmarks.wide_set import TOLERANCES, ToleranceKept, tolerance_kept
+from benchmarks.measuring.machine import nominal_megahertz
+from benchmarks.option_engine.findings import Findings
+from benchmarks.option_engine.march_scaling import march_costs
+from benchmarks.option_engine.portfolio_study import Effort, study_portfolio
+from benchmarks.option_engine.report import compose
+from benchmarks.option_engine.throughput import (
+    CAN_SHARE,
+    batch_rates,
+    latency,
+    shared_rates,
+    sharing_difference,
+)
+from benchmarks.option_engine.wide_set import TOLERANCES, ToleranceKept, tolerance_kept
+from benchmarks.problems.portfolios import (
+    andersen_lake_offengenden,
+    everyday,
+    option_chains,
+    spot_ladders,
+    wide,
+)
+from benchmarks.quantlib import american_engines
+from benchmarks.reporting.report import Report
 
-LEAST_PRICE = 0.005  # of the strike: what Andersen, Lake and Offengenden count
+# Lowest price that counts, as a fraction of the strike, as with Andersen, Lake and Offengenden.
+LEAST_PRICE = 0.005
 OVERHEAD_ROWS = 1000
 
 
@@ -74,8 +87,8 @@ def findings(sizes: Sizes) -> Findings:
     """Measure everything on as many contracts as the sizes say."""
     published = andersen_lake_offengenden()
     overhead = None
-    if quantlib_peers.AVAILABLE:
-        overhead = quantlib_peers.call_overhead(everyday(OVERHEAD_ROWS))
+    if american_engines.AVAILABLE:
+        overhead = american_engines.call_overhead(everyday(OVERHEAD_ROWS))
     studies = (
         study_portfolio(
             "Andersen-Lake-Offengenden puts",
@@ -91,9 +104,9 @@ def findings(sizes: Sizes) -> Findings:
         rates |= shared_rates(sizes.ladders, sizes.chains)
         sharing = max(sharing_difference(spot_ladders(2)), sharing_difference(option_chains(1)))
     kept: tuple[ToleranceKept, ...] = ()
-    if quantlib_peers.AVAILABLE:
+    if american_engines.AVAILABLE:
         contracts = wide(sizes.wide)
-        reference = quantlib_peers.reference_prices(contracts)
+        reference = american_engines.reference_prices(contracts)
         kept = tuple(tolerance_kept(contracts, reference, tolerance) for tolerance in TOLERANCES)
     march = march_costs(sizes.marched, nominal_megahertz())
     return Findings(overhead, studies, kept, rates, sharing, latency(), march)

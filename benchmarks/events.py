@@ -5,7 +5,7 @@ volatility 10 to 60 %, 30 days to 3 years, four dividends of 0.2 to 2 % of the s
 are distances from the collocation's own prices at the tolerance 1e-8; where QuantLib is installed, its finite
 differences are held against these as well. The kernel's time is measured inside the same calls; what is left is Python.
 
-Takes about two minutes. Run from the root of the project: .venv/bin/python benchmarks/events.py
+Takes about two minutes. Run from the root of the project: .venv/bin/python -m benchmarks.events
 """
 
 import platform
@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import pricing_core
-from benchmarks import quantlib_dividends
-from benchmarks.machine import cpu_model
-from benchmarks.portfolios import DAYS_PER_YEAR, STRIKE, Portfolio
+from benchmarks.measuring.machine import cpu_model
+from benchmarks.problems.portfolios import DAYS_PER_YEAR, STRIKE, Portfolio
+from benchmarks.quantlib import cash_dividends
 from pricing_core import kernel
 from pricing_core.american import Greeks, contract_from, price_many
 from pricing_core.american.book.book import Book
@@ -33,8 +33,8 @@ COLLOCATED = "multiplier-collocation"
 TOLERANCES = (1e-4, 1e-5, 1e-6)
 REFERENCE = 1e-8
 LEVELS = (1, 2, 3, 4, 5)
-SECONDS = 1.0  # that each measurement is repeated for, at least
-ROWS = 2000  # of puts, and of calls
+SECONDS = 1.0  # Least time that each measurement is repeated for.
+ROWS = 2000  # Number of puts, and of calls.
 QUANTLIB_ROWS = 100
 DIVIDENDS = 4
 
@@ -115,8 +115,8 @@ class Rate(NamedTuple):
     """What a table of contracts takes, in its quickest run; errors are fractions of the strike."""
 
     per_second: float
-    solves: float  # of a contract
-    microseconds: float  # of a solve
+    solves: float  # solves per contract
+    microseconds: float  # time per solve
     kernel: float  # share of the time
     collocated: float  # share of the rows, as the next two
     ok: float
@@ -195,7 +195,7 @@ def report(option_type: str, rows: int = ROWS, seconds: float = SECONDS) -> None
         f"level {level}: {us:.0f}" for level, us in zip(LEVELS, solve_times(book, seconds), strict=True)
     )
     print(f"the kernel alone, us per American solve: {alone}")
-    if quantlib_dividends.AVAILABLE:
+    if cash_dividends.AVAILABLE:
         _report_quantlib(payers, exact)
 
 
@@ -203,10 +203,10 @@ def _report_quantlib(payers: Payers, reference: Vector) -> None:
     chosen = payers.contracts.sample(min(QUANTLIB_ROWS, len(payers.contracts)))
     few = payers.contracts.take(chosen)
     days, amounts = payers.dividends.days[chosen], payers.dividends.amounts[chosen]
-    for steps, nodes in quantlib_dividends.GRIDS:
-        options = quantlib_dividends.options_with_dividends(few, days, amounts, steps, nodes)
+    for steps, nodes in cash_dividends.GRIDS:
+        options = cash_dividends.options_with_dividends(few, days, amounts, steps, nodes)
         start = time.perf_counter()
-        found = quantlib_dividends.prices(options)
+        found = cash_dividends.prices(options)
         milliseconds = 1e3 * (time.perf_counter() - start) / len(few)
         error = np.abs(found - reference[chosen]) / STRIKE
         root = np.sqrt(np.mean(np.square(error)))

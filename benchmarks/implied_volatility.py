@@ -1,6 +1,6 @@
 """How many implied volatilities a second does one core find, from how many prices each, and how well are they met?
 
-Takes about half a minute. Run from the root of the project: .venv/bin/python benchmarks/implied_volatility.py
+Takes about half a minute. Run from the root of the project: .venv/bin/python -m benchmarks.implied_volatility
 """
 
 import platform
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pricing_core
-from benchmarks.portfolios import everyday
+from benchmarks.problems.portfolios import everyday
 from pricing_core.american import implied_volatility_many, price_many
 
 TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6)

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from benchmarks.lcs_problems import PROBLEMS
-from benchmarks.lcs_study import EVENT_DRIVEN, LargeRun, LcsRun, study_large, study_problem
-from benchmarks.report import Report, Section, Table
+from benchmarks.lcs.problems import PROBLEMS
+from benchmarks.lcs.study import EVENT_DRIVEN, LargeRun, LcsRun, study_large, study_problem
+from benchmarks.reporting.report import Report, Section, Table
 
 TOLERANCES = {False: tuple(10.0**-p for p in range(2, 7)), True: (1e-2, 1e-3)}
 LARGE = {False: (200, 50, 1000, 10), True: (20, 5, 50, 3)}

@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.sparse import csr_array
 
-from benchmarks.report import Report, Section, Table
-from benchmarks.timing import Task, least_seconds
+from benchmarks.measuring.timing import Task, least_seconds
+from benchmarks.reporting.report import Report, Section, Table
 from pricing_core.max_plus import eigenvalue
 from pricing_core.max_plus.arcs import arcs_of
 from pricing_core.max_plus.matrices import rows_of

@@ -2,7 +2,7 @@
 
 "beyond" counts the prices with status "ok" whose error exceeds the tolerance all the same.
 
-Takes about two minutes. Run from the root of the project: .venv/bin/python benchmarks/reference_values.py
+Takes about two minutes. Run from the root of the project: .venv/bin/python -m benchmarks.reference_values
 """
 
 import csv

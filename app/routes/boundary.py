@@ -4,11 +4,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 
-from app.body import json_body, request_body
 from app.contract_schema import Strict
 from app.errors import DeadlineError
 from app.pool import Interrupt
-from app.responses import problem_responses
+from app.problem_responses import problem_responses
+from app.request_body import json_body, request_body
 from app.result_values import by_name
 from app.schemas import BoundaryRequest, BoundaryResponse
 from pricing_core.american import ExerciseBoundary, exercise_boundary

@@ -3,7 +3,7 @@
 from fastapi import APIRouter, Request
 
 from app.errors import NotReadyError
-from app.responses import problem_responses
+from app.problem_responses import problem_responses
 from app.schemas import HealthResponse
 from pricing_core import __version__, kernel_name
 

@@ -33,7 +33,7 @@ class ValueSurface:
     exercised : bool array, shape (m, n)
         Whether exercise is optimal there.
     error_estimate : Matrix, shape (m, n)
-        Of the value.
+        Error estimate of the value.
     """
 
     time: Vector

@@ -1,4 +1,4 @@
-"""CSV tables, read as text: each cell is judged by itself, so a bad one rejects its own row and no other.
+"""CSV tables, read as text: each cell is checked by itself, so a bad one rejects its own row and no other.
 
 The standard library's reader rather than a columnar one: it knows on which physical line every record starts,
 blank lines and quoted newlines included, and it goes on behind a malformed line.
@@ -17,7 +17,8 @@ from pricing_core.batch.schema import check_names
 from pricing_core.errors import InvalidInputError
 
 BYTES_PER_READ = 1 << 20
-CURVE_KEY = b'"times"'  # of every curve, its quotes doubled inside a quoted cell or not
+# Key that every curve has, its quotes doubled inside a quoted cell or not.
+CURVE_KEY = b'"times"'
 LONGEST_CELL = (
     1 << 24
 )  # characters; a bound, because a quote left open makes one cell of the rest of the file
@@ -40,7 +41,8 @@ class CsvReader:
         self._bytes_read = 0
         self._last_line = ""
         self._file = path.open(encoding="utf-8-sig", newline="")
-        csv.field_size_limit(max(LONGEST_CELL, csv.field_size_limit()))  # of the process: there is no other
+        # The limit is that of the whole process: there is no other.
+        csv.field_size_limit(max(LONGEST_CELL, csv.field_size_limit()))
         # Strict: text after a closing quote is an error of its line rather than a silent guess.
         self._rows = csv.reader(self._remembered_lines(), strict=True)
         try:

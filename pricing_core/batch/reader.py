@@ -1,4 +1,4 @@
-"""Tables read in chunks of rows, never as a whole: the front door of the CSV and the Parquet reader."""
+"""Tables read in chunks of rows, never as a whole, by the reader of CSV or of Parquet files."""
 
 import stat
 from collections.abc import Iterator

@@ -12,7 +12,8 @@ import pyarrow.parquet as pq
 from pricing_core.csv_text import CsvText, number_text
 from pricing_core.errors import SHOWN_CHARACTERS, InvalidInputError
 
-ROWS_PER_GROUP = 65_536  # of a Parquet file; smaller groups cost space and reading time
+# Rows in a row group of a Parquet file; smaller groups cost space and reading time.
+ROWS_PER_GROUP = 65_536
 
 
 class TableWriter(Protocol):
@@ -136,7 +137,7 @@ def _column_text(column: pa.Array) -> list[str]:
 def _has_text_form(found: pa.DataType) -> bool:
     """Tell text, numbers, flags and times from lists, structures and bytes."""
     values = found.value_type if pa.types.is_dictionary(found) else found
-    if "binary" in str(values):  # of whatever width; only some of them are text by chance
+    if "binary" in str(values):  # binary of any width; only some cells are text by chance
         return False
     try:
         pc.cast(pa.nulls(0, found), pa.string())

@@ -12,7 +12,8 @@ from pricing_core.lcp.problem import LCP
 from pricing_core.linalg.coefficients import Coefficients
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
-LARGEST_CORRECTION = 1e-3  # of the solution: more says that not even three digits of it are known
+# Largest correction, as a share of the solution: a larger one says that not even three digits are known.
+LARGEST_CORRECTION = 1e-3
 
 
 def basic_point(problem: LCP, basic_set: BoolVector) -> Vector:

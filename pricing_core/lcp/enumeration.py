@@ -13,7 +13,8 @@ from pricing_core.lcp.problem import LCP, LCPSolution, scaled_residual, solution
 from pricing_core.lcp.scaling import ScaledProblem, equilibrate
 
 LARGEST_ORDER = 20
-LARGEST_SPAN = 1e3  # of the nonzero equilibrated data, for a complete enumeration
+# Largest ratio of the nonzero equilibrated data for which an enumeration is complete.
+LARGEST_SPAN = 1e3
 ZERO = 1e-8  # in the scaled problem, whose largest |q| is 1: less than this counts as zero
 
 

@@ -12,7 +12,8 @@ from pricing_core.lcp.linear_programme import minimise
 from pricing_core.lcp.problem import LCP
 from pricing_core.lcp.scaling import equilibrate
 
-SMALLEST_MARGIN = 1e-9  # of the scaled linear programmes
+# Smallest margin of a scaled linear programme that is more than rounding.
+SMALLEST_MARGIN = 1e-9
 LARGEST_DENOMINATORS = (1, 12, 1000)
 EPSILON, TINY = float(np.finfo(np.float64).eps), float(np.finfo(np.float64).tiny)
 

@@ -11,7 +11,8 @@ from pricing_core.errors import NumericalError
 from pricing_core.lcp.problem import LCP
 from pricing_core.lcp.solve import solve
 
-RANK = 1e-10  # of columns of length 1
+# Smallest singular value, for columns of length 1, that counts in the rank.
+RANK = 1e-10
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,10 +12,15 @@ from pricing_core.linalg.coefficients import dense
 # too little, for what is zero by accident is found to the root of the solver's accuracy alone.
 ACTIVE = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 FEASIBLE = 1e-11
-INEXACT = 1e-6  # of its size: what misses an inequality by more is no solution, and nothing is sought
-CONSISTENT = 1e-9  # of the solution's size: too many constraints for active miss what all solutions share
-SINGULAR = 1e-12  # of the largest singular value
-FIXED = 1e-10  # of a row of M: below, its product with z is the same for all solutions
+# Share of its size by which a solution may miss an inequality; beyond it nothing is sought.
+INEXACT = 1e-6
+# Share of the solution's size by which a candidate may miss what all solutions have in common, as one
+# with too many constraints taken for active does.
+CONSISTENT = 1e-9
+# Share of the largest singular value below which one counts as zero.
+SINGULAR = 1e-12
+# Share of a row of M below which what is left of it is zero: its product with z is then the same for all.
+FIXED = 1e-10
 
 
 def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = None) -> Vector:

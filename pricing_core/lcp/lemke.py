@@ -149,7 +149,7 @@ def _recomputed(system: Matrix, tableau: Matrix, basis: NDArray[np.intp]) -> Mat
     try:
         return np.asarray(np.linalg.solve(system[:, basis], system))
     except np.linalg.LinAlgError:
-        return tableau  # what comes of it is judged at the end
+        return tableau  # what comes of it is checked at the end
 
 
 def _exchange(tableau: Matrix, basis: NDArray[np.intp], row: int, entering: int) -> None:

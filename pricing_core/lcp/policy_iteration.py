@@ -20,7 +20,8 @@ from pricing_core.linalg.tridiagonal import Tridiagonal
 
 ROUNDING = 1e-14  # scaled: a smaller violation does not move its index to the other side
 REMEDY = "raise max_iterations, or use Lemke where M is no M-matrix"
-SOLVED = 1e-13  # of scaled_residual: ends the iteration where rounding keeps indices moving
+# Scaled residual that ends the iteration where rounding keeps indices moving.
+SOLVED = 1e-13
 
 
 def solve_policy_iteration(

@@ -21,7 +21,7 @@ def solve_polynomial_lemke(
     Returns
     -------
     numerators, denominator : list of fmpz_poly (k,), fmpz_poly
-        Of z, the denominator positive for large s.
+        Numerators and common denominator of z, the denominator positive for large s.
 
     Raises
     ------

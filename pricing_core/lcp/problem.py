@@ -1,4 +1,4 @@
-"""The linear complementarity problem, its solution, and the residuals that judge one."""
+"""The linear complementarity problem, its solution, and the residuals that measure its error."""
 
 from dataclasses import dataclass
 
@@ -11,8 +11,9 @@ from pricing_core.errors import NumericalError
 from pricing_core.linalg.coefficients import Coefficients, absolute, as_coefficients, dense
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
-DEFAULT_TOLERANCE = 1e-10  # of scaled_residual
-LARGEST_SHARE_OF_Q = 1e-5  # of the scaled residual in the weight of q, which a singular submatrix exceeds
+DEFAULT_TOLERANCE = 1e-10  # Default tolerance of the scaled residual.
+# Largest ratio of the scaled residual to the weight of q in it, which a singular submatrix exceeds.
+LARGEST_SHARE_OF_Q = 1e-5
 SMALLEST_SCALE = 1e-290  # a row whose terms are all smaller is void: its reciprocal would overflow
 
 

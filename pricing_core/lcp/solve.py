@@ -1,4 +1,4 @@
-"""The front door: choose a method, check its answer, say which method gave it."""
+"""Solve a linear complementarity problem: choose a method, check its answer, say which method gave it."""
 
 from collections.abc import Callable, Iterator
 from functools import partial

@@ -13,9 +13,8 @@ from pricing_core.lcs.rational_system import EXACT_SIZE, has_short_numbers, rati
 from pricing_core.lcs.system import LCS, PiecewiseConstant
 from pricing_core.linalg.rational import as_fractions, rational, rational_array
 
-FARTHEST = (
-    1e100  # of the coefficients in balanced units: products of a few of them are floating-point numbers
-)
+# Largest coefficient in balanced units: products of a few of that size are still floating-point numbers.
+FARTHEST = 1e100
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,9 +24,9 @@ class AutonomousForm:
     Parameters
     ----------
     system : LCS
-        Of z, without offsets, in units in which its entries are of order 1.
+        The system of z, without offsets, in units in which its entries are of order 1.
     units : Units
-        Of that system, in the units that were given.
+        Units of that system, in those that were given.
     states : int
         n, the number of leading entries of z that are x.
     inputs : tuple of Exosystem

@@ -20,7 +20,8 @@ MOST_HALVINGS = 60
 NEWTON_STEPS = 60
 SAMPLES = 65
 CLOSE = 1e-16
-SAME_TIME = 1e-13  # of the step: roots this close are one event
+# Share of the step within which roots are one event.
+SAME_TIME = 1e-13
 FLAT = 1e3  # tolerances: an output that stays below is zero, and touches nothing
 
 

@@ -19,7 +19,7 @@ class Flow:
     dynamics : ModeDynamics
     start, end : float
     times : list of float
-        Of the steps' starts.
+        The times at which the steps start.
     coordinates : list of Vector, shape (d,)
     """
 

@@ -8,8 +8,8 @@ from pricing_core.lcp.linear_programme import minimise
 from pricing_core.lcs.autonomous import AutonomousForm
 
 LARGE = 1e3  # real s, in the form's units
-UNSEEN = 1e-10  # of the terms of G
-MOVES = 1e-6  # of the largest entry of B
+UNSEEN = 1e-10  # Share of the terms of G below which an output does not see an input.
+MOVES = 1e-6  # Share of the largest entry of B above which an input moves the state.
 
 
 def free_input_moves_state(form: AutonomousForm, mode: IndexSet, held: IndexSet, rising: IndexSet) -> bool:

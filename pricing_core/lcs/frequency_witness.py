@@ -12,7 +12,8 @@ from pricing_core.linalg.rational import exact_solution, rational_array, rounded
 
 FREQUENCIES = np.logspace(-4.0, 4.0, 161)  # in units in which the data are of order 1
 DAMPINGS = (1.0, 1e-3, 1e-6, 1e-9)
-SMALLEST_SHARE = -1e-12  # of |G|: less is left to rounding
+# Negative share of |G| that is more than rounding.
+SMALLEST_SHARE = -1e-12
 TRIALS = 5
 
 

@@ -12,13 +12,13 @@ from pricing_core.lcs.geometry import mode_geometry
 
 Table: TypeAlias = NDArray[np.float64]
 
-REACH = 2.0  # of one Taylor polynomial, in units of 1/|rate|
-DEGREE = 26  # of that polynomial: REACH**27/27! is 1e-20
+REACH = 2.0  # time that one Taylor polynomial reaches, in units of 1/|rate|
+DEGREE = 26  # degree of that polynomial: REACH**27/27! is 1e-20
 LONGEST = 1e308  # any interval of finite numbers
 VANISHES = 1e-11  # share of its terms' sizes below which an output counts as zero
 VANISHING_RATE = 1e-9  # the same for its derivatives
 FAINT = 1e-7  # the same for impulses, next to derivatives that are taken for zero
-ROUNDING = 1e-13  # of the terms that an entry is made of
+ROUNDING = 1e-13  # share of the terms that an entry is made of, below which it is zero
 SOLVED = 1e-9  # residual of the impulses' equations, relative
 
 
@@ -40,9 +40,9 @@ class ModeDynamics:
     rate : Matrix, shape (d, d)
         R.
     outputs : Matrix, shape (k, d)
-        Of the coordinates.
+        The outputs as functions of the coordinates.
     impulses : array, shape (r, k, N)
-        Of z before the jump: the outputs' coefficients of the derivatives of delta, the highest first.
+        The outputs' coefficients of the derivatives of delta as functions of z before the jump, the highest first.
     step : float
         The time that one Taylor polynomial reaches.
     """
@@ -91,7 +91,8 @@ class ModeDynamics:
         """Return each output's sign just after the coordinates are c: of its first derivative that is not zero."""
         signs = np.zeros(self.outputs.shape[0])
         rows, scaled, length = self.outputs, self.rate * self.step, float(np.linalg.norm(c))
-        largest = np.linalg.norm(rows, axis=1) * length  # of the terms that make up a derivative in time/step
+        # Size of the terms that make up a derivative in time/step.
+        largest = np.linalg.norm(rows, axis=1) * length
         for order in range(c.size + 1):
             share = VANISHES if order == 0 else VANISHING_RATE
             size = np.maximum(share * np.linalg.norm(rows, axis=1) * length, ROUNDING * largest)
@@ -178,7 +179,7 @@ def _impulses(
         found = np.linalg.lstsq(rows, wanted, rcond=None)[0]
         if float(np.max(np.abs(rows @ found - wanted))) <= SOLVED:
             break
-    share = jumps.T @ (np.eye(n) - projection)  # of each jump direction in (I - P) z
+    share = jumps.T @ (np.eye(n) - projection)  # share of each jump direction in (I - P) z
     outputs = slacks @ found
     outputs[:, index] = inputs @ found
     return _without_rounding(outputs[::-1] @ share, float(np.max(np.abs(outputs), initial=0.0)))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pricing_core.lcs.modes import ModeEquations
 
-Table: TypeAlias = NDArray[Any]  # of floats or of rationals
+Table: TypeAlias = NDArray[Any]  # floats or rationals
 
 
 class Arithmetic(NamedTuple):

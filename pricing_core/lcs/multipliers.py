@@ -6,7 +6,8 @@ from pricing_core.arrays import Matrix
 from pricing_core.lcp import LCP, least_norm_solution
 from pricing_core.lcs.system import LCS
 
-ROUNDING = 1e-12  # of the largest entry
+# Share of the largest entry by which an eigenvalue may be negative from rounding.
+ROUNDING = 1e-12
 
 
 def least_norm_multipliers(system: LCS, u: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:
@@ -19,7 +20,7 @@ def least_norm_multipliers(system: LCS, u: Matrix, y: Matrix) -> tuple[Matrix, M
     ----------
     system : LCS
     u, y : Matrix, shape (m, k)
-        At m times.
+        Multipliers and slacks at m times.
 
     Notes
     -----

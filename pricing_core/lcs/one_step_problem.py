@@ -23,7 +23,7 @@ class OneStepProblem:
     h: float
     M: Matrix  # (k, k)
     response: Matrix  # (n, k): h R B
-    factors: tuple[Matrix, NDArray[np.int32]]  # of I - hA
+    factors: tuple[Matrix, NDArray[np.int32]]  # the LU factors of I - hA
 
     def free_state(self, base: Vector, t: float) -> Vector:
         """Return R (base + h f), the state without multipliers; f is the input just before t."""

@@ -10,7 +10,8 @@ from pricing_core.linalg.matrix_classes import is_p_matrix
 LARGE = (1e3, 1e6)  # real s, in the form's units
 LARGEST_P = 10  # pairs up to which the P property is looked at
 ROUNDING = 1e-12
-UNMOVED = 1e-6  # of B: vectors of a kernel are known less closely than its values
+# Share of B below which a product with it is zero: vectors of a kernel are known less closely than its values.
+UNMOVED = 1e-6
 
 
 def has_unique_steps(form: AutonomousForm) -> bool:

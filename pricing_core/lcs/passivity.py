@@ -17,9 +17,10 @@ from pricing_core.lcs.system import LCS
 from pricing_core.linalg.rational import RationalMatrix, exact_kernel, rational_array, rounded, to_flint
 from pricing_core.linalg.rational_definite import is_exactly_positive_definite, negative_vector
 
-SMALLEST_MARGIN = 1e-7  # of the semidefinite programme, below which its solution is not rounded
+# Smallest margin of the semidefinite programme for its solution to be rounded.
+SMALLEST_MARGIN = 1e-7
 VANISHING = 1e-12  # a row of S so small is taken for zero by the programme
-LARGEST_DENOMINATOR = 1000  # of guessed vectors on which S vanishes
+LARGEST_DENOMINATOR = 1000  # Largest denominator in guessed vectors on which S vanishes.
 DIGITS = (8, 20, 40)  # binary, to which its solution is rounded, in turn
 
 

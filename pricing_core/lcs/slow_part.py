@@ -22,7 +22,7 @@ class SlowPart:
     Parameters
     ----------
     dynamics : ModeDynamics
-        Of the slow coordinates.
+        The dynamics of the slow coordinates.
     take : Matrix, shape (d_slow, d)
         Coordinates to slow coordinates, along the fast subspace.
     back : Matrix, shape (d, d_slow)

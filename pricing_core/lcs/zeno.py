@@ -7,13 +7,18 @@ import numpy as np
 from pricing_core.arrays import Vector
 from pricing_core.lcs.trajectory import Event
 
-ROUNDS = 3  # that must have passed
-LONGEST_ROUND = 64  # events
-NEAR = 1e-3  # of the time that they took since the first event: how close the limit must be
-CERTAIN = 1e-11  # of that time: by how much the ratios' scatter may move it
-CLOSE = 1e-6  # of that time: in a limit so near rounding scatters the ratios
-LOOSE = 1e-3  # of what is left: by how much the ratios' scatter may then move it
-GONE = 1e-6  # of the state at those rounds' start: components below are zero at the limit
+ROUNDS = 3  # Least number of rounds that must have passed.
+LONGEST_ROUND = 64  # Largest number of events in a round.
+# Largest time to the limit, as a share of the time since the first event.
+NEAR = 1e-3
+# Largest uncertainty of the limit from the ratios' scatter, as a share of that time.
+CERTAIN = 1e-11
+# Time to the limit, as a share of that time, within which rounding scatters the ratios.
+CLOSE = 1e-6
+# Largest uncertainty of a limit so close, as a share of the time to it.
+LOOSE = 1e-3
+# Share of the state at the rounds' start below which a component is zero at the limit.
+GONE = 1e-6
 
 
 class ZenoLimit(NamedTuple):

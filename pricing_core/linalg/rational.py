@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pricing_core.arrays import Matrix
 
-RationalMatrix: TypeAlias = NDArray[np.object_]  # of fmpq
+RationalMatrix: TypeAlias = NDArray[np.object_]  # entries: fmpq
 DECIMAL_DIGITS = 15  # every decimal number of so many digits survives the way to a float and back
 LARGEST_INTEGER = 2.0**53
 

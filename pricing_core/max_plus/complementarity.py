@@ -140,7 +140,7 @@ class StepProblem:
     Parameters
     ----------
     problem : LCP
-        Of size (number of entries of A) - n.
+        A problem of size (number of entries of A) - n.
     system : ComplementaritySystem
     state : array, shape (n,)
         x(k)

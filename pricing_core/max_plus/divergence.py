@@ -24,7 +24,7 @@ def diverging(graph: Arcs, *, tolerance: float | None = None, sizes: Numbers | N
         may make of a circuit of weight zero, n 2**-52 times the mean size of its own weights, n being the number
         of nodes in its class.
     sizes : array, shape (m,), optional
-        Of the numbers whose sums are the weights. Default: of the weights themselves.
+        Sizes of the numbers whose sums are the weights. Default: those of the weights themselves.
     """
     label, finite = graph.classes(), graph.weight < TOP
     endless = (label[graph.head] == label[graph.tail]) & ~finite

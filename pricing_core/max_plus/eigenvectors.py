@@ -186,7 +186,7 @@ class _Levels:
         Parameters
         ----------
         arcs : Arcs
-            From lower levels to higher ones.
+            The arcs from lower levels to higher ones.
         """
         late = np.full(self.rate.size, zero_like(offset))
         order = np.argsort(self.level[arcs.head], kind="stable")

@@ -94,7 +94,7 @@ class TimedEventGraph:
     places: tuple[Place, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    _number: dict[str, int] = field(repr=False)  # of each transition
+    _number: dict[str, int] = field(repr=False)  # the number of each transition
 
     def __init__(
         self,

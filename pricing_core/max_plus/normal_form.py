@@ -25,7 +25,7 @@ def normal_form(
     graph : Arcs
         n nodes, m arcs.
     solution : HowardSolution
-        Of this graph, with one unit of holding on each arc.
+        The solution for this graph, with one unit of holding on each arc.
     rate : array, shape (n,)
         For each node at least the ratio of its class.
     kept : array of bool, shape (m,)

@@ -1,4 +1,4 @@
-"""How fast and how late: throughput and latency of a system."""
+"""Throughput and latency of a max-plus linear system."""
 
 import numpy as np
 

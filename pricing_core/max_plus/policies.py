@@ -11,9 +11,8 @@ from pricing_core.arrays import BoolVector
 from pricing_core.max_plus.arcs import Arcs, IntVector, first_of_runs, graph_of_rows
 from pricing_core.max_plus.matrices import Numbers, is_exact, zero_like
 
-ROUNDING = (
-    2.0**-44
-)  # of the largest potential of a class: what is gained below that is no gain, until the next round
+# Share of the largest potential of a class below which a gain is none, until the next round.
+ROUNDING = 2.0**-44
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,8 @@ import numpy as np
 
 from pricing_core.errors import InvalidInputError, Told
 
-LARGEST = 1e150  # of weights and results: sums of as many as fit into memory stay far from infinity
+# Largest size of weights and results: sums of as many as fit into memory stay far from infinity.
+LARGEST = 1e150
 UNIT = 2.0**-52  # the distance from 1 to the next float
 LARGEST_WHOLE = 2**53  # up to here every whole number is a float
 

@@ -80,7 +80,7 @@ class ImplicitSystem:
     B, C : array_like, shapes (n, m) and (p, n), optional
         As in `MaxPlusSystem`.
     names : sequence of str, optional
-        Of the states, for messages.
+        Names of the states, for messages.
 
     Raises
     ------

@@ -17,7 +17,8 @@ from pricing_core.max_plus.circuits import heaviest_circuit, named
 from pricing_core.max_plus.matrices import as_floats, as_matrix, as_square, as_vector, dense
 from pricing_core.max_plus.spectrum import mean_of_circuits
 
-ROUNDING = 1e-13  # of the numbers added in a row: a smaller residual is none
+# Share of the numbers added in a row below which its residual is zero.
+ROUNDING = 1e-13
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,8 +14,10 @@ from pricing_core.lcp import LCP, infeasibility_certificate, solve
 VectorFunction: TypeAlias = Callable[[Vector], ArrayLike]
 MatrixFunction: TypeAlias = Callable[[Vector], ArrayLike]
 
-ON_THE_BOUNDARY = 1e-9  # of the size of x, and of 1 where that is less
-PROJECTED = 1e-13  # of |x|: the last change
+# Largest distance of a point on the boundary, as a share of the size of x, and of 1 where that is less.
+ON_THE_BOUNDARY = 1e-9
+# Last change of a projection, as a share of |x|.
+PROJECTED = 1e-13
 MOST_STEPS = 50
 DIFFERENCE = float(np.finfo(np.float64).eps) ** (1 / 3)
 

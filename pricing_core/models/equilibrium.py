@@ -13,11 +13,11 @@ from pricing_core.models.convex_set import ConvexSet, Polyhedron, active_set, ja
 from pricing_core.models.tangent_cone import project_velocity
 
 REGULAR = 1e-10  # reciprocal condition number from which on F's matrix is inverted
-CONVERGED = 1e-11  # of the size of x and F
+CONVERGED = 1e-11  # residual, as a share of the size of x and F
 ACCEPTED = 1e-8
 MOST_STEPS = 500
 HALVINGS = 8
-SAFE = 0.7  # of the inverse Lipschitz constant, for the steps of the extragradient method
+SAFE = 0.7  # length of an extragradient step, in inverse Lipschitz constants
 
 
 @dataclass(frozen=True, slots=True, eq=False)

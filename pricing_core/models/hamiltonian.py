@@ -31,8 +31,8 @@ Gradient: TypeAlias = Callable[[Vector, Vector], tuple[ArrayLike, ArrayLike]]
 
 MOST_STEPS = 1_000_000
 MOST_ITERATIONS = 50
-SETTLED = 1e-13  # of the state
-DIFFERENCE = 1e-7  # of the state, for derivatives by differences
+SETTLED = 1e-13  # last change of Newton's method, as a share of the state
+DIFFERENCE = 1e-7  # step of derivatives by differences, as a share of the state
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +44,7 @@ class HamiltonianTrajectory:
     t : Vector, shape (m,)
     q, p : Matrix, shape (m, n)
     impulses : Matrix, shape (m, k)
-        Of the step that ends there: h u where a contact lasts.
+        Impulses of the step that ends there: h u where a contact lasts.
     gaps : Matrix, shape (m, k)
         C(q).
     energy : Vector, shape (m,)

@@ -75,9 +75,10 @@ def resistor(
     Parameters
     ----------
     voltages, currents : array_like, shape (m,)
-        Of the corners; the voltages must not decrease. Equal ones make a source of that voltage (a Zener diode).
+        Voltages and currents at the corners; the voltages must not decrease. Equal ones make a source of that
+        voltage (a Zener diode).
     left_conductance, right_conductance : float
-        Beyond the first and the last corner.
+        Conductances beyond the first and the last corner.
 
     Examples
     --------

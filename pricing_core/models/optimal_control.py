@@ -134,7 +134,8 @@ class StateConstrainedLQ:
         Parameters
         ----------
         intervals : int
-            Of the collocation, from 8 to 20000; four times as many where the structure is not found at first.
+            Number of intervals of the collocation, from 8 to 20000; four times as many where the structure is
+            not found at first.
 
         Returns
         -------

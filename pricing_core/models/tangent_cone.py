@@ -7,7 +7,7 @@ import numpy as np
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcp import LCP, solve
 
-VANISHES = 1e-12  # of |v|: a correction this small is rounding
+VANISHES = 1e-12  # Share of |v| below which a correction is rounding.
 
 
 class ProjectedVelocity(NamedTuple):

@@ -37,11 +37,11 @@ class ModelTrajectory:
         What they are given: relay inputs, arguments of characteristics.
     switches : tuple of Switch
     lcs : Trajectory
-        Of the linear complementarity system that was simulated, with its own u and y.
+        The run of the linear complementarity system that was simulated, with its own u and y.
     external : callable
-        From those to the u and y of the model.
+        Function from its u and y to those of the model.
     pieces : callable
-        From a mode of that system to the pieces that the elements are on.
+        Function from a mode of that system to the pieces that the elements are on.
     """
 
     t: Vector

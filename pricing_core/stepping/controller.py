@@ -36,7 +36,10 @@ class StepSizeController(Protocol):
         ...
 
     def decide(self, value: Vector, error: Vector | None, h: float, order: int, previous: float) -> Decision:
-        """Judge a step of size h; `previous` is the scaled error of the last accepted step."""
+        """Accept or reject a step of size h, and choose the next.
+
+        `previous` is the scaled error of the last accepted step.
+        """
         ...
 
 

@@ -1,9 +1,11 @@
+"""Limiting cases have their exact answers, and puts with two boundaries meet the default tolerance."""
+
 import pytest
 
 from pricing_core.american import Market, Option, price
 from tests.problems.event_values import event_values
 from tests.problems.needs_kernel import needs_kernel
-from tests.problems.true_values import _rows
+from tests.problems.true_values import rows_of
 
 TWO_BOUNDARIES = [case for case in event_values() if case.market.rate < 0.0]
 
@@ -11,7 +13,7 @@ TWO_BOUNDARIES = [case for case in event_values() if case.market.rate < 0.0]
 # The grid's errors are a part of the spot, those of the compiled engines of the price.
 ROWS = [
     pytest.param(row, id="-".join(row.values()), marks=[needs_kernel] * (row["strike"] == "1e-8"))
-    for row in _rows("american_edge_cases.csv")
+    for row in rows_of("american_edge_cases.csv")
 ]
 
 

@@ -1,3 +1,5 @@
+"""Contracts with dividends, curves and exercise dates: what holds of their prices, Greeks, boundaries and tables."""
+
 import math
 from dataclasses import replace
 

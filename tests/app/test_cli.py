@@ -1,3 +1,5 @@
+"""The command in a process of its own and in this one: what every subcommand prints, and how it fails."""
+
 import csv
 import json
 import os
@@ -10,7 +12,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from app.cli import app, main
+from app.cli import app
 from pricing_core import __version__, kernel_name
 from pricing_core.american import (
     CashDividend,
@@ -53,20 +55,6 @@ def run(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
     """Run the command in a process of its own, as a shell does."""
     command = [sys.executable, "-m", "app", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, **options)
-
-
-@pytest.fixture
-def pricing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
-    """Run the console entry point in this process; return status, standard output, standard error."""
-
-    def run_here(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["pricing", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        output = capsys.readouterr()
-        return int(ended.value.code or 0), output.out, output.err
-
-    return run_here
 
 
 def test_version_names_the_distribution_and_the_kernel() -> None:

@@ -1,3 +1,5 @@
+"""`pricing batch`: the files that it writes, what it prints, and how it ends."""
+
 import csv
 import os
 import signal

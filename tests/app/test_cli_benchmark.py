@@ -10,22 +10,7 @@ from typing import Any
 import pytest
 
 from app import benchmark_command
-from app.cli import main
-from benchmarks.report import Report, Section
-
-
-@pytest.fixture
-def pricing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Any:
-    """Run the console entry point in this process; return status, standard output, standard error."""
-
-    def run_here(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["pricing", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        output = capsys.readouterr()
-        return int(ended.value.code or 0), output.out, output.err
-
-    return run_here
+from benchmarks.reporting.report import Report, Section
 
 
 @pytest.fixture

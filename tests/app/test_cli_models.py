@@ -147,7 +147,7 @@ def test_a_circuit_may_be_a_list_of_elements(simulate: Any) -> None:
 
 
 def test_the_cart_stays_on_the_floor_once_it_is_there(answer: Any) -> None:
-    """The front door tells what the library does: the junction, the atom there, the arcs, the cost."""
+    """The command prints what the library finds: the junction, the atom there, the arcs, the cost."""
     found = answer("cart_to_floor")
     control = StateConstrainedLQ(
         [[0, 1], [0, 0]], [[0], [1]], [[1, 0]], [[4, 0], [0, 0]], [2, 0], 4.0, bound=[1]

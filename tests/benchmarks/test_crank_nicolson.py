@@ -3,13 +3,13 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.accuracy import OUTPUTS
-from benchmarks.accuracy_study import EXTRAPOLATED, EXTRAPOLATED_METHODS, METHODS
-from benchmarks.comparison import Comparison
 from benchmarks.crank_nicolson import Sizes, compare
-from benchmarks.crank_nicolson_report import compose
-from benchmarks.order_study import StepCounts
-from benchmarks.report import write_report
+from benchmarks.method_of_lines.accuracy import OUTPUTS
+from benchmarks.method_of_lines.accuracy_study import EXTRAPOLATED, EXTRAPOLATED_METHODS, METHODS
+from benchmarks.method_of_lines.comparison import Comparison
+from benchmarks.method_of_lines.order_study import StepCounts
+from benchmarks.method_of_lines.report import compose
+from benchmarks.reporting.files import write_report
 
 TINY = Sizes(
     note="A tiny run.",

@@ -3,12 +3,11 @@ from dataclasses import replace
 import pytest
 
 from benchmarks.engine_frontier import QUICK, Sizes, findings
-from benchmarks.engine_frontier_report import compose
-from benchmarks.findings import Findings, goals_of
-from benchmarks.march_scaling import MarchCost
-from benchmarks.portfolio_study import Effort, PortfolioStudy, Ratio
-from benchmarks.quantlib_peers import FINITE_DIFFERENCES, QD_FP, CallOverhead
-from benchmarks.throughput import (
+from benchmarks.option_engine.findings import Findings, goals_of
+from benchmarks.option_engine.march_scaling import MarchCost
+from benchmarks.option_engine.portfolio_study import Effort, PortfolioStudy, Ratio
+from benchmarks.option_engine.report import compose
+from benchmarks.option_engine.throughput import (
     ALL_GREEKS,
     CHAINS,
     GREEKS_BY_DEFAULT,
@@ -18,8 +17,9 @@ from benchmarks.throughput import (
     TWO_THREADS,
     Rate,
 )
-from benchmarks.wide_set import ToleranceKept
-from benchmarks.work_precision import ENGINE, Measurement
+from benchmarks.option_engine.wide_set import ToleranceKept
+from benchmarks.option_engine.work_precision import ENGINE, Measurement
+from benchmarks.quantlib.american_engines import FINITE_DIFFERENCES, QD_FP, CallOverhead
 from tests.problems.needs_kernel import needs_kernel
 
 TINY = Sizes(
@@ -145,7 +145,7 @@ def test_without_quantlib_the_report_is_on_this_project_alone_and_says_so():
 
 @pytest.fixture
 def without_quantlib(monkeypatch):
-    monkeypatch.setattr("benchmarks.quantlib_peers.AVAILABLE", False)
+    monkeypatch.setattr("benchmarks.quantlib.american_engines.AVAILABLE", False)
 
 
 def test_the_quick_run_asks_for_the_whole_range_of_tolerances():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from benchmarks.events import DIVIDENDS, measure, metered, random_book, report
-from benchmarks.quantlib_dividends import AVAILABLE, options_with_dividends, prices
+from benchmarks.quantlib.cash_dividends import AVAILABLE, options_with_dividends, prices
 from pricing_core.american import price_many
 
 

@@ -4,9 +4,10 @@ from typing import Any
 
 import pytest
 
-from benchmarks.frozen_comparison import read_frozen
-from benchmarks.frozen_contracts import EVERY, all_contracts
-from benchmarks.frozen_results import chosen, main, plain
+from benchmarks.frozen_answers.answers import chosen, plain
+from benchmarks.frozen_answers.comparison import read_frozen
+from benchmarks.frozen_answers.contracts import EVERY, all_contracts
+from benchmarks.frozen_results import main
 from pricing_core.american import contract_from
 from pricing_core.errors import InvalidInputError
 
@@ -101,7 +102,7 @@ def test_a_number_changed_within_the_errors_is_no_contradiction(pair, capsys):
 
 
 def test_the_last_digits_may_differ(pair, capsys):
-    assert pair.compare({"intrinsic_value": lambda value: value + 1e-12}) == 0  # of a strike of 100
+    assert pair.compare({"intrinsic_value": lambda value: value + 1e-12}) == 0  # at a strike of 100
     assert capsys.readouterr().out.endswith("\nNo difference.\n")
 
 

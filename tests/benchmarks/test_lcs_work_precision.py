@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.lcs_problems import PROBLEMS, filtered_bridge, integer_system, passive_network
-from benchmarks.lcs_study import EVENT_DRIVEN, study_large, study_problem
+from benchmarks.lcs.problems import PROBLEMS, filtered_bridge, integer_system, passive_network
+from benchmarks.lcs.study import EVENT_DRIVEN, study_large, study_problem
 from benchmarks.lcs_work_precision import run
 from pricing_core.lcs import passivity, simulate
 

@@ -23,7 +23,7 @@ from pricing_core.lcs import (
     simulate,
     sine,
 )
-from tests.problems.lcs_problems import diode_bridge, problems, two_capacitors, two_relays
+from tests.problems.lcs_problems import diode_bridge, problems, pulled_particle, two_capacitors, two_relays
 from tests.problems.lcs_systems import bridge, filtered_bridge, integrators, two_carts, two_integrators
 
 
@@ -309,14 +309,7 @@ def test_a_wall_that_moves_like_a_sine_carries_the_particle_until_it_is_too_fast
 
 
 def test_inputs_that_jump_are_events_and_may_force_the_state_to_jump():
-    system = LCS(
-        [[0.0]],
-        [[1.0]],
-        [[1.0]],
-        f=PiecewiseConstant([1.0, 9.0], [[-1.0], [2.0]]),
-        g=PiecewiseConstant([1.5, 9.0], [[0.0], [-3.0]]),
-    )
-    trajectory = simulate(system, [0.5], (0.0, 2.0))
+    trajectory = simulate(pulled_particle().system, [0.5], (0.0, 2.0))
     assert [(event.time, event.kind) for event in trajectory.events] == [
         (0.5, "switch"),
         (1.0, "input"),
@@ -497,7 +490,7 @@ def test_an_output_that_reaches_zero_at_a_knot_is_left_to_the_input_after_it(kno
     trajectory = simulate(system, [1.0], (start, start + 2 * knot))
     (event,) = trajectory.events
     assert (event.kind, event.time, event.mode_after) == ("input", start + knot, ())
-    assert trajectory.x[-1, 0] == pytest.approx(1.0, abs=2e-9)  # of times about 1e6 no more is known
+    assert trajectory.x[-1, 0] == pytest.approx(1.0, abs=2e-9)  # times about 1e6 are known no better
     assert not trajectory.u.any()
 
 

@@ -173,7 +173,7 @@ def test_howard_takes_a_graph_of_ten_thousand_nodes_with_a_known_answer():
     assert eigenvalue(rows_of((n, n), head, tail, weight)) == 1.0
 
 
-BLOCK = [[3.0, 7.0], [2.0, 4.0]]  # of mean 4.5
+BLOCK = [[3.0, 7.0], [2.0, 4.0]]  # its largest mean is 4.5
 
 
 @pytest.mark.parametrize("far", [1e3, 1e14, 1e16, 1e40])

@@ -102,8 +102,13 @@ def test_a_plank_rocks_from_foot_to_foot_until_it_rests(r):
         force=[-G, 0.0],
     )
     run = plank.simulate([1.0, 0.1], [0.0, 0.0], (0.0, 4.0))
-    pull, first = G * (1.0 - r), math.sqrt(2.0 * G * 0.9)  # of the foot in the air; the lower foot's speed
-    second = math.sqrt(((1.0 - r) * first) ** 2 + 2.0 * pull * 0.2)  # of the other, from 0.2 above the floor
+    pull, first = (
+        G * (1.0 - r),
+        math.sqrt(2.0 * G * 0.9),
+    )  # pull on the foot in the air; speed of the lower foot
+    second = math.sqrt(
+        ((1.0 - r) * first) ** 2 + 2.0 * pull * 0.2
+    )  # speed of the other, from 0.2 above the floor
     landing = first / G + (second - (1.0 - r) * first) / pull
     assert run.events[0].time == pytest.approx(first / G, abs=1e-14)
     assert run.events[1].time == pytest.approx(landing, abs=1e-13)

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 from pricing_core.american import Market, Option
-from tests.problems.true_values import _rows
+from tests.problems.true_values import rows_of
 
 Array = NDArray[np.float64]
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(48)
@@ -34,7 +34,7 @@ class EventValue:
 def event_values() -> list[EventValue]:
     """Return tests/data/american_events.csv."""
     values = []
-    for r in _rows("american_events.csv"):
+    for r in rows_of("american_events.csv"):
         rate, dividend_yield, volatility = (float(r[c]) for c in ("rate", "dividend_yield", "volatility"))
         ex_time = float(r["dividend_time"]) if r["dividend_time"] else None
         dividends = [] if ex_time is None else [{"time": ex_time, "amount": float(r["dividend_amount"])}]

@@ -28,7 +28,7 @@ class TrueBoundary:
     reference_error: float  # money
 
 
-def _rows(name: str) -> list[dict[str, str]]:
+def rows_of(name: str) -> list[dict[str, str]]:
     with (DATA / name).open() as file:
         return list(csv.DictReader(line for line in file if not line.startswith("#")))
 
@@ -47,12 +47,12 @@ def true_values() -> list[TrueValue]:
             float(r["price"]),
             float(r["reference_error"]),
         )
-        for r in _rows("american_true_values.csv")
+        for r in rows_of("american_true_values.csv")
     ]
 
 
 def true_boundaries() -> list[TrueBoundary]:
-    rows = _rows("exercise_boundaries.csv")
+    rows = rows_of("exercise_boundaries.csv")
     result = []
     for name in dict.fromkeys(r["set"] for r in rows):
         mine = [r for r in rows if r["set"] == name]

@@ -48,7 +48,7 @@ const SHARE: f64 = 0.5;
 const KEPT_SHARE: f64 = 0.2;
 /// What is asked of one schedule.
 pub struct Schedule<'a> {
-    /// From now on, at least one.
+    /// The segments from now on, at least one.
     pub segments: &'a [Segment],
     /// ln(S/K) now.
     pub x: f64,

@@ -24,7 +24,7 @@ pub struct CollocationSystem<'a> {
     profile: &'a Profile,
     /// s at the stages, (m,).
     times: Vec<f64>,
-    /// From the segment's end to the stages, (m,).
+    /// The transitions from the segment's end to the stages, (m,).
     transitions: Vec<Transition>,
     /// The payoff crossings at the stages, (m,), and at the nodes of their integrals, (m x n,); empty without need.
     stage_crossings: Vec<f64>,

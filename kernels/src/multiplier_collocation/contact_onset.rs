@@ -41,7 +41,7 @@ pub struct ContactOnset {
 }
 
 impl ContactOnset {
-    /// That of a contact set whose boundary is measured from the payoff crossing.
+    /// The onset of a contact set whose boundary is measured from the payoff crossing.
     pub fn from_crossing(
         profile: &Profile,
         segment: &Segment,

@@ -37,7 +37,8 @@ pub struct Continuation<'a> {
 }
 
 impl<'a> Continuation<'a> {
-    /// From the value at the segment's end, with `points` nodes in each panel, and the segment's contact sets.
+    /// The continuation from the value at the segment's end, with `points` nodes in each panel, and the segment's contact
+    /// sets.
     pub fn new(
         profile: &'a Profile,
         points: usize,
@@ -171,7 +172,7 @@ impl Continuation<'_> {
         total
     }
 
-    /// That with the part of the multiplier; `nearest` is the place nearest to the contact sets.
+    /// The value with the part of the multiplier; `nearest` is the place nearest to the contact sets.
     #[inline(always)]
     fn with_contact_sets<V: Vector>(&self, mut total: V, x: V, spot: V, nearest: f64) -> V {
         let one = V::all(1.0);

@@ -20,7 +20,7 @@ impl Forecast {
         self.variance.sqrt()
     }
 
-    /// That at the beginning of a segment, from this one at its end.
+    /// The forecast at the beginning of a segment, from this one at its end.
     pub fn before(&self, segment: &Segment) -> Forecast {
         let dynamics = &segment.dynamics;
         Forecast {
@@ -30,7 +30,7 @@ impl Forecast {
     }
 }
 
-/// Those at the ends of all segments, before their events, for x now.
+/// The forecasts at the ends of all segments, before their events, for x now.
 pub fn forecasts(segments: &[Segment], x: f64) -> Vec<Forecast> {
     let (mut variance, mut forward) = (0.0, x);
     segments

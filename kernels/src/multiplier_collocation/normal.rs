@@ -30,7 +30,7 @@ const CENTRE: ([f64; 8], [f64; 8]) = (
         1.0,
     ],
 );
-/// That for p outside, down to e^{-25}.
+/// The approximation for p outside, down to e^{-25}.
 #[allow(clippy::excessive_precision)]
 const INTERMEDIATE: ([f64; 8], [f64; 8]) = (
     [
@@ -54,7 +54,7 @@ const INTERMEDIATE: ([f64; 8], [f64; 8]) = (
         1.0,
     ],
 );
-/// That for p below e^{-25}, and above 1 - e^{-25}.
+/// The approximation for p below e^{-25}, and above 1 - e^{-25}.
 #[allow(clippy::excessive_precision)]
 const EXTREME: ([f64; 8], [f64; 8]) = (
     [

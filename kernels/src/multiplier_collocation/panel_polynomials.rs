@@ -35,7 +35,7 @@ pub struct PanelPolynomials<'a> {
 }
 
 impl<'a> PanelPolynomials<'a> {
-    /// Those of a profile with `points` nodes in each panel, for a standard deviation `spread` of ln S.
+    /// The polynomials of a profile with `points` nodes in each panel, for a standard deviation `spread` of ln S.
     pub fn new(profile: &'a Profile, points: usize, spread: f64) -> Self {
         let panels = profile.panels.as_slice();
         let inverse = 1.0 / spread;

@@ -88,7 +88,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// From pieces, panels, their nodes, and the values there times their quadrature weights.
+    /// The profile made of pieces, panels, their nodes, and the values there times their quadrature weights.
     pub fn new(
         pieces: &[Piece],
         panels: Vec<Panel>,

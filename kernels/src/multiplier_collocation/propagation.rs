@@ -27,7 +27,7 @@ pub struct Transition {
 }
 
 impl Transition {
-    /// That through a time s > 0, years.
+    /// The transition through a time s > 0, years.
     pub fn new(dynamics: &Dynamics, s: f64) -> Transition {
         let spread = dynamics.volatility * s.sqrt();
         Transition {

@@ -110,7 +110,7 @@ fn solve_rows(
     }
 }
 
-/// From the numbers of a segment.
+/// The segment that these numbers state.
 fn segment(sign: f64, numbers: &[f64]) -> Segment {
     Segment {
         sign,

@@ -36,7 +36,7 @@ pub struct NodeContribution {
 }
 
 impl StageIntegrals {
-    /// With nodes (age, weight), both in years.
+    /// The integrals with nodes (age, weight), both in years.
     pub fn new(dynamics: &Dynamics, nodes: &[(f64, f64)]) -> Self {
         let blocks = age_blocks(dynamics, nodes)
             .into_iter()

@@ -33,7 +33,7 @@ pub struct BoundaryHistory<V> {
 }
 
 impl<V: Vector> BoundaryHistory<V> {
-    /// That at expiry.
+    /// The history at expiry.
     #[inline(always)]
     pub fn new(contracts: &Contracts<V>) -> Self {
         let Contracts {

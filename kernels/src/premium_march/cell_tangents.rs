@@ -39,7 +39,7 @@ pub struct CellTangents<V> {
 }
 
 impl<V: Vector> CellTangents<V> {
-    /// Those of a solved cell.
+    /// The tangents of a solved cell.
     #[inline(always)]
     pub fn new(cell: &BoundaryCell<V>, solution: &CellSolution<V>) -> Self {
         let Contracts {

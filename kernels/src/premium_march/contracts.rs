@@ -36,7 +36,7 @@ pub struct Contracts<V> {
 }
 
 impl<V: Vector> Contracts<V> {
-    /// Those of sixteen runs.
+    /// The contracts of sixteen runs.
     #[inline(always)]
     pub fn gather(puts: Puts, runs: &[usize; LANES]) -> Self {
         Self {

@@ -45,7 +45,7 @@ pub struct Comparison<'a, V> {
 }
 
 impl<V: Vector> Comparison<'_, V> {
-    /// That with M steps less that with M/2; `settled` where all marches were.
+    /// The evaluation with M steps less that with M/2; `settled` where all marches were.
     #[inline(always)]
     pub fn difference(&self) -> SpotEvaluation<V> {
         let Self {

@@ -68,7 +68,7 @@ struct Chunk<'a, V> {
 }
 
 impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
-    /// That of items of at most sixteen runs, those of one run next to each other.
+    /// The group of items of at most sixteen runs, those of one run next to each other.
     #[inline(always)]
     pub fn new(puts: Puts<'a>, items: &'a [Item], work: &'w mut Workspace<V>) -> Self {
         let mut runs = [items[0].run; LANES];

@@ -20,7 +20,7 @@ pub struct Interpolation<V> {
 }
 
 impl<V: Vector> Interpolation<V> {
-    /// That at `cells` from node 0, in cells, among `nodes` free nodes.
+    /// The interpolation at `cells` from node 0, in cells, among `nodes` free nodes.
     #[inline(always)]
     #[allow(clippy::cast_precision_loss)]
     pub fn new(cells: V, nodes: usize, lanes: [usize; LANES]) -> Self {

@@ -56,7 +56,7 @@ pub struct TimeStep<'a> {
 }
 
 impl Mesh {
-    /// That with `STEPS[level]` steps; for the other arguments see the fields.
+    /// The mesh with `STEPS[level]` steps; for the other arguments see the fields.
     pub fn new(level: usize, width: f64, nodes: usize, halvings: u32) -> Self {
         static WEIGHTS: [OnceLock<Vec<StepWeights>>; STEPS.len()] =
             [const { OnceLock::new() }; STEPS.len()];

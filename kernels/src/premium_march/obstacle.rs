@@ -21,7 +21,7 @@ pub struct TimeFactors<V> {
 }
 
 impl<V: Vector> TimeFactors<V> {
-    /// At t = `root`^2.
+    /// The obstacle at t = `root`^2.
     #[inline(always)]
     pub fn new(contracts: &Contracts<V>, t: f64, root: f64) -> Self {
         Self {

@@ -28,7 +28,7 @@ pub struct SpotEvaluation<V> {
 }
 
 impl<V: Vector> SpotEvaluation<V> {
-    /// That of a march with the premium zero.
+    /// The evaluation of a march with the premium zero.
     #[inline(always)]
     pub fn zero() -> Self {
         let zero = V::zero();
@@ -164,7 +164,7 @@ impl<V: Vector> Spots<V> {
         }
     }
 
-    /// From the lanes of the march to the spots.
+    /// Take numbers from the lanes of the march to the spots.
     #[inline(always)]
     fn of_lanes(&self, v: V) -> V {
         let (numbers, mut own) = (v.lanes(), [0.0; LANES]);
@@ -174,7 +174,7 @@ impl<V: Vector> Spots<V> {
         V::from_lanes(own)
     }
 
-    /// From u to V/K less the European V/K.
+    /// Turn u into V/K less the European V/K.
     #[inline(always)]
     pub fn discounted(&self, u: V) -> V {
         self.bond * u

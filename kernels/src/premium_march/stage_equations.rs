@@ -95,7 +95,7 @@ pub struct RightHandSide<'a, V> {
 }
 
 impl<'a, V: Vector> RightHandSide<'a, V> {
-    /// That of the stage behind `stages`.
+    /// The right-hand side of the stage behind `stages`.
     #[inline(always)]
     pub fn new(
         weights: &'a [f64; 4],

@@ -44,7 +44,7 @@ pub struct Stages<'a, V> {
 }
 
 impl<'a, V: Vector> Stages<'a, V> {
-    /// Those of `step`, after `history`, whose speed is that of this step already.
+    /// The stages of `step`, after `history`, whose speed is that of this step already.
     #[inline(always)]
     pub fn new(
         step: &'a TimeStep<'a>,

@@ -44,7 +44,8 @@ pub const LATER_STEPS: Tableau = {
 };
 
 impl Tableau {
-    /// From the weights of du/dt at the start, and of the increments of the stages before, divided by `STAGE`.
+    /// The tableau with these weights of du/dt at the start and of the increments of the stages before, the latter divided
+    /// by `STAGE`.
     const fn new(times: [f64; 3], explicit: [f64; 3], second: f64, third: [f64; 2]) -> Self {
         let [e1, e2, e3] = explicit;
         let [by_first, by_second] = third;

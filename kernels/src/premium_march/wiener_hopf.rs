@@ -25,7 +25,7 @@ pub struct WienerHopf<V> {
 }
 
 impl<V: Vector> WienerHopf<V> {
-    /// At the speed d xi/dt of the nodes, for the implicit weight h (a time) and the distance dx of the nodes.
+    /// The factors at the speed d xi/dt of the nodes, for the implicit weight h (a time) and the distance dx of the nodes.
     #[inline(always)]
     pub fn new(speed: V, h: f64, dx: f64) -> Self {
         let diffusion = (speed * speed)

@@ -1,4 +1,4 @@
-//! The engine of options with events.
+//! The functions of `pricing_core._kernels` that price options with events.
 
 use numpy::{
     PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,

@@ -1,4 +1,4 @@
-//! The engine of flat puts.
+//! The functions of `pricing_core._kernels` that price flat puts.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;

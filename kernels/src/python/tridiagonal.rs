@@ -1,4 +1,4 @@
-//! Solvers of complementarity problems with a tridiagonal matrix.
+//! The functions of `pricing_core._kernels` that solve complementarity problems with a tridiagonal matrix.
 
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::{PyValueError, PyZeroDivisionError};

@@ -1,3 +1,5 @@
+//! The march over a segment: known values, complementarity, both solvers against each other, and what is refused.
+
 use super::{march_segment, KernelError, March, Scheme, Segment};
 
 /// A Black-Scholes operator in s and the payoff on nodes that lie closer together around the strike.

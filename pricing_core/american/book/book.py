@@ -213,7 +213,7 @@ class Book:
         Parameters
         ----------
         backward : bool
-            From expiry: the last segments come first.
+            Whether the last segments come first, as from expiry.
         """
         rows, counts = np.arange(self.count), np.diff(self.first)
         for place in range(int(counts.max(initial=0))):

@@ -30,7 +30,7 @@ def read_dividend_rows(
     cells : sequence of object
         The table's column of cash dividends.
     rows : int array
-        Of the table; they may have this event alone, and their numbers are sound.
+        Rows of the table that may have this event alone, and whose numbers are sound.
     arrays : mapping of str to array
         The columns of numbers by name, and is_put and is_american.
     """

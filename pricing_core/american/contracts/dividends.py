@@ -46,7 +46,7 @@ class ProportionalDividend:
     time : float
         Ex-time, years from now, >= 0; at 0 it has gone from the spot already, after expiry it is ignored.
     fraction : float
-        Of the spot, 0 to 1.
+        Fraction of the spot, 0 to 1.
     """
 
     time: float

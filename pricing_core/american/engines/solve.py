@@ -1,4 +1,4 @@
-"""The one way from a book to its prices: each contract goes to the first engine that serves it, and on where needed."""
+"""From a book to its prices: each contract goes to the first engine that serves it, and on where that is not enough."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -42,7 +42,7 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
     book : Book
     request : Request
     engines : sequence of Engine
-        In the order in which they are asked.
+        The engines, in the order in which they are asked.
     """
     warn_where_missing()
     best: Prices | None = None

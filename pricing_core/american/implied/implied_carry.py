@@ -79,12 +79,12 @@ def implied_carry(
     Parameters
     ----------
     chain : mapping of str
-        Of one underlying: columns option_type, strike, expiry, and bid and ask or option_price, shape (n,) or scalar;
-        spot and rate, numbers; exercise, "american" (default) or "european", for all; cash_dividends,
+        Quotes of one underlying: columns option_type, strike, expiry, and bid and ask or option_price, shape (n,) or
+        scalar; spot and rate, numbers; exercise, "american" (default) or "european", for all; cash_dividends,
         proportional_dividends and dividend_model as in `Market`, where they are known. Rows without a bid above 0 and
         an ask at least as high take no part.
     tolerance : float
-        Of the prices, as a fraction of the strike, 1e-8 to 1e-2.
+        Tolerance of the prices, as a fraction of the strike, 1e-8 to 1e-2.
     threads : int, optional
         How many to use, >= 1; one by default.
 

@@ -36,11 +36,11 @@ class ImpliedVolatility:
           value in the exercise region, nothing far out of the money;
         - "no_convergence": the price could not be met, or the engine's error stays above ten tolerances.
     european_price : float or None
-        Of the European option at that volatility: the quote without its early exercise premium.
+        Price of the European option at that volatility: the quote without its early exercise premium.
     price : float or None
-        Of the option itself at that volatility.
+        Price of the option itself at that volatility.
     error_estimate : float or None
-        Of that price, absolute, money; above tolerance times strike only where the engine reaches no better.
+        Error estimate of that price, money; above tolerance times strike only where the engine reaches no better.
     iterations : int
         Times that the option was priced; 0 where the bounds alone settle the status.
     bid_volatility, ask_volatility : float or None

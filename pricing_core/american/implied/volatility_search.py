@@ -124,7 +124,7 @@ def search(targets: Targets, price_at: Pricer) -> FoundVolatilities:
     ----------
     targets : Targets
     price_at : Pricer
-        Of a value that does not fall with the volatility.
+        Prices a value that does not fall with the volatility.
     """
     with np.errstate(all="ignore"):
         found = _settled_by_bounds(targets)

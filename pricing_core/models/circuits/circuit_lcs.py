@@ -29,9 +29,9 @@ class CircuitLCS:
     is_passive : bool
         Q satisfies (11.6), verified in exact arithmetic. Always so without controlled sources.
     readings : Readings
-        Of all node voltages and branch currents.
+        All node voltages and branch currents.
     element_states : Readings
-        Of the voltages of all capacitors and the currents of all inductors.
+        The voltages of all capacitors and the currents of all inductors.
     storage : Matrix
         M: the stored energy is s^T M s / 2 with these s.
     initial_element_states : Vector

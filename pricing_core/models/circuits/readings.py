@@ -15,7 +15,7 @@ class SourceSignals:
     Parameters
     ----------
     names : tuple of str
-        Of the sources.
+        Names of the sources.
     signal : Exosystem
         e = E w, w' = S w; then e' = E S w.
     derivatives : int

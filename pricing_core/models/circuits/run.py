@@ -22,14 +22,15 @@ class CircuitRun:
     start : float
         The time at which the simulation began.
     trajectory : Trajectory
-        Of x, u and y. The energy_lost of its events is what capacitors and inductors lose by jumping.
+        The run of x, u and y. The energy_lost of its events is what capacitors and inductors lose by jumping.
     energy_lost_at_start : float
         What the elements' initial voltages and currents lose at once where a loop of capacitors and voltage sources, or
         a cut-set of inductors and current sources, contradicts them; jumps through diodes are events.
     voltages : dict
-        Of the nodes at the times t, shape (m,) each.
+        Voltages of the nodes at the times t, shape (m,) each.
     currents : dict
-        Of the elements, from the first node to the second one; of a transformer NAME.primary and NAME.secondary.
+        Currents of the elements, from the first node to the second one; a transformer has NAME.primary and
+        NAME.secondary.
     """
 
     circuit: CircuitLCS

@@ -9,9 +9,12 @@ from pricing_core.arrays import Vector
 from pricing_core.models.control.nonlinear_programme import Expansion, NonlinearProgramme, Table
 from pricing_core.models.control.sequential_programming import Optimum, violation
 
-ACTIVE = 1e-6  # of 1 + the largest multiplier: a constraint with a smaller one counts as inactive
-HELD = 1e6  # of the curvatures: what it costs to leave an active constraint
-CURVED = 1e-6  # of the curvatures: what differences of second order may be wrong by
+# Share of 1 + the largest multiplier below which a constraint counts as inactive.
+ACTIVE = 1e-6
+# Cost of leaving an active constraint, in curvatures.
+HELD = 1e6
+# Largest error of second differences, as a share of the curvatures.
+CURVED = 1e-6
 
 
 class Certificate(NamedTuple):

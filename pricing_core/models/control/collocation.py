@@ -31,7 +31,7 @@ class Collocation:
     control : Matrix, shape (N, m)
         Constant in each interval.
     costate : Matrix, shape (N, n)
-        At the midpoints.
+        The costate at the midpoints.
     masses : Matrix, shape (N + 1, k)
         The multiplier eta as a measure: the mass at each node; nothing at the first.
     cost : float

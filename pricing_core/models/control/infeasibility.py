@@ -10,7 +10,8 @@ from pricing_core.models.control.problem import LQData
 
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
 ROUNDING = 1e-12
-NEGLIGIBLE = 1e-7  # of the largest weight: what an interior-point method leaves of a zero
+# Share of the largest weight that an interior-point method leaves of a zero.
+NEGLIGIBLE = 1e-7
 
 
 def least_energy(data: LQData, weights: Matrix) -> float:

@@ -9,7 +9,8 @@ from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs.system import LCS
 
 ROUNDING = 1e-12
-ZERO = 1e-11  # of the product of the factors' sizes: a Markov parameter below is rounding
+# Share of the product of its factors' sizes below which a Markov parameter is zero.
+ZERO = 1e-11
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,12 +12,14 @@ from pricing_core.models.control.sampling import Samples
 from pricing_core.models.control.shooting import Shot
 from pricing_core.models.control.structure import Contact, Structure
 
-SIGN = 1e-9  # of the size of a slack or multiplier: a negative value below is rounding
-ROUNDING = 1e-14  # of the largest state or costate, which are solved for together
-RELEASE = (
-    0.05  # of an arc's length: by so much earlier it ends at first where it should not end at the horizon
-)
-COLLAPSED = 1e-7  # of the horizon: a shorter arc is none
+# Share of the size of a slack or multiplier below which a negative value is rounding.
+SIGN = 1e-9
+# Share of the largest state or costate, which are solved for together, that is rounding.
+ROUNDING = 1e-14
+# Share of its length by which an arc ends earlier at first where it should not end at the horizon.
+RELEASE = 0.05
+# Share of the horizon below which an arc is none.
+COLLAPSED = 1e-7
 
 
 def improved(
@@ -137,7 +139,7 @@ def _positive_parts(contact: Contact, t: Vector, eta: Vector, smooth: bool) -> l
 def _with_violated(
     data: LQData, orders: tuple[int | None, ...], samples: tuple[Samples, ...], structure: Structure
 ) -> Structure:
-    """Add contacts where slacks are negative; a touch point inside such a stretch grows to an arc."""
+    """Add contacts where slacks are negative; a touch point inside such an interval grows to an arc."""
     t = np.concatenate([part.t for part in samples])
     x = np.vstack([part.x for part in samples])
     largest = max(float(np.max(np.abs(values))) for part in samples for values in (part.x, part.costate))

@@ -13,10 +13,10 @@ MOST_STEPS = 40
 CLOSE = 1e-11  # residual against the size of the solution
 NEAR = 1e-6  # residual from which on a step is as good as the last one
 SHRINK = 0.2  # a step leaves every segment at least this share of its length
-OVERLAP = (
-    0.02  # of the horizon: by so much junctions may pass each other in a step, simultaneous ones above all
-)
-TOGETHER = 1e-9  # of the horizon: junctions that passed each other by less are simultaneous
+# Share of the horizon by which junctions may pass each other in a step, simultaneous ones above all.
+OVERLAP = 0.02
+# Share of the horizon below which junctions that passed each other are simultaneous.
+TOGETHER = 1e-9
 RANK = 1e-15
 
 
@@ -30,7 +30,7 @@ class Shot:
     starts : tuple of Matrix, shape (pieces, d + 1)
         (c, 1) at the start of every piece of every segment.
     atoms : tuple of Vector
-        For each junction, of the constraints in its `with_atom`.
+        The atoms of each junction, for the constraints in its `with_atom`.
     residual : float
         The largest violation of the equations, against the size of (x, lambda).
     converged : bool

@@ -13,7 +13,7 @@ from pricing_core.models.control.sampling import cost
 
 Status = Literal["solved", "structure not resolved"]
 Atoms = tuple[tuple[float, Vector], ...]
-NOTHING = 1e-10  # of the largest atom or costate
+NOTHING = 1e-10  # Share of the largest atom or costate below which an atom is none.
 
 
 @dataclass(frozen=True, slots=True, eq=False)

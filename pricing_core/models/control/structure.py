@@ -10,9 +10,11 @@ from pricing_core.models.control.collocation import Collocation
 
 GAP = 2  # nodes that a contact of order >= 2 may leave out: there the discrete masses alternate
 TOUCH_NODES = 3  # up to so many nodes in contact are a touch point, where the order allows one
-NOTHING = 1e-6  # of the largest costate: a mass below is what an interior-point method leaves of a zero
+# Share of the largest costate below which a mass is what an interior-point method leaves of a zero.
+NOTHING = 1e-6
 SMALLEST = 1e-300
-NEAR = 0.1  # of (h/T)^2 of the slack's size: in contact, for order >= 2
+# Largest slack in contact, for order >= 2, in (h/T)^2 times the slack's size.
+NEAR = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,7 @@ def detect_structure(
     sizes : Vector, shape (k,)
         What the slacks are differences of: where a constraint is active all the time, its slack is rounding of that.
     orders : tuple
-        Of the constraints.
+        Orders of the constraints.
     held : tuple of bool
         Whether an arc of the constraint may start at x0: see `held_at_start`.
     """

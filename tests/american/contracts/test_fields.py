@@ -61,7 +61,7 @@ LIMITED = [
     if field.kind != "list" and any(map(math.isfinite, field.limits))
 ]
 MODELS = (schemas.PriceRequest, schemas.BoundaryRequest, schemas.ImpliedVolatilityRequest)
-DOORS = (price, price_many, exercise_boundary, implied_volatility, implied_volatility_many)
+FUNCTIONS = (price, price_many, exercise_boundary, implied_volatility, implied_volatility_many)
 
 
 def by_name(values):
@@ -139,29 +139,29 @@ def test_lists_and_curves_are_as_long_as_the_table_allows():
 
 
 def test_the_functions_have_the_defaults_of_the_table():
-    for door in (*DOORS, implied_carry, value_surface, run_batch):
-        assert inspect.signature(door).parameters["tolerance"].default == fields.TOLERANCE.default
-    for door in (price, price_many, run_batch):
-        assert inspect.signature(door).parameters["greeks"].default == fields.GREEKS.default
+    for function in (*FUNCTIONS, implied_carry, value_surface, run_batch):
+        assert inspect.signature(function).parameters["tolerance"].default == fields.TOLERANCE.default
+    for function in (price, price_many, run_batch):
+        assert inspect.signature(function).parameters["greeks"].default == fields.GREEKS.default
     for name in ("option_price", "bid", "ask"):
         assert inspect.signature(implied_volatility).parameters[name].default is input_field(name).default
 
 
-@pytest.mark.parametrize("door", DOORS, ids=lambda door: door.__name__)
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.__name__)
 @pytest.mark.parametrize("beyond", [(0, -math.inf), (1, math.inf)], ids=["least", "most"])
-def test_tolerances_end_at_the_limits(door, beyond):
+def test_tolerances_end_at_the_limits(function, beyond):
     end, away = beyond
-    contract = [CONTRACT] if door in (price_many, implied_volatility_many) else [*contract_from(CONTRACT)]
-    price_too = {"option_price": 6.0} if door in (implied_volatility, implied_volatility_many) else {}
+    contract = [CONTRACT] if function in (price_many, implied_volatility_many) else [*contract_from(CONTRACT)]
+    price_too = {"option_price": 6.0} if function in (implied_volatility, implied_volatility_many) else {}
     with pytest.raises(InvalidInputError, match=r"^tolerance = .*: must be a number from 1e-08 to 0\.01$"):
-        door(*contract, tolerance=math.nextafter(fields.TOLERANCE.limits[end], away), **price_too)
+        function(*contract, tolerance=math.nextafter(fields.TOLERANCE.limits[end], away), **price_too)
 
 
 @pytest.mark.parametrize("greeks", [True, False, None, "all", ["none"]], ids=repr)
 def test_greeks_are_one_of_three_words(greeks):
-    for door, arguments in ((price, contract_from(CONTRACT)), (price_many, [CONTRACT])):
+    for function, arguments in ((price, contract_from(CONTRACT)), (price_many, [CONTRACT])):
         with pytest.raises(InvalidInputError, match='must be "none", "standard" or "extended"'):
-            door(*arguments, greeks=greeks)
+            function(*arguments, greeks=greeks)
 
 
 def test_the_results_have_the_fields_of_the_table():

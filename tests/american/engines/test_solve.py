@@ -28,7 +28,7 @@ DIVIDENDS = [{"time": 0.5, "amount": 1.0}]
 BOOK = Book.of(
     [(Option("put", 100.0, 1.0), Market(90.0 + k, 0.05, 0.2, cash_dividends=DIVIDENDS)) for k in range(4)]
 )
-TOLERANCE = 1e-4  # of a strike of 100: 0.01
+TOLERANCE = 1e-4  # 0.01 at a strike of 100
 
 
 @dataclass
@@ -116,7 +116,7 @@ def test_a_contract_goes_on_where_its_tolerance_is_missed_and_the_smaller_error_
 
 def test_an_engine_that_is_no_better_is_not_asked():
     first = Stub("first", error=[0.02, 0.2, math.nan, 0.001], settled=[True, True, False, True])
-    second = Stub("second", value=20.0, least_error=1e-3)  # of the strike: 0.1
+    second = Stub("second", value=20.0, least_error=1e-3)  # 0.1 at a strike of 100
     solved(first, second)
     assert second.asked == [[1, 2]]
 

@@ -76,7 +76,7 @@ def test_a_quote_far_off_is_left_out():
     bid, ask = prices - 0.01, prices + 0.01
     bid[6], ask[6] = bid[6] + 0.5, ask[6] + 0.5  # a call of the first expiry
     carry = implied_carry({**chain, "bid": bid, "ask": ask})
-    assert carry.pairs_used.tolist() == [5, 7, 7, 7]  # of the first expiry, one put has no bid
+    assert carry.pairs_used.tolist() == [5, 7, 7, 7]  # one put of the first expiry has no bid
     assert np.max(errors_of_forward(carry)) <= 2e-3
 
 

@@ -1,4 +1,4 @@
-"""The option as what it is, a linear complementarity system: semidiscretise, step implicitly, refine, extrapolate.
+"""The method of lines: the option as a complementarity system, semidiscretised, stepped implicitly, extrapolated.
 
 In every segment between two events V' = L V + u, 0 <= u _|_ V - g >= 0 at the nodes of a grid in the spot, (11.63):
 `segment_form` states it (and `as_lcs` gives it to the general theory), `stage` solves the complementarity problem of

@@ -54,7 +54,7 @@ class Estimate:
     american, european : Vector, shape (3,)
         v, v_s, v_ss with and without early exercise; NaN where the interrupt came before two solves.
     error : float
-        Of v.
+        Error estimate of v.
     region : ExerciseRegion
         Now, in ln(S/K) of the actual spot.
     levels : tuple of Level
@@ -129,7 +129,7 @@ def value_on_same_grids(estimate: Estimate, solver: ScheduleSolver) -> tuple[flo
     Parameters
     ----------
     solver : ScheduleSolver
-        On the range of spots that the estimate was solved on.
+        The solver on the range of spots that the estimate was solved on.
     """
     levels = []
     for level in estimate.levels:
@@ -161,7 +161,7 @@ def boundaries(
     times : Vector, shape (m,)
         Years from now, increasing, 0 to expiry; at the end of a segment the boundary is that just before the event.
     tolerance : float
-        Of the price, as a fraction of the strike: it settles how far the grid reaches and how fine it is.
+        Tolerance of the price, as a fraction of the strike: it settles how far the grid reaches and how fine it is.
 
     Raises
     ------

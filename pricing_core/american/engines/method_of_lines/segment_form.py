@@ -116,7 +116,7 @@ class SegmentForm:
         Parameters
         ----------
         values : Vector, shape (N + 2,)
-            At the segment's end.
+            Values at the segment's end.
 
         Returns
         -------

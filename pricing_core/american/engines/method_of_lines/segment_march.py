@@ -38,7 +38,7 @@ class SegmentMarch:
     Parameters
     ----------
     values : Vector, shape (N + 2,)
-        At all nodes, in units of the strike.
+        Values at all nodes, in units of the strike.
     contact : BoolVector, shape (N,)
         The interior nodes in the exercise region.
     region : ExerciseRegion

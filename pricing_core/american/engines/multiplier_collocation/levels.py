@@ -88,11 +88,11 @@ class Solved:
     boundary : Vector
         ln(S*/K) now; NaN without one.
     error : Vector
-        Of the value.
+        Error estimate of the value.
     settled : bool array
         Whether the collocation found every boundary; nothing in the other columns may be used where it did not.
     level : int array
-        At which the value was found.
+        The level at which the value was found.
     """
 
     value: Vector

@@ -55,7 +55,7 @@ class PutValues:
     values : Matrix, shape (7, n)
         v = V/K, v_x, v_xx, the European v, and the derivatives of v by r T, q T and sigma sqrt(T).
     error : Vector, shape (n,)
-        Of v, rounding left out.
+        Error estimate of v, rounding left out.
     boundary : Vector, shape (n,)
         ln(S*/K).
     exercised : bool array, shape (n,)
@@ -90,7 +90,7 @@ def solve_puts(
     ----------
     puts : Puts
     tolerance : Vector, shape (n,)
-        Of v.
+        Tolerance of v.
     limits : Matrix, shape (n, 7), or None
         What each of the values may be off by; puts that miss are refined, too, up to 96 steps. None leaves out the
         derivatives by the parameters.
@@ -130,7 +130,7 @@ def solve_boundaries(puts: Puts, accuracy: float) -> tuple[Vector, Vector, BoolV
     puts : Puts
         x plays no part.
     accuracy : float
-        Of the boundary relative to itself; each row is refined until it is met, or to the finest mesh.
+        Accuracy of the boundary relative to itself; each row is refined until it is met, or to the finest mesh.
     """
     boundary, error = np.full(puts.x.size, np.nan), np.full(puts.x.size, np.inf)
     settled = np.zeros(puts.x.size, dtype=bool)

@@ -49,9 +49,8 @@ def test_every_lcp_method_takes_the_same_steps(case, lcp_method):
         expected = Sdirk2(TridiagonalStage(form)).step(0.01 * k, expected, 0.01).state
         found = Sdirk2(TridiagonalStage(form, lcp_method)).step(0.01 * k, found, 0.01).state
         assert np.all(np.abs(found.value - expected.value) <= 1e-12 * size)
-        assert (
-            found.residual < 1e-13 * size.max()
-        )  # the last sweep of PSOR is judged by the largest entry of q
+        # The last sweep of PSOR is checked against the largest entry of q.
+        assert found.residual < 1e-13 * size.max()
 
 
 @pytest.mark.parametrize("lcp_method", ["tridiagonal", "policy"])

@@ -151,7 +151,7 @@ def test_where_there_is_next_to_no_chance_the_general_path_serves(volatility):
 
 
 def test_what_a_boundary_violates_counts_as_error():
-    # On the last stretch but one a spurious boundary, far to the left, solves the equations.
+    # On the last segment but one a spurious boundary, far to the left, solves the equations.
     option = Option("put", 100.0, 0.266958)
     curves = {
         "rate": {"times": [0.011021, 0.205432, 0.266958], "values": [0.061803, 0.057499, 0.012101]},

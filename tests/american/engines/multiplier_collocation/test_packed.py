@@ -1,3 +1,5 @@
+"""Contracts packed for the kernel: money in strikes, an escrow in the place of the drops; no kernel is needed."""
+
 import math
 
 import numpy as np

@@ -1,0 +1,161 @@
+"""The picture of an exercise boundary, as PNG; importing this module imports matplotlib."""
+
+import math
+from dataclasses import replace
+from typing import BinaryIO
+
+import numpy as np
+
+from pricing_core.american import ExerciseBoundary, Market, Option, PiecewiseConstant
+from pricing_core.american.contracts.schedule import Schedule, make_schedule
+from pricing_core.american.engines.exercise_region import region_at_expiry
+from pricing_core.american.engines.perpetual import perpetual_boundary
+from pricing_core.arrays import BoolVector, Vector
+from pricing_core.extras import needs_extra
+
+with needs_extra("plot"):
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+BLUE, RED, GREY = "#1f5fa8", "#b5402f", "#5a6570"
+DOTS_PER_INCH = 150
+
+
+def draw_boundary(found: ExerciseBoundary, option: Option, market: Market, file: BinaryIO) -> None:
+    """Draw the exercise boundary against calendar time, with the levels that it runs between.
+
+    Parameters
+    ----------
+    file : BinaryIO
+        Open for writing; receives a PNG image.
+    """
+    if option.exercise == "bermudan":
+        found = _apart(found)
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    axes = figure.subplots()
+    _draw_curve(axes, found.time, found.boundary, "exercise boundary")
+    if found.other_boundary is not None:
+        _draw_curve(axes, found.time, found.other_boundary, "other boundary", "-.")
+    levels = _perpetual_levels(option, market)
+    axes.set_ylim(*_frame(found, option, levels))
+    _draw_region(axes, found, option)
+    _draw_levels(axes, option, levels)
+    _draw_limits_at_expiry(axes, option, market)
+    _describe(axes, option, market)
+    figure.legend(loc="outside lower center", ncols=3, frameon=False)
+    figure.savefig(file, format="png", dpi=DOTS_PER_INCH)
+
+
+def limits_at_expiry(option: Option, market: Market) -> list[float]:
+    """Return the ends of the exercise region as the time to expiry goes to 0, in money; none where there are events.
+
+    Examples
+    --------
+    For a call with yield q > 0 the one end is K max(1, r/q) (Kim 1990):
+
+    >>> market = Market(100.0, rate=0.06, volatility=0.2, dividend_yield=0.03)
+    >>> [round(limit, 9) for limit in limits_at_expiry(Option("call", 100.0, 1.0), market)]
+    [200.0]
+    """
+    schedule = _without_events(option, market)
+    if schedule is None or option.expiry == 0.0:
+        return []
+    return [end for end in region_at_expiry(schedule).boundaries(schedule) if math.isfinite(end)]
+
+
+def _draw_curve(axes: Axes, time: Vector, boundary: Vector, label: str, style: str = "-") -> None:
+    if np.isfinite(boundary).any():
+        axes.plot(time, boundary, color=BLUE, linewidth=2.0, linestyle=style, label=label)
+        alone = _alone(boundary)
+        axes.plot(time[alone], boundary[alone], color=BLUE, linestyle="", marker="o")
+
+
+def _apart(found: ExerciseBoundary) -> ExerciseBoundary:
+    """Return the boundary with nothing between its times."""
+
+    def parted(values: Vector) -> Vector:
+        return np.column_stack([values, np.full(values.size, math.nan)]).ravel()[:-1]
+
+    other = None if found.other_boundary is None else parted(found.other_boundary)
+    time = np.repeat(found.time, 2)[:-1]
+    return replace(found, time=time, boundary=parted(found.boundary), other_boundary=other)
+
+
+def _alone(boundary: Vector) -> BoolVector:
+    """Return the points without neighbours: just before a dividend, or the dates of a Bermudan option."""
+    known = np.pad(np.isfinite(boundary), 1)
+    return np.asarray(known[1:-1] & ~known[:-2] & ~known[2:])
+
+
+def _draw_region(axes: Axes, found: ExerciseBoundary, option: Option) -> None:
+    """Shade the spots at which to exercise: to the other boundary, or to the edge of the frame."""
+    bottom, top = axes.get_ylim()
+    far = found.other_boundary
+    if far is None:
+        far = np.full(found.boundary.size, bottom if option.is_put else top)
+    axes.fill_between(
+        found.time, found.boundary, far, color=BLUE, alpha=0.12, linewidth=0.0, label="exercise"
+    )
+    alone = _alone(found.boundary)
+    axes.vlines(found.time[alone], found.boundary[alone], far[alone], color=BLUE, alpha=0.3)
+
+
+def _frame(found: ExerciseBoundary, option: Option, levels: list[float]) -> tuple[float, float]:
+    """Return the least and the largest spot to show: every curve and level, and a margin."""
+    curves = [found.boundary] if found.other_boundary is None else [found.boundary, found.other_boundary]
+    values = np.concatenate([*curves, [option.strike], levels])
+    least, most = float(np.nanmin(values)), float(np.nanmax(values))
+    margin = 0.15 * max(most - least, 0.2 * option.strike)
+    return max(least - margin, 0.0), most + margin
+
+
+def _draw_levels(axes: Axes, option: Option, levels: list[float]) -> None:
+    axes.axhline(option.strike, color=GREY, linewidth=1.0, linestyle="--", label=f"strike {option.strike:g}")
+    for level in levels:
+        axes.axhline(level, color=RED, linewidth=1.0, linestyle=":", label=f"perpetual level {level:.4g}")
+
+
+def _perpetual_levels(option: Option, market: Market) -> list[float]:
+    """Return the boundary of the option without expiry, if there is one and no event before the expiry."""
+    schedule = _without_events(option, market)
+    if schedule is None:
+        return []
+    now = schedule.segments[0]
+    level = option.strike * perpetual_boundary(
+        is_put=option.is_put, rate=now.rate, dividend_yield=now.dividend_yield, volatility=now.volatility
+    )
+    return [level] if math.isfinite(level) and level > 0.0 else []
+
+
+def _without_events(option: Option, market: Market) -> Schedule | None:
+    """Return the schedule of an option that may be exercised at any time, and of whose market nothing changes."""
+    due = math.fsum(dividend.amount for dividend in market.cash_dividends)
+    schedule = make_schedule(option, replace(market, spot=option.strike + due))
+    only = schedule.segments[0]
+    is_flat = len(schedule.segments) == 1 and only.due == only.fraction == 0.0
+    return schedule if is_flat and only.exercisable else None
+
+
+def _draw_limits_at_expiry(axes: Axes, option: Option, market: Market) -> None:
+    for limit in limits_at_expiry(option, market):
+        label = f"limit at expiry {limit:.4g}"
+        axes.plot(
+            [option.expiry], [limit], color=RED, marker="o", linestyle="none", label=label, clip_on=False
+        )
+
+
+def _describe(axes: Axes, option: Option, market: Market) -> None:
+    curves = {"rate": market.rate, "yield": market.dividend_yield, "volatility": market.volatility}
+    terms = ", ".join(
+        f"{name} {'curve' if isinstance(curve, PiecewiseConstant) else f'{curve:g}'}"
+        for name, curve in curves.items()
+    )
+    if market.cash_dividends or market.proportional_dividends:
+        terms += ", dividends"
+    axes.set_title(f"{option.exercise.capitalize()} {option.option_type}, strike {option.strike:g}\n{terms}")
+    axes.set_xlabel("calendar time (years from now)")
+    axes.set_ylabel("spot (money per unit of underlying)")
+    axes.set_xlim(0.0, max(option.expiry, 1e-9))
+    axes.grid(color="#e3e7eb", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)

@@ -1,0 +1,1 @@
+"""What the benchmarks of the option engine price, and true values from an integral equation."""

@@ -1,0 +1,1 @@
+"""QuantLib's engines on this library's contracts (extra [bench])."""

@@ -1,0 +1,1 @@
+"""What a benchmark reports, and the files that it is written to."""
