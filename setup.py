@@ -49,6 +49,5 @@ else:
         features=["python"],
         args=["--locked"],
         debug=False,
-        py_limited_api=True,
     )
     setup(rust_extensions=[kernel], options={"bdist_wheel": {"py_limited_api": OLDEST_PYTHON}})
