@@ -5,11 +5,13 @@ import re
 import shutil
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 from setuptools import setup
 from setuptools_rust import Binding, RustExtension
+
+if sys.version_info < (3, 11):  # noqa: UP036 - pip reads the requirement only after this has run
+    sys.exit(f"pricing-core needs Python 3.11 or later; this is Python {sys.version.split()[0]}")
 
 MANIFEST = Path(__file__).parent / "kernels" / "Cargo.toml"
 # The oldest Python whose stable interface the kernel is compiled for, as in `requires-python` and pyo3's feature.
@@ -18,6 +20,8 @@ OLDEST_PYTHON = "cp311"
 
 def why_no_kernel() -> str:
     """Return why the kernel is left out; nothing where it is to be compiled."""
+    import tomllib  # noqa: PLC0415
+
     wanted = os.environ.get("PRICING_CORE_KERNEL", "auto")
     if wanted not in ("auto", "none"):
         sys.exit(f'PRICING_CORE_KERNEL = {wanted!r}: must be "auto" or "none"')
@@ -50,4 +54,11 @@ else:
         args=["--locked"],
         debug=False,
     )
-    setup(rust_extensions=[kernel], options={"bdist_wheel": {"py_limited_api": OLDEST_PYTHON}})
+    try:
+        setup(rust_extensions=[kernel], options={"bdist_wheel": {"py_limited_api": OLDEST_PYTHON}})
+    except SystemExit as end:
+        if "cargo" not in str(end.code):
+            raise
+        sys.exit(
+            f"{end.code}\npricing-core: the kernel was not compiled; PRICING_CORE_KERNEL=none installs without it"
+        )
