@@ -5,7 +5,7 @@ volatility 10 to 60 %, 30 days to 3 years, four dividends of 0.2 to 2 % of the s
 are distances from the collocation's own prices at the tolerance 1e-8; where QuantLib is installed, its finite
 differences are held against these as well. The kernel's time is measured inside the same calls; what is left is Python.
 
-Takes about two minutes. Run from the root of the project: .venv/bin/python -m benchmarks.events
+Takes half a minute, two with QuantLib. Run from the root of the project: .venv/bin/python -m benchmarks.events
 """
 
 import platform
