@@ -24,7 +24,7 @@ pub struct Puts<'a> {
     pub levels: (usize, usize),
 }
 
-/// The parameters of sixteen puts: r T > 0, q T, sigma sqrt(T) > 0.
+/// The parameters of sixteen puts: r T >= 0 and q T, of which one earns by exercise, sigma sqrt(T) > 0.
 #[derive(Clone, Copy)]
 pub struct Contracts<V> {
     /// r T.
@@ -44,6 +44,12 @@ impl<V: Vector> Contracts<V> {
             dividend: gather(puts.dividend, runs),
             spread: gather(puts.spread, runs),
         }
+    }
+
+    /// The most that exercise may earn until expiry as a share of the strike: r T, and -q T on a spot that costs to hold.
+    #[inline(always)]
+    pub fn earned(&self) -> V {
+        self.rate + (-self.dividend).max(V::zero())
     }
 }
 

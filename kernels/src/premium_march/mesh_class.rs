@@ -21,8 +21,8 @@ const LOOSE_TOLERANCE: f64 = 1e-4;
 /// The power of the error with which the number of steps falls, 1/log2(6); calibrated: twice the steps have a sixth of the
 /// error.
 const STEPS_POWER: f64 = 0.386_852_807_234_541_6;
-/// The smallest r T that is served; chosen.
-const SMALLEST_RATE: f64 = 1e-9;
+/// The smallest earnings of exercise that are served, see `Contracts::earned`; chosen.
+const SMALLEST_EARNED: f64 = 1e-9;
 /// The largest r T and |q T| that are served; chosen.
 const LARGEST_GROWTH: f64 = 8.0;
 /// The smallest sigma sqrt(T) that is served; chosen.
@@ -95,13 +95,14 @@ pub fn classify<V: Vector>(
         .times(4.0 * std::f64::consts::LOG2_E)
         .plus(-2.0);
     let distance = distance(contracts, tolerance, drift, decay).times(1.0 / WIDTH);
-    let small = rate.min(V::all(1.0));
+    let small = contracts.earned().min(V::all(1.0));
     let typical = ln(small).times(TYPICAL_POWER).plus(TYPICAL_ERROR.ln());
     let steps = exp((typical - ln(tolerance)).times(STEPS_POWER)).times(16.0);
     // Written so that what is not a number is not inside.
     let mut served = V::all(1.0);
     for margin in [
-        rate.plus(-SMALLEST_RATE * (1.0 - 1e-12)),
+        rate.plus(f64::MIN_POSITIVE),
+        contracts.earned().plus(-SMALLEST_EARNED * (1.0 - 1e-12)),
         V::all(LARGEST_GROWTH * (1.0 + 1e-12)) - rate,
         V::all(LARGEST_GROWTH * (1.0 + 1e-12)) - dividend.abs(),
         spread.plus(-SMALLEST_SPREAD * (1.0 - 1e-12)),
@@ -137,7 +138,7 @@ pub fn classify<V: Vector>(
 
 /// The distance in xi from the boundary to where the premium is negligible, which the free nodes cover.
 ///
-/// The premium at xi is at most about r T N(-xi); it is cut off beyond e^{-reach^2/2} = tolerance/(10 r T).
+/// The premium at xi is at most about what is earned times N(-xi); it is cut off where that is a tenth of the tolerance.
 /// The boundary is guessed, rather too low, from its expansion at expiry and that of the option without expiry.
 #[inline(always)]
 fn distance<V: Vector>(contracts: &Contracts<V>, tolerance: V, drift: V, decay: V) -> V {
@@ -147,7 +148,7 @@ fn distance<V: Vector>(contracts: &Contracts<V>, tolerance: V, drift: V, decay: 
         spread,
     } = *contracts;
     let one = V::all(1.0);
-    let cut = (rate.times(10.0) / tolerance).max(V::all(100.0));
+    let cut = (contracts.earned().times(10.0) / tolerance).max(V::all(100.0));
     let reach = ln(cut).times(2.0).sqrt();
     let logarithm = ln((-dividend).negative(rate / dividend, one)).min(V::zero());
     let at_expiry = logarithm / spread;

@@ -180,10 +180,10 @@ impl<V: Vector> Spots<V> {
         self.bond * u
     }
 
-    /// Half the second derivative by x of V/K less the payoff, at the boundary; the part of the dividend is left out.
+    /// Half the second derivative by x of V/K less the payoff, at the boundary; at least, where the yield is positive.
     #[inline(always)]
     pub fn half_curvature_at_boundary(&self) -> V {
-        self.contracts.rate / (self.contracts.spread * self.contracts.spread)
+        self.contracts.earned() / (self.contracts.spread * self.contracts.spread)
     }
 
     /// About the largest premium over K that an option so far from the boundary can have, by its density now and by its
@@ -198,7 +198,7 @@ impl<V: Vector> Spots<V> {
         let drift = (rate - dividend) / spread - spread.times(0.5);
         let decay = drift + (drift * drift + rate + rate).sqrt();
         let deviations = (self.x - boundary) / spread;
-        let now = rate * exp((deviations * deviations).times(-0.5));
+        let now = self.contracts.earned() * exp((deviations * deviations).times(-0.5));
         now.min(exp(-(decay * deviations)))
     }
 

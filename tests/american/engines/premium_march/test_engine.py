@@ -9,6 +9,7 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.premium_march import PremiumMarch
 from tests.problems.engines import solved
 from tests.problems.needs_kernel import needs_kernel
@@ -126,3 +127,31 @@ def test_a_time_beyond_the_march_costs_itself_alone():
     book = Book.of([(Option("put", 100.0, 35.0), Market(100.0, 0.05, 3.0))])
     found = ENGINE.boundary(book, np.array([0.0, 0.5, 0.9999]) * 35.0, Request(np.array([1e-6])))
     assert found.found.tolist() == [False, True, True]
+
+
+@pytest.mark.parametrize("earned_by", ["put", "call"])
+def test_contracts_that_earn_by_one_rate_alone_are_marched(earned_by):
+    """A put at r = 0 and q < 0, or a call at q = 0 and r < 0, against the method of lines; one boundary each."""
+    random = np.random.default_rng(23)
+    costs = -np.exp(random.uniform(math.log(1e-4), math.log(0.15), 60))
+    contracts = []
+    for cost, spot in zip(costs, 100.0 * np.exp(random.normal(0.0, 0.2, 60)), strict=True):
+        rate, dividend_yield = (0.0, cost) if earned_by == "put" else (cost, 0.0)
+        option = Option(earned_by, 100.0, math.exp(random.uniform(math.log(0.02), math.log(8.0))))
+        contracts.append((option, Market(spot, rate, random.uniform(0.05, 0.8), dividend_yield)))
+    marched = solved(ENGINE, *contracts, tolerance=1e-6)
+    other = solved(MethodOfLines(), *contracts, tolerance=1e-6)
+    assert marched.settled.all()
+    assert (marched.error <= 1e-6 * 100.0).all()
+    apart = np.abs(marched.value - other.value) / (marched.error + other.error)
+    assert np.max(apart, initial=0.0, where=~marched.exercised) <= 1.0
+    np.testing.assert_allclose(marched.delta, other.delta, atol=1e-5)
+
+
+def test_nothing_leaps_where_the_rate_crosses_zero_towards_one_boundary():
+    rates = np.array([0.0, 1e-12, 1e-9, 1e-6, 1e-4])
+    contracts = [(PUT, Market(95.0, rate, 0.25, -0.03)) for rate in rates]
+    found = solved(ENGINE, *contracts, tolerance=1e-8, greeks="standard")
+    assert found.settled.all()
+    assert np.diff(found.value) == pytest.approx(found.rho[0] * np.diff(rates), abs=2e-6)
+    assert np.ptp(found.steps) <= found.steps[0]
