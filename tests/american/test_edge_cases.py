@@ -3,6 +3,7 @@
 import pytest
 
 from pricing_core.american import Market, Option, price
+from pricing_core.errors import NumericalError
 from tests.problems.event_values import event_values
 from tests.problems.needs_kernel import needs_kernel
 from tests.problems.true_values import rows_of
@@ -32,3 +33,31 @@ def test_puts_with_two_boundaries_meet_the_default_tolerance(case):
     found = price(case.option, case.market, greeks="none")
     assert found.status == "ok"
     assert found.price == pytest.approx(case.price, abs=2e-6 * case.option.strike)
+
+
+RISING = {"times": [0.5, 1.0], "values": [0.01, 0.02]}
+
+
+def test_a_spot_without_measure_has_no_price_rather_than_an_impossible_one():
+    with pytest.raises(NumericalError, match="as large as the range of prices without arbitrage"):
+        price(Option("put", 100.0, 1.0), Market(1e30, RISING, 1e-8))
+
+
+@pytest.mark.parametrize("rate", [0.05, RISING])
+@pytest.mark.parametrize("volatility", [1e-300, 1e-160, 1e-30])
+def test_the_least_volatilities_have_all_their_greeks(rate, volatility):
+    for option_type, delta in (("put", 0.0), ("call", 1.0)):
+        found = price(Option(option_type, 90.0, 1.0), Market(100.0, rate, volatility), greeks="extended")
+        assert found.status == "ok"
+        assert (found.vega, found.vanna, found.volga) == (0.0, 0.0, 0.0)
+        assert found.delta == pytest.approx(delta, abs=1e-9)
+
+
+@pytest.mark.parametrize("exercise", ["american", "european"])
+def test_an_error_is_never_below_the_rounding_of_the_value(exercise):
+    """50 % paid for 200 years make a put worth e^100 strikes, of which no number has 1e-6 strikes' accuracy."""
+    market = Market(100.0, -0.5, 0.2, -0.5)
+    found = price(Option("put", 100.0, 200.0, exercise), market)
+    assert found.price == pytest.approx(2.2652784469501787e45, rel=1e-13)
+    assert 4e-16 * found.price <= found.error_estimate <= 1e-12 * found.price
+    assert found.status == "tolerance_not_met"

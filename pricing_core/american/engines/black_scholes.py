@@ -14,7 +14,7 @@ from pricing_core.american.engines.differences import BUCKETS, DIVIDENDS, of_div
 from pricing_core.arrays import Vector
 
 ONE_OVER_SQRT_TWO_PI = 1.0 / math.sqrt(2.0 * math.pi)
-# Error of the formula as a share of spot and strike; chosen above the rounding of its terms.
+# Error of each term of the formula as a share of it, for each unit of its exponent; chosen above their rounding.
 ROUNDING = 1e-15
 
 
@@ -58,7 +58,8 @@ def european_columns(book: Book, greeks: Greeks) -> dict[str, Any]:
             - now.rate * K * in_bond
             - 0.5 * now.volatility**2 * by_spread / spread
             - _escrow_growth(book, in_stock),
-            "error": ROUNDING * (S + K),
+            "error": ROUNDING
+            * (S * share * (1.0 + np.abs(dividend_yield)) + K * discount * (1.0 + np.abs(rate))),
         }
         if greeks != "none":
             columns |= _by_parameters(book, in_stock * S, in_bond * K, by_spread, spread)

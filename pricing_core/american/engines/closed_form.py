@@ -13,7 +13,7 @@ from pricing_core.american.engines.certain import certain_value, uncertainty
 from pricing_core.american.engines.differences import plan_differences
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
-from pricing_core.american.engines.held import held_theta
+from pricing_core.american.engines.held import ROUNDING, held_theta
 from pricing_core.arrays import BoolVector, Vector
 
 SMALLEST_SPREAD = 1e-12  # Standard deviation of ln S at expiry below which it makes no difference; chosen.
@@ -139,8 +139,17 @@ def _is_worthless(book: Book) -> BoolVector:
 
 def _by_formula(book: Book, request: Request) -> Prices:
     columns = european_columns(book, request.greeks)
+    # Nothing is more accurate than the formula: where rounding alone misses the tolerance, no other engine is asked.
+    missed = columns["error"] > request.tolerance * book.strike
+    status = np.where(missed, "tolerance_not_met", "ok").astype(object) if missed.any() else "ok"
     return prices(
-        book.count, settled=True, complete=True, method="closed-form", european=columns["value"], **columns
+        book.count,
+        settled=True,
+        complete=True,
+        status=status,
+        method="closed-form",
+        european=columns["value"],
+        **columns,
     )
 
 
@@ -153,7 +162,7 @@ def _on_certain_path(book: Book, request: Request) -> Prices:
     delta, gamma = np.where(value > 0.0, (up - down) / (step + below), 0.0), np.zeros(book.count)
     payoff = book.payoff()
     formula = has_formula(book)
-    error = uncertainty(book)
+    error = np.maximum(uncertainty(book), ROUNDING * value)
     expired = book.expiry == 0.0
     now = book.first_segments().exercisable
     exercised = (payoff > 0.0) & (value <= payoff) & (expired | (now & ~formula))

@@ -22,6 +22,8 @@ RATE_STEP = 1e-3
 # Step of a cash dividend as a share of the spot, or of the strike where that is 0; calibrated.
 AMOUNT_STEP = 1e-3
 AMOUNT_SHARE = 0.2  # Largest step of a cash dividend as a share of its amount; chosen.
+# Smallest step of the volatility, 1/sqrt(year), whose square does not vanish; chosen.
+SMALLEST_VOLATILITY_STEP = 1e-100
 SMALLEST_RATE_STEP = 1e-5  # Smallest step of a rate or yield, 1/year; chosen above rounding.
 PARALLEL = {"volatility": "vega", "rate": "rho", "dividend_yield": "dividend_rho"}
 BUCKETS = {name: f"{name}_buckets" for name in CURVES}
@@ -214,6 +216,7 @@ def _steps(book: Book, share: float) -> dict[str, Vector]:
     closest = np.maximum(0.5 * _smallest(book, between), SMALLEST_RATE_STEP)
     rate = np.where(_smallest(book, lower) < 0.0, np.minimum(rate, closest), rate)
     volatility_step = share * VOLATILITY_SHARE * np.where(np.isfinite(smallest), smallest, 1.0)
+    volatility_step = np.maximum(volatility_step, SMALLEST_VOLATILITY_STEP)
     return {"volatility": volatility_step, "rate": rate, "dividend_yield": rate}
 
 

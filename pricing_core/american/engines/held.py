@@ -8,6 +8,7 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices, prices
 from pricing_core.arrays import BoolVector, Vector
 
+ROUNDING = 4e-16  # Smallest error of a value, as a share of it; two units in the last place.
 BY_PARAMETERS = ("vega", "rho", "dividend_rho", "vanna", "volga")
 
 
@@ -50,6 +51,7 @@ def priced(
         columns |= {name: others.pop(name) for name in BY_PARAMETERS if name in others}
         paid = {"value": payoff, "error": error, "delta": -book.sign}
         columns = {name: np.where(exercised, paid.get(name, 0.0), column) for name, column in columns.items()}
+    columns["error"] = np.maximum(columns["error"], ROUNDING * columns["value"])
     return prices(
         book.count,
         european=european,

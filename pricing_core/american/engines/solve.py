@@ -15,6 +15,7 @@ from pricing_core.american.engines.engine import Boundaries, Engine, Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
 from pricing_core.american.engines.premium_march import PremiumMarch
+from pricing_core.american.engines.price_bounds import bounds_of
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.kernel import warn_where_missing
 
@@ -24,6 +25,7 @@ ENGINES: tuple[Engine, ...] = (CLOSED_FORM, PREMIUM_MARCH, MultiplierCollocation
 FAST_ENGINES = (CLOSED_FORM, PREMIUM_MARCH)
 # Number of segments priced at a time, so that their columns stay in the cache; measured.
 LARGEST_CHUNK = 16384
+NO_PRICE = "the estimated error of the price is as large as the range of prices without arbitrage"
 SMALLEST_CHUNK = 256  # Number of segments: fewer are not worth a thread; measured.
 
 T = TypeVar("T")
@@ -71,6 +73,7 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
         part, wanted = book.take(rows), request.take(rows)
     if best is None:
         best = prices(book.count)
+    best = _within_bounds(book, best, request.tolerance * book.strike)
     best = _judged(best, request.tolerance * book.strike, interrupted=interrupted)
     return _with_boundaries(book, best, request, engines)
 
@@ -171,6 +174,22 @@ def _together(best: Prices | None, count: int, rows: Rows, found: Prices) -> Pri
     complete[lacking] = True
     filled = replace(before, **columns, complete=complete, settled=settled)
     return best.replaced(rows, found.replaced(kept, filled.take(kept)))
+
+
+def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
+    """Return the prices with none outside the bounds of no arbitrage that misses its tolerance.
+
+    An error as large as the range between these bounds says nothing: then there is no price.
+    """
+    rows = np.flatnonzero(best.error > allowed)
+    if rows.size == 0:
+        return best
+    found, part = best.take(rows), book.take(rows)
+    least, most = np.where(part.first_segments().exercisable, part.payoff(), 0.0), bounds_of(part).upper
+    lost = found.error >= most - least
+    inside = replace(found, value=np.clip(found.value, least, most))
+    nothing = prices(int(lost.sum()), status="out_of_domain", message=NO_PRICE)
+    return best.replaced(rows, inside.replaced(np.flatnonzero(lost), nothing))
 
 
 def _judged(best: Prices, allowed: Vector, *, interrupted: bool) -> Prices:

@@ -1,89 +1,11 @@
-"""What an option may cost at volatilities from zero to infinity."""
+"""What one option may cost at volatilities from zero to infinity."""
 
-from dataclasses import dataclass
-
-import numpy as np
-
-from pricing_core.american.book.book import Book, Rows
+from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.market import Market
-from pricing_core.american.engines.certain import certain_value
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.american.engines.price_bounds import bounds_of
 
 ANY_VOLATILITY = 0.2  # Volatility, 1/sqrt(year), that stands in for the one that is looked for.
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PriceBounds:
-    """Bounds of n options; money per unit of underlying, every field of shape (n,).
-
-    Parameters
-    ----------
-    lower, european_lower : Vector
-        The value at volatility 0, and that of the option without early exercise.
-    upper, european_upper : Vector
-        What these tend to as the volatility grows.
-    out_of_the_money : Vector
-        ln(F/K) for a put, ln(K/F) for a call, F the forward.
-    at_once : bool array
-        Whether exercise now is best at volatility 0, and brings something.
-    """
-
-    lower: Vector
-    upper: Vector
-    european_lower: Vector
-    european_upper: Vector
-    out_of_the_money: Vector
-    at_once: BoolVector
-
-    def take(self, rows: Rows) -> "PriceBounds":
-        """Return those of some of the options."""
-        return PriceBounds(*(getattr(self, name)[rows] for name in self.__slots__))
-
-
-def bounds_of(book: Book) -> PriceBounds:
-    """Return the bounds of the contracts, whose volatilities are ignored.
-
-    At volatility 0 the spot is certain. At infinite volatility it goes to 0 on almost every path: a put brings the
-    strike, less the escrow, a call the spot, less the fractions and the yield paid before exercise, each with interest
-    to the best time; European ones with interest to expiry (Merton 1973).
-    """
-    segments, sign, K, count = book.segments, book.sign, book.strike, book.count
-    lower, european_lower = certain_value(book), certain_value(book.european())
-    start = book.spot - book.escrow_now()
-    spot, held = start.copy(), np.where(book.is_put, 0.0, start)
-    discount, share, upper = np.ones(count), np.ones(count), np.zeros(count)
-    duration, escrow, drops = segments.duration, book.escrow(), book.drops()
-    with np.errstate(all="ignore"):
-        for rows, at in book.by_place():
-            h, exercisable = duration[at], segments.exercisable[at]
-            before = discount[rows], share[rows]
-            after = (
-                before[0] * np.exp(-segments.rate[at] * h),
-                before[1] * np.exp(-segments.dividend_yield[at] * h),
-            )
-            due = after[0] * escrow[at]  # worth today the same at every time of the segment
-            bond = sign[rows] * (after[0] * K[rows] - due)
-            earlier = np.where(exercisable, sign[rows] * (before[0] * K[rows] - due), bond)
-            stock = np.maximum(after[1], np.where(exercisable, before[1], 0.0))
-            most = np.maximum(np.maximum(bond, earlier), 0.0) * (sign[rows] > 0.0) + held[rows] * stock
-            allowed = exercisable | segments.exercise_at_end[at]
-            upper[rows] = np.maximum(upper[rows], np.where(allowed, most, 0.0))
-            discount[rows], share[rows] = after[0], after[1] * (1.0 - segments.fraction[at])
-            grown = spot[rows] * np.exp((segments.rate[at] - segments.dividend_yield[at]) * h)
-            spot[rows] = np.maximum(grown * (1.0 - segments.fraction[at]) - drops[at], 0.0)
-        european_upper = np.where(book.is_put, K * discount, held * share)
-        forward = np.log(spot / K)
-    now = np.where(book.first_segments().exercisable, sign * (K - book.spot), 0.0)
-    certain = (start == 0.0) | (book.expiry == 0.0)
-    return PriceBounds(
-        lower,
-        np.where(certain, lower, np.maximum(upper, european_upper)),
-        european_lower,
-        european_upper,
-        sign * forward,
-        (now > 0.0) & (now >= lower),
-    )
 
 
 def price_bounds(option: Option, market: Market) -> tuple[float, float]:

@@ -9,8 +9,8 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.engines.engine import Engine, Request
+from pricing_core.american.engines.price_bounds import bounds_of
 from pricing_core.american.engines.solve import ENGINES, FAST_ENGINES, solve
-from pricing_core.american.implied.volatility_bounds import bounds_of
 from pricing_core.american.implied.volatility_search import (
     NO_CONVERGENCE,
     NOT_SERVED,

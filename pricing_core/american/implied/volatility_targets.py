@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pricing_core.american.engines.price_bounds import PriceBounds
 from pricing_core.american.implied.black_spread import black_spread, black_time_value
-from pricing_core.american.implied.volatility_bounds import PriceBounds
 from pricing_core.arrays import BoolVector, Vector
 
 LARGEST_MONEYNESS = 600.0  # Largest |ln(F/K)|, so that powers of e do not overflow; chosen.

@@ -14,6 +14,7 @@ from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.solve import (
     ENGINES,
     FAST_ENGINES,
+    NO_PRICE,
     SMALLEST_CHUNK,
     boundary_of,
     mapped,
@@ -177,6 +178,30 @@ def test_the_tolerance_is_each_contracts_own():
     first = Stub("first", error=[0.02] * 4)
     found = solve(BOOK, Request(np.array([1e-4, 3e-4, 1e-3, 1e-5])), engines=(first,))
     assert found.status.tolist() == ["tolerance_not_met", "ok", "ok", "tolerance_not_met"]
+
+
+def test_a_price_that_misses_its_tolerance_stays_within_the_bounds_of_no_arbitrage():
+    found = solved(Stub("first", value=99.5, error=[0.02, 0.02, 0.001, 0.02]))
+    assert found.value.tolist() == [
+        99.5,
+        100.0,
+        101.5,
+        100.0,
+    ]  # at most the strike; what meets its tolerance stays
+    below = solved(Stub("first", value=8.0, error=[0.02] * 4))
+    assert below.value.tolist() == [10.0, 9.0, 10.0, 11.0]  # spots of 90, 91, 92 and 93
+
+
+def test_an_error_as_large_as_the_range_without_arbitrage_is_no_price():
+    found = solved(Stub("first", error=[89.0, 90.0, 92.0, math.inf]))
+    assert found.status.tolist() == ["tolerance_not_met"] + [
+        "tolerance_not_met",
+        "out_of_domain",
+        "out_of_domain",
+    ]
+    assert np.isnan(found.value).tolist() == [False, False, True, True]
+    assert np.isnan(found.delta).tolist() == [False, False, True, True]
+    assert found.message[2] == found.message[3] == NO_PRICE
 
 
 # The boundary.

@@ -17,8 +17,9 @@ from pricing_core.american import (
 )
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.reading import read_book
+from pricing_core.american.engines.price_bounds import bounds_of
 from pricing_core.american.implied.black_spread import black_spread, black_time_value
-from pricing_core.american.implied.volatility_bounds import bounds_of, price_bounds
+from pricing_core.american.implied.volatility_bounds import price_bounds
 from pricing_core.errors import InvalidInputError
 from tests.problems.needs_kernel import needs_kernel
 
