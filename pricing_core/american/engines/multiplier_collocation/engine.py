@@ -113,8 +113,9 @@ def _derivatives(book: Book, solved: Solved, wanted: Rows, request: Request) -> 
     """Return the derivatives by the parameters as columns, and the rows for which the interrupt came too early.
 
     The level above that of the price gives every boundary a fixed degree: bumped or not, it is solved alike. Where a
-    bumped contract does not settle so, the next level serves, then degrees of its own to a small tolerance. Rows that
-    are not `wanted` are exercised, and nothing changes their value, or were not settled.
+    bumped contract does not settle so, or the contract itself has another value there than its price, which a boundary
+    that its degree cannot follow makes it, the next level serves, then degrees of its own to a small tolerance. Rows
+    that are not `wanted` are exercised, and nothing changes their value, or were not settled.
     """
     extended = request.greeks == "extended"
     columns = unchanged(book, extended=extended)
@@ -125,11 +126,14 @@ def _derivatives(book: Book, solved: Solved, wanted: Rows, request: Request) -> 
         rows = np.flatnonzero(~complete)
         if rows.size == 0 or late.size:
             break
-        plan = plan_differences(book.take(rows), extended=extended)
+        part = book.take(rows)
+        plan = plan_differences(part, extended=extended)
         level = solved.level[rows] + above if above is not None else np.full(rows.size, CLOSE_LEVEL)
-        tolerance = 0.0 if above is not None else CLOSE
-        value, delta = _bumped_values(plan, np.minimum(level, FINEST), tolerance, request)
-        missing = np.unique(plan.row[np.isnan(value)])
+        level, tolerance = np.minimum(level, FINEST), 0.0 if above is not None else CLOSE
+        value, delta = _bumped_values(plan, level, tolerance, request)
+        own, _ = solve_at_level(part, level, request.threads, np.full(rows.size, tolerance))
+        same = np.abs(own[0] - solved.value[rows]) <= np.maximum(solved.error[rows], request.tolerance[rows])
+        missing = np.union1d(plan.row[np.isnan(value)], np.flatnonzero(~same))
         complete[np.delete(rows, missing)] = True
         columns = stored(columns, rows, plan.columns(value, delta))
         if missing.size and request.is_interrupted():
