@@ -53,6 +53,16 @@ def test_the_least_volatilities_have_all_their_greeks(rate, volatility):
         assert found.delta == pytest.approx(delta, abs=1e-9)
 
 
+def test_a_volatility_that_rises_from_next_to_nothing_is_followed():
+    rises = {"times": [0.5, 1.0], "values": [1e-300, 0.3]}
+    found = price(Option("put", 100.0, 1.0), Market(100.0, RISING, rises))
+    later = price(
+        Option("put", 100.0, 1.0), Market(100.0, RISING, {"times": [0.5, 1.0], "values": [1e-9, 0.3]})
+    )
+    assert found.price == pytest.approx(later.price, abs=found.error_estimate + later.error_estimate)
+    assert found.status == later.status
+
+
 @pytest.mark.parametrize("exercise", ["american", "european"])
 def test_an_error_is_never_below_the_rounding_of_the_value(exercise):
     """50 % paid for 200 years make a put worth e^100 strikes, of which no number has 1e-6 strikes' accuracy."""

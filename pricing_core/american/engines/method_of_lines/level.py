@@ -20,6 +20,8 @@ COARSEST_INTERVALS, COARSEST_STEPS = 64, 16  # Cells and steps of the first reso
 MOST_COARSEST_INTERVALS, MOST_COARSEST_STEPS = 768, 128  # The same where drift or rates ask for more; chosen.
 # Number of cells that the drift asks for, over the most, from which it is not followed; calibrated.
 HOPELESS = 1.0
+# Smallest volatility, 1/sqrt(year), that is looked at: its square does not vanish; chosen.
+SMALLEST_VOLATILITY = 1e-100
 TRUNCATION_SHARE = 0.01  # Share of the tolerance that the ends of the grid may neglect; chosen.
 LARGEST_TRUNCATION = 1e-6  # Largest value that the ends of the grid may neglect, in strikes; chosen.
 STEPS_PER_RATE = 4.0  # Number of steps per unit of |rate| * duration; calibrated.
@@ -168,8 +170,9 @@ def coarsest_resolution(solver: ScheduleSolver, scheme: Scheme) -> Resolution:
         share = max(root / math.sqrt(segments[-1].end), SMALLEST_SHARE)
         needed = STEPS_PER_RATE * abs(segment.rate) * segment.duration
         if segment.volatility > 0.0:
-            needed = max(needed, STEPS_PER_DRIFT * drift * root / segment.volatility)
-            cells = max(cells, 0.5 * width * drift / segment.volatility**2 / COARSEST_INTERVALS)
+            volatility = max(segment.volatility, SMALLEST_VOLATILITY)
+            needed = max(needed, STEPS_PER_DRIFT * drift * root / volatility)
+            cells = max(cells, 0.5 * width * drift / volatility**2 / COARSEST_INTERVALS)
         steps = max(steps, needed / share / COARSEST_STEPS)
     if cells > HOPELESS * MOST_COARSEST_INTERVALS / COARSEST_INTERVALS:
         # No grid resolves the drift: the spot hardly diffuses, and the fitted operator carries it.
