@@ -47,6 +47,8 @@ pub struct Outcome {
     pub exercised: bool,
     /// Whether no march lost the boundary.
     pub settled: bool,
+    /// Whether the value meets its tolerance.
+    pub valued: bool,
     /// None where no finer march is needed.
     pub earlier: Option<EarlierMarches>,
 }
@@ -232,9 +234,8 @@ impl<V: Vector> Chunk<'_, V> {
             }
             (numbers[VALUES], numbers[VALUES + 1]) = (error[l], boundary[l]);
             let limits = puts.limits.map(|limits| &limits[item.spot * VALUES..]);
-            let met = settled[l] > 0.0
-                && error[l] <= puts.tolerance[item.spot]
-                && derivatives_are_met(refinement.level, limits, &differences, l);
+            let valued = settled[l] > 0.0 && error[l] <= puts.tolerance[item.spot];
+            let met = valued && derivatives_are_met(refinement.level, limits, &differences, l);
             let hopeless = newest_settled[l] < 0.0 && is_hopeless(refinement.level);
             let goes_on = refinement.may_continue && !met && !hopeless;
             let earlier = goes_on.then(|| {
@@ -245,6 +246,7 @@ impl<V: Vector> Chunk<'_, V> {
                 numbers,
                 exercised: depth[l] >= 0.0,
                 settled: settled[l] > 0.0,
+                valued,
                 earlier,
             };
             store(item, outcome);

@@ -11,6 +11,9 @@ use super::work_items::{by_class, groups, Item};
 use crate::lanes::dispatch::Work;
 use crate::lanes::vector::{Vector, LANES};
 
+/// The columns of `Solved::numbers` that are derivatives: of V/K by x, once and twice, and by rate, dividend and spread.
+const DERIVATIVES: [usize; 5] = [1, 2, 4, 5, 6];
+
 /// A range of runs, and where the results of its spots go; see `Solved`.
 pub struct Task<'a> {
     pub puts: Puts<'a>,
@@ -54,7 +57,7 @@ impl Work for Task<'_> {
                         let known = continues.then_some(&earlier[..]);
                         group.march(level, items[0].class, known);
                         group.report(refinement, |item, outcome| {
-                            self.store(item.spot, level, &outcome);
+                            self.store(item, level, &outcome);
                             if let Some(kept) = outcome.earlier {
                                 let place = if continues {
                                     earlier[item.earlier] = kept;
@@ -65,6 +68,7 @@ impl Work for Task<'_> {
                                 };
                                 missed[level + 2].push(Item {
                                     earlier: place,
+                                    valued: item.valued || outcome.valued,
                                     ..item
                                 });
                             }
@@ -106,6 +110,7 @@ impl Task<'_> {
                         spot,
                         class,
                         earlier: 0,
+                        valued: false,
                     }));
                 }
             }
@@ -113,9 +118,18 @@ impl Task<'_> {
         }
     }
 
+    /// Keep what was found; the value that met its tolerance stays, whatever derivatives are asked for.
     #[inline(always)]
-    fn store(&mut self, spot: usize, level: usize, found: &Outcome) {
-        let at = spot - self.start;
+    fn store(&mut self, item: Item, level: usize, found: &Outcome) {
+        let at = item.spot - self.start;
+        if item.valued {
+            if found.settled {
+                for derivative in DERIVATIVES {
+                    self.numbers[derivative][at] = found.numbers[derivative];
+                }
+            }
+            return;
+        }
         for (column, number) in self.numbers.iter_mut().zip(found.numbers) {
             column[at] = number;
         }

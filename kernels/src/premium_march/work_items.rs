@@ -11,6 +11,8 @@ pub struct Item {
     pub class: MeshClass,
     /// Where the task keeps what earlier marches said of the spot.
     pub earlier: usize,
+    /// Whether the value met its tolerance at an earlier level, so that only derivatives are still refined.
+    pub valued: bool,
 }
 
 /// Sort by class, in order otherwise.

@@ -155,3 +155,36 @@ def test_nothing_leaps_where_the_rate_crosses_zero_towards_one_boundary():
     assert found.settled.all()
     assert np.diff(found.value) == pytest.approx(found.rho[0] * np.diff(rates), abs=2e-6)
     assert np.ptp(found.steps) <= found.steps[0]
+
+
+def test_the_price_does_not_depend_on_the_greeks_that_are_asked_for():
+    """Greeks may need a finer march than the price, whose figures stay those of the march that met the tolerance."""
+    random = np.random.default_rng(29)
+    contracts = [
+        (
+            Option(
+                random.choice(["put", "call"]),
+                100.0,
+                math.exp(random.uniform(math.log(0.01), math.log(10.0))),
+            ),
+            Market(
+                100.0 * math.exp(random.normal(0.0, 0.25)),
+                random.uniform(-0.02, 0.12),
+                random.uniform(0.05, 1.0),
+                random.uniform(-0.02, 0.15),
+            ),
+        )
+        for _ in range(2000)
+    ]
+    book = Book.of(contracts)
+    finer = 0
+    for tolerance in (1e-3, 1e-5, 1e-7):
+        alone, standard, extended = (
+            ENGINE.solve(book, Request(np.full(book.count, tolerance), greeks))
+            for greeks in ("none", "standard", "extended")
+        )
+        for found in (standard, extended):
+            for name in ("value", "european", "error", "boundary", "exercised", "settled"):
+                np.testing.assert_array_equal(getattr(found, name), getattr(alone, name), err_msg=name)
+        finer += np.sum(standard.gamma[alone.settled] != alone.gamma[alone.settled])
+    assert finer > 100
