@@ -37,7 +37,7 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
 
     A contract that an engine does not settle, or whose error estimate misses the tolerance, goes on to the next
     engine that serves it; of two prices the one with the smaller error estimate counts, and Greeks that it lacks are
-    taken from the other.
+    taken from the other; a price that meets its tolerance stays, so that it does not depend on the Greeks asked for.
 
     Parameters
     ----------
@@ -48,6 +48,7 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
     """
     warn_where_missing()
     best: Prices | None = None
+    allowed = request.tolerance * book.strike  # money
     rows, part, wanted = np.arange(book.count), book, request
     interrupted = False
     for engine in engines:
@@ -65,16 +66,16 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
             rows = rows[places]
         else:
             continue
-        best = _together(best, book.count, rows, found)
-        done = best.settled & best.complete & (best.error <= request.tolerance * book.strike)
+        best = _together(best, book.count, rows, found, allowed)
+        done = best.settled & best.complete & (best.error <= allowed)
         if done.all():
             return _with_boundaries(book, best, request, engines)
         rows = np.flatnonzero(~(done | (best.status != "ok")))
         part, wanted = book.take(rows), request.take(rows)
     if best is None:
         best = prices(book.count)
-    best = _within_bounds(book, best, request.tolerance * book.strike)
-    best = _judged(best, request.tolerance * book.strike, interrupted=interrupted)
+    best = _within_bounds(book, best, allowed)
+    best = _judged(best, allowed, interrupted=interrupted)
     return _with_boundaries(book, best, request, engines)
 
 
@@ -152,12 +153,16 @@ def _is_worthwhile(engine: Engine, before: Prices, book: Book) -> BoolVector:
     return rough | ~before.settled | ~before.complete
 
 
-def _together(best: Prices | None, count: int, rows: Rows, found: Prices) -> Prices:
-    """Return the prices so far with those that were found where their error estimates are smaller."""
+def _together(best: Prices | None, count: int, rows: Rows, found: Prices, allowed: Vector) -> Prices:
+    """Return the prices so far with those that were found, where these were wanted and their errors are smaller.
+
+    A price whose error is at most `allowed`, money, shape (count,), was asked for Greeks alone: it stays.
+    """
     if best is None:
         return prices(count).replaced(rows, found) if rows.size < count else found
     before = best.take(rows)
     keep = (before.error <= found.error) | (np.isnan(found.error) & ~np.isnan(before.error))
+    keep |= before.settled & (before.error <= allowed[rows])
     kept = np.flatnonzero(keep)
     if kept.size == 0:
         return best.replaced(rows, found)
