@@ -11,7 +11,7 @@ INSTALL := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-
 MANIFEST := --manifest-path kernels/Cargo.toml
 BUILD_TOOLS := 'setuptools>=77,<84' 'setuptools-rust>=1.11,<2'
 SOURCES := pyproject.toml setup.py constraints.txt kernels/Cargo.toml kernels/Cargo.lock $(wildcard kernels/src/*.rs kernels/src/*/*.rs)
-SAY_WHAT_IS_DONE := echo "installing the packages and, where Rust is found, compiling the kernel: about two minutes on two cores ..."
+SAY_WHAT_IS_DONE := echo "installing the packages and, where Rust is found, compiling the kernel: one to two minutes on two cores ..."
 # True where the kernel was compiled: setup.py says whether Rust is there and new enough.
 HAS_KERNEL := $(BIN)/python -c "import sys, pricing_core; sys.exit(pricing_core.kernel_name() != 'rust')"
 SAY_KERNEL := $(BIN)/python -c "import pricing_core as p; name = p.kernel_name(); print('kernel:', name, \
