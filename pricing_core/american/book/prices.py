@@ -24,12 +24,14 @@ class Prices:
     ----------
     value, european, error : Vector, shape (n,)
         The price, the price without early exercise, and the estimated absolute error of the price.
-    delta, gamma, theta, vega, rho, dividend_rho, vanna, volga : Vector, shape (n,)
+    delta, gamma, theta, vega, rho, dividend_rho, vanna, volga, charm : Vector, shape (n,)
         As in `Valuation`.
     boundary : Vector, shape (n,)
         The exercise boundary now; where there are two, the one nearer the strike.
     dividend_sensitivities, rate_buckets, dividend_yield_buckets, volatility_buckets : Ragged
         One number for each entry that the contract lists (`Listed`), or none at all.
+    delta_error, ..., charm_error, dividend_sensitivities_error, ... : Vector, shape (n,), or Ragged
+        The estimated absolute error of each of these Greeks; NaN, or no list, where there is no estimate.
     exercised : bool array, shape (n,)
         Whether the spot lies in the exercise region, and exercise pays.
     settled : bool array, shape (n,)
@@ -59,11 +61,25 @@ class Prices:
     dividend_rho: Vector
     vanna: Vector
     volga: Vector
+    charm: Vector
     boundary: Vector
     dividend_sensitivities: Ragged
     rate_buckets: Ragged
     dividend_yield_buckets: Ragged
     volatility_buckets: Ragged
+    delta_error: Vector
+    gamma_error: Vector
+    theta_error: Vector
+    vega_error: Vector
+    rho_error: Vector
+    dividend_rho_error: Vector
+    vanna_error: Vector
+    volga_error: Vector
+    charm_error: Vector
+    dividend_sensitivities_error: Ragged
+    rate_buckets_error: Ragged
+    dividend_yield_buckets_error: Ragged
+    volatility_buckets_error: Ragged
     exercised: BoolVector
     settled: BoolVector
     complete: BoolVector
@@ -103,7 +119,14 @@ TEXTS = ("method", "message")
 CACHED = 16384  # Number of rows of the shared columns of one value: those of one chunk.
 COUNTS = ("solves", "steps")
 COLUMN = (np.ndarray, Ragged)
-GREEKS = ("delta", "gamma", "theta", "vega", "rho", "dividend_rho", "vanna", "volga")
+# The Greeks that are one number for each contract, and those that are lists.
+GREEKS = ("delta", "gamma", "theta", "vega", "rho", "dividend_rho", "vanna", "volga", "charm")
+GREEK_LISTS = ("dividend_sensitivities", *(f"{name}_buckets" for name in ("rate", "dividend_yield", "volatility")))
+
+
+def error_of(greek: str) -> str:
+    """Return the name of the column with the error estimate of a Greek."""
+    return f"{greek}_error"
 
 
 # What each column holds where there is nothing, and its type.

@@ -5,11 +5,12 @@ from typing import Any
 import numpy as np
 
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.prices import Prices, prices
+from pricing_core.american.book.prices import Prices, error_of, prices
 from pricing_core.arrays import BoolVector, Vector
 
 ROUNDING = 4e-16  # Smallest error of a value, as a share of it; two units in the last place.
-BY_PARAMETERS = ("vega", "rho", "dividend_rho", "vanna", "volga")
+BY_PARAMETERS = ("vega", "rho", "dividend_rho", "vanna", "volga", "charm")
+HELD = ("delta", "gamma", "theta", *BY_PARAMETERS)
 
 
 def priced(
@@ -35,7 +36,8 @@ def priced(
     exercised : bool array, shape (n,)
         Whether the spot lies in the closed exercise region.
     others
-        Further columns of `Prices` by name. Derivatives by the parameters are not read in the exercise region.
+        Further columns of `Prices` by name. Derivatives by the parameters, and errors of Greeks, are not read in the
+        exercise region; theta's error follows from those of the price, delta and gamma where they are given.
     """
     payoff, now = book.payoff(), book.first_segments().exercisable
     least = np.maximum(np.where(now, payoff, 0.0), european)
@@ -47,8 +49,13 @@ def priced(
         "gamma": gamma,
         "theta": held_theta(book, value, delta, gamma),
     }
+    if "gamma_error" in others:
+        errors = columns["error"], others["delta_error"], others["gamma_error"]
+        weighted = zip(_theta_weights(book), errors, strict=True)
+        others["theta_error"] = sum(np.abs(weight) * error for weight, error in weighted)
     if exercised.any():
-        columns |= {name: others.pop(name) for name in BY_PARAMETERS if name in others}
+        changing = (*BY_PARAMETERS, *(error_of(name) for name in HELD))
+        columns |= {name: others.pop(name) for name in changing if name in others}
         paid = {"value": payoff, "error": error, "delta": -book.sign}
         columns = {name: np.where(exercised, paid.get(name, 0.0), column) for name, column in columns.items()}
     columns["error"] = np.maximum(columns["error"], ROUNDING * columns["value"])
@@ -68,11 +75,17 @@ def held_theta(book: Book, value: Vector, delta: Vector, gamma: Vector) -> Vecto
     In the escrowed model the present value A of the dividends due grows like a bond while the spot less A diffuses:
     r V - ((r - q) (S - A) + r A) V_S - sigma**2/2 (S - A)**2 V_SS.
     """
+    by_value, by_delta, by_gamma = _theta_weights(book)
+    theta: Vector = by_value * value + by_delta * delta + by_gamma * gamma
+    return theta
+
+
+def _theta_weights(book: Book) -> tuple[Vector, Vector, Vector]:
+    """Return what theta is linear in value, delta and gamma with, each of shape (n,)."""
     now, spot = book.first_segments(), book.spot
     grown: Vector | float = 0.0
     if book.escrowed.any():
         escrow = book.escrow_now()
         spot, grown = spot - escrow, now.rate * escrow
     drift = (now.rate - now.dividend_yield) * spot + grown
-    theta: Vector = now.rate * value - drift * delta - 0.5 * (now.volatility * spot) ** 2 * gamma
-    return theta
+    return now.rate, -drift, -0.5 * (now.volatility * spot) ** 2

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pricing_core.american.book.book import Book, Rows
-from pricing_core.american.book.prices import GREEKS, LISTS, Prices, prices
+from pricing_core.american.book.prices import GREEKS, LISTS, Prices, error_of, prices
 from pricing_core.american.engines.closed_form import ClosedForm, is_worthless_underlying
 from pricing_core.american.engines.engine import Boundaries, Engine, Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines
@@ -169,10 +169,10 @@ def _together(best: Prices | None, count: int, rows: Rows, found: Prices, allowe
     lacking = kept[~before.complete[kept] & found.complete[kept]]
     columns: dict[str, Any] = {}
     for name in GREEKS:
-        column = getattr(before, name).copy()
-        other = getattr(found, name)[lacking]
-        column[lacking] = np.where(np.isnan(column[lacking]), other, column[lacking])
-        columns[name] = column
+        absent = lacking[np.isnan(getattr(before, name)[lacking])]
+        for column in (name, error_of(name)):
+            columns[column] = getattr(before, column).copy()
+            columns[column][absent] = getattr(found, column)[absent]
     for name in LISTS:
         columns[name] = getattr(before, name).replaced(lacking, getattr(found, name).take(lacking))
     complete, settled = before.complete.copy(), before.settled | found.settled
