@@ -54,8 +54,9 @@ def solve_schedules(
     tolerance: Vector,
     times: Vector,
     first_time: NDArray[np.int64],
+    derivatives: bool,
     threads: int,
-) -> tuple[Matrix, Vector, BoolVector]: ...
+) -> tuple[Matrix, Vector, BoolVector, Vector, NDArray[np.float64]]: ...
 def march_segment(
     nodes: Vector,  # (N + 2,), s = S/K, increasing
     lower: Vector,  # (N,), L at the interior nodes, per year; the first row reads the lower end node

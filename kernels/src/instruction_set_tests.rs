@@ -133,9 +133,17 @@ fn schedules(set: InstructionSet, rows: &[ScheduleRow], tolerance: f64) -> (Vec<
         tolerance: &vec![tolerance; rows.len()],
         times: &[],
         first_time: &vec![0; rows.len() + 1],
+        with_derivatives: true,
     };
     let solved = on(set, || solve_schedules(schedules, 1));
-    (solved.numbers, solved.settled)
+    let mut numbers = solved.numbers;
+    numbers.extend(
+        solved
+            .gradient
+            .iter()
+            .flat_map(|[own, _]| own.as_flattened()),
+    );
+    (numbers, solved.settled)
 }
 
 fn assert_agree(found: &[f64], expected: &[f64], names: (InstructionSet, InstructionSet)) {

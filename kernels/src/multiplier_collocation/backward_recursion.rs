@@ -1,5 +1,6 @@
 //! One schedule from expiry to now, segment by segment.
 
+use super::adjoint::{differentiate, Degrees, SolvedPart};
 use super::boundary::Boundary;
 use super::boundary_query::BoundaryQuery;
 use super::boundary_solver::find_boundary;
@@ -7,6 +8,7 @@ use super::degree_control::DegreeControl;
 use super::event_transfer::{at_expiry, before_event, Transferred};
 use super::fineness::{Fineness, FINENESS, LEVELS};
 use super::forecast::{forecasts, Forecast};
+use super::gradient::SegmentGradient;
 use super::onset_search::OnsetSearch;
 use super::panels::{Interval, Kink, PanelWidths};
 use super::segment::Segment;
@@ -58,12 +60,38 @@ pub struct Schedule<'a> {
     pub tolerance: f64,
 }
 
-/// Fill in the results and the boundaries that are asked for.
+/// The derivatives of a schedule's value, in strikes.
+pub struct Derivatives {
+    /// Of the value and its slope, by the numbers of every segment.
+    pub by_segment: Vec<SegmentGradient>,
+    /// The same with other degrees of the boundaries.
+    pub by_segment_otherwise: Vec<SegmentGradient>,
+    /// The third derivative of the value by x.
+    pub third: f64,
+}
+
+/// The derivatives from the solved parts of `count` segments, at x = ln(S/K).
+fn derivatives(parts: &[SolvedPart], count: usize, x: f64) -> Result<Derivatives, Unsettled> {
+    let (by_segment, third) = differentiate(parts, count, x, Degrees::Own)?;
+    let by_segment_otherwise = if parts.iter().any(|part| part.value.boundary.is_some()) {
+        differentiate(parts, count, x, Degrees::Other)?.0
+    } else {
+        by_segment.clone()
+    };
+    Ok(Derivatives {
+        by_segment,
+        by_segment_otherwise,
+        third,
+    })
+}
+
+/// Fill in the results and the boundaries that are asked for; return the derivatives where they are.
 pub fn solve_schedule(
     schedule: &Schedule,
     query: &mut BoundaryQuery,
     result: &mut [f64; RESULTS],
-) -> Result<(), Unsettled> {
+    with_derivatives: bool,
+) -> Result<Option<Derivatives>, Unsettled> {
     let segments = schedule.segments;
     let forecasts = forecasts(segments, schedule.x);
     #[allow(clippy::cast_precision_loss)]
@@ -77,16 +105,16 @@ pub fn solve_schedule(
         exercised: segments
             .iter()
             .any(|segment| segment.exercisable || segment.exercise_at_end),
-        later: None,
+        solved: Vec::with_capacity(segments.len()),
         kinks: Vec::new(),
         end: segments.iter().map(|segment| segment.duration).sum(),
         violation: 0.0,
         error: 0.0,
     };
-    for (segment, here) in segments.iter().zip(&forecasts).rev() {
-        recursion.solve_segment(segment, here, query)?;
+    for (index, (segment, here)) in segments.iter().zip(&forecasts).enumerate().rev() {
+        recursion.solve_segment((index, segment), here, query)?;
     }
-    let now = recursion.later.ok_or(Unsettled)?;
+    let now = recursion.later().ok_or(Unsettled)?;
     let [value, slope, second] = now.value(schedule.x);
     *result = [
         value,
@@ -96,11 +124,13 @@ pub fn solve_schedule(
         recursion.violation,
         recursion.error,
     ];
-    if value.is_finite() && slope.is_finite() && second.is_finite() {
-        Ok(())
-    } else {
-        Err(Unsettled)
+    if !(value.is_finite() && slope.is_finite() && second.is_finite()) {
+        return Err(Unsettled);
     }
+    if !with_derivatives {
+        return Ok(None);
+    }
+    Ok(derivatives(&recursion.solved, segments.len(), schedule.x).ok())
 }
 
 /// The state of the recursion between two segments.
@@ -114,9 +144,9 @@ struct BackwardRecursion<'a> {
     deviation: f64,
     /// Whether the option may ever be exercised early, or before the dividends of the last day.
     exercised: bool,
-    /// The value after the event of the next segment; None at expiry.
-    later: Option<SegmentValue>,
-    /// Where that is not smooth.
+    /// The parts that are solved, from expiry on.
+    solved: Vec<SolvedPart>,
+    /// Where the value of the last one is not smooth.
     kinks: Vec<Kink>,
     /// The time from now to the end of the next segment, years.
     end: f64,
@@ -127,29 +157,47 @@ struct BackwardRecursion<'a> {
 
 /// What became of one part of a segment.
 enum Part {
-    /// It is solved; the forecast is that at its beginning.
-    Solved(Forecast),
+    /// It is solved; its contact set ends at `contact` at its end, infinite without one.
+    Solved {
+        value: Box<SegmentValue>,
+        contact: f64,
+    },
     /// It has to be cut at this time to its end.
     Cut(f64),
 }
 
 impl BackwardRecursion<'_> {
+    /// The value after the event of the next segment; None at expiry.
+    fn later(&self) -> Option<&SegmentValue> {
+        self.solved.last().map(|part| &part.value)
+    }
+
     /// Solve a segment, cut into parts where its boundary needs that; `here` is the forecast at its end.
     fn solve_segment(
         &mut self,
-        segment: &Segment,
+        (index, segment): (usize, &Segment),
         here: &Forecast,
         query: &mut BoundaryQuery,
     ) -> Result<(), Unsettled> {
         let mut waiting = vec![*segment];
         let mut cuts = 0;
         let mut part_end = *here;
+        let mut offset = 0.0;
         while let Some(part) = waiting.pop() {
             if part.exercisable && part.is_two_sided() {
                 return Err(Unsettled);
             }
-            match self.solve_part(part, here, part_end, cuts, query)? {
-                Part::Solved(beginning) => part_end = beginning,
+            match self.solve_part(part, (here, part_end), cuts, query)? {
+                Part::Solved { value, contact } => {
+                    part_end = part_end.before(&part);
+                    self.solved.push(SolvedPart {
+                        index,
+                        offset,
+                        value: *value,
+                        contact,
+                    });
+                    offset += part.duration;
+                }
                 Part::Cut(s) => {
                     cuts += 1;
                     let (earlier, later) = part.split(s);
@@ -164,8 +212,7 @@ impl BackwardRecursion<'_> {
     fn solve_part(
         &mut self,
         part: Segment,
-        here: &Forecast,
-        part_end: Forecast,
+        (here, part_end): (&Forecast, Forecast),
         cuts: usize,
         query: &mut BoundaryQuery,
     ) -> Result<Part, Unsettled> {
@@ -201,8 +248,10 @@ impl BackwardRecursion<'_> {
         query.answer(self.end, contact, &now);
         self.end -= part.duration;
         self.kinks = now.kinks_from(&kinks);
-        self.later = Some(now);
-        Ok(Part::Solved(beginning))
+        Ok(Part::Solved {
+            value: Box::new(now),
+            contact,
+        })
     }
 
     /// The interval of x that matters at a segment's end: where the spot may be then, and as far as a boundary may be.
@@ -236,7 +285,7 @@ impl BackwardRecursion<'_> {
             largest: self.fineness.largest_panel,
             kink_factor: self.fineness.kink_factor,
         };
-        let transfer = |widths: &PanelWidths| match &self.later {
+        let transfer = |widths: &PanelWidths| match self.later() {
             None => at_expiry(part),
             Some(later) => before_event(later, part, &self.kinks, ends, widths),
         };
@@ -262,10 +311,7 @@ impl BackwardRecursion<'_> {
             contact: transferred.contact,
             relevant,
             kinks: &transferred.kinks,
-            nodes_only: self
-                .later
-                .as_ref()
-                .is_some_and(|later| later.boundary.is_none()),
+            nodes_only: self.later().is_some_and(|later| later.boundary.is_none()),
         }
     }
 
@@ -302,7 +348,7 @@ impl BackwardRecursion<'_> {
         if part.exercisable && part.sign > 0.0 {
             at_zero = at_zero.max(part.strike(part.duration));
         }
-        let later_is_monotone = self.later.as_ref().is_none_or(|later| later.is_monotone);
+        let later_is_monotone = self.later().is_none_or(|later| later.is_monotone);
         let now = SegmentValue {
             profile: transferred.profile,
             points: self.fineness.panel_points,

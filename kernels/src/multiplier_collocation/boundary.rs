@@ -33,6 +33,8 @@ pub struct Boundary {
     pub violation: f64,
     /// The error estimate of the value now, in strikes; 0 where it was not asked for.
     pub error: f64,
+    /// The same boundary by the degree before, if there was one, or by the next one, which brought nothing.
+    pub other: Option<Box<Boundary>>,
 }
 
 impl Boundary {

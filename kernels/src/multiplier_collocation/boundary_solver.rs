@@ -82,6 +82,7 @@ fn solve_boundary(
         if let Some(budget) = control.budget {
             estimate_error(&mut now, last.as_ref(), control, &mut cells);
             if now.residual <= least && !now.exceeds_budget(control) {
+                now.other = last.map(Box::new);
                 return now;
             }
             if let Some(before) = &last {
@@ -90,16 +91,18 @@ fn solve_boundary(
             }
         }
         // Where a degree fails or brings nothing, the one before stays.
-        let kept = match last.take() {
-            Some(before)
-                if control.budget.is_some()
-                    && before.residual <= least
-                    && before.error <= now.error =>
-            {
-                before
+        let mut other = last.take();
+        if let Some(before) = &mut other {
+            let is_better = before.residual <= least && before.error <= now.error;
+            if control.budget.is_some() && is_better {
+                std::mem::swap(before, &mut now);
             }
-            _ => now,
-        };
+            before.other = None;
+        }
+        let mut kept = now;
+        if control.budget.is_some() {
+            kept.other = other.map(Box::new);
+        }
         if degree >= control.last || stalls == control.patience {
             return kept;
         }
@@ -146,6 +149,7 @@ fn solve_degree(
         exercise_values: [0.0; CELLS],
         violation: 0.0,
         error: 0.0,
+        other: None,
     };
     if !is_start {
         now.sample_contact_sets(profile, collocation_nodes(m, value_points));

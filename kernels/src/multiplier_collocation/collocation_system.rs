@@ -23,12 +23,12 @@ pub struct CollocationSystem<'a> {
     pub nodes: &'static CollocationNodes,
     profile: &'a Profile,
     /// s at the stages, (m,).
-    times: Vec<f64>,
+    pub times: Vec<f64>,
     /// The transitions from the segment's end to the stages, (m,).
     transitions: Vec<Transition>,
     /// The payoff crossings at the stages, (m,), and at the nodes of their integrals, (m x n,); empty without need.
-    stage_crossings: Vec<f64>,
-    node_crossings: Vec<f64>,
+    pub stage_crossings: Vec<f64>,
+    pub node_crossings: Vec<f64>,
     integrals: StageIntegrals,
     /// The derivatives of the boundary by the coefficient at the nodes of the integrals, (m x n,).
     by_coefficient: Vec<f64>,

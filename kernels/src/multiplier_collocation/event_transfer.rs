@@ -5,7 +5,7 @@ use super::exercise_choice::{
     choose, contact_end, is_payoff, joined, payoff_piece, Choice, Chosen, SAME_END,
 };
 use super::panels::{append_nodes, Interval, Kink, PanelWidths};
-use super::profile::{Piece, Profile};
+use super::profile::{Piece, PieceKind, Profile};
 use super::segment::Segment;
 use super::segment_value::SegmentValue;
 use super::spot_drop::{logarithm, SpotDrop};
@@ -27,8 +27,9 @@ pub struct Transferred {
     pub at_zero: f64,
 }
 
-fn piece(lower: f64, upper: f64, constant: f64, slope: f64) -> Piece {
+fn piece(kind: PieceKind, lower: f64, upper: f64, constant: f64, slope: f64) -> Piece {
     Piece {
+        kind,
         lower,
         upper,
         constant,
@@ -71,21 +72,42 @@ fn payoff_after_dividends(segment: &Segment) -> Vec<Piece> {
     let (sign, keep, amount) = (segment.sign, 1.0 - segment.fraction, segment.amount);
     if keep <= 0.0 {
         let at_zero = if sign > 0.0 { 1.0 } else { 0.0 };
-        return vec![piece(f64::NEG_INFINITY, f64::INFINITY, at_zero, 0.0)];
+        return vec![piece(
+            PieceKind::Other,
+            f64::NEG_INFINITY,
+            f64::INFINITY,
+            at_zero,
+            0.0,
+        )];
     }
     let (strike, paid_out) = (logarithm((1.0 + amount) / keep), logarithm(amount / keep));
     if sign < 0.0 {
         return vec![
-            piece(strike, f64::INFINITY, -1.0 - amount, keep),
-            piece(f64::NEG_INFINITY, strike, 0.0, 0.0),
+            piece(
+                PieceKind::LaterPayoff,
+                strike,
+                f64::INFINITY,
+                -1.0 - amount,
+                keep,
+            ),
+            piece(PieceKind::Other, f64::NEG_INFINITY, strike, 0.0, 0.0),
         ];
     }
     let mut pieces = vec![
-        piece(paid_out, strike, 1.0 + amount, -keep),
-        piece(strike, f64::INFINITY, 0.0, 0.0),
+        piece(
+            PieceKind::LaterPayoff,
+            paid_out,
+            strike,
+            1.0 + amount,
+            -keep,
+        ),
+        piece(PieceKind::Other, strike, f64::INFINITY, 0.0, 0.0),
     ];
     if paid_out > f64::NEG_INFINITY {
-        pieces.insert(0, piece(f64::NEG_INFINITY, paid_out, 1.0, 0.0));
+        pieces.insert(
+            0,
+            piece(PieceKind::Other, f64::NEG_INFINITY, paid_out, 1.0, 0.0),
+        );
     }
     pieces
 }
@@ -175,15 +197,33 @@ fn known_pieces(
     let (mut lower, mut upper) = (paid_out, f64::INFINITY);
     let mut pieces = Vec::new();
     if paid_out > f64::NEG_INFINITY {
-        pieces.push(piece(f64::NEG_INFINITY, paid_out, later.at_zero, 0.0));
+        pieces.push(piece(
+            PieceKind::Other,
+            f64::NEG_INFINITY,
+            paid_out,
+            later.at_zero,
+            0.0,
+        ));
     }
     if !boundary.is_nan() {
         let (constant, slope) = (sign * (later.strike() + drop.amount), -sign * drop.keep);
         if sign > 0.0 {
-            pieces.push(piece(lower, boundary, constant, slope));
+            pieces.push(piece(
+                PieceKind::LaterPayoff,
+                lower,
+                boundary,
+                constant,
+                slope,
+            ));
             lower = boundary;
         } else {
-            pieces.push(piece(boundary, f64::INFINITY, constant, slope));
+            pieces.push(piece(
+                PieceKind::LaterPayoff,
+                boundary,
+                f64::INFINITY,
+                constant,
+                slope,
+            ));
             upper = boundary;
         }
     }
@@ -262,11 +302,11 @@ impl Sample<'_> {
         if let (Some(first), Some(last)) = (self.waiting.first(), self.waiting.last()) {
             if first.0.total_cmp(&start).is_eq() && start > lower {
                 let (constant, slope) = self.tangent(start);
-                pieces.push(piece(lower, start, constant, slope));
+                pieces.push(piece(PieceKind::Other, lower, start, constant, slope));
             }
             if last.1.total_cmp(&stop).is_eq() && stop < upper {
                 let (constant, slope) = self.tangent(stop);
-                pieces.push(piece(stop, upper, constant, slope));
+                pieces.push(piece(PieceKind::Other, stop, upper, constant, slope));
             }
         }
         Profile::new(&pieces, panels, nodes, weighted)
@@ -283,7 +323,13 @@ impl Sample<'_> {
 
 /// The value before an event that takes the whole spot.
 fn paid_out_whole(later: &SegmentValue, segment: &Segment) -> Transferred {
-    let mut pieces = vec![piece(f64::NEG_INFINITY, f64::INFINITY, later.at_zero, 0.0)];
+    let mut pieces = vec![piece(
+        PieceKind::Other,
+        f64::NEG_INFINITY,
+        f64::INFINITY,
+        later.at_zero,
+        0.0,
+    )];
     let mut exercised = Vec::new();
     if segment.exercise_at_end {
         (pieces, exercised) = choose(&pieces, segment);

@@ -2,7 +2,7 @@
 
 use super::continuation::Continuation;
 use super::panels::Interval;
-use super::profile::Piece;
+use super::profile::{Piece, PieceKind};
 use super::roots::{find_crossing, find_root, CLOSEST};
 use super::segment::Segment;
 use super::segment_value::SegmentValue;
@@ -20,6 +20,7 @@ pub const SAME_END: f64 = 1e-12;
 /// The piece that is the payoff on an interval.
 pub fn payoff_piece(segment: &Segment, (lower, upper): Interval) -> Piece {
     Piece {
+        kind: PieceKind::Payoff,
         lower,
         upper,
         constant: segment.sign * segment.strike(0.0),
@@ -57,12 +58,7 @@ pub fn choose(pieces: &[Piece], segment: &Segment) -> (Vec<Piece>, Vec<Interval>
                 exercised.push((lower, upper));
                 chosen.push(payoff_piece(segment, (lower, upper)));
             } else {
-                chosen.push(Piece {
-                    lower,
-                    upper,
-                    constant: p.constant,
-                    slope: p.slope,
-                });
+                chosen.push(Piece { lower, upper, ..*p });
             }
         }
     }

@@ -60,18 +60,26 @@
 //! value is held is a matter of the level (`fineness`). A contact set with two ends (q < r < 0 for a put) is not served,
 //! and a schedule whose boundary is not found, or whose value falls below the payoff, is not settled.
 //!
+//! # Derivatives
+//!
+//! The adjoint of the recursion gives the derivatives of the value now, and of its slope, by the numbers of every segment
+//! (`adjoint`, `boundary_adjoint`).
+//!
 //! The chapter `docs/multiplier_collocation.md` tells the same with the literature.
 
 #![allow(clippy::inline_always)] // as in `lanes`
 #![allow(clippy::similar_names, clippy::many_single_char_names)] // the formulas' names
 
+mod adjoint;
 mod backward_recursion;
 mod boundary;
+mod boundary_adjoint;
 mod boundary_query;
 mod boundary_solver;
 mod chebyshev;
 mod collocation_nodes;
 mod collocation_system;
+mod contact_adjoint;
 mod contact_onset;
 mod continuation;
 mod degree_control;
@@ -80,6 +88,7 @@ mod exercise_choice;
 mod fineness;
 mod forecast;
 mod gauss_legendre;
+mod gradient;
 mod linear_system;
 mod multiplier;
 mod newton;
@@ -88,6 +97,7 @@ mod onset_search;
 mod panel_polynomials;
 mod panels;
 mod payoff_crossing;
+mod points_seen;
 mod profile;
 mod propagation;
 mod roots;
@@ -97,7 +107,9 @@ mod segment_value;
 mod spot_drop;
 mod stage_integrals;
 mod unsettled;
+mod viewpoint;
 
 pub use backward_recursion::RESULTS;
 pub use fineness::LEVELS;
+pub use gradient::{FUNCTIONALS, PARAMETERS};
 pub use schedules::{solve_schedules, Schedules, Solved, COLUMNS};

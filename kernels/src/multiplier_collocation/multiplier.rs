@@ -20,7 +20,7 @@ pub struct AgeBlock {
     pub drift: [f64; LANES],
     /// The standard deviation of ln S over the age, and 1 over it.
     pub spread: [f64; LANES],
-    inverse: [f64; LANES],
+    pub inverse: [f64; LANES],
     /// e^{-r age} and e^{-q age}.
     pub bond: [f64; LANES],
     pub discount: [f64; LANES],

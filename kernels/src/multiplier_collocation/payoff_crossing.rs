@@ -12,15 +12,16 @@ const MOST_CORRECTIONS: usize = 8;
 const LAST_STEP: f64 = 0.01;
 
 /// The value without exercise less the payoff, and its derivatives by x and by the time s to the segment's end.
-struct Gap {
-    value: f64,
-    by_x: f64,
+pub struct Gap {
+    pub value: f64,
+    pub by_x: f64,
     by_xx: f64,
-    by_s: f64,
+    pub by_s: f64,
 }
 
 impl Gap {
-    fn at(profile: &Profile, segment: &Segment, x: f64, s: f64) -> Gap {
+    /// The gap at x and s.
+    pub fn at(profile: &Profile, segment: &Segment, x: f64, s: f64) -> Gap {
         let (sign, dynamics) = (segment.sign, &segment.dynamics);
         let [value, by_x, by_xx] = profile.propagate(dynamics, x, s);
         let (spot, strike) = (x.exp(), segment.strike(s));

@@ -4,9 +4,21 @@ use super::panels::Panel;
 use super::segment::Segment;
 use crate::lanes::vector::LANES;
 
+/// What a piece is, which settles what its line depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PieceKind {
+    /// The payoff at this instant: the option is exercised.
+    Payoff,
+    /// The payoff just after the event: the option is held through it and exercised then, or expires.
+    LaterPayoff,
+    /// Any other line: its dependence on the parameters does not matter, for the spot hardly gets there.
+    Other,
+}
+
 /// The line constant + slope e^x for lower < x < upper; the ends may be infinite.
 #[derive(Clone, Copy, Debug)]
 pub struct Piece {
+    pub kind: PieceKind,
     pub lower: f64,
     pub upper: f64,
     pub constant: f64,
@@ -78,6 +90,7 @@ pub struct Profile {
     pub nodes: Vec<f64>,
     /// The value at the nodes times their quadrature weights; 0 where they are filled up.
     pub weighted: Vec<f64>,
+    pub pieces: Vec<Piece>,
     /// The finite ends of the pieces.
     pub ends: Vec<PieceEnd>,
     /// The same, eight side by side.
@@ -102,6 +115,7 @@ impl Profile {
             panels,
             nodes,
             weighted,
+            pieces: pieces.to_vec(),
             ..Profile::default()
         };
         for piece in pieces {

@@ -17,13 +17,13 @@ pub const LARGEST_DEVIATION: f64 = 7.5;
 #[derive(Clone, Copy, Debug)]
 pub struct Transition {
     /// sigma sqrt(s), and 1 over it.
-    spread: f64,
-    inverse: f64,
+    pub spread: f64,
+    pub inverse: f64,
     /// The drift of ln S through s.
-    shift: f64,
+    pub shift: f64,
     /// e^{-r s} and e^{-q s}.
-    bond: f64,
-    discount: f64,
+    pub bond: f64,
+    pub discount: f64,
 }
 
 impl Transition {
@@ -59,7 +59,7 @@ impl Profile {
 
 /// The first sixteen numbers of a slice.
 #[inline(always)]
-fn load<V: Vector>(values: &[f64]) -> V {
+pub fn load<V: Vector>(values: &[f64]) -> V {
     let mut lanes = [0.0; LANES];
     lanes.copy_from_slice(&values[..LANES]);
     V::from_lanes(lanes)

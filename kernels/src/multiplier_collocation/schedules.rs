@@ -2,6 +2,7 @@
 
 use super::backward_recursion::{solve_schedule, Schedule, RESULTS};
 use super::boundary_query::BoundaryQuery;
+use super::gradient::{FUNCTIONALS, PARAMETERS};
 use super::segment::{Dynamics, Segment};
 
 /// The number of numbers of a segment: duration (years), rate, yield, volatility, exercisable, exercise at the end (0 or
@@ -27,7 +28,13 @@ pub struct Schedules<'a> {
     pub times: &'a [f64],
     /// The first time of each schedule, and the number of times, (n + 1,).
     pub first_time: &'a [usize],
+    /// Whether the derivatives by the segments' numbers are wanted.
+    pub with_derivatives: bool,
 }
+
+/// The derivatives of one functional of one segment after the other, by rate, yield, volatility, amount and escrow, and what exercise on
+/// the segment contributes; in strikes.
+pub type Gradient = [[f64; PARAMETERS]; FUNCTIONALS];
 
 /// The results of each schedule, the boundaries at the times, and whether they may be used.
 pub struct Solved {
@@ -35,6 +42,11 @@ pub struct Solved {
     pub numbers: Vec<f64>,
     /// ln(S*/K) at each of the times, just before what happens then, NaN without one, (t,).
     pub boundary: Vec<f64>,
+    /// The third derivative of each value by x, in strikes, (n,); NaN where the derivatives are not wanted or not found.
+    pub third: Vec<f64>,
+    /// The derivatives of value and slope by the numbers of each segment, and how far they change with the boundaries' degrees,
+    /// (m,); none where they are not wanted, NaN where not found.
+    pub gradient: Vec<[Gradient; 2]>,
     /// Whether every boundary was found, (n,); nothing else of a schedule may be used where not.
     pub settled: Vec<bool>,
 }
@@ -46,18 +58,40 @@ pub fn solve_schedules(schedules: Schedules, threads: usize) -> Solved {
     let mut rows = vec![[f64::NAN; RESULTS]; count];
     let mut settled = vec![false; count];
     let mut boundary = vec![f64::NAN; schedules.times.len()];
+    let mut third = vec![f64::NAN; count];
+    let wanted = if schedules.with_derivatives {
+        schedules.first[count]
+    } else {
+        0
+    };
+    let mut gradient = vec![[[[f64::NAN; PARAMETERS]; FUNCTIONALS]; 2]; wanted];
     let workers = threads.clamp(1, count.max(1));
     let share = count.div_ceil(workers).max(1);
     std::thread::scope(|scope| {
         let mut left = boundary.as_mut_slice();
-        let parts = rows.chunks_mut(share).zip(settled.chunks_mut(share));
-        for (part, (rows, settled)) in parts.enumerate() {
+        let mut segments_left = gradient.as_mut_slice();
+        let parts = rows
+            .chunks_mut(share)
+            .zip(settled.chunks_mut(share))
+            .zip(third.chunks_mut(share));
+        for (part, ((rows, settled), third)) in parts.enumerate() {
             let start = part * share;
             let end = start + rows.len();
             let times = schedules.first_time[end] - schedules.first_time[start];
             let (mine, rest) = std::mem::take(&mut left).split_at_mut(times);
             left = rest;
-            let mut work = move || solve_rows(schedules, start, rows, settled, mine);
+            let own = schedules.first[end] - schedules.first[start];
+            let own = own.min(segments_left.len());
+            let (gradient, rest) = std::mem::take(&mut segments_left).split_at_mut(own);
+            segments_left = rest;
+            let mut output = Output {
+                rows,
+                settled,
+                boundary: mine,
+                third,
+                gradient,
+            };
+            let mut work = move || solve_rows(schedules, start, &mut output);
             if workers == 1 {
                 work();
             } else {
@@ -74,20 +108,25 @@ pub fn solve_schedules(schedules: Schedules, threads: usize) -> Solved {
     Solved {
         numbers,
         boundary,
+        third,
+        gradient,
         settled,
     }
 }
 
+/// Where the results of some schedules go, as in `Solved`.
+struct Output<'a> {
+    rows: &'a mut [[f64; RESULTS]],
+    settled: &'a mut [bool],
+    boundary: &'a mut [f64],
+    third: &'a mut [f64],
+    gradient: &'a mut [[Gradient; 2]],
+}
+
 /// Solve the schedules from `start` on.
-fn solve_rows(
-    schedules: Schedules,
-    start: usize,
-    rows: &mut [[f64; RESULTS]],
-    settled: &mut [bool],
-    boundary: &mut [f64],
-) {
+fn solve_rows(schedules: Schedules, start: usize, output: &mut Output) {
     let origin = schedules.first_time[start];
-    for (k, (result, settled)) in rows.iter_mut().zip(settled).enumerate() {
+    for k in 0..output.rows.len() {
         let row = start + k;
         let numbers =
             &schedules.segments[COLUMNS * schedules.first[row]..COLUMNS * schedules.first[row + 1]];
@@ -98,7 +137,7 @@ fn solve_rows(
         let wanted = schedules.first_time[row]..schedules.first_time[row + 1];
         let mut query = BoundaryQuery {
             times: &schedules.times[wanted.clone()],
-            found: &mut boundary[wanted.start - origin..wanted.end - origin],
+            found: &mut output.boundary[wanted.start - origin..wanted.end - origin],
         };
         let schedule = Schedule {
             segments: &segments,
@@ -106,7 +145,22 @@ fn solve_rows(
             level: schedules.level[row],
             tolerance: schedules.tolerance[row],
         };
-        *settled = solve_schedule(&schedule, &mut query, result).is_ok();
+        let with_derivatives = schedules.with_derivatives;
+        let result = &mut output.rows[k];
+        let Ok(found) = solve_schedule(&schedule, &mut query, result, with_derivatives) else {
+            continue;
+        };
+        output.settled[k] = true;
+        if let Some(found) = found {
+            output.third[k] = found.third;
+            let place = schedules.first[row] - schedules.first[start];
+            let own = &mut output.gradient[place..place + segments.len()];
+            let both = found.by_segment.iter().zip(&found.by_segment_otherwise);
+            for (out, (gradient, other)) in own.iter_mut().zip(both) {
+                out[0] = std::array::from_fn(|functional| gradient.of(functional));
+                out[1] = std::array::from_fn(|functional| gradient.distance(other, functional));
+            }
+        }
     }
 }
 
@@ -147,6 +201,7 @@ mod tests {
                 tolerance: &[0.0],
                 times: &[],
                 first_time: &[0, 0],
+                with_derivatives: false,
             },
             1,
         );

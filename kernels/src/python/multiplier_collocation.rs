@@ -1,13 +1,16 @@
 //! The functions of `pricing_core._kernels` that price options with events.
 
 use numpy::{
-    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
+    PyArray1, PyArray2, PyArray4, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::arguments::{check_lengths, group_starts, nonempty_group_starts, numbers};
-use crate::multiplier_collocation::{self, Schedules, COLUMNS, LEVELS, RESULTS};
+use crate::multiplier_collocation::{
+    self, Schedules, COLUMNS, FUNCTIONALS, LEVELS, PARAMETERS, RESULTS,
+};
 
 /// Solve American, Bermudan and European options with events, each a schedule of segments, at their levels.
 ///
@@ -19,9 +22,11 @@ use crate::multiplier_collocation::{self, Schedules, COLUMNS, LEVELS, RESULTS};
 ///
 /// Returns numbers, (6, n): value in strikes, its first and second derivative by x, ln(S*/K) now (NaN without one), the
 /// largest violation of complementarity seen and the error estimate of the boundaries, both in strikes; ln(S*/K) at the
-/// times, (t,); settled, (n,). Nothing of a schedule that is not settled may be used.
+/// times, (t,); settled, (n,); the third derivative by x, (n,), and the derivatives of value and slope by rate, yield,
+/// volatility, amount and escrow of each segment, and what exercise on it contributes, with their changes from one degree of
+/// the boundaries to another, (m, 2, 2, 6), NaN and (0, 2, 2, 6) unless `derivatives`. Nothing of a schedule that is not settled may be used.
 #[pyfunction]
-#[pyo3(signature = (sign, x, first, segments, level, tolerance, times, first_time, threads))]
+#[pyo3(signature = (sign, x, first, segments, level, tolerance, times, first_time, derivatives, threads))]
 #[allow(
     clippy::needless_pass_by_value,
     clippy::too_many_arguments,
@@ -37,11 +42,14 @@ pub fn solve_schedules<'py>(
     tolerance: PyReadonlyArray1<'py, f64>,
     times: PyReadonlyArray1<'py, f64>,
     first_time: PyReadonlyArray1<'py, i64>,
+    derivatives: bool,
     threads: usize,
 ) -> PyResult<(
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray4<f64>>,
 )> {
     let (sign, x, times) = (numbers(&sign), numbers(&x), numbers(&times));
     let tolerance = numbers(&tolerance);
@@ -68,11 +76,16 @@ pub fn solve_schedules<'py>(
         tolerance: &tolerance,
         times: &times,
         first_time: &first_time,
+        with_derivatives: derivatives,
     };
     let solved = py.detach(|| multiplier_collocation::solve_schedules(schedules, threads));
+    let count = solved.gradient.len();
+    let gradient = solved.gradient.as_flattened().as_flattened().as_flattened();
     Ok((
         PyArray1::from_vec(py, solved.numbers).reshape([RESULTS, x.len()])?,
         PyArray1::from_vec(py, solved.boundary),
         PyArray1::from_vec(py, solved.settled),
+        PyArray1::from_vec(py, solved.third),
+        PyArray1::from_slice(py, gradient).reshape([count, 2, FUNCTIONALS, PARAMETERS])?,
     ))
 }

@@ -1,20 +1,22 @@
-"""The engine of the collocation: values from the kernel, Greeks from bumped contracts at a fixed level."""
+"""The engine of the collocation: values and their derivatives from the kernel."""
 
 import math
-from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pricing_core import kernel
-from pricing_core.american.book.book import Book, Rows
-from pricing_core.american.book.prices import Prices
+from pricing_core.american.book.book import CURVES, Book, Rows
+from pricing_core.american.book.cuts import with_cuts
+from pricing_core.american.book.prices import Prices, error_of
+from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.contracts.tolerances import BOUNDARY_ACCURACY
-from pricing_core.american.engines.differences import Differences, plan_differences, stored, unchanged
+from pricing_core.american.engines.differences import stored, unchanged
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.held import priced
+from pricing_core.american.engines.multiplier_collocation.greeks import by_spot, greeks_of, lacks_cuts
 from pricing_core.american.engines.multiplier_collocation.levels import (
     FINEST,
     Solved,
@@ -27,9 +29,25 @@ from pricing_core.arrays import BoolVector, Vector
 
 # Largest error, in strikes, of a price that misses its tolerance and is still believed; measured.
 ROUGHEST = 1e-6
-CLOSE = 1e-8  # Tolerance of the boundaries, in strikes, where Greeks need degrees that follow the contract; chosen.
-CLOSE_LEVEL = 4  # Level of the values at that tolerance; chosen.
-SEGMENTS_AT_ONCE = 500  # Segments solved between two looks at the clock: a fraction of a second; chosen.
+# Shares of the tolerance to which a contract is solved for its Greeks, as long as their errors are too large; chosen.
+FURTHER_TOLERANCES = (1.0, 0.1, 0.01, 1e-3)
+# How large the errors of Greeks may be, in tolerances times a power of the strike; chosen.
+ALLOWED = {
+    **dict.fromkeys(("delta", "dividend_sensitivities"), (10.0, 0)),
+    **dict.fromkeys(("vega", "rho", "dividend_rho", *(f"{name}_buckets" for name in CURVES)), (10.0, 1)),
+    **dict.fromkeys(("vanna", "charm"), (100.0, 0)),
+    "gamma": (1000.0, -1),
+    "volga": (100.0, 1),
+}
+VOLGA_STEP = 0.01  # Step of the volatility for volga, as a share of the contract's smallest one; calibrated.
+VOLGA_STEPS = (
+    -1.0,
+    0.0,
+    1.0,
+    -2.0,
+    2.0,
+)  # The values that volga needs, in steps from the contract's own volatility.
+CLOSE = 1e-9  # Tolerance, in strikes, of these values where a boundary has no fixed degree; chosen.
 # Levels at which a boundary is tried first, ordinarily and at tight tolerances.
 FIRST_LEVEL, TIGHT_LEVEL = 4, 5
 TIGHT_TOLERANCE = 1e-7  # Tolerance, in strikes, from which boundaries begin at the finer level; chosen.
@@ -53,15 +71,16 @@ class MultiplierCollocation:
         return is_served(book) & book.has_events()
 
     def solve(self, book: Book, request: Request) -> Prices:
-        """Solve to the tolerances; Greeks are differences of bumped contracts, solved one level finer."""
-        solved = solve_to_tolerance(book, request.tolerance, request.threads)
+        """Solve to the tolerances; the Greeks are derivatives of the solution itself."""
+        wanted = request.greeks != "none"
+        solved = solve_to_tolerance(book, request.tolerance, request.threads, derivatives=wanted)
         believed = solved.settled & (solved.error <= np.maximum(request.tolerance, ROUGHEST))
         exercised = book.sign * (solved.boundary - log_moneyness(book)) >= 0.0
-        columns: dict[str, Any] = {"complete": True}
+        columns: dict[str, Any] = by_spot(book, solved) | {"complete": True}
         ended = np.full(book.count, "ok", dtype=object)
-        if request.greeks != "none":
-            wanted = np.flatnonzero(believed & ~exercised)
-            columns, late = _derivatives(book, solved, wanted, request)
+        if wanted:
+            greeks, late = _greeks(book, solved, np.flatnonzero(believed & ~exercised), request)
+            columns |= greeks
             ended[late] = "deadline"
         return _in_money(book, solved, exercised, settled=believed, status=ended, **columns)
 
@@ -92,16 +111,13 @@ class MultiplierCollocation:
 
 
 def _in_money(book: Book, solved: Solved, exercised: BoolVector, **columns: Any) -> Prices:
-    K, escrow = book.strike, book.escrow_now()
-    S = book.spot - escrow
+    K = book.strike
     return priced(
         book,
         value=K * solved.value,
         european=K * solved.european,
         error=np.where(solved.settled, K * solved.error, math.nan),
-        delta=K / S * solved.slope,
-        gamma=K / S * ((solved.curvature - solved.slope) / S),
-        boundary=K * np.exp(solved.boundary) + escrow,
+        boundary=K * np.exp(solved.boundary) + book.escrow_now(),
         exercised=exercised,
         method="multiplier-collocation",
         solves=1 + solved.level,
@@ -109,64 +125,115 @@ def _in_money(book: Book, solved: Solved, exercised: BoolVector, **columns: Any)
     )
 
 
-def _derivatives(book: Book, solved: Solved, wanted: Rows, request: Request) -> tuple[dict[str, Any], Rows]:
-    """Return the derivatives by the parameters as columns, and the rows for which the interrupt came too early.
+def _greeks(book: Book, solved: Solved, wanted: Rows, request: Request) -> tuple[dict[str, Any], Rows]:
+    """Return the Greeks and their errors as columns, and the rows for which the interrupt came too early.
 
-    The level above that of the price gives every boundary a fixed degree: bumped or not, it is solved alike. Where a
-    bumped contract does not settle so, or the contract itself has another value there than its price, which a boundary
-    that its degree cannot follow makes it, the next level serves, then degrees of its own to a small tolerance. Rows
-    that are not `wanted` are exercised, and nothing changes their value, or were not settled.
+    Where an error is too large, a Greek is missing, or no segment ends where a Greek is asked for, the contract is
+    solved again to a smaller tolerance; its price stays the first one. Rows that are not `wanted` are exercised, and
+    nothing changes their value, or were not settled.
     """
     extended = request.greeks == "extended"
     columns = unchanged(book, extended=extended)
+    columns |= {error_of(name): column for name, column in columns.items()}
+    columns |= {error_of(name): np.zeros(book.count) for name in ("delta", "gamma")}
+    if extended:
+        columns |= dict.fromkeys(("charm", error_of("charm")), np.zeros(book.count))
     complete = np.ones(book.count, dtype=bool)
     complete[wanted] = False
+    columns = by_spot(book, solved) | {name: _nan_at(column, wanted) for name, column in columns.items()}
     late = np.zeros(0, dtype=np.intp)
-    for above in (1, 2, None):
-        rows = np.flatnonzero(~complete)
-        if rows.size == 0 or late.size:
+    rows, cuts_lacking = wanted, lacks_cuts(book, extended=extended)
+    smallest = np.full(book.count, np.inf)  # the largest error so far, in what it may be
+    for share in FURTHER_TOLERANCES:
+        if rows.size == 0:
+            break
+        if request.is_interrupted():
+            late = rows[~complete[rows]]
             break
         part = book.take(rows)
-        plan = plan_differences(part, extended=extended)
-        level = solved.level[rows] + above if above is not None else np.full(rows.size, CLOSE_LEVEL)
-        level, tolerance = np.minimum(level, FINEST), 0.0 if above is not None else CLOSE
-        value, delta = _bumped_values(plan, level, tolerance, request)
-        own, _ = solve_at_level(part, level, request.threads, np.full(rows.size, tolerance))
-        same = np.abs(own[0] - solved.value[rows]) <= np.maximum(solved.error[rows], request.tolerance[rows])
-        missing = np.union1d(plan.row[np.isnan(value)], np.flatnonzero(~same))
-        complete[np.delete(rows, missing)] = True
-        columns = stored(columns, rows, plan.columns(value, delta))
-        if missing.size and request.is_interrupted():
-            late = rows[missing]
+        found = solved.take(rows, book)
+        if share < 1.0 or cuts_lacking[rows].any():
+            part = with_cuts(part, _entries(part, extended=extended)) if cuts_lacking[rows].any() else part
+            found = solve_to_tolerance(
+                part, share * request.tolerance[rows], request.threads, derivatives=True
+            )
+        part_columns = greeks_of(part, found, extended=extended)
+        if extended:
+            part_columns |= _volga(part, found, request.threads)
+        allowed = request.tolerance[rows]
+        same = np.abs(found.value - solved.value[rows]) <= np.maximum(solved.error[rows], allowed)
+        missed = np.where(same, _largest_error(part, part_columns, allowed), np.inf)
+        better = missed < smallest[rows]
+        smallest[rows] = np.minimum(smallest[rows], missed)
+        complete[rows] = np.isfinite(smallest[rows])
+        kept = np.flatnonzero(better)
+        columns = stored(
+            columns, rows[kept], {name: _taken(column, kept) for name, column in part_columns.items()}
+        )
+        rows = rows[~(smallest[rows] <= 1.0)]
     return columns | {"complete": complete}, late
 
 
-def _bumped_values(
-    plan: Differences, level: NDArray[np.int64], tolerance: float, request: Request
-) -> tuple[Vector, Vector]:
-    """Return value and delta of the bumped contracts, money, NaN where they do not settle or time has run out."""
-    book = plan.book
-    value, delta = np.full((2, book.count), math.nan)
-    for rows in _portions(book):
-        if request.is_interrupted():
-            break
-        part = book.part(rows)
-        levels = level[plan.row[rows]]
-        numbers, settled = solve_at_level(part, levels, request.threads, np.full(levels.size, tolerance))
-        spot = part.spot - part.escrow_now()
-        value[rows] = np.where(settled, part.strike * numbers[0], math.nan)
-        delta[rows] = np.where(settled, part.strike / spot * numbers[1], math.nan)
-    return value, delta
+def _largest_error(book: Book, columns: dict[str, Any], tolerance: Vector) -> Vector:
+    """Return the largest error of the Greeks, each over what it may be at that tolerance; infinite where one lacks."""
+    largest = np.zeros(book.count)
+    for name, column in columns.items():
+        greek = name.removesuffix("_error")
+        if greek == name:
+            continue
+        tolerances, power = ALLOWED[greek]
+        allowed = tolerances * tolerance * book.strike**power
+        owner = column.owner() if isinstance(column, Ragged) else np.arange(book.count)
+        numbers, errors = (
+            each.values if isinstance(each, Ragged) else each for each in (columns.get(greek, column), column)
+        )
+        missed = np.where(np.isfinite(numbers) & np.isfinite(errors), errors / allowed[owner], np.inf)
+        np.maximum.at(largest, owner, missed)
+    return largest
 
 
-def _portions(book: Book) -> Iterator[slice]:
-    """Cut the book where the segments so far are enough for one call of the kernel."""
-    start = 0
-    while start < book.count:
-        enough = int(np.searchsorted(book.first, book.first[start] + SEGMENTS_AT_ONCE))
-        stop = min(max(enough, start + 1), book.count)
-        yield slice(start, stop)
-        start = stop
+def _volga(book: Book, solved: Solved, threads: int) -> dict[str, Vector]:
+    """Return volga and its error: second differences of values that are solved alike, extrapolated from two steps.
+
+    All boundaries have a fixed degree; where one of them is not found so, the values are solved to a small tolerance.
+    """
+    step = VOLGA_STEP * np.minimum.reduceat(book.segments.volatility, book.first[:-1])
+    level = np.minimum(solved.level + 1, FINEST)
+    values = np.stack([solve_at_level(_moved(book, by * step), level, threads)[0] for by in VOLGA_STEPS])
+    rows = np.flatnonzero(np.isnan(values).any(axis=0))
+    if rows.size:
+        part, tolerance = book.take(rows), np.full(rows.size, CLOSE)
+        for value, by in zip(values, VOLGA_STEPS, strict=True):
+            value[rows] = solve_to_tolerance(_moved(part, by * step[rows]), tolerance, threads).value
+    second = book.strike * (values[0] - 2.0 * values[1] + values[2]) / step**2
+    far = book.strike * (values[3] - 2.0 * values[1] + values[4]) / (2.0 * step) ** 2
+    return {"volga": second + (second - far) / 3.0, error_of("volga"): np.abs(second - far)}
+
+
+def _moved(book: Book, by: Vector) -> Book:
+    """Return the contracts with their volatilities moved in parallel, each by its own step."""
+    volatility = book.segments.volatility + book.per_segment(by)
+    return replace(book, segments=replace(book.segments, volatility=volatility))
+
+
+def _entries(book: Book, *, extended: bool) -> Ragged:
+    """Return the times of all entries by which there are derivatives, one list per contract."""
+    names = ("cash_dividends", *(CURVES if extended else ()))
+    listed = [getattr(book.listed, name) for name in names]
+    return Ragged.of([sum((times.row(row) for times in listed), ()) for row in range(book.count)])
+
+
+def _nan_at(column: Vector | Ragged, rows: Rows) -> Vector | Ragged:
+    """Return the column without numbers in some rows."""
+    if isinstance(column, Ragged):
+        return Ragged(column.first, np.where(np.isin(column.owner(), rows), math.nan, column.values))
+    changed = column.copy()
+    changed[rows] = math.nan
+    return changed
+
+
+def _taken(column: Vector | Ragged, rows: Rows) -> Vector | Ragged:
+    return column.take(rows) if isinstance(column, Ragged) else column[rows]
 
 
 def _escrow_at(book: Book, time: float) -> float:

@@ -7,6 +7,7 @@ itself is held is the level's; calibrated on random contracts, checked in tests.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,6 +94,12 @@ class Solved:
         Whether the collocation found every boundary; nothing in the other columns may be used where it did not.
     level : int array
         The level at which the value was found.
+    third : Vector
+        The third derivative of the value by x; NaN where derivatives were not asked for, or not found.
+    gradient : array, shape (m, 2, 2, 6)
+        The derivatives of value and slope (third axis) by the rate, yield, volatility, amount and escrow of each
+        segment, what exercise on it contributes, and (second axis) how far all that changes with the degrees of the
+        boundaries; NaN likewise.
     """
 
     value: Vector
@@ -103,78 +110,105 @@ class Solved:
     error: Vector
     settled: BoolVector
     level: NDArray[np.int64]
+    third: Vector
+    gradient: NDArray[np.float64]
 
-    def take(self, rows: NDArray[np.intp]) -> "Solved":
-        """Return some of them."""
-        return Solved(*(getattr(self, name)[rows] for name in self.__slots__))
+    def take(self, rows: Rows, book: Book) -> "Solved":
+        """Return some rows of what was solved of a book."""
+        columns = {name: getattr(self, name)[rows] for name in self.__slots__ if name != "gradient"}
+        return Solved(**columns, gradient=self.gradient[gather(book.first, rows)[1]])
 
 
-def solve_to_tolerance(book: Book, tolerance: Vector, threads: int) -> Solved:
+def solve_to_tolerance(book: Book, tolerance: Vector, threads: int, *, derivatives: bool = False) -> Solved:
     """Solve every contract at the level of its tolerance, and at finer ones until its stated error meets that.
 
     Parameters
     ----------
     tolerance : Vector, shape (n,)
         Fractions of the strike.
+    derivatives : bool
+        Whether the derivatives by the segments' numbers are wanted; the values do not depend on it.
     """
     packed, count = pack(book), book.count
     least, first = np.array(FIRST_LEVELS).T
     level = first[np.argmax(tolerance[:, None] >= least, axis=1)].astype(np.int64)
-    value, slope, curvature, boundary = np.full((4, count), np.nan)
-    nothing = np.full(count, np.inf), np.zeros(count, dtype=bool), level.copy()
-    european, _ = _kernel_values(packed.european(), level, threads, np.zeros(count))
-    solved = Solved(value, slope, curvature, boundary, european[0], *nothing)
+    value, slope, curvature, boundary, third = np.full((5, count), np.nan)
+    gradient = np.full((book.segments.end.size, 2, 2, 6), np.nan)
+    european = _kernel_values(packed.european(), level, threads, np.zeros(count)).numbers[0]
+    solved = Solved(
+        value, slope, curvature, boundary, european,
+        np.full(count, np.inf), np.zeros(count, dtype=bool), level.copy(), third, gradient,
+    )  # fmt: skip
     rows = np.arange(count)
     while rows.size:
         beyond = np.array(NEGLECTED)[level[rows]] + ROUNDING
         left = np.maximum(tolerance[rows] - beyond, SMALLEST_SHARE * tolerance[rows])
-        found, settled = _kernel_values(packed.take(rows), level[rows], threads, left)
-        _keep(solved, rows, level[rows], found, settled, found[5] + beyond)
+        found = _kernel_values(packed.take(rows), level[rows], threads, left, derivatives=derivatives)
+        _keep(solved, book, rows, level[rows], found, found.numbers[5] + beyond)
         rows = rows[~(solved.error[rows] <= tolerance[rows]) & (level[rows] < FINEST)]
         level[rows] += 1
     return solved
 
 
 def _keep(
-    solved: Solved,
-    rows: NDArray[np.intp],
-    level: NDArray[np.int64],
-    found: Matrix,
-    settled: BoolVector,
-    error: Vector,
+    solved: Solved, book: Book, rows: Rows, level: NDArray[np.int64], found: "KernelValues", error: Vector
 ) -> None:
     """Store what these rows found, unless what is there has the smaller error."""
-    better = settled & ((error <= solved.error[rows]) | ~solved.settled[rows])
+    better = found.settled & ((error <= solved.error[rows]) | ~solved.settled[rows])
     kept = rows[better]
     columns = (solved.value, solved.slope, solved.curvature, solved.boundary)
-    for column, numbers in zip(columns, found[:4], strict=True):
+    for column, numbers in zip(columns, found.numbers[:4], strict=True):
         column[kept] = numbers[better]
     solved.error[kept], solved.level[kept] = error[better], level[better]
-    solved.settled[kept] = True
+    solved.settled[kept], solved.third[kept] = True, found.third[better]
+    if found.gradient.size:
+        first, _ = gather(book.first, rows)
+        solved.gradient[gather(book.first, kept)[1]] = found.gradient[
+            gather(first, np.flatnonzero(better))[1]
+        ]
 
 
-def solve_at_level(
-    book: Book, level: NDArray[np.int64], threads: int, tolerance: Vector
-) -> tuple[Matrix, BoolVector]:
-    """Return V/K, its first and second derivative by x = ln(S/K) and more, shape (6, n), and what may be used.
+class KernelValues(NamedTuple):
+    """What the kernel says of n contracts with m segments: see its `solve_schedules`."""
 
-    Parameters
-    ----------
-    tolerance : Vector, shape (n,)
-        Strikes, for the boundaries; at 0 each has its level's own degree.
+    numbers: Matrix
+    settled: BoolVector
+    third: Vector
+    gradient: NDArray[np.float64]
+
+
+def solve_at_level(book: Book, level: NDArray[np.int64], threads: int) -> tuple[Vector, BoolVector]:
+    """Return V/K, NaN where that does not settle, and what settled, each of shape (n,).
+
+    Every boundary has its level's own degree, so that contracts that differ little are solved alike.
     """
-    return _kernel_values(pack(book), level, threads, tolerance)
+    found = _kernel_values(pack(book), level, threads, np.zeros(level.size))
+    return np.where(found.settled, found.numbers[0], np.nan), found.settled
 
 
 def _kernel_values(
-    packed: Packed, level: NDArray[np.int64], threads: int, tolerance: Vector
-) -> tuple[Matrix, BoolVector]:
+    packed: Packed,
+    level: NDArray[np.int64],
+    threads: int,
+    tolerance: Vector,
+    *,
+    derivatives: bool = False,
+) -> KernelValues:
     assert kernel.solve_schedules is not None
     nothing, none = np.zeros(0), np.zeros(packed.x.size + 1, dtype=np.int64)
-    found, _, settled = kernel.solve_schedules(
-        packed.sign, packed.x, packed.first, packed.segments, level, tolerance, nothing, none, threads
+    numbers, _, settled, third, gradient = kernel.solve_schedules(
+        packed.sign,
+        packed.x,
+        packed.first,
+        packed.segments,
+        level,
+        tolerance,
+        nothing,
+        none,
+        derivatives,
+        threads,
     )
-    return found, settled
+    return KernelValues(numbers, settled, third, gradient)
 
 
 def boundaries_at(book: Book, times: Vector, level: int) -> tuple[Vector, bool]:
@@ -195,5 +229,5 @@ def boundaries_at(book: Book, times: Vector, level: int) -> tuple[Vector, bool]:
         np.array([level], dtype=np.int64),
         np.zeros(1),
     )
-    _, boundary, settled = kernel.solve_schedules(*numbers, times, ends, 1)
+    _, boundary, settled, _, _ = kernel.solve_schedules(*numbers, times, ends, False, 1)
     return boundary, bool(settled[0])

@@ -16,13 +16,24 @@ TIMES = np.array([0.0, 0.05, 0.3, 0.375, 0.7, 1.0])
 
 
 def solve(contracts, level, times=NO_TIMES, threads=1, tolerance=0.0):
+    """Return numbers, boundaries and what settled."""
     packed = pack(Book.of(contracts))
     count = len(contracts)
     first_time, every = np.arange(count + 1) * times.size, np.tile(times, count)
     levels, tolerances = np.full(count, level, dtype=np.int64), np.full(count, tolerance)
-    return kernel.solve_schedules(
-        packed.sign, packed.x, packed.first, packed.segments, levels, tolerances, every, first_time, threads
+    numbers, boundary, settled, _, _ = kernel.solve_schedules(
+        packed.sign,
+        packed.x,
+        packed.first,
+        packed.segments,
+        levels,
+        tolerances,
+        every,
+        first_time,
+        False,
+        threads,
     )
+    return numbers, boundary, settled
 
 
 @pytest.mark.parametrize(("level", "tolerance"), [(1, 0.0), (3, 1e-7)])
@@ -69,6 +80,7 @@ def test_what_does_not_fit_is_refused():
         np.zeros(1),
         NO_TIMES,
         np.zeros(2, dtype=np.int64),
+        True,
         1,
     )
     for place, wrong in ((0, np.ones(2)), (2, np.array([0, 99])), (4, np.array([99]))):
@@ -83,7 +95,7 @@ def test_no_argument_is_modified():
     nothing = np.zeros(count + 1, dtype=np.int64)
     levels, tolerances = np.full(count, 1), np.full(count, 1e-5)
     kernel.solve_schedules(
-        packed.sign, packed.x, packed.first, packed.segments, levels, tolerances, NO_TIMES, nothing, 1
+        packed.sign, packed.x, packed.first, packed.segments, levels, tolerances, NO_TIMES, nothing, True, 1
     )
     for part, copy in zip((packed.sign, packed.x, packed.first, packed.segments), before, strict=True):
         np.testing.assert_array_equal(part, copy)

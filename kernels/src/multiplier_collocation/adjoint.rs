@@ -1,0 +1,287 @@
+//! The derivatives of the value now, and of its slope, by the numbers of all segments: the adjoint of the recursion.
+//!
+//! The recursion goes from expiry to now; its adjoint goes from now to expiry and asks what the functionals count every value
+//! for that the recursion went through. In the continuum that is the density of the spot that has not been exercised yet,
+//! started as a point mass at the spot now. One walk gives the derivatives by every number of every segment, however many
+//! there are.
+//!
+//! Between two events the value is seen from viewpoints: the nodes of the profile at the segment's beginning (`viewpoint`),
+//! which also see the contact sets (`contact_adjoint`), and the stages of the boundary (`boundary_adjoint`). The ends of
+//! pieces and panels do not count, for the value has no jump there, and where the holder is indifferent exercise and waiting
+//! are worth the same.
+
+use super::boundary_adjoint::see_boundary;
+use super::contact_adjoint::{see_contact_sets, third_derivative};
+use super::gauss_legendre::legendre;
+use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
+use super::points_seen::see_from_points;
+use super::profile::PieceKind;
+use super::segment_value::SegmentValue;
+use super::spot_drop::SpotDrop;
+use super::unsettled::Unsettled;
+use super::viewpoint::{see_profile, weight_of_piece, Viewpoint};
+
+/// The relative distance within which a place is that of the onset; chosen.
+const SAME_PLACE: f64 = 1e-12;
+
+/// The smallest weight of a node in a functional, in strikes per strike, with which it counts; chosen.
+const SMALLEST_WEIGHT: f64 = 1e-12;
+
+/// A solved part of a segment.
+pub struct SolvedPart {
+    /// The place of the segment in the schedule.
+    pub index: usize,
+    /// The time from the part's end to that of its segment, years.
+    pub offset: f64,
+    pub value: SegmentValue,
+    /// The end of the contact set at the part's end, x, infinite without one.
+    pub contact: f64,
+}
+
+/// Which of its degrees every boundary is taken from.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Degrees {
+    /// The one that gave the value.
+    Own,
+    /// The other one that was solved; a boundary without one does not count. How far the derivatives are apart tells their
+    /// errors.
+    Other,
+}
+
+/// The derivatives of the value now and of its slope by the numbers of each of `count` segments, and the third derivative of
+/// the value by x; `parts` are in the order of the recursion.
+pub fn differentiate(
+    parts: &[SolvedPart],
+    count: usize,
+    x: f64,
+    degrees: Degrees,
+) -> Result<(Vec<SegmentGradient>, f64), Unsettled> {
+    let mut walk = Walk {
+        degrees,
+        points: vec![Viewpoint {
+            x,
+            s: 0.0,
+            value: [1.0, 0.0],
+            slope: [0.0, 1.0],
+        }],
+        boundary: [0.0; FUNCTIONALS],
+        gradients: vec![SegmentGradient::default(); count],
+        third: 0.0,
+    };
+    for k in (0..parts.len()).rev() {
+        let before = parts.get(k + 1);
+        walk.through_part(&parts[k], before, k.checked_sub(1).map(|k| &parts[k]))?;
+    }
+    Ok((walk.gradients, walk.third))
+}
+
+/// What the functionals count the value at the beginning of a part for.
+struct Walk {
+    degrees: Degrees,
+    points: Vec<Viewpoint>,
+    /// What the boundary at the beginning counts for by itself.
+    boundary: Weights,
+    gradients: Vec<SegmentGradient>,
+    /// The third derivative of the value now.
+    third: f64,
+}
+
+impl Walk {
+    /// Go from the beginning of a part to the beginning of the one that is `later`; `before` is the one that was gone through.
+    fn through_part(
+        &mut self,
+        part: &SolvedPart,
+        before: Option<&SolvedPart>,
+        later: Option<&SolvedPart>,
+    ) -> Result<(), Unsettled> {
+        let now = &part.value;
+        let (segment, dynamics) = (&now.segment, &now.segment.dynamics);
+        let mut gradient = SegmentGradient::default();
+        let mut points = std::mem::take(&mut self.points);
+        for point in &mut points {
+            point.s = segment.duration;
+        }
+        let mut views = Vec::new();
+        let mut place = [0.0; FUNCTIONALS];
+        let mut by_amount = [0.0; FUNCTIONALS];
+        let boundary = match self.degrees {
+            Degrees::Own => now.boundary.as_ref(),
+            Degrees::Other => now.boundary.as_ref().and_then(|own| own.other.as_deref()),
+        };
+        if let Some(boundary) = boundary {
+            let blocks = &boundary.contact_blocks;
+            let (seen, amount) =
+                see_contact_sets(segment.sign, dynamics, blocks, &points, &mut gradient);
+            by_amount = amount;
+            if before.is_none() {
+                self.third = third_derivative(segment.sign, dynamics, blocks, points[0].x);
+            }
+            place = see_boundary(
+                boundary,
+                &now.profile,
+                &seen,
+                &self.boundary,
+                &mut views,
+                &mut gradient,
+            )?;
+        }
+        let mut densities = match before {
+            None => {
+                let seen = see_profile(&now.profile, dynamics, &points, &mut gradient);
+                self.third += seen.values[0][3];
+                seen.densities
+            }
+            Some(before) => {
+                let seen = see_from_points(&now.profile, segment, &points, &mut gradient);
+                if before.index != part.index {
+                    let amount = &mut self.gradients[before.index].amount;
+                    add(amount, -1.0, &by_amount);
+                    add(amount, -1.0, &seen.by_amount);
+                }
+                seen.densities
+            }
+        };
+        if !views.is_empty() {
+            let seen = see_profile(&now.profile, dynamics, &views, &mut gradient);
+            for (total, part) in densities.iter_mut().zip(&seen.densities) {
+                for (total, part) in total.iter_mut().zip(part) {
+                    *total += part;
+                }
+            }
+        }
+        views.extend(points);
+
+        let drop = SpotDrop {
+            keep: 1.0 - segment.fraction,
+            amount: segment.amount,
+        };
+        self.points = weighted_nodes(now, &densities, drop);
+        self.count_pieces(part, later, &views, &mut gradient);
+        self.boundary = [0.0; FUNCTIONALS];
+        self.count_place(part, later, drop, &place, &mut gradient);
+        self.take_in(part, &gradient);
+        Ok(())
+    }
+
+    /// Take in what the lines of the profile count for.
+    fn count_pieces(
+        &mut self,
+        part: &SolvedPart,
+        later: Option<&SolvedPart>,
+        views: &[Viewpoint],
+        gradient: &mut SegmentGradient,
+    ) {
+        let segment = &part.value.segment;
+        for piece in &part.value.profile.pieces {
+            if piece.kind == PieceKind::Other {
+                continue;
+            }
+            let weights = weight_of_piece(piece, &segment.dynamics, views);
+            if piece.kind == PieceKind::Payoff {
+                add(&mut gradient.escrow, -segment.sign, &weights);
+                continue;
+            }
+            if part.offset <= 0.0 {
+                add(&mut gradient.amount, segment.sign, &weights);
+            }
+            if let Some(later) = later {
+                let after = &later.value.segment;
+                let by_escrow = -segment.sign * (-after.dynamics.rate * after.duration).exp();
+                let mut beyond = SegmentGradient::default();
+                add(&mut beyond.escrow, by_escrow, &weights);
+                add(
+                    &mut beyond.rate,
+                    -by_escrow * after.escrow * after.duration,
+                    &weights,
+                );
+                self.take_in(later, &beyond);
+            }
+        }
+    }
+
+    /// Take in what the place of the onset counts for: it is the zero of the multiplier, or where the contact set ended at the
+    /// part's end.
+    fn count_place(
+        &mut self,
+        part: &SolvedPart,
+        later: Option<&SolvedPart>,
+        drop: SpotDrop,
+        weights: &Weights,
+        gradient: &mut SegmentGradient,
+    ) {
+        let Some(boundary) = &part.value.boundary else {
+            return;
+        };
+        let (segment, place) = (&part.value.segment, boundary.onset.place);
+        let is_same = |other: f64| (place - other).abs() <= SAME_PLACE * place.abs().max(1.0);
+        if is_same(segment.zero_of_multiplier()) {
+            add(&mut gradient.rate, 1.0 / segment.dynamics.rate, weights);
+            add(
+                &mut gradient.dividend,
+                -1.0 / segment.dynamics.dividend,
+                weights,
+            );
+            return;
+        }
+        let Some(later) = later.filter(|_| is_same(part.contact)) else {
+            return;
+        };
+        let after = drop.after(place);
+        if segment.is_continuous() && is_same(later.value.boundary_now()) {
+            self.boundary = *weights;
+            return;
+        }
+        let [_, by_x, _] = later.value.value(after);
+        let by_spot = drop.keep * by_x * (-after).exp() + segment.sign;
+        let value = weights.map(|weight| -weight / (by_spot * place.exp()));
+        add(&mut gradient.escrow, segment.sign, &value);
+        self.points.push(Viewpoint {
+            x: after,
+            s: 0.0,
+            value,
+            slope: [0.0; FUNCTIONALS],
+        });
+    }
+
+    /// Add the derivatives by a part's numbers to those of its segment.
+    fn take_in(&mut self, part: &SolvedPart, gradient: &SegmentGradient) {
+        // The part's escrow is that of its segment, discounted.
+        let segment = &part.value.segment;
+        let mut own = *gradient;
+        let share = (-segment.dynamics.rate * part.offset).exp();
+        own.escrow = gradient.escrow.map(|weight| share * weight);
+        add(
+            &mut own.rate,
+            -part.offset * segment.escrow,
+            &gradient.escrow,
+        );
+        self.gradients[part.index].increase(&own);
+    }
+}
+
+/// The nodes of a profile as viewpoints after the event, with what they count for.
+fn weighted_nodes(
+    now: &SegmentValue,
+    densities: &[Vec<f64>; FUNCTIONALS],
+    drop: SpotDrop,
+) -> Vec<Viewpoint> {
+    let profile = &now.profile;
+    let rule = legendre(now.points);
+    let places = drop.after_all(&profile.nodes[..profile.panels.len() * now.points]);
+    let weighted = places.iter().enumerate().map(|(j, x)| {
+        let weight = profile.panels[j / now.points].half * rule[j % now.points].1;
+        Viewpoint {
+            x: *x,
+            s: 0.0,
+            value: [0, 1].map(|k| weight * densities[k][j]),
+            slope: [0.0; FUNCTIONALS],
+        }
+    });
+    weighted
+        .filter(|view| {
+            view.value
+                .iter()
+                .any(|weight| weight.abs() > SMALLEST_WEIGHT)
+        })
+        .collect()
+}

@@ -1,0 +1,328 @@
+//! What the functionals that are differentiated count the boundary of a segment for, and by its equations the profile.
+//!
+//! The coefficients c of the boundary meet F(c; profile, parameters) = 0 (`collocation_system`). Where the functionals count
+//! the coefficients for g, a change dF of the equations changes them by -g J^{-1} dF, J being the Jacobian that Newton's
+//! method ends with: the stages are viewpoints that count for -J^{-T} g. The place and the time of the onset and the payoff
+//! crossings, from which boundaries are measured, count as well; with the time of the onset all nodes move, each at its eta.
+
+use super::boundary::{dot, Boundary};
+use super::collocation_nodes::{collocation_nodes, CollocationNodes};
+use super::collocation_system::CollocationSystem;
+use super::contact_adjoint::{see_contact_sets, BoundaryWeights};
+use super::contact_onset::{crossing_at, Representation};
+use super::degree_control::DEGREES;
+use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
+use super::linear_system::eliminate;
+use super::multiplier::{age_blocks, contribution, ContactBlock};
+use super::payoff_crossing::Gap;
+use super::profile::Profile;
+use super::propagation::Transition;
+use super::segment::{Dynamics, Segment};
+use super::unsettled::Unsettled;
+use super::viewpoint::{see_profile, Viewpoint};
+use crate::lanes::vector::LANES;
+
+/// The largest distance in time of an onset that was found to that where value and payoff meet, as a share of the duration;
+/// chosen: ten times that of the search.
+const CLOSE: f64 = 1e-6;
+
+/// The adjoint of one boundary.
+struct BoundaryAdjoint<'a> {
+    boundary: &'a Boundary,
+    profile: &'a Profile,
+    /// What the coefficients count for, (degree + 1,).
+    coefficients: Vec<Weights>,
+    /// What the place of the onset and its time count for.
+    place: Weights,
+    time: Weights,
+    /// What the payoff crossings count for, (s, x, weights).
+    crossings: Vec<(f64, f64, Weights)>,
+}
+
+/// Add the viewpoints that stand for the boundary, and return what the place of its onset counts for.
+///
+/// `contact_sets` are what the contact sets, as seen from the segment's beginning, count for, and `at_beginning` what the
+/// boundary there counts for by itself.
+pub fn see_boundary(
+    boundary: &Boundary,
+    profile: &Profile,
+    contact_sets: &[BoundaryWeights],
+    at_beginning: &Weights,
+    views: &mut Vec<Viewpoint>,
+    gradient: &mut SegmentGradient,
+) -> Result<Weights, Unsettled> {
+    let mut adjoint = BoundaryAdjoint {
+        boundary,
+        profile,
+        coefficients: vec![[0.0; FUNCTIONALS]; boundary.coefficients.len()],
+        place: [0.0; FUNCTIONALS],
+        time: [0.0; FUNCTIONALS],
+        crossings: Vec::new(),
+    };
+    adjoint.count_ages(gradient);
+    adjoint.count_contact_sets(contact_sets);
+    adjoint.count_stages(at_beginning, views, gradient)?;
+    adjoint.count_crossings(views, gradient);
+    adjoint.count_time(views, gradient);
+    Ok(adjoint.place)
+}
+
+impl BoundaryAdjoint<'_> {
+    /// Take in what the contact sets count for that the segment's beginning sees.
+    fn count_contact_sets(&mut self, contact_sets: &[BoundaryWeights]) {
+        let (boundary, degree) = (self.boundary, self.boundary.nodes.degree);
+        let points = DEGREES
+            .iter()
+            .find(|(m, _, _)| *m == degree)
+            .map_or(0, |(_, _, points)| *points);
+        let nodes = collocation_nodes(degree, points);
+        let span = boundary.segment.duration - boundary.onset.time;
+        for (l, sine) in nodes.sine.iter().enumerate() {
+            let weights = [0, 1].map(|k| contact_sets[l / LANES][k][l % LANES]);
+            let place = boundary.contact_blocks[l / LANES].boundary[l % LANES];
+            let s = boundary.onset.time + span * sine * sine;
+            self.count_node((nodes, degree - 1, l), (s, place), &weights, true);
+        }
+    }
+
+    /// Take in what a node of an integral counts for, whose contact set ended at `place` at time s; its coefficients behind the
+    /// first count only where that is asked for.
+    fn count_node(
+        &mut self,
+        (nodes, stage, l): (&CollocationNodes, usize, usize),
+        (s, place): (f64, f64),
+        weights: &Weights,
+        all: bool,
+    ) {
+        let row = nodes.row(stage, l);
+        let coefficient = dot(row, &self.boundary.coefficients);
+        let by_coefficient = self.measured(coefficient, (s, place), weights);
+        let counted = if all { row.len() } else { 1 };
+        for (total, share) in self.coefficients[..counted].iter_mut().zip(row) {
+            add(total, by_coefficient * share, weights);
+        }
+    }
+
+    /// Take in what a boundary at `place` counts for by what it is measured from; return its derivative by the coefficient.
+    fn measured(&mut self, coefficient: f64, (s, place): (f64, f64), weights: &Weights) -> f64 {
+        let (segment, onset) = (&self.boundary.segment, &self.boundary.onset);
+        match onset.representation {
+            Representation::SquaredDistance => add(&mut self.place, 1.0, weights),
+            Representation::FromCrossing => {
+                self.crossings.push((s, place - coefficient, *weights));
+            }
+            Representation::Direct | Representation::NormalShare { .. } => {}
+        }
+        onset.boundary_of(segment.sign, coefficient, 0.0).1
+    }
+
+    /// Take in that a later onset takes the ages and the weights of contact sets down in proportion; `gradient` holds what
+    /// their contributions change by the parameters.
+    fn count_ages(&mut self, gradient: &SegmentGradient) {
+        if self.boundary.onset.time > 0.0 {
+            let span = self.boundary.segment.duration - self.boundary.onset.time;
+            let by_scale = by_scale_of_time(&self.boundary.segment.dynamics, gradient);
+            add(&mut self.time, -1.0 / span, &by_scale);
+        }
+    }
+
+    /// The share of a move of the onset's time by which a time s moves.
+    fn moved(&self, s: f64) -> f64 {
+        let (segment, onset) = (&self.boundary.segment, &self.boundary.onset);
+        (segment.duration - s) / (segment.duration - onset.time)
+    }
+
+    /// Solve for what the equations of the stages count for, and take that in.
+    fn count_stages(
+        &mut self,
+        at_beginning: &Weights,
+        views: &mut Vec<Viewpoint>,
+        gradient: &mut SegmentGradient,
+    ) -> Result<(), Unsettled> {
+        let boundary = self.boundary;
+        let (segment, onset, nodes) = (&boundary.segment, &boundary.onset, boundary.nodes);
+        let (m, coefficients) = (nodes.degree, &boundary.coefficients);
+        let mut system = CollocationSystem::new(self.profile, segment, onset, nodes);
+        let (mut residual, mut jacobian) = (vec![0.0; m], vec![0.0; m * m]);
+        system.residual(coefficients, &mut residual, &mut jacobian);
+        let last = (segment.duration, boundary.at_beginning);
+        let by_last = self.measured(coefficients[m], last, at_beginning);
+        add(&mut self.coefficients[m], by_last, at_beginning);
+
+        let equations = self.transposed_solve(&jacobian, m)?;
+        let of_value = onset.representation == Representation::FromCrossing;
+        for (k, weights) in equations.iter().enumerate() {
+            let s = system.times[k];
+            let (x, _) = system.stage_boundary(k, coefficients[k + 1]);
+            let nothing = [0.0; FUNCTIONALS];
+            let view = Viewpoint {
+                x,
+                s,
+                value: if of_value { *weights } else { nothing },
+                slope: if of_value { nothing } else { *weights },
+            };
+            let blocks = self.blocks_seen(&system, k);
+            let mut own = SegmentGradient::default();
+            let views_here = std::slice::from_ref(&view);
+            let (seen, _) = see_contact_sets(
+                segment.sign,
+                &segment.dynamics,
+                &blocks,
+                views_here,
+                &mut own,
+            );
+            self.count_ages(&own);
+            own.exercise = [0.0; FUNCTIONALS]; // an equation's, and not the value's
+            gradient.increase(&own);
+            if onset.time > 0.0 {
+                let mut own = SegmentGradient::default();
+                see_profile(self.profile, &segment.dynamics, views_here, &mut own);
+                let by_scale = by_scale_of_time(&segment.dynamics, &own);
+                let moved = self.moved(s);
+                add(&mut self.time, moved / s, &by_scale);
+                if of_value {
+                    add(&mut self.time, -moved * payoff_by_time(segment, s), weights);
+                }
+            }
+            let span = s - onset.time;
+            for (l, sine) in nodes.sine.iter().enumerate() {
+                let weights = [0, 1].map(|functional| seen[l / LANES][functional][l % LANES]);
+                let place = blocks[l / LANES].boundary[l % LANES];
+                let at = onset.time + span * sine * sine;
+                self.count_node((nodes, k, l), (at, place), &weights, false);
+            }
+            if of_value {
+                add_payoff(segment, s, weights, gradient);
+            }
+            let by_x = self.equation_by_place(&blocks, (x, s), of_value);
+            let at_stage = weights.map(|weight| weight * by_x);
+            self.measured(coefficients[k + 1], (s, x), &at_stage);
+            views.push(view);
+        }
+        if onset.representation == Representation::Direct {
+            let first = self.coefficients[0];
+            add(&mut self.place, 1.0, &first);
+        }
+        Ok(())
+    }
+
+    /// What the equations count for: minus the inverse of the transposed Jacobian times what the coefficients do.
+    fn transposed_solve(&self, jacobian: &[f64], m: usize) -> Result<Vec<Weights>, Unsettled> {
+        let mut equations = vec![[0.0; FUNCTIONALS]; m];
+        for functional in 0..FUNCTIONALS {
+            let mut transposed: Vec<f64> =
+                (0..m * m).map(|i| jacobian[i % m * m + i / m]).collect();
+            let mut rhs: Vec<f64> = self.coefficients[1..]
+                .iter()
+                .map(|weights| -weights[functional])
+                .collect();
+            if !eliminate(&mut transposed, &mut rhs) {
+                return Err(Unsettled);
+            }
+            for (equation, found) in equations.iter_mut().zip(rhs) {
+                equation[functional] = found;
+            }
+        }
+        Ok(equations)
+    }
+
+    /// The contact sets that stage k sees.
+    fn blocks_seen(&self, system: &CollocationSystem, k: usize) -> Vec<ContactBlock> {
+        let boundary = self.boundary;
+        let (segment, onset, nodes) = (&boundary.segment, &boundary.onset, boundary.nodes);
+        let ages: Vec<(f64, f64)> = nodes.ages(system.times[k] - onset.time).collect();
+        let blocks = age_blocks(&segment.dynamics, &ages).into_iter().enumerate();
+        let seen = blocks.map(|(block, ages)| {
+            let mut places = [onset.place; LANES];
+            for (l, place) in (block * LANES..nodes.points).zip(&mut places) {
+                let coefficient = dot(nodes.row(k, l), &boundary.coefficients);
+                let crossing = crossing_at(&system.node_crossings, k * nodes.points + l);
+                *place = onset.boundary_of(segment.sign, coefficient, crossing).0;
+            }
+            ContactBlock {
+                ages,
+                boundary: places,
+                boundary_spot: places.map(f64::exp),
+            }
+        });
+        seen.collect()
+    }
+
+    /// The derivative of a stage's equation by the place of the stage.
+    fn equation_by_place(
+        &self,
+        blocks: &[ContactBlock],
+        (x, s): (f64, f64),
+        of_value: bool,
+    ) -> f64 {
+        let segment = &self.boundary.segment;
+        let order = if of_value { 1 } else { 2 };
+        let transition = Transition::new(&segment.dynamics, s);
+        let propagated = self.profile.propagate_through(&transition, x, x.exp());
+        let contributed = contribution(segment.sign, &segment.dynamics, blocks, x);
+        propagated[order] + contributed[order] + segment.sign * x.exp()
+    }
+
+    /// Add the viewpoint that stands for the time of the onset, when the value without exercise is the payoff at its place.
+    fn count_time(&self, views: &mut Vec<Viewpoint>, gradient: &mut SegmentGradient) {
+        let (segment, onset) = (&self.boundary.segment, &self.boundary.onset);
+        if onset.time <= 0.0 {
+            return;
+        }
+        let gap = Gap::at(self.profile, segment, onset.place, onset.time);
+        if gap.value.abs() > CLOSE * segment.duration * gap.by_s.abs() {
+            return; // the onset is as early as the search looks
+        }
+        let value = self.time.map(|weight| -weight / gap.by_s);
+        add_payoff(segment, onset.time, &value, gradient);
+        views.push(Viewpoint {
+            x: onset.place,
+            s: onset.time,
+            value,
+            slope: [0.0; FUNCTIONALS],
+        });
+    }
+
+    /// Add the viewpoints that stand for the payoff crossings, where the value without exercise is the payoff.
+    fn count_crossings(&mut self, views: &mut Vec<Viewpoint>, gradient: &mut SegmentGradient) {
+        let segment = self.boundary.segment;
+        for (s, x, weights) in std::mem::take(&mut self.crossings) {
+            let gap = Gap::at(self.profile, &segment, x, s);
+            let value = weights.map(|weight| -weight / gap.by_x);
+            if self.boundary.onset.time > 0.0 {
+                let moved = self.moved(s);
+                add(&mut self.time, moved * gap.by_s, &value);
+            }
+            add_payoff(&segment, s, &value, gradient);
+            views.push(Viewpoint {
+                x,
+                s,
+                value,
+                slope: [0.0; FUNCTIONALS],
+            });
+        }
+    }
+}
+
+/// What the functionals change if all times grow in proportion, from what they change by the parameters: that is as if
+/// sigma^2, r and q grew.
+fn by_scale_of_time(dynamics: &Dynamics, gradient: &SegmentGradient) -> Weights {
+    let mut total = [0.0; FUNCTIONALS];
+    add(&mut total, 0.5 * dynamics.volatility, &gradient.volatility);
+    add(&mut total, dynamics.rate, &gradient.rate);
+    add(&mut total, dynamics.dividend, &gradient.dividend);
+    total
+}
+
+/// The derivative of the payoff by the time s to the segment's end.
+fn payoff_by_time(segment: &Segment, s: f64) -> f64 {
+    let rate = segment.dynamics.rate;
+    segment.sign * segment.escrow * rate * (-rate * s).exp()
+}
+
+/// Add what minus the payoff at time s changes by the parameters: the strike less the escrow is part of it.
+fn add_payoff(segment: &Segment, s: f64, weights: &Weights, gradient: &mut SegmentGradient) {
+    let by_escrow = segment.sign * (-segment.dynamics.rate * s).exp();
+    add(&mut gradient.escrow, by_escrow, weights);
+    add(&mut gradient.rate, -by_escrow * segment.escrow * s, weights);
+}

@@ -1,0 +1,176 @@
+//! The contribution of contact sets (`multiplier`), as seen from viewpoints, differentiated by the parameters and by where the
+//! contact sets ended.
+//!
+//! What exercise at one age contributes is e^{age L} of its cash flow, so that its derivatives by the parameters are those of
+//! `viewpoint` with the age in the place of s, and the cash flow's own derivatives: r and q are its factors.
+
+use super::gradient::{SegmentGradient, FUNCTIONALS};
+use super::multiplier::ContactBlock;
+use super::segment::Dynamics;
+use super::viewpoint::Viewpoint;
+use crate::lanes::dispatch::{dispatch, Work};
+use crate::lanes::normal::{exp, weighted_normal, ONE_OVER_SQRT_TWO_PI};
+use crate::lanes::vector::{sum_of_lanes, Vector, LANES};
+
+/// What the functionals count one block of contact sets for: their derivatives by the places where these ended.
+pub type BoundaryWeights = [[f64; LANES]; FUNCTIONALS];
+
+/// What sixteen contact sets contribute to a value, up to the third derivative by x.
+struct Seen<V> {
+    derivatives: [V; 4],
+    /// The contributions of interest and of dividends per unit of r and -q, and their first derivatives by x.
+    interest: [V; 2],
+    dividends: [V; 2],
+    /// The derivatives of value and slope by the boundary.
+    by_boundary: [V; 2],
+}
+
+/// The part of one block.
+#[inline(always)]
+fn see<V: Vector>(sign: f64, dynamics: &Dynamics, block: &ContactBlock, x: V, spot: V) -> Seen<V> {
+    let (ages, q) = (&block.ages, dynamics.dividend);
+    let (inverse, weight) = (V::from_lanes(ages.inverse), V::from_lanes(ages.weight));
+    let (bond, boundary_spot) = (V::from_lanes(ages.bond), V::from_lanes(block.boundary_spot));
+    let d2 = (x + V::from_lanes(ages.drift) - V::from_lanes(block.boundary)) * inverse;
+    let d1 = d2 + V::from_lanes(ages.spread);
+    let density = exp((d2 * d2).times(-0.5)).times(ONE_OVER_SQRT_TWO_PI) * bond;
+    let signed = weight.times(sign);
+    let interest = weighted_normal(d2.times(-sign), density, bond) * signed;
+    let stock = spot * V::from_lanes(ages.discount);
+    let shares = weighted_normal(d1.times(-sign), density * boundary_spot, stock) * signed;
+    let there = density * inverse * weight;
+    let there_in_spot = there * boundary_spot;
+    let slope = -(d2 * inverse); // of the logarithm of the density
+    let flux = there.times(dynamics.rate) - there_in_spot.times(q);
+    let flux_by_x = flux * slope;
+    let flux_by_xx = flux * (slope * slope - inverse * inverse);
+    let shares_by_x = shares - there_in_spot;
+    let shares_by_xx = shares_by_x - there_in_spot * slope;
+    Seen {
+        derivatives: [
+            interest.times(dynamics.rate) - shares.times(q),
+            -flux - shares.times(q),
+            -flux_by_x - shares_by_x.times(q),
+            -flux_by_xx - shares_by_xx.times(q),
+        ],
+        interest: [interest, -there],
+        dividends: [shares, shares_by_x],
+        by_boundary: [flux, flux_by_x],
+    }
+}
+
+/// What the functionals count the contact sets for, block by block, as seen from the viewpoints.
+///
+/// The contributions and their derivatives by the parameters are added to `gradient`, and what the slopes at the viewpoints count
+/// for by the amount of a drop of the spot, e^{-x} times the slope, is returned as well.
+pub fn see_contact_sets(
+    sign: f64,
+    dynamics: &Dynamics,
+    blocks: &[ContactBlock],
+    views: &[Viewpoint],
+    gradient: &mut SegmentGradient,
+) -> (Vec<BoundaryWeights>, [f64; FUNCTIONALS]) {
+    dispatch(Seeing {
+        sign,
+        dynamics,
+        blocks,
+        views,
+        gradient,
+    })
+}
+
+struct Seeing<'a> {
+    sign: f64,
+    dynamics: &'a Dynamics,
+    blocks: &'a [ContactBlock],
+    views: &'a [Viewpoint],
+    gradient: &'a mut SegmentGradient,
+}
+
+impl Work for Seeing<'_> {
+    type Result = (Vec<BoundaryWeights>, [f64; FUNCTIONALS]);
+
+    #[inline(always)]
+    fn run<V: Vector>(self) -> Self::Result {
+        let dynamics = self.dynamics;
+        let mut weights = Vec::with_capacity(self.blocks.len());
+        let mut by_amount = [V::zero(); FUNCTIONALS];
+        let mut by_parameters = [[V::zero(); FUNCTIONALS]; 4];
+        for block in self.blocks {
+            let age = V::from_lanes(block.ages.spread).times(1.0 / dynamics.volatility);
+            let age = age * age;
+            let mut of_boundary = [V::zero(); FUNCTIONALS];
+            for view in self.views {
+                let spot = view.x.exp();
+                let seen = see(self.sign, dynamics, block, V::all(view.x), V::all(spot));
+                let derivatives = &seen.derivatives;
+                for (order, counted) in [(0, &view.value), (1, &view.slope)] {
+                    if order == 1 && !view.has_slope() {
+                        continue;
+                    }
+                    let by_x = derivatives[order + 1] * age;
+                    let changes = [
+                        by_x - derivatives[order] * age + seen.interest[order],
+                        -(by_x + seen.dividends[order]),
+                        (derivatives[order + 2] * age - by_x).times(dynamics.volatility),
+                        derivatives[order],
+                    ];
+                    for k in 0..FUNCTIONALS {
+                        for (total, change) in by_parameters.iter_mut().zip(changes) {
+                            total[k] = total[k] + change.times(counted[k]);
+                        }
+                        of_boundary[k] = of_boundary[k] + seen.by_boundary[order].times(counted[k]);
+                    }
+                }
+                for (k, total) in by_amount.iter_mut().enumerate() {
+                    *total = *total + derivatives[1].times(view.value[k] / spot);
+                }
+            }
+            weights.push(of_boundary.map(V::lanes));
+        }
+        let gradient = self.gradient;
+        let columns = [
+            &mut gradient.rate,
+            &mut gradient.dividend,
+            &mut gradient.volatility,
+            &mut gradient.exercise,
+        ];
+        for (column, totals) in columns.into_iter().zip(by_parameters) {
+            for (entry, total) in column.iter_mut().zip(totals) {
+                *entry += sum_of_lanes(total);
+            }
+        }
+        (weights, by_amount.map(sum_of_lanes))
+    }
+}
+
+/// The third derivative by x of what the contact sets contribute at x.
+pub fn third_derivative(sign: f64, dynamics: &Dynamics, blocks: &[ContactBlock], x: f64) -> f64 {
+    dispatch(Third {
+        sign,
+        dynamics,
+        blocks,
+        x,
+    })
+}
+
+struct Third<'a> {
+    sign: f64,
+    dynamics: &'a Dynamics,
+    blocks: &'a [ContactBlock],
+    x: f64,
+}
+
+impl Work for Third<'_> {
+    type Result = f64;
+
+    #[inline(always)]
+    fn run<V: Vector>(self) -> f64 {
+        let (x, spot) = (V::all(self.x), V::all(self.x.exp()));
+        let mut total = V::zero();
+        for block in self.blocks {
+            total = total + see(self.sign, self.dynamics, block, x, spot).derivatives[3];
+        }
+        sum_of_lanes(total)
+    }
+}

@@ -1,0 +1,180 @@
+//! The viewpoints at a segment's beginning, which all see the profile through the same time and count for the value alone.
+//!
+//! Nothing is kept of what each of them sees: only sums over all of them are returned.
+
+use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
+use super::profile::{PieceEnd, Profile};
+use super::propagation::{load, Transition, LARGEST_DEVIATION};
+use super::segment::Segment;
+use super::viewpoint::Viewpoint;
+use crate::lanes::dispatch::{dispatch, Work};
+use crate::lanes::normal::{exp, weighted_normal, ONE_OVER_SQRT_TWO_PI};
+use crate::lanes::vector::{sum_of_lanes, Vector, LANES};
+
+/// What the functionals count the profile's value at its nodes for, per unit of x, and its slope at the viewpoints, in spots
+/// there.
+pub struct PointsSeen {
+    pub densities: [Vec<f64>; FUNCTIONALS],
+    pub by_amount: Weights,
+}
+
+/// See a profile from viewpoints at the segment's beginning; their derivatives by the parameters are added to `gradient`.
+pub fn see_from_points(
+    profile: &Profile,
+    segment: &Segment,
+    views: &[Viewpoint],
+    gradient: &mut SegmentGradient,
+) -> PointsSeen {
+    let (sums, densities) = dispatch(Seeing {
+        profile,
+        transition: Transition::new(&segment.dynamics, segment.duration),
+        views,
+    });
+    let [value, by_x, by_xx, by_amount] = sums;
+    let (s, by_volatility) = (
+        segment.duration,
+        segment.duration * segment.dynamics.volatility,
+    );
+    add(&mut gradient.volatility, by_volatility, &by_xx);
+    add(&mut gradient.volatility, -by_volatility, &by_x);
+    add(&mut gradient.rate, s, &by_x);
+    add(&mut gradient.rate, -s, &value);
+    add(&mut gradient.dividend, -s, &by_x);
+    PointsSeen {
+        densities,
+        by_amount,
+    }
+}
+
+struct Seeing<'a> {
+    profile: &'a Profile,
+    transition: Transition,
+    views: &'a [Viewpoint],
+}
+
+/// What the functionals count the value at the viewpoints for, its first two derivatives by x, and the first over the spot.
+type Sums<T> = [[T; FUNCTIONALS]; 4];
+
+impl Work for Seeing<'_> {
+    type Result = (Sums<f64>, [Vec<f64>; FUNCTIONALS]);
+
+    #[inline(always)]
+    fn run<V: Vector>(self) -> Self::Result {
+        let (profile, transition) = (self.profile, &self.transition);
+        let inverse = transition.inverse;
+        let scale = ONE_OVER_SQRT_TWO_PI * transition.bond * inverse;
+        let mut densities = std::array::from_fn(|_| vec![0.0; profile.nodes.len()]);
+        let mut sums: Sums<V> = [[V::zero(); FUNCTIONALS]; 4];
+        for views in self.views.chunks(LANES) {
+            let over_spot = see_pieces(profile, transition, views, &mut sums);
+            for (view, over_spot) in views.iter().zip(over_spot) {
+                let weights = view.value.map(|weight| weight * scale);
+                let moments = see_nodes::<V>(profile, transition, view.x, &weights, &mut densities);
+                let [value, first, second] = moments;
+                let seen = [
+                    (value, 1.0),
+                    (first, inverse),
+                    (second - value, inverse * inverse),
+                    (first, inverse * over_spot),
+                ];
+                for (sum, (seen, factor)) in sums.iter_mut().zip(seen) {
+                    for (sum, weight) in sum.iter_mut().zip(weights) {
+                        *sum = seen.times_plus(V::all(factor * weight), *sum);
+                    }
+                }
+            }
+        }
+        (sums.map(|sum| sum.map(sum_of_lanes)), densities)
+    }
+}
+
+/// The sums over the nodes of z^k e^{-z^2/2} times the weighted values there, k = 0, 1, 2, in lanes; what the functionals count
+/// the nodes for is added to `densities`.
+#[inline(always)]
+fn see_nodes<V: Vector>(
+    profile: &Profile,
+    transition: &Transition,
+    x: f64,
+    weights: &Weights,
+    densities: &mut [Vec<f64>; FUNCTIONALS],
+) -> [V; 3] {
+    let (centre, inverse) = (x + transition.shift, transition.inverse);
+    let mut moments = [V::zero(); 3];
+    for start in (0..profile.nodes.len()).step_by(LANES) {
+        let highest = (profile.nodes[start + LANES - 1] - centre) * inverse;
+        let lowest = (profile.nodes[start] - centre) * inverse;
+        if highest < -LARGEST_DEVIATION || lowest > LARGEST_DEVIATION {
+            continue;
+        }
+        let z = load::<V>(&profile.nodes[start..])
+            .plus(-centre)
+            .times(inverse);
+        let density = exp((z * z).times(-0.5));
+        let mass = density * load::<V>(&profile.weighted[start..]);
+        let moment = mass * z;
+        moments[0] = moments[0] + mass;
+        moments[1] = moments[1] + moment;
+        moments[2] = moment.times_plus(z, moments[2]);
+        for (there, weight) in densities.iter_mut().zip(weights) {
+            let there = &mut there[start..start + LANES];
+            let total = density.times_plus(V::all(*weight), load::<V>(there));
+            there.copy_from_slice(&total.lanes());
+        }
+    }
+    moments
+}
+
+/// Add the pieces of a profile to what at most sixteen viewpoints see; return 1 over the spot of each.
+#[inline(always)]
+fn see_pieces<V: Vector>(
+    profile: &Profile,
+    transition: &Transition,
+    views: &[Viewpoint],
+    sums: &mut Sums<V>,
+) -> [f64; LANES] {
+    let mut places = [views[0].x; LANES];
+    let mut weights = [[0.0; LANES]; FUNCTIONALS];
+    for (lane, view) in views.iter().enumerate() {
+        places[lane] = view.x;
+        for (weights, weight) in weights.iter_mut().zip(view.value) {
+            weights[lane] = weight;
+        }
+    }
+    let (x, inverse, bond) = (V::from_lanes(places), transition.inverse, transition.bond);
+    let spot = exp(x);
+    let stock = spot.times(transition.discount);
+    let far_right = stock.times(profile.slope);
+    let mut seen = [
+        far_right.plus(profile.constant * bond),
+        far_right,
+        far_right,
+    ];
+    for &PieceEnd {
+        place,
+        constant,
+        slope,
+        spot: there,
+    } in &profile.ends
+    {
+        let z = (V::all(place - transition.shift) - x).times(inverse);
+        let density = exp((z * z).times(-0.5)).times(ONE_OVER_SQRT_TWO_PI * bond);
+        let in_bond = weighted_normal(z, density, V::all(bond)).times(constant);
+        let d1 = z.plus(-transition.spread);
+        let in_stock = weighted_normal(d1, density.times(there), stock).times(slope);
+        let by_place = density.times(inverse);
+        let height = by_place.times(constant + slope * there);
+        let bend = height * z.times(inverse) + by_place.times(slope * there);
+        seen[0] = seen[0] + in_bond + in_stock;
+        seen[1] = seen[1] + in_stock - height;
+        seen[2] = seen[2] + in_stock - bend;
+    }
+    let over_spot = V::all(1.0) / spot;
+    let seen = [seen[0], seen[1], seen[2], seen[1] * over_spot];
+    for (k, weights) in weights.into_iter().enumerate() {
+        let weights = V::from_lanes(weights);
+        for (sum, seen) in sums.iter_mut().zip(seen) {
+            sum[k] = weights.times_plus(seen, sum[k]);
+        }
+    }
+    over_spot.lanes()
+}

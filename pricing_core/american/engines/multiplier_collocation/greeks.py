@@ -1,0 +1,194 @@
+"""Greeks from the kernel's derivatives by the numbers of every segment, with error estimates.
+
+The kernel differentiates value and slope by rate, yield, volatility, dividend and escrow of each segment (the adjoint
+of its recursion). A Greek is a sum of these: over all segments, over those of one piece of a curve, or the one that a
+dividend ends.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pricing_core.american.book.book import CURVES, Book
+from pricing_core.american.book.prices import error_of
+from pricing_core.american.book.ragged import Ragged
+from pricing_core.american.contracts.schedule import SAME_TIME
+from pricing_core.american.engines.differences import BUCKETS, DIVIDENDS, PARALLEL
+from pricing_core.american.engines.multiplier_collocation.levels import Solved
+from pricing_core.arrays import BoolVector, Vector
+
+# The numbers of a segment by which the kernel differentiates, in its order, and what exercise on it contributes.
+NUMBERS = ("rate", "dividend_yield", "volatility", "amount", "escrow", "exercise")
+RATE, _, VOLATILITY, AMOUNT, ESCROW, EXERCISE = range(len(NUMBERS))
+OWN, CHANGE = 0, 1  # The derivatives, and their changes with the degrees of the boundaries.
+# Error of each derivative over the sum of its changes with the degrees; calibrated on random contracts.
+CHANGE_SHARES = np.array([2.0, 3.0, 2.0, 2.0, 2.0, 1.5])
+# Error of a derivative by one dividend or piece of a curve over the sum of all changes by rate, yield and volatility;
+# calibrated likewise.
+ELSEWHERE_SHARE = 0.1
+# Errors that the panels leave at each level, in strikes: of a derivative by a parameter, per 1.00 and year, and of the
+# slope, in standard deviations of ln S; measured.
+BY_PANELS = np.array([1e-4, 4e-6, 1e-9, 4e-11, 4e-11, 4e-11, 4e-11])
+SLOPE_BY_PANELS = np.array([1e-4, 2e-6, 1e-10, 2e-11, 2e-11, 2e-11, 2e-11])
+# Errors of the second and the third derivative by x over that of the slope, in standard deviations of ln S.
+GAMMA_SHARE, CHARM_SHARE = 3.0, 40.0
+PANEL_ROUGHNESS = (
+    10.0  # The same from the slope to the derivative of the slope by a parameter, for what the panels leave.
+)
+Derivatives = NDArray[np.float64]  # (m, 2, 2, 6), or a part of it
+
+
+def greeks_of(book: Book, solved: Solved, *, extended: bool) -> dict[str, Any]:
+    """Return the Greeks that the solution gave, and their errors, as columns of `Prices`; volga is not among them.
+
+    Parameters
+    ----------
+    book : Book
+        Every entry of its curves and dividends by which there is a derivative is at the end of a segment
+        (`lacks_cuts`).
+    extended : bool
+        Whether vanna, charm and the buckets are wanted as well.
+    """
+    gradient = _through_escrow(book, solved) if book.escrowed.any() else solved.gradient
+    K, starts = book.strike, book.first[:-1]
+    S = book.spot - book.escrow_now()
+    total = np.add.reduceat(gradient, starts, axis=0)
+    error = CHANGE_SHARES * total[:, CHANGE]
+    deviation = np.sqrt(np.add.reduceat(book.segments.volatility**2 * book.segments.duration, starts))
+    by_panels = BY_PANELS[solved.level] * (1.0 + book.expiry)
+    by_exercise, left = error[:, 1, EXERCISE], SLOPE_BY_PANELS[solved.level] / deviation
+    by_slope = by_exercise + left
+    by_curvature = (GAMMA_SHARE * by_exercise + PANEL_ROUGHNESS * left) / deviation
+    columns: dict[str, Any] = by_spot(book, solved) | {
+        error_of("delta"): K / S * by_slope,
+        error_of("gamma"): K / S**2 * (by_slope + by_curvature),
+    }
+    for name, greek in PARALLEL.items():
+        k = NUMBERS.index(name)
+        columns[greek] = K * total[:, OWN, 0, k]
+        columns[error_of(greek)] = K * (error[:, 0, k] + by_panels)
+    elsewhere = ELSEWHERE_SHARE * total[:, CHANGE, 0, :AMOUNT].sum(axis=1)
+    left_out = by_panels + elsewhere
+    columns |= _by_dividends(book, gradient, left_out)
+    if extended:
+        columns["vanna"] = K / S * total[:, OWN, 1, VOLATILITY]
+        slope_by_panels = PANEL_ROUGHNESS * by_panels / deviation
+        columns[error_of("vanna")] = K / S * (error[:, 1, VOLATILITY] + slope_by_panels)
+        columns["charm"] = _charm(book, solved, S)
+        half_variance_rate = 0.5 * book.first_segments().volatility ** 2
+        columns[error_of("charm")] = K / S * half_variance_rate * CHARM_SHARE * by_slope / deviation**2
+        for name in CURVES:
+            columns |= _by_pieces(book, name, gradient, left_out)
+    return columns
+
+
+def by_spot(book: Book, solved: Solved) -> dict[str, Any]:
+    """Return delta and gamma as columns of `Prices`."""
+    K, S = book.strike, book.spot - book.escrow_now()
+    return {"delta": K / S * solved.slope, "gamma": K / S * ((solved.curvature - solved.slope) / S)}
+
+
+def lacks_cuts(book: Book, *, extended: bool) -> BoolVector:
+    """Tell contracts with an entry by which there is a derivative, but no segment that ends there, shape (n,)."""
+    lacking = np.zeros(book.count, dtype=bool)
+    names = ("cash_dividends", *(CURVES if extended else ()))
+    for name in names:
+        listed = getattr(book.listed, name)
+        if listed.values.size:
+            owner, time = listed.owner(), listed.values
+            expiry = book.expiry[owner]
+            before = (time > SAME_TIME * expiry) & (time < expiry * (1.0 - SAME_TIME))
+            _, ends_there = _segment_at(book, owner, time)
+            lacking[owner[before & ~ends_there]] = True
+    return lacking
+
+
+def _charm(book: Book, solved: Solved, S: Vector) -> Vector:
+    """Return d delta / dt in calendar time from the pricing equation's derivative by the spot that diffuses, 1/year."""
+    now, escrow = book.first_segments(), book.escrow_now()
+    r, variance_rate = now.rate, now.volatility**2
+    drift = r - now.dividend_yield - 0.5 * variance_rate
+    slope_by_time = r * solved.slope - drift * solved.curvature - 0.5 * variance_rate * solved.third
+    # The escrow grows like a bond, and the spot less the escrow falls by as much.
+    slope_by_time -= r * escrow / S * (solved.curvature - solved.slope)
+    charm: Vector = book.strike / S * slope_by_time
+    return charm
+
+
+def _through_escrow(book: Book, solved: Solved) -> Derivatives:
+    """Return the derivatives with the escrow's own dependence on rates and dividends taken into those by these.
+
+    In the escrowed model the spot that diffuses, and the strike at every time, are less by what the dividends due are
+    worth.
+    """
+    gradient, segments, strike = solved.gradient.copy(), book.segments, book.per_segment(book.strike)
+    discount = np.exp(-segments.rate * segments.duration)
+    escrow = book.escrow() / strike
+    by_rate = -segments.duration * discount * escrow
+    S = (book.spot - book.escrow_now()) / book.strike
+    by_escrow = np.zeros((book.count, 2, 2))
+    by_escrow[:, OWN] = -np.stack([solved.slope, solved.curvature], axis=1) / S[:, None]
+    for places, everywhere in book.by_place():
+        rows, at = places[book.escrowed[places]], everywhere[book.escrowed[places]]
+        gradient[at, :, :, RATE] += np.abs(by_rate[at, None, None]) * by_escrow[rows] * _signs(-1.0)
+        by_escrow[rows] = discount[at, None, None] * by_escrow[rows] + solved.gradient[at, :, :, ESCROW]
+        gradient[at, :, :, AMOUNT] = by_escrow[rows]
+    return gradient
+
+
+def _signs(sign: float) -> Vector:
+    """Return a sign for the derivatives and 1 for their changes, which are absolute, shape (2, 1)."""
+    return np.array([[sign], [1.0]])
+
+
+def _by_dividends(book: Book, gradient: Derivatives, left_out: Vector) -> dict[str, Ragged]:
+    """Return the derivative by each cash dividend, 0 for those not due; `left_out` is what the changes do not show."""
+    listed = book.listed.cash_dividends
+    value, error = np.zeros((2, listed.values.size))
+    if listed.values.size:
+        owner, time, expiry = listed.owner(), listed.values, book.expiry[listed.owner()]
+        segment, ends_there = _segment_at(book, owner, time)
+        due = np.flatnonzero((time > SAME_TIME * expiry) & ends_there)
+        value[due] = gradient[segment[due], OWN, 0, AMOUNT]
+        changes = gradient[segment[due], CHANGE, 0, AMOUNT]
+        error[due] = CHANGE_SHARES[AMOUNT] * changes + left_out[owner[due]]
+    return {DIVIDENDS: Ragged(listed.first, value), error_of(DIVIDENDS): Ragged(listed.first, error)}
+
+
+def _by_pieces(book: Book, name: str, gradient: Derivatives, left_out: Vector) -> dict[str, Ragged]:
+    """Return the derivative by each value of a curve: the sum over the segments in its piece."""
+    listed, k = getattr(book.listed, name), NUMBERS.index(name)
+    value, error = np.zeros((2, listed.values.size))
+    if listed.values.size:
+        owner = np.repeat(np.arange(book.count), np.diff(book.first))
+        chosen = np.flatnonzero(listed.counts()[owner] > 0)
+        segments, owner = book.segments.take(chosen), owner[chosen]
+        middle = _keys(book, owner, 0.5 * (segments.start + segments.end))
+        ends = _keys(book, listed.owner(), listed.values)
+        piece = np.minimum(np.searchsorted(ends, middle), listed.first[owner + 1] - 1)
+        strike = book.strike[owner]
+        value += np.bincount(piece, strike * gradient[chosen, OWN, 0, k], value.size)
+        change = strike * CHANGE_SHARES[k] * gradient[chosen, CHANGE, 0, k]
+        error += np.bincount(piece, change, error.size) + (book.strike * left_out)[listed.owner()]
+    return {BUCKETS[name]: Ragged(listed.first, value), error_of(BUCKETS[name]): Ragged(listed.first, error)}
+
+
+def _segment_at(book: Book, owner: NDArray[np.int64], time: Vector) -> tuple[NDArray[np.int64], BoolVector]:
+    """Return the segment whose end is nearest to each time of the contracts `owner`, and whether it ends there."""
+    owners = np.repeat(np.arange(book.count), np.diff(book.first))
+    keys = _keys(book, owners, book.segments.end)
+    after = np.searchsorted(keys, _keys(book, owner, time))
+    near = np.clip(
+        after[:, None] + np.array([-1, 0, 1]), book.first[owner, None], book.first[owner + 1, None] - 1
+    )
+    distance = np.abs(book.segments.end[near] - time[:, None])
+    best = np.argmin(distance, axis=1)
+    each = np.arange(owner.size)
+    return near[each, best], distance[each, best] <= SAME_TIME * book.expiry[owner]
+
+
+def _keys(book: Book, owner: NDArray[np.int64], time: Vector) -> Vector:
+    """Return numbers that are in order of the contracts, and of the times of each of them."""
+    keys: Vector = owner + 0.5 * np.clip(time / book.expiry[owner], 0.0, 1.5)
+    return keys

@@ -1,0 +1,178 @@
+"""Greeks of the collocation: against differences of its values, their own finer selves, and between themselves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pricing_core.american import Market, Option
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.prices import error_of
+from pricing_core.american.book.ragged import Ragged
+from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
+from pricing_core.american.engines.multiplier_collocation.greeks import lacks_cuts
+from pricing_core.american.engines.multiplier_collocation.levels import solve_to_tolerance
+from tests.problems.needs_kernel import needs_kernel
+from tests.problems.random_events import random_contracts
+
+pytestmark = needs_kernel
+ENGINE = MultiplierCollocation()
+FINE = 1e-9  # Tolerance, in strikes, of values whose differences are taken; chosen.
+# Largest distance to an extrapolated difference, in strikes per 1.00 of a parameter or per 1 of an amount.
+CLAIM = 1e-5
+GREEKS = ("delta", "gamma", "theta", "vega", "rho", "dividend_rho", "vanna", "volga", "charm")
+
+
+def solved(book, tolerance=1e-6, greeks="extended"):
+    return ENGINE.solve(book, Request(np.full(book.count, tolerance), greeks))
+
+
+def difference(value, step):
+    """Return the extrapolated central difference, and how far it is from that of the larger step."""
+    far, near = ((value(by) - value(-by)) / (2.0 * by) for by in (step, 0.5 * step))
+    return near + (near - far) / 3.0, np.abs(near - far)
+
+
+def bumped_value(book, name):
+    """Return the value, in strikes, as a function of a parallel shift of one parameter."""
+
+    def value(by):
+        column = getattr(book.segments, name) + by
+        changed = replace(book, segments=replace(book.segments, **{name: column}))
+        return solve_to_tolerance(changed, np.full(book.count, FINE), 2).value
+
+    return value
+
+
+@pytest.mark.parametrize(
+    ("name", "greek", "step"),
+    [("volatility", "vega", 2e-3), ("rate", "rho", 5e-4), ("dividend_yield", "dividend_rho", 5e-4)],
+)
+def test_they_are_derivatives_of_the_value(name, greek, step):
+    book = Book.of(random_contracts(11, 300))
+    lowest = np.minimum.reduceat(getattr(book.segments, name), book.first[:-1])
+    book = book.take(np.flatnonzero(lowest > 2.0 * step))  # below zero exercise is another matter
+    prices = solved(book, greeks="standard")
+    wanted, doubt = difference(bumped_value(book, name), step)
+    sure = prices.settled & prices.complete & ~prices.exercised & (doubt < CLAIM)
+    assert sure.mean() > 0.75
+    missed = np.abs(getattr(prices, greek) / book.strike - wanted)[sure]
+    assert np.mean(missed <= CLAIM) > 0.985
+    assert np.mean(missed <= 20.0 * CLAIM) == 1.0
+
+
+def test_dividend_sensitivities_are_derivatives_by_every_amount():
+    rng = np.random.default_rng(5)
+    for contract in [c for c in random_contracts(12, 60) if c[1].cash_dividends][:30]:
+        option, market = contract
+        found = solved(Book.of([contract]), greeks="standard")
+        if not found.complete[0] or found.exercised[0]:
+            continue
+        k = int(rng.integers(len(market.cash_dividends)))
+
+        def value(by, market=market, option=option, k=k):
+            dividends = list(market.cash_dividends)
+            dividends[k] = replace(dividends[k], amount=dividends[k].amount + by)
+            book = Book.of([(option, replace(market, cash_dividends=tuple(dividends)))])
+            return option.strike * solve_to_tolerance(book, np.array([FINE]), 1).value
+
+        wanted, doubt = difference(value, 0.1 * min(0.5, market.cash_dividends[k].amount))
+        assert found.dividend_sensitivities.values[k] == pytest.approx(wanted[0], abs=CLAIM + doubt[0])
+
+
+def test_charm_is_the_derivative_of_delta_by_the_time_that_passes():
+    step = 5e-4  # years
+    for option, market in random_contracts(13, 100):
+        dividends = (*market.cash_dividends, *market.proportional_dividends)
+        is_flat = option.exercise == "american" and isinstance(market.rate, float)
+        if not (is_flat and dividends) or min(dividend.time for dividend in dividends) < 0.02:
+            continue
+
+        def delta(by, option=option, market=market):
+            moved = {
+                name: tuple(replace(d, time=d.time - by) for d in getattr(market, name))
+                for name in ("cash_dividends", "proportional_dividends")
+            }
+            later = (replace(option, expiry=option.expiry - by), replace(market, **moved))
+            return solved(Book.of([later]), 1e-8, "standard").delta
+
+        found = solved(Book.of([(option, market)]))
+        if found.exercised[0] or not found.complete[0]:
+            continue
+        wanted, doubt = difference(delta, step)
+        assert found.charm[0] == pytest.approx(wanted[0], abs=1e-4 + 5.0 * doubt[0])
+
+
+def test_the_errors_are_honest():
+    book = Book.of(random_contracts(14, 500))
+    prices, exact = solved(book), solved(book, 1e-8)
+    sure = prices.complete & exact.complete & ~prices.exercised & (exact.error <= 1e-7 * book.strike)
+    assert sure.mean() > 0.75
+    for greek in GREEKS:
+        error, stated = (
+            np.abs(getattr(prices, greek) - getattr(exact, greek)),
+            getattr(prices, error_of(greek)),
+        )
+        own = getattr(exact, error_of(greek))
+        assert np.mean((error <= stated + own)[sure]) >= 0.96, greek
+    for name in ("dividend_sensitivities", "rate_buckets", "volatility_buckets"):
+        column, other = getattr(prices, name), getattr(exact, name)
+        chosen = sure[column.owner()]
+        error, stated = np.abs(column.values - other.values), getattr(prices, error_of(name)).values
+        own = getattr(exact, error_of(name)).values
+        assert np.mean((error <= stated + own)[chosen]) >= 0.96, name
+
+
+def test_the_buckets_sum_to_the_parallel_greek():
+    book = Book.of([c for c in random_contracts(15, 150) if not isinstance(c[1].rate, float)])
+    prices = solved(book)
+    for greek, name in (("vega", "volatility"), ("rho", "rate"), ("dividend_rho", "dividend_yield")):
+        buckets: Ragged = getattr(prices, f"{name}_buckets")
+        total = np.bincount(buckets.owner(), buckets.values, book.count)
+        held = prices.complete & ~prices.exercised
+        assert held.sum() > 10
+        np.testing.assert_allclose(total[held], getattr(prices, greek)[held], rtol=1e-12, atol=1e-10)
+
+
+def test_entries_at_which_no_segment_ends_are_told():
+    flat = {"times": [0.25, 0.5, 1.0], "values": [0.03, 0.03, 0.05]}
+    option = Option("put", 100.0, 1.0)
+    book = Book.of(
+        [
+            (option, Market(100.0, 0.03, 0.2, cash_dividends=[{"time": 0.5, "amount": 0.0}])),
+            (option, Market(100.0, 0.03, 0.2, cash_dividends=[{"time": 0.5, "amount": 1.0}])),
+            (option, Market(100.0, flat, 0.2)),
+        ]
+    )
+    assert lacks_cuts(book, extended=False).tolist() == [True, False, False]
+    assert lacks_cuts(book, extended=True).tolist()[:2] == [True, False]
+    found = solved(book)
+    assert found.complete.all()
+    assert found.dividend_sensitivities.row(0)[0] > 0.1
+    assert found.rate_buckets.row(2)[0] < 0.0
+    assert found.rate_buckets.row(2)[1] < 0.0
+
+
+def test_next_to_an_ex_date_and_to_expiry_they_keep_their_accuracy():
+    hours = np.array([0.5, 2.0, 8.0, 24.0]) / 8760.0
+    for time in hours:
+        markets = (
+            (
+                Option("put", 100.0, 0.25),
+                Market(100.0, 0.04, 0.25, cash_dividends=[{"time": time, "amount": 1.0}]),
+            ),
+            (
+                Option("call", 100.0, 0.25),
+                Market(104.0, 0.04, 0.25, cash_dividends=[{"time": time, "amount": 1.0}]),
+            ),
+            (
+                Option("put", 100.0, 2.0 * time),
+                Market(100.0, 0.04, 0.25, cash_dividends=[{"time": time, "amount": 0.2}]),
+            ),
+        )
+        book = Book.of(list(markets))
+        prices = solved(book, greeks="standard")
+        assert prices.complete.all()
+        wanted, doubt = difference(bumped_value(book, "volatility"), 2e-3)
+        np.testing.assert_array_less(np.abs(prices.vega / book.strike - wanted), CLAIM + doubt)
