@@ -121,7 +121,10 @@ COUNTS = ("solves", "steps")
 COLUMN = (np.ndarray, Ragged)
 # The Greeks that are one number for each contract, and those that are lists.
 GREEKS = ("delta", "gamma", "theta", "vega", "rho", "dividend_rho", "vanna", "volga", "charm")
-GREEK_LISTS = ("dividend_sensitivities", *(f"{name}_buckets" for name in ("rate", "dividend_yield", "volatility")))
+GREEK_LISTS = (
+    "dividend_sensitivities",
+    *(f"{name}_buckets" for name in ("rate", "dividend_yield", "volatility")),
+)
 
 
 def error_of(greek: str) -> str:
