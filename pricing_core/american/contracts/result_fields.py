@@ -174,6 +174,7 @@ IMPLIED_VOLATILITY_FIELDS = (
     ResultField("bid_volatility", "number", "1/sqrt(year)", "Volatility at which it is worth its bid", 0.198),
     ResultField("ask_volatility", "number", "1/sqrt(year)", "Volatility at which it is worth its ask", 0.202),
     ResultField("error_estimate", "number", "money", "Estimated absolute error of that price", 1e-6),
+    ResultField("volatility_error", "number", "1/sqrt(year)", "Estimated absolute error of volatility", 1e-6),
     ResultField("iterations", "count", "", "How many times the option was priced", 4),
 )
 
