@@ -24,7 +24,7 @@ def answer_model(
     """Return the model of an answer that holds these outputs, and errors of Greeks where they are asked for."""
     definitions: dict[str, Any] = {output.name: (TYPES[output.kind], _stated(output)) for output in outputs}
     for error in errors:
-        definitions[error.name] = TYPES[error.kind], _stated(error, " With greek_errors alone.", default=None)
+        definitions[error.name] = TYPES[error.kind], _stated(error, " Only with greek_errors.", default=None)
     return pydantic.create_model(name, __base__=Strict, __doc__=meaning, **definitions)
 
 

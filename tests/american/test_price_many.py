@@ -79,6 +79,7 @@ def test_greeks_can_be_left_out():
 
 def test_a_table_has_the_errors_of_its_greeks_where_they_are_asked_for(engine_with_errors):
     columns = COLUMNS | {
+        "expiry": 1.0,
         "cash_dividends": [[], [{"time": 0.1, "amount": 1.0}], [], []],
         "volatility": [0.2, {"times": [0.5, 1.0], "values": [0.2, 0.3]}, 0.2, 0.0],
     }
