@@ -216,8 +216,10 @@ def _with_greeks_of_payoffs(book: Book, best: Prices, request: Request) -> Price
 
     The Greeks are the payoff's there. At the strike it has no delta at expiry: there the errors stay unknown.
     """
+    if request.greeks == "none":
+        return best
     sure = best.exercised | (book.expiry == 0.0)
-    if request.greeks == "none" or not sure.any():
+    if not sure.any():
         return best
     columns: dict[str, Any] = {}
     if request.greeks == "extended":
