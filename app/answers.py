@@ -18,12 +18,18 @@ TYPES: dict[str, Any] = {
 }
 
 
-def answer_model(name: str, meaning: str, outputs: Iterable[ResultField]) -> type[Strict]:
-    """Return the model of an answer that holds these outputs."""
+def answer_model(
+    name: str, meaning: str, outputs: Iterable[ResultField], errors: Iterable[ResultField] = ()
+) -> type[Strict]:
+    """Return the model of an answer that holds these outputs, and errors of Greeks where they are asked for."""
     definitions: dict[str, Any] = {output.name: (TYPES[output.kind], _stated(output)) for output in outputs}
+    for error in errors:
+        definitions[error.name] = TYPES[error.kind], _stated(error, " Only with greek_errors.", default=None)
     return pydantic.create_model(name, __base__=Strict, __doc__=meaning, **definitions)
 
 
-def _stated(output: ResultField) -> Any:
+def _stated(output: ResultField, words: str = "", **others: Any) -> Any:
     missing = " Null where it is missing." if output.kind in ("number", "list") else ""
-    return pydantic.Field(description=output.description + missing, examples=[output.example])
+    return pydantic.Field(
+        description=output.description + missing + words, examples=[output.example], **others
+    )

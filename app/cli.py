@@ -44,8 +44,11 @@ GreeksArgument = Annotated[
         "--greeks",
         parser=str,
         metavar="TEXT",
-        help="none, standard or extended: also vanna, volga and those by each value of a curve",
+        help="none, standard or extended: also vanna, volga, charm and those by each value of a curve",
     ),
+]
+GreekErrorsArgument = Annotated[
+    bool, typer.Option("--greek-errors", help="give the estimated error of each Greek with it")
 ]
 JsonArgument = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 CsvArgument = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="write a CSV table")]
@@ -92,6 +95,7 @@ def price_command(
     contract: Contract,
     tolerance: ToleranceArgument = 1e-6,
     greeks: GreeksArgument = "standard",
+    greek_errors: GreekErrorsArgument = False,
     as_json: JsonArgument = False,
 ) -> None:
     """Value one option and its sensitivities."""
@@ -103,9 +107,9 @@ def price_command(
         valuation = price(option, market, tolerance=tolerance, greeks=greeks)
         with standard_output():
             if as_json:
-                print(valuation_json(valuation))
+                print(valuation_json(valuation, greek_errors=greek_errors))
             else:
-                print_valuation(valuation, greeks)
+                print_valuation(valuation, greeks, greek_errors=greek_errors)
         if valuation.price is None:
             print_failure(f"there is no price: {valuation.status}")
             raise typer.Exit(FAILED)
@@ -191,6 +195,7 @@ def batch_command(
     target: Annotated[Path, typer.Argument(metavar="OUTPUT", help=".csv or .parquet")],
     tolerance: ToleranceArgument = 1e-6,
     greeks: GreeksArgument = "standard",
+    greek_errors: GreekErrorsArgument = False,
     threads: Annotated[int | None, typer.Option("--threads", min=1, help="rows priced at a time")] = None,
     rejects: Annotated[
         Path | None,
@@ -212,6 +217,7 @@ def batch_command(
                 rejects=explained,
                 tolerance=tolerance,
                 greeks=greeks,
+                greek_errors=greek_errors,
                 threads=threads,
                 progress=progress,
             )

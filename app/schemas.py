@@ -9,6 +9,7 @@ from app.contract_schema import Contract, Strict, VolatilityOrCurve, limits, sta
 from pricing_core.american.contracts import fields
 from pricing_core.american.contracts.result_fields import (
     BOUNDARY_FIELDS,
+    GREEK_ERROR_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
     PRICE_FIELDS,
 )
@@ -30,6 +31,7 @@ class PriceRequest(Contract):
     spot: float = stated(fields.SPOT)
     volatility: VolatilityOrCurve = stated(fields.VOLATILITY)
     greeks: fields.Greeks = stated(fields.GREEKS)
+    greek_errors: bool = stated(fields.GREEK_ERRORS)
 
 
 class BoundaryRequest(Contract):
@@ -61,7 +63,10 @@ class ImpliedVolatilityRequest(Contract):
 
 
 PriceResponse = answer_model(
-    "PriceResponse", "The value of the option, its sensitivities, and how far to trust them.", PRICE_FIELDS
+    "PriceResponse",
+    "The value of the option, its sensitivities, and how far to trust them.",
+    PRICE_FIELDS,
+    GREEK_ERROR_FIELDS,
 )
 ImpliedVolatilityResponse = answer_model(
     "ImpliedVolatilityResponse",

@@ -1,7 +1,7 @@
 """Results in print: small tables with units for people, JSON for programs."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,12 +9,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.result_values import by_name
+from app.result_values import by_name, price_by_name
 from pricing_core.american import ExerciseBoundary, Greeks, ImpliedVolatility, Valuation
 from pricing_core.american.contracts.result_fields import (
     BOUNDARY_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
-    PRICE_FIELDS,
     ResultField,
     price_fields,
 )
@@ -26,19 +25,22 @@ if TYPE_CHECKING:
 WIDEST = 1_000
 
 
-def print_valuation(valuation: Valuation, greeks: Greeks) -> None:
-    """Print one result per line with its unit; a missing number as a dash, a missing list or extended Greek not."""
+def print_valuation(valuation: Valuation, greeks: Greeks, *, greek_errors: bool) -> None:
+    """Print one result per line with its unit; a missing number as a dash, a missing list or extended Greek not.
+
+    Errors of Greeks are a column of their own.
+    """
     shown = [
         field
         for field in price_fields(greeks)
         if getattr(valuation, field.name) is not None or (field.kind != "list" and field.given != "extended")
     ]
-    _print_results(shown, valuation)
+    _print_results(shown, valuation, valuation.greek_errors if greek_errors else None)
 
 
-def valuation_json(valuation: Valuation) -> str:
+def valuation_json(valuation: Valuation, *, greek_errors: bool) -> str:
     """Return one JSON object, null for a missing number."""
-    return _json(PRICE_FIELDS, valuation)
+    return json.dumps(price_by_name(valuation, greek_errors=greek_errors), allow_nan=False)
 
 
 def print_implied_volatility(found: ImpliedVolatility) -> None:
@@ -85,9 +87,19 @@ def _json(outputs: Iterable[ResultField], found: object) -> str:
     return json.dumps(by_name(outputs, found), allow_nan=False)
 
 
-def _print_results(outputs: Iterable[ResultField], found: object) -> None:
-    rows = ((field.name, _shown(getattr(found, field.name)), field.unit) for field in outputs)
-    print_table(("result", "value", "unit"), rows)
+def _print_results(
+    outputs: Sequence[ResultField], found: object, greek_errors: Mapping[str, object] | None = None
+) -> None:
+    columns = {
+        "result": [field.name for field in outputs],
+        "value": [_shown(getattr(found, field.name)) for field in outputs],
+    }
+    if greek_errors is not None:
+        columns["error"] = [
+            _shown(greek_errors.get(field.name)) if field.is_greek else "" for field in outputs
+        ]
+    columns["unit"] = [field.unit for field in outputs]
+    print_table(columns, zip(*columns.values(), strict=True))
 
 
 def _shown(value: object) -> str:

@@ -9,10 +9,9 @@ from app.errors import DeadlineError
 from app.pool import Interrupt
 from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
-from app.result_values import by_name
+from app.result_values import price_by_name
 from app.schemas import PriceRequest, PriceResponse
 from pricing_core.american import Valuation, price
-from pricing_core.american.contracts.result_fields import PRICE_FIELDS
 
 router = APIRouter(tags=["pricing"])
 
@@ -20,6 +19,7 @@ router = APIRouter(tags=["pricing"])
 @router.post(
     "/v1/price",
     response_model=PriceResponse,
+    response_model_exclude_unset=True,
     openapi_extra=request_body(PriceRequest),
     responses=problem_responses(408, 413, 415, 422, 500, 503),
 )
@@ -42,4 +42,4 @@ async def post_price(
     valuation = await request.app.state.pool.run(work)
     if valuation.status == "deadline" and valuation.price is None:
         raise DeadlineError("the deadline passed before there was an estimate; a wider tolerance is faster")
-    return PriceResponse(**by_name(PRICE_FIELDS, valuation))
+    return PriceResponse(**price_by_name(valuation, greek_errors=question.greek_errors))

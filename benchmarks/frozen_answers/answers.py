@@ -27,7 +27,7 @@ DERIVATIVES = (
     *("delta", "gamma", "theta", "theta_per_day", "vega", "vega_per_point", "rho", "rho_per_point"),
     *("dividend_rho", "dividend_sensitivities"),
 )
-EXTENDED = ("price", "vanna", "volga", "rate_buckets", "volatility_buckets")
+EXTENDED = ("price", "vanna", "volga", "charm", "rate_buckets", "volatility_buckets")
 IMPLIED = ("volatility", "status", "european_price", "price", "error_estimate", "iterations", "message")
 BOUNDARIES = ("time", "boundary", "other_boundary", "error_estimate")
 SURFACE = ("value", "delta", "gamma", "exercised", "error_estimate")

@@ -21,7 +21,7 @@ JUDGED = {
     "surface": "value",
     "implied": None,
 }  # What is judged where it is not the price.
-UNITS_OF_ONE = ("delta", "vanna", "dividend_sensitivities", "volatility", "time", "iterations")
+UNITS_OF_ONE = ("delta", "vanna", "charm", "dividend_sensitivities", "volatility", "time", "iterations")
 
 
 @dataclass(frozen=True, slots=True)

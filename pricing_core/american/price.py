@@ -56,8 +56,8 @@ def price(
         The solver of each stage's complementarity problem in the method of lines; one other than "tridiagonal" takes
         "auto" there.
     greeks : {"none", "standard", "extended"}
-        "none" leaves out all Greeks; "extended" adds vanna, volga, and rho, dividend rho and vega by the pieces of
-        curves.
+        "none" leaves out all Greeks; "extended" adds vanna, volga, charm, and rho, dividend rho and vega by
+        the pieces of curves.
     resolution : Resolution, optional
         Solve by the method of lines at exactly this grid and these steps, once, without extrapolation; the error is
         estimated from a second solve with half as many of each.

@@ -23,6 +23,7 @@ def price_many(
     *,
     tolerance: float = DEFAULT_TOLERANCE,
     greeks: Greeks = "standard",
+    greek_errors: bool = False,
     threads: int | None = None,
     share_solves: bool = False,
 ) -> dict[str, NDArray[Any]]:
@@ -41,6 +42,8 @@ def price_many(
         For rows without a tolerance of their own.
     greeks : {"none", "standard", "extended"}
         As in `price`.
+    greek_errors : bool
+        Whether the table also has the estimated error of each of these Greeks: "delta_error", "vega_error", ...
     threads : int, optional
         How many to use, >= 1; one by default. The results do not depend on it.
     share_solves : bool
@@ -69,10 +72,11 @@ def price_many(
     """
     TOLERANCE.check(tolerance)
     GREEKS.check_choice(greeks)
+    check_kind("greek_errors", greek_errors, bool, "True or False")
     check_kind("share_solves", share_solves, bool, "True or False")
     workers = checked_threads(threads)
     read = read_book(columns, tolerance)
-    table = empty_table(read.count, greeks, columns)
+    table = empty_table(read.count, greeks, columns, greek_errors=greek_errors)
     in_order = read.book.is_simple and read.rows.size == read.count
     payoff = read.book.payoff()
 

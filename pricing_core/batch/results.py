@@ -21,7 +21,7 @@ Reasons = Mapping[int, InvalidInputError]
 
 
 def price_contracts(
-    contracts: Contracts, greeks: Greeks, threads: int | None
+    contracts: Contracts, greeks: Greeks, threads: int | None, *, greek_errors: bool = False
 ) -> tuple[pa.RecordBatch, Reasons]:
     """Price the sound rows; return one row of results per contract and, by index, why a row has no price.
 
@@ -29,22 +29,25 @@ def price_contracts(
     ----------
     greeks : {"none", "standard", "extended"}
     threads : int, optional
-        Both passed to `price_many`.
+    greek_errors : bool
+        All passed to `price_many`.
     """
     rows = len(contracts.columns["tolerance"])
-    fields = price_fields(greeks, contracts.columns)
+    fields = price_fields(greeks, contracts.columns, greek_errors=greek_errors)
     columns = {field.name: np.full(rows, None, dtype=object) for field in fields}
     columns["status"][list(contracts.faults)] = INVALID
     reasons = dict(contracts.faults)
     sound = [index for index in range(rows) if index not in contracts.faults]
     if sound:
-        table = price_many(_columns(contracts, sound), greeks=greeks, threads=threads)
+        table = price_many(
+            _columns(contracts, sound), greeks=greeks, greek_errors=greek_errors, threads=threads
+        )
         for field in fields:
             found = table[field.name]
             columns[field.name][sound] = _as_json(found) if field.kind == "list" else found
         reasons.update(_unpriced(contracts, sound, table))
     columns["exercise_now"][list(reasons)] = None
-    schema = result_schema(list(contracts.columns), greeks)
+    schema = result_schema(list(contracts.columns), greeks, greek_errors=greek_errors)
     arrays = [_as_arrow(column, kind) for column, kind in zip(columns.values(), schema.types, strict=True)]
     return pa.RecordBatch.from_arrays(arrays, schema=schema), reasons
 

@@ -73,6 +73,7 @@ def run_batch(
     rejects: Path | None = None,
     tolerance: float = DEFAULT_TOLERANCE,
     greeks: Greeks = "standard",
+    greek_errors: bool = False,
     threads: int | None = None,
     chunk_rows: int = ROWS_PER_CHUNK,
     progress: Callable[[Progress], None] | None = None,
@@ -93,6 +94,8 @@ def run_batch(
         Fraction of the strike, for rows that state none.
     greeks : {"none", "standard", "extended"}
         Which Greeks are columns of the output, as in `price_many`.
+    greek_errors : bool
+        Whether their estimated errors are columns too.
     threads : int, optional
         Passed to `price_many`.
     progress : callable, optional
@@ -113,7 +116,7 @@ def run_batch(
     _check_distinct(source, target, rejects)
     with ExitStack() as stack:
         reader = stack.enter_context(open_table(source))
-        added = result_schema(reader.schema.names, greeks)
+        added = result_schema(reader.schema.names, greeks, greek_errors=greek_errors)
         check_results(reader.schema.names, added.names)
         summary = BatchSummary(unread=unread_columns(reader.schema.names))
         # Entered first, renamed last: where the output is, its rejects are.
@@ -125,7 +128,7 @@ def run_batch(
         faults = stack.enter_context(RejectsWriter(explained))
         for chunk in reader.chunks(chunk_rows):
             contracts = read_contracts(chunk, tolerance)
-            results, reasons = price_contracts(contracts, greeks, threads)
+            results, reasons = price_contracts(contracts, greeks, threads, greek_errors=greek_errors)
             rows.write(_joined(typed_table(chunk.table, contracts, numbers), results))
             _write_rejects(faults, chunk, reasons)
             summary = summary.plus(results, len(reasons))

@@ -33,7 +33,9 @@ def _near_miss(name: str, names: Sequence[str]) -> str | None:
     return next(iter(get_close_matches(name, absent, n=1, cutoff=NEAR_MISS)), None)
 
 
-def result_schema(names: Sequence[str], greeks: Greeks = "standard") -> pa.Schema:
+def result_schema(
+    names: Sequence[str], greeks: Greeks = "standard", *, greek_errors: bool = False
+) -> pa.Schema:
     """Return the columns of the results for an input of these columns.
 
     Examples
@@ -42,7 +44,8 @@ def result_schema(names: Sequence[str], greeks: Greeks = "standard") -> pa.Schem
     >>> [name for name in standard if name not in result_schema(["spot"], "none").names][-2:]
     ['dividend_rho', 'dividend_sensitivities']
     """
-    return pa.schema([(field.name, ARROW_TYPES[field.kind]) for field in price_fields(greeks, names)])
+    fields = price_fields(greeks, names, greek_errors=greek_errors)
+    return pa.schema([(field.name, ARROW_TYPES[field.kind]) for field in fields])
 
 
 def check_names(names: Sequence[str]) -> None:

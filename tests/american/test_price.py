@@ -1,4 +1,5 @@
 import math
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -6,6 +7,7 @@ import pytest
 
 from pricing_core.american import Market, Option, Resolution, price
 from pricing_core.errors import InvalidInputError, NumericalError
+from tests.problems.engine_with_errors import ERRORS
 from tests.problems.needs_kernel import needs_kernel
 from tests.problems.true_values import true_values
 from tests.problems.zero_volatility import OPTIMAL_STOPPING
@@ -432,12 +434,18 @@ def test_there_are_the_greeks_that_were_asked_for_and_no_others(name):
     none, standard, extended = (
         price(*contract, tolerance=1e-4, greeks=g) for g in ("none", "standard", "extended")
     )
-    for greek in (*GREEKS, "vanna", "volga", *LISTS):
+    assert none.greek_errors == {}
+    for found in (standard, extended):
+        for greek, error in found.greek_errors.items():
+            value = getattr(found, greek)
+            assert np.shape(value) == np.shape(error), greek
+            assert np.min(error) >= 0.0, greek
+    for greek in (*GREEKS, "vanna", "volga", "charm", *LISTS):
         assert getattr(none, greek) is None, greek
     for greek in GREEKS:
         assert getattr(standard, greek) is not None, greek
         assert getattr(extended, greek) == getattr(standard, greek), greek
-    assert standard.vanna is standard.volga is standard.rate_buckets is None
+    assert standard.vanna is standard.volga is standard.charm is standard.rate_buckets is None
     assert None not in (extended.vanna, extended.volga)
     with_events = name == "collocation"
     assert (standard.dividend_sensitivities is not None) == with_events
@@ -445,6 +453,26 @@ def test_there_are_the_greeks_that_were_asked_for_and_no_others(name):
     assert (none.price, none.status) == (standard.price, standard.status)
     with pytest.raises(InvalidInputError, match="greeks"):
         price(*contract, greeks=True)
+
+
+def test_the_errors_of_greeks_come_by_name_where_there_is_an_estimate(engine_with_errors):
+    contract = OF_EVERY_KIND["collocation"]
+    extended = price(*contract, greeks="extended")
+    assert extended.greek_errors == ERRORS | {"dividend_sensitivities": (2e-5,)}
+    assert (extended.gamma, extended.volga, extended.charm) == (0.5, 0.5, 0.5)
+    with_curve = replace(contract[1], volatility={"times": [0.5, 1.0], "values": [0.2, 0.3]})
+    assert price(contract[0], with_curve, greeks="extended").greek_errors["volatility_buckets"] == (
+        3e-5,
+        3e-5,
+    )
+    standard = {name: error for name, error in ERRORS.items() if name not in ("vanna", "charm")}
+    assert price(*OF_EVERY_KIND["march"]).greek_errors == standard
+    assert price(*contract, greeks="none").greek_errors == {}
+
+
+def test_a_valuation_can_be_hashed_and_pickled(put, market):
+    found = price(put, market, tolerance=1e-3)
+    assert hash(found) == hash(pickle.loads(pickle.dumps(found)))
 
 
 def test_a_contract_that_no_engine_prices_is_an_error_with_the_reason(put, market, monkeypatch):

@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, price, price_many
+from pricing_core.american.contracts.result_fields import GREEK_ERROR_FIELDS
 from pricing_core.american.contracts.vocabulary import contract_from
 from pricing_core.errors import InvalidInputError
+from tests.problems.engine_with_errors import ERRORS
 from tests.problems.needs_kernel import needs_kernel
 
 COLUMNS = {
@@ -67,12 +69,36 @@ def test_greeks_can_be_left_out():
     greeks = {"delta", "gamma", "theta", "theta_per_day", "vega", "vega_per_point", "rho", "rho_per_point"}
     greeks.add("dividend_rho")
     assert standard.keys() - none.keys() == greeks
-    assert extended.keys() - standard.keys() >= {"vanna", "volga"}
+    assert extended.keys() - standard.keys() >= {"vanna", "volga", "charm"}
     for name in none:
         assert none[name].tobytes() == standard[name].tobytes() or none[name].dtype == object
     assert np.isfinite([extended[name] for name in (*greeks, "vanna", "volga")]).all()
     with pytest.raises(InvalidInputError, match="greeks"):
         price_many(COLUMNS, greeks=True)
+
+
+def test_a_table_has_the_errors_of_its_greeks_where_they_are_asked_for(engine_with_errors):
+    columns = COLUMNS | {
+        "expiry": 1.0,
+        "cash_dividends": [[], [{"time": 0.1, "amount": 1.0}], [], []],
+        "volatility": [0.2, {"times": [0.5, 1.0], "values": [0.2, 0.3]}, 0.2, 0.0],
+    }
+    plain, table = (price_many(columns, greeks="extended", greek_errors=e) for e in (False, True))
+    names = [field.name for field in GREEK_ERROR_FIELDS if not field.per]
+    lists = ["dividend_sensitivities_error", "volatility_buckets_error"]
+    assert table.keys() - plain.keys() >= {*names, *lists}
+    for name in names:
+        expected = ERRORS.get(name.removesuffix("_error"), math.nan)
+        np.testing.assert_array_equal(table[name], [expected] * 4, err_msg=name)
+    assert table["dividend_sensitivities_error"].tolist() == [(), (2e-5,), (), ()]
+    assert table["volatility_buckets_error"].tolist() == [(), (3e-5, 3e-5), (), ()]
+    assert table["charm"].tolist() == [0.5] * 4
+    assert (
+        price_many(columns, greeks="none", greek_errors=True).keys()
+        == price_many(columns, greeks="none").keys()
+    )
+    with pytest.raises(InvalidInputError, match="greek_errors = 1: must be True or False"):
+        price_many(columns, greek_errors=1)
 
 
 def test_a_row_may_bring_its_own_tolerance():

@@ -25,10 +25,12 @@ from pricing_core.american import (
     price,
 )
 from pricing_core.american.contracts.result_fields import (
+    GREEK_ERROR_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
     PRICE_FIELDS,
     price_fields,
 )
+from tests.problems.engine_with_errors import ERRORS
 
 NAMES = [field.name for field in PRICE_FIELDS]
 PLAIN = [field.name for field in price_fields("standard", [])]
@@ -359,6 +361,24 @@ def test_greeks_that_were_not_asked_for_are_null_and_not_printed(pricing: Any) -
     assert [line.split()[0] for line in pricing("price", *without)[1].splitlines()] == ["result", *names]
     found = json.loads(pricing("price", *without, "--json")[1])
     assert [name for name in NAMES if found[name] is not None] == names
+
+
+def test_errors_of_greeks_are_printed_beside_them(pricing: Any, engine_with_errors: None) -> None:
+    asked = ["price", *PUT, "--cash-dividend", "0.5:1", "--greeks", "extended", "--greek-errors"]
+    heading, *lines = pricing(*asked)[1].splitlines()
+    assert heading.split() == ["result", "value", "error", "unit"]
+    cells = {line.split()[0]: line.split()[1:] for line in lines}
+    expected = ERRORS | {"dividend_sensitivities": 2e-5}
+    for field in PRICE_FIELDS:
+        if field.is_greek and field.name in cells:
+            assert cells[field.name][1] == (f"{expected[field.name]:.10g}" if field.name in expected else "-")
+    assert cells["theta_per_day"][1:] == ["money/day"]
+    assert "error" not in pricing(*asked[:-1])[1].splitlines()[0]
+    body = json.loads(pricing(*asked, "--json")[1])
+    assert {f.of: body[f.name] for f in GREEK_ERROR_FIELDS if body[f.name] is not None} == expected | {
+        "dividend_sensitivities": [2e-5]
+    }
+    assert list(json.loads(pricing(*asked[:-1], "--json")[1])) == NAMES
 
 
 def test_a_boundary_may_have_dates(pricing: Any) -> None:

@@ -62,6 +62,14 @@ def test_a_file_without_greeks_is_made_where_none_are_asked_for(tmp_path: Path) 
     assert list(read(target)[0]) == [*HEADER, *(field.name for field in price_fields("none", HEADER))]
 
 
+def test_a_file_has_errors_of_greeks_where_they_are_asked_for(tmp_path: Path) -> None:
+    target = tmp_path / "out.csv"
+    found = pricing("batch", write(tmp_path / "in.csv", 90), target, "--tolerance", "1e-3", "--greek-errors")
+    assert found.returncode == 0
+    expected = price_fields("standard", HEADER, greek_errors=True)
+    assert list(read(target)[0]) == [*HEADER, *(field.name for field in expected)]
+
+
 def test_rejected_rows_are_status_1_and_explained_in_the_stated_file(tmp_path: Path) -> None:
     target, rejects = tmp_path / "out.csv", tmp_path / "why.csv"
     source = write(tmp_path / "in.csv", 90, "abc", 100)

@@ -19,10 +19,11 @@ from pricing_core.american import (
     contract_from,
     price,
 )
-from pricing_core.american.contracts.result_fields import price_fields
+from pricing_core.american.contracts.result_fields import GREEK_ERROR_FIELDS, price_fields
 from pricing_core.batch import run_batch
 from pricing_core.batch.csv_reader import BYTES_PER_READ, mentions
 from pricing_core.errors import InvalidInputError
+from tests.problems.engine_with_errors import ERRORS
 
 Read = Callable[[Path], list[dict[str, str]]]
 PLAIN = {
@@ -179,6 +180,24 @@ def test_a_file_has_the_greeks_that_were_asked_for(
         elif field.kind == "number":
             assert (None if cell in (None, "") else float(cell)) == wanted, field.name
         assert (found[1][field.name] in ("", None)) == (field.name != "status")
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_file_has_the_errors_of_its_greeks_where_they_are_asked_for(
+    tmp_path: Path, read_table: Read, ending: str, engine_with_errors: None
+) -> None:
+    source = write(tmp_path / "in.csv", PLAIN | {"cash_dividends": '[{"time": 0.5, "amount": 3}]'})
+    target = tmp_path / f"out.{ending}"
+    run_batch(source, target, greeks="extended", greek_errors=True)
+    (found,) = read_table(target) if ending == "csv" else pq.read_table(target).to_pylist()
+    names = list(read_table(source)[0])
+    fields = price_fields("extended", names, greek_errors=True)
+    assert list(found) == [*names, *(field.name for field in fields)]
+    assert json.loads(found["dividend_sensitivities_error"]) == [2e-5]
+    for field in GREEK_ERROR_FIELDS:
+        if not field.per:
+            cell = found[field.name]
+            assert (None if cell in (None, "") else float(cell)) == ERRORS.get(field.of), field.name
 
 
 def test_greeks_by_another_word_are_refused(tmp_path: Path) -> None:

@@ -368,6 +368,12 @@ def test_a_column_with_the_name_of_a_result_is_refused_where_there_is_such_a_res
         run_batch(source, target)
     assert list(target.parent.iterdir()) == [source]
     assert run_batch(source, target, tolerance=COARSE, greeks="none").priced == 1
+    source = write_table([row()], ["delta_error", *header[1:]])
+    assert run_batch(source, target, tolerance=COARSE).priced == 1
+    with pytest.raises(
+        InvalidInputError, match=r"^column delta_error = .* renamed: it is the name of a resu"
+    ):
+        run_batch(source, target, greek_errors=True)
 
 
 @pytest.mark.parametrize("name", ["in.csv", "in.parquet"])

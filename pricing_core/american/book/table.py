@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.american.book.book import Rows
-from pricing_core.american.book.prices import LISTS, Prices
+from pricing_core.american.book.prices import LISTS, NUMBERS, Prices
 from pricing_core.american.book.valuation import DAYS_PER_YEAR
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.contracts.result_fields import price_fields
@@ -16,8 +16,15 @@ from pricing_core.version import ENGINE_VERSION
 
 Table: TypeAlias = dict[str, NDArray[Any]]
 
+# Greeks in another unit: the Greek and what it is divided by.
+IN_OTHER_UNITS = {
+    "theta_per_day": ("theta", DAYS_PER_YEAR),
+    "vega_per_point": ("vega", 100.0),
+    "rho_per_point": ("rho", 100.0),
+}
 
-def empty_table(count: int, greeks: Greeks, columns: Container[str]) -> Table:
+
+def empty_table(count: int, greeks: Greeks, columns: Container[str], *, greek_errors: bool) -> Table:
     """Return a table of so many rows that nothing is known of, with the columns of `price_many`.
 
     Parameters
@@ -26,7 +33,7 @@ def empty_table(count: int, greeks: Greeks, columns: Container[str]) -> Table:
         Those of the table of contracts.
     """
     table: Table = {}
-    for field in price_fields(greeks, columns):
+    for field in price_fields(greeks, columns, greek_errors=greek_errors):
         if field.kind == "number":
             table[field.name] = np.full(count, np.nan)
         elif field.kind == "flag":
@@ -54,20 +61,10 @@ def fill(table: Table, rows: Rows | slice, payoff: Vector, prices: Prices) -> No
         "exercise_boundary": prices.boundary,
         "error_estimate": prices.error,
     }
-    if "delta" in table:
-        numbers |= {
-            "delta": prices.delta,
-            "gamma": prices.gamma,
-            "theta": prices.theta,
-            "theta_per_day": prices.theta / DAYS_PER_YEAR,
-            "vega": prices.vega,
-            "vega_per_point": prices.vega / 100.0,
-            "rho": prices.rho,
-            "rho_per_point": prices.rho / 100.0,
-            "dividend_rho": prices.dividend_rho,
-        }
-    if "vanna" in table:
-        numbers |= {"vanna": prices.vanna, "volga": prices.volga}
+    numbers |= {name: getattr(prices, name) for name in NUMBERS if name in table}
+    for name, (greek, share) in IN_OTHER_UNITS.items():
+        if name in table:
+            numbers[name] = numbers[greek] / share
     for name, column in numbers.items():
         table[name][rows] = column + 0.0  # no -0.0
     table["exercise_now"][rows] = prices.exercised

@@ -1,9 +1,10 @@
 """What `price` returns: one row of prices, with everything that follows from it."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-from pricing_core.american.book.prices import Prices, Status
+from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, Prices, Status, error_of
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.book.resolution import Resolution
 from pricing_core.american.contracts.contract import Option
@@ -11,6 +12,9 @@ from pricing_core.arrays import Vector
 from pricing_core.version import ENGINE_VERSION
 
 DAYS_PER_YEAR = 365.0
+# Greeks and the columns of their errors.
+NUMBER_ERRORS = tuple((name, error_of(name)) for name in GREEKS)
+LIST_ERRORS = tuple((name, error_of(name)) for name in GREEK_LISTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +58,9 @@ class Valuation:
     dividend_sensitivities : tuple of float or None
         dV/d amount of each of the market's cash dividends, in their order (that of time).
     vanna, volga : float or None
-        d delta/d volatility and d vega/d volatility; with extended Greeks only, as the next three.
+        d delta/d volatility and d vega/d volatility; with extended Greeks only, as the next four.
+    charm : float or None
+        d delta/dt in calendar time, per year.
     rate_buckets, dividend_yield_buckets, volatility_buckets : tuple of float or None
         dV by each of the values of the curve; None where the parameter is a number.
     exercise_now : bool
@@ -64,6 +70,9 @@ class Valuation:
         exercise is never optimal.
     error_estimate : float
         Estimated absolute error of the price, money.
+    greek_errors : mapping of str to float or tuple of float
+        Estimated absolute errors of the Greeks by their names, in their units, of those that have an estimate;
+        that of theta_per_day is theta's over 365, and so for vega_per_point and rho_per_point.
     status : str
         "ok", "tolerance_not_met" or "deadline".
     method : str
@@ -89,12 +98,14 @@ class Valuation:
     dividend_sensitivities: tuple[float, ...] | None
     vanna: float | None
     volga: float | None
+    charm: float | None
     rate_buckets: tuple[float, ...] | None
     dividend_yield_buckets: tuple[float, ...] | None
     volatility_buckets: tuple[float, ...] | None
     exercise_now: bool
     exercise_boundary: float | None
     error_estimate: float | None
+    greek_errors: Mapping[str, float | tuple[float, ...]] = field(hash=False)
     status: Status
     method: str
     engine_version: str
@@ -134,12 +145,14 @@ def valuation(option: Option, spot: float, prices: Prices, *, greeks: bool) -> V
         dividend_sensitivities=greek_list(prices.dividend_sensitivities),
         vanna=greek(prices.vanna),
         volga=greek(prices.volga),
+        charm=greek(prices.charm),
         rate_buckets=greek_list(prices.rate_buckets),
         dividend_yield_buckets=greek_list(prices.dividend_yield_buckets),
         volatility_buckets=greek_list(prices.volatility_buckets),
         exercise_now=bool(prices.exercised[0]),
         exercise_boundary=_present(prices.boundary.item()),
         error_estimate=_present(prices.error.item()),
+        greek_errors=_greek_errors(prices) if greeks else {},
         status=prices.status[0],
         method=prices.method[0] or "none",
         engine_version=ENGINE_VERSION,
@@ -151,6 +164,20 @@ def valuation(option: Option, spot: float, prices: Prices, *, greeks: bool) -> V
             fitted=bool(prices.fitted[0]),
         ),
     )
+
+
+def _greek_errors(prices: Prices) -> dict[str, float | tuple[float, ...]]:
+    """Return the errors that there is an estimate of, by Greek."""
+    found: dict[str, float | tuple[float, ...]] = {}
+    for name, column in NUMBER_ERRORS:
+        error = getattr(prices, column).item()
+        if not math.isnan(error):
+            found[name] = error
+    for name, column in LIST_ERRORS:
+        errors: Ragged = getattr(prices, column)
+        if errors.values.size and (known := errors.known_row(0)):
+            found[name] = known
+    return found
 
 
 def _present(number: float) -> float | None:

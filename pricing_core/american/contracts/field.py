@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeAlias
 from pricing_core.american.contracts.checks import alternatives, range_in_words, real_number
 from pricing_core.errors import InvalidInputError
 
-Kind: TypeAlias = Literal["number", "choice", "curve", "list", "date", "time"]
+Kind: TypeAlias = Literal["number", "choice", "curve", "list", "date", "time", "flag"]
 REQUIRED: Any = object()  # The mark of a field without a default.
 UNLIMITED = (-math.inf, math.inf)
 CURVE_IN_WORDS = '{"times": [...], "values": [...]}'
@@ -21,7 +21,7 @@ class Field:
     ----------
     name : str
         The same in Python, tables, JSON and, with hyphens, on the command line.
-    kind : {"number", "choice", "curve", "list", "date", "time"}
+    kind : {"number", "choice", "curve", "list", "date", "time", "flag"}
         A curve may be a number too, a time may be a date where there is a valuation date.
     unit : str
         Empty for a choice.

@@ -190,10 +190,18 @@ GREEKS = Field(
     "choice",
     "",
     "none: no Greek; standard: derivatives by spot, time, volatility, rate, yield and dividends; extended: also vanna, "
-    "volga and those by each value of a curve",
+    "volga, charm and those by each value of a curve",
     choices=get_args(Greeks),
     default="standard",
     example="standard",
+)
+GREEK_ERRORS = Field(
+    "greek_errors",
+    "flag",
+    "",
+    "Whether the estimated error of each Greek comes with it, where there is one",
+    default=False,
+    example=True,
 )
 OPTION_PRICE = Field(
     "option_price",
@@ -222,7 +230,7 @@ CONTRACT_FIELDS = (
     *(VALUATION_DATE, EXPIRATION_DATE),
 )
 COLUMN_FIELDS = (*CONTRACT_FIELDS, TOLERANCE)
-INPUT_FIELDS = (*COLUMN_FIELDS, GREEKS, OPTION_PRICE, BID, ASK, BOUNDARY_TIMES)
+INPUT_FIELDS = (*COLUMN_FIELDS, GREEKS, GREEK_ERRORS, OPTION_PRICE, BID, ASK, BOUNDARY_TIMES)
 DEFAULT_TOLERANCE: float = TOLERANCE.default
 
 

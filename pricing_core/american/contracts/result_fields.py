@@ -5,7 +5,7 @@ describes an output takes its unit and words from here, or is compared with this
 """
 
 from collections.abc import Container
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
 from pricing_core.american.contracts.fields import GREEKS, Greeks
@@ -33,6 +33,8 @@ class ResultField:
         The input that a list holds a number for each entry or value of; a table without that column has no such list.
     choices : tuple of str
         What a text is one of, where it is.
+    of : str
+        The Greek that this states in another unit, or whose error it is.
     """
 
     name: str
@@ -43,6 +45,12 @@ class ResultField:
     given: Literal["always", "standard", "extended"] = "always"
     per: str = ""
     choices: tuple[str, ...] = ()
+    of: str = ""
+
+    @property
+    def is_greek(self) -> bool:
+        """Whether this is a Greek, and not one in another unit or its error."""
+        return self.given != "always" and not self.of
 
     @property
     def description(self) -> str:
@@ -58,11 +66,13 @@ PRICE_FIELDS = (
     ResultField("delta", "number", "", "dV/dS", -0.41, "standard"),
     ResultField("gamma", "number", "1/money", "d2V/dS2", 0.023, "standard"),
     ResultField("theta", "number", "money/year", "dV/dt in calendar time", -2.3, "standard"),
-    ResultField("theta_per_day", "number", "money/day", "theta/365", -0.0063, "standard"),
+    ResultField("theta_per_day", "number", "money/day", "theta/365", -0.0063, "standard", of="theta"),
     ResultField("vega", "number", "money per 1.00 of volatility", "dV/d volatility", 37.8, "standard"),
-    ResultField("vega_per_point", "number", "money per 0.01 of volatility", "vega/100", 0.378, "standard"),
+    ResultField(
+        "vega_per_point", "number", "money per 0.01 of volatility", "vega/100", 0.378, "standard", of="vega"
+    ),
     ResultField("rho", "number", "money per 1.00 of rate", "dV/d rate", -30.3, "standard"),
-    ResultField("rho_per_point", "number", "money per 0.01 of rate", "rho/100", -0.303, "standard"),
+    ResultField("rho_per_point", "number", "money per 0.01 of rate", "rho/100", -0.303, "standard", of="rho"),
     ResultField(
         "dividend_rho", "number", "money per 1.00 of dividend yield", "dV/d dividend_yield", 24.2, "standard"
     ),
@@ -98,6 +108,7 @@ PRICE_FIELDS = (
     ResultField(
         "volga", "number", "money per 1.00 of volatility, squared", "d2V/d volatility2", 11.0, "extended"
     ),
+    ResultField("charm", "number", "1/year", "d2V/dS dt in calendar time", -0.034, "extended"),
     ResultField(
         "rate_buckets",
         "list",
@@ -127,6 +138,21 @@ PRICE_FIELDS = (
     ),
 )
 
+
+def _error_field(greek: ResultField) -> ResultField:
+    """Return the output that states the error of a Greek."""
+    is_list = greek.kind == "list"
+    return replace(
+        greek,
+        name=f"{greek.name}_error",
+        meaning=f"Estimated absolute error of {'each of ' if is_list else ''}{greek.name}",
+        example=[1e-5] * len(greek.example) if is_list else 1e-5,
+        of=greek.name,
+    )
+
+
+GREEK_ERROR_FIELDS = tuple(_error_field(field) for field in PRICE_FIELDS if field.is_greek)
+
 IMPLIED_VOLATILITY_FIELDS = (
     ResultField(
         "volatility", "number", "1/sqrt(year)", "Volatility at which the option is worth its price", 0.2
@@ -148,6 +174,7 @@ IMPLIED_VOLATILITY_FIELDS = (
     ResultField("bid_volatility", "number", "1/sqrt(year)", "Volatility at which it is worth its bid", 0.198),
     ResultField("ask_volatility", "number", "1/sqrt(year)", "Volatility at which it is worth its ask", 0.202),
     ResultField("error_estimate", "number", "money", "Estimated absolute error of that price", 1e-6),
+    ResultField("volatility_error", "number", "1/sqrt(year)", "Estimated absolute error of volatility", 1e-6),
     ResultField("iterations", "count", "", "How many times the option was priced", 4),
 )
 
@@ -164,24 +191,30 @@ BOUNDARY_FIELDS = (
 )
 
 
-def price_fields(greeks: Greeks, columns: Container[str] | None = None) -> tuple[ResultField, ...]:
+def price_fields(
+    greeks: Greeks, columns: Container[str] | None = None, *, greek_errors: bool = False
+) -> tuple[ResultField, ...]:
     """Return the outputs of a price at a value of `greeks`.
 
     Parameters
     ----------
     columns : container of str, optional
         Those of a table of contracts: lists for an input that it does not have are left out.
+    greek_errors : bool
+        Whether the errors of these Greeks follow.
 
     Examples
     --------
     >>> [field.name for field in price_fields("none")][:4]
     ['price', 'european_price', 'early_exercise_premium', 'intrinsic_value']
     >>> [field.name for field in price_fields("extended", columns=["rate", "volatility"])][-4:]
-    ['vanna', 'volga', 'rate_buckets', 'volatility_buckets']
+    ['volga', 'charm', 'rate_buckets', 'volatility_buckets']
+    >>> [field.name for field in price_fields("standard", [], greek_errors=True)][-2:]
+    ['rho_error', 'dividend_rho_error']
     """
     given = ("always", *GREEKS.choices[1 : GREEKS.choices.index(greeks) + 1])
     return tuple(
         field
-        for field in PRICE_FIELDS
+        for field in (*PRICE_FIELDS, *(GREEK_ERROR_FIELDS if greek_errors else ()))
         if field.given in given and (columns is None or not field.per or field.per in columns)
     )

@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.prices import Prices, error_of, prices
+from pricing_core.american.book.prices import Prices, prices
 from pricing_core.arrays import BoolVector, Vector
 
 ROUNDING = 4e-16  # Smallest error of a value, as a share of it; two units in the last place.
 BY_PARAMETERS = ("vega", "rho", "dividend_rho", "vanna", "volga", "charm")
-HELD = ("delta", "gamma", "theta", *BY_PARAMETERS)
 
 
 def priced(
@@ -36,8 +35,8 @@ def priced(
     exercised : bool array, shape (n,)
         Whether the spot lies in the closed exercise region.
     others
-        Further columns of `Prices` by name. Derivatives by the parameters, and errors of Greeks, are not read in the
-        exercise region; theta's error follows from those of the price, delta and gamma where they are given.
+        Further columns of `Prices` by name. Derivatives by the parameters are not read in the exercise region; theta's
+        error follows from those of the price, delta and gamma where they are given.
     """
     payoff, now = book.payoff(), book.first_segments().exercisable
     least = np.maximum(np.where(now, payoff, 0.0), european)
@@ -54,8 +53,7 @@ def priced(
         weighted = zip(_theta_weights(book), errors, strict=True)
         others["theta_error"] = sum(np.abs(weight) * error for weight, error in weighted)
     if exercised.any():
-        changing = (*BY_PARAMETERS, *(error_of(name) for name in HELD))
-        columns |= {name: others.pop(name) for name in changing if name in others}
+        columns |= {name: others.pop(name) for name in BY_PARAMETERS if name in others}
         paid = {"value": payoff, "error": error, "delta": -book.sign}
         columns = {name: np.where(exercised, paid.get(name, 0.0), column) for name, column in columns.items()}
     columns["error"] = np.maximum(columns["error"], ROUNDING * columns["value"])

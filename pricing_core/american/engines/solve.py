@@ -9,7 +9,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pricing_core.american.book.book import Book, Rows
-from pricing_core.american.book.prices import GREEKS, LISTS, Prices, error_of, prices
+from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, LISTS, Prices, error_of, prices
+from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.closed_form import ClosedForm, is_worthless_underlying
 from pricing_core.american.engines.engine import Boundaries, Engine, Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines
@@ -69,14 +70,14 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
         best = _together(best, book.count, rows, found, allowed)
         done = best.settled & best.complete & (best.error <= allowed)
         if done.all():
-            return _with_boundaries(book, best, request, engines)
+            return _completed(book, best, request, engines)
         rows = np.flatnonzero(~(done | (best.status != "ok")))
         part, wanted = book.take(rows), request.take(rows)
     if best is None:
         best = prices(book.count)
     best = _within_bounds(book, best, allowed)
     best = _judged(best, allowed, interrupted=interrupted)
-    return _with_boundaries(book, best, request, engines)
+    return _completed(book, best, request, engines)
 
 
 def solve_in_chunks(
@@ -203,6 +204,36 @@ def _judged(best: Prices, allowed: Vector, *, interrupted: bool) -> Prices:
     status[judged & ~(best.error <= allowed)] = "tolerance_not_met"
     status[judged & np.isnan(best.value)] = "deadline" if interrupted else "out_of_domain"
     return replace(best, status=status)
+
+
+def _completed(book: Book, best: Prices, request: Request, engines: Sequence[Engine]) -> Prices:
+    """Return the prices with what needs no engine."""
+    return _with_greeks_of_payoffs(book, _with_boundaries(book, best, request, engines), request)
+
+
+def _with_greeks_of_payoffs(book: Book, best: Prices, request: Request) -> Prices:
+    """Return the prices without charm, and without errors of Greeks, where a contract is exercised or has expired.
+
+    The Greeks are the payoff's there. At the strike it has no delta at expiry: there the errors stay unknown.
+    """
+    if request.greeks == "none":
+        return best
+    sure = best.exercised | (book.expiry == 0.0)
+    if not sure.any():
+        return best
+    columns: dict[str, Any] = {}
+    if request.greeks == "extended":
+        columns["charm"] = np.where(sure, 0.0, best.charm)
+    sure &= best.exercised | (book.spot != book.strike)
+    for name in GREEKS:
+        known = sure & ~np.isnan(columns.get(name, getattr(best, name)))
+        columns[error_of(name)] = np.where(known, 0.0, getattr(best, error_of(name)))
+    rows = np.flatnonzero(sure)
+    for name in GREEK_LISTS:
+        there = getattr(best, name).take(rows)
+        no_error = Ragged(there.first, np.zeros(there.values.size))
+        columns[error_of(name)] = getattr(best, error_of(name)).replaced(rows, no_error)
+    return replace(best, **columns)
 
 
 def _with_boundaries(book: Book, best: Prices, request: Request, engines: Sequence[Engine]) -> Prices:

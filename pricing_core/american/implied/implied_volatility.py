@@ -41,6 +41,8 @@ class ImpliedVolatility:
         Price of the option itself at that volatility.
     error_estimate : float or None
         Error estimate of that price, money; above tolerance times strike only where the engine reaches no better.
+    volatility_error : float or None
+        Estimated absolute error of the volatility: what the price's error, and its distance to the quote, change it by.
     iterations : int
         Times that the option was priced; 0 where the bounds alone settle the status.
     bid_volatility, ask_volatility : float or None
@@ -52,6 +54,7 @@ class ImpliedVolatility:
     european_price: float | None
     price: float | None
     error_estimate: float | None
+    volatility_error: float | None
     iterations: int
     bid_volatility: float | None = None
     ask_volatility: float | None = None
@@ -115,6 +118,7 @@ def implied_volatility(
         european_price=_number(found.european[0]),
         price=_number(found.price[0]),
         error_estimate=_number(found.error[0]),
+        volatility_error=_number(found.volatility_error[0]),
         iterations=found.pricings.item(0),
         bid_volatility=sides[0],
         ask_volatility=sides[1],

@@ -160,6 +160,7 @@ def _table(sides: list[FoundVolatilities], messages: Mapping[int, str]) -> dict[
         "european_price": middle.european,
         "price": middle.price,
         "error_estimate": middle.error,
+        "volatility_error": middle.volatility_error,
         "iterations": middle.pricings,
         "message": message,
     }

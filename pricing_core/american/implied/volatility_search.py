@@ -51,6 +51,9 @@ FIRST_SLOPE = 2.0  # Slope to begin with next to the exercise region, in y over 
 LARGEST_FACTOR = 3.0  # Largest factor of the volatility in a step without Newton and bracket; chosen.
 LARGEST_NEWTON = 2.5  # Largest change of ln(volatility) in a Newton step; chosen.
 NARROWEST_BRACKET = 1e-10  # Relative width of a bracket that is closed; chosen.
+# Largest uncertainty of a time value, as a share of it and of what it lacks of its largest, at which the
+# volatility's is proportional to it; chosen.
+SMALL_SHARE = 0.1
 
 
 # Prices some of the options, at volatilities, to tolerances, with or without vega; NaN where it does not serve one.
@@ -67,6 +70,8 @@ class FoundVolatilities:
         OK and its companions above; NOT_SERVED where the pricer did not serve the option.
     volatility, price, european, error : Vector
         NaN unless OK; the last three are the pricer's at the volatility.
+    volatility_error : Vector
+        Estimated absolute error of the volatility, NaN unless OK.
     pricings : int array
     """
 
@@ -75,6 +80,7 @@ class FoundVolatilities:
     price: Vector
     european: Vector
     error: Vector
+    volatility_error: Vector
     pricings: NDArray[np.int64]
 
     def store(self, rows: NDArray[np.intp], part: "FoundVolatilities") -> None:
@@ -85,10 +91,15 @@ class FoundVolatilities:
 
 def nothing_found(count: int, status: int) -> FoundVolatilities:
     """Return the result of so many rows before, or without, a search."""
-    volatility, price, european, error = np.full((4, count), np.nan)
-    pricings = np.zeros(count, dtype=np.int64)
+    volatility, price, european, error, volatility_error = np.full((5, count), np.nan)
     return FoundVolatilities(
-        np.full(count, status, dtype=np.int8), volatility, price, european, error, pricings
+        status=np.full(count, status, dtype=np.int8),
+        volatility=volatility,
+        price=price,
+        european=european,
+        error=error,
+        volatility_error=volatility_error,
+        pricings=np.zeros(count, dtype=np.int64),
     )
 
 
@@ -196,17 +207,45 @@ def _advance(
     narrow = (high < math.inf) & (high - low <= NARROWEST_BRACKET * high)
     final = tolerance <= state.fine[rows]
     found.status[rows] = status = _status(targets, rows, prices, here, gap, narrow, final, tolerance)
-    settled = status == OK
-    found.volatility[rows[settled]] = here[settled]
-    found.price[rows[settled]] = prices.value[settled]
-    found.european[rows[settled]] = prices.european[settled]
-    found.error[rows[settled]] = prices.error[settled]
-    state.here[rows] = _next(targets, coordinate, found, state, rows, prices, gap)
+    share = targets.share(rows, prices.value)
+    y, by_share = coordinate.of(rows, share)
+    _learn(targets, state, rows, prices, y, by_share)
+    settled = np.flatnonzero(status == OK)
+    if settled.size:
+        done = rows[settled]
+        found.volatility[done] = here[settled]
+        found.price[done] = prices.value[settled]
+        found.european[done] = prices.european[settled]
+        found.error[done] = prices.error[settled]
+        uncertain = (prices.error + np.abs(gap))[settled] / targets.span(done)
+        change = _changes(coordinate, done, share[settled], y[settled], by_share[settled], uncertain)
+        below, above = change / state.slope[done]
+        found.volatility_error[done] = np.maximum(
+            np.minimum(below, here[settled]), np.minimum(above, VOLATILITY.most - here[settled])
+        )
+    state.here[rows] = _next(found, state, rows, y, gap)
     near = np.abs(gap) <= COARSE_REACH * tolerance * targets.strike[rows]
     refined = rows[~final & (narrow | near)]
     state.is_fine[refined] = True
     # What coarse prices say of the bracket need not hold, and with fine ones they make no secant.
     state.low[refined], state.high[refined], state.before[refined] = 0.0, np.inf, np.nan
+
+
+def _changes(
+    coordinate: Coordinate, rows: NDArray[np.intp], share: Vector, y: Vector, by_share: Vector, by: Vector
+) -> NDArray[np.float64]:
+    """Return how far y falls and rises as the share of the time value does by so much, shape (2, n).
+
+    A time value that may be none is one of any smaller volatility: the fall is infinite, as is the rise to the largest.
+    """
+    changes = np.tile(by * by_share, (2, 1))
+    large = np.flatnonzero(~(by <= SMALL_SHARE * np.minimum(share, 1.0 - share)))
+    if large.size:
+        ends = share[large] - by[large], share[large] + by[large]
+        lowest, highest = (coordinate.of(rows[large], end)[0] for end in ends)
+        changes[0, large] = np.where(ends[0] > 0.0, y[large] - lowest, np.inf)
+        changes[1, large] = np.where(ends[1] < 1.0, highest - y[large], np.inf)
+    return changes
 
 
 def _status(
@@ -236,19 +275,9 @@ def _status(
     return status
 
 
-def _next(
-    targets: Targets,
-    coordinate: Coordinate,
-    found: FoundVolatilities,
-    state: _State,
-    rows: NDArray[np.intp],
-    prices: Prices,
-    gap: Vector,
-) -> Vector:
+def _next(found: FoundVolatilities, state: _State, rows: NDArray[np.intp], y: Vector, gap: Vector) -> Vector:
     """Return the next volatilities: Newton's in y, else Newton's in the price, else inside the bracket."""
     here, low, high = state.here[rows], state.low[rows], state.high[rows]
-    y, by_share = coordinate.of(rows, targets.share(rows, prices.value))
-    _learn(targets, state, rows, prices, y, by_share)
     widened = np.where(gap < 0.0, LARGEST_FACTOR, 1.0 / LARGEST_FACTOR) * here
     bracketed = (low > 0.0) & (high < math.inf)
     there = np.where(bracketed, np.sqrt(low * high), widened)
@@ -267,9 +296,8 @@ def _learn(
     """Take the slopes from the vega, or from the last two prices of the stage, where they are of use."""
     here, slope = state.here[rows], state.slope[rows]
     slope = np.where(np.isnan(slope), FIRST_SLOPE * y / here, slope)
-    span = targets.bounds.upper[rows] - targets.bounds.lower[rows]
     secant = (y - state.y_before[rows]) / (here - state.before[rows])
-    for better in (secant, prices.vega / span * by_share):
+    for better in (secant, prices.vega / targets.span(rows) * by_share):
         slope = np.where(np.isfinite(better) & (better > 0.0), better, slope)
     state.slope[rows] = slope
     state.vega[rows] = np.where(prices.vega > 0.0, prices.vega, state.vega[rows])

@@ -43,8 +43,11 @@ class Targets:
 
     def share(self, rows: NDArray[np.intp], value: Vector) -> Vector:
         """Return the time value as a share of the largest that is possible."""
-        lower = self.bounds.lower[rows]
-        return (value - lower) / (self.bounds.upper[rows] - lower)
+        return (value - self.bounds.lower[rows]) / self.span(rows)
+
+    def span(self, rows: NDArray[np.intp]) -> Vector:
+        """Return the largest time value that is possible."""
+        return self.bounds.upper[rows] - self.bounds.lower[rows]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import itertools
 import math
 from pathlib import Path
 from typing import get_args, get_type_hints
@@ -31,10 +32,12 @@ from pricing_core.american import (
     price_many,
     value_surface,
 )
+from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, error_of
 from pricing_core.american.contracts import fields
 from pricing_core.american.contracts.fields import CONTRACT_FIELDS, INPUT_FIELDS, input_field
 from pricing_core.american.contracts.result_fields import (
     BOUNDARY_FIELDS,
+    GREEK_ERROR_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
     PRICE_FIELDS,
     price_fields,
@@ -78,8 +81,24 @@ def test_an_example_and_a_default_are_what_the_field_allows(field):
 
 
 def test_every_name_is_there_once():
-    for table in (INPUT_FIELDS, PRICE_FIELDS, IMPLIED_VOLATILITY_FIELDS, BOUNDARY_FIELDS):
+    prices = (*PRICE_FIELDS, *GREEK_ERROR_FIELDS)
+    for table in (INPUT_FIELDS, prices, IMPLIED_VOLATILITY_FIELDS, BOUNDARY_FIELDS):
         assert len(set(by_name(table))) == len(table)
+
+
+def test_every_greek_has_an_error_in_its_own_unit():
+    greeks = [field for field in PRICE_FIELDS if field.is_greek]
+    assert sorted(by_name(greeks)) == sorted((*GREEKS, *GREEK_LISTS))
+    for greek, error in zip(greeks, GREEK_ERROR_FIELDS, strict=True):
+        assert (error.name, error.of) == (error_of(greek.name), greek.name)
+        assert (error.kind, error.unit, error.given, error.per) == (
+            greek.kind,
+            greek.unit,
+            greek.given,
+            greek.per,
+        )
+        assert error.meaning.startswith("Estimated absolute error of ")
+        assert not error.is_greek
 
 
 # Python
@@ -143,6 +162,8 @@ def test_the_functions_have_the_defaults_of_the_table():
         assert inspect.signature(function).parameters["tolerance"].default == fields.TOLERANCE.default
     for function in (price, price_many, run_batch):
         assert inspect.signature(function).parameters["greeks"].default == fields.GREEKS.default
+    for function in (price_many, run_batch):
+        assert inspect.signature(function).parameters["greek_errors"].default is fields.GREEK_ERRORS.default
     for name in ("option_price", "bid", "ask"):
         assert inspect.signature(implied_volatility).parameters[name].default is input_field(name).default
 
@@ -170,7 +191,9 @@ def test_the_results_have_the_fields_of_the_table():
         (ImpliedVolatility, IMPLIED_VOLATILITY_FIELDS),
         (ExerciseBoundary, BOUNDARY_FIELDS),
     ):
-        assert {f.name for f in dataclasses.fields(kind)} - {"diagnostics"} == set(by_name(table))
+        assert {f.name for f in dataclasses.fields(kind)} - {"diagnostics", "greek_errors"} == set(
+            by_name(table)
+        )
         for field in table:
             assert not field.choices or get_args(get_type_hints(kind)[field.name]) == field.choices
 
@@ -199,13 +222,13 @@ def test_tables_take_the_columns_of_the_table():
 @pytest.mark.parametrize("greeks", fields.GREEKS.choices)
 def test_tables_and_files_have_the_columns_of_the_results(greeks):
     columns = CONTRACT | {"cash_dividends": [{"time": 0.5, "amount": 1.0}]}
-    for given in (CONTRACT, columns):
-        expected = price_fields(greeks, given)
-        table = price_many(given, greeks=greeks, tolerance=1e-3)
+    for given, errors in itertools.product((CONTRACT, columns), (False, True)):
+        expected = price_fields(greeks, given, greek_errors=errors)
+        table = price_many(given, greeks=greeks, greek_errors=errors, tolerance=1e-3)
         assert set(table) == {*by_name(expected), "message"}
         kinds = {"number": "f", "flag": "b", "text": "O", "list": "O"}
         assert all(table[field.name].dtype.kind == kinds[field.kind] for field in expected)
-        assert result_schema(list(given), greeks).names == by_name(expected)
+        assert result_schema(list(given), greeks, greek_errors=errors).names == by_name(expected)
 
 
 def test_files_take_every_kind_of_column():
@@ -263,7 +286,7 @@ def test_the_limits_of_the_service_are_narrower():
 @pytest.mark.parametrize(
     ("model", "table"),
     [
-        (schemas.PriceResponse, PRICE_FIELDS),
+        (schemas.PriceResponse, (*PRICE_FIELDS, *GREEK_ERROR_FIELDS)),
         (schemas.ImpliedVolatilityResponse, IMPLIED_VOLATILITY_FIELDS),
         (schemas.BoundaryResponse, BOUNDARY_FIELDS),
     ],
@@ -303,7 +326,7 @@ def test_an_option_is_described_as_the_table_states_it(command):
         assert all(unit in option.help for unit in units), name
         if not (option.required or option.multiple or field.required):
             assert option.default == field.default
-    assert ("greeks" in stated) == (command in ("price", "batch"))
+    assert ("greeks" in stated) == ("greek_errors" in stated) == (command in ("price", "batch"))
 
 
 # The documentation

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from pricing_core.american import Market, Option, price, price_many
+from pricing_core.american import CashDividend, Market, Option, price, price_many
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.prices import prices
+from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, error_of, prices
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.solve import (
@@ -456,3 +456,44 @@ def test_an_interrupt_that_is_true_once_is_remembered(exercise):
 
         found = price(Option("put", 100.0, 1.0, exercise), Market(100.0, 0.05, 0.2), interrupt=interrupt)
         assert (found.status, found.price) == ("deadline", None) or count < asked
+
+
+EXERCISED = {
+    "march": (Option("put", 100.0, 1.0), Market(60.0, 0.05, 0.2)),
+    "collocation": (
+        Option("put", 100.0, 1.0),
+        Market(50.0, 0.08, 0.2, cash_dividends=[CashDividend(0.5, 0.01)]),
+    ),
+    "curve": (Option("put", 100.0, 1.0), Market(50.0, {"times": [0.5, 1.0], "values": [0.05, 0.06]}, 0.2)),
+    "two boundaries": (Option("put", 100.0, 1.0), Market(80.0, -0.01, 0.1, -0.05)),
+    "expired": (Option("put", 100.0, 0.0), Market(60.0, 0.05, 0.2, cash_dividends=[CashDividend(0.5, 1.0)])),
+    "expired out of the money": (Option("call", 100.0, 0.0), Market(60.0, 0.05, 0.2)),
+}
+
+
+@needs_kernel
+@pytest.mark.parametrize("name", EXERCISED)
+def test_greeks_of_a_payoff_have_no_error_and_no_charm(name):
+    option, market = EXERCISED[name]
+    book = Book.of([(option, replace(market, spot=market.spot + by)) for by in (-0.01, 0.0, 0.01)])
+    standard, extended = (solve(book, request_for(3, greeks=greeks)) for greeks in ("standard", "extended"))
+    assert extended.value == pytest.approx(book.payoff(), abs=1e-14)  # now, and so delta and gamma are known
+    assert extended.delta == pytest.approx(np.diff(book.payoff())[0] / 0.01, abs=1e-10)
+    for greek in GREEKS:
+        with_error = extended if greek in ("vanna", "volga", "charm") else standard
+        np.testing.assert_array_equal(getattr(with_error, error_of(greek)), 0.0, err_msg=greek)
+        absent = getattr(standard, error_of(greek))[np.isnan(getattr(standard, greek))]
+        assert np.isnan(absent).all()
+    for greek in GREEK_LISTS:
+        values, errors = getattr(extended, greek), getattr(extended, error_of(greek))
+        assert errors.first.tolist() == values.first.tolist()
+        assert not errors.values.any()
+    assert extended.charm.tolist() == [0.0] * 3
+    none = solve(book, request_for(3, greeks="none"))
+    assert np.isnan(none.vega_error).all()
+
+
+def test_at_expiry_the_payoff_has_no_delta_at_the_strike():
+    book = Book.of([(Option("put", 100.0, 0.0), Market(spot, 0.05, 0.2)) for spot in (99.0, 100.0, 101.0)])
+    found = solve(book, request_for(3, greeks="standard"))
+    assert np.isnan(found.delta_error).tolist() == [False, True, False]

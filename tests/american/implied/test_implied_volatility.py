@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,9 +18,13 @@ from pricing_core.american import (
 )
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.reading import read_book
+from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.price_bounds import bounds_of
+from pricing_core.american.engines.solve import CLOSED_FORM, solve
 from pricing_core.american.implied.black_spread import black_spread, black_time_value
 from pricing_core.american.implied.volatility_bounds import price_bounds
+from pricing_core.american.implied.volatility_search import search
+from pricing_core.american.implied.volatility_targets import Targets
 from pricing_core.errors import InvalidInputError
 from tests.problems.needs_kernel import needs_kernel
 
@@ -146,6 +151,63 @@ def test_the_volatility_is_recovered_where_vega_is_not_tiny():
 
 
 @needs_kernel
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+def test_a_volatility_is_as_close_as_its_error_says(tolerance):
+    contracts = random_contracts(2000 if COMPILED else 50, 18)
+    observed = price_many(contracts, tolerance=1e-8)
+    table = implied_volatility_many(contracts, observed["price"], tolerance=tolerance)
+    ok, claimed = table["status"] == "ok", table["volatility_error"]
+    np.testing.assert_array_equal(np.isnan(claimed), ~ok)
+    # Where the price observed is itself exact by comparison.
+    known = ok & (observed["error_estimate"] < 0.1 * claimed * observed["vega"])
+    assert known.sum() > (1000 if COMPILED else 25)
+    share = (np.abs(table["volatility"] - contracts["volatility"]) / claimed)[known]
+    assert np.mean(share <= 1.0) > 0.97
+    assert share.max() < 4.0
+
+
+@needs_kernel
+@pytest.mark.parametrize("dividends", [[], [{"time": 0.05, "amount": 1.0}]], ids=["march", "collocation"])
+def test_the_error_of_a_volatility_is_that_of_the_price_and_the_gap_over_vega(dividends):
+    contracts = random_contracts(500 if COMPILED and not dividends else 30, 19) | {
+        "cash_dividends": dividends
+    }
+    observed = price_many(contracts, tolerance=1e-8, greeks="none")["price"]
+    table = implied_volatility_many(contracts, observed, tolerance=1e-5)
+    found = np.where(table["status"] == "ok", table["volatility"], 0.2)
+    vega = price_many(contracts | {"volatility": found}, tolerance=1e-7)["vega"]
+    with np.errstate(all="ignore"):
+        expected = (table["error_estimate"] + np.abs(table["price"] - observed)) / vega
+    visible = (table["status"] == "ok") & (expected < 0.01 * found)
+    assert visible.sum() > 0.7 * observed.size
+    np.testing.assert_allclose(table["volatility_error"][visible], expected[visible], rtol=0.2)
+
+
+@pytest.mark.parametrize("error", [1e-3, 2.0, 6.0, 9.0])
+def test_a_volatility_whose_price_is_uncertain_lies_as_far_from_those_of_the_ends(error):
+    option, market = Option("call", 100.0, 1.0, "european"), Market(100.0, 0.03, 0.2, 0.01)
+    observed, tolerance = 8.0, np.array([1e-2])
+    book = Book.of([(option, market)])
+
+    def price_at(rows, volatility, tolerance, vega):
+        found = solve(book.with_volatility(volatility), Request(tolerance), engines=(CLOSED_FORM,))
+        return replace(found, error=np.array([error]))
+
+    targets = Targets(np.array([observed]), bounds_of(book), book.spot, book.strike, book.expiry, tolerance)
+    found = search(targets, price_at)
+    volatility, price_there = found.volatility[0], found.price[0]
+    uncertain = error + abs(price_there - observed)
+    low, high = (
+        implied_volatility(option, market, price_there + side * uncertain, tolerance=1e-8).volatility
+        if price_there + side * uncertain > bounds_of(book).lower[0]
+        else 0.0
+        for side in (-1.0, 1.0)
+    )
+    expected = max(volatility - low, high - volatility)
+    assert found.volatility_error[0] == pytest.approx(expected, rel=0.05)
+
+
+@needs_kernel
 def test_rows_equal_single_searches_bit_for_bit_whatever_their_neighbours():
     contracts = random_contracts(600, 9)
     prices = price_many(contracts, tolerance=1e-6, greeks="none")["price"]
@@ -157,7 +219,7 @@ def test_rows_equal_single_searches_bit_for_bit_whatever_their_neighbours():
         single = implied_volatility(option, market, prices[row], tolerance=1e-5)
         assert single.status == table["status"][row]
         assert single.iterations == table["iterations"][row]
-        for name in ("volatility", "price", "european_price"):
+        for name in ("volatility", "volatility_error", "price", "european_price"):
             assert getattr(single, name) == table[name][row] or math.isnan(table[name][row])
 
 
@@ -195,8 +257,8 @@ def test_rows_equal_single_searches_bit_for_bit_whatever_their_neighbours():
 def test_every_price_gets_its_status(option, market, observed, status):
     found = implied_volatility(option, market, observed)
     assert found.status == status
-    missing = [number is None for number in (found.volatility, found.price, found.european_price)]
-    assert missing == [status != "ok"] * 3
+    numbers = (found.volatility, found.volatility_error, found.price, found.european_price)
+    assert [number is None for number in numbers] == [status != "ok"] * 4
     if status == "ok":
         assert found.price == pytest.approx(observed, abs=1e-6 * option.strike)
 

@@ -14,7 +14,8 @@ from pricing_core.american import (
     Valuation,
     price,
 )
-from pricing_core.american.contracts.result_fields import PRICE_FIELDS, price_fields
+from pricing_core.american.contracts.result_fields import GREEK_ERROR_FIELDS, PRICE_FIELDS, price_fields
+from tests.problems.engine_with_errors import ERRORS
 
 VOCABULARY = {field.name for field in PRICE_FIELDS}
 TEXTS = ("status", "method", "engine_version")
@@ -113,6 +114,20 @@ def test_greeks_that_were_not_asked_for_are_null(client: TestClient, question: d
     answer = client.post("/v1/price", json=question | {"greeks": "none"}).json()
     assert answer.keys() == VOCABULARY
     assert {name for name in VOCABULARY if answer[name] is not None} == {f.name for f in price_fields("none")}
+
+
+def test_errors_of_greeks_are_keys_where_they_are_asked_for(
+    client: TestClient, question: dict[str, Any], engine_with_errors: None
+) -> None:
+    question |= {"greeks": "extended", "cash_dividends": [{"time": 0.5, "amount": 1.0}]}
+    assert client.post("/v1/price", json=question | {"greek_errors": False}).json().keys() == VOCABULARY
+    answer = client.post("/v1/price", json=question | {"greek_errors": True}).json()
+    assert answer.keys() == VOCABULARY | {field.name for field in GREEK_ERROR_FIELDS}
+    expected = ERRORS | {"dividend_sensitivities": [2e-5]}
+    assert {f.of: answer[f.name] for f in GREEK_ERROR_FIELDS if answer[f.name] is not None} == expected
+    assert answer["charm"] == 0.5
+    refused = client.post("/v1/price", json=question | {"greek_errors": 1})
+    assert (refused.status_code, refused.json()["errors"][0]["field"]) == (422, "greek_errors")
 
 
 class Asked:
