@@ -7,6 +7,7 @@ Takes a minute. Run from the root of the project: .venv/bin/python -m benchmarks
 """
 
 import time
+from itertools import pairwise
 from typing import Any
 
 from pricing_core.american import price_many
@@ -16,7 +17,7 @@ SWEEPS: dict[str, tuple[float, ...]] = {
     "rate": RATES,
     "dividend_yield": RATES,
     "volatility": (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.5),
-    "expiry": tuple(0.01 * 2**k for k in range(12)) + (40.0,),
+    "expiry": (*(0.01 * 2**k for k in range(12)), 40.0),
 }
 RUNS = 3
 
@@ -43,7 +44,7 @@ def sweep(name: str, values: tuple[float, ...], option_type: str, dividends: int
         ]
         found.append(point({**at, "cash_dividends": paid}))
     times = [each[0] for each in found]
-    ratio, k = max((max(b / a, a / b), k) for k, (a, b) in enumerate(zip(times, times[1:], strict=False)))
+    ratio, k = max((max(b / a, a / b), k) for k, (a, b) in enumerate(pairwise(times)))
     print(f"\n{name}, {option_type}, {dividends} dividends: largest ratio {ratio:.1f} from {values[k]:g} on")
     for value, (milliseconds, method, status) in zip(values, found, strict=True):
         print(f"{value:10g}  {milliseconds:9.2f} ms  {method:24s}{status}", flush=True)

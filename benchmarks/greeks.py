@@ -23,7 +23,7 @@ from pricing_core.american.engines.solve import solve
 from pricing_core.arrays import Vector
 
 Row = dict[str, Any]
-ENGINES = ("premium-march", "multiplier-collocation", "method-of-lines")
+ENGINES = ("premium-march", "multiplier-collocation", "sdirk2")
 REFERENCE = 1e-8
 TOLERANCE = 1e-6
 QUICK, FULL = 200, 2000  # Number of contracts for each engine.
@@ -70,7 +70,7 @@ def random_rows(engine: str, count: int, seed: int = 8) -> list[Row]:
         if engine == "multiplier-collocation":
             times = np.sort(random.uniform(0.05, 0.95, random.choice([1, 4]))) * row["expiry"]
             row["cash_dividends"] = [{"time": t, "amount": random.uniform(0.2, 2.0)} for t in times.tolist()]
-        if engine == "method-of-lines":  # two boundaries
+        if engine == "sdirk2":  # the method of lines; two boundaries
             low, high = -random.uniform(0.01, 0.03), -random.uniform(0.04, 0.06)
             is_put = row["option_type"] == "put"
             row |= {"rate": low if is_put else high, "dividend_yield": high if is_put else low}
