@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -56,6 +57,7 @@ def solve_schedules(
     first_time: NDArray[np.int64],
     derivatives: bool,
     threads: int,
+    interrupt: Callable[[], bool] | None,
 ) -> tuple[Matrix, Vector, BoolVector, Vector, NDArray[np.float64]]: ...
 def march_segment(
     nodes: Vector,  # (N + 2,), s = S/K, increasing

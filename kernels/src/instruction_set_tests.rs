@@ -1,5 +1,6 @@
 //! Both engines on each instruction set that this machine has, against each other and against known values.
 
+use crate::interrupt::never;
 use crate::lanes::dispatch::{forced, InstructionSet};
 use crate::multiplier_collocation::{self, solve_schedules, Schedules};
 use crate::premium_march::{self, march_boundaries, solve_puts, Puts};
@@ -135,7 +136,7 @@ fn schedules(set: InstructionSet, rows: &[ScheduleRow], tolerance: f64) -> (Vec<
         first_time: &vec![0; rows.len() + 1],
         with_derivatives: true,
     };
-    let solved = on(set, || solve_schedules(schedules, 1));
+    let solved = on(set, || solve_schedules(schedules, 1, &never));
     let mut numbers = solved.numbers;
     numbers.extend(
         solved

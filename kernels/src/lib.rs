@@ -15,6 +15,7 @@ mod brennan_schwartz;
 mod error;
 #[cfg(test)]
 mod instruction_set_tests;
+pub mod interrupt;
 mod lanes;
 pub mod multiplier_collocation;
 mod policy_iteration;

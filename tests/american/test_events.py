@@ -347,7 +347,7 @@ def test_a_deadline_among_the_greeks_leaves_the_price(contract, method):
     wanted = price(*contract, tolerance=1e-3, greeks="none", interrupt=alone)
     assert price(*contract, tolerance=1e-3, interrupt=whole).status == "ok"
     assert whole.asked > alone.asked
-    found = price(*contract, tolerance=1e-3, interrupt=Deadline((alone.asked + whole.asked + 1) // 2))
+    found = price(*contract, tolerance=1e-3, interrupt=Deadline(alone.asked + 1))
     assert (found.status, found.price, found.method) == ("deadline", wanted.price, method)
     assert found.dividend_sensitivities is None
     assert price(*contract, interrupt=lambda: True).price is None

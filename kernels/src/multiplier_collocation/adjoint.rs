@@ -10,6 +10,7 @@
 //! pieces and panels do not count, for the value has no jump there, and where the holder is indifferent exercise and waiting
 //! are worth the same.
 
+use super::backward_recursion::Schedule;
 use super::boundary_adjoint::see_boundary;
 use super::contact_adjoint::{see_contact_sets, third_derivative};
 use super::gauss_legendre::legendre;
@@ -48,27 +49,29 @@ pub enum Degrees {
     Other,
 }
 
-/// The derivatives of the value now and of its slope by the numbers of each of `count` segments, and the third derivative of
-/// the value by x; `parts` are in the order of the recursion.
+/// The derivatives of the value now and of its slope by the numbers of each segment, and the third derivative of the value by
+/// x; `parts` are in the order of the recursion.
 pub fn differentiate(
     parts: &[SolvedPart],
-    count: usize,
-    x: f64,
+    schedule: &Schedule,
     degrees: Degrees,
 ) -> Result<(Vec<SegmentGradient>, f64), Unsettled> {
     let mut walk = Walk {
         degrees,
         points: vec![Viewpoint {
-            x,
+            x: schedule.x,
             s: 0.0,
             value: [1.0, 0.0],
             slope: [0.0, 1.0],
         }],
         boundary: [0.0; FUNCTIONALS],
-        gradients: vec![SegmentGradient::default(); count],
+        gradients: vec![SegmentGradient::default(); schedule.segments.len()],
         third: 0.0,
     };
     for k in (0..parts.len()).rev() {
+        if (schedule.interrupt)() {
+            return Err(Unsettled);
+        }
         let before = parts.get(k + 1);
         walk.through_part(&parts[k], before, k.checked_sub(1).map(|k| &parts[k]))?;
     }

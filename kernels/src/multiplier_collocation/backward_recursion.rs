@@ -14,6 +14,7 @@ use super::panels::{Interval, Kink, PanelWidths};
 use super::segment::Segment;
 use super::segment_value::SegmentValue;
 use super::unsettled::Unsettled;
+use crate::interrupt::Interrupt;
 
 /// The number of results of a schedule: value, slope and second derivative by x, in strikes; the boundary ln(S*/K) now,
 /// NaN without one; the largest violation of complementarity that was seen and the error estimate of the boundaries,
@@ -58,6 +59,7 @@ pub struct Schedule<'a> {
     pub level: usize,
     /// The largest error estimate of the boundaries, in strikes; 0 for one degree without an estimate.
     pub tolerance: f64,
+    pub interrupt: Interrupt<'a>,
 }
 
 /// The derivatives of a schedule's value, in strikes.
@@ -70,11 +72,11 @@ pub struct Derivatives {
     pub third: f64,
 }
 
-/// The derivatives from the solved parts of `count` segments, at x = ln(S/K).
-fn derivatives(parts: &[SolvedPart], count: usize, x: f64) -> Result<Derivatives, Unsettled> {
-    let (by_segment, third) = differentiate(parts, count, x, Degrees::Own)?;
+/// The derivatives from the solved parts of a schedule.
+fn derivatives(parts: &[SolvedPart], schedule: &Schedule) -> Result<Derivatives, Unsettled> {
+    let (by_segment, third) = differentiate(parts, schedule, Degrees::Own)?;
     let by_segment_otherwise = if parts.iter().any(|part| part.value.boundary.is_some()) {
-        differentiate(parts, count, x, Degrees::Other)?.0
+        differentiate(parts, schedule, Degrees::Other)?.0
     } else {
         by_segment.clone()
     };
@@ -112,6 +114,9 @@ pub fn solve_schedule(
         error: 0.0,
     };
     for (index, (segment, here)) in segments.iter().zip(&forecasts).enumerate().rev() {
+        if (schedule.interrupt)() {
+            return Err(Unsettled);
+        }
         recursion.solve_segment((index, segment), here, query)?;
     }
     let now = recursion.later().ok_or(Unsettled)?;
@@ -130,7 +135,7 @@ pub fn solve_schedule(
     if !with_derivatives {
         return Ok(None);
     }
-    Ok(derivatives(&recursion.solved, segments.len(), schedule.x).ok())
+    Ok(derivatives(&recursion.solved, schedule).ok())
 }
 
 /// The state of the recursion between two segments.

@@ -4,6 +4,7 @@ use super::backward_recursion::{solve_schedule, Schedule, RESULTS};
 use super::boundary_query::BoundaryQuery;
 use super::gradient::{FUNCTIONALS, PARAMETERS};
 use super::segment::{Dynamics, Segment};
+use crate::interrupt::Interrupt;
 
 /// The number of numbers of a segment: duration (years), rate, yield, volatility, exercisable, exercise at the end (0 or
 /// 1), fraction, amount and escrow (strikes).
@@ -51,9 +52,9 @@ pub struct Solved {
     pub settled: Vec<bool>,
 }
 
-/// Solve every schedule at its level, on at most so many threads.
+/// Solve every schedule at its level, on at most so many threads; those that an interrupt leaves are not settled.
 #[must_use]
-pub fn solve_schedules(schedules: Schedules, threads: usize) -> Solved {
+pub fn solve_schedules(schedules: Schedules, threads: usize, interrupt: Interrupt) -> Solved {
     let count = schedules.x.len();
     let mut rows = vec![[f64::NAN; RESULTS]; count];
     let mut settled = vec![false; count];
@@ -91,7 +92,7 @@ pub fn solve_schedules(schedules: Schedules, threads: usize) -> Solved {
                 third,
                 gradient,
             };
-            let mut work = move || solve_rows(schedules, start, &mut output);
+            let mut work = move || solve_rows(schedules, start, &mut output, interrupt);
             if workers == 1 {
                 work();
             } else {
@@ -124,7 +125,7 @@ struct Output<'a> {
 }
 
 /// Solve the schedules from `start` on.
-fn solve_rows(schedules: Schedules, start: usize, output: &mut Output) {
+fn solve_rows(schedules: Schedules, start: usize, output: &mut Output, interrupt: Interrupt) {
     let origin = schedules.first_time[start];
     for k in 0..output.rows.len() {
         let row = start + k;
@@ -144,6 +145,7 @@ fn solve_rows(schedules: Schedules, start: usize, output: &mut Output) {
             x: schedules.x[row],
             level: schedules.level[row],
             tolerance: schedules.tolerance[row],
+            interrupt,
         };
         let with_derivatives = schedules.with_derivatives;
         let result = &mut output.rows[k];
@@ -185,6 +187,7 @@ fn segment(sign: f64, numbers: &[f64]) -> Segment {
 #[cfg(test)]
 mod tests {
     use super::{solve_schedules, Schedules};
+    use crate::interrupt::never;
 
     /// American put, r = q = 5 %, volatility 25 %, one year, at the money: 9.569445299 per 100 of strike, from an
     /// integral equation (tests/data names the source).
@@ -204,6 +207,7 @@ mod tests {
                 with_derivatives: false,
             },
             1,
+            &never,
         );
         assert!(solved.settled[0]);
         assert!((solved.numbers[0] - 0.095_694_452_99).abs() < 2e-9);

@@ -1,6 +1,7 @@
 //! The module `pricing_core._kernels`: arrays in, arrays out, without the interpreter lock.
 
 mod arguments;
+mod interrupt;
 mod multiplier_collocation;
 mod premium_march;
 mod segment_march;

@@ -8,6 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::arguments::{check_lengths, group_starts, nonempty_group_starts, numbers};
+use super::interrupt::Question;
 use crate::multiplier_collocation::{
     self, Schedules, COLUMNS, FUNCTIONALS, LEVELS, PARAMETERS, RESULTS,
 };
@@ -24,9 +25,10 @@ use crate::multiplier_collocation::{
 /// largest violation of complementarity seen and the error estimate of the boundaries, both in strikes; ln(S*/K) at the
 /// times, (t,); settled, (n,); the third derivative by x, (n,), and the derivatives of value and slope by rate, yield,
 /// volatility, amount and escrow of each segment, and what exercise on it contributes, with their changes from one degree of
-/// the boundaries to another, (m, 2, 2, 6), NaN and (0, 2, 2, 6) unless `derivatives`. Nothing of a schedule that is not settled may be used.
+/// the boundaries to another, (m, 2, 2, 6), NaN and (0, 2, 2, 6) unless `derivatives`. Nothing of a schedule that is not settled may be used. `interrupt`, a function or None, is asked every few milliseconds
+/// whether the work shall end; what is not solved then is not settled.
 #[pyfunction]
-#[pyo3(signature = (sign, x, first, segments, level, tolerance, times, first_time, derivatives, threads))]
+#[pyo3(signature = (sign, x, first, segments, level, tolerance, times, first_time, derivatives, threads, interrupt))]
 #[allow(
     clippy::needless_pass_by_value,
     clippy::too_many_arguments,
@@ -44,6 +46,7 @@ pub fn solve_schedules<'py>(
     first_time: PyReadonlyArray1<'py, i64>,
     derivatives: bool,
     threads: usize,
+    interrupt: Option<Py<PyAny>>,
 ) -> PyResult<(
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<f64>>,
@@ -78,7 +81,12 @@ pub fn solve_schedules<'py>(
         first_time: &first_time,
         with_derivatives: derivatives,
     };
-    let solved = py.detach(|| multiplier_collocation::solve_schedules(schedules, threads));
+    let question = Question::new(interrupt);
+    let solved = py.detach(|| {
+        let interrupt = || question.is_ended();
+        multiplier_collocation::solve_schedules(schedules, threads, &interrupt)
+    });
+    question.result()?;
     let count = solved.gradient.len();
     let gradient = solved.gradient.as_flattened().as_flattened().as_flattened();
     Ok((

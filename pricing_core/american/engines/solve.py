@@ -201,7 +201,7 @@ def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
 def _judged(best: Prices, allowed: Vector, *, interrupted: bool) -> Prices:
     """Return the prices with the status of every row that no engine ended; `allowed` is the tolerance in money."""
     status, judged = best.status.copy(), best.status == "ok"
-    status[judged & ~(best.error <= allowed)] = "tolerance_not_met"
+    status[judged & ~(best.error <= allowed)] = "deadline" if interrupted else "tolerance_not_met"
     status[judged & np.isnan(best.value)] = "deadline" if interrupted else "out_of_domain"
     return replace(best, status=status)
 

@@ -73,7 +73,9 @@ class MultiplierCollocation:
     def solve(self, book: Book, request: Request) -> Prices:
         """Solve to the tolerances; the Greeks are derivatives of the solution itself."""
         wanted = request.greeks != "none"
-        solved = solve_to_tolerance(book, request.tolerance, request.threads, derivatives=wanted)
+        solved = solve_to_tolerance(
+            book, request.tolerance, request.threads, derivatives=wanted, interrupt=request.interrupt
+        )
         believed = solved.settled & (solved.error <= np.maximum(request.tolerance, ROUGHEST))
         exercised = book.sign * (solved.boundary - log_moneyness(book)) >= 0.0
         columns: dict[str, Any] = by_spot(book, solved) | {"complete": True}
@@ -91,7 +93,7 @@ class MultiplierCollocation:
         best: tuple[Vector, Vector] | None = None
         coarse: Vector | None = None
         for level in range((FIRST_LEVEL if tolerance > TIGHT_TOLERANCE else TIGHT_LEVEL) - 1, FINEST + 1):
-            places, settled = boundaries_at(book, times, level)
+            places, settled = boundaries_at(book, times, level, request.interrupt)
             fine = schedule.strike * np.exp(places) + escrow if settled else None
             if fine is not None and coarse is not None:
                 error = np.abs(fine - coarse)
@@ -155,11 +157,15 @@ def _greeks(book: Book, solved: Solved, wanted: Rows, request: Request) -> tuple
         if share < 1.0 or cuts_lacking[rows].any():
             part = with_cuts(part, _entries(part, extended=extended)) if cuts_lacking[rows].any() else part
             found = solve_to_tolerance(
-                part, share * request.tolerance[rows], request.threads, derivatives=True
+                part,
+                share * request.tolerance[rows],
+                request.threads,
+                derivatives=True,
+                interrupt=request.interrupt,
             )
         part_columns = greeks_of(part, found, extended=extended)
         if extended:
-            part_columns |= _volga(part, found, request.threads)
+            part_columns |= _volga(part, found, request)
         allowed = request.tolerance[rows]
         same = np.abs(found.value - solved.value[rows]) <= np.maximum(solved.error[rows], allowed)
         missed = np.where(same, _largest_error(part, part_columns, allowed), np.inf)
@@ -192,19 +198,23 @@ def _largest_error(book: Book, columns: dict[str, Any], tolerance: Vector) -> Ve
     return largest
 
 
-def _volga(book: Book, solved: Solved, threads: int) -> dict[str, Vector]:
+def _volga(book: Book, solved: Solved, request: Request) -> dict[str, Vector]:
     """Return volga and its error: second differences of values that are solved alike, extrapolated from two steps.
 
     All boundaries have a fixed degree; where one of them is not found so, the values are solved to a small tolerance.
     """
+    threads, interrupt = request.threads, request.interrupt
     step = VOLGA_STEP * np.minimum.reduceat(book.segments.volatility, book.first[:-1])
     level = np.minimum(solved.level + 1, FINEST)
-    values = np.stack([solve_at_level(_moved(book, by * step), level, threads)[0] for by in VOLGA_STEPS])
+    values = np.stack(
+        [solve_at_level(_moved(book, by * step), level, threads, interrupt)[0] for by in VOLGA_STEPS]
+    )
     rows = np.flatnonzero(np.isnan(values).any(axis=0))
     if rows.size:
         part, tolerance = book.take(rows), np.full(rows.size, CLOSE)
         for value, by in zip(values, VOLGA_STEPS, strict=True):
-            value[rows] = solve_to_tolerance(_moved(part, by * step[rows]), tolerance, threads).value
+            moved = _moved(part, by * step[rows])
+            value[rows] = solve_to_tolerance(moved, tolerance, threads, interrupt=interrupt).value
     second = book.strike * (values[0] - 2.0 * values[1] + values[2]) / step**2
     far = book.strike * (values[3] - 2.0 * values[1] + values[4]) / (2.0 * step) ** 2
     return {"volga": second + (second - far) / 3.0, error_of("volga"): np.abs(second - far)}

@@ -6,6 +6,7 @@ last change bounds what is left. Where no degree is enough the segment is cut ne
 itself is held is the level's; calibrated on random contracts, checked in tests.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -119,7 +120,14 @@ class Solved:
         return Solved(**columns, gradient=self.gradient[gather(book.first, rows)[1]])
 
 
-def solve_to_tolerance(book: Book, tolerance: Vector, threads: int, *, derivatives: bool = False) -> Solved:
+def solve_to_tolerance(
+    book: Book,
+    tolerance: Vector,
+    threads: int,
+    *,
+    derivatives: bool = False,
+    interrupt: Callable[[], bool] | None = None,
+) -> Solved:
     """Solve every contract at the level of its tolerance, and at finer ones until its stated error meets that.
 
     Parameters
@@ -128,22 +136,28 @@ def solve_to_tolerance(book: Book, tolerance: Vector, threads: int, *, derivativ
         Fractions of the strike.
     derivatives : bool
         Whether the derivatives by the segments' numbers are wanted; the values do not depend on it.
+    interrupt : callable, optional
+        True ends the work; what is not solved then is not settled.
     """
     packed, count = pack(book), book.count
     least, first = np.array(FIRST_LEVELS).T
     level = first[np.argmax(tolerance[:, None] >= least, axis=1)].astype(np.int64)
     value, slope, curvature, boundary, third = np.full((5, count), np.nan)
     gradient = np.full((book.segments.end.size, 2, 2, 6), np.nan)
-    european = _kernel_values(packed.european(), level, threads, np.zeros(count)).numbers[0]
+    european = _kernel_values(
+        packed.european(), level, threads, np.zeros(count), interrupt=interrupt
+    ).numbers[0]
     solved = Solved(
         value, slope, curvature, boundary, european,
         np.full(count, np.inf), np.zeros(count, dtype=bool), level.copy(), third, gradient,
     )  # fmt: skip
     rows = np.arange(count)
-    while rows.size:
+    while rows.size and not (interrupt is not None and interrupt()):
         beyond = np.array(NEGLECTED)[level[rows]] + ROUNDING
         left = np.maximum(tolerance[rows] - beyond, SMALLEST_SHARE * tolerance[rows])
-        found = _kernel_values(packed.take(rows), level[rows], threads, left, derivatives=derivatives)
+        found = _kernel_values(
+            packed.take(rows), level[rows], threads, left, derivatives=derivatives, interrupt=interrupt
+        )
         _keep(solved, book, rows, level[rows], found, found.numbers[5] + beyond)
         rows = rows[~(solved.error[rows] <= tolerance[rows]) & (level[rows] < FINEST)]
         level[rows] += 1
@@ -177,12 +191,14 @@ class KernelValues(NamedTuple):
     gradient: NDArray[np.float64]
 
 
-def solve_at_level(book: Book, level: NDArray[np.int64], threads: int) -> tuple[Vector, BoolVector]:
+def solve_at_level(
+    book: Book, level: NDArray[np.int64], threads: int, interrupt: Callable[[], bool] | None = None
+) -> tuple[Vector, BoolVector]:
     """Return V/K, NaN where that does not settle, and what settled, each of shape (n,).
 
     Every boundary has its level's own degree, so that contracts that differ little are solved alike.
     """
-    found = _kernel_values(pack(book), level, threads, np.zeros(level.size))
+    found = _kernel_values(pack(book), level, threads, np.zeros(level.size), interrupt=interrupt)
     return np.where(found.settled, found.numbers[0], np.nan), found.settled
 
 
@@ -193,25 +209,20 @@ def _kernel_values(
     tolerance: Vector,
     *,
     derivatives: bool = False,
+    interrupt: Callable[[], bool] | None = None,
 ) -> KernelValues:
     assert kernel.solve_schedules is not None
     nothing, none = np.zeros(0), np.zeros(packed.x.size + 1, dtype=np.int64)
     numbers, _, settled, third, gradient = kernel.solve_schedules(
-        packed.sign,
-        packed.x,
-        packed.first,
-        packed.segments,
-        level,
-        tolerance,
-        nothing,
-        none,
-        derivatives,
-        threads,
-    )
+        packed.sign, packed.x, packed.first, packed.segments, level, tolerance, nothing, none,
+        derivatives, threads, interrupt,
+    )  # fmt: skip
     return KernelValues(numbers, settled, third, gradient)
 
 
-def boundaries_at(book: Book, times: Vector, level: int) -> tuple[Vector, bool]:
+def boundaries_at(
+    book: Book, times: Vector, level: int, interrupt: Callable[[], bool] | None = None
+) -> tuple[Vector, bool]:
     """Return ln(S*/K) at increasing times from now, just before what happens then, and whether all were found.
 
     Parameters
@@ -229,5 +240,5 @@ def boundaries_at(book: Book, times: Vector, level: int) -> tuple[Vector, bool]:
         np.array([level], dtype=np.int64),
         np.zeros(1),
     )
-    _, boundary, settled, _, _ = kernel.solve_schedules(*numbers, times, ends, False, 1)
+    _, boundary, settled, _, _ = kernel.solve_schedules(*numbers, times, ends, False, 1, interrupt)
     return boundary, bool(settled[0])

@@ -32,6 +32,7 @@ def solve(contracts, level, times=NO_TIMES, threads=1, tolerance=0.0):
         first_time,
         False,
         threads,
+        None,
     )
     return numbers, boundary, settled
 
@@ -82,6 +83,7 @@ def test_what_does_not_fit_is_refused():
         np.zeros(2, dtype=np.int64),
         True,
         1,
+        None,
     )
     for place, wrong in ((0, np.ones(2)), (2, np.array([0, 99])), (4, np.array([99]))):
         with pytest.raises(ValueError, match=r"length|first|level"):
@@ -95,7 +97,51 @@ def test_no_argument_is_modified():
     nothing = np.zeros(count + 1, dtype=np.int64)
     levels, tolerances = np.full(count, 1), np.full(count, 1e-5)
     kernel.solve_schedules(
-        packed.sign, packed.x, packed.first, packed.segments, levels, tolerances, NO_TIMES, nothing, True, 1
+        packed.sign,
+        packed.x,
+        packed.first,
+        packed.segments,
+        levels,
+        tolerances,
+        NO_TIMES,
+        nothing,
+        True,
+        1,
+        None,
     )
     for part, copy in zip((packed.sign, packed.x, packed.first, packed.segments), before, strict=True):
         np.testing.assert_array_equal(part, copy)
+
+
+def test_an_interrupt_ends_the_work_within_milliseconds():
+    contracts = random_contracts(6, 4000)
+    packed = pack(Book.of(contracts))
+    asked = []
+
+    def interrupt():
+        asked.append(True)
+        return len(asked) >= 3
+
+    nothing = np.zeros(len(contracts) + 1, dtype=np.int64)
+    levels, tolerances = np.full(len(contracts), 4), np.full(len(contracts), 1e-8)
+    arguments = (
+        packed.sign,
+        packed.x,
+        packed.first,
+        packed.segments,
+        levels,
+        tolerances,
+        NO_TIMES,
+        nothing,
+        True,
+    )
+    _, _, settled, _, gradient = kernel.solve_schedules(*arguments, 2, interrupt)
+    assert len(asked) == 3
+    assert 0 < settled.sum() < settled.size
+    assert np.isnan(gradient[packed.first[:-1][~settled]]).all()
+
+    def fails():
+        raise RuntimeError("asked")
+
+    with pytest.raises(RuntimeError, match="asked"):
+        kernel.solve_schedules(*arguments, 2, fails)
