@@ -3,7 +3,7 @@
 The prices must be smooth in what is bumped, so that an engine solves all of them alike.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -69,10 +69,17 @@ class Differences:
         value, delta : Vector, shape (k,)
             Money; NaN leaves the derivatives NaN that need it.
         """
+        return self._sums(value, delta, np.positive)
+
+    def noise(self, error: Vector) -> dict[str, Any]:
+        """Return what errors of the values, money, shape (k,), may add up to in the columns."""
+        return self._sums(error, error, np.abs)
+
+    def _sums(self, value: Vector, delta: Vector, weighed: Callable[[Vector], Vector]) -> dict[str, Any]:
         found: dict[str, Any] = {kind: np.zeros(size) for kind, size in self._sizes.items()}
         for term in self._terms:
             what = (delta if term.by_delta else value)[term.contract]
-            found[term.kind] += np.bincount(term.entry, term.weight * what, found[term.kind].size)
+            found[term.kind] += np.bincount(term.entry, weighed(term.weight) * what, found[term.kind].size)
         for name in CURVES:
             if BUCKETS[name] in found:
                 found[BUCKETS[name]] = Ragged(getattr(self._listed, name).first, found[BUCKETS[name]])

@@ -5,12 +5,14 @@ of its recursion). A Greek is a sum of these: over all segments, over those of o
 dividend ends.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.american.book.book import CURVES, Book
+from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.prices import error_of
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.contracts.schedule import SAME_TIME
@@ -21,6 +23,9 @@ from pricing_core.arrays import BoolVector, Vector
 # The numbers of a segment by which the kernel differentiates, in its order, and what exercise on it contributes.
 NUMBERS = ("rate", "dividend_yield", "volatility", "amount", "escrow", "exercise")
 RATE, _, VOLATILITY, AMOUNT, ESCROW, EXERCISE = range(len(NUMBERS))
+NEXT_TO_NOTHING = (
+    1e-9  # Amount of a dividend, in strikes, that changes no value by more than its rounding; chosen.
+)
 OWN, CHANGE = 0, 1  # The derivatives, and their changes with the degrees of the boundaries.
 # Error of each derivative over the sum of its changes with the degrees; calibrated on random contracts.
 CHANGE_SHARES = np.array([2.0, 3.0, 2.0, 2.0, 2.0, 1.5])
@@ -102,6 +107,22 @@ def lacks_cuts(book: Book, *, extended: bool) -> BoolVector:
             _, ends_there = _segment_at(book, owner, time)
             lacking[owner[before & ~ends_there]] = True
     return lacking
+
+
+def with_entries(book: Book, *, extended: bool) -> Book:
+    """Return the contracts with a segment ending at every entry by which there is a derivative.
+
+    A dividend of nothing becomes one of next to nothing: the derivative by its amount is that from above.
+    """
+    names = ("cash_dividends", *(CURVES if extended else ()))
+    listed = [getattr(book.listed, name) for name in names]
+    times = [sum((each.row(row) for each in listed), ()) for row in range(book.count)]
+    cut = with_cuts(book, Ragged.of(times))
+    dividends = cut.listed.cash_dividends
+    segment, ends_there = _segment_at(cut, dividends.owner(), dividends.values)
+    due, chosen = cut.segments.due.copy(), segment[ends_there & (dividends.values > 0.0)]
+    due[chosen] = np.maximum(due[chosen], NEXT_TO_NOTHING * cut.per_segment(cut.strike)[chosen])
+    return replace(cut, segments=replace(cut.segments, due=due))
 
 
 def _charm(book: Book, solved: Solved, S: Vector) -> Vector:

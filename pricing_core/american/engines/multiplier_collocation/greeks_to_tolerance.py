@@ -1,0 +1,205 @@
+"""Greeks with errors that suit the tolerance: from the solution that gave the price, or from finer ones if need be."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pricing_core.american.book.book import Book, Rows
+from pricing_core.american.book.prices import error_of
+from pricing_core.american.book.ragged import Ragged
+from pricing_core.american.engines.differences import (
+    BUCKETS,
+    DIVIDENDS,
+    PARALLEL,
+    plan_differences,
+    stored,
+    unchanged,
+)
+from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.multiplier_collocation.greeks import (
+    by_spot,
+    greeks_of,
+    lacks_cuts,
+    with_entries,
+)
+from pricing_core.american.engines.multiplier_collocation.levels import (
+    FINEST,
+    Solved,
+    solve_at_level,
+    solve_to_tolerance,
+)
+from pricing_core.arrays import Vector
+
+# Shares of the tolerance to which a contract is solved for its Greeks, as long as their errors are too large; chosen.
+SHARES = (1.0, 0.1, 0.01)
+# How large the errors of Greeks may be, in tolerances times a power of the strike; chosen.
+ALLOWED = {
+    **dict.fromkeys(("delta", DIVIDENDS), (10.0, 0)),
+    **dict.fromkeys((*PARALLEL.values(), *BUCKETS.values()), (10.0, 1)),
+    **dict.fromkeys(("vanna", "charm"), (100.0, 0)),
+    "gamma": (1000.0, -1),
+    "volga": (100.0, 1),
+}
+LEAST_TOLERANCE = 1e-7  # Smallest tolerance, in strikes, that the errors of Greeks are measured by; chosen.
+CLOSE = 1e-9  # Tolerance, in strikes, of values whose differences are taken; chosen.
+# Smallest error, in strikes, of a derivative by a parameter that differences of such values may improve; derived.
+BY_DIFFERENCES = 1e-5
+DIFFERENCE_SHARES = (1.0, 0.5)  # Steps of differences, in the usual ones; chosen.
+# Step of the volatility for volga, as a share of the contract's smallest one; calibrated.
+VOLGA_STEP = 0.01
+# The values that volga needs, in steps from the contract's own volatility.
+VOLGA_STEPS = (-1.0, 0.0, 1.0, -2.0, 2.0)
+Columns = dict[str, Any]
+
+
+def greeks_to_tolerance(book: Book, solved: Solved, wanted: Rows, request: Request) -> tuple[Columns, Rows]:
+    """Return the Greeks and their errors as columns, and the rows for which the interrupt came too early.
+
+    Where an error is too large, a Greek is missing, or no segment ends where a Greek is asked for, the contract is
+    solved again, to smaller and smaller tolerances; its price stays the first one. What is still not close is taken
+    from differences. Rows that are not `wanted` are exercised, and nothing changes their value, or were not settled.
+    """
+    extended = request.greeks == "extended"
+    columns = _nothing_known(book, solved, wanted, extended=extended)
+    complete = np.ones(book.count, dtype=bool)
+    complete[wanted] = False
+    lacking = lacks_cuts(book, extended=extended)
+    largest = np.full(book.count, np.inf)  # the largest error so far, over what it may be
+    rows = wanted
+    for share in SHARES:
+        for group in (rows[~lacking[rows]], rows[lacking[rows]]):
+            if group.size == 0:
+                continue
+            if request.is_interrupted():
+                return columns | {"complete": complete}, wanted[~complete[wanted]]
+            part, found = book.take(group), solved.take(group, book)
+            tolerance = request.tolerance[group]
+            if lacking[group[0]]:
+                part = with_entries(part, extended=extended)
+            if share < 1.0 or lacking[group[0]]:
+                found = solve_to_tolerance(
+                    part, share * tolerance, request.threads, derivatives=True, interrupt=request.interrupt
+                )
+            fresh = greeks_of(part, found, extended=extended)
+            if extended:
+                fresh |= _volga(part, found, request)
+            same = np.abs(found.value - solved.value[group]) <= np.maximum(solved.error[group], tolerance)
+            missed = np.where(same, _largest_error(part, fresh, tolerance), np.inf)
+            better = np.flatnonzero(missed < largest[group])
+            kept = group[better]
+            largest[kept] = missed[better]
+            complete[kept] = True
+            columns = stored(columns, kept, {name: _taken(column, better) for name, column in fresh.items()})
+        rows = rows[~(largest[rows] <= 1.0)]
+    doubtful = [columns[error_of(greek)][rows] / book.strike[rows] for greek in PARALLEL.values()]
+    rows = rows[complete[rows] & (np.max(doubtful, axis=0) > BY_DIFFERENCES)]
+    if rows.size and not request.is_interrupted():
+        closer = _closer(book.take(rows), columns, rows, request)
+        columns |= stored({name: columns[name] for name in closer}, rows, closer)
+    return columns | {"complete": complete}, np.zeros(0, dtype=np.intp)
+
+
+def _nothing_known(book: Book, solved: Solved, wanted: Rows, *, extended: bool) -> Columns:
+    """Return delta and gamma, and the other columns of what no parameter changes, with NaN in the rows `wanted`."""
+    columns = unchanged(book, extended=extended)
+    columns |= {error_of(name): column for name, column in columns.items()}
+    columns |= {error_of(name): np.zeros(book.count) for name in ("delta", "gamma")}
+    if extended:
+        columns |= dict.fromkeys(("charm", error_of("charm")), np.zeros(book.count))
+    for name, column in columns.items():
+        if isinstance(column, Ragged):
+            values = np.where(np.isin(column.owner(), wanted), math.nan, column.values)
+            columns[name] = Ragged(column.first, values)
+        else:
+            columns[name] = column.copy()
+            columns[name][wanted] = math.nan
+    return columns | by_spot(book, solved)
+
+
+def _largest_error(book: Book, columns: Columns, tolerance: Vector) -> Vector:
+    """Return the largest error of the Greeks, each over what it may be at that tolerance; infinite where one lacks."""
+    largest, tolerance = np.zeros(book.count), np.maximum(tolerance, LEAST_TOLERANCE)
+    for greek, (tolerances, power) in ALLOWED.items():
+        if error_of(greek) not in columns:
+            continue
+        column, error = columns[greek], columns[error_of(greek)]
+        owner = column.owner() if isinstance(column, Ragged) else np.arange(book.count)
+        numbers, errors = (each.values if isinstance(each, Ragged) else each for each in (column, error))
+        allowed = tolerances * tolerance * book.strike**power
+        missed = np.where(np.isfinite(numbers) & np.isfinite(errors), errors / allowed[owner], np.inf)
+        np.maximum.at(largest, owner, missed)
+    return largest
+
+
+def _closer(book: Book, columns: Columns, rows: Rows, request: Request) -> Columns:
+    """Return the derivatives by parameters and dividends from extrapolated differences, where these are closer.
+
+    The adjoint is not close where the boundary moves a long way with a parameter: with no yield, and cash dividends,
+    the contact set begins everywhere at once, and with next to no yield it does not.
+    """
+    found = []
+    for share in DIFFERENCE_SHARES:
+        plan = plan_differences(book, extended=False, share=share)
+        tolerance, K = np.full(plan.book.count, CLOSE), plan.book.strike
+        solved = solve_to_tolerance(plan.book, tolerance, request.threads, interrupt=request.interrupt)
+        value = np.where(solved.settled, K * solved.value, math.nan)
+        found.append((plan.columns(value, value), plan.noise(K * solved.error)))
+    (far, _), (near, noise) = found
+    closer: Columns = {}
+    for greek in (*PARALLEL.values(), DIVIDENDS):
+        value, error = (_taken(columns[name], rows) for name in (greek, error_of(greek)))
+        steps = far[greek], near[greek], noise[greek]
+        if isinstance(value, Ragged):
+            numbers, errors = _better(value.values, error.values, *(each.values for each in steps))
+            closer[greek], closer[error_of(greek)] = Ragged(value.first, numbers), Ragged(value.first, errors)
+        else:
+            closer[greek], closer[error_of(greek)] = _better(value, error, *steps)
+    for name, greek in PARALLEL.items():
+        if BUCKETS[name] in columns:  # their sum stays the parallel derivative
+            buckets, errors = (
+                _taken(columns[each], rows) for each in (BUCKETS[name], error_of(BUCKETS[name]))
+            )
+            owner = buckets.owner()
+            share = errors.values / np.bincount(owner, errors.values, book.count)[owner]
+            moved = (closer[greek] - columns[greek][rows])[owner]
+            closer[BUCKETS[name]] = Ragged(buckets.first, buckets.values + share * moved)
+    return closer
+
+
+def _better(value: Vector, error: Vector, far: Vector, near: Vector, noise: Vector) -> tuple[Vector, Vector]:
+    """Return the differences, extrapolated from both steps, where their distance and noise are less than the error."""
+    distance = np.abs(near - far) + noise
+    closer = distance < error
+    return np.where(closer, near + (near - far) / 3.0, value), np.where(closer, distance, error)
+
+
+def _volga(book: Book, solved: Solved, request: Request) -> Columns:
+    """Return volga and its error: second differences of values that are solved alike, extrapolated from two steps.
+
+    All boundaries have a fixed degree; where one of them is not found so, the values are solved to a small tolerance.
+    """
+    threads, interrupt = request.threads, request.interrupt
+    step = VOLGA_STEP * np.minimum.reduceat(book.segments.volatility, book.first[:-1])
+    level = np.minimum(solved.level + 1, FINEST)
+    books = [_moved(book, by * step) for by in VOLGA_STEPS]
+    values = np.stack([solve_at_level(moved, level, threads, interrupt)[0] for moved in books])
+    rows = np.flatnonzero(np.isnan(values).any(axis=0))
+    if rows.size:
+        tolerance = np.full(rows.size, CLOSE)
+        for value, moved in zip(values, books, strict=True):
+            value[rows] = solve_to_tolerance(moved.take(rows), tolerance, threads, interrupt=interrupt).value
+    near = book.strike * (values[0] - 2.0 * values[1] + values[2]) / step**2
+    far = book.strike * (values[3] - 2.0 * values[1] + values[4]) / (2.0 * step) ** 2
+    return {"volga": near + (near - far) / 3.0, error_of("volga"): np.abs(near - far)}
+
+
+def _moved(book: Book, by: Vector) -> Book:
+    """Return the contracts with their volatilities moved in parallel, each by its own step."""
+    volatility = book.segments.volatility + book.per_segment(by)
+    return replace(book, segments=replace(book.segments, volatility=volatility))
+
+
+def _taken(column: Any, rows: Rows) -> Any:
+    return column.take(rows) if isinstance(column, Ragged) else column[rows]
