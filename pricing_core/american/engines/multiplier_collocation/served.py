@@ -11,6 +11,8 @@ LARGEST_CALL_DEVIATION = 4.0  # Largest standard deviation of ln S at expiry for
 LARGEST_DRIFT = 6.0  # Largest drift of ln S over one segment, in standard deviations over it; calibrated.
 SAFE = 3.5  # Fall of ln S, in standard deviations, after which dividends must leave a put's spot; calibrated.
 WIDEST = 400.0  # Largest standard deviation of ln S at expiry over that of one segment; measured.
+# Largest growth of the share by a negative yield over a segment before a cash dividend, for a put; measured.
+LARGEST_OVERHANG = 1e-4
 SMALLEST_SPREAD = 1e-7  # Smallest standard deviation of ln S over one segment; measured.
 
 
@@ -50,9 +52,11 @@ def _keeps_its_spot(book: Book, spread: Vector) -> BoolVector:
         forward[rows] = np.maximum(ahead * (1.0 - segments.fraction[at]) - amount[at], 0.0)
         paid[rows] += amount[at]
     likely = (amount > 0.0) & (amount >= lowest)
-    jumps = (segments.fraction > 0.0) | (amount > 0.0) | (escrow > 0.0)
-    between = jumps & segments.exercisable & (segments.dividend_yield < 0.0) & (segments.rate > 0.0)
-    # Where it lies between two spots, exercise begins in yet another way.
+    # Before a cash dividend and with a negative yield, exercise begins between two spots, and later at smaller ones.
+    # Before a proportional dividend it begins at a spot of zero, whatever the yield.
+    overhang = -segments.dividend_yield * segments.duration
+    paid_in_cash = (amount > 0.0) | (escrow > 0.0)
+    between = paid_in_cash & segments.exercisable & (overhang > LARGEST_OVERHANG) & (segments.rate > 0.0)
     return ~np.logical_or.reduceat(likely | between, book.first[:-1]) & (forward > 0.0)
 
 

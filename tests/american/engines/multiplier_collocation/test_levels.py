@@ -215,3 +215,46 @@ def test_the_finest_level_is_the_kernels_last():
 def test_what_the_collocation_would_get_wrong_is_left_to_the_general_path(option, market, right):
     assert not is_served(Book.of([(option, market)]))[0]
     assert price(option, market, tolerance=1e-5, greeks="none").price == pytest.approx(right, rel=1e-4)
+
+
+QUARTERLY = [0.1 + 0.25 * k for k in range(4)]
+JUMPS = {
+    "cash": {"cash_dividends": [{"time": time, "amount": 0.6} for time in QUARTERLY]},
+    "escrowed": {
+        "cash_dividends": [{"time": time, "amount": 0.6} for time in QUARTERLY],
+        "dividend_model": "escrowed",
+    },
+    "proportional": {"proportional_dividends": [{"time": time, "fraction": 0.006} for time in QUARTERLY]},
+    "small proportional": {
+        "proportional_dividends": [{"time": time, "fraction": 0.001} for time in QUARTERLY]
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "dividend_yield"),
+    [("cash", -7e-5), ("escrowed", -7e-5), ("proportional", -0.03), ("small proportional", -0.03)],
+)
+def test_a_put_with_dividends_and_a_negative_yield_has_the_value_of_the_method_of_lines(name, dividend_yield):
+    contract = Option("put", 100.0, 1.0), Market(100.0, 0.03, 0.25, dividend_yield, **JUMPS[name])
+    book = Book.of([contract])
+    assert is_served(book)[0]
+    found = solve_to_tolerance(book, np.array([1e-6]), 1)
+    lines = solved_by(MethodOfLines(), contract, tolerance=1e-7)
+    assert found.settled[0]
+    assert abs(100.0 * found.value[0] - lines.value[0]) <= 100.0 * found.error[0] + lines.error[0]
+    assert found.error[0] <= 1e-6
+
+
+@pytest.mark.parametrize(
+    ("name", "step"),
+    [("cash", 7e-5), ("escrowed", 7e-5), ("proportional", 1e-3), ("small proportional", 1e-3)],
+)
+def test_value_and_slope_go_smoothly_through_a_yield_of_zero(name, step):
+    option = Option("put", 100.0, 1.0)
+    markets = [Market(100.0, 0.03, 0.25, by * step, **JUMPS[name]) for by in (-1.0, 0.0, 1.0)]
+    found = solve_to_tolerance(Book.of([(option, market) for market in markets]), np.full(3, 1e-6), 1)
+    assert found.settled.all()
+    # The second difference is that of a smooth function, some 1 per square of the yield, but for the errors.
+    assert abs(np.diff(found.value, 2)[0]) <= step**2 + found.error @ [1.0, 2.0, 1.0]
+    assert abs(np.diff(found.slope, 2)[0]) <= 4.0 * step**2 + 1e-5
