@@ -8,6 +8,7 @@ from scipy.special import ndtr
 
 from pricing_core.american.book.book import CURVES, Book
 from pricing_core.american.book.cuts import with_cuts
+from pricing_core.american.book.prices import error_of
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.engines.differences import BUCKETS, DIVIDENDS, of_dividends_not_due
@@ -16,6 +17,8 @@ from pricing_core.arrays import Vector
 ONE_OVER_SQRT_TWO_PI = 1.0 / math.sqrt(2.0 * math.pi)
 # Error of each term of the formula as a share of it, for each unit of its exponent; chosen above their rounding.
 ROUNDING = 1e-15
+# The same for the Greeks, and for the terms of d1; calibrated against 100 decimal digits.
+ROUNDING_OF_GREEKS = 2e-16
 
 
 def european_columns(book: Book, greeks: Greeks) -> dict[str, Any]:
@@ -65,8 +68,67 @@ def european_columns(book: Book, greeks: Greeks) -> dict[str, Any]:
             columns |= _by_parameters(book, in_stock * S, in_bond * K, by_spread, spread)
         if greeks == "extended":
             columns |= _second_order(book, density, by_spread, (d1, d2), spread)
+            columns["charm"] = (
+                now.dividend_yield * in_stock
+                + density
+                * (0.5 * (now.volatility / spread) ** 2 * d2 - (now.rate - now.dividend_yield) / spread)
+                - _escrow_growth(book, columns["gamma"])
+            )
             columns |= _by_pieces(book, in_stock * S, in_bond * K, by_spread / spread)
+        if greeks != "none":
+            # What the rounding of ln(S/K) and of the integrals does to d1.
+            off = (1.0 + np.abs(np.log(kept * S / K)) + np.abs(rate) + np.abs(dividend_yield)) / spread
+            off = ROUNDING_OF_GREEKS * (off + spread)
+            columns |= _errors(book, columns, (S, in_stock, in_bond, density), (d1, d2, spread), off)
     return columns
+
+
+def _errors(
+    book: Book,
+    columns: dict[str, Any],
+    terms: tuple[Vector, Vector, Vector, Vector],
+    arguments: tuple[Vector, Vector, Vector],
+    off: Vector,
+) -> dict[str, Vector]:
+    """Return the rounding errors of the Greeks that are one number, for an error `off` of d1 and d2.
+
+    A term that has the normal density as a factor changes by |d1| times the error of d1 as a share of it.
+    """
+    (S, in_stock, in_bond, density), (d1, d2, spread) = terms, arguments
+    now, expiry, by_spread = book.first_segments(), book.expiry, S * density
+    # Relative errors of a term without the density (a few roundings and the exponents), and of one with it.
+    plain = ROUNDING_OF_GREEKS * (
+        1.0 + _sum(book, np.abs(book.segments.rate) + np.abs(book.segments.dividend_yield))
+    )
+    dense = 4.0 * plain + np.abs(d1) * off
+    of_delta = plain * np.abs(in_stock) + density * off
+    of_bond = plain * book.strike * np.abs(in_bond) + by_spread * off
+    decay = 0.5 * (now.volatility / spread) ** 2
+    errors = {
+        "delta": of_delta,
+        "gamma": dense * columns["gamma"],
+        "theta": np.abs(now.dividend_yield) * S * of_delta
+        + np.abs(now.rate) * of_bond
+        + dense * decay * by_spread * spread
+        + np.abs(_escrow_growth(book, of_delta)),
+        "vega": dense * np.abs(columns["vega"]),
+        "rho": expiry * of_bond + plain * np.abs(columns["rho"]),
+        "dividend_rho": expiry * S * of_delta,
+    }
+    if "vanna" in columns:
+        first = _sum(book, book.segments.volatility) / spread
+        errors["vanna"] = dense * np.abs(columns["vanna"]) + density * first / spread * off
+        # Both terms of s'' are about T/s, whose difference loses digits.
+        errors["volga"] = dense * np.abs(columns["volga"]) + by_spread / spread * (
+            first**2 * (np.abs(d1) + np.abs(d2)) * off + 4.0 * plain * expiry
+        )
+        drift = (np.abs(now.rate) + np.abs(now.dividend_yield)) / spread
+        errors["charm"] = (
+            np.abs(now.dividend_yield) * of_delta
+            + density * (dense * (decay * np.abs(d2) + drift) + decay * off)
+            + np.abs(_escrow_growth(book, dense * columns["gamma"]))
+        )
+    return {error_of(name): error for name, error in errors.items()}
 
 
 def _sum(book: Book, column: Vector) -> Vector:
