@@ -58,7 +58,7 @@ impl Correction {
         &mut self,
         segment: &Segment<'_>,
         bands: &Bands,
-        factors: Option<&Factors>,
+        factors: &Factors,
         q: &mut [f64],
         contact: &[bool],
         mut solved: Option<&[f64]>,
@@ -116,12 +116,7 @@ impl Correction {
     }
 
     /// Place the boundary at every edge; return whether that changed the contact set instead.
-    fn place_all(
-        &mut self,
-        segment: &Segment<'_>,
-        bands: &Bands,
-        factors: Option<&Factors>,
-    ) -> bool {
+    fn place_all(&mut self, segment: &Segment<'_>, bands: &Bands, factors: &Factors) -> bool {
         self.lifts.clear();
         self.moves.clear();
         for index in 0..self.edges.len() {

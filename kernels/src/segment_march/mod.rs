@@ -76,7 +76,7 @@ pub struct March {
     pub contact: Vec<bool>,
     /// u at the interior nodes, per year.
     pub multiplier: Vec<f64>,
-    /// The largest natural residual max |min(z, w)|/max(1, s) at the end of a step.
+    /// The largest natural residual max |min(z, w/d)|/max(1, s) at the end of a step, d the diagonal of M.
     pub residual: f64,
     /// The ends of the exercise region in s after each step, see `region`.
     pub regions: Vec<[f64; 2]>,
@@ -166,6 +166,7 @@ pub fn march_segment(
         let (start, end) = (pair[0], pair[1]);
         let h = end - start;
         value.copy_from_slice(&stage.value);
+        stage.begin_step();
         match scheme {
             Scheme::ImplicitEuler => stage.solve(end, h, &value)?,
             Scheme::Sdirk2 => {

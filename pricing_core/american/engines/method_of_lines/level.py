@@ -9,7 +9,12 @@ import numpy as np
 from pricing_core.american.book.resolution import Resolution, Scheme
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.exercise_region import EMPTY_REGION, ExerciseRegion
-from pricing_core.american.engines.method_of_lines.grid import SpotRange, natural_stretching, spot_range
+from pricing_core.american.engines.method_of_lines.grid import (
+    SpotRange,
+    even_stretching,
+    natural_stretching,
+    spot_range,
+)
 from pricing_core.american.engines.method_of_lines.interpolation import local_derivatives, run_around
 from pricing_core.american.engines.method_of_lines.limits import without_exercise
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
@@ -17,7 +22,7 @@ from pricing_core.american.engines.method_of_lines.sweep import SMALLEST_SHARE, 
 from pricing_core.arrays import Vector
 
 COARSEST_INTERVALS, COARSEST_STEPS = 64, 16  # Cells and steps of the first resolution; calibrated.
-MOST_COARSEST_INTERVALS, MOST_COARSEST_STEPS = 768, 128  # The same where drift or rates ask for more; chosen.
+MOST_COARSEST_INTERVALS, MOST_COARSEST_STEPS = 768, 96  # The same where drift or rates ask for more; chosen.
 # Number of cells that the drift asks for, over the most, from which it is not followed; calibrated.
 HOPELESS = 1.0
 # Smallest volatility, 1/sqrt(year), that is looked at: its square does not vanish; chosen.
@@ -177,11 +182,14 @@ def coarsest_resolution(solver: ScheduleSolver, scheme: Scheme) -> Resolution:
     if cells > HOPELESS * MOST_COARSEST_INTERVALS / COARSEST_INTERVALS:
         # No grid resolves the drift: the spot hardly diffuses, and the fitted operator carries it.
         cells = steps = 1.0
+    # What Crank-Nicolson does not damp, it amplifies on the finest cells: the plain grid is the better one for it.
+    plain = scheme == "crank-nicolson"
     return Resolution(
         COARSEST_INTERVALS * min(math.ceil(cells), MOST_COARSEST_INTERVALS // COARSEST_INTERVALS),
         COARSEST_STEPS * min(math.ceil(steps), MOST_COARSEST_STEPS // COARSEST_STEPS),
+        time_mesh="square-root" if plain else "cube-root",
         scheme=scheme,
-        stretching=natural_stretching(span.spread),
+        stretching=even_stretching(span.spread) if plain else natural_stretching(span.spread),
     )
 
 

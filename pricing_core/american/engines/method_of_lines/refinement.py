@@ -8,13 +8,13 @@ a formula gives its exact value, the error that the two solves share is taken ou
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from pricing_core.american.book.resolution import MOST, Resolution, Scheme
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.exercise_region import EMPTY_REGION, ExerciseRegion
+from pricing_core.american.engines.method_of_lines.grid import even_stretching
 from pricing_core.american.engines.method_of_lines.level import (
     Level,
     ScheduleSolver,
@@ -36,11 +36,11 @@ FEWEST_SOLVES = 3  # Smallest number of resolutions: two may agree by chance; ch
 ERROR_SHARE = 1.5
 # Share of the European value's error on the same grid that counts as error of a solve; calibrated.
 EUROPEAN_SHARE = 0.5
-# Share of a distance below which agreement is not believed, ordinarily and where convergence is regular; calibrated.
-CHANCE, REGULAR_CHANCE = 1.0 / 4.0, 1.0 / 16.0
-# Error of the extrapolant over its last move where convergence is regular; on 86 such values it was at most 0.42.
-REGULAR_SHARE = 0.5
-REGULAR = (3.4, 4.6)  # Ratios of successive differences that speak of second order; calibrated.
+# Share of the extrapolant's move before that counts as error of the extrapolant, for two may agree by chance, and share
+# of the difference between the last two solves, which a region of exercise narrower than a few cells makes; calibrated.
+CHANCE, STEP_SHARE = 1.0 / 4.0, 1.0 / 8.0
+# Smallest width of a cell, as a share of the spot, in which a boundary is not looked for; chosen.
+WIDE_CELL = 0.05
 ROUNDING = 1e-13  # Rounding error of a value, in strikes, or in spots where that is more; measured.
 REGION_INTERVALS = 256  # Smallest number of cells where the region alone is wanted; chosen.
 
@@ -108,14 +108,14 @@ def estimate_to_tolerance(
     -----
     The grid reaches as far as the spot and the strike may move (`spot_range`); kinks enter it by projection
     (`event_transfer`), the exercise boundary by its place in a cell (`boundary_cell`): second order for every kind of
-    event, and regular enough to extrapolate. In one of twenty contracts the error estimate is too small, seldom by more
-    than a factor of two.
+    event, and regular enough to extrapolate. In one of a hundred contracts the error estimate is too small, seldom by
+    more than a factor of two.
     """
     if resolution is None:
         found = _refined(solver, tolerance, coarsest_resolution(solver, scheme), exact)
     else:
         found = _at_resolution(solver, replace(resolution, scheme=resolution.scheme or scheme), exact)
-    if found.interrupted or not _region_is_elsewhere(solver, found.region):
+    if found.interrupted or not (_region_is_elsewhere(solver, found.region) or _is_coarse(solver, found)):
         return found
     return replace(found, region=_region_elsewhere(solver.schedule, tolerance, solver.interrupt))
 
@@ -180,7 +180,7 @@ def boundaries(
 
 def _ends(solver: ScheduleSolver, times: tuple[float, ...], tolerance: float) -> Matrix:
     """Return the (near, far) boundary that one solve sees, shape (m, 2)."""
-    schedule, resolution = solver.schedule, coarsest_resolution(solver, "sdirk2")
+    schedule, resolution = solver.schedule, _for_boundaries(solver)
     for _ in range(DOUBLINGS if tolerance < 1e-4 else DOUBLINGS - 1):
         resolution = resolution.refined()
     regions = solver.regions(times, resolution)
@@ -239,16 +239,16 @@ def _extrapolated(solver: ScheduleSolver, levels: list[Level], exact: Vector | N
     """Return the extrapolant of the last two levels, n >= 2, with its error."""
     last = levels[-1]
     # Where the option is exercised its value is the payoff, and the European value's error has no part in it.
-    american, error = _combined(levels, None if last.exercised else exact)
+    american, errors = _combined(levels, None if last.exercised else exact)
     european = exact if exact is not None else _limit([level.european for level in levels], last.fitted)[0]
     if last.exercised:
         american = last.american
-    error += _noise(solver, last)
+    error = float(errors[0]) + _noise(solver, last)
     return Estimate(american, european, error, last.region, tuple(levels[-2:]), len(levels), False)
 
 
-def _combined(levels: list[Level], exact: Vector | None) -> tuple[Vector, float]:
-    """Return the limit of the American values and its error, that of the early exercise premium where that is known."""
+def _combined(levels: list[Level], exact: Vector | None) -> tuple[Vector, Vector]:
+    """Return the limits of the American numbers and their errors, those of the premium where the rest is known."""
     fitted = levels[-1].fitted
     if exact is None:
         return _limit([level.american for level in levels], fitted)
@@ -261,25 +261,20 @@ def _noise(solver: ScheduleSolver, level: Level) -> float:
     return solver.truncation + level.residual + ROUNDING * max(1.0, solver.spot)
 
 
-def _limit(values: list[Vector], first_order: bool) -> tuple[Vector, float]:
-    """Return the limit of values at doubling resolutions, and its error.
+def _limit(values: list[Vector], first_order: bool) -> tuple[Vector, Vector]:
+    """Return the limits of numbers at doubling resolutions, and their errors, both of shape (m,).
 
-    How far the extrapolant moved, or a share of how far it lies from the value, or of how far it moved before,
-    whichever is largest; smaller shares where the values have been seen to converge at second order.
+    How far an extrapolant moved, or a share of how far it moved before, or of how far the numbers themselves moved,
+    whichever is largest; each number on its own.
     """
-    last, fine = float(values[-2][0]), float(values[-1][0])
+    differences = np.diff(values[-4:], axis=0)
     if first_order:
-        return values[-1], 2.0 * abs(fine - last)
-    limit = (4.0 * values[-1] - values[-2]) / 3.0
-    if len(values) == 2:
-        return limit, abs(float(limit[0]) - fine)
-    heads = [float(value[0]) for value in values]
-    differences = [b - a for a, b in pairwise(heads)]
-    moves = [abs(4.0 * d - c) / 3.0 for c, d in pairwise(differences)]  # by which the extrapolant moved
-    ratios = [c / d if d != 0.0 else math.inf for c, d in pairwise(differences)][-2:]
-    regular = len(ratios) == 2 and all(REGULAR[0] <= ratio <= REGULAR[1] for ratio in ratios)
-    share, chance = (REGULAR_SHARE, REGULAR_CHANCE) if regular else (1.0, CHANCE)
-    return limit, max(share * moves[-1], chance * abs(differences[-1]) / 3.0, chance * max(moves[-2:]))
+        return values[-1], 2.0 * np.abs(differences[-1])
+    limit = values[-1] + differences[-1] / 3.0
+    if len(differences) == 1:
+        return limit, np.abs(differences[-1]) / 3.0
+    moves = np.abs(4.0 * differences[1:] - differences[:-1]) / 3.0  # by which the extrapolant moved
+    return limit, np.max([moves[-1], CHANCE * moves[0], STEP_SHARE * np.abs(differences[-1])], axis=0)
 
 
 def _region_is_elsewhere(solver: ScheduleSolver, region: ExerciseRegion) -> bool:
@@ -292,6 +287,19 @@ def _region_is_elsewhere(solver: ScheduleSolver, region: ExerciseRegion) -> bool
     return not solver.covers_strike or (empty and (falls or exists))
 
 
+def _is_coarse(solver: ScheduleSolver, found: Estimate) -> bool:
+    """Whether the boundary nearer the strike lies where the grid has wide cells."""
+    schedule, region = solver.schedule, found.region
+    end = region.upper if schedule.is_put else region.lower
+    if math.isinf(end):
+        return False
+    resolution = found.levels[-1].resolution
+    s = math.exp(end) - schedule.segments[0].escrow_at(0.0) / schedule.strike
+    nodes = solver.span.grid(resolution.intervals, resolution.stretching).nodes
+    above = min(max(int(np.searchsorted(nodes, s)), 1), nodes.size - 1)
+    return bool(nodes[above] - nodes[above - 1] > WIDE_CELL * s)
+
+
 def _region_elsewhere(
     schedule: Schedule, tolerance: float, interrupt: Callable[[], bool] | None
 ) -> ExerciseRegion:
@@ -302,13 +310,18 @@ def _region_elsewhere(
         solvers.append(make_solver(replace(schedule, spot=near), tolerance, interrupt=interrupt))
     region = EMPTY_REGION
     for solver in solvers:
-        resolution = coarsest_resolution(solver, "sdirk2")
+        resolution = _for_boundaries(solver)
         while resolution.intervals < REGION_INTERVALS:
             resolution = resolution.refined()
         regions = solver.regions((0.0,), resolution)
         if regions is not None and region.lower > region.upper:
             region = actual_region(regions[0], schedule.segments[0].escrow_at(0.0) / schedule.strike)
     return region
+
+
+def _for_boundaries(solver: ScheduleSolver) -> Resolution:
+    coarsest = coarsest_resolution(solver, "sdirk2")
+    return replace(coarsest, stretching=even_stretching(solver.span.spread))
 
 
 def _differs(start: float, strike: float) -> bool:

@@ -80,7 +80,6 @@ def sweep_schedule(
         Years from now, increasing: when to look at the exercise region; at the end of a segment just before the event.
     """
     sign, strike, nodes = 1.0 if schedule.is_put else -1.0, schedule.strike, grid.nodes
-    weights = SlopeWeights.of(nodes)
     watched = (1.0, schedule.spot / strike)
     after: ValueFunction = Payoff(sign)
     at_zero = max(sign, 0.0)
@@ -88,6 +87,7 @@ def sweep_schedule(
     found: dict[float, ExerciseRegion] = {}
     region = EMPTY_REGION
     contact: BoolVector | None = None
+    weights: SlopeWeights | None = None
     for segment in reversed(schedule.segments):
         event = before_event(after, at_zero, segment, sign, strike, nodes)
         before = event.region if _pays(segment) or not segment.exercisable else region
@@ -115,7 +115,9 @@ def sweep_schedule(
         steps += run.steps
         residual = max(residual, run.residual)
         fitted |= form.fitted
-        after = GridFunction.through(nodes, values, at_zero, weights)
+        if segment.start > schedule.segments[0].start:
+            weights = SlopeWeights.of(nodes) if weights is None else weights
+            after = GridFunction.through(nodes, values, at_zero, weights)
     assert contact is not None
     regions = tuple(found.get(t, EMPTY_REGION) for t in times)
     return Sweep(grid, values, at_zero, contact, region, regions, steps, residual, fitted)

@@ -619,3 +619,36 @@ def test_crank_nicolson_places_the_boundary_in_its_cell_as_the_other_schemes_do(
     ]
     assert found[0].price == pytest.approx(found[1].price, abs=4e-7)
     assert found[0].exercise_boundary == pytest.approx(found[1].exercise_boundary, abs=2e-5)
+
+
+# (option, market) with the value and, in units of the strike, how well it is known.
+LONG_OR_TWO_BOUNDARIES = [
+    (Option("call", 100.0, 5.72125), Market(101.36634, -0.027575, 0.19934, -0.01705), 19.022164),
+    (Option("put", 100.0, 200.0), Market(100.0, 0.05, 0.2), 12.320032),
+    (Option("put", 100.0, 170.0), Market(100.0, 0.05, 0.2), 12.320032),
+]
+
+
+@pytest.mark.parametrize(("option", "market", "value"), LONG_OR_TWO_BOUNDARIES)
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+def test_no_agreement_by_chance_is_believed(option, market, value, tolerance):
+    found = lines(option, market, tolerance)
+    assert found.error <= 100.0 * tolerance
+    assert found.value == pytest.approx(value, abs=found.error + 1e-6)
+
+
+def test_the_error_estimate_holds_on_contracts_with_two_boundaries():
+    """Against the same engine at a tolerance a hundred times tighter."""
+    rng = np.random.default_rng(8)
+    misses = 0
+    for _ in range(40):
+        low, high = np.sort(rng.uniform(-0.05, 0.0, 2)).tolist()
+        is_put = rng.random() < 0.5
+        rate, dividend_yield = (high, low) if is_put else (low, high)
+        volatility, expiry = rng.uniform(0.05, 0.6), math.exp(rng.uniform(math.log(0.05), math.log(30.0)))
+        option = Option("put" if is_put else "call", 100.0, expiry)
+        market = Market(100.0 * math.exp(rng.normal(0.0, 0.1)), rate, volatility, dividend_yield)
+        found, truth = (lines(option, market, tolerance) for tolerance in (1e-6, 1e-8))
+        assert found.error <= 1e-4
+        misses += abs(found.value - truth.value) > found.error + truth.error
+    assert misses <= 1

@@ -19,7 +19,7 @@ from pricing_core.american.engines.method_of_lines.stage import (
     UnconstrainedStage,
     start_state,
 )
-from pricing_core.american.engines.method_of_lines.time_mesh import square_root_mesh, uniform_mesh
+from pricing_core.american.engines.method_of_lines.time_mesh import graded_mesh
 from pricing_core.errors import NumericalError
 from pricing_core.stepping import FixedStep, ImplicitEuler, Sdirk2, integrate
 from tests.problems.engines import solved
@@ -131,8 +131,8 @@ def random_case(kind, seed):
     grid = random_grid(kind, segment, rng)
     values = random_values(sign, segment, grid, rng)
     form = discretise(segment, grid, sign, values)
-    mesh = square_root_mesh if rng.random() < 0.7 else uniform_mesh
-    return Case(form, values, mesh(segment.duration, int(rng.integers(4, 24))))
+    mesh = "square-root" if rng.random() < 0.7 else "uniform"
+    return Case(form, values, graded_mesh(mesh, segment.duration, int(rng.integers(4, 24))))
 
 
 def marched_in_python(case, scheme):
