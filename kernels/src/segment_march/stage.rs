@@ -1,6 +1,6 @@
 //! One implicit stage: the complementarity problem by one elimination or by policy iteration.
 
-use super::boundary_cell::Correction;
+use super::boundary_cell::{Correction, Placed};
 use super::elimination::{Bands, Factors};
 use super::{larger, Segment};
 use crate::error::KernelError;
@@ -39,7 +39,9 @@ pub(super) struct Stage<'a> {
     w: Vec<f64>,
     q: Vec<f64>,
     weights: Vec<f64>,
-    bands: Bands,
+    pub bands: Bands,
+    /// Where the boundary lies in the cells that the last stage was corrected for.
+    pub placed: Vec<Placed>,
     factors: Factors,
     basic_set: Vec<bool>,
     scratch: Vec<f64>,
@@ -60,6 +62,7 @@ impl<'a> Stage<'a> {
             q: vec![0.0; size],
             weights: segment.nodes[1..=size].iter().map(weight).collect(),
             bands: Bands::new(size),
+            placed: Vec::new(),
             factors: Factors::new(size),
             basic_set: vec![false; size],
             scratch: vec![0.0; size],
@@ -73,6 +76,7 @@ impl<'a> Stage<'a> {
             self.bands.form(self.segment, h);
             self.factors.factor(&self.bands)?;
         }
+        self.placed.clear();
         if !self.segment.exercisable {
             self.solve_unconstrained(t, base);
             return Ok(());
@@ -221,6 +225,7 @@ impl<'a> Stage<'a> {
         std::mem::swap(&mut self.slack, &mut self.correction.slack);
         std::mem::swap(&mut self.w, &mut self.correction.w);
         std::mem::swap(&mut self.contact, &mut self.correction.contact);
+        std::mem::swap(&mut self.placed, &mut self.correction.placed);
         Ok(())
     }
 }

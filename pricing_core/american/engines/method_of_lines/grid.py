@@ -69,11 +69,17 @@ class SpotRange:
 
     def grid(self, intervals: int, stretching: float) -> Grid:
         """Return a grid of this range, the strike anywhere between its nodes."""
-        one = 1.0 + self.shift
-        left, right = (math.log((edge + self.shift) / one) for edge in (self.low, self.high))
-        nodes = (
-            one * np.exp(_stretched(left, right, intervals, stretching, movable=self.low > 0.0)) - self.shift
-        )
+        left, right = (math.log((edge + self.shift) / (1.0 + self.shift)) for edge in (self.low, self.high))
+        shift = self.shift
+        if self.low == 0.0 and stretching > 0.0:
+            # The left end gives way, and the shift is what makes 0 the first node again, which is less.
+            x = _stretched(left, max(right, math.log(self.high)), intervals, stretching)
+            shift = 1.0 / math.expm1(-x[0])
+        else:
+            x = _stretched(left, right, intervals, stretching)
+        nodes = (1.0 + shift) * np.exp(x) - shift
+        if stretching == 0.0:
+            nodes[[0, -1]] = self.low, self.high
         if self.low == 0.0:
             nodes[0] = 0.0
         return Grid(nodes)
@@ -120,31 +126,25 @@ def even_stretching(spread: float) -> float:
     return math.log1p(spread / STRETCHED_FROM) if spread > STRETCHED_FROM else 0.0
 
 
-def _stretched(left: float, right: float, intervals: int, stretching: float, *, movable: bool) -> Vector:
+def _stretched(left: float, right: float, intervals: int, stretching: float) -> Vector:
     """Return intervals + 1 increasing numbers from left to right, or a little further.
 
     At stretching 0 they are equally spaced, as in (11.60)-(11.61). At s > 0 they are c + d sinh(s u), u equally spaced:
-    about exp(s)/s times closer around 0, the strike, than at the far end. The strike is one of them, and those for
-    twice as many intervals contain them, so that the error of a value falls regularly; an end gives way to that.
-
-    Parameters
-    ----------
-    movable : bool
-        Whether the left end may give way.
+    about exp(s)/s times closer around 0, the strike, than at the far end. The strike is one of them, to which an end
+    gives way, and those for twice as many intervals contain them, so that the error of a value falls regularly.
     """
     if stretching == 0.0:
         return np.linspace(left, right, intervals + 1)
     center = min(max(0.0, left), right)
     scale = max(center - left, right - center) / math.sinh(stretching)
-    ends = np.arcsinh((np.array([left, right]) - center) / scale)
+    low, high = np.arcsinh((np.array([left, right]) - center) / scale).tolist()
     base = intervals
     while base % 2 == 0 and base >= 2 * FEWEST_CELLS:
         base //= 2
-    share = base * -float(ends[0]) / float(ends[1] - ends[0])
-    below = round(share) if movable else math.floor(share)
+    below = math.ceil(base * -low / (high - low))
     if left < center < right:
         below = min(max(below, 1), base - 1)
-    width = max(-ends[0] / max(below, 1), ends[1] / max(base - below, 1)) * base / intervals
+    width = max(-low / max(below, 1), high / max(base - below, 1)) * base / intervals
     first = -below * (intervals // base)
     nodes: Vector = center + scale * np.sinh(width * np.arange(first, first + intervals + 1))
     return nodes

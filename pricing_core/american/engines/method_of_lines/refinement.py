@@ -41,6 +41,8 @@ EUROPEAN_SHARE = 0.5
 CHANCE, STEP_SHARE = 1.0 / 4.0, 1.0 / 8.0
 # Smallest width of a cell, as a share of the spot, in which a boundary is not looked for; chosen.
 WIDE_CELL = 0.05
+# Factor of the error estimates of derivatives by parameters, which converge less regularly; calibrated.
+TANGENT_SHARE = 2.5
 ROUNDING = 1e-13  # Rounding error of a value, in strikes, or in spots where that is more; measured.
 REGION_INTERVALS = 256  # Smallest number of cells where the region alone is wanted; chosen.
 
@@ -51,27 +53,32 @@ class Estimate:
 
     Parameters
     ----------
-    american, european : Vector, shape (3,)
-        v, v_s, v_ss with and without early exercise; NaN where the interrupt came before two solves.
-    error : float
-        Error estimate of v.
+    american, european : Matrix, shape (1 + P, 4)
+        As in `Level`, with and without early exercise; NaN where the interrupt came before two solves.
+    errors : Matrix, shape (1 + P, 4)
+        Error estimates of `american`.
     region : ExerciseRegion
         Now, in ln(S/K) of the actual spot.
     levels : tuple of Level
-        The last one, or two where the values are extrapolated from them.
+        The last one, or up to four where the values are extrapolated from them.
     solves : int
         Resolutions solved.
     interrupted : bool
         The interrupt came before the error was small enough.
     """
 
-    american: Vector
-    european: Vector
-    error: float
+    american: Matrix
+    european: Matrix
+    errors: Matrix
     region: ExerciseRegion
     levels: tuple[Level, ...]
     solves: int
     interrupted: bool
+
+    @property
+    def error(self) -> float:
+        """The error estimate of v."""
+        return float(self.errors[0, 0])
 
 
 def estimate_to_tolerance(
@@ -80,7 +87,7 @@ def estimate_to_tolerance(
     *,
     scheme: Scheme = "sdirk2",
     resolution: Resolution | None = None,
-    exact: Vector | None = None,
+    exact: Matrix | None = None,
 ) -> Estimate:
     """Price a schedule to a tolerance by the method of lines, one complementarity problem per stage.
 
@@ -94,8 +101,8 @@ def estimate_to_tolerance(
     resolution : Resolution, optional
         Solve at exactly this one, not extrapolated; the error is estimated from a second solve with half as many
         cells and steps. Its scheme, where it has one, goes before `scheme`.
-    exact : Vector, shape (3,), optional
-        v, v_s, v_ss of the European option, where a formula gives them.
+    exact : Matrix, shape (1 + P, 4), optional
+        What a formula gives of the European option, as in `Level`; NaN where it does not.
 
     Returns
     -------
@@ -131,16 +138,26 @@ def value_on_same_grids(estimate: Estimate, solver: ScheduleSolver) -> tuple[flo
     solver : ScheduleSolver
         The solver on the range of spots that the estimate was solved on.
     """
-    levels = []
-    for level in estimate.levels:
-        solved = solver.solve(level.resolution, held=False)
-        if solved is None:
-            return math.nan, math.nan
-        levels.append(solved)
+    levels = levels_on_same_grids(replace(estimate, levels=estimate.levels[-2:]), solver, held=False)
+    if levels is None:
+        return math.nan, math.nan
     american = levels[-1].american
     if len(levels) > 1:
-        american, _ = _limit([level.american for level in levels], levels[-1].fitted)
-    return float(american[0]), float(american[1])
+        american, _ = limit_of([level.american for level in levels], first_order=levels[-1].fitted)
+    return float(american[0, 0]), float(american[0, 1])
+
+
+def levels_on_same_grids(
+    estimate: Estimate, solver: ScheduleSolver, *, held: bool = True
+) -> list[Level] | None:
+    """Return a schedule's solves at the resolutions that an estimate comes from, None where interrupted."""
+    levels = []
+    for level in estimate.levels:
+        solved = solver.solve(level.resolution, held=held)
+        if solved is None:
+            return None
+        levels.append(solved)
+    return levels
 
 
 def boundaries(
@@ -197,7 +214,7 @@ def _ends(solver: ScheduleSolver, times: tuple[float, ...], tolerance: float) ->
 
 
 def _refined(
-    solver: ScheduleSolver, tolerance: float, coarsest: Resolution, exact: Vector | None
+    solver: ScheduleSolver, tolerance: float, coarsest: Resolution, exact: Matrix | None
 ) -> Estimate:
     """Refine from `coarsest` until the estimated error meets the tolerance, or to the finest resolution."""
     levels: list[Level] = []
@@ -221,39 +238,48 @@ def _refined(
     return best
 
 
-def _at_resolution(solver: ScheduleSolver, resolution: Resolution, exact: Vector | None) -> Estimate:
+def _at_resolution(solver: ScheduleSolver, resolution: Resolution, exact: Matrix | None) -> Estimate:
     """Solve at `resolution`, not extrapolated; a second solve and the European value, if known, give the error."""
     second = resolution.coarsened()
     level = solver.solve(resolution)
     other = solver.solve(resolution.refined() if second is None else second)
     if level is None or other is None:
         return replace(_NOTHING, interrupted=True)
-    error = ERROR_SHARE * abs(float(level.american[0] - other.american[0]))
+    american, european = _common([level, other])
+    errors = ERROR_SHARE * np.abs(american[0] - american[1])
     if exact is not None and not level.exercised:
-        error = max(error, EUROPEAN_SHARE * abs(float(level.european[0] - exact[0])))
-    error += _noise(solver, level)
-    return Estimate(level.american, level.european, error, level.region, (level,), 2, False)
+        errors = np.fmax(errors, EUROPEAN_SHARE * np.abs(european[0] - exact[: len(errors)]))
+    errors[0, 0] += _noise(solver, level)
+    return Estimate(american[0], european[0], errors, level.region, (level,), 2, False)
 
 
-def _extrapolated(solver: ScheduleSolver, levels: list[Level], exact: Vector | None) -> Estimate:
+def _extrapolated(solver: ScheduleSolver, levels: list[Level], exact: Matrix | None) -> Estimate:
     """Return the extrapolant of the last two levels, n >= 2, with its error."""
     last = levels[-1]
-    # Where the option is exercised its value is the payoff, and the European value's error has no part in it.
-    american, errors = _combined(levels, None if last.exercised else exact)
-    european = exact if exact is not None else _limit([level.european for level in levels], last.fitted)[0]
+    americans, europeans = _common(levels)
+    american, errors = limit_of(americans, first_order=last.fitted)
+    european, _ = limit_of(europeans, first_order=last.fitted)
+    if exact is not None:
+        exact = exact[: len(american)]
+        # Where the option is exercised its value is the payoff, and the European value's error has no part in it.
+        if not last.exercised:
+            premiums = [a - b for a, b in zip(americans, europeans, strict=True)]
+            premium, of_premium = limit_of(premiums, first_order=last.fitted)
+            known = ~np.isnan(exact)
+            american = np.where(known, exact + premium, american)
+            errors = np.where(known, of_premium, errors)
+        european = np.where(np.isnan(exact), european, exact)
+    errors[1:] *= TANGENT_SHARE
     if last.exercised:
-        american = last.american
-    error = float(errors[0]) + _noise(solver, last)
-    return Estimate(american, european, error, last.region, tuple(levels[-2:]), len(levels), False)
+        american = americans[-1]
+    errors[0, 0] += _noise(solver, last)
+    return Estimate(american, european, errors, last.region, tuple(levels[-4:]), len(levels), False)
 
 
-def _combined(levels: list[Level], exact: Vector | None) -> tuple[Vector, Vector]:
-    """Return the limits of the American numbers and their errors, those of the premium where the rest is known."""
-    fitted = levels[-1].fitted
-    if exact is None:
-        return _limit([level.american for level in levels], fitted)
-    premium, error = _limit([level.american - level.european for level in levels], fitted)
-    return exact + premium, error
+def _common(levels: list[Level]) -> tuple[list[Matrix], list[Matrix]]:
+    """Return the American and the European numbers that all levels have: a coarse one may lack the derivatives."""
+    rows = min(min(len(level.american), len(level.european)) for level in levels)
+    return [level.american[:rows] for level in levels], [level.european[:rows] for level in levels]
 
 
 def _noise(solver: ScheduleSolver, level: Level) -> float:
@@ -261,8 +287,8 @@ def _noise(solver: ScheduleSolver, level: Level) -> float:
     return solver.truncation + level.residual + ROUNDING * max(1.0, solver.spot)
 
 
-def _limit(values: list[Vector], first_order: bool) -> tuple[Vector, Vector]:
-    """Return the limits of numbers at doubling resolutions, and their errors, both of shape (m,).
+def limit_of(values: list[Matrix], *, first_order: bool) -> tuple[Matrix, Matrix]:
+    """Return the limits of numbers at doubling resolutions, and their errors, both of the numbers' shape.
 
     How far an extrapolant moved, or a share of how far it moved before, or of how far the numbers themselves moved,
     whichever is largest; each number on its own.
@@ -328,6 +354,5 @@ def _differs(start: float, strike: float) -> bool:
     return not math.isnan(start) and start != strike
 
 
-_NOTHING = Estimate(
-    np.full(3, math.nan), np.full(3, math.nan), math.nan, EMPTY_REGION, (), solves=0, interrupted=False
-)
+_UNKNOWN = np.full((1, 4), math.nan)
+_NOTHING = Estimate(_UNKNOWN, _UNKNOWN, _UNKNOWN, EMPTY_REGION, (), solves=0, interrupted=False)

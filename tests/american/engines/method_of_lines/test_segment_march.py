@@ -9,11 +9,11 @@ import pytest
 from pricing_core import kernel
 from pricing_core.american.book.resolution import Resolution
 from pricing_core.american.contracts.schedule import Segment
-from pricing_core.american.engines.method_of_lines import MethodOfLines
+from pricing_core.american.engines.method_of_lines import MethodOfLines, segment_march
 from pricing_core.american.engines.method_of_lines.boundary_cell import BoundaryCellStage, region_in_cells
 from pricing_core.american.engines.method_of_lines.grid import Grid, SpotRange
 from pricing_core.american.engines.method_of_lines.segment_form import SegmentForm
-from pricing_core.american.engines.method_of_lines.segment_march import march_segment
+from pricing_core.american.engines.method_of_lines.segment_march import _no_tangents, march_segment
 from pricing_core.american.engines.method_of_lines.stage import (
     TridiagonalStage,
     UnconstrainedStage,
@@ -170,6 +170,7 @@ def marched_by_kernel(case, scheme, *, values=None, contact=None, times=None):
         form.segment.exercisable,
         form.lines,
         *form.contact_at_ends().tolist(),
+        *_no_tangents(form.grid.interior.size),
     )
 
 
@@ -180,7 +181,7 @@ def test_the_kernel_marches_as_the_stages_in_python_do(kind):
     for seed in range(SEEDS):
         case, scheme = random_case(kind, seed), seed % 2
         states, regions = marched_in_python(case, scheme)
-        values, slack, contact, multiplier, residual, found = marched_by_kernel(case, scheme)
+        values, slack, contact, multiplier, residual, found, _ = marched_by_kernel(case, scheme)
         last, size = states[-1], max(1.0, float(np.abs(states[-1].value).max()))
         expected = case.form.everywhere(last.value, case.form.segment.duration)
         scale = np.maximum(case.form.grid.nodes, size)  # v is g + z, both of which are like s far out
@@ -281,8 +282,9 @@ def test_a_long_march_with_times_to_look_at_is_that_of_the_stages(kind, time_mes
 
 
 @needs_kernel
-def test_the_interrupt_is_asked_before_every_portion():
+def test_the_interrupt_is_asked_before_every_portion(monkeypatch):
     case, asked = random_case("put", 0), []
+    monkeypatch.setattr(segment_march, "PORTION", 64 * case.form.grid.nodes.size)
 
     def interrupt():
         asked.append(None)
