@@ -51,6 +51,7 @@ class Level:
     steps : int
     residual : float
     fitted : bool
+    stored : int
         As in `Sweep`.
     """
 
@@ -62,6 +63,7 @@ class Level:
     steps: int
     residual: float
     fitted: bool
+    stored: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,6 +118,7 @@ class ScheduleSolver:
             sweep.steps,
             sweep.residual,
             sweep.fitted,
+            sweep.stored,
         )
 
     def regions(self, times: tuple[float, ...], resolution: Resolution) -> tuple[ExerciseRegion, ...] | None:

@@ -31,6 +31,9 @@ from pricing_core.errors import NumericalError
 DOUBLINGS, TIGHT_DOUBLINGS = 4, 5
 TIGHT_TOLERANCE = 1e-6  # Tolerance, in strikes, below which there is one doubling more; chosen.
 MOST_WORK = 4_000_000  # Cells times steps of the finest solve for which events count as few; chosen by time.
+# Largest number of numbers that a solve may hold in memory, 100 MB: the next resolution takes up to four times as many
+# as the one before; chosen.
+MOST_STORED = 12_500_000
 FEWEST_SOLVES = 3  # Smallest number of resolutions: two may agree by chance; chosen.
 # Error of a solve over its distance to one with half the cells and steps: 4/3 at order 2, 2 at 1.
 ERROR_SHARE = 1.5
@@ -107,7 +110,8 @@ def estimate_to_tolerance(
     Returns
     -------
     Estimate
-        Its error exceeds the tolerance where the finest resolution was not enough: at 1e-6, for wide distributions
+        Its error exceeds the tolerance where the finest resolution was not enough, or the next one would take more than
+        100 MB of memory (`MOST_STORED`): at 1e-6, for wide distributions
         (volatility * sqrt(expiry) above 1) with several dividends, for rates near -50 % over years (where the value
         is a multiple of the strike), and where a segment has next to no volatility, which is of first order.
 
@@ -231,7 +235,7 @@ def _refined(
         if len(levels) >= FEWEST_SOLVES and best.error <= tolerance:
             break
         small = 4 * level.steps * resolution.intervals <= MOST_WORK
-        most = max(resolution.intervals, resolution.steps) > MOST // 2
+        most = max(resolution.intervals, resolution.steps) > MOST // 2 or 4 * level.stored > MOST_STORED
         if most or len(levels) > (TIGHT_DOUBLINGS if small else doublings):
             break
         resolution = resolution.refined()

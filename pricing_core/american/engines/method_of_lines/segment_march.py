@@ -28,6 +28,9 @@ from pricing_core.stepping.implicit import SDIRK2_THETA
 # Number of nodes times steps times right-hand sides of the kernel between two questions whether to stop: about 5 ms on
 # a slow processor; chosen.
 PORTION = 100_000
+# Number of arrays over the nodes that the kernel works with, that it needs for each derivative, and of each state of
+# the general time integration, which keeps all of them; counted.
+WORKING_ARRAYS, TANGENT_ARRAYS, STATE_ARRAYS = 40, 14, 5
 TangentArguments: TypeAlias = tuple[Matrix, Matrix, Matrix, Matrix]
 # The kernel's number of a scheme, and the scheme's implicit weight.
 KERNEL_SCHEMES: dict[Scheme, tuple[int, float]] = {
@@ -53,6 +56,8 @@ class SegmentMarch:
     steps : int
     residual : float
         Largest natural residual of the complementarity problems at the end of a step.
+    stored : int
+        How many numbers the march held in memory, to within a factor of two.
     tangents : Matrix, shape (P, N + 2), or None
         Derivatives of the values by the parameters; None where they were not asked for, or the kernel did not march.
     """
@@ -63,6 +68,7 @@ class SegmentMarch:
     regions: tuple[ExerciseRegion, ...]
     steps: int
     residual: float
+    stored: int
     tangents: Matrix | None = None
 
 
@@ -165,7 +171,8 @@ def _compiled(
     rows = [ends[int(np.argmin(np.abs(times[1:] - t)))] for t in (*wanted, times[-1])]
     found = [ExerciseRegion(*row.tolist()) for row in rows]
     kept = None if tangents is None else following
-    return SegmentMarch(values, contact, found[-1], tuple(found[:-1]), times.size - 1, residual, kept)
+    stored = values.size * (WORKING_ARRAYS + TANGENT_ARRAYS * following.shape[0])
+    return SegmentMarch(values, contact, found[-1], tuple(found[:-1]), times.size - 1, residual, stored, kept)
 
 
 @cache
@@ -207,4 +214,5 @@ def _stage_by_stage(
         tuple(region_in_cells(run.states[int(np.argmin(np.abs(run.t - t)))], form) for t in wanted),
         run.accepted,
         max(each.residual for each in run.states),
+        STATE_ARRAYS * len(run.states) * values.size,
     )

@@ -55,6 +55,8 @@ class Sweep:
         Largest natural residual of the complementarity problems.
     fitted : bool
         See `spot_operator`.
+    stored : int
+        Largest number of numbers that the march over a segment held in memory.
     tangents : Matrix, shape (P, N + 2), or None
         Derivatives of the values by the parameters; None where the march does not carry them.
     """
@@ -68,6 +70,7 @@ class Sweep:
     steps: int
     residual: float
     fitted: bool
+    stored: int = 0
     tangents: Matrix | None = None
 
 
@@ -96,7 +99,7 @@ def sweep_schedule(
     watched = (1.0, schedule.spot / strike)
     after: ValueFunction = Payoff(sign)
     at_zero = max(sign, 0.0)
-    steps, residual, fitted = 0, 0.0, False
+    steps, residual, fitted, stored = 0, 0.0, False, 0
     found: dict[float, ExerciseRegion] = {}
     region = EMPTY_REGION
     contact: BoolVector | None = None
@@ -138,7 +141,7 @@ def sweep_schedule(
             values[0] = at_zero
         found.update(zip(wanted, run.regions, strict=True))
         steps += run.steps
-        residual = max(residual, run.residual)
+        residual, stored = max(residual, run.residual), max(stored, run.stored)
         fitted |= form.fitted
         if segment.start > schedule.segments[0].start:
             weights = SlopeWeights.of(nodes) if weights is None else weights
@@ -146,7 +149,9 @@ def sweep_schedule(
     assert contact is not None
     regions = tuple(found.get(t, EMPTY_REGION) for t in times)
     found_tangents = None if tangents is None else tangents.values
-    return Sweep(grid, values, at_zero, contact, region, regions, steps, residual, fitted, found_tangents)
+    return Sweep(
+        grid, values, at_zero, contact, region, regions, steps, residual, fitted, stored, found_tangents
+    )
 
 
 def _steps(steps: int, segment: Segment, expiry: float) -> int:
