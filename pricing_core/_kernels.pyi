@@ -76,7 +76,11 @@ def march_segment(
     lines: Matrix,  # (2, 2), (a, b) of a + b s at the lower and the upper end, at the segment's end
     contact_at_left: bool,  # whether the end of the grid lies in the exercise region
     contact_at_right: bool,
-) -> tuple[Vector, Vector, BoolVector, Vector, float, Matrix]:
+    tangents: Matrix,  # (P, N + 2), derivatives of the values by P parameters
+    tangent_operators: Matrix,  # (P, 3, N), those of lower, diagonal and upper
+    tangent_changes: Matrix,  # (P, 3), those of rate, dividend yield and escrow
+    tangent_lines: Matrix,  # (P, 2, 2), those of lines
+) -> tuple[Vector, Vector, BoolVector, Vector, float, Matrix, Matrix]:
     # values (N + 2,), slack (N,), contact (N,), multiplier (N,) per year, largest residual at the end of a step,
-    # exercise regions in s after each step (M, 2)
+    # exercise regions in s after each step (M, 2), derivatives of the values by the parameters (P, N + 2)
     ...

@@ -28,7 +28,7 @@ class Error(NamedTuple):
 def outputs_of(solution: Solution, problem: Problem) -> Outputs:
     """Return what a solution says at the spots and times of its problem, where that is compared."""
     now = solution.now()
-    price, delta, gamma = np.array([at_spot(now, spot) for spot in problem.spots.tolist()]).T
+    price, delta, gamma = np.array([at_spot(now, spot)[0, :3] for spot in problem.spots.tolist()]).T
     return Outputs(
         price,
         delta,

@@ -38,7 +38,7 @@ def gamma_errors(problem: Problem, intervals: int, steps: int, furthest: float) 
     profiles = []
     for method in METHODS:
         now = method.solve(problem, span_of(problem), intervals, steps).now()
-        gamma = np.array([at_spot(now, spot)[2] for spot in spots.tolist()])
+        gamma = np.array([at_spot(now, spot)[0, 2] for spot in spots.tolist()])
         profiles.append(Profile(method.label, spots, gamma - true))
     return tuple(profiles)
 

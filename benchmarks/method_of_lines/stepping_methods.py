@@ -15,7 +15,7 @@ from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.method_of_lines.boundary_cell import BoundaryCellStage, region_in_cells
 from pricing_core.american.engines.method_of_lines.crank_nicolson import DAMPED_STEPS, CrankNicolson
 from pricing_core.american.engines.method_of_lines.event_transfer import Payoff, before_event
-from pricing_core.american.engines.method_of_lines.grid import SpotRange, natural_stretching
+from pricing_core.american.engines.method_of_lines.grid import SpotRange, even_stretching
 from pricing_core.american.engines.method_of_lines.level import make_solver
 from pricing_core.american.engines.method_of_lines.segment_form import SegmentForm
 from pricing_core.american.engines.method_of_lines.stage import (
@@ -25,7 +25,7 @@ from pricing_core.american.engines.method_of_lines.stage import (
     start_state,
 )
 from pricing_core.american.engines.method_of_lines.sweep import Sweep
-from pricing_core.american.engines.method_of_lines.time_mesh import uniform_mesh
+from pricing_core.american.engines.method_of_lines.time_mesh import graded_mesh
 from pricing_core.american.engines.method_of_lines.time_stepping import integrate_stage
 from pricing_core.arrays import Vector
 from pricing_core.stepping import FixedStep, Integration, integrate
@@ -110,7 +110,7 @@ class Method:
                 start,
                 (0.0, expiry),
                 controller=FixedStep(),
-                stop_times=uniform_mesh(expiry, steps)[1:],
+                stop_times=graded_mesh("uniform", expiry, steps)[1:],
             )
         return Solution(problem.schedule, form, run)
 
@@ -140,6 +140,6 @@ def span_of(problem: Problem) -> SpotRange:
 def semidiscretise(problem: Problem, span: SpotRange, intervals: int) -> tuple[SegmentForm, Vector]:
     """Return the problem on a grid of `span`, and the payoff at its nodes, shape (intervals + 1,)."""
     (segment,) = problem.schedule.segments
-    grid, sign = span.grid(intervals, natural_stretching(span.spread)), 1.0 if problem.option.is_put else -1.0
+    grid, sign = span.grid(intervals, even_stretching(span.spread)), 1.0 if problem.option.is_put else -1.0
     values = before_event(Payoff(sign), max(sign, 0.0), segment, sign, 1.0, grid.nodes).values
     return SegmentForm.discretise(segment, grid, sign=sign, strike=1.0, values=values, watched=(1.0,)), values

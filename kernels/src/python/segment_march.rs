@@ -1,11 +1,14 @@
 //! The function of `pricing_core._kernels` that marches over a segment.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::ndarray::s;
+use numpy::{
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::arguments::numbers;
-use crate::segment_march::{self, Scheme, Segment};
+use crate::segment_march::{self, Scheme, Segment, Tangent};
 
 type Marched<'py> = (
     Bound<'py, PyArray1<f64>>,
@@ -14,7 +17,42 @@ type Marched<'py> = (
     Bound<'py, PyArray1<f64>>,
     f64,
     Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
 );
+
+/// The parameters' derivatives at the segment's end.
+fn tangents_of(
+    values: &PyReadonlyArray2<'_, f64>,
+    operators: &PyReadonlyArray3<'_, f64>,
+    changes: &PyReadonlyArray2<'_, f64>,
+    lines: &PyReadonlyArray3<'_, f64>,
+) -> PyResult<Vec<Tangent>> {
+    let (values, operators) = (values.as_array(), operators.as_array());
+    let (changes, lines) = (changes.as_array(), lines.as_array());
+    let count = values.shape()[0];
+    let shapes = [
+        (&operators.shape()[..2], [count, 3]),
+        (changes.shape(), [count, 3]),
+        (&lines.shape()[..2], [count, 2]),
+        (&lines.shape()[1..], [2, 2]),
+    ];
+    if shapes.iter().any(|(found, wanted)| found != wanted) {
+        return Err(PyValueError::new_err(
+            "the tangents' arrays do not belong together",
+        ));
+    }
+    let tangent = |p: usize| Tangent {
+        values: values.row(p).to_vec(),
+        lower: operators.slice(s![p, 0, ..]).to_vec(),
+        diagonal: operators.slice(s![p, 1, ..]).to_vec(),
+        upper: operators.slice(s![p, 2, ..]).to_vec(),
+        rate: changes[[p, 0]],
+        dividend_yield: changes[[p, 1]],
+        escrow: changes[[p, 2]],
+        lines: [0, 1].map(|end| [0, 1].map(|k| lines[[p, end, k]])),
+    };
+    Ok((0..count).map(tangent).collect())
+}
 
 /// (a, b) of the lines at the two ends.
 fn ends(lines: &PyReadonlyArray2<'_, f64>) -> PyResult<[[f64; 2]; 2]> {
@@ -55,15 +93,23 @@ fn ends(lines: &PyReadonlyArray2<'_, f64>) -> PyResult<[[f64; 2]; 2]> {
 ///     (a, b) of the line a + b s at the lower and the upper end, at the segment's end.
 /// `contact_at_left`, `contact_at_right` : bool
 ///     Whether the end of the grid lies in the exercise region.
+/// tangents : (P, N + 2) float
+///     v's derivatives by P parameters, at the first of the times.
+/// `tangent_operators` : (P, 3, N) float
+///     Those of lower, diagonal and upper.
+/// `tangent_changes` : (P, 3) float
+///     Those of rate, `dividend_yield` and escrow.
+/// `tangent_lines` : (P, 2, 2) float
+///     Those of lines.
 ///
 /// Returns
 /// -------
-/// values (N + 2,), slack (N,), contact (N,), multiplier (N,) per year, residual, regions (M, 2)
+/// values (N + 2,), slack (N,), contact (N,), multiplier (N,) per year, residual, regions (M, 2), tangents (P, N + 2)
 ///     The state at the last of the times (slack and multiplier are 0 where not exercisable), the largest
 ///     natural residual at the end of a step, and the ends of the exercise region in s after each step,
 ///     infinite where it reaches the grid's end, (inf, -inf) where it is empty.
 #[pyfunction]
-#[pyo3(signature = (nodes, lower, diagonal, upper, values, contact, times, scheme, sign, escrow, rate, dividend_yield, exercisable, lines, contact_at_left, contact_at_right))]
+#[pyo3(signature = (nodes, lower, diagonal, upper, values, contact, times, scheme, sign, escrow, rate, dividend_yield, exercisable, lines, contact_at_left, contact_at_right, tangents, tangent_operators, tangent_changes, tangent_lines))]
 #[allow(
     clippy::fn_params_excessive_bools,
     clippy::needless_pass_by_value,
@@ -87,6 +133,10 @@ pub fn march_segment<'py>(
     lines: PyReadonlyArray2<'py, f64>,
     contact_at_left: bool,
     contact_at_right: bool,
+    tangents: PyReadonlyArray2<'py, f64>,
+    tangent_operators: PyReadonlyArray3<'py, f64>,
+    tangent_changes: PyReadonlyArray2<'py, f64>,
+    tangent_lines: PyReadonlyArray3<'py, f64>,
 ) -> PyResult<Marched<'py>> {
     let scheme = match scheme {
         0 => Scheme::ImplicitEuler,
@@ -109,8 +159,17 @@ pub fn march_segment<'py>(
         lines: ends(&lines)?,
         contact_at: [contact_at_left, contact_at_right],
     };
-    let found =
-        py.detach(|| segment_march::march_segment(&segment, &times, scheme, &values, &contact))?;
+    let tangents = tangents_of(
+        &tangents,
+        &tangent_operators,
+        &tangent_changes,
+        &tangent_lines,
+    )?;
+    let found = py.detach(|| {
+        segment_march::march_segment(&segment, &times, scheme, &values, &contact, &tangents)
+    })?;
+    let following = (found.tangents.len(), nodes.len());
+    let tangents = found.tangents.into_iter().flatten().collect();
     let steps = found.regions.len();
     let regions = found.regions.into_iter().flatten().collect();
     Ok((
@@ -120,5 +179,6 @@ pub fn march_segment<'py>(
         PyArray1::from_vec(py, found.multiplier),
         found.residual,
         PyArray1::from_vec(py, regions).reshape([steps, 2])?,
+        PyArray1::from_vec(py, tangents).reshape(following)?,
     ))
 }

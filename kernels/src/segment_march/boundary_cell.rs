@@ -22,11 +22,20 @@ struct Edge {
     contact: usize,
 }
 
+/// A boundary between two nodes, theta of their distance away from the free one.
+#[derive(Clone, Copy)]
+pub(super) struct Placed {
+    pub free: usize,
+    pub contact: usize,
+    pub theta: f64,
+}
+
 /// A state with its boundaries placed, and the buffers for it.
 pub(super) struct Correction {
     pub slack: Vec<f64>,
     pub w: Vec<f64>,
     pub contact: Vec<bool>,
+    pub placed: Vec<Placed>,
     edges: Vec<Edge>,
     lower_edges: Vec<Edge>,
     /// Rows, and what they lack.
@@ -42,6 +51,7 @@ impl Correction {
             slack: vec![0.0; size],
             w: vec![0.0; size],
             contact: vec![false; size],
+            placed: Vec::new(),
             edges: Vec::new(),
             lower_edges: Vec::new(),
             lifts: Vec::new(),
@@ -58,7 +68,7 @@ impl Correction {
         &mut self,
         segment: &Segment<'_>,
         bands: &Bands,
-        factors: Option<&Factors>,
+        factors: &Factors,
         q: &mut [f64],
         contact: &[bool],
         mut solved: Option<&[f64]>,
@@ -116,13 +126,9 @@ impl Correction {
     }
 
     /// Place the boundary at every edge; return whether that changed the contact set instead.
-    fn place_all(
-        &mut self,
-        segment: &Segment<'_>,
-        bands: &Bands,
-        factors: Option<&Factors>,
-    ) -> bool {
+    fn place_all(&mut self, segment: &Segment<'_>, bands: &Bands, factors: &Factors) -> bool {
         self.lifts.clear();
+        self.placed.clear();
         self.moves.clear();
         for index in 0..self.edges.len() {
             let edge = self.edges[index];
@@ -137,6 +143,12 @@ impl Correction {
             } else {
                 self.free_system.add(missing, &mut self.slack);
                 self.lifts.push((edge.free, missing));
+                let Edge { free, contact } = edge;
+                self.placed.push(Placed {
+                    free,
+                    contact,
+                    theta,
+                });
             }
         }
         for &(node, contact) in &self.moves {

@@ -1,4 +1,4 @@
-//! The matrix M = I - hL of a stage, and its elimination towards the end that lies in the exercise region.
+//! The matrix M = I - hL of a stage, and its elimination towards a row in the exercise region.
 
 use super::Segment;
 use crate::error::KernelError;
@@ -15,7 +15,8 @@ pub(super) struct Bands {
     pub lower: Vec<f64>,
     pub diagonal: Vec<f64>,
     pub upper: Vec<f64>,
-    pub largest_diagonal: f64,
+    /// One over the diagonal.
+    pub reciprocal: Vec<f64>,
 }
 
 impl Bands {
@@ -25,19 +26,18 @@ impl Bands {
             lower: vec![0.0; size],
             diagonal: vec![0.0; size],
             upper: vec![0.0; size],
-            largest_diagonal: 0.0,
+            reciprocal: vec![0.0; size],
         }
     }
 
     /// Form M for steps of size h.
     pub fn form(&mut self, segment: &Segment<'_>, h: f64) {
         self.h = h;
-        self.largest_diagonal = f64::NEG_INFINITY;
         for i in 0..self.diagonal.len() {
             self.lower[i] = -h * segment.lower[i];
             self.upper[i] = -h * segment.upper[i];
             self.diagonal[i] = 1.0 - h * segment.diagonal[i];
-            self.largest_diagonal = self.largest_diagonal.max(self.diagonal[i]);
+            self.reciprocal[i] = 1.0 / self.diagonal[i];
         }
     }
 
@@ -72,22 +72,14 @@ impl Bands {
     }
 }
 
-/// The index of the k-th entry, counted from the contact end.
-#[inline]
-fn at<const CONTACT_FIRST: bool>(k: usize, size: usize) -> usize {
-    if CONTACT_FIRST {
-        k
-    } else {
-        size - 1 - k
-    }
-}
-
-/// Brennan and Schwartz's elimination towards the contact end, its pivots kept for further right-hand sides.
+/// Brennan and Schwartz's elimination from both ends towards a seed row, its pivots kept for further right-hand sides.
 ///
-/// z[row] = intercept[row] + slope[row] z[next], next the row after it on the contact side: the solution of
-/// M z + q = 0 on every run of rows that leads from the far end up to a row in contact.
+/// z[row] = intercept[row] + slope[row] z[next], next the row after it on the seed's side: the solution of
+/// M z + q = 0 on every run of rows that leads from an end of the grid up to a row in contact. With the seed in the
+/// exercise region, which may touch an end of the grid or none, substitution from it with projection solves the
+/// complementarity problem.
 pub(super) struct Factors {
-    contact_first: bool,
+    pub seed: usize,
     reciprocal: Vec<f64>,
     slope: Vec<f64>,
     carry: Vec<f64>,
@@ -95,9 +87,9 @@ pub(super) struct Factors {
 }
 
 impl Factors {
-    pub fn new(size: usize, contact_first: bool) -> Self {
+    pub fn new(size: usize) -> Self {
         Self {
-            contact_first,
+            seed: 0,
             reciprocal: vec![0.0; size],
             slope: vec![0.0; size],
             carry: vec![0.0; size],
@@ -107,127 +99,138 @@ impl Factors {
 
     /// Compute the pivots.
     pub fn factor(&mut self, bands: &Bands) -> Result<(), KernelError> {
-        if self.contact_first {
-            self.factor_towards::<true>(bands)
-        } else {
-            self.factor_towards::<false>(bands)
-        }
-    }
-
-    fn factor_towards<const CONTACT_FIRST: bool>(
-        &mut self,
-        bands: &Bands,
-    ) -> Result<(), KernelError> {
-        let size = self.reciprocal.len();
-        // `inward` couples a row to the next one on its contact side, `outward` to the one before it.
-        let (inward, outward) = if CONTACT_FIRST {
-            (&bands.lower[..size], &bands.upper[..size])
-        } else {
-            (&bands.upper[..size], &bands.lower[..size])
-        };
-        let mut row = at::<CONTACT_FIRST>(size - 1, size);
-        let mut pivot = bands.diagonal[row];
-        for k in (1..size).rev() {
-            let next = at::<CONTACT_FIRST>(k - 1, size);
-            if pivot == 0.0 {
-                return Err(KernelError::ZeroPivot { row });
+        let (size, seed) = (self.reciprocal.len(), self.seed);
+        let (lower, upper) = (&bands.lower[..size], &bands.upper[..size]);
+        let diagonal = &bands.diagonal[..size];
+        let mut into_seed = diagonal[seed];
+        for (rows, inward, outward) in [
+            (Side::below(seed), upper, lower),
+            (Side::above(seed, size), lower, upper),
+        ] {
+            // `inward` couples a row to the next one on the seed's side, `outward` that one to it.
+            let Some(mut row) = rows.first() else {
+                continue;
+            };
+            let mut pivot = diagonal[row];
+            loop {
+                if pivot == 0.0 {
+                    return Err(KernelError::ZeroPivot { row });
+                }
+                let next = rows.next(row);
+                let reciprocal = 1.0 / pivot;
+                self.reciprocal[row] = reciprocal;
+                self.slope[row] = -inward[row] * reciprocal;
+                self.carry[row] = outward[next] * reciprocal;
+                // Its own division keeps the chain from pivot to pivot short.
+                let less = outward[next] * inward[row] / pivot;
+                if next == seed {
+                    into_seed -= less;
+                    break;
+                }
+                pivot = diagonal[next] - less;
+                row = next;
             }
-            let reciprocal = 1.0 / pivot;
-            self.reciprocal[row] = reciprocal;
-            self.slope[row] = -inward[row] * reciprocal;
-            self.carry[row] = outward[next] * reciprocal;
-            // Its own division keeps the chain from pivot to pivot short.
-            pivot = bands.diagonal[next] - outward[next] * inward[row] / pivot;
-            row = next;
         }
-        if pivot == 0.0 {
-            return Err(KernelError::ZeroPivot { row });
+        if into_seed == 0.0 {
+            return Err(KernelError::ZeroPivot { row: seed });
         }
-        (self.reciprocal[row], self.slope[row]) = (1.0 / pivot, 0.0);
+        (self.reciprocal[seed], self.slope[seed]) = (1.0 / into_seed, 0.0);
         Ok(())
     }
 
     /// Carry q along: the intercepts.
     pub fn eliminate(&mut self, q: &[f64]) {
-        if self.contact_first {
-            self.eliminate_towards::<true>(q);
-        } else {
-            self.eliminate_towards::<false>(q);
-        }
-    }
-
-    fn eliminate_towards<const CONTACT_FIRST: bool>(&mut self, q: &[f64]) {
-        let size = q.len();
+        let (size, seed) = (q.len(), self.seed);
         let (reciprocal, carry) = (&self.reciprocal[..size], &self.carry[..size]);
         let intercept = &mut self.intercept[..size];
-        let mut row = at::<CONTACT_FIRST>(size - 1, size);
-        let mut rest = q[row];
-        for k in (1..size).rev() {
-            intercept[row] = -rest * reciprocal[row];
-            let next = at::<CONTACT_FIRST>(k - 1, size);
-            rest = q[next] - carry[row] * rest;
-            row = next;
+        // Two chains side by side, so that neither waits for its own last result alone.
+        let (mut low, mut high) = (0, size - 1);
+        let mut rest = [q[low], q[high]];
+        while low < seed && high > seed {
+            intercept[low] = -rest[0] * reciprocal[low];
+            intercept[high] = -rest[1] * reciprocal[high];
+            rest[0] = q[low + 1] - carry[low] * rest[0];
+            rest[1] = q[high - 1] - carry[high] * rest[1];
+            low += 1;
+            high -= 1;
         }
-        intercept[row] = -rest * reciprocal[row];
+        while low < seed {
+            intercept[low] = -rest[0] * reciprocal[low];
+            rest[0] = q[low + 1] - carry[low] * rest[0];
+            low += 1;
+        }
+        while high > seed {
+            intercept[high] = -rest[1] * reciprocal[high];
+            rest[1] = q[high - 1] - carry[high] * rest[1];
+            high -= 1;
+        }
+        intercept[seed] = -(rest[0] + (rest[1] - q[seed])) * reciprocal[seed];
     }
 
     /// Write the solution of M z + q = 0 on all rows, or of the complementarity problem by projection.
     pub fn substitute(&self, projected: bool, z: &mut [f64]) {
-        let free = |x: f64| x;
-        match (self.contact_first, projected) {
-            (true, true) => self.substitute_from::<true>(0, z, positive_part),
-            (false, true) => self.substitute_from::<false>(0, z, positive_part),
-            (true, false) => self.substitute_from::<true>(0, z, free),
-            (false, false) => self.substitute_from::<false>(0, z, free),
+        if projected {
+            self.substitute_from(self.intercept[self.seed], z, positive_part);
+        } else {
+            self.substitute_from(self.intercept[self.seed], z, |x| x);
         }
     }
 
-    fn substitute_from<const CONTACT_FIRST: bool>(
-        &self,
-        contact: usize,
-        z: &mut [f64],
-        project: impl Fn(f64) -> f64,
-    ) {
-        let size = z.len();
+    fn substitute_from(&self, start: f64, z: &mut [f64], project: impl Fn(f64) -> f64) {
+        let (size, seed) = (z.len(), self.seed);
         let (intercept, slope) = (&self.intercept[..size], &self.slope[..size]);
+        z[seed] = project(start);
+        let mut neighbours = [z[seed]; 2];
+        let (mut low, mut high) = (seed, seed + 1);
+        while low > 0 && high < size {
+            low -= 1;
+            neighbours[0] = project(intercept[low] + slope[low] * neighbours[0]);
+            neighbours[1] = project(intercept[high] + slope[high] * neighbours[1]);
+            z[low] = neighbours[0];
+            z[high] = neighbours[1];
+            high += 1;
+        }
+        while low > 0 {
+            low -= 1;
+            neighbours[0] = project(intercept[low] + slope[low] * neighbours[0]);
+            z[low] = neighbours[0];
+        }
+        while high < size {
+            neighbours[1] = project(intercept[high] + slope[high] * neighbours[1]);
+            z[high] = neighbours[1];
+            high += 1;
+        }
+    }
+
+    /// The first and the last row of the contact set where it is one run with the seed in it.
+    pub fn run(&self, contact: &[bool]) -> Option<(usize, usize)> {
+        let first = contact.iter().position(|c| *c)?;
+        let last = contact.iter().rposition(|c| *c)?;
+        let around = first <= self.seed && self.seed <= last;
+        (around && contact[first..=last].iter().all(|c| *c)).then_some((first, last))
+    }
+
+    /// Write the solution on the rows outside a run in contact.
+    pub fn solve_outside(&self, (first, last): (usize, usize), z: &mut [f64]) {
+        z[first..=last].fill(0.0);
         let mut neighbour = 0.0;
-        for k in contact..size {
-            let row = at::<CONTACT_FIRST>(k, size);
-            neighbour = project(intercept[row] + slope[row] * neighbour);
+        for row in (0..first).rev() {
+            neighbour = self.intercept[row] + self.slope[row] * neighbour;
             z[row] = neighbour;
         }
-    }
-
-    /// The length of the contact set where it is one run at the contact end (or empty).
-    pub fn run_length(&self, contact: &[bool]) -> Option<usize> {
-        let size = contact.len();
-        let length = contact.iter().filter(|c| **c).count();
-        let run = if self.contact_first {
-            &contact[..length]
-        } else {
-            &contact[size - length..]
-        };
-        run.iter().all(|c| *c).then_some(length)
-    }
-
-    /// Write the solution on the rows beyond a run of `length` rows in contact.
-    pub fn solve_beyond(&self, length: usize, z: &mut [f64]) {
-        let size = z.len();
-        if self.contact_first {
-            z[..length].fill(0.0);
-            self.substitute_from::<true>(length, z, |x| x);
-        } else {
-            z[size - length..].fill(0.0);
-            self.substitute_from::<false>(length, z, |x| x);
+        neighbour = 0.0;
+        for (row, entry) in z.iter_mut().enumerate().skip(last + 1) {
+            neighbour = self.intercept[row] + self.slope[row] * neighbour;
+            *entry = neighbour;
         }
     }
 
-    /// Write the response to a unit in row `free`, the first one beyond the run; return its rows.
+    /// Write the response to a unit in row `free`, the first one outside the run; return its rows.
     pub fn respond(&self, free: usize, response: &mut [f64]) -> (usize, usize) {
         let size = response.len();
         let mut value = self.reciprocal[free];
         response[free] = value;
-        if self.contact_first {
+        if free > self.seed {
             let beyond = free + 1;
             let rows = response[beyond..].iter_mut().zip(&self.slope[beyond..]);
             for (k, (entry, slope)) in rows.enumerate() {
@@ -247,5 +250,39 @@ impl Factors {
             response[row] = value;
         }
         (0, free + 1)
+    }
+}
+
+/// The rows on one side of the seed, from the end of the grid inward.
+struct Side {
+    start: Option<usize>,
+    rising: bool,
+}
+
+impl Side {
+    fn below(seed: usize) -> Self {
+        Self {
+            start: (seed > 0).then_some(0),
+            rising: true,
+        }
+    }
+
+    fn above(seed: usize, size: usize) -> Self {
+        Self {
+            start: (seed + 1 < size).then_some(size - 1),
+            rising: false,
+        }
+    }
+
+    fn first(&self) -> Option<usize> {
+        self.start
+    }
+
+    fn next(&self, row: usize) -> usize {
+        if self.rising {
+            row + 1
+        } else {
+            row - 1
+        }
     }
 }

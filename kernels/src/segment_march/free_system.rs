@@ -23,23 +23,23 @@ impl FreeSystem {
         }
     }
 
-    /// Write z. `factors`, whose intercepts belong to q, do it where the contact set is one run at their end;
+    /// Write z. `factors`, whose intercepts belong to q, do it where the contact set is one run around their seed;
     /// there `solved` is their solution for it, if that is at hand.
     pub fn solve(
         &mut self,
         bands: &Bands,
-        factors: Option<&Factors>,
+        factors: &Factors,
         q: &[f64],
         contact: &[bool],
         solved: Option<&[f64]>,
         z: &mut [f64],
     ) -> Result<(), KernelError> {
-        let run = factors.and_then(|f| f.run_length(contact).map(|length| (f, length)));
+        let run = factors.run(contact);
         self.by_factors = run.is_some();
-        if let Some((factors, length)) = run {
+        if let Some(run) = run {
             match solved {
                 Some(solved) => z.copy_from_slice(solved),
-                None => factors.solve_beyond(length, z),
+                None => factors.solve_outside(run, z),
             }
             return Ok(());
         }
@@ -73,11 +73,11 @@ impl FreeSystem {
     pub fn respond(
         &mut self,
         bands: &Bands,
-        factors: Option<&Factors>,
+        factors: &Factors,
         contact: &[bool],
         free: usize,
     ) -> f64 {
-        if let (true, Some(factors)) = (self.by_factors, factors) {
+        if self.by_factors {
             self.rows = factors.respond(free, &mut self.response);
             return self.response[free];
         }

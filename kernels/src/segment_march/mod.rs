@@ -10,6 +10,8 @@
 //! 0 <= z, 0 <= w = M z + q with M = I - hL and w = h u. M is an M-matrix where 1 + h r > 0 and L has no
 //! negative entry beside its diagonal; the march is meant for those.
 //!
+//! Derivatives by parameters are carried along (`tangents`): the contact set held fast, they are linear.
+//!
 //! `stage` solves one stage, `boundary_cell` places the exercise boundary inside its cell, `elimination` and
 //! `free_system` hold the linear solves of both, and `region` reads the boundary off the slack.
 
@@ -18,6 +20,7 @@ mod elimination;
 mod free_system;
 mod region;
 mod stage;
+mod tangents;
 #[cfg(test)]
 mod tests;
 
@@ -25,6 +28,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 use crate::error::{check_length, KernelError};
 use stage::Stage;
+use tangents::Tangents;
 
 /// The implicit weight of SDIRK2 (Alexander 1977), which makes it L-stable.
 const SDIRK2_THETA: f64 = 1.0 - FRAC_1_SQRT_2;
@@ -65,6 +69,27 @@ pub struct Segment<'a> {
     pub contact_at: [bool; 2],
 }
 
+/// The derivative of the option by one parameter, marked by a prime.
+#[derive(Clone, Debug)]
+pub struct Tangent {
+    /// v' at all nodes, at the first of the times.
+    pub values: Vec<f64>,
+    /// The entries of L' at the node below, per year.
+    pub lower: Vec<f64>,
+    /// The entries of L' at the node itself, per year.
+    pub diagonal: Vec<f64>,
+    /// The entries of L' at the node above, per year.
+    pub upper: Vec<f64>,
+    /// r'.
+    pub rate: f64,
+    /// q'.
+    pub dividend_yield: f64,
+    /// A' at the segment's end.
+    pub escrow: f64,
+    /// (a', b') at the two ends of the grid, at the segment's end.
+    pub lines: [[f64; 2]; 2],
+}
+
 /// The option at the last of the times, and what was seen on the way.
 #[derive(Clone, Debug)]
 pub struct March {
@@ -76,10 +101,12 @@ pub struct March {
     pub contact: Vec<bool>,
     /// u at the interior nodes, per year.
     pub multiplier: Vec<f64>,
-    /// The largest natural residual max |min(z, w)|/max(1, s) at the end of a step.
+    /// The largest natural residual max |min(z, w/d)|/max(1, s) at the end of a step, d the diagonal of M.
     pub residual: f64,
     /// The ends of the exercise region in s after each step, see `region`.
     pub regions: Vec<[f64; 2]>,
+    /// v' at all nodes, for each of the parameters.
+    pub tangents: Vec<Vec<f64>>,
 }
 
 impl Segment<'_> {
@@ -122,6 +149,14 @@ impl Segment<'_> {
         [at(self.lines[0], self.nodes[0]), at(self.lines[1], last)]
     }
 
+    /// Whether v at an end node, the lower (0) or the upper one (1), is what exercise brings.
+    fn is_exercised_at(&self, end: usize, t: f64) -> bool {
+        let s = self.nodes[end * (self.size() + 1)];
+        let [a, b] = self.lines[end];
+        let held = a * (-self.rate * t).exp() + b * (-self.dividend_yield * t).exp() * s;
+        self.exercisable && held < self.sign * (self.strike_left(t) - s)
+    }
+
     /// J, the second derivative of v - g on the free side of a boundary at interior node `node`.
     ///
     /// sigma^2 s^2/2 J = sign (r - q s), what exercise earns and holding does not.
@@ -153,11 +188,19 @@ pub fn march_segment(
     scheme: Scheme,
     values: &[f64],
     contact: &[bool],
+    tangents: &[Tangent],
 ) -> Result<March, KernelError> {
     segment.check()?;
     let size = segment.size();
     check_length("values", values, size + 2)?;
     check_length("contact", contact, size)?;
+    for tangent in tangents {
+        check_length("tangents", &tangent.values, size + 2)?;
+        check_length("tangents", &tangent.lower, size)?;
+        check_length("tangents", &tangent.diagonal, size)?;
+        check_length("tangents", &tangent.upper, size)?;
+    }
+    let mut following = Tangents::new(segment, tangents);
     let mut stage = Stage::new(segment, &values[1..=size], contact);
     let (mut value, mut base) = (vec![0.0; size], vec![0.0; size]);
     let mut residual = 0.0;
@@ -166,15 +209,22 @@ pub fn march_segment(
         let (start, end) = (pair[0], pair[1]);
         let h = end - start;
         value.copy_from_slice(&stage.value);
+        stage.begin_step();
         match scheme {
-            Scheme::ImplicitEuler => stage.solve(end, h, &value)?,
+            Scheme::ImplicitEuler => {
+                stage.solve(end, h, &value)?;
+                following.follow(&stage, end, h, None)?;
+            }
             Scheme::Sdirk2 => {
-                stage.solve(start + SDIRK2_THETA * h, SDIRK2_THETA * h, &value)?;
+                let (middle, h) = (start + SDIRK2_THETA * h, SDIRK2_THETA * h);
+                stage.solve(middle, h, &value)?;
+                following.follow(&stage, middle, h, None)?;
                 let ahead = (1.0 - SDIRK2_THETA) / SDIRK2_THETA;
                 for ((b, v), first) in base.iter_mut().zip(&value).zip(&stage.value) {
                     *b = v + ahead * (first - v);
                 }
-                stage.solve(end, SDIRK2_THETA * h, &base)?;
+                stage.solve(end, h, &base)?;
+                following.follow(&stage, end, h, Some(ahead))?;
             }
         }
         residual = larger(residual, stage.residual);
@@ -185,7 +235,9 @@ pub fn march_segment(
     if let Some(&t) = times.last() {
         [values[0], values[size + 1]] = segment.ends(t);
     }
+    let last = times.last().copied().unwrap_or(0.0);
     Ok(March {
+        tangents: following.values(tangents.len(), last),
         values,
         multiplier: stage.multiplier(),
         slack: stage.slack,

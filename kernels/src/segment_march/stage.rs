@@ -1,27 +1,32 @@
 //! One implicit stage: the complementarity problem by one elimination or by policy iteration.
 
-use super::boundary_cell::Correction;
+use super::boundary_cell::{Correction, Placed};
 use super::elimination::{Bands, Factors};
 use super::{larger, Segment};
 use crate::error::KernelError;
 use crate::policy_iteration::{iterate, Settling};
 
-/// The largest natural residual of an exact elimination, as a share of M's largest diagonal entry times v.
-pub(super) const NEGLIGIBLE: f64 = 1e-13;
+/// The largest natural residual of an exact elimination, as a share of v and max(1, s).
+pub(super) const NEGLIGIBLE: f64 = 1e-11;
 /// The wrong sign in a row that counts as rounding, as a share of the row's terms.
 const ROUNDING: f64 = 1e-14;
 /// The number of independent maxima that are kept side by side, so that none waits for the one before it.
 const LANES: usize = 4;
 
-/// How far z and w are from complementary.
+/// How far z and w are from complementary, in units of max(1, s).
 #[derive(Clone, Copy)]
 pub(super) struct Measured {
-    /// max |min(z, w)|.
+    /// max |min(z, w/d)|, d the diagonal of M: an error of v itself.
     pub residual: f64,
-    /// max |min(z, w)|/max(1, s).
-    pub scaled: f64,
     /// max z, or 0 where that is larger.
     pub largest: f64,
+}
+
+impl Measured {
+    /// The residual that rounding explains.
+    fn rounding(self) -> f64 {
+        NEGLIGIBLE * (self.largest + 1.0)
+    }
 }
 
 /// The state after the last stage, and the buffers of the next one.
@@ -34,8 +39,10 @@ pub(super) struct Stage<'a> {
     w: Vec<f64>,
     q: Vec<f64>,
     weights: Vec<f64>,
-    bands: Bands,
-    factors: Option<Factors>,
+    pub bands: Bands,
+    /// Where the boundary lies in the cells that the last stage was corrected for.
+    pub placed: Vec<Placed>,
+    factors: Factors,
     basic_set: Vec<bool>,
     scratch: Vec<f64>,
     correction: Correction,
@@ -44,8 +51,6 @@ pub(super) struct Stage<'a> {
 impl<'a> Stage<'a> {
     pub fn new(segment: &'a Segment<'a>, value: &[f64], contact: &[bool]) -> Self {
         let size = segment.size();
-        let [at_left, at_right] = segment.contact_at;
-        let one_sided = at_left != at_right || !segment.exercisable;
         let weight = |s: &f64| 1.0 / larger(*s, 1.0);
         Self {
             segment,
@@ -57,7 +62,8 @@ impl<'a> Stage<'a> {
             q: vec![0.0; size],
             weights: segment.nodes[1..=size].iter().map(weight).collect(),
             bands: Bands::new(size),
-            factors: one_sided.then(|| Factors::new(size, at_left)),
+            placed: Vec::new(),
+            factors: Factors::new(size),
             basic_set: vec![false; size],
             scratch: vec![0.0; size],
             correction: Correction::new(size),
@@ -68,10 +74,9 @@ impl<'a> Stage<'a> {
     pub fn solve(&mut self, t: f64, h: f64, base: &[f64]) -> Result<(), KernelError> {
         if h.is_nan() || h.to_bits() != self.bands.h.to_bits() {
             self.bands.form(self.segment, h);
-            if let Some(factors) = &mut self.factors {
-                factors.factor(&self.bands)?;
-            }
+            self.factors.factor(&self.bands)?;
         }
+        self.placed.clear();
         if !self.segment.exercisable {
             self.solve_unconstrained(t, base);
             return Ok(());
@@ -90,6 +95,27 @@ impl<'a> Stage<'a> {
             *value = sign * (strike_left - s) + z;
         }
         Ok(())
+    }
+
+    /// Choose the seed for the stages of a step: the end of the grid that lies in the exercise region, or the middle
+    /// of the last contact set.
+    pub fn begin_step(&mut self) {
+        let size = self.contact.len();
+        let seed = match self.segment.contact_at {
+            [true, false] => 0,
+            [false, true] => size - 1,
+            _ => {
+                let first = self.contact.iter().position(|c| *c);
+                let last = self.contact.iter().rposition(|c| *c);
+                first
+                    .zip(last)
+                    .map_or(size / 2, |(first, last)| usize::midpoint(first, last))
+            }
+        };
+        if seed != self.factors.seed {
+            self.factors.seed = seed;
+            self.bands.h = f64::NAN;
+        }
     }
 
     /// u >= 0 at the end of the last stage, per year.
@@ -111,10 +137,8 @@ impl<'a> Stage<'a> {
             *q = -b;
         }
         self.subtract_ends(t);
-        if let Some(factors) = &mut self.factors {
-            factors.eliminate(&self.q);
-            factors.substitute(false, &mut self.value);
-        }
+        self.factors.eliminate(&self.q);
+        self.factors.substitute(false, &mut self.value);
         self.contact.fill(false);
     }
 
@@ -150,17 +174,15 @@ impl<'a> Stage<'a> {
 
     /// Write slack, w and residual; return whether one elimination was enough.
     ///
-    /// It is exact where the exercise region touches one end only; policy iteration finds any region.
+    /// It is exact where the exercise region is one run around the seed, or empty; policy iteration finds any region.
     fn solve_complementarity(&mut self) -> Result<bool, KernelError> {
-        if let Some(factors) = &mut self.factors {
-            factors.eliminate(&self.q);
-            factors.substitute(true, &mut self.slack);
-            self.bands.apply(&self.slack, &self.q, &mut self.w);
-            let measured = measure(&self.slack, &self.w, &self.weights);
-            if measured.residual <= self.rounding(measured.largest) {
-                self.residual = measured.scaled;
-                return Ok(true);
-            }
+        self.factors.eliminate(&self.q);
+        self.factors.substitute(true, &mut self.slack);
+        self.bands.apply(&self.slack, &self.q, &mut self.w);
+        let measured = self.bands.measure(&self.slack, &self.w, &self.weights);
+        if measured.residual <= measured.rounding() {
+            self.residual = measured.residual;
+            return Ok(true);
         }
         for (basic, contact) in self.basic_set.iter_mut().zip(&self.contact) {
             *basic = !contact;
@@ -178,18 +200,16 @@ impl<'a> Stage<'a> {
             settling,
         )?;
         self.bands.apply(&self.slack, &self.q, &mut self.w);
-        self.residual = measure(&self.slack, &self.w, &self.weights).scaled;
+        self.residual = self
+            .bands
+            .measure(&self.slack, &self.w, &self.weights)
+            .residual;
         Ok(false)
-    }
-
-    /// The residual that rounding explains, for slacks up to `largest`.
-    fn rounding(&self, largest: f64) -> f64 {
-        NEGLIGIBLE * self.bands.largest_diagonal * (largest + 1.0)
     }
 
     /// Place the exercise boundary inside its cell, unless that makes the residual larger.
     fn correct(&mut self, direct: bool) -> Result<(), KernelError> {
-        let (bands, factors) = (&self.bands, self.factors.as_ref());
+        let (bands, factors) = (&self.bands, &self.factors);
         let correction = &mut self.correction;
         let solved = direct.then_some(&self.slack[..]);
         let (q, contact) = (&mut self.q, &self.contact);
@@ -197,43 +217,40 @@ impl<'a> Stage<'a> {
             return Ok(());
         }
         bands.apply(&correction.slack, &self.q, &mut correction.w);
-        let measured = measure(&correction.slack, &correction.w, &self.weights);
-        if measured.scaled > self.residual + self.rounding(measured.largest) {
+        let measured = bands.measure(&correction.slack, &correction.w, &self.weights);
+        if measured.residual > self.residual + measured.rounding() {
             return Ok(());
         }
-        self.residual = measured.scaled;
+        self.residual = measured.residual;
         std::mem::swap(&mut self.slack, &mut self.correction.slack);
         std::mem::swap(&mut self.w, &mut self.correction.w);
         std::mem::swap(&mut self.contact, &mut self.correction.contact);
+        std::mem::swap(&mut self.placed, &mut self.correction.placed);
         Ok(())
     }
 }
 
-fn measure(z: &[f64], w: &[f64], weights: &[f64]) -> Measured {
-    let mut top = [[0.0; LANES]; 3];
-    let (z_rows, z_rest) = z.as_chunks::<LANES>();
-    let (w_rows, w_rest) = w.as_chunks::<LANES>();
-    let (weight_rows, weight_rest) = weights.as_chunks::<LANES>();
-    for ((z, w), weight) in z_rows.iter().zip(w_rows).zip(weight_rows) {
-        for lane in 0..LANES {
-            let natural = smaller(z[lane], w[lane]).abs();
-            top[0][lane] = larger(top[0][lane], natural);
-            top[1][lane] = larger(top[1][lane], natural * weight[lane]);
-            top[2][lane] = larger(top[2][lane], z[lane]);
+impl Bands {
+    fn measure(&self, z: &[f64], w: &[f64], weights: &[f64]) -> Measured {
+        let size = z.len();
+        let (w, weights, reciprocal) = (&w[..size], &weights[..size], &self.reciprocal[..size]);
+        let mut top = [[0.0; LANES]; 2];
+        let mut see = |lane: usize, i: usize| {
+            let natural = smaller(z[i], w[i] * reciprocal[i]).abs();
+            top[0][lane] = larger(top[0][lane], natural * weights[i]);
+            top[1][lane] = larger(top[1][lane], z[i] * weights[i]);
+        };
+        let whole = size - size % LANES;
+        for first in (0..whole).step_by(LANES) {
+            for lane in 0..LANES {
+                see(lane, first + lane);
+            }
         }
-    }
-    let [mut residual, mut scaled, mut largest] =
-        top.map(|lanes| lanes.into_iter().fold(0.0, larger));
-    for ((z, w), weight) in z_rest.iter().zip(w_rest).zip(weight_rest) {
-        let natural = smaller(*z, *w).abs();
-        residual = larger(residual, natural);
-        scaled = larger(scaled, natural * weight);
-        largest = larger(largest, *z);
-    }
-    Measured {
-        residual,
-        scaled,
-        largest,
+        for i in whole..size {
+            see(0, i);
+        }
+        let [residual, largest] = top.map(|lanes| lanes.into_iter().fold(0.0, larger));
+        Measured { residual, largest }
     }
 }
 

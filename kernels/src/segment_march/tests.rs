@@ -78,6 +78,7 @@ impl Case {
             scheme,
             &self.payoff,
             &contact,
+            &[],
         )
         .unwrap()
     }
@@ -142,7 +143,14 @@ fn portions_give_what_the_whole_gives() {
         let whole = case.march(true, scheme, &times);
         let first = case.march(true, scheme, &times[..10]);
         let segment = case.segment(true);
-        let rest = march_segment(&segment, &times[9..], scheme, &first.values, &first.contact);
+        let rest = march_segment(
+            &segment,
+            &times[9..],
+            scheme,
+            &first.values,
+            &first.contact,
+            &[],
+        );
         let rest = rest.unwrap();
         assert_eq!(whole.values, rest.values);
         assert_eq!(whole.contact, rest.contact);
@@ -222,6 +230,7 @@ fn one_interior_node_is_enough() {
         Scheme::ImplicitEuler,
         &[0.5, 0.0, 0.0],
         &[false],
+        &[],
     );
     // 1.72 v = 0.36 * 0.5
     assert!((march.unwrap().values[1] - 0.18 / 1.72).abs() < 1e-15);
@@ -232,7 +241,15 @@ fn wrong_lengths_and_zero_pivots_are_named() {
     let case = put();
     let segment = case.segment(true);
     let refused = |segment: &Segment<'_>, values: &[f64], contact: &[bool]| {
-        march_segment(segment, &[0.0, 1.0], Scheme::ImplicitEuler, values, contact).unwrap_err()
+        march_segment(
+            segment,
+            &[0.0, 1.0],
+            Scheme::ImplicitEuler,
+            values,
+            contact,
+            &[],
+        )
+        .unwrap_err()
     };
     let contact = [false; 119];
     let error = refused(&segment, &case.payoff[1..], &contact);

@@ -5,7 +5,7 @@ from typing import Literal, TypeAlias
 
 from pricing_core.errors import InvalidInputError
 
-TimeMesh: TypeAlias = Literal["square-root", "uniform", "adaptive"]
+TimeMesh: TypeAlias = Literal["square-root", "cube-root", "uniform", "adaptive"]
 Scheme: TypeAlias = Literal["sdirk2", "implicit-euler", "crank-nicolson"]
 
 LARGEST_STRETCHING = 10.0  # Largest stretching of a grid; chosen.
@@ -23,9 +23,9 @@ class Resolution:
     steps : int
         Time steps, 4 to 20,000; with "adaptive" the size of the local tolerance, 0.02/steps**3 of the strike,
         which leads to about as many.
-    time_mesh : {"square-root", "uniform", "adaptive"}
-        Equal steps in sqrt(tau), equal steps in tau, or step-size control by step doubling and a PI
-        controller.
+    time_mesh : {"square-root", "cube-root", "uniform", "adaptive"}
+        Equal steps in the square root of tau, in its cube root or in tau itself, or step-size control by step
+        doubling and a PI controller.
     scheme : {"sdirk2", "implicit-euler", "crank-nicolson"}, optional
         The one-step method; by default "sdirk2".
     stretching : float
@@ -48,7 +48,7 @@ class Resolution:
                 "stretching", self.stretching, f"a number from 0 to {LARGEST_STRETCHING:g}"
             )
         choices = {
-            "time_mesh": ("square-root", "uniform", "adaptive"),
+            "time_mesh": ("square-root", "cube-root", "uniform", "adaptive"),
             "scheme": (None, "sdirk2", "implicit-euler", "crank-nicolson"),
         }
         for field, allowed in choices.items():

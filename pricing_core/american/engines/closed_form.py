@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.prices import Prices, error_of, prices
+from pricing_core.american.book.prices import Prices, prices
 from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.certain import certain_value, uncertainty
 from pricing_core.american.engines.differences import plan_differences
@@ -172,13 +172,6 @@ def _on_certain_path(book: Book, request: Request) -> Prices:
         differences = plan_differences(book, extended=request.greeks == "extended", share=CERTAIN_STEPS)
         bumped = certain_value(differences.book)
         further = differences.columns(bumped, np.zeros(bumped.size))
-        # The payoff's derivatives by the spot are exact; nothing is known of the errors of other differences.
-        paid, known = np.where(exercised | expired, 0.0, math.nan), np.where(expired, 0.0, math.nan)
-        further |= dict.fromkeys(map(error_of, ("delta", "gamma", "theta")), paid)
-        further |= dict.fromkeys(map(error_of, ("vega", "rho", "dividend_rho")), known)
-        if request.greeks == "extended":
-            further |= dict.fromkeys(map(error_of, ("vanna", "volga")), known)
-            further |= {"charm": paid, error_of("charm"): paid}
     certain = error <= SURE_SHARE * request.tolerance * book.strike
     worthless = _is_worthless(book)
     words = np.array(["zero-volatility", "worthless-underlying", "closed-form", "expired"], dtype=object)

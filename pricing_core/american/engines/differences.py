@@ -25,6 +25,8 @@ AMOUNT_SHARE = 0.2  # Largest step of a cash dividend as a share of its amount; 
 # Smallest step of the volatility, 1/sqrt(year), whose square does not vanish; chosen.
 SMALLEST_VOLATILITY_STEP = 1e-100
 SMALLEST_RATE_STEP = 1e-5  # Smallest step of a rate or yield, 1/year; chosen above rounding.
+# Step of a parameter for exact derivatives, in its own unit up to one year of life, in strikes for dividends; chosen.
+DIRECTION_STEP = 1e-4
 PARALLEL = {"volatility": "vega", "rate": "rho", "dividend_yield": "dividend_rho"}
 BUCKETS = {name: f"{name}_buckets" for name in CURVES}
 DIVIDENDS = "dividend_sensitivities"
@@ -172,6 +174,37 @@ def plan_differences(book: Book, *, extended: bool, share: float = 1.0) -> Diffe
     for part in plan.books[1:]:
         bumped = bumped.joined(part)
     return Differences(bumped, np.concatenate(plan.rows), tuple(plan.terms), sizes, book.listed)
+
+
+def plan_directions(book: Book, *, extended: bool) -> list[tuple[str, int, Book, Book, float]]:
+    """Return (kind, entry, up, down, step) for the first derivatives of one contract by every parameter.
+
+    The bumped contracts are cut like the contract itself; nothing where a derivative asks for a further cut. Their
+    steps are small, for numbers that are differentiated exactly.
+    """
+    shifts: list[tuple[str, int, str, BoolVector | None]] = [
+        (PARALLEL[name], 0, name, None) for name in CURVES
+    ]
+    ends, expiry = book.segments.end, book.expiry.item(0)
+    for entry, time in enumerate(book.listed.cash_dividends.values.tolist()):
+        if SAME_TIME * expiry < time <= expiry:
+            where = np.abs(ends - time) <= SAME_TIME * expiry
+            if not where.any():
+                return []
+            shifts.append((DIVIDENDS, entry, "due", where))
+    if extended:
+        middle = 0.5 * (book.segments.start + ends)
+        for name in CURVES:
+            for entry, _, start, end in _pieces(getattr(book.listed, name), book.expiry):
+                if end < expiry * (1.0 - SAME_TIME) and np.abs(ends - end).min() > SAME_TIME * expiry:
+                    return []
+                shifts.append((BUCKETS[name], entry, name, (middle > start) & (middle < end)))
+    planned = []
+    for kind, entry, name, where in shifts:
+        step = DIRECTION_STEP * (book.strike.item(0) if name == "due" else 1.0 / max(expiry, 1.0))
+        bumped = _Bump(book, name, where)
+        planned.append((kind, entry, bumped(np.array([step])), bumped(np.array([-step])), step))
+    return planned
 
 
 def of_dividends_not_due(book: Book) -> Ragged:

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, exercise_boundary, price
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.prices import GREEKS, error_of
 from pricing_core.american.engines.certain import certain_value
 from pricing_core.american.engines.closed_form import ClosedForm
 from pricing_core.american.engines.engine import Request
@@ -329,14 +328,6 @@ def test_an_expired_option_is_worth_its_payoff(option_type, spot, exercise):
     slope = 0.0 if option.payoff(spot) == 0.0 else (-1.0 if option_type == "put" else 1.0)
     assert (found.delta[0], found.gamma[0], found.theta[0], found.vega[0]) == (slope, 0.0, 0.0, 0.0)
     assert (found.method[0], found.settled[0]) == ("expired", True)
-
-
-def test_the_greeks_of_an_expired_option_have_no_error():
-    contracts = [(Option("put", 100.0, 0.0), Market(spot, 0.05, 0.25)) for spot in (90.0, 110.0)]
-    found = solved(ENGINE, *contracts, greeks="extended")
-    assert found.charm.tolist() == [0.0, 0.0]
-    for name in GREEKS:
-        assert getattr(found, error_of(name)).tolist() == [0.0, 0.0], name
 
 
 @pytest.mark.parametrize(("rate", "value", "exercised"), [(0.05, 100.0, True), (-0.05, 105.12710964, False)])

@@ -20,7 +20,6 @@ from pricing_core.american.engines.method_of_lines.stage import (
     OptionState,
     StageProblem,
     TridiagonalStage,
-    natural_residual,
 )
 from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.linalg import solve_tridiagonal
@@ -75,8 +74,8 @@ class BoundaryCellStage:
             return state
         z = np.maximum(z, 0.0)
         w = M.times(z) + lifted
-        residual = natural_residual(z, w, self.form.scale)
-        if residual > state.residual + problem.negligible * (float(np.max(z)) + 1.0):
+        residual, rounding = problem.measured(z, w, self.form.scale)
+        if residual > state.residual + rounding:
             return state
         return replace(
             state,

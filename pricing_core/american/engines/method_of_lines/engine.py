@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.prices import Prices, concatenated, prices
+from pricing_core.american.book.prices import Prices, concatenated, error_of, prices
+from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.book.resolution import Resolution, Scheme
+from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.differences import plan_differences, unchanged
 from pricing_core.american.engines.engine import Boundaries, Request
@@ -18,11 +20,17 @@ from pricing_core.american.engines.method_of_lines.refinement import (
     Estimate,
     boundaries,
     estimate_to_tolerance,
+    levels_on_same_grids,
+    limit_of,
     value_on_same_grids,
 )
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.american.engines.method_of_lines.tangents import Direction, directions_of
+from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.errors import PricingCoreError
+
+VOLGA_STEP = 0.04  # Step of the volatility for volga, as a share of the largest one; calibrated.
+SPOT_STEP = 1e-4  # Step of the spot for the third derivative of the formula, as a share of it; chosen.
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,31 +87,38 @@ class MethodOfLines:
 
     def _priced(self, book: Book, request: Request) -> Prices:
         """Price a book of one contract."""
-        solver = make_solver(book.schedule(0), request.tolerance.item(0), self.lcp_method, request.interrupt)
+        extended, tolerance = request.greeks == "extended", request.tolerance.item(0)
+        solver = make_solver(book.schedule(0), tolerance, self.lcp_method, request.interrupt)
+        if request.greeks != "none":
+            solver = replace(solver, directions=directions_of(book, extended=extended))
         estimate = estimate_to_tolerance(
             solver,
-            request.tolerance.item(0),
+            tolerance,
             scheme=self.scheme,
             resolution=self.resolution,
-            exact=_exact_european(book),
+            exact=_exact_european(book, solver.directions, extended=extended),
         )
         if not estimate.levels:
             european = _exact_european(book)
-            known = math.nan if european is None else book.strike.item(0) * european[0]
+            known = math.nan if european is None else book.strike.item(0) * european[0, 0]
             return prices(1, european=known, status="deadline", method="none")
         finest = estimate.levels[-1]
         columns: dict[str, Any] = {"complete": True}
         if request.greeks != "none" and not estimate.interrupted:
             columns = _derivatives(book, solver, estimate, request)
         late = estimate.interrupted or (not columns["complete"] and request.is_interrupted())
-        strike = book.strike
+        strike, value, errors = book.strike, estimate.american[0], estimate.errors[0]
+        if extended:
+            columns |= _charm(book, value, errors)
         return priced(
             book,
-            value=strike * estimate.american[0],
-            european=np.maximum(strike * estimate.european[0], 0.0),
-            error=strike * estimate.error,
-            delta=estimate.american[1:2],
-            gamma=estimate.american[2:3] / strike,
+            value=strike * value[0],
+            european=np.maximum(strike * estimate.european[0, 0], 0.0),
+            error=strike * errors[0],
+            delta=value[1:2],
+            gamma=value[2:3] / strike,
+            delta_error=errors[1:2],
+            gamma_error=errors[2:3] / strike,
             boundary=np.array([estimate.region.boundaries(solver.schedule)[0]]),
             exercised=np.array([finest.exercised]),
             settled=not late,
@@ -123,6 +138,8 @@ def _derivatives(book: Book, solver: ScheduleSolver, estimate: Estimate, request
     extended = request.greeks == "extended"
     if estimate.levels[-1].exercised:
         return unchanged(book, extended=extended) | {"complete": True}
+    if len(estimate.american) == 1 + len(solver.directions) > 1:
+        return _carried(book, solver, estimate, extended=extended)
     plan = plan_differences(book, extended=extended)
     bumped, strike = plan.book, book.strike.item(0)
     value, delta = np.full((2, bumped.count), math.nan)
@@ -131,7 +148,7 @@ def _derivatives(book: Book, solver: ScheduleSolver, estimate: Estimate, request
         if schedule.spot <= 0.0:
             continue  # the bump makes escrowed dividends worth more than the spot
         try:
-            v, slope = value_on_same_grids(estimate, replace(solver, schedule=schedule))
+            v, slope = value_on_same_grids(estimate, replace(solver, schedule=schedule, directions=()))
         except (PricingCoreError, ArithmeticError, np.linalg.LinAlgError):
             continue  # the grids of the contract itself do not do for it
         if math.isnan(v):
@@ -140,10 +157,106 @@ def _derivatives(book: Book, solver: ScheduleSolver, estimate: Estimate, request
     return plan.columns(value, delta) | {"complete": not bool(np.isnan(value).any())}
 
 
-def _exact_european(book: Book) -> Vector | None:
-    """Return (v, v_s, v_ss) of the European option by the formula in units of the strike; None where it has none."""
+def _carried(book: Book, solver: ScheduleSolver, estimate: Estimate, *, extended: bool) -> dict[str, Any]:
+    """Return the derivatives that the march carried along as columns, with their errors."""
+    columns, strike = unchanged(book, extended=extended), book.strike.item(0)
+    columns |= {
+        error_of(name): Ragged(column.first, column.values.copy())
+        if isinstance(column, Ragged)
+        else column.copy()
+        for name, column in columns.items()
+    }
+    found = zip(solver.directions, estimate.american[1:], estimate.errors[1:], strict=True)
+    for direction, value, error in found:
+        for name, number in ((direction.kind, value[0]), (error_of(direction.kind), error[0])):
+            column = columns[name]
+            (column.values if isinstance(column, Ragged) else column)[direction.entry] = strike * number
+    if not extended:
+        return columns | {"complete": True}
+    vega = next(n for n, direction in enumerate(solver.directions) if direction.kind == "vega")
+    columns["vanna"], columns["vanna_error"] = (
+        estimate.american[[1 + vega], 1],
+        estimate.errors[[1 + vega], 1],
+    )
+    volga = _volga(book, solver, estimate)
+    complete = volga is not None
+    columns["volga"], columns["volga_error"] = np.full((2, 1), math.nan) if volga is None else volga
+    return columns | {"complete": complete}
+
+
+def _volga(book: Book, solver: ScheduleSolver, estimate: Estimate) -> tuple[Vector, Vector] | None:
+    """Return volga and its error from vegas at two volatilities, each with its own contact sets."""
+    step = VOLGA_STEP * float(np.max(book.segments.volatility))
+    levels, exact = [], []
+    for shift in (step, -step):
+        volatility = book.segments.volatility + shift
+        bumped = replace(book, segments=replace(book.segments, volatility=volatility))
+        parameter = directions_of(bumped, extended=False, only="vega")
+        again = replace(solver, schedule=bumped.schedule(0), directions=parameter)
+        found = levels_on_same_grids(estimate, again)
+        if found is None or any(len(level.american) == 1 for level in found):
+            return None
+        levels.append(found)
+        exact.append(_exact_european(bumped, parameter, extended=False))
+    premium = exact[0] is not None and exact[1] is not None
+    differences = [
+        np.array(
+            [up.american[1, 0] - down.american[1, 0] - premium * (up.european[1, 0] - down.european[1, 0])]
+        )
+        for up, down in zip(*levels, strict=True)
+    ]
+    scale = book.strike / (2.0 * step)
+    if len(differences) == 1:
+        return scale * differences[0], np.full(1, math.nan)
+    volga, error = limit_of(differences, first_order=estimate.levels[-1].fitted)
+    if exact[0] is not None and exact[1] is not None:
+        volga = volga + exact[0][1, 0] - exact[1][1, 0]
+    # What the step leaves out is of the size of its square times the derivatives that the vegas show.
+    at_once = [found[-1].american[1, 0] for found in levels]
+    vega = next(n for n, direction in enumerate(solver.directions) if direction.kind == "vega")
+    bend = abs(sum(at_once) - 2.0 * estimate.levels[-1].american[1 + vega, 0]) * 2.0 / VOLGA_STEP
+    return scale * volga, scale * (error + VOLGA_STEP**2 * (np.abs(volga) + bend))
+
+
+def _charm(book: Book, value: Vector, errors: Vector) -> dict[str, Any]:
+    """Return d delta/dt and its error as columns: the derivative of (11.46) by the spot, where the contract is held."""
+    now, escrow, strike = book.first_segments(), book.escrow_now(), book.strike
+    spot = book.spot - escrow
+    carry, variance = now.rate - now.dividend_yield, now.volatility**2
+    weights = (
+        now.rate - carry,
+        -(carry * spot + now.rate * escrow + variance * spot) / strike,
+        -0.5 * variance * spot**2 / strike**2,
+    )
+    terms = [*zip(weights, value[1:], errors[1:], strict=True)]
+    return {
+        "charm": sum(weight * number for weight, number, _ in terms),
+        "charm_error": sum(np.abs(weight) * error for weight, _, error in terms),
+    }
+
+
+def _exact_european(
+    book: Book, directions: tuple[Direction, ...] = (), *, extended: bool = False
+) -> Matrix | None:
+    """Return what the formula gives of the European option in units of the strike, shape (1 + P, 4), NaN where nothing.
+
+    None where it has no formula.
+    """
     if (book.drops() > 0.0).any():
         return None
-    found = european_columns(book, "none")
-    strike = book.strike
-    return np.concatenate([found["value"] / strike, found["delta"], found["gamma"] * strike])
+    greeks: Greeks = "extended" if extended else "standard" if directions else "none"
+    found, strike = european_columns(book, greeks), book.strike.item(0)
+    exact = np.full((1 + len(directions), 4), math.nan)
+    exact[0, :3] = [found["value"][0] / strike, found["delta"][0], found["gamma"][0] * strike]
+    if extended:
+        step = SPOT_STEP * book.spot
+        gammas = [
+            european_columns(replace(book, spot=book.spot + by), "none")["gamma"] for by in (step, -step)
+        ]
+        exact[0, 3] = ((gammas[0] - gammas[1]) / (2.0 * step)).item(0) * strike**2
+    for row, direction in zip(exact[1:], directions, strict=True):
+        column = found[direction.kind]
+        row[0] = (column.values if isinstance(column, Ragged) else column)[direction.entry] / strike
+        if direction.kind == "vega" and extended:
+            row[1] = found["vanna"][0]
+    return exact

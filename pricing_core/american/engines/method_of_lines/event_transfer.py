@@ -198,6 +198,9 @@ class EventValue:
     values: Vector  # (n,)
     at_zero: float
     region: ExerciseRegion
+    exercised: BoolVector  # (n,)
+    crossings: tuple[float, ...]  # where exercise gains nothing
+    exercised_at_zero: bool
 
 
 def before_event(
@@ -212,12 +215,11 @@ def before_event(
     sign : float
         1 for a put, -1 for a call.
     """
-    held: ValueFunction = after
-    if segment.fraction > 0.0 or segment.amount > 0.0:
-        held = Dropped(after, segment.fraction, segment.amount / strike)
+    held = dropped(after, segment, strike)
     values, kinks = held.value(nodes), list(held.kinks)
     if not segment.exercise_at_end:
-        return EventValue(values + _projection(nodes, kinks), at_zero, EMPTY_REGION)
+        nowhere = np.zeros(nodes.size, dtype=bool)
+        return EventValue(values + _projection(nodes, kinks), at_zero, EMPTY_REGION, nowhere, (), False)
     escrow = segment.escrow / strike
 
     def gain(s: float) -> float:
@@ -230,7 +232,15 @@ def before_event(
     kinks += [Kink(s, abs(-sign - float(held.slope(np.array([s]))[0]))) for s in crossings]
     values = np.maximum(np.maximum(values, payoff) + _projection(nodes, kinks), payoff)
     region = _region(nodes, exercised, crossings)
-    return EventValue(values, max(at_zero, sign * (1.0 - escrow)), region)
+    earned = sign * (1.0 - escrow)
+    return EventValue(values, max(at_zero, earned), region, exercised, tuple(crossings), earned > at_zero)
+
+
+def dropped(after: ValueFunction, segment: Segment, strike: float) -> ValueFunction:
+    """Return the value before the dividends at the end of `segment`, from that after them."""
+    if segment.fraction > 0.0 or segment.amount > 0.0:
+        return Dropped(after, segment.fraction, segment.amount / strike)
+    return after
 
 
 def _root(gain: Callable[[float], float], a: float, b: float) -> float:

@@ -22,7 +22,10 @@ SMALLEST_KEPT = 1e-3
 # Shift of a grid that goes down to 0, as a share of the lowest spot without dividends; calibrated.
 SHIFT = 0.5
 SMALLEST_SPOT = 1e-7  # Smallest spot, in strikes, from which it still matters what the spot may gain; chosen.
-STRETCHED_FROM = 0.5  # Standard deviation of ln S at expiry from which a grid is stretched; calibrated.
+LEAST_STRETCHING = 4.5  # Stretching of a narrow grid for a price; calibrated.
+# Standard deviation of ln S at expiry from which a grid for boundaries is stretched; calibrated.
+STRETCHED_FROM = 0.5
+FEWEST_CELLS = 32  # Smallest number of cells of which a grid is a refinement by halves; chosen.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,10 +69,19 @@ class SpotRange:
 
     def grid(self, intervals: int, stretching: float) -> Grid:
         """Return a grid of this range, the strike anywhere between its nodes."""
-        one = 1.0 + self.shift
-        left, right = (math.log((edge + self.shift) / one) for edge in (self.low, self.high))
-        nodes = one * np.exp(_stretched(left, right, intervals, stretching)) - self.shift
-        nodes[[0, -1]] = self.low, self.high
+        left, right = (math.log((edge + self.shift) / (1.0 + self.shift)) for edge in (self.low, self.high))
+        shift = self.shift
+        if self.low == 0.0 and stretching > 0.0:
+            # The left end gives way, and the shift is what makes 0 the first node again, which is less.
+            x = _stretched(left, max(right, math.log(self.high)), intervals, stretching)
+            shift = 1.0 / math.expm1(-x[0])
+        else:
+            x = _stretched(left, right, intervals, stretching)
+        nodes = (1.0 + shift) * np.exp(x) - shift
+        if stretching == 0.0:
+            nodes[[0, -1]] = self.low, self.high
+        if self.low == 0.0:
+            nodes[0] = 0.0
         return Grid(nodes)
 
 
@@ -105,19 +117,34 @@ def _moved(s: float, distance: float) -> float:
 
 
 def natural_stretching(spread: float) -> float:
-    """Return the stretching that keeps the payoff's scale, 1 in ln(S/K), resolved on a wide grid."""
+    """Return the stretching with which a price has its smallest error, which the payoff's kink makes."""
+    return LEAST_STRETCHING + math.log1p(spread)
+
+
+def even_stretching(spread: float) -> float:
+    """Return the stretching that keeps the payoff's scale, 1 in ln(S/K), resolved: for boundaries."""
     return math.log1p(spread / STRETCHED_FROM) if spread > STRETCHED_FROM else 0.0
 
 
 def _stretched(left: float, right: float, intervals: int, stretching: float) -> Vector:
-    """Return intervals + 1 increasing numbers from left to right.
+    """Return intervals + 1 increasing numbers from left to right, or a little further.
 
     At stretching 0 they are equally spaced, as in (11.60)-(11.61). At s > 0 they are c + d sinh(s u), u equally spaced:
-    about exp(s)/s times closer around 0, the strike, than at the far end.
+    about exp(s)/s times closer around 0, the strike, than at the far end. The strike is one of them, to which an end
+    gives way, and those for twice as many intervals contain them, so that the error of a value falls regularly.
     """
     if stretching == 0.0:
         return np.linspace(left, right, intervals + 1)
     center = min(max(0.0, left), right)
     scale = max(center - left, right - center) / math.sinh(stretching)
-    ends = np.arcsinh((np.array([left, right]) - center) / scale)
-    return center + scale * np.sinh(np.linspace(ends[0], ends[1], intervals + 1))
+    low, high = np.arcsinh((np.array([left, right]) - center) / scale).tolist()
+    base = intervals
+    while base % 2 == 0 and base >= 2 * FEWEST_CELLS:
+        base //= 2
+    below = math.ceil(base * -low / (high - low))
+    if left < center < right:
+        below = min(max(below, 1), base - 1)
+    width = max(-low / max(below, 1), high / max(base - below, 1)) * base / intervals
+    first = -below * (intervals // base)
+    nodes: Vector = center + scale * np.sinh(width * np.arange(first, first + intervals + 1))
+    return nodes

@@ -8,7 +8,7 @@ STENCIL = 6  # Number of nodes of the interpolating polynomial; chosen.
 
 
 def local_derivatives(nodes: Vector, values: Matrix, usable: BoolVector, x: float) -> Matrix:
-    """Return (f, f', f'') at x from the polynomial through the nearest six usable neighbouring nodes.
+    """Return (f, f', f'', f''') at x from the polynomial through the nearest six usable neighbouring nodes.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def local_derivatives(nodes: Vector, values: Matrix, usable: BoolVector, x: floa
 
     Returns
     -------
-    Matrix, shape (m, 3)
+    Matrix, shape (m, 4)
     """
     indices = np.flatnonzero(usable)
     width = min(STENCIL, indices.size)
@@ -30,9 +30,9 @@ def local_derivatives(nodes: Vector, values: Matrix, usable: BoolVector, x: floa
     scale = nodes[chosen[-1]] - nodes[chosen[0]] if width > 1 else 1.0
     powers = np.vander((nodes[chosen] - x) / scale, width, increasing=True)
     coefficients = np.linalg.solve(powers, values[:, chosen].T).T
-    padded = np.zeros((values.shape[0], 3))
-    padded[:, : min(3, width)] = coefficients[:, :3]
-    return np.asarray(padded * np.array([1.0, 1.0 / scale, 2.0 / scale**2]))
+    padded = np.zeros((values.shape[0], 4))
+    padded[:, : min(4, width)] = coefficients[:, :4]
+    return np.asarray(padded * np.array([1.0, 1.0 / scale, 2.0 / scale**2, 6.0 / scale**3]))
 
 
 def run_around(usable: BoolVector, index: int) -> BoolVector:

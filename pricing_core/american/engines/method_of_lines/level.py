@@ -9,15 +9,21 @@ import numpy as np
 from pricing_core.american.book.resolution import Resolution, Scheme
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.exercise_region import EMPTY_REGION, ExerciseRegion
-from pricing_core.american.engines.method_of_lines.grid import SpotRange, natural_stretching, spot_range
+from pricing_core.american.engines.method_of_lines.grid import (
+    SpotRange,
+    even_stretching,
+    natural_stretching,
+    spot_range,
+)
 from pricing_core.american.engines.method_of_lines.interpolation import local_derivatives, run_around
 from pricing_core.american.engines.method_of_lines.limits import without_exercise
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
 from pricing_core.american.engines.method_of_lines.sweep import SMALLEST_SHARE, Sweep, sweep_schedule
-from pricing_core.arrays import Vector
+from pricing_core.american.engines.method_of_lines.tangents import Direction
+from pricing_core.arrays import Matrix
 
 COARSEST_INTERVALS, COARSEST_STEPS = 64, 16  # Cells and steps of the first resolution; calibrated.
-MOST_COARSEST_INTERVALS, MOST_COARSEST_STEPS = 768, 128  # The same where drift or rates ask for more; chosen.
+MOST_COARSEST_INTERVALS, MOST_COARSEST_STEPS = 768, 96  # The same where drift or rates ask for more; chosen.
 # Number of cells that the drift asks for, over the most, from which it is not followed; calibrated.
 HOPELESS = 1.0
 # Smallest volatility, 1/sqrt(year), that is looked at: its square does not vanish; chosen.
@@ -35,8 +41,9 @@ class Level:
 
     Parameters
     ----------
-    american, european : Vector, shape (3,)
-        v, v_s, v_ss in units of the strike.
+    american, european : Matrix, shape (1 + P, 4)
+        v, v_s, v_ss, v_sss in units of the strike, and then the derivatives of these by the parameters; those are NaN
+        where the march does not carry them.
     exercised : bool
     region : ExerciseRegion
         In ln(S/K) of the actual spot.
@@ -44,17 +51,19 @@ class Level:
     steps : int
     residual : float
     fitted : bool
+    stored : int
         As in `Sweep`.
     """
 
-    american: Vector
-    european: Vector
+    american: Matrix
+    european: Matrix
     exercised: bool
     region: ExerciseRegion
     resolution: Resolution
     steps: int
     residual: float
     fitted: bool
+    stored: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +77,8 @@ class ScheduleSolver:
         The range includes what the strike, as a spot, may become; else they do not meet.
     truncation : float
         What the ends of the range neglect, as a fraction of the strike.
+    directions : tuple of Direction
+        The P parameters whose derivatives are wanted.
     """
 
     schedule: Schedule
@@ -76,6 +87,7 @@ class ScheduleSolver:
     truncation: float
     lcp_method: LCPMethod = "tridiagonal"
     interrupt: Callable[[], bool] | None = None
+    directions: tuple[Direction, ...] = ()
 
     @property
     def spot(self) -> float:
@@ -91,38 +103,58 @@ class ScheduleSolver:
             Whether the one without is wanted; its values are NaN otherwise.
         """
         never = without_exercise(self.schedule)
-        without = self._sweep(never, resolution) if held else None
-        sweep = without if held and never == self.schedule else self._sweep(self.schedule, resolution)
+        without = self._sweep(never, resolution, self.directions) if held else None
+        same = held and never == self.schedule
+        sweep = without if same else self._sweep(self.schedule, resolution, self.directions)
         if sweep is None or (held and without is None):
             return None
         exercised = sweep.region.contains(self.spot)
         return Level(
-            self.exercised() if exercised else at_spot(sweep, self.spot),
-            np.full(3, math.nan) if without is None else at_spot(without, self.spot),
+            self.exercised(sweep) if exercised else self._total(at_spot(sweep, self.spot)),
+            np.full((1, 4), math.nan) if without is None else self._total(at_spot(without, self.spot)),
             exercised,
             actual_region(sweep.region, self._escrow()),
             resolution,
             sweep.steps,
             sweep.residual,
             sweep.fitted,
+            sweep.stored,
         )
 
     def regions(self, times: tuple[float, ...], resolution: Resolution) -> tuple[ExerciseRegion, ...] | None:
         """Return the exercise regions at these times in s = S/K of the spot that diffuses, None where interrupted."""
-        sweep = self._sweep(self.schedule, resolution, times)
+        sweep = self._sweep(self.schedule, resolution, times=times)
         return None if sweep is None else sweep.regions
 
-    def exercised(self) -> Vector:
-        """Return (v, v_s, v_ss) of what exercise now brings, shape (3,)."""
-        sign = 1.0 if self.schedule.is_put else -1.0
-        return np.array([sign * (1.0 - self._escrow() - self.spot), -sign, 0.0])
+    def exercised(self, sweep: Sweep) -> Matrix:
+        """Return what exercise now brings, shape (1 + P, 4): no parameter changes it at a given spot."""
+        parameters = 0 if sweep.tangents is None else len(sweep.tangents)
+        sign, found = 1.0 if self.schedule.is_put else -1.0, np.zeros((1 + parameters, 4))
+        found[0, :2] = sign * (1.0 - self._escrow() - self.spot), -sign
+        return found
+
+    def _total(self, found: Matrix) -> Matrix:
+        """Return the derivatives at a given spot from those at a given spot that diffuses."""
+        for row, direction in zip(found[1:], self.directions, strict=False):
+            row[:3] += direction.spot * found[0, 1:]
+        return found
 
     def _sweep(
-        self, schedule: Schedule, resolution: Resolution, times: tuple[float, ...] = ()
+        self,
+        schedule: Schedule,
+        resolution: Resolution,
+        directions: tuple[Direction, ...] = (),
+        times: tuple[float, ...] = (),
     ) -> Sweep | None:
         grid = self.span.grid(resolution.intervals, resolution.stretching)
         return sweep_schedule(
-            schedule, grid, resolution, lcp_method=self.lcp_method, times=times, interrupt=self.interrupt
+            schedule,
+            grid,
+            resolution,
+            lcp_method=self.lcp_method,
+            times=times,
+            directions=directions,
+            interrupt=self.interrupt,
         )
 
     def _escrow(self) -> float:
@@ -177,16 +209,22 @@ def coarsest_resolution(solver: ScheduleSolver, scheme: Scheme) -> Resolution:
     if cells > HOPELESS * MOST_COARSEST_INTERVALS / COARSEST_INTERVALS:
         # No grid resolves the drift: the spot hardly diffuses, and the fitted operator carries it.
         cells = steps = 1.0
+    # What Crank-Nicolson does not damp, it amplifies on the finest cells: the plain grid is the better one for it.
+    plain = scheme == "crank-nicolson"
     return Resolution(
         COARSEST_INTERVALS * min(math.ceil(cells), MOST_COARSEST_INTERVALS // COARSEST_INTERVALS),
         COARSEST_STEPS * min(math.ceil(steps), MOST_COARSEST_STEPS // COARSEST_STEPS),
+        time_mesh="square-root" if plain else "cube-root",
         scheme=scheme,
-        stretching=natural_stretching(span.spread),
+        stretching=even_stretching(span.spread) if plain else natural_stretching(span.spread),
     )
 
 
-def at_spot(sweep: Sweep, s: float) -> Vector:
-    """Return (v, v_s, v_ss) at s, shape (3,), from the nodes on its side of the exercise boundary."""
+def at_spot(sweep: Sweep, s: float) -> Matrix:
+    """Return (v, v_s, v_ss, v_sss) and its derivatives at s, shape (1 + P, 4).
+
+    They come from the nodes on the spot's side of the exercise boundary.
+    """
     nodes = sweep.grid.nodes
     free = np.concatenate([~sweep.contact[:1], ~sweep.contact, ~sweep.contact[-1:]])
     nearest = int(np.argmin(np.abs(nodes - s)))
@@ -199,7 +237,11 @@ def at_spot(sweep: Sweep, s: float) -> Vector:
         thinned = np.zeros(nodes.size, dtype=bool)
         thinned[nearest % stride :: stride] = True
         usable = usable & thinned
-    return np.asarray(local_derivatives(nodes, sweep.values[None, :], usable, s)[0])
+    found = local_derivatives(nodes, sweep.values[None, :], usable, s)
+    if sweep.tangents is None:
+        return found
+    # On their own, so that a price does not depend on the Greeks by rounding either.
+    return np.concatenate([found, local_derivatives(nodes, sweep.tangents, usable, s)])
 
 
 def actual_region(region: ExerciseRegion, escrow: float) -> ExerciseRegion:

@@ -7,7 +7,7 @@ import numpy as np
 
 from pricing_core.american.contracts.schedule import Segment
 from pricing_core.american.engines.method_of_lines.grid import Grid
-from pricing_core.arrays import Vector
+from pricing_core.arrays import BoolVector, Vector
 from pricing_core.linalg import Tridiagonal
 
 
@@ -83,13 +83,30 @@ def spot_operator(
     """
     s = grid.interior
     first, second, identity = difference_operators(grid)
-    width = np.maximum(np.diff(grid.nodes)[:-1], np.diff(grid.nodes)[1:])
-    diffusion = 0.5 * segment.volatility**2 * s**2
     drift = (segment.rate - segment.dividend_yield) * s
-    half = 0.5 * np.abs(drift) * width
-    coarse = half > diffusion
-    fitting = np.tanh(np.divide(half, diffusion, out=np.full(s.size, math.inf), where=diffusion > 0.0))
-    raised = np.where(coarse, (1.0 + 1e-12) * half / np.where(coarse, fitting, 1.0), diffusion)
-    operator = second.scaled(raised).combine(1.0, first.scaled(drift), 1.0)
+    operator = second.scaled(raised_diffusion(grid, segment)).combine(1.0, first.scaled(drift), 1.0)
+    coarse = _is_coarse(grid, segment)
     fitted = any(bool(coarse[int(np.argmin(np.abs(s - place)))]) for place in watched)
     return operator.combine(1.0, identity, -segment.rate), fitted
+
+
+def raised_diffusion(grid: Grid, segment: Segment) -> Vector:
+    """Return sigma**2 s**2/2, raised where a cell is too coarse for the drift, at the interior nodes, shape (N,)."""
+    diffusion, coarse = 0.5 * segment.volatility**2 * grid.interior**2, _is_coarse(grid, segment)
+    if not coarse.any():
+        return diffusion
+    half = _half_drift(grid, segment)
+    fitting = np.tanh(np.divide(half, diffusion, out=np.full(half.size, math.inf), where=diffusion > 0.0))
+    return np.where(coarse, (1.0 + 1e-12) * half / np.where(coarse, fitting, 1.0), diffusion)
+
+
+def _is_coarse(grid: Grid, segment: Segment) -> BoolVector:
+    coarse: BoolVector = _half_drift(grid, segment) > 0.5 * segment.volatility**2 * grid.interior**2
+    return coarse
+
+
+def _half_drift(grid: Grid, segment: Segment) -> Vector:
+    """Return |m| ds/2 with the wider one of a node's cells."""
+    width = np.diff(grid.nodes)
+    half: Vector = 0.5 * abs(segment.rate - segment.dividend_yield) * grid.interior
+    return half * np.maximum(width[:-1], width[1:])

@@ -8,13 +8,13 @@ a formula gives its exact value, the error that the two solves share is taken ou
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from pricing_core.american.book.resolution import MOST, Resolution, Scheme
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.exercise_region import EMPTY_REGION, ExerciseRegion
+from pricing_core.american.engines.method_of_lines.grid import even_stretching
 from pricing_core.american.engines.method_of_lines.level import (
     Level,
     ScheduleSolver,
@@ -31,16 +31,21 @@ from pricing_core.errors import NumericalError
 DOUBLINGS, TIGHT_DOUBLINGS = 4, 5
 TIGHT_TOLERANCE = 1e-6  # Tolerance, in strikes, below which there is one doubling more; chosen.
 MOST_WORK = 4_000_000  # Cells times steps of the finest solve for which events count as few; chosen by time.
+# Largest number of numbers that a solve may hold in memory, 100 MB: the next resolution takes up to four times as many
+# as the one before; chosen.
+MOST_STORED = 12_500_000
 FEWEST_SOLVES = 3  # Smallest number of resolutions: two may agree by chance; chosen.
 # Error of a solve over its distance to one with half the cells and steps: 4/3 at order 2, 2 at 1.
 ERROR_SHARE = 1.5
 # Share of the European value's error on the same grid that counts as error of a solve; calibrated.
 EUROPEAN_SHARE = 0.5
-# Share of a distance below which agreement is not believed, ordinarily and where convergence is regular; calibrated.
-CHANCE, REGULAR_CHANCE = 1.0 / 4.0, 1.0 / 16.0
-# Error of the extrapolant over its last move where convergence is regular; on 86 such values it was at most 0.42.
-REGULAR_SHARE = 0.5
-REGULAR = (3.4, 4.6)  # Ratios of successive differences that speak of second order; calibrated.
+# Share of the extrapolant's move before that counts as error of the extrapolant, for two may agree by chance, and share
+# of the difference between the last two solves, which a region of exercise narrower than a few cells makes; calibrated.
+CHANCE, STEP_SHARE = 1.0 / 4.0, 1.0 / 8.0
+# Smallest width of a cell, as a share of the spot, in which a boundary is not looked for; chosen.
+WIDE_CELL = 0.05
+# Factor of the error estimates of derivatives by parameters, which converge less regularly; calibrated.
+TANGENT_SHARE = 2.5
 ROUNDING = 1e-13  # Rounding error of a value, in strikes, or in spots where that is more; measured.
 REGION_INTERVALS = 256  # Smallest number of cells where the region alone is wanted; chosen.
 
@@ -51,27 +56,32 @@ class Estimate:
 
     Parameters
     ----------
-    american, european : Vector, shape (3,)
-        v, v_s, v_ss with and without early exercise; NaN where the interrupt came before two solves.
-    error : float
-        Error estimate of v.
+    american, european : Matrix, shape (1 + P, 4)
+        As in `Level`, with and without early exercise; NaN where the interrupt came before two solves.
+    errors : Matrix, shape (1 + P, 4)
+        Error estimates of `american`.
     region : ExerciseRegion
         Now, in ln(S/K) of the actual spot.
     levels : tuple of Level
-        The last one, or two where the values are extrapolated from them.
+        The last one, or up to four where the values are extrapolated from them.
     solves : int
         Resolutions solved.
     interrupted : bool
         The interrupt came before the error was small enough.
     """
 
-    american: Vector
-    european: Vector
-    error: float
+    american: Matrix
+    european: Matrix
+    errors: Matrix
     region: ExerciseRegion
     levels: tuple[Level, ...]
     solves: int
     interrupted: bool
+
+    @property
+    def error(self) -> float:
+        """The error estimate of v."""
+        return float(self.errors[0, 0])
 
 
 def estimate_to_tolerance(
@@ -80,7 +90,7 @@ def estimate_to_tolerance(
     *,
     scheme: Scheme = "sdirk2",
     resolution: Resolution | None = None,
-    exact: Vector | None = None,
+    exact: Matrix | None = None,
 ) -> Estimate:
     """Price a schedule to a tolerance by the method of lines, one complementarity problem per stage.
 
@@ -94,13 +104,14 @@ def estimate_to_tolerance(
     resolution : Resolution, optional
         Solve at exactly this one, not extrapolated; the error is estimated from a second solve with half as many
         cells and steps. Its scheme, where it has one, goes before `scheme`.
-    exact : Vector, shape (3,), optional
-        v, v_s, v_ss of the European option, where a formula gives them.
+    exact : Matrix, shape (1 + P, 4), optional
+        What a formula gives of the European option, as in `Level`; NaN where it does not.
 
     Returns
     -------
     Estimate
-        Its error exceeds the tolerance where the finest resolution was not enough: at 1e-6, for wide distributions
+        Its error exceeds the tolerance where the finest resolution was not enough, or the next one would take more than
+        100 MB of memory (`MOST_STORED`): at 1e-6, for wide distributions
         (volatility * sqrt(expiry) above 1) with several dividends, for rates near -50 % over years (where the value
         is a multiple of the strike), and where a segment has next to no volatility, which is of first order.
 
@@ -108,14 +119,14 @@ def estimate_to_tolerance(
     -----
     The grid reaches as far as the spot and the strike may move (`spot_range`); kinks enter it by projection
     (`event_transfer`), the exercise boundary by its place in a cell (`boundary_cell`): second order for every kind of
-    event, and regular enough to extrapolate. In one of twenty contracts the error estimate is too small, seldom by more
-    than a factor of two.
+    event, and regular enough to extrapolate. In one of a hundred contracts the error estimate is too small, seldom by
+    more than a factor of two.
     """
     if resolution is None:
         found = _refined(solver, tolerance, coarsest_resolution(solver, scheme), exact)
     else:
         found = _at_resolution(solver, replace(resolution, scheme=resolution.scheme or scheme), exact)
-    if found.interrupted or not _region_is_elsewhere(solver, found.region):
+    if found.interrupted or not (_region_is_elsewhere(solver, found.region) or _is_coarse(solver, found)):
         return found
     return replace(found, region=_region_elsewhere(solver.schedule, tolerance, solver.interrupt))
 
@@ -131,16 +142,26 @@ def value_on_same_grids(estimate: Estimate, solver: ScheduleSolver) -> tuple[flo
     solver : ScheduleSolver
         The solver on the range of spots that the estimate was solved on.
     """
-    levels = []
-    for level in estimate.levels:
-        solved = solver.solve(level.resolution, held=False)
-        if solved is None:
-            return math.nan, math.nan
-        levels.append(solved)
+    levels = levels_on_same_grids(replace(estimate, levels=estimate.levels[-2:]), solver, held=False)
+    if levels is None:
+        return math.nan, math.nan
     american = levels[-1].american
     if len(levels) > 1:
-        american, _ = _limit([level.american for level in levels], levels[-1].fitted)
-    return float(american[0]), float(american[1])
+        american, _ = limit_of([level.american for level in levels], first_order=levels[-1].fitted)
+    return float(american[0, 0]), float(american[0, 1])
+
+
+def levels_on_same_grids(
+    estimate: Estimate, solver: ScheduleSolver, *, held: bool = True
+) -> list[Level] | None:
+    """Return a schedule's solves at the resolutions that an estimate comes from, None where interrupted."""
+    levels = []
+    for level in estimate.levels:
+        solved = solver.solve(level.resolution, held=held)
+        if solved is None:
+            return None
+        levels.append(solved)
+    return levels
 
 
 def boundaries(
@@ -180,7 +201,7 @@ def boundaries(
 
 def _ends(solver: ScheduleSolver, times: tuple[float, ...], tolerance: float) -> Matrix:
     """Return the (near, far) boundary that one solve sees, shape (m, 2)."""
-    schedule, resolution = solver.schedule, coarsest_resolution(solver, "sdirk2")
+    schedule, resolution = solver.schedule, _for_boundaries(solver)
     for _ in range(DOUBLINGS if tolerance < 1e-4 else DOUBLINGS - 1):
         resolution = resolution.refined()
     regions = solver.regions(times, resolution)
@@ -197,7 +218,7 @@ def _ends(solver: ScheduleSolver, times: tuple[float, ...], tolerance: float) ->
 
 
 def _refined(
-    solver: ScheduleSolver, tolerance: float, coarsest: Resolution, exact: Vector | None
+    solver: ScheduleSolver, tolerance: float, coarsest: Resolution, exact: Matrix | None
 ) -> Estimate:
     """Refine from `coarsest` until the estimated error meets the tolerance, or to the finest resolution."""
     levels: list[Level] = []
@@ -214,46 +235,55 @@ def _refined(
         if len(levels) >= FEWEST_SOLVES and best.error <= tolerance:
             break
         small = 4 * level.steps * resolution.intervals <= MOST_WORK
-        most = max(resolution.intervals, resolution.steps) > MOST // 2
+        most = max(resolution.intervals, resolution.steps) > MOST // 2 or 4 * level.stored > MOST_STORED
         if most or len(levels) > (TIGHT_DOUBLINGS if small else doublings):
             break
         resolution = resolution.refined()
     return best
 
 
-def _at_resolution(solver: ScheduleSolver, resolution: Resolution, exact: Vector | None) -> Estimate:
+def _at_resolution(solver: ScheduleSolver, resolution: Resolution, exact: Matrix | None) -> Estimate:
     """Solve at `resolution`, not extrapolated; a second solve and the European value, if known, give the error."""
     second = resolution.coarsened()
     level = solver.solve(resolution)
     other = solver.solve(resolution.refined() if second is None else second)
     if level is None or other is None:
         return replace(_NOTHING, interrupted=True)
-    error = ERROR_SHARE * abs(float(level.american[0] - other.american[0]))
+    american, european = _common([level, other])
+    errors = ERROR_SHARE * np.abs(american[0] - american[1])
     if exact is not None and not level.exercised:
-        error = max(error, EUROPEAN_SHARE * abs(float(level.european[0] - exact[0])))
-    error += _noise(solver, level)
-    return Estimate(level.american, level.european, error, level.region, (level,), 2, False)
+        errors = np.fmax(errors, EUROPEAN_SHARE * np.abs(european[0] - exact[: len(errors)]))
+    errors[0, 0] += _noise(solver, level)
+    return Estimate(american[0], european[0], errors, level.region, (level,), 2, False)
 
 
-def _extrapolated(solver: ScheduleSolver, levels: list[Level], exact: Vector | None) -> Estimate:
+def _extrapolated(solver: ScheduleSolver, levels: list[Level], exact: Matrix | None) -> Estimate:
     """Return the extrapolant of the last two levels, n >= 2, with its error."""
     last = levels[-1]
-    # Where the option is exercised its value is the payoff, and the European value's error has no part in it.
-    american, error = _combined(levels, None if last.exercised else exact)
-    european = exact if exact is not None else _limit([level.european for level in levels], last.fitted)[0]
+    americans, europeans = _common(levels)
+    american, errors = limit_of(americans, first_order=last.fitted)
+    european, _ = limit_of(europeans, first_order=last.fitted)
+    if exact is not None:
+        exact = exact[: len(american)]
+        # Where the option is exercised its value is the payoff, and the European value's error has no part in it.
+        if not last.exercised:
+            premiums = [a - b for a, b in zip(americans, europeans, strict=True)]
+            premium, of_premium = limit_of(premiums, first_order=last.fitted)
+            known = ~np.isnan(exact)
+            american = np.where(known, exact + premium, american)
+            errors = np.where(known, of_premium, errors)
+        european = np.where(np.isnan(exact), european, exact)
+    errors[1:] *= TANGENT_SHARE
     if last.exercised:
-        american = last.american
-    error += _noise(solver, last)
-    return Estimate(american, european, error, last.region, tuple(levels[-2:]), len(levels), False)
+        american = americans[-1]
+    errors[0, 0] += _noise(solver, last)
+    return Estimate(american, european, errors, last.region, tuple(levels[-4:]), len(levels), False)
 
 
-def _combined(levels: list[Level], exact: Vector | None) -> tuple[Vector, float]:
-    """Return the limit of the American values and its error, that of the early exercise premium where that is known."""
-    fitted = levels[-1].fitted
-    if exact is None:
-        return _limit([level.american for level in levels], fitted)
-    premium, error = _limit([level.american - level.european for level in levels], fitted)
-    return exact + premium, error
+def _common(levels: list[Level]) -> tuple[list[Matrix], list[Matrix]]:
+    """Return the American and the European numbers that all levels have: a coarse one may lack the derivatives."""
+    rows = min(min(len(level.american), len(level.european)) for level in levels)
+    return [level.american[:rows] for level in levels], [level.european[:rows] for level in levels]
 
 
 def _noise(solver: ScheduleSolver, level: Level) -> float:
@@ -261,25 +291,20 @@ def _noise(solver: ScheduleSolver, level: Level) -> float:
     return solver.truncation + level.residual + ROUNDING * max(1.0, solver.spot)
 
 
-def _limit(values: list[Vector], first_order: bool) -> tuple[Vector, float]:
-    """Return the limit of values at doubling resolutions, and its error.
+def limit_of(values: list[Matrix], *, first_order: bool) -> tuple[Matrix, Matrix]:
+    """Return the limits of numbers at doubling resolutions, and their errors, both of the numbers' shape.
 
-    How far the extrapolant moved, or a share of how far it lies from the value, or of how far it moved before,
-    whichever is largest; smaller shares where the values have been seen to converge at second order.
+    How far an extrapolant moved, or a share of how far it moved before, or of how far the numbers themselves moved,
+    whichever is largest; each number on its own.
     """
-    last, fine = float(values[-2][0]), float(values[-1][0])
+    differences = np.diff(values[-4:], axis=0)
     if first_order:
-        return values[-1], 2.0 * abs(fine - last)
-    limit = (4.0 * values[-1] - values[-2]) / 3.0
-    if len(values) == 2:
-        return limit, abs(float(limit[0]) - fine)
-    heads = [float(value[0]) for value in values]
-    differences = [b - a for a, b in pairwise(heads)]
-    moves = [abs(4.0 * d - c) / 3.0 for c, d in pairwise(differences)]  # by which the extrapolant moved
-    ratios = [c / d if d != 0.0 else math.inf for c, d in pairwise(differences)][-2:]
-    regular = len(ratios) == 2 and all(REGULAR[0] <= ratio <= REGULAR[1] for ratio in ratios)
-    share, chance = (REGULAR_SHARE, REGULAR_CHANCE) if regular else (1.0, CHANCE)
-    return limit, max(share * moves[-1], chance * abs(differences[-1]) / 3.0, chance * max(moves[-2:]))
+        return values[-1], 2.0 * np.abs(differences[-1])
+    limit = values[-1] + differences[-1] / 3.0
+    if len(differences) == 1:
+        return limit, np.abs(differences[-1]) / 3.0
+    moves = np.abs(4.0 * differences[1:] - differences[:-1]) / 3.0  # by which the extrapolant moved
+    return limit, np.max([moves[-1], CHANCE * moves[0], STEP_SHARE * np.abs(differences[-1])], axis=0)
 
 
 def _region_is_elsewhere(solver: ScheduleSolver, region: ExerciseRegion) -> bool:
@@ -292,6 +317,19 @@ def _region_is_elsewhere(solver: ScheduleSolver, region: ExerciseRegion) -> bool
     return not solver.covers_strike or (empty and (falls or exists))
 
 
+def _is_coarse(solver: ScheduleSolver, found: Estimate) -> bool:
+    """Whether the boundary nearer the strike lies where the grid has wide cells."""
+    schedule, region = solver.schedule, found.region
+    end = region.upper if schedule.is_put else region.lower
+    if math.isinf(end):
+        return False
+    resolution = found.levels[-1].resolution
+    s = math.exp(end) - schedule.segments[0].escrow_at(0.0) / schedule.strike
+    nodes = solver.span.grid(resolution.intervals, resolution.stretching).nodes
+    above = min(max(int(np.searchsorted(nodes, s)), 1), nodes.size - 1)
+    return bool(nodes[above] - nodes[above - 1] > WIDE_CELL * s)
+
+
 def _region_elsewhere(
     schedule: Schedule, tolerance: float, interrupt: Callable[[], bool] | None
 ) -> ExerciseRegion:
@@ -302,7 +340,7 @@ def _region_elsewhere(
         solvers.append(make_solver(replace(schedule, spot=near), tolerance, interrupt=interrupt))
     region = EMPTY_REGION
     for solver in solvers:
-        resolution = coarsest_resolution(solver, "sdirk2")
+        resolution = _for_boundaries(solver)
         while resolution.intervals < REGION_INTERVALS:
             resolution = resolution.refined()
         regions = solver.regions((0.0,), resolution)
@@ -311,10 +349,14 @@ def _region_elsewhere(
     return region
 
 
+def _for_boundaries(solver: ScheduleSolver) -> Resolution:
+    coarsest = coarsest_resolution(solver, "sdirk2")
+    return replace(coarsest, stretching=even_stretching(solver.span.spread))
+
+
 def _differs(start: float, strike: float) -> bool:
     return not math.isnan(start) and start != strike
 
 
-_NOTHING = Estimate(
-    np.full(3, math.nan), np.full(3, math.nan), math.nan, EMPTY_REGION, (), solves=0, interrupted=False
-)
+_UNKNOWN = np.full((1, 4), math.nan)
+_NOTHING = Estimate(_UNKNOWN, _UNKNOWN, _UNKNOWN, EMPTY_REGION, (), solves=0, interrupted=False)

@@ -63,7 +63,7 @@ class SegmentForm:
     ) -> "SegmentForm":
         """Discretise a segment at whose end the option has `values` at the nodes, shape (N + 2,)."""
         operator, fitted = spot_operator(grid, segment, watched)
-        lines = _lines(grid.nodes, values)
+        lines = end_lines(grid.nodes, values)
         return cls(segment, grid, sign, segment.escrow / strike, lines, operator, fitted)
 
     @property
@@ -148,7 +148,8 @@ class SegmentForm:
         return result
 
 
-def _lines(nodes: Vector, values: Vector) -> Matrix:
+def end_lines(nodes: Vector, values: Vector) -> Matrix:
+    """Return (a, b) of the straight lines a + b s through the two first and the two last values, shape (2, 2)."""
     lines = np.zeros((2, 2))
     for row, (end, next_node) in enumerate(((0, 1), (-1, -2))):
         slope = (values[next_node] - values[end]) / (nodes[next_node] - nodes[end])

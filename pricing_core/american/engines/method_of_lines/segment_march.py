@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,11 +21,17 @@ from pricing_core.american.engines.method_of_lines.stage import (
 )
 from pricing_core.american.engines.method_of_lines.time_mesh import prescribed_mesh
 from pricing_core.american.engines.method_of_lines.time_stepping import integrate_stage
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.errors import NumericalError
 from pricing_core.stepping.implicit import SDIRK2_THETA
 
-PORTION = 64  # Number of time steps of the kernel between two questions whether to stop; chosen.
+# Number of nodes times steps times right-hand sides of the kernel between two questions whether to stop: about 5 ms on
+# a slow processor; chosen.
+PORTION = 100_000
+# Number of arrays over the nodes that the kernel works with, that it needs for each derivative, and of each state of
+# the general time integration, which keeps all of them; counted.
+WORKING_ARRAYS, TANGENT_ARRAYS, STATE_ARRAYS = 40, 14, 5
+TangentArguments: TypeAlias = tuple[Matrix, Matrix, Matrix, Matrix]
 # The kernel's number of a scheme, and the scheme's implicit weight.
 KERNEL_SCHEMES: dict[Scheme, tuple[int, float]] = {
     "implicit-euler": (0, 1.0),
@@ -48,6 +56,10 @@ class SegmentMarch:
     steps : int
     residual : float
         Largest natural residual of the complementarity problems at the end of a step.
+    stored : int
+        How many numbers the march held in memory, to within a factor of two.
+    tangents : Matrix, shape (P, N + 2), or None
+        Derivatives of the values by the parameters; None where they were not asked for, or the kernel did not march.
     """
 
     values: Vector
@@ -56,6 +68,8 @@ class SegmentMarch:
     regions: tuple[ExerciseRegion, ...]
     steps: int
     residual: float
+    stored: int
+    tangents: Matrix | None = None
 
 
 def march_segment(
@@ -66,6 +80,7 @@ def march_segment(
     *,
     lcp_method: LCPMethod = "tridiagonal",
     wanted: tuple[float, ...] = (),
+    tangents: TangentArguments | None = None,
     interrupt: Callable[[], bool] | None = None,
 ) -> SegmentMarch | None:
     """March from a segment's end, where the option has `values` at the nodes, to its start; None where interrupted.
@@ -81,8 +96,11 @@ def march_segment(
         Instead of the resolution's own.
     wanted : tuple of float
         Years before the segment's end, 0 < t <= duration: when to look at the exercise region.
+    tangents : tuple of (Matrix, Matrix, Matrix, Matrix), optional
+        Values, operators, changes and lines of the derivatives by P parameters, shapes (P, N + 2), (P, 3, N), (P, 3)
+        and (P, 2, 2), at the segment's end.
     interrupt : callable, optional
-        Asked before every 64 steps of the kernel, before every step otherwise.
+        Asked before every portion of the kernel's steps, some milliseconds, before every step otherwise.
 
     Raises
     ------
@@ -91,7 +109,7 @@ def march_segment(
     """
     times = prescribed_mesh(resolution.time_mesh, form.segment.duration, steps, wanted)
     if _kernel_marches(form, times, resolution, lcp_method):
-        return _compiled(form, values, times, resolution, wanted, interrupt)
+        return _compiled(form, values, times, resolution, wanted, tangents, interrupt)
     return _stage_by_stage(form, values, steps, resolution, lcp_method, wanted, interrupt)
 
 
@@ -110,25 +128,29 @@ def _compiled(
     times: Vector,
     resolution: Resolution,
     wanted: tuple[float, ...],
+    tangents: TangentArguments | None,
     interrupt: Callable[[], bool] | None,
 ) -> SegmentMarch | None:
     segment, operator = form.segment, form.operator
     at_left, at_right = form.contact_at_ends().tolist()
     contact, residual = start_state(form, values).contact, 0.0
     after_steps = []
-    for first in range(0, times.size - 1, PORTION):
+    following, *of_tangents = _no_tangents(form.grid.interior.size) if tangents is None else tangents
+    parameters = 1 + following.shape[0]
+    portion = max(1, PORTION // (parameters * form.grid.nodes.size))
+    for first in range(0, times.size - 1, portion):
         if interrupt is not None and interrupt():
             return None
         try:
             assert kernel.march_segment is not None
-            values, _, contact, _, largest, seen = kernel.march_segment(
+            values, _, contact, _, largest, seen, following = kernel.march_segment(
                 form.grid.nodes,
                 operator.lower,
                 operator.diagonal,
                 operator.upper,
                 values,
                 contact,
-                times[first : first + PORTION + 1],
+                times[first : first + portion + 1],
                 KERNEL_SCHEMES[resolution.scheme or "sdirk2"][0],
                 form.sign,
                 form.escrow,
@@ -138,6 +160,8 @@ def _compiled(
                 form.lines,
                 at_left,
                 at_right,
+                following,
+                *of_tangents,
             )
         except ZeroDivisionError:
             raise NumericalError("a pivot is zero: take more time steps") from None
@@ -146,7 +170,14 @@ def _compiled(
     ends = np.concatenate(after_steps)
     rows = [ends[int(np.argmin(np.abs(times[1:] - t)))] for t in (*wanted, times[-1])]
     found = [ExerciseRegion(*row.tolist()) for row in rows]
-    return SegmentMarch(values, contact, found[-1], tuple(found[:-1]), times.size - 1, residual)
+    kept = None if tangents is None else following
+    stored = values.size * (WORKING_ARRAYS + TANGENT_ARRAYS * following.shape[0])
+    return SegmentMarch(values, contact, found[-1], tuple(found[:-1]), times.size - 1, residual, stored, kept)
+
+
+@cache
+def _no_tangents(size: int) -> TangentArguments:
+    return np.zeros((0, size + 2)), np.zeros((0, 3, size)), np.zeros((0, 3)), np.zeros((0, 2, 2))
 
 
 def _stage_by_stage(
@@ -183,4 +214,5 @@ def _stage_by_stage(
         tuple(region_in_cells(run.states[int(np.argmin(np.abs(run.t - t)))], form) for t in wanted),
         run.accepted,
         max(each.residual for each in run.states),
+        STATE_ARRAYS * len(run.states) * values.size,
     )

@@ -18,8 +18,8 @@ from pricing_core.kernel import brennan_schwartz, policy_iteration
 from pricing_core.linalg import solve_tridiagonal
 
 LCPMethod: TypeAlias = Literal["tridiagonal", "policy", "psor", "lemke"]
-# Residual of an exact elimination, relative to the largest diagonal entry times v; measured.
-NEGLIGIBLE = 1e-13
+# Residual of an exact elimination, relative to v and the scale; measured.
+NEGLIGIBLE = 1e-11
 LIFT = 1e-14  # Lift of q for general solvers, relative to its largest entry; chosen just above rounding.
 ROUNDING = 1e-14  # Wrong sign of a row that is rounding, relative to the row's terms; chosen.
 PSOR_TOLERANCE = 1e-13  # Change in PSOR's last sweep, relative to the largest entry of q; chosen.
@@ -39,7 +39,7 @@ class OptionState:
     multiplier : Vector, shape (N,)
         u >= 0.
     residual : float
-        Natural residual of the LCP of the last stage.
+        Natural residual of the LCP of the last stage, as an error of v (`StageProblem.measured`).
     continued : Vector, shape (N,), or None
         What L v gains next to an exercise boundary that lies inside a cell (`boundary_cell`), per year.
     """
@@ -68,10 +68,10 @@ class StageProblem:
         q = M.times(obstacle) - base - h * end_forcing(operator, form.ends(t))
         return cls(M, q, obstacle)
 
-    @property
-    def negligible(self) -> float:
-        """The factor of max z + 1 below which a residual is rounding."""
-        return NEGLIGIBLE * float(np.max(self.M.diagonal))
+    def measured(self, z: Vector, w: Vector, scale: Vector) -> tuple[float, float]:
+        """Return the natural residual of z and w over their rows' diagonal entries, by `scale`, and its rounding."""
+        residual = natural_residual(z, w / self.M.diagonal, scale)
+        return residual, NEGLIGIBLE * (float(np.max(z / scale)) + 1.0)
 
 
 class OptionStage(Protocol):
@@ -123,7 +123,7 @@ class TridiagonalStage:
         problem = StageProblem.of(self.form, t, base, h)
         solve = self._solve_by_library if self.lcp_method in ("psor", "lemke") else self._solve_directly
         z, w = solve(problem, near)
-        residual = natural_residual(z, w, self.form.scale)
+        residual, _ = problem.measured(z, w, self.form.scale)
         return OptionState(problem.obstacle + z, z, z == 0.0, np.maximum(w, 0.0) / h, residual)
 
     def _solve_directly(self, problem: StageProblem, near: OptionState) -> tuple[Vector, Vector]:
@@ -138,7 +138,8 @@ class TridiagonalStage:
             if self.lcp_method == "tridiagonal" and at_left != at_right:
                 z = brennan_schwartz(*bands, at_left)
                 w = M.times(z) + q
-                if natural_residual(z, w) <= problem.negligible * (float(np.max(z)) + 1.0):
+                residual, rounding = problem.measured(z, w, self.form.scale)
+                if residual <= rounding:
                     return z, w
             z, _ = policy_iteration(*bands, ~near.contact, ROUNDING, q.size + 2)
         except ZeroDivisionError:

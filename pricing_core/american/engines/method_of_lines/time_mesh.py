@@ -1,4 +1,4 @@
-"""Prescribed meshes of time to expiry: square-root and uniform."""
+"""Prescribed meshes of time to expiry: uniform ones, and those that are finer near expiry."""
 
 from collections.abc import Iterable
 
@@ -7,6 +7,8 @@ import numpy as np
 from pricing_core.american.book.resolution import TimeMesh
 from pricing_core.arrays import Vector
 
+# The power p of tau_k = T (k/M)**p; adaptive steps take no more than its first steps from a mesh.
+POWERS: dict[TimeMesh, int] = {"uniform": 1, "square-root": 2, "cube-root": 3, "adaptive": 2}
 # Smallest step, as a share of the duration, after which the exercise region can be told from rounding; chosen.
 SMALLEST_STEP = 1e-9
 
@@ -19,7 +21,7 @@ def prescribed_mesh(kind: TimeMesh, duration: float, steps: int, stop_times: Ite
     stop_times : iterable of float
         Above 0; a time of the mesh that lies next to one of them gives way to it.
     """
-    mesh = (uniform_mesh if kind == "uniform" else square_root_mesh)(duration, steps)
+    mesh = graded_mesh(kind, duration, steps)
     stops = np.unique(np.array([*stop_times], dtype=np.float64))
     if stops.size == 0:
         return mesh
@@ -28,15 +30,12 @@ def prescribed_mesh(kind: TimeMesh, duration: float, steps: int, stop_times: Ite
     return np.union1d(kept, stops[stops < duration * (1.0 - SMALLEST_STEP)])
 
 
-def square_root_mesh(expiry: float, steps: int) -> Vector:
-    """Return tau_k = T (k/M)**2, k = 0, ..., M, shape (M + 1,).
+def graded_mesh(kind: TimeMesh, duration: float, steps: int) -> Vector:
+    """Return tau_k = T (k/M)**p, k = 0, ..., M, shape (M + 1,), p = 1, 2 or 3 by the kind.
 
     The exercise boundary leaves the strike like a square root of tau (with a logarithm), so equal steps in
-    sqrt(tau) keep second order where equal steps in tau lose it (Forsyth and Vetzal 2002).
+    sqrt(tau) keep second order where equal steps in tau lose it (Forsyth and Vetzal 2002). With equal steps in the
+    cube root the logarithm no longer shows: the ratio of the errors of two meshes is 4 from a few steps on.
     """
-    return expiry * np.linspace(0.0, 1.0, steps + 1) ** 2
-
-
-def uniform_mesh(expiry: float, steps: int) -> Vector:
-    """Return tau_k = T k/M, k = 0, ..., M, shape (M + 1,)."""
-    return np.linspace(0.0, expiry, steps + 1)
+    mesh: Vector = duration * np.linspace(0.0, 1.0, steps + 1) ** POWERS[kind]
+    return mesh

@@ -10,8 +10,9 @@ from pricing_core.american import CashDividend, Market, Option, PiecewiseConstan
 from pricing_core.american.book.book import Book
 from pricing_core.american.engines.closed_form import ClosedForm
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.method_of_lines import MethodOfLines, Resolution
+from pricing_core.american.engines.method_of_lines import MethodOfLines, Resolution, refinement
 from tests.problems.engines import solved
+from tests.problems.needs_kernel import needs_kernel
 
 ENGINE = MethodOfLines()
 PUT = Option("put", 100.0, 1.0)
@@ -162,3 +163,25 @@ def test_a_row_does_not_depend_on_the_others():
         alone = solved(ENGINE, contract, tolerance=1e-4, greeks="standard")
         for name in ("value", "error", "delta", "vega", "rho", "boundary", "solves"):
             np.testing.assert_array_equal(getattr(together, name)[row], getattr(alone, name)[0], err_msg=name)
+
+
+@needs_kernel
+def test_a_solve_stops_at_its_share_of_memory(monkeypatch):
+    """It refines no further, and says what error that leaves."""
+    contract = (Option("put", 100.0, 1.0), Market(100.0, -0.01, 0.2, -0.03))
+    monkeypatch.setattr(refinement, "MOST_STORED", 4 * 40 * 200)
+    found = solved(MethodOfLines(), contract, tolerance=1e-9)
+    assert found.resolution[0].intervals == 256
+    assert 1e-7 < found.error[0] < 1e-2
+
+
+@needs_kernel
+@pytest.mark.parametrize("greeks", ["none", "extended"])
+def test_the_interrupt_is_asked_inside_a_march(greeks):
+    """A portion of the march is a hundred thousand nodes times steps times right-hand sides."""
+    contract, asked = (Option("put", 100.0, 200.0), Market(100.0, 0.05, 0.2)), []
+    found = solved(
+        MethodOfLines(), contract, tolerance=1e-5, greeks=greeks, interrupt=lambda: bool(asked.append(0))
+    )
+    finest = found.resolution[0]
+    assert len(asked) >= 2 * finest.intervals * finest.steps / 100_000

@@ -10,6 +10,7 @@ from pricing_core.american.engines.method_of_lines.grid import (
     FURTHEST,
     Grid,
     SpotRange,
+    even_stretching,
     natural_stretching,
     spot_range,
 )
@@ -39,15 +40,22 @@ def test_stretched_grids_are_finest_at_the_strike():
 
 @pytest.mark.parametrize("span", [RANGE, RANGE.down_to_zero()], ids=["above zero", "down to zero"])
 @pytest.mark.parametrize("stretching", [0.0, 2.0])
-def test_doubling_the_intervals_keeps_every_node_and_both_ends(stretching, span):
-    coarse, fine = (span.grid(n, stretching).nodes for n in (20, 40))
+def test_doubling_the_intervals_keeps_every_node(stretching, span):
+    coarse, fine = (span.grid(n, stretching).nodes for n in (40, 80))
     assert fine[::2] == pytest.approx(coarse, abs=1e-12)
-    assert (coarse[0], coarse[-1]) == (span.low, span.high)
+    assert 0.8 * span.low <= coarse[0] <= span.low * (1.0 + 1e-12)
+    assert span.high * (1.0 - 1e-12) <= coarse[-1] <= 1.3 * span.high
 
 
-def test_only_wide_ranges_are_stretched():
-    assert natural_stretching(0.5) == 0.0
-    assert 0.0 < natural_stretching(0.6) < natural_stretching(3.0)
+@pytest.mark.parametrize("span", [RANGE, RANGE.down_to_zero()], ids=["above zero", "down to zero"])
+@pytest.mark.parametrize("intervals", [8, 45, 64, 1000])
+def test_the_strike_is_a_node_of_a_stretched_grid(span, intervals):
+    assert np.abs(span.grid(intervals, 4.0).nodes - 1.0).min() < 1e-12
+
+
+def test_grids_for_boundaries_are_stretched_where_they_are_wide():
+    assert even_stretching(0.5) == 0.0
+    assert 0.0 < even_stretching(0.6) < even_stretching(3.0) < natural_stretching(3.0)
 
 
 @pytest.mark.parametrize(("rate", "dividend_yield"), [(0.05, 0.0), (0.0, 0.2), (-0.1, 0.05), (0.3, -0.1)])

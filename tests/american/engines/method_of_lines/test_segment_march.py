@@ -9,17 +9,17 @@ import pytest
 from pricing_core import kernel
 from pricing_core.american.book.resolution import Resolution
 from pricing_core.american.contracts.schedule import Segment
-from pricing_core.american.engines.method_of_lines import MethodOfLines
+from pricing_core.american.engines.method_of_lines import MethodOfLines, segment_march
 from pricing_core.american.engines.method_of_lines.boundary_cell import BoundaryCellStage, region_in_cells
 from pricing_core.american.engines.method_of_lines.grid import Grid, SpotRange
 from pricing_core.american.engines.method_of_lines.segment_form import SegmentForm
-from pricing_core.american.engines.method_of_lines.segment_march import march_segment
+from pricing_core.american.engines.method_of_lines.segment_march import _no_tangents, march_segment
 from pricing_core.american.engines.method_of_lines.stage import (
     TridiagonalStage,
     UnconstrainedStage,
     start_state,
 )
-from pricing_core.american.engines.method_of_lines.time_mesh import square_root_mesh, uniform_mesh
+from pricing_core.american.engines.method_of_lines.time_mesh import graded_mesh
 from pricing_core.errors import NumericalError
 from pricing_core.stepping import FixedStep, ImplicitEuler, Sdirk2, integrate
 from tests.problems.engines import solved
@@ -131,8 +131,8 @@ def random_case(kind, seed):
     grid = random_grid(kind, segment, rng)
     values = random_values(sign, segment, grid, rng)
     form = discretise(segment, grid, sign, values)
-    mesh = square_root_mesh if rng.random() < 0.7 else uniform_mesh
-    return Case(form, values, mesh(segment.duration, int(rng.integers(4, 24))))
+    mesh = "square-root" if rng.random() < 0.7 else "uniform"
+    return Case(form, values, graded_mesh(mesh, segment.duration, int(rng.integers(4, 24))))
 
 
 def marched_in_python(case, scheme):
@@ -170,6 +170,7 @@ def marched_by_kernel(case, scheme, *, values=None, contact=None, times=None):
         form.segment.exercisable,
         form.lines,
         *form.contact_at_ends().tolist(),
+        *_no_tangents(form.grid.interior.size),
     )
 
 
@@ -180,7 +181,7 @@ def test_the_kernel_marches_as_the_stages_in_python_do(kind):
     for seed in range(SEEDS):
         case, scheme = random_case(kind, seed), seed % 2
         states, regions = marched_in_python(case, scheme)
-        values, slack, contact, multiplier, residual, found = marched_by_kernel(case, scheme)
+        values, slack, contact, multiplier, residual, found, _ = marched_by_kernel(case, scheme)
         last, size = states[-1], max(1.0, float(np.abs(states[-1].value).max()))
         expected = case.form.everywhere(last.value, case.form.segment.duration)
         scale = np.maximum(case.form.grid.nodes, size)  # v is g + z, both of which are like s far out
@@ -281,8 +282,9 @@ def test_a_long_march_with_times_to_look_at_is_that_of_the_stages(kind, time_mes
 
 
 @needs_kernel
-def test_the_interrupt_is_asked_before_every_portion():
+def test_the_interrupt_is_asked_before_every_portion(monkeypatch):
     case, asked = random_case("put", 0), []
+    monkeypatch.setattr(segment_march, "PORTION", 64 * case.form.grid.nodes.size)
 
     def interrupt():
         asked.append(None)
