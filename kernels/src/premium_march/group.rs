@@ -10,8 +10,11 @@ use super::spot_evaluation::{SpotEvaluation, Spots, VALUES};
 use super::work_items::Item;
 use crate::lanes::vector::{Vector, LANES};
 
-/// The number of numbers found for each spot: its `VALUES`, the error estimate of V/K and ln(S*/K).
-pub const COLUMNS: usize = VALUES + 2;
+/// The `VALUES` that are derivatives: of V/K by x, once and twice, and by rate, dividend and spread.
+pub const DERIVATIVES: [usize; 5] = [1, 2, 4, 5, 6];
+/// The number of numbers found for each spot: its `VALUES`, the error estimate of V/K, ln(S*/K), and how far the derivatives
+/// of the last two marches are apart.
+pub const COLUMNS: usize = VALUES + 2 + DERIVATIVES.len();
 
 /// The numbers of `EarlierMarches`.
 const KEPT: usize = 10;
@@ -41,7 +44,7 @@ pub struct Refinement {
 
 /// What is found for one spot.
 pub struct Outcome {
-    /// The `VALUES`, the error estimate of V/K, ln(S*/K).
+    /// The `VALUES`, the error estimate of V/K, ln(S*/K), the differences of the derivatives.
     pub numbers: [f64; COLUMNS],
     /// Whether the spot lies in the exercise region.
     pub exercised: bool,
@@ -233,6 +236,9 @@ impl<V: Vector> Chunk<'_, V> {
                 *number = value[l];
             }
             (numbers[VALUES], numbers[VALUES + 1]) = (error[l], boundary[l]);
+            for (number, of) in numbers[VALUES + 2..].iter_mut().zip(DERIVATIVES) {
+                *number = differences[of][l].abs();
+            }
             let limits = puts.limits.map(|limits| &limits[item.spot * VALUES..]);
             let valued = settled[l] > 0.0 && error[l] <= puts.tolerance[item.spot];
             let met = valued && derivatives_are_met(refinement.level, limits, &differences, l);

@@ -4,15 +4,13 @@ use std::ops::Range;
 
 use super::contracts::{Contracts, Puts};
 use super::grid_values::Workspace;
-use super::group::{EarlierMarches, Group, Outcome, Refinement};
+use super::group::{EarlierMarches, Group, Outcome, Refinement, DERIVATIVES};
 use super::mesh::STEPS;
 use super::mesh_class::classify;
+use super::spot_evaluation::VALUES;
 use super::work_items::{by_class, groups, Item};
 use crate::lanes::dispatch::Work;
 use crate::lanes::vector::{Vector, LANES};
-
-/// The columns of `Solved::numbers` that are derivatives: of V/K by x, once and twice, and by rate, dividend and spread.
-const DERIVATIVES: [usize; 5] = [1, 2, 4, 5, 6];
 
 /// A range of runs, and where the results of its spots go; see `Solved`.
 pub struct Task<'a> {
@@ -124,8 +122,10 @@ impl Task<'_> {
         let at = item.spot - self.start;
         if item.valued {
             if found.settled {
-                for derivative in DERIVATIVES {
-                    self.numbers[derivative][at] = found.numbers[derivative];
+                for (k, derivative) in DERIVATIVES.into_iter().enumerate() {
+                    for column in [derivative, VALUES + 2 + k] {
+                        self.numbers[column][at] = found.numbers[column];
+                    }
                 }
             }
             return;

@@ -14,7 +14,7 @@ const SMALLEST_SHARE: usize = 256;
 
 /// The results, by spot; nothing of a spot that is not settled may be used.
 pub struct Solved {
-    /// `COLUMNS` columns: the `VALUES`, the error estimate of V/K, ln(S*/K).
+    /// `COLUMNS` columns: the `VALUES`, the error estimate of V/K, ln(S*/K), the differences of the derivatives.
     pub numbers: Vec<f64>,
     /// Whether the spot is in the exercise region.
     pub exercised: Vec<bool>,

@@ -22,9 +22,9 @@ fn level(steps: usize) -> PyResult<usize> {
 /// (n,), and `limits`, (n, 7), the errors allowed in each of the values, or None to leave out the derivatives by the
 /// parameters. `fewest` and `most` bound the number of time steps of the finest march.
 ///
-/// Returns numbers, (9, n): V/K, its first and second derivative by x, the European V/K, the derivatives of V/K by rate,
-/// dividend and spread at fixed x, the error estimate of V/K, ln(S*/K); exercised, settled and steps, each (n,). Nothing of
-/// a spot that is not settled may be used.
+/// Returns numbers, (14, n): V/K, its first and second derivative by x, the European V/K, the derivatives of V/K by rate,
+/// dividend and spread at fixed x, the error estimate of V/K, ln(S*/K), and how far the five derivatives are apart in the
+/// last two marches; exercised, settled and steps, each (n,). Nothing of a spot that is not settled may be used.
 #[pyfunction]
 #[pyo3(signature = (x, rate, dividend, spread, first, tolerance, limits, fewest, most, threads))]
 #[allow(

@@ -8,7 +8,7 @@ import numpy as np
 
 from pricing_core import kernel
 from pricing_core.american.book.book import CURVES, Book, Rows
-from pricing_core.american.book.prices import Prices
+from pricing_core.american.book.prices import Prices, error_of
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.contracts.tolerances import BOUNDARY_ACCURACY
 from pricing_core.american.engines.differences import BUCKETS, DIVIDENDS, PARALLEL, of_dividends_not_due
@@ -22,7 +22,16 @@ GREEKS_SHARE = 10.0  # Error allowed to Greeks, in tolerances; chosen.
 ROUNDING = 1e-14  # Rounding error of a marched value, in strikes of its put; measured.
 SMALLEST_SPREAD = 1e-7  # Smallest standard deviation of ln S at expiry that the kernel marches.
 # Step of the differences for vanna and volga as a share of the volatility; calibrated.
-VOLATILITY_SHARE = 0.01
+VOLATILITY_SHARE = 0.002
+TIME_SHARE = 0.001  # Step of the difference for charm as a share of the time to expiry; calibrated.
+# Errors of the derivatives by x, once and twice, rate, yield and spread: shares of their changes from one march to the
+# next, and of the value's error over a power of the spread; calibrated on random puts.
+CHANGE_SHARES = np.array([[0.5], [0.5], [0.8], [0.8], [0.5]])
+VALUE_SHARES = np.array([[0.4], [1.0], [1.5], [1.5], [1.5]])
+ORDERS = np.array([[1.0], [2.0], [2.0], [2.0], [1.0]])
+# Errors of differences of two Greeks over the sum of their errors, by the volatility and by the time; calibrated.
+NOISE_SHARE, CHARM_NOISE_SHARE = 0.04, 0.005
+TRUNCATION = 2e-5  # Error of these differences by their steps, as a share of them; calibrated.
 
 
 class PremiumMarch:
@@ -56,7 +65,7 @@ class PremiumMarch:
         tau = np.maximum(book.expiry[0] - times, 0.0)
         later = np.flatnonzero(tau > 0.0)
         near, error, found = np.full(tau.size, limit), np.zeros(tau.size), np.ones(tau.size, dtype=bool)
-        puts = _as_puts(_repeated(book, tau[later]))
+        puts = _as_puts(_with_lives(book.take(np.zeros(later.size, dtype=np.intp)), tau[later]))
         accuracy = BOUNDARY_ACCURACY * math.sqrt(request.tolerance[0])
         places, relative, found[later] = solve_boundaries(puts, accuracy)
         near[later] = schedule.strike * np.exp(places if schedule.is_put else -places)
@@ -64,10 +73,9 @@ class PremiumMarch:
         return Boundaries(near, nothing, error, found)
 
 
-def _repeated(book: Book, years: Vector) -> Book:
-    """Return the book's contract with each of these lives."""
-    many = book.take(np.zeros(years.size, dtype=np.intp))
-    return replace(many, segments=replace(many.segments, end=years))
+def _with_lives(book: Book, years: Vector) -> Book:
+    """Return the contracts with these lives."""
+    return replace(book, segments=replace(book.segments, end=years))
 
 
 def _as_puts(book: Book) -> Puts:
@@ -118,6 +126,7 @@ def _in_money(book: Book, scale: Vector, solved: PutValues, greeks: bool) -> Pri
     value, by_x, by_xx, european, by_rate, by_dividend, by_spread = money
     columns: dict[str, Any] = {}
     if greeks:
+        columns |= _errors(book, scale, solved)
         columns[DIVIDENDS] = of_dividends_not_due(book)
         columns["vega"] = np.sqrt(expiry) * by_spread
         columns["rho"] = expiry * np.where(is_put, by_rate, by_dividend)
@@ -140,21 +149,50 @@ def _in_money(book: Book, scale: Vector, solved: PutValues, greeks: bool) -> Pri
     )
 
 
+def _errors(book: Book, scale: Vector, solved: PutValues) -> dict[str, Vector]:
+    """Return the error estimates of the Greeks that the marches give, money."""
+    is_put, spot, expiry = book.is_put, book.spot, book.segments.end
+    spread = book.segments.volatility * np.sqrt(expiry)
+    value = scale * (solved.error + ROUNDING)
+    errors = CHANGE_SHARES * scale * solved.changes + VALUE_SHARES * value / spread**ORDERS
+    by_x, by_xx, by_rate, by_dividend, by_spread = errors
+    return {
+        error_of("delta"): np.where(is_put, by_x, value + by_x) / spot,
+        error_of("gamma"): (by_xx + by_x) / spot / spot,
+        error_of("vega"): np.sqrt(expiry) * by_spread,
+        error_of("rho"): expiry * np.where(is_put, by_rate, by_dividend),
+        error_of("dividend_rho"): expiry * np.where(is_put, by_dividend, by_rate),
+    }
+
+
 def _extended(book: Book, request: Request, found: Prices) -> dict[str, Any]:
-    """Return vanna and volga, differences by the volatility, and the buckets of curves that do not change any more."""
-    volatility = book.segments.volatility
-    step = VOLATILITY_SHARE * volatility
+    """Return vanna, volga and charm, and the buckets of curves that do not change any more, with their errors.
+
+    Vanna and volga are differences by the volatility, charm one by the time to expiry.
+    """
+    volatility, expiry = book.segments.volatility, book.segments.end
+    step, wait = VOLATILITY_SHARE * volatility, TIME_SHARE * expiry
     up, down = (_march(book.with_volatility(volatility + by), request, greeks=True) for by in (step, -step))
-    sound = up.settled & down.settled
+    later, sooner = (_march(_with_lives(book, expiry + by), request, greeks=True) for by in (wait, -wait))
+    sound = up.settled & down.settled & later.settled & sooner.settled
     columns: dict[str, Any] = {"complete": sound | found.exercised}
-    for name, of in (("vanna", "delta"), ("volga", "vega")):
-        difference = (getattr(up, of) - getattr(down, of)) / (2.0 * step)
-        columns[name] = np.where(found.exercised, 0.0, np.where(sound, difference, math.nan))
+    for name, of, (high, low), by, share in (
+        ("vanna", "delta", (up, down), step, NOISE_SHARE),
+        ("volga", "vega", (up, down), step, NOISE_SHARE),
+        ("charm", "delta", (sooner, later), wait, CHARM_NOISE_SHARE),
+    ):
+        difference = (getattr(high, of) - getattr(low, of)) / (2.0 * by)
+        noise = share * (getattr(high, error_of(of)) + getattr(low, error_of(of))) / (2.0 * by)
+        error = noise + TRUNCATION * np.abs(difference)
+        for column, number in ((name, difference), (error_of(name), error)):
+            columns[column] = np.where(found.exercised, 0.0, np.where(sound, number, math.nan))
     for name in CURVES:
         times = getattr(book.listed, name)
-        columns[BUCKETS[name]], whole = _whole_in_one_piece(
-            times, book.segments.end, getattr(found, PARALLEL[name])
-        )
+        for bucket, parallel in (
+            (BUCKETS[name], PARALLEL[name]),
+            (error_of(BUCKETS[name]), error_of(PARALLEL[name])),
+        ):
+            columns[bucket], whole = _whole_in_one_piece(times, expiry, getattr(found, parallel))
         columns["complete"] = columns["complete"] & whole
     return columns
 

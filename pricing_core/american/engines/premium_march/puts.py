@@ -56,6 +56,8 @@ class PutValues:
         v = V/K, v_x, v_xx, the European v, and the derivatives of v by r T, q T and sigma sqrt(T).
     error : Vector, shape (n,)
         Error estimate of v, rounding left out.
+    changes : Matrix, shape (5, n)
+        How far the derivatives of v (v_x, v_xx, and by r T, q T and sigma sqrt(T)) are apart in the last two marches.
     boundary : Vector, shape (n,)
         ln(S*/K).
     exercised : bool array, shape (n,)
@@ -68,6 +70,7 @@ class PutValues:
 
     values: Matrix
     error: Vector
+    changes: Matrix
     boundary: Vector
     exercised: BoolVector
     settled: BoolVector
@@ -119,7 +122,7 @@ def solve_puts(
             puts.x, puts.rate, puts.dividend, puts.spread, np.arange(puts.x.size + 1), tolerance, limits,
             fewest, most, threads,
         )  # fmt: skip
-    return PutValues(numbers[:7], numbers[7], numbers[8], exercised, settled, steps)
+    return PutValues(numbers[:7], numbers[7], numbers[9:], numbers[8], exercised, settled, steps)
 
 
 def solve_boundaries(puts: Puts, accuracy: float) -> tuple[Vector, Vector, BoolVector]:

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ from pricing_core import kernel
 from pricing_core.american import Market, Option
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.cuts import with_cuts
+from pricing_core.american.book.prices import error_of
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines
@@ -188,3 +190,56 @@ def test_the_price_does_not_depend_on_the_greeks_that_are_asked_for():
                 np.testing.assert_array_equal(getattr(found, name), getattr(alone, name), err_msg=name)
         finer += np.sum(standard.gamma[alone.settled] != alone.gamma[alone.settled])
     assert finer > 100
+
+
+def flat_book(seed, count):
+    """Return contracts from hours to ten years, every fifth with the rate next to the yield."""
+    rng = np.random.default_rng(seed)
+    contracts = []
+    for k in range(count):
+        expiry, volatility = (
+            float(np.exp(rng.uniform(np.log(1e-3), np.log(10.0)))),
+            float(rng.uniform(0.05, 1.0)),
+        )
+        rate = float(rng.uniform(0.001, 0.15))
+        dividend_yield = max(rate + 1e-4 * rng.normal(), 0.0) if k % 5 == 0 else float(rng.uniform(0.0, 0.15))
+        spot = 100.0 * math.exp(
+            float(np.clip(rng.uniform(-3.0, 3.0) * volatility * math.sqrt(expiry), -3.0, 3.0))
+        )
+        option = Option(str(rng.choice(["put", "call"])), 100.0, expiry)
+        contracts.append((option, Market(spot, rate, volatility, dividend_yield)))
+    return Book.of(contracts)
+
+
+def test_the_errors_of_greeks_are_honest():
+    book = flat_book(5, 800)
+    prices, exact = (
+        ENGINE.solve(book, Request(np.full(book.count, tolerance), "standard")) for tolerance in (1e-6, 1e-8)
+    )
+    sure = prices.settled & exact.settled & ~prices.exercised & ~exact.exercised
+    assert sure.mean() > 0.75
+    for greek in ("delta", "gamma", "theta", "vega", "rho", "dividend_rho"):
+        error = np.abs(getattr(prices, greek) - getattr(exact, greek))[sure]
+        stated = (getattr(prices, error_of(greek)) + getattr(exact, error_of(greek)))[sure]
+        assert np.mean(error <= stated) > 0.98, greek
+        assert np.median(getattr(prices, error_of(greek))[sure]) < 60.0 * np.median(error), greek
+
+
+@pytest.mark.parametrize(("greek", "of"), [("vanna", "delta"), ("volga", "vega"), ("charm", "delta")])
+def test_second_order_greeks_are_differences_within_their_errors(greek, of):
+    book = flat_book(6, 400)
+    request, close = (Request(np.full(book.count, tolerance), "extended") for tolerance in (1e-6, 1e-8))
+    prices = ENGINE.solve(book, request)
+    base, sign = (book.segments.end, -1.0) if greek == "charm" else (book.segments.volatility, 1.0)
+    found = []
+    for share in (0.01, 0.005):
+        column = "end" if greek == "charm" else "volatility"
+        up, down = (
+            ENGINE.solve(replace(book, segments=replace(book.segments, **{column: base * (1.0 + by)})), close)
+            for by in (sign * share, -sign * share)
+        )
+        found.append((getattr(up, of) - getattr(down, of)) / (2.0 * share * base))
+    wanted, doubt = found[1] + (found[1] - found[0]) / 3.0, np.abs(found[1] - found[0])
+    sure = prices.settled & ~prices.exercised & np.isfinite(wanted)
+    missed = np.abs(getattr(prices, greek) - wanted)[sure]
+    assert np.mean(missed <= (getattr(prices, error_of(greek)) + doubt)[sure]) > 0.98
