@@ -159,7 +159,7 @@ def solve_times(book: Book, seconds: float = SECONDS) -> list[float]:
         levels, least, begun = np.full(book.count, level, dtype=np.int64), float("inf"), time.perf_counter()
         while time.perf_counter() - begun < seconds / len(LEVELS):
             start = time.perf_counter()
-            solve_at_level(book, levels, 1, np.zeros(book.count))
+            solve_at_level(book, levels, 1)
             least = min(least, time.perf_counter() - start)
         times.append(1e6 * least / book.count)
     return times

@@ -41,17 +41,17 @@ def priced(
     payoff, now = book.payoff(), book.first_segments().exercisable
     least = np.maximum(np.where(now, payoff, 0.0), european)
     value, missing = np.maximum(value, least), least - value
+    by_value, by_delta, by_gamma = _theta_weights(book)
     columns = {
         "value": value,
         "error": np.maximum(error, missing),
         "delta": delta,
         "gamma": gamma,
-        "theta": held_theta(book, value, delta, gamma),
+        "theta": by_value * value + by_delta * delta + by_gamma * gamma,
     }
     if "gamma_error" in others:
-        errors = columns["error"], others["delta_error"], others["gamma_error"]
-        weighted = zip(_theta_weights(book), errors, strict=True)
-        others["theta_error"] = sum(np.abs(weight) * error for weight, error in weighted)
+        by_others = np.abs(by_delta) * others["delta_error"] + np.abs(by_gamma) * others["gamma_error"]
+        others["theta_error"] = np.abs(by_value) * columns["error"] + by_others
     if exercised.any():
         columns |= {name: others.pop(name) for name in BY_PARAMETERS if name in others}
         paid = {"value": payoff, "error": error, "delta": -book.sign}

@@ -33,7 +33,7 @@ from pricing_core.american.engines.multiplier_collocation.levels import (
 from pricing_core.arrays import Vector
 
 # Shares of the tolerance to which a contract is solved for its Greeks, as long as their errors are too large; chosen.
-SHARES = (1.0, 0.1, 0.01)
+SHARES = (1.0, 0.1)
 # How large the errors of Greeks may be, in tolerances times a power of the strike; chosen.
 ALLOWED = {
     **dict.fromkeys(("delta", DIVIDENDS), (10.0, 0)),
@@ -43,9 +43,9 @@ ALLOWED = {
     "volga": (100.0, 1),
 }
 LEAST_TOLERANCE = 1e-7  # Smallest tolerance, in strikes, that the errors of Greeks are measured by; chosen.
-CLOSE = 1e-9  # Tolerance, in strikes, of values whose differences are taken; chosen.
-# Smallest error, in strikes, of a derivative by a parameter that differences of such values may improve; derived.
-BY_DIFFERENCES = 1e-5
+CLOSE = 1e-8  # Tolerance, in strikes, of values whose differences are taken; chosen.
+# Error of a derivative by a parameter, in strikes, from which on differences are tried; chosen: they take tens of solves.
+BY_DIFFERENCES = 1e-2
 DIFFERENCE_SHARES = (1.0, 0.5)  # Steps of differences, in the usual ones; chosen.
 # Step of the volatility for volga, as a share of the contract's smallest one; calibrated.
 VOLGA_STEP = 0.01
@@ -58,8 +58,8 @@ def greeks_to_tolerance(book: Book, solved: Solved, wanted: Rows, request: Reque
     """Return the Greeks and their errors as columns, and the rows for which the interrupt came too early.
 
     Where an error is too large, a Greek is missing, or no segment ends where a Greek is asked for, the contract is
-    solved again, to smaller and smaller tolerances; its price stays the first one. What is still not close is taken
-    from differences. Rows that are not `wanted` are exercised, and nothing changes their value, or were not settled.
+    solved again to a smaller tolerance; its price stays the first one. What is still far off is taken from
+    differences. Rows that are not `wanted` are exercised, and nothing changes their value, or were not settled.
     """
     extended = request.greeks == "extended"
     columns = _nothing_known(book, solved, wanted, extended=extended)
