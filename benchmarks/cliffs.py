@@ -43,7 +43,6 @@ BOOKS: dict[str, Kind] = {
     "long-dated": kinds.long_dated,
 }
 QUICK, FULL = 20, 200  # Number of contracts of each book.
-SLOW = ("two boundaries",)  # Books of which a tenth is priced.
 RUNS = 3
 
 
@@ -134,7 +133,7 @@ def main() -> None:
     sweeps()
     count = FULL if "--full" in sys.argv else QUICK
     for title, kind in BOOKS.items():
-        book(title, rows_of(kind, count // 10 if title in SLOW else count))
+        book(title, rows_of(kind, count))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ make of it, are its own error, and the pair with the smallest counts. A Greek is
 the claim; `unsure` counts the others. Contracts that are exercised are left out, and differences over prices of
 exercised contracts. Differences of delta give vanna and charm, those of vega give volga.
 
-Takes two minutes, with --full an hour. Run from the root of the project:
+Takes two minutes, with --full half an hour. Run from the root of the project:
 .venv/bin/python -m benchmarks.greeks [--full] [cost] [premium-march] [multiplier-collocation] [sdirk2]
 """
 
