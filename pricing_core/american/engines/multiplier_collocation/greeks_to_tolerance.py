@@ -33,7 +33,7 @@ from pricing_core.american.engines.multiplier_collocation.levels import (
 from pricing_core.arrays import Vector
 
 # Shares of the tolerance to which a contract is solved for its Greeks, as long as their errors are too large; chosen.
-SHARES = (1.0, 0.1)
+SHARES = (1.0, 0.05)
 # How large the errors of Greeks may be, in tolerances times a power of the strike; chosen.
 ALLOWED = {
     **dict.fromkeys(("delta", DIVIDENDS), (10.0, 0)),
@@ -44,7 +44,7 @@ ALLOWED = {
 }
 LEAST_TOLERANCE = 1e-7  # Smallest tolerance, in strikes, that the errors of Greeks are measured by; chosen.
 CLOSE = 1e-8  # Tolerance, in strikes, of values whose differences are taken; chosen.
-# Error of a derivative by a parameter, in strikes, from which on differences are tried; chosen: they take tens of solves.
+# Error of a derivative by a parameter, in strikes, from which on differences are tried; chosen: they take many solves.
 BY_DIFFERENCES = 1e-2
 DIFFERENCE_SHARES = (1.0, 0.5)  # Steps of differences, in the usual ones; chosen.
 # Step of the volatility for volga, as a share of the contract's smallest one; calibrated.

