@@ -10,13 +10,13 @@
 //! pieces and panels do not count, for the value has no jump there, and where the holder is indifferent exercise and waiting
 //! are worth the same.
 
-use super::backward_recursion::Schedule;
 use super::boundary_adjoint::see_boundary;
 use super::contact_adjoint::{see_contact_sets, third_derivative};
 use super::gauss_legendre::legendre;
 use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
 use super::points_seen::see_from_points;
 use super::profile::PieceKind;
+use super::schedule::Schedule;
 use super::segment_value::SegmentValue;
 use super::spot_drop::SpotDrop;
 use super::unsettled::Unsettled;

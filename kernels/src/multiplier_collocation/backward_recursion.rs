@@ -11,10 +11,10 @@ use super::forecast::{forecasts, Forecast};
 use super::gradient::SegmentGradient;
 use super::onset_search::OnsetSearch;
 use super::panels::{Interval, Kink, PanelWidths};
+use super::schedule::Schedule;
 use super::segment::Segment;
 use super::segment_value::SegmentValue;
 use super::unsettled::Unsettled;
-use crate::interrupt::Interrupt;
 
 /// The number of results of a schedule: value, slope and second derivative by x, in strikes; the boundary ln(S*/K) now,
 /// NaN without one; the largest violation of complementarity that was seen and the error estimate of the boundaries,
@@ -49,19 +49,6 @@ const MOST_STALLS: usize = 2;
 const SHARE: f64 = 0.5;
 /// The share of the tolerance that is kept for all boundaries together; chosen.
 const KEPT_SHARE: f64 = 0.2;
-/// What is asked of one schedule.
-pub struct Schedule<'a> {
-    /// The segments from now on, at least one.
-    pub segments: &'a [Segment],
-    /// ln(S/K) now.
-    pub x: f64,
-    /// The place in `FINENESS`, and in `DEGREES` where `tolerance` is 0.
-    pub level: usize,
-    /// The largest error estimate of the boundaries, in strikes; 0 for one degree without an estimate.
-    pub tolerance: f64,
-    pub interrupt: Interrupt<'a>,
-}
-
 /// The derivatives of a schedule's value, in strikes.
 pub struct Derivatives {
     /// Of the value and its slope, by the numbers of every segment.

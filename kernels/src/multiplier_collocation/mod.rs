@@ -101,6 +101,7 @@ mod points_seen;
 mod profile;
 mod propagation;
 mod roots;
+mod schedule;
 mod schedules;
 mod segment;
 mod segment_value;

@@ -1,8 +1,9 @@
 //! Many schedules, each by itself, on several threads.
 
-use super::backward_recursion::{solve_schedule, Schedule, RESULTS};
+use super::backward_recursion::{solve_schedule, RESULTS};
 use super::boundary_query::BoundaryQuery;
 use super::gradient::{FUNCTIONALS, PARAMETERS};
+use super::schedule::Schedule;
 use super::segment::{Dynamics, Segment};
 use crate::interrupt::Interrupt;
 
