@@ -53,7 +53,9 @@ def test_the_price_command_does_without_tables_plots_and_the_service() -> None:
 
 
 def test_a_method_of_the_library_is_imported_when_it_is_asked_for() -> None:
-    code = PRICE.format(more="tolerance=1e-2, method='lcs', lcp_method='psor'")
+    code = PRICE.format(more="resolution=Resolution(16, 16), lcp_method='psor', greeks='none'").replace(
+        "Option, price", "Option, Resolution, price", 1
+    )
     assert "pricing_core.lcp.psor" in imported_by(code)
 
 

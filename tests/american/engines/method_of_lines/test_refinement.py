@@ -23,6 +23,7 @@ from pricing_core.american.engines.method_of_lines.refinement import (
 from pricing_core.errors import NumericalError
 from tests.problems.engines import solved
 from tests.problems.event_values import Event, event_values, quadrature_value
+from tests.problems.needs_kernel import needs_kernel
 
 EVENT_VALUES = event_values()
 TRUNCATION = 1e-6
@@ -629,6 +630,7 @@ LONG_OR_TWO_BOUNDARIES = [
 ]
 
 
+@needs_kernel  # without it the longest lives keep a larger error
 @pytest.mark.parametrize(("option", "market", "value"), LONG_OR_TWO_BOUNDARIES)
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
 def test_no_agreement_by_chance_is_believed(option, market, value, tolerance):
