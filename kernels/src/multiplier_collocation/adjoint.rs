@@ -238,12 +238,7 @@ impl Walk {
         let by_spot = drop.keep * by_x * (-after).exp() + segment.sign;
         let value = weights.map(|weight| -weight / (by_spot * place.exp()));
         add(&mut gradient.escrow, segment.sign, &value);
-        self.points.push(Viewpoint {
-            x: after,
-            s: 0.0,
-            value,
-            slope: [0.0; FUNCTIONALS],
-        });
+        self.points.push(Viewpoint::of_value(after, 0.0, value));
     }
 
     /// Add the derivatives by a part's numbers to those of its segment.
@@ -273,12 +268,7 @@ fn weighted_nodes(
     let places = drop.after_all(&profile.nodes[..profile.panels.len() * now.points]);
     let weighted = places.iter().enumerate().map(|(j, x)| {
         let weight = profile.panels[j / now.points].half * rule[j % now.points].1;
-        Viewpoint {
-            x: *x,
-            s: 0.0,
-            value: [0, 1].map(|k| weight * densities[k][j]),
-            slope: [0.0; FUNCTIONALS],
-        }
+        Viewpoint::of_value(*x, 0.0, [0, 1].map(|k| weight * densities[k][j]))
     });
     weighted
         .filter(|view| {

@@ -51,7 +51,7 @@ const SHARE: f64 = 0.5;
 const KEPT_SHARE: f64 = 0.2;
 /// The derivatives of a schedule's value, in strikes.
 pub struct Derivatives {
-    /// Of the value and its slope, by the numbers of every segment.
+    /// The derivatives of value and slope by the numbers of every segment.
     pub by_segment: Vec<SegmentGradient>,
     /// The same with other degrees of the boundaries.
     pub by_segment_otherwise: Vec<SegmentGradient>,

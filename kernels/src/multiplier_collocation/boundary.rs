@@ -78,14 +78,27 @@ impl Boundary {
             .map(|sine| onset.time + span * sine * sine)
             .collect();
         let crossings = onset.crossings(profile, segment, &times);
+        self.contact_blocks = self.contact_sets(nodes, nodes.degree - 1, span, &crossings);
+    }
+
+    /// The contact sets that stage `stage` of the nodes sees a time `span` after the onset; `crossings` are the payoff
+    /// crossings there, empty without need.
+    pub fn contact_sets(
+        &self,
+        nodes: &CollocationNodes,
+        stage: usize,
+        span: f64,
+        crossings: &[f64],
+    ) -> Vec<ContactBlock> {
+        let (segment, onset) = (&self.segment, &self.onset);
         let ages: Vec<(f64, f64)> = nodes.ages(span).collect();
         let blocks = age_blocks(&segment.dynamics, &ages).into_iter().enumerate();
         let contact_blocks = blocks.map(|(block, ages)| {
             let mut boundary = [onset.place; LANES];
             let nodes_here = (block * LANES..nodes.points).zip(&mut boundary);
             for (l, place) in nodes_here {
-                let coefficient = dot(nodes.row(nodes.degree - 1, l), &self.coefficients);
-                let crossing = crossing_at(&crossings, l);
+                let coefficient = dot(nodes.row(stage, l), &self.coefficients);
+                let crossing = crossing_at(crossings, l);
                 *place = onset.boundary_of(segment.sign, coefficient, crossing).0;
             }
             ContactBlock {
@@ -94,7 +107,7 @@ impl Boundary {
                 boundary_spot: boundary.map(f64::exp),
             }
         });
-        self.contact_blocks = contact_blocks.collect();
+        contact_blocks.collect()
     }
 
     /// How far value and payoff are apart inside the contact set, where they should be equal, in strikes.

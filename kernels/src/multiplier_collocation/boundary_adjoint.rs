@@ -9,14 +9,13 @@ use super::boundary::{dot, Boundary};
 use super::collocation_nodes::{collocation_nodes, CollocationNodes};
 use super::collocation_system::CollocationSystem;
 use super::contact_adjoint::{see_contact_sets, BoundaryWeights};
-use super::contact_onset::{crossing_at, Representation};
+use super::contact_onset::Representation;
 use super::degree_control::DEGREES;
 use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
 use super::linear_system::eliminate;
-use super::multiplier::{age_blocks, contribution, ContactBlock};
+use super::multiplier::ContactBlock;
 use super::payoff_crossing::Gap;
 use super::profile::Profile;
-use super::propagation::Transition;
 use super::segment::{Dynamics, Segment};
 use super::unsettled::Unsettled;
 use super::viewpoint::{see_profile, Viewpoint};
@@ -75,13 +74,26 @@ impl BoundaryAdjoint<'_> {
             .iter()
             .find(|(m, _, _)| *m == degree)
             .map_or(0, |(_, _, points)| *points);
-        let nodes = collocation_nodes(degree, points);
-        let span = boundary.segment.duration - boundary.onset.time;
+        let nodes = (collocation_nodes(degree, points), degree - 1);
+        let blocks = &boundary.contact_blocks;
+        self.count_nodes(nodes, boundary.segment.duration, blocks, contact_sets, true);
+    }
+
+    /// Take in what the nodes of an integral until time `end` count for; all of their coefficients, or the first alone.
+    fn count_nodes(
+        &mut self,
+        (nodes, stage): (&CollocationNodes, usize),
+        end: f64,
+        blocks: &[ContactBlock],
+        contact_sets: &[BoundaryWeights],
+        all: bool,
+    ) {
+        let onset_time = self.boundary.onset.time;
         for (l, sine) in nodes.sine.iter().enumerate() {
             let weights = [0, 1].map(|k| contact_sets[l / LANES][k][l % LANES]);
-            let place = boundary.contact_blocks[l / LANES].boundary[l % LANES];
-            let s = boundary.onset.time + span * sine * sine;
-            self.count_node((nodes, degree - 1, l), (s, place), &weights, true);
+            let place = blocks[l / LANES].boundary[l % LANES];
+            let s = onset_time + (end - onset_time) * sine * sine;
+            self.count_node((nodes, stage, l), (s, place), &weights, all);
         }
     }
 
@@ -161,7 +173,9 @@ impl BoundaryAdjoint<'_> {
                 value: if of_value { *weights } else { nothing },
                 slope: if of_value { nothing } else { *weights },
             };
-            let blocks = self.blocks_seen(&system, k);
+            let span = s - onset.time;
+            let crossings = system.node_crossings.chunks(nodes.points).nth(k);
+            let blocks = boundary.contact_sets(nodes, k, span, crossings.unwrap_or(&[]));
             let mut own = SegmentGradient::default();
             let views_here = std::slice::from_ref(&view);
             let (seen, _) = see_contact_sets(
@@ -184,18 +198,11 @@ impl BoundaryAdjoint<'_> {
                     add(&mut self.time, -moved * payoff_by_time(segment, s), weights);
                 }
             }
-            let span = s - onset.time;
-            for (l, sine) in nodes.sine.iter().enumerate() {
-                let weights = [0, 1].map(|functional| seen[l / LANES][functional][l % LANES]);
-                let place = blocks[l / LANES].boundary[l % LANES];
-                let at = onset.time + span * sine * sine;
-                self.count_node((nodes, k, l), (at, place), &weights, false);
-            }
+            self.count_nodes((nodes, k), s, &blocks, &seen, false);
             if of_value {
                 add_payoff(segment, s, weights, gradient);
             }
-            let by_x = self.equation_by_place(&blocks, (x, s), of_value);
-            let at_stage = weights.map(|weight| weight * by_x);
+            let at_stage = weights.map(|weight| weight * system.by_place[k]);
             self.measured(coefficients[k + 1], (s, x), &at_stage);
             views.push(view);
         }
@@ -226,43 +233,6 @@ impl BoundaryAdjoint<'_> {
         Ok(equations)
     }
 
-    /// The contact sets that stage k sees.
-    fn blocks_seen(&self, system: &CollocationSystem, k: usize) -> Vec<ContactBlock> {
-        let boundary = self.boundary;
-        let (segment, onset, nodes) = (&boundary.segment, &boundary.onset, boundary.nodes);
-        let ages: Vec<(f64, f64)> = nodes.ages(system.times[k] - onset.time).collect();
-        let blocks = age_blocks(&segment.dynamics, &ages).into_iter().enumerate();
-        let seen = blocks.map(|(block, ages)| {
-            let mut places = [onset.place; LANES];
-            for (l, place) in (block * LANES..nodes.points).zip(&mut places) {
-                let coefficient = dot(nodes.row(k, l), &boundary.coefficients);
-                let crossing = crossing_at(&system.node_crossings, k * nodes.points + l);
-                *place = onset.boundary_of(segment.sign, coefficient, crossing).0;
-            }
-            ContactBlock {
-                ages,
-                boundary: places,
-                boundary_spot: places.map(f64::exp),
-            }
-        });
-        seen.collect()
-    }
-
-    /// The derivative of a stage's equation by the place of the stage.
-    fn equation_by_place(
-        &self,
-        blocks: &[ContactBlock],
-        (x, s): (f64, f64),
-        of_value: bool,
-    ) -> f64 {
-        let segment = &self.boundary.segment;
-        let order = if of_value { 1 } else { 2 };
-        let transition = Transition::new(&segment.dynamics, s);
-        let propagated = self.profile.propagate_through(&transition, x, x.exp());
-        let contributed = contribution(segment.sign, &segment.dynamics, blocks, x);
-        propagated[order] + contributed[order] + segment.sign * x.exp()
-    }
-
     /// Add the viewpoint that stands for the time of the onset, when the value without exercise is the payoff at its place.
     fn count_time(&self, views: &mut Vec<Viewpoint>, gradient: &mut SegmentGradient) {
         let (segment, onset) = (&self.boundary.segment, &self.boundary.onset);
@@ -275,12 +245,7 @@ impl BoundaryAdjoint<'_> {
         }
         let value = self.time.map(|weight| -weight / gap.by_s);
         add_payoff(segment, onset.time, &value, gradient);
-        views.push(Viewpoint {
-            x: onset.place,
-            s: onset.time,
-            value,
-            slope: [0.0; FUNCTIONALS],
-        });
+        views.push(Viewpoint::of_value(onset.place, onset.time, value));
     }
 
     /// Add the viewpoints that stand for the payoff crossings, where the value without exercise is the payoff.
@@ -294,12 +259,7 @@ impl BoundaryAdjoint<'_> {
                 add(&mut self.time, moved * gap.by_s, &value);
             }
             add_payoff(&segment, s, &value, gradient);
-            views.push(Viewpoint {
-                x,
-                s,
-                value,
-                slope: [0.0; FUNCTIONALS],
-            });
+            views.push(Viewpoint::of_value(x, s, value));
         }
     }
 }

@@ -32,6 +32,8 @@ pub struct CollocationSystem<'a> {
     integrals: StageIntegrals,
     /// The derivatives of the boundary by the coefficient at the nodes of the integrals, (m x n,).
     by_coefficient: Vec<f64>,
+    /// The derivatives of the last residuals by the places of their stages, (m,).
+    pub by_place: Vec<f64>,
 }
 
 /// The boundary at a stage.
@@ -80,6 +82,7 @@ impl<'a> CollocationSystem<'a> {
             node_crossings,
             integrals: StageIntegrals::new(&segment.dynamics, &ages),
             by_coefficient: vec![0.0; nodes.degree * nodes.points],
+            by_place: vec![0.0; nodes.degree],
         }
     }
 
@@ -160,6 +163,7 @@ impl<'a> CollocationSystem<'a> {
                 (slope, second + paid)
             };
             residual[k] = left;
+            self.by_place[k] = by_place;
             row[k] += by_place * stage.by_coefficient;
         }
     }

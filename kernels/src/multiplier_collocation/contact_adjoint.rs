@@ -96,12 +96,12 @@ impl Work for Seeing<'_> {
         let mut weights = Vec::with_capacity(self.blocks.len());
         let mut by_amount = [V::zero(); FUNCTIONALS];
         let mut by_parameters = [[V::zero(); FUNCTIONALS]; 4];
+        let spots: Vec<f64> = self.views.iter().map(|view| view.x.exp()).collect();
         for block in self.blocks {
             let age = V::from_lanes(block.ages.spread).times(1.0 / dynamics.volatility);
             let age = age * age;
             let mut of_boundary = [V::zero(); FUNCTIONALS];
-            for view in self.views {
-                let spot = view.x.exp();
+            for (view, &spot) in self.views.iter().zip(&spots) {
                 let seen = see(self.sign, dynamics, block, V::all(view.x), V::all(spot));
                 let derivatives = &seen.derivatives;
                 for (order, counted) in [(0, &view.value), (1, &view.slope)] {

@@ -4,7 +4,7 @@
 
 use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
 use super::profile::{PieceEnd, Profile};
-use super::propagation::{load, Transition, LARGEST_DEVIATION};
+use super::propagation::{load, Transition};
 use super::segment::Segment;
 use super::viewpoint::Viewpoint;
 use crate::lanes::dispatch::{dispatch, Work};
@@ -101,14 +101,9 @@ fn see_nodes<V: Vector>(
     let (centre, inverse) = (x + transition.shift, transition.inverse);
     let mut moments = [V::zero(); 3];
     for start in (0..profile.nodes.len()).step_by(LANES) {
-        let highest = (profile.nodes[start + LANES - 1] - centre) * inverse;
-        let lowest = (profile.nodes[start] - centre) * inverse;
-        if highest < -LARGEST_DEVIATION || lowest > LARGEST_DEVIATION {
+        let Some(z) = profile.distances::<V>(start, centre, inverse) else {
             continue;
-        }
-        let z = load::<V>(&profile.nodes[start..])
-            .plus(-centre)
-            .times(inverse);
+        };
         let density = exp((z * z).times(-0.5));
         let mass = density * load::<V>(&profile.weighted[start..]);
         let moment = mass * z;

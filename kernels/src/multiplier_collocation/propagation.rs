@@ -57,6 +57,21 @@ impl Profile {
     }
 }
 
+impl Profile {
+    /// The distances z of the sixteen nodes from `start` on, in standard deviations, 1 over which is `inverse`; None where
+    /// all of them are too far from `centre` to count.
+    #[inline(always)]
+    pub fn distances<V: Vector>(&self, start: usize, centre: f64, inverse: f64) -> Option<V> {
+        let highest = (self.nodes[start + LANES - 1] - centre) * inverse;
+        let lowest = (self.nodes[start] - centre) * inverse;
+        if highest < -LARGEST_DEVIATION || lowest > LARGEST_DEVIATION {
+            return None;
+        }
+        let nodes = load::<V>(&self.nodes[start..]);
+        Some(nodes.plus(-centre).times(inverse))
+    }
+}
+
 /// The first sixteen numbers of a slice.
 #[inline(always)]
 pub fn load<V: Vector>(values: &[f64]) -> V {
@@ -90,14 +105,9 @@ impl Work for Propagation<'_> {
         let mut first = V::zero();
         let mut second = V::zero();
         for start in (0..profile.nodes.len()).step_by(LANES) {
-            let highest = (profile.nodes[start + LANES - 1] - centre) * inverse;
-            let lowest = (profile.nodes[start] - centre) * inverse;
-            if highest < -LARGEST_DEVIATION || lowest > LARGEST_DEVIATION {
+            let Some(z) = profile.distances::<V>(start, centre, inverse) else {
                 continue;
-            }
-            let z = load::<V>(&profile.nodes[start..])
-                .plus(-centre)
-                .times(inverse);
+            };
             let mass = exp((z * z).times(-0.5)) * load::<V>(&profile.weighted[start..]);
             let moment = mass * z;
             zeroth = zeroth + mass;

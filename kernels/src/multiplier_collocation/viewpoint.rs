@@ -7,7 +7,7 @@
 
 use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
 use super::profile::{EndBlock, Piece, Profile};
-use super::propagation::{load, Transition, LARGEST_DEVIATION};
+use super::propagation::{load, Transition};
 use super::segment::Dynamics;
 use crate::lanes::dispatch::{dispatch, Work};
 use crate::lanes::normal::{exp, weighted_normal, ONE_OVER_SQRT_TWO_PI};
@@ -28,6 +28,16 @@ pub struct Viewpoint {
 }
 
 impl Viewpoint {
+    /// A place where the value alone counts.
+    pub fn of_value(x: f64, s: f64, value: Weights) -> Viewpoint {
+        Viewpoint {
+            x,
+            s,
+            value,
+            slope: [0.0; FUNCTIONALS],
+        }
+    }
+
     /// Whether the slope counts.
     pub fn has_slope(&self) -> bool {
         self.slope.iter().any(|weight| *weight != 0.0)
@@ -109,14 +119,9 @@ impl Work for Seeing<'_> {
             let scale = ONE_OVER_SQRT_TWO_PI * bond * inverse;
             let mut moments = [V::zero(); 4];
             for start in (0..profile.nodes.len()).step_by(LANES) {
-                let highest = (profile.nodes[start + LANES - 1] - centre) * inverse;
-                let lowest = (profile.nodes[start] - centre) * inverse;
-                if highest < -LARGEST_DEVIATION || lowest > LARGEST_DEVIATION {
+                let Some(z) = profile.distances::<V>(start, centre, inverse) else {
                     continue;
-                }
-                let z = load::<V>(&profile.nodes[start..])
-                    .plus(-centre)
-                    .times(inverse);
+                };
                 let density = exp((z * z).times(-0.5)).times(scale);
                 let mut mass = density * load::<V>(&profile.weighted[start..]);
                 for moment in &mut moments {
