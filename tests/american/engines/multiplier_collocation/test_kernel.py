@@ -15,25 +15,19 @@ NO_TIMES = np.zeros(0)
 TIMES = np.array([0.0, 0.05, 0.3, 0.375, 0.7, 1.0])
 
 
-def solve(contracts, level, times=NO_TIMES, threads=1, tolerance=0.0):
-    """Return numbers, boundaries and what settled."""
+def arguments(contracts, level, times=NO_TIMES, tolerance=0.0):
+    """Return what `solve_schedules` takes first: the contracts, their levels and tolerances, and the times."""
     packed = pack(Book.of(contracts))
     count = len(contracts)
     first_time, every = np.arange(count + 1) * times.size, np.tile(times, count)
     levels, tolerances = np.full(count, level, dtype=np.int64), np.full(count, tolerance)
-    numbers, boundary, settled, _, _ = kernel.solve_schedules(
-        packed.sign,
-        packed.x,
-        packed.first,
-        packed.segments,
-        levels,
-        tolerances,
-        every,
-        first_time,
-        False,
-        threads,
-        None,
-    )
+    return packed.sign, packed.x, packed.first, packed.segments, levels, tolerances, every, first_time
+
+
+def solve(contracts, level, times=NO_TIMES, threads=1, tolerance=0.0):
+    """Return numbers, boundaries and what settled."""
+    given = arguments(contracts, level, times, tolerance)
+    numbers, boundary, settled, _, _ = kernel.solve_schedules(*given, False, threads, None)
     return numbers, boundary, settled
 
 
@@ -71,77 +65,35 @@ def test_times_to_look_at_change_next_to_nothing(name):
 
 
 def test_what_does_not_fit_is_refused():
-    packed = pack(Book.of([CONTRACTS["put, curves"]]))
-    good = (
-        packed.sign,
-        packed.x,
-        packed.first,
-        packed.segments,
-        np.array([1]),
-        np.zeros(1),
-        NO_TIMES,
-        np.zeros(2, dtype=np.int64),
-        True,
-        1,
-        None,
-    )
+    good = (*arguments([CONTRACTS["put, curves"]], 1), True, 1, None)
     for place, wrong in ((0, np.ones(2)), (2, np.array([0, 99])), (4, np.array([99]))):
         with pytest.raises(ValueError, match=r"length|first|level"):
             kernel.solve_schedules(*(wrong if k == place else part for k, part in enumerate(good)))
 
 
 def test_no_argument_is_modified():
-    packed = pack(Book.of(list(CONTRACTS.values())))
-    before = [part.copy() for part in (packed.sign, packed.x, packed.first, packed.segments)]
-    count = packed.x.size
-    nothing = np.zeros(count + 1, dtype=np.int64)
-    levels, tolerances = np.full(count, 1), np.full(count, 1e-5)
-    kernel.solve_schedules(
-        packed.sign,
-        packed.x,
-        packed.first,
-        packed.segments,
-        levels,
-        tolerances,
-        NO_TIMES,
-        nothing,
-        True,
-        1,
-        None,
-    )
-    for part, copy in zip((packed.sign, packed.x, packed.first, packed.segments), before, strict=True):
+    given = arguments(list(CONTRACTS.values()), 1, tolerance=1e-5)
+    before = [part.copy() for part in given]
+    kernel.solve_schedules(*given, True, 1, None)
+    for part, copy in zip(given, before, strict=True):
         np.testing.assert_array_equal(part, copy)
 
 
 def test_an_interrupt_ends_the_work_within_milliseconds():
-    contracts = random_contracts(6, 4000)
-    packed = pack(Book.of(contracts))
+    given = arguments(random_contracts(6, 4000), 4, tolerance=1e-8)
     asked = []
 
     def interrupt():
         asked.append(True)
         return len(asked) >= 3
 
-    nothing = np.zeros(len(contracts) + 1, dtype=np.int64)
-    levels, tolerances = np.full(len(contracts), 4), np.full(len(contracts), 1e-8)
-    arguments = (
-        packed.sign,
-        packed.x,
-        packed.first,
-        packed.segments,
-        levels,
-        tolerances,
-        NO_TIMES,
-        nothing,
-        True,
-    )
-    _, _, settled, _, gradient = kernel.solve_schedules(*arguments, 2, interrupt)
+    _, _, settled, _, gradient = kernel.solve_schedules(*given, True, 2, interrupt)
     assert len(asked) == 3
     assert 0 < settled.sum() < settled.size
-    assert np.isnan(gradient[packed.first[:-1][~settled]]).all()
+    assert np.isnan(gradient[given[2][:-1][~settled]]).all()
 
     def fails():
         raise RuntimeError("asked")
 
     with pytest.raises(RuntimeError, match="asked"):
-        kernel.solve_schedules(*arguments, 2, fails)
+        kernel.solve_schedules(*given, True, 2, fails)
