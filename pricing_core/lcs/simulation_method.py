@@ -201,7 +201,7 @@ def _float_or_tuple(field: str, value: ArrayLike) -> float | tuple[float, ...]:
     return tuple(as_vector(field, numbers).tolist()) if numbers.ndim else float(numbers)
 
 
-# Of each field how it is read, what must hold then, and what is said otherwise.
+# How each field is read, what must hold then, and what is said otherwise.
 _NUMBERS: dict[str, tuple[Callable[[str, Any], Any], Callable[[Any], bool], str]] = {
     "theta": (as_number, lambda theta: 0.5 <= theta <= 1.0, "at least 1/2 and at most 1"),
     "step": (as_extended_number, lambda step: step > 0.0, "a number > 0"),

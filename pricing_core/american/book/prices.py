@@ -99,7 +99,7 @@ class Prices:
 
     def take(self, rows: Rows) -> "Prices":
         """Return some of the rows, in the order asked for."""
-        return Prices(*(_taken(getattr(self, name), rows) for name in self.__slots__))
+        return Prices(*(taken(getattr(self, name), rows) for name in self.__slots__))
 
     def replaced(self, rows: Rows, found: "Prices") -> "Prices":
         """Return these prices with some rows taken, in their order, from others."""
@@ -196,7 +196,8 @@ def concatenated(parts: Sequence[Prices]) -> Prices:
     return Prices(**columns)
 
 
-def _taken(column: Any, rows: Rows) -> Any:
+def taken(column: Any, rows: Rows) -> Any:
+    """Return some rows of a column of either kind."""
     return column.take(rows) if isinstance(column, Ragged) else column[rows]
 
 

@@ -44,7 +44,8 @@ def european_columns(book: Book, greeks: Greeks) -> dict[str, Any]:
         S = S - book.escrow_now()
     sign = -book.sign
     with np.errstate(all="ignore"):
-        d1 = (np.log(kept * S / K) + (rate - dividend_yield)) / spread + 0.5 * spread
+        moneyness = np.log(kept * S / K)
+        d1 = (moneyness + (rate - dividend_yield)) / spread + 0.5 * spread
         discount, share = np.exp(-rate), kept * np.exp(-dividend_yield)
         d2 = d1 - spread
         in_stock, in_bond = sign * share * ndtr(sign * d1), sign * discount * ndtr(sign * d2)
@@ -77,7 +78,7 @@ def european_columns(book: Book, greeks: Greeks) -> dict[str, Any]:
             columns |= _by_pieces(book, in_stock * S, in_bond * K, by_spread / spread)
         if greeks != "none":
             # What the rounding of ln(S/K) and of the integrals does to d1.
-            off = (1.0 + np.abs(np.log(kept * S / K)) + np.abs(rate) + np.abs(dividend_yield)) / spread
+            off = (1.0 + np.abs(moneyness) + np.abs(rate) + np.abs(dividend_yield)) / spread
             off = ROUNDING_OF_GREEKS * (off + spread)
             columns |= _errors(book, columns, (S, in_stock, in_bond, density), (d1, d2, spread), off)
     return columns

@@ -106,7 +106,7 @@ class _Plan:
         return np.arange(self.count - rows.size, self.count)
 
     def central(
-        self, kind: str, bumped: "_Bump", rows: Rows, entry: Rows, step: Vector
+        self, kind: str, bumped: "Bump", rows: Rows, entry: Rows, step: Vector
     ) -> list[NDArray[np.int64]]:
         """Add the difference of second order around the contract; return the places of up and down."""
         places = []
@@ -115,14 +115,14 @@ class _Plan:
             self.terms.append(_Term(kind, entry, side * 0.5 / step, places[-1]))
         return places
 
-    def forward(self, kind: str, bumped: "_Bump", rows: Rows, entry: Rows, step: Vector) -> None:
+    def forward(self, kind: str, bumped: "Bump", rows: Rows, entry: Rows, step: Vector) -> None:
         """Add the one-sided difference of second order."""
         for steps, weight in ((0.0, -1.5), (1.0, 2.0), (2.0, -0.5)):
             place = self.add(bumped(steps * step), rows)
             self.terms.append(_Term(kind, entry, weight / step, place))
 
 
-class _Bump:
+class Bump:
     """Contracts with one number of each shifted."""
 
     def __init__(self, book: Book, name: str, where: BoolVector | None = None) -> None:
@@ -148,7 +148,7 @@ def plan_differences(book: Book, *, extended: bool, share: float = 1.0) -> Diffe
     """
     plan, everyone = _Plan(), np.arange(book.count)
     steps = _steps(book, share)
-    up, down = plan.central("vega", _Bump(book, "volatility"), everyone, everyone, steps["volatility"])
+    up, down = plan.central("vega", Bump(book, "volatility"), everyone, everyone, steps["volatility"])
     if extended:
         step = steps["volatility"]
         same = plan.add(book, everyone)
@@ -162,7 +162,7 @@ def plan_differences(book: Book, *, extended: bool, share: float = 1.0) -> Diffe
         upward = (smallest >= 0.0) & (smallest < steps[name])
         for rows, difference in ((everyone[~upward], plan.central), (everyone[upward], plan.forward)):
             if rows.size:
-                difference(PARALLEL[name], _Bump(book.take(rows), name), rows, rows, steps[name][rows])
+                difference(PARALLEL[name], Bump(book.take(rows), name), rows, rows, steps[name][rows])
     _by_dividends(plan, book, share)
     sizes = dict.fromkeys(PARALLEL.values(), book.count)
     sizes[DIVIDENDS] = book.listed.cash_dividends.values.size
@@ -202,7 +202,7 @@ def plan_directions(book: Book, *, extended: bool) -> list[tuple[str, int, Book,
     planned = []
     for kind, entry, name, where in shifts:
         step = DIRECTION_STEP * (book.strike.item(0) if name == "due" else 1.0 / max(expiry, 1.0))
-        bumped = _Bump(book, name, where)
+        bumped = Bump(book, name, where)
         planned.append((kind, entry, bumped(np.array([step])), bumped(np.array([-step])), step))
     return planned
 
@@ -289,7 +289,7 @@ def _by_dividends(plan: _Plan, book: Book, share: float) -> None:
             where = np.zeros(part.segments.end.size, dtype=bool)
             where[at[chosen] - cut.first[chosen] + part.first[:-1]] = True
             size = np.where(due > 0.0, np.minimum(step, AMOUNT_SHARE * due), step)[chosen]
-            difference(DIVIDENDS, _Bump(part, "due", where), rows[chosen], entry[chosen], size)
+            difference(DIVIDENDS, Bump(part, "due", where), rows[chosen], entry[chosen], size)
 
 
 def _by_pieces(plan: _Plan, book: Book, steps: dict[str, Vector]) -> None:
@@ -305,7 +305,7 @@ def _by_pieces(plan: _Plan, book: Book, steps: dict[str, Vector]) -> None:
             value = getattr(part.segments, name)[where].min(initial=np.inf)
             upward = name != "volatility" and 0.0 <= value < step[0]
             difference = plan.forward if upward else plan.central
-            difference(BUCKETS[name], _Bump(part, name, where), rows, np.array([entry]), step)
+            difference(BUCKETS[name], Bump(part, name, where), rows, np.array([entry]), step)
 
 
 def _pieces(times: Ragged, expiry: Vector) -> Iterator[tuple[int, int, float, float]]:

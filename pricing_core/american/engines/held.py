@@ -80,10 +80,26 @@ def held_theta(book: Book, value: Vector, delta: Vector, gamma: Vector) -> Vecto
 
 def _theta_weights(book: Book) -> tuple[Vector, Vector, Vector]:
     """Return what theta is linear in value, delta and gamma with, each of shape (n,)."""
+    spot, drift = _diffusing(book)
+    now = book.first_segments()
+    return now.rate, -drift, -0.5 * (now.volatility * spot) ** 2
+
+
+def charm_weights(book: Book) -> tuple[Vector, Vector, Vector]:
+    """Return what d delta/dt is linear in delta, gamma and V_SSS with where the contract is held, each of shape (n,).
+
+    It is the derivative of theta's equation, (11.46), by the spot.
+    """
+    (spot, drift), now = _diffusing(book), book.first_segments()
+    variance = now.volatility**2
+    return now.dividend_yield, -(drift + variance * spot), -0.5 * variance * spot**2
+
+
+def _diffusing(book: Book) -> tuple[Vector, Vector]:
+    """Return the spot that diffuses and the drift of the quoted one, money and money per year, each of shape (n,)."""
     now, spot = book.first_segments(), book.spot
     grown: Vector | float = 0.0
     if book.escrowed.any():
         escrow = book.escrow_now()
         spot, grown = spot - escrow, now.rate * escrow
-    drift = (now.rate - now.dividend_yield) * spot + grown
-    return now.rate, -drift, -0.5 * (now.volatility * spot) ** 2
+    return spot, (now.rate - now.dividend_yield) * spot + grown

@@ -12,9 +12,9 @@ from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.book.resolution import Resolution, Scheme
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.engines.black_scholes import european_columns
-from pricing_core.american.engines.differences import plan_differences, unchanged
+from pricing_core.american.engines.differences import Bump, plan_differences, unchanged
 from pricing_core.american.engines.engine import Boundaries, Request
-from pricing_core.american.engines.held import priced
+from pricing_core.american.engines.held import charm_weights, priced
 from pricing_core.american.engines.method_of_lines.level import ScheduleSolver, make_solver
 from pricing_core.american.engines.method_of_lines.refinement import (
     Estimate,
@@ -189,8 +189,7 @@ def _volga(book: Book, solver: ScheduleSolver, estimate: Estimate) -> tuple[Vect
     step = VOLGA_STEP * float(np.max(book.segments.volatility))
     levels, exact = [], []
     for shift in (step, -step):
-        volatility = book.segments.volatility + shift
-        bumped = replace(book, segments=replace(book.segments, volatility=volatility))
+        bumped = Bump(book, "volatility")(np.array([shift]))
         parameter = directions_of(bumped, extended=False, only="vega")
         again = replace(solver, schedule=bumped.schedule(0), directions=parameter)
         found = levels_on_same_grids(estimate, again)
@@ -219,16 +218,9 @@ def _volga(book: Book, solver: ScheduleSolver, estimate: Estimate) -> tuple[Vect
 
 
 def _charm(book: Book, value: Vector, errors: Vector) -> dict[str, Any]:
-    """Return d delta/dt and its error as columns: the derivative of (11.46) by the spot, where the contract is held."""
-    now, escrow, strike = book.first_segments(), book.escrow_now(), book.strike
-    spot = book.spot - escrow
-    carry, variance = now.rate - now.dividend_yield, now.volatility**2
-    weights = (
-        now.rate - carry,
-        -(carry * spot + now.rate * escrow + variance * spot) / strike,
-        -0.5 * variance * spot**2 / strike**2,
-    )
-    terms = [*zip(weights, value[1:], errors[1:], strict=True)]
+    """Return d delta/dt and its error, where the contract is held, as columns."""
+    by_strike = [weight / book.strike**power for power, weight in enumerate(charm_weights(book))]
+    terms = [*zip(by_strike, value[1:], errors[1:], strict=True)]
     return {
         "charm": sum(weight * number for weight, number, _ in terms),
         "charm_error": sum(np.abs(weight) * error for weight, _, error in terms),

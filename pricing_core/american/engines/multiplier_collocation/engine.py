@@ -18,6 +18,7 @@ from pricing_core.american.engines.multiplier_collocation.levels import (
     FINEST,
     Solved,
     boundaries_at,
+    european_values,
     solve_to_tolerance,
 )
 from pricing_core.american.engines.multiplier_collocation.served import is_served, log_moneyness
@@ -61,6 +62,9 @@ class MultiplierCollocation:
             greeks, late = greeks_to_tolerance(book, solved, np.flatnonzero(believed & ~exercised), request)
             columns |= greeks
             ended[late] = "deadline"
+        columns["european"] = book.strike * european_values(
+            book, request.tolerance, request.threads, request.interrupt
+        )
         return _in_money(book, solved, exercised, settled=believed, status=ended, **columns)
 
     def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
@@ -94,7 +98,6 @@ def _in_money(book: Book, solved: Solved, exercised: BoolVector, **columns: Any)
     return priced(
         book,
         value=K * solved.value,
-        european=K * solved.european,
         error=np.where(solved.settled, K * solved.error, math.nan),
         boundary=K * np.exp(solved.boundary) + book.escrow_now(),
         exercised=exercised,

@@ -17,16 +17,19 @@ from pricing_core.american.book.prices import error_of
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.contracts.schedule import SAME_TIME
 from pricing_core.american.engines.differences import BUCKETS, DIVIDENDS, PARALLEL
+from pricing_core.american.engines.held import charm_weights
 from pricing_core.american.engines.multiplier_collocation.levels import Solved
 from pricing_core.arrays import BoolVector, Vector
 
 # The numbers of a segment by which the kernel differentiates, in its order, and what exercise on it contributes.
 NUMBERS = ("rate", "dividend_yield", "volatility", "amount", "escrow", "exercise")
 RATE, _, VOLATILITY, AMOUNT, ESCROW, EXERCISE = range(len(NUMBERS))
-NEXT_TO_NOTHING = (
-    1e-9  # Amount of a dividend, in strikes, that changes no value by more than its rounding; chosen.
-)
-OWN, CHANGE = 0, 1  # The derivatives, and their changes with the degrees of the boundaries.
+# Amount of a dividend, in strikes, that changes no value by more than a billionth; chosen.
+NEXT_TO_NOTHING = 1e-9
+OWN, CHANGE = (
+    0,
+    1,
+)  # The derivatives, and their changes with the degrees of the boundaries.
 # Error of each derivative over the sum of its changes with the degrees; calibrated on random contracts.
 CHANGE_SHARES = np.array([2.0, 3.0, 2.0, 2.0, 2.0, 1.5])
 # Error of a derivative by one dividend or piece of a curve over the sum of all changes by rate, yield and volatility;
@@ -38,9 +41,8 @@ BY_PANELS = np.array([1e-4, 4e-6, 1e-9, 4e-11, 4e-11, 4e-11, 4e-11])
 SLOPE_BY_PANELS = np.array([1e-4, 2e-6, 1e-10, 2e-11, 2e-11, 2e-11, 2e-11])
 # Errors of the second and the third derivative by x over that of the slope, in standard deviations of ln S.
 GAMMA_SHARE, CHARM_SHARE = 3.0, 40.0
-PANEL_ROUGHNESS = (
-    10.0  # The same from the slope to the derivative of the slope by a parameter, for what the panels leave.
-)
+# What the panels leave of a further derivative by x over what they leave of the one before, in the same unit.
+PANEL_ROUGHNESS = 10.0
 Derivatives = NDArray[np.float64]  # (m, 2, 2, 6), or a part of it
 
 
@@ -97,9 +99,7 @@ def by_spot(book: Book, solved: Solved) -> dict[str, Any]:
 def lacks_cuts(book: Book, *, extended: bool) -> BoolVector:
     """Tell contracts with an entry by which there is a derivative, but no segment that ends there, shape (n,)."""
     lacking = np.zeros(book.count, dtype=bool)
-    names = ("cash_dividends", *(CURVES if extended else ()))
-    for name in names:
-        listed = getattr(book.listed, name)
+    for listed in _entries(book, extended=extended):
         if listed.values.size:
             owner, time = listed.owner(), listed.values
             expiry = book.expiry[owner]
@@ -114,8 +114,7 @@ def with_entries(book: Book, *, extended: bool) -> Book:
 
     A dividend of nothing becomes one of next to nothing: the derivative by its amount is that from above.
     """
-    names = ("cash_dividends", *(CURVES if extended else ()))
-    listed = [getattr(book.listed, name) for name in names]
+    listed = _entries(book, extended=extended)
     times = [sum((each.row(row) for each in listed), ()) for row in range(book.count)]
     cut = with_cuts(book, Ragged.of(times))
     dividends = cut.listed.cash_dividends
@@ -125,15 +124,17 @@ def with_entries(book: Book, *, extended: bool) -> Book:
     return replace(cut, segments=replace(cut.segments, due=due))
 
 
+def _entries(book: Book, *, extended: bool) -> list[Ragged]:
+    """Return the times of dividends and, if wanted, of curves: of all entries by which there is a derivative."""
+    return [getattr(book.listed, name) for name in ("cash_dividends", *(CURVES if extended else ()))]
+
+
 def _charm(book: Book, solved: Solved, S: Vector) -> Vector:
-    """Return d delta / dt in calendar time from the pricing equation's derivative by the spot that diffuses, 1/year."""
-    now, escrow = book.first_segments(), book.escrow_now()
-    r, variance_rate = now.rate, now.volatility**2
-    drift = r - now.dividend_yield - 0.5 * variance_rate
-    slope_by_time = r * solved.slope - drift * solved.curvature - 0.5 * variance_rate * solved.third
-    # The escrow grows like a bond, and the spot less the escrow falls by as much.
-    slope_by_time -= r * escrow / S * (solved.curvature - solved.slope)
-    charm: Vector = book.strike / S * slope_by_time
+    """Return d delta/dt in calendar time, 1/year."""
+    found = by_spot(book, solved)
+    speed = book.strike / S**3 * (solved.third - 3.0 * solved.curvature + 2.0 * solved.slope)
+    by_delta, by_gamma, by_speed = charm_weights(book)
+    charm: Vector = by_delta * found["delta"] + by_gamma * found["gamma"] + by_speed * speed
     return charm
 
 
@@ -146,21 +147,17 @@ def _through_escrow(book: Book, solved: Solved) -> Derivatives:
     gradient, segments, strike = solved.gradient.copy(), book.segments, book.per_segment(book.strike)
     discount = np.exp(-segments.rate * segments.duration)
     escrow = book.escrow() / strike
-    by_rate = -segments.duration * discount * escrow
+    fall = (segments.duration * discount * escrow)[:, None]  # of what the escrow is worth, by the rate
     S = (book.spot - book.escrow_now()) / book.strike
     by_escrow = np.zeros((book.count, 2, 2))
     by_escrow[:, OWN] = -np.stack([solved.slope, solved.curvature], axis=1) / S[:, None]
     for places, everywhere in book.by_place():
         rows, at = places[book.escrowed[places]], everywhere[book.escrowed[places]]
-        gradient[at, :, :, RATE] += np.abs(by_rate[at, None, None]) * by_escrow[rows] * _signs(-1.0)
+        gradient[at, OWN, :, RATE] -= fall[at] * by_escrow[rows, OWN]
+        gradient[at, CHANGE, :, RATE] += fall[at] * by_escrow[rows, CHANGE]  # changes are absolute
         by_escrow[rows] = discount[at, None, None] * by_escrow[rows] + solved.gradient[at, :, :, ESCROW]
         gradient[at, :, :, AMOUNT] = by_escrow[rows]
     return gradient
-
-
-def _signs(sign: float) -> Vector:
-    """Return a sign for the derivatives and 1 for their changes, which are absolute, shape (2, 1)."""
-    return np.array([[sign], [1.0]])
 
 
 def _by_dividends(book: Book, gradient: Derivatives, left_out: Vector) -> dict[str, Ragged]:

@@ -1,18 +1,18 @@
 """Greeks with errors that suit the tolerance: from the solution that gave the price, or from finer ones if need be."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from pricing_core.american.book.book import Book, Rows
-from pricing_core.american.book.prices import error_of
+from pricing_core.american.book.prices import error_of, taken
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.differences import (
     BUCKETS,
     DIVIDENDS,
     PARALLEL,
+    Bump,
     plan_differences,
     stored,
     unchanged,
@@ -91,7 +91,7 @@ def greeks_to_tolerance(book: Book, solved: Solved, wanted: Rows, request: Reque
             kept = group[better]
             largest[kept] = missed[better]
             complete[kept] = True
-            columns = stored(columns, kept, {name: _taken(column, better) for name, column in fresh.items()})
+            columns = stored(columns, kept, {name: taken(column, better) for name, column in fresh.items()})
         rows = rows[~(largest[rows] <= 1.0)]
     doubtful = [columns[error_of(greek)][rows] / book.strike[rows] for greek in PARALLEL.values()]
     rows = rows[complete[rows] & (np.max(doubtful, axis=0) > BY_DIFFERENCES)]
@@ -149,7 +149,7 @@ def _closer(book: Book, columns: Columns, rows: Rows, request: Request) -> Colum
     (far, _), (near, noise) = found
     closer: Columns = {}
     for greek in (*PARALLEL.values(), DIVIDENDS):
-        value, error = (_taken(columns[name], rows) for name in (greek, error_of(greek)))
+        value, error = (taken(columns[name], rows) for name in (greek, error_of(greek)))
         steps = far[greek], near[greek], noise[greek]
         if isinstance(value, Ragged):
             numbers, errors = _better(value.values, error.values, *(each.values for each in steps))
@@ -159,7 +159,7 @@ def _closer(book: Book, columns: Columns, rows: Rows, request: Request) -> Colum
     for name, greek in PARALLEL.items():
         if BUCKETS[name] in columns:  # their sum stays the parallel derivative
             buckets, errors = (
-                _taken(columns[each], rows) for each in (BUCKETS[name], error_of(BUCKETS[name]))
+                taken(columns[each], rows) for each in (BUCKETS[name], error_of(BUCKETS[name]))
             )
             owner = buckets.owner()
             share = errors.values / np.bincount(owner, errors.values, book.count)[owner]
@@ -183,7 +183,8 @@ def _volga(book: Book, solved: Solved, request: Request) -> Columns:
     threads, interrupt = request.threads, request.interrupt
     step = VOLGA_STEP * np.minimum.reduceat(book.segments.volatility, book.first[:-1])
     level = np.minimum(solved.level + 1, FINEST)
-    books = [_moved(book, by * step) for by in VOLGA_STEPS]
+    bumped = Bump(book, "volatility")
+    books = [bumped(by * step) for by in VOLGA_STEPS]
     values = np.stack([solve_at_level(moved, level, threads, interrupt)[0] for moved in books])
     rows = np.flatnonzero(np.isnan(values).any(axis=0))
     if rows.size:
@@ -193,13 +194,3 @@ def _volga(book: Book, solved: Solved, request: Request) -> Columns:
     near = book.strike * (values[0] - 2.0 * values[1] + values[2]) / step**2
     far = book.strike * (values[3] - 2.0 * values[1] + values[4]) / (2.0 * step) ** 2
     return {"volga": near + (near - far) / 3.0, error_of("volga"): np.abs(near - far)}
-
-
-def _moved(book: Book, by: Vector) -> Book:
-    """Return the contracts with their volatilities moved in parallel, each by its own step."""
-    volatility = book.segments.volatility + book.per_segment(by)
-    return replace(book, segments=replace(book.segments, volatility=volatility))
-
-
-def _taken(column: Any, rows: Rows) -> Any:
-    return column.take(rows) if isinstance(column, Ragged) else column[rows]

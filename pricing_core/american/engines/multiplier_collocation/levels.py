@@ -85,8 +85,6 @@ class Solved:
     ----------
     value, slope, curvature : Vector
         V/K and its first and second derivative by x = ln(S/K).
-    european : Vector
-        The value without early exercise.
     boundary : Vector
         ln(S*/K) now; NaN without one.
     error : Vector
@@ -97,17 +95,16 @@ class Solved:
         The level at which the value was found.
     third : Vector
         The third derivative of the value by x; NaN where derivatives were not asked for, or not found.
-    gradient : array, shape (m, 2, 2, 6)
+    gradient : array, shape (m, 2, 2, 6), or (0, 2, 2, 6) where derivatives were not asked for
         The derivatives of value and slope (third axis) by the rate, yield, volatility, amount and escrow of each
         segment, what exercise on it contributes, and (second axis) how far all that changes with the degrees of the
-        boundaries; NaN likewise.
+        boundaries; NaN where not found.
     """
 
     value: Vector
     slope: Vector
     curvature: Vector
     boundary: Vector
-    european: Vector
     error: Vector
     settled: BoolVector
     level: NDArray[np.int64]
@@ -140,15 +137,11 @@ def solve_to_tolerance(
         True ends the work; what is not solved then is not settled.
     """
     packed, count = pack(book), book.count
-    least, first = np.array(FIRST_LEVELS).T
-    level = first[np.argmax(tolerance[:, None] >= least, axis=1)].astype(np.int64)
+    level = _first_levels(tolerance)
     value, slope, curvature, boundary, third = np.full((5, count), np.nan)
-    gradient = np.full((book.segments.end.size, 2, 2, 6), np.nan)
-    european = _kernel_values(
-        packed.european(), level, threads, np.zeros(count), interrupt=interrupt
-    ).numbers[0]
+    gradient = np.full((book.segments.end.size if derivatives else 0, 2, 2, 6), np.nan)
     solved = Solved(
-        value, slope, curvature, boundary, european,
+        value, slope, curvature, boundary,
         np.full(count, np.inf), np.zeros(count, dtype=bool), level.copy(), third, gradient,
     )  # fmt: skip
     rows = np.arange(count)
@@ -162,6 +155,24 @@ def solve_to_tolerance(
         rows = rows[~(solved.error[rows] <= tolerance[rows]) & (level[rows] < FINEST)]
         level[rows] += 1
     return solved
+
+
+def european_values(
+    book: Book, tolerance: Vector, threads: int, interrupt: Callable[[], bool] | None = None
+) -> Vector:
+    """Return V/K without early exercise at the levels of the tolerances, shape (n,)."""
+    nothing = np.zeros(book.count)
+    found = _kernel_values(
+        pack(book).european(), _first_levels(tolerance), threads, nothing, interrupt=interrupt
+    )
+    value: Vector = found.numbers[0]
+    return value
+
+
+def _first_levels(tolerance: Vector) -> NDArray[np.int64]:
+    least, first = np.array(FIRST_LEVELS).T
+    level: NDArray[np.int64] = first[np.argmax(tolerance[:, None] >= least, axis=1)].astype(np.int64)
+    return level
 
 
 def _keep(
