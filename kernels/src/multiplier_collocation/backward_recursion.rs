@@ -302,7 +302,6 @@ impl BackwardRecursion<'_> {
             segment: part,
             contact: transferred.contact,
             relevant,
-            kinks: &transferred.kinks,
             nodes_only: self.later().is_some_and(|later| later.boundary.is_none()),
         }
     }

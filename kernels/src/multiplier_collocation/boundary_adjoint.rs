@@ -123,7 +123,7 @@ impl BoundaryAdjoint<'_> {
             Representation::FromCrossing => {
                 self.crossings.push((s, place - coefficient, *weights));
             }
-            Representation::Direct | Representation::NormalShare { .. } => {}
+            Representation::Direct => {}
         }
         onset.boundary_of(segment.sign, coefficient, 0.0).1
     }

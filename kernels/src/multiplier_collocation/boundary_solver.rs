@@ -10,7 +10,7 @@ use super::newton::{newton, Stopping};
 use super::profile::Profile;
 use super::segment::Segment;
 
-/// The largest last step of Newton's method, in x or in a probability; chosen: the method doubles the digits once more.
+/// The largest last step of Newton's method, in x; chosen: the method doubles the digits once more.
 const SETTLED: f64 = 1e-6;
 /// The same for a degree that is only a start for the next one; chosen.
 const COARSELY_SETTLED: f64 = 1e-4;
@@ -45,11 +45,7 @@ pub fn find_boundary(
     control: &DegreeControl,
 ) -> Boundary {
     let found = solve_boundary(profile, segment, &onset, control);
-    let is_smooth = matches!(
-        onset.representation,
-        Representation::Direct | Representation::SquaredDistance
-    );
-    if found.is_found() || !is_smooth {
+    if found.is_found() || onset.representation == Representation::FromCrossing {
         return found;
     }
     let onset = ContactOnset::from_crossing(profile, segment, onset.time, onset.place);
@@ -124,7 +120,7 @@ fn solve_degree(
     let mut system = CollocationSystem::new(profile, segment, onset, nodes);
     let mut coefficients = match last {
         None => system.guess(),
-        Some(before) => refined(before, nodes, onset.first_coefficient(segment.sign)),
+        Some(before) => refined(before, nodes, onset.first_coefficient()),
     };
     let is_start = degree < control.last && control.budget.is_none();
     let is_sketch = degree == 0

@@ -5,7 +5,6 @@ use super::boundary::dot;
 use super::collocation_nodes::CollocationNodes;
 use super::contact_onset::{crossing_at, ContactOnset, Representation};
 use super::degree_control::LARGEST_DEGREE;
-use super::normal::distribution;
 use super::profile::Profile;
 use super::propagation::Transition;
 use super::segment::Segment;
@@ -171,7 +170,7 @@ impl<'a> CollocationSystem<'a> {
     /// Coefficients to start Newton's method from, (m + 1,).
     pub fn guess(&self) -> Vec<f64> {
         let (segment, onset) = (self.segment, self.onset);
-        let first = onset.first_coefficient(segment.sign);
+        let first = onset.first_coefficient();
         let mut coefficients = vec![first; self.nodes.eta.len()];
         match onset.representation {
             Representation::FromCrossing => {}
@@ -196,14 +195,6 @@ impl<'a> CollocationSystem<'a> {
                         free
                     };
                     *coefficient = distance * distance;
-                }
-            }
-            Representation::NormalShare { centre, scale } => {
-                let mut crossing = onset.crossing;
-                let stages = coefficients[1..].iter_mut().zip(&self.times);
-                for (coefficient, &s) in stages.rev() {
-                    crossing = onset.crossing_before(&crossing, self.profile, segment, s);
-                    *coefficient = distribution(segment.sign * (crossing.x - centre) / scale);
                 }
             }
         }

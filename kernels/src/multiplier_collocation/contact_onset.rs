@@ -1,13 +1,9 @@
 //! When and where the contact set of a segment begins, and what about its boundary is a polynomial after that.
 
-use super::normal::{distribution, quantile};
 use super::payoff_crossing::PayoffCrossing;
 use super::profile::Profile;
 use super::segment::Segment;
-use crate::lanes::normal::ONE_OVER_SQRT_TWO_PI;
 
-/// The smallest probability of a `NormalShare`, and its distance from 1; chosen: its quantile is finite.
-const SMALLEST_SHARE: f64 = 1e-12;
 /// The smallest `SquaredDistance` that is not taken for zero; chosen: its root has a finite derivative.
 const SMALLEST_SQUARE: f64 = 1e-20;
 /// The relative distance in time within which a time is that of the onset; chosen.
@@ -18,13 +14,10 @@ const SAME_TIME: f64 = 1e-12;
 pub enum Representation {
     /// b: the boundary begins smoothly.
     Direct,
-    /// N(sign (b - centre)/scale): the boundary comes from far away, and the value without exercise approaches the payoff
-    /// like a normal distribution function.
-    NormalShare { centre: f64, scale: f64 },
     /// The square of b less the place of the onset: the boundary begins like the root of time, up to logarithms.
     SquaredDistance,
-    /// b less the place where the value without exercise is the payoff: the contact set grows faster than diffusion
-    /// follows.
+    /// b less the place where the value without exercise is the payoff: the boundary comes from far away, or the contact
+    /// set grows faster than diffusion follows.
     FromCrossing,
 }
 
@@ -71,11 +64,6 @@ impl ContactOnset {
     /// boundary is measured from there.
     pub fn boundary_of(&self, sign: f64, coefficient: f64, crossing: f64) -> (f64, f64) {
         match self.representation {
-            Representation::NormalShare { centre, scale } => {
-                let z = quantile(coefficient.clamp(SMALLEST_SHARE, 1.0 - SMALLEST_SHARE));
-                let density = ONE_OVER_SQRT_TWO_PI * (-0.5 * z * z).exp();
-                (centre + sign * scale * z, sign * scale / density)
-            }
             Representation::SquaredDistance => {
                 if coefficient <= SMALLEST_SQUARE {
                     return (self.place, 0.0);
@@ -83,16 +71,13 @@ impl ContactOnset {
                 let distance = coefficient.sqrt();
                 (self.place - sign * distance, -0.5 * sign / distance)
             }
-            _ => (coefficient + crossing, 1.0),
+            Representation::Direct | Representation::FromCrossing => (coefficient + crossing, 1.0),
         }
     }
 
     /// The coefficient at the onset.
-    pub fn first_coefficient(&self, sign: f64) -> f64 {
+    pub fn first_coefficient(&self) -> f64 {
         match self.representation {
-            Representation::NormalShare { centre, scale } => {
-                distribution(sign * (self.place - centre) / scale)
-            }
             Representation::Direct => self.place,
             Representation::SquaredDistance | Representation::FromCrossing => 0.0,
         }

@@ -2,7 +2,6 @@
 //! where the spot is likely to be.
 
 use super::contact_onset::Representation;
-use super::normal::distribution;
 use super::segment::Segment;
 
 /// The degrees of the polynomial. For each: the degree, the number of nodes of each of its integrals, and that of the
@@ -72,4 +71,9 @@ impl DegreeControl {
         let below = |cell: usize| distribution((place + CELL * spread * cell as f64) / deviation);
         std::array::from_fn(|cell| below(cell + 1) - below(cell))
     }
+}
+
+/// The normal distribution function N(z).
+fn distribution(z: f64) -> f64 {
+    0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
 }

@@ -39,9 +39,8 @@
 //! `newton`). The substitution s' = s sin^2(angle) removes the root singularities at both ends of the integral, which
 //! Gauss-Legendre quadrature then takes (`collocation_nodes`).
 //!
-//! A polynomial needs the right quantity (`contact_onset`): b itself, its squared distance from the onset, a normal
-//! probability, or its distance from the place where the value without exercise is the payoff, in which case V - g = 0
-//! itself is the equation. The onset, when and where the contact set begins, is found first (`onset_search`); a segment
+//! A polynomial needs the right quantity (`contact_onset`): b itself, its squared distance from the onset, or its
+//! distance from the place where the value without exercise is the payoff, in which case V - g = 0 itself is the equation. The onset, when and where the contact set begins, is found first (`onset_search`); a segment
 //! is split where a contact set from far away has arrived, or next to its event where no degree is enough.
 //!
 //! # Events
@@ -92,7 +91,6 @@ mod gradient;
 mod linear_system;
 mod multiplier;
 mod newton;
-mod normal;
 mod onset_search;
 mod panel_polynomials;
 mod panels;

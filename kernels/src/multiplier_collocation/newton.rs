@@ -10,12 +10,8 @@ const MOST_ITERATIONS: usize = 40;
 const SMALLEST_STEP: f64 = 0.01;
 /// The share of the residual that a step must take away, times its length; chosen.
 const SMALLEST_GAIN: f64 = 0.2;
-/// The smallest probability that a step may give, and its distance from 1; chosen.
-const SMALLEST_COEFFICIENT: f64 = 1e-10;
 /// The smallest share of a squared distance that one step leaves; chosen.
 const SMALLEST_LEFT: f64 = 0.1;
-/// The smallest probability at which the move of the boundary is measured, and its distance from 1; chosen.
-const SMALLEST_SHARE: f64 = 1e-9;
 /// The residual below which there is nothing but rounding, in strikes.
 const ROUNDING: f64 = 1e-14;
 /// The factor by which a full step may leave more than the step before it lets expect; chosen.
@@ -24,7 +20,7 @@ const CAUTION: f64 = 10.0;
 /// When the iteration ends.
 #[derive(Clone, Copy)]
 pub struct Stopping {
-    /// The largest move of the boundary (in x) or of a probability in the last step.
+    /// The largest move of the boundary in the last step, x.
     pub settled: f64,
     /// The largest residual, in strikes, with which no further step is taken.
     pub enough: f64,
@@ -56,11 +52,7 @@ pub fn newton(
         }
         let largest_move = largest_move(system, coefficients, &step);
         let mut length = (system.segment.spread() / largest_move).min(1.0);
-        let small = if is_share(system) {
-            largest(&step) <= settled
-        } else {
-            largest_move <= settled
-        };
+        let small = largest_move <= settled;
         loop {
             try_step(system, coefficients, &step, length, &mut trial);
             let expected = CAUTION * *curvature * norm * norm;
@@ -101,14 +93,8 @@ fn try_step(
 ) {
     for k in 0..step.len() {
         trial[k + 1] = coefficients[k + 1] + length * step[k];
-        match system.onset.representation {
-            Representation::NormalShare { .. } => {
-                trial[k + 1] = trial[k + 1].clamp(SMALLEST_COEFFICIENT, 1.0 - SMALLEST_COEFFICIENT);
-            }
-            Representation::SquaredDistance => {
-                trial[k + 1] = trial[k + 1].max(SMALLEST_LEFT * coefficients[k + 1]);
-            }
-            _ => {}
+        if system.onset.representation == Representation::SquaredDistance {
+            trial[k + 1] = trial[k + 1].max(SMALLEST_LEFT * coefficients[k + 1]);
         }
     }
 }
@@ -124,23 +110,11 @@ fn largest(values: &[f64]) -> f64 {
     })
 }
 
-/// Whether the coefficients are probabilities.
-fn is_share(system: &CollocationSystem) -> bool {
-    matches!(
-        system.onset.representation,
-        Representation::NormalShare { .. }
-    )
-}
-
 /// The largest distance by which the step moves the boundary, in x.
 fn largest_move(system: &CollocationSystem, coefficients: &[f64], step: &[f64]) -> f64 {
-    let moves = step.iter().zip(&coefficients[1..]).map(|(step, c)| {
-        let c = if is_share(system) {
-            c.clamp(SMALLEST_SHARE, 1.0 - SMALLEST_SHARE)
-        } else {
-            *c
-        };
-        (step * system.onset.boundary_of(system.segment.sign, c, 0.0).1).abs()
-    });
+    let moves = step
+        .iter()
+        .zip(&coefficients[1..])
+        .map(|(step, c)| (step * system.onset.boundary_of(system.segment.sign, *c, 0.0).1).abs());
     moves.fold(0.0, f64::max)
 }

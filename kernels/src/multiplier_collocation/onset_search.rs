@@ -1,16 +1,12 @@
 //! The search for the onset of a segment's contact set: when it is, where, and how the boundary goes on.
 
 use super::contact_onset::{ContactOnset, Representation};
-use super::normal::quantile;
-use super::panels::Kink;
 use super::payoff_crossing::PayoffCrossing;
 use super::profile::Profile;
 use super::roots::find_root;
 use super::segment::Segment;
 use super::unsettled::Unsettled;
 
-/// The time at which a contact set from far away has arrived, in times of its onset; calibrated on random contracts.
-const ARRIVAL_OF_SHARE: f64 = 2.0;
 /// The time after which a fast contact set has arrived, in times at which it has gone `MOST_OF_THE_WAY`; calibrated on
 /// random contracts.
 const ARRIVAL_OF_FAST: f64 = 1.3;
@@ -20,8 +16,6 @@ const MOST_OF_THE_WAY: f64 = 0.7;
 const SMALLEST_WAY: f64 = 1.5;
 /// The earliest arrival at which a segment is split, as a share of its duration; chosen.
 const EARLIEST_ARRIVAL: f64 = 1e-3;
-/// The same for a contact set from far away; chosen.
-const EARLIEST_SPLIT: f64 = 1e-6;
 /// The smallest duration of a segment that is split, in times of the split; chosen.
 const WORTH_SPLITTING: f64 = 1.1;
 /// The earliest time at which panels show the value far from a kink, as a share of the duration; chosen: sooner they
@@ -29,9 +23,6 @@ const WORTH_SPLITTING: f64 = 1.1;
 const EARLIEST_SEEN: f64 = 0.02;
 /// The earliest time that is looked at where the value is known as lines, as a share of the duration; chosen.
 const AT_ONCE: f64 = 1e-9;
-/// The steepest approach of value and payoff far away that counts as normal, in slopes of the payoff: steeper ones part
-/// like lines. Chosen.
-const STEEP: f64 = 1e-6;
 /// The slope away from the payoff, in slopes of the payoff, from which the contact set begins somewhere else, with two
 /// ends; chosen.
 const OVERHANGING: f64 = 1e-4;
@@ -42,19 +33,6 @@ const ROUGHLY: f64 = 1e-2;
 /// The growth of a contact set that is faster than diffusion follows, in standard deviations of ln S over the segment;
 /// calibrated on random contracts.
 const FAST: f64 = 4.0;
-/// The larger distance from the kink towards exercise at which the approach to the payoff is fitted, in standard deviations
-/// of ln S; chosen.
-const DEEP: f64 = 2.0;
-/// The smaller of these two distances, in standard deviations of ln S; chosen.
-const SHALLOW: f64 = 0.25;
-/// The smallest probability that this fit uses; chosen.
-const SMALLEST_HEIGHT: f64 = 1e-6;
-/// The largest probability that this fit uses; chosen.
-const LARGEST_HEIGHT: f64 = 0.9;
-/// The smallest scale that this fit gives, in standard deviations of ln S; chosen.
-const SMALLEST_SCALE: f64 = 0.5;
-/// The largest scale that this fit gives, in standard deviations of ln S; chosen.
-const LARGEST_SCALE: f64 = 5.0;
 
 /// What is known of a segment before its boundary is.
 pub struct OnsetSearch<'a> {
@@ -65,7 +43,6 @@ pub struct OnsetSearch<'a> {
     pub contact: f64,
     /// The x beyond which, on the side of exercise, the value does not matter.
     pub relevant: f64,
-    pub kinks: &'a [Kink],
     /// Whether the value there is known at nodes only, and not as lines: what happens at once is not seen then.
     pub nodes_only: bool,
 }
@@ -158,22 +135,7 @@ impl OnsetSearch<'_> {
         if steepness < -OVERHANGING {
             return Err(Unsettled);
         }
-        if segment.sign < 0.0 || steepness > STEEP || place < segment.paid_out_below() {
-            return Ok(self.crossing_onset(time, place));
-        }
-        let split = ARRIVAL_OF_SHARE * time;
-        let is_long_enough =
-            WORTH_SPLITTING * split < duration && split > EARLIEST_SPLIT * duration;
-        let onset = ContactOnset {
-            representation: self.normal_share(time),
-            time,
-            place,
-            crossing: PayoffCrossing::search(self.profile, segment, (time, place), duration),
-        };
-        Ok(FoundOnset {
-            onset: Some(onset),
-            split: if is_long_enough { split } else { 0.0 },
-        })
+        Ok(self.crossing_onset(time, place))
     }
 
     /// The onset of a boundary that is measured from the payoff crossing, split where it has arrived.
@@ -207,35 +169,6 @@ impl OnsetSearch<'_> {
             arrival
         } else {
             0.0
-        }
-    }
-
-    /// The kink next to where the option is not exercised, x.
-    fn nearest_kink(&self) -> f64 {
-        let (sign, kinks) = (self.segment.sign, self.kinks.iter());
-        kinks
-            .filter(|kink| kink.width <= 0.0)
-            .map(|kink| kink.place)
-            .reduce(|a, b| if sign > 0.0 { a.max(b) } else { a.min(b) })
-            .unwrap_or(0.0)
-    }
-
-    /// The representation whose normal distribution function has the shape of 1 + delta at the onset, from its height
-    /// at two places.
-    fn normal_share(&self, onset_time: f64) -> Representation {
-        let (sign, dynamics) = (self.segment.sign, &self.segment.dynamics);
-        let seen = onset_time.max(EARLIEST_SEEN * self.segment.duration);
-        let spread = sign * dynamics.volatility * seen.sqrt();
-        let kink = self.nearest_kink() - dynamics.drift() * seen;
-        let quantile_at =
-            |x: f64| quantile(self.height(x, seen).clamp(SMALLEST_HEIGHT, LARGEST_HEIGHT));
-        let (deep, shallow) = (kink - DEEP * spread, kink - SHALLOW * spread);
-        let (low, high) = (quantile_at(deep), quantile_at(shallow));
-        let scale = ((shallow - deep) / (high - low)).abs();
-        let scale = scale.clamp(SMALLEST_SCALE * spread.abs(), LARGEST_SCALE * spread.abs());
-        Representation::NormalShare {
-            centre: shallow - sign * scale * high,
-            scale,
         }
     }
 
