@@ -55,7 +55,7 @@ def solve_schedules(
     tolerance: Vector,
     times: Vector,
     first_time: NDArray[np.int64],
-    derivatives: bool,
+    walks: int,
     threads: int,
     interrupt: Callable[[], bool] | None,
 ) -> tuple[Matrix, Vector, BoolVector, Vector, NDArray[np.float64]]: ...

@@ -134,7 +134,7 @@ fn schedules(set: InstructionSet, rows: &[ScheduleRow], tolerance: f64) -> (Vec<
         tolerance: &vec![tolerance; rows.len()],
         times: &[],
         first_time: &vec![0; rows.len() + 1],
-        with_derivatives: true,
+        walks: 2,
     };
     let solved = on(set, || solve_schedules(schedules, 1, &never));
     let mut numbers = solved.numbers;

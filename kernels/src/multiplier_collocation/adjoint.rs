@@ -10,11 +10,12 @@
 //! pieces and panels do not count, for the value has no jump there, and where the holder is indifferent exercise and waiting
 //! are worth the same.
 
+use super::boundary::Boundary;
 use super::boundary_adjoint::see_boundary;
 use super::contact_adjoint::{see_contact_sets, third_derivative};
 use super::gauss_legendre::legendre;
 use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
-use super::points_seen::see_from_points;
+use super::points_seen::{see_from_points, PointsSeen};
 use super::profile::PieceKind;
 use super::schedule::Schedule;
 use super::segment_value::SegmentValue;
@@ -24,9 +25,6 @@ use super::viewpoint::{see_profile, weight_of_piece, Viewpoint};
 
 /// The relative distance within which a place is that of the onset; chosen.
 const SAME_PLACE: f64 = 1e-12;
-
-/// The smallest weight of a node in a functional, in strikes per strike, with which it counts; chosen.
-const SMALLEST_WEIGHT: f64 = 1e-12;
 
 /// A solved part of a segment.
 pub struct SolvedPart {
@@ -41,7 +39,7 @@ pub struct SolvedPart {
 
 /// Which of its degrees every boundary is taken from.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Degrees {
+enum Degrees {
     /// The one that gave the value.
     Own,
     /// The other one that was solved; a boundary without one does not count. How far the derivatives are apart tells their
@@ -49,33 +47,42 @@ pub enum Degrees {
     Other,
 }
 
-/// The derivatives of the value now and of its slope by the numbers of each segment, and the third derivative of the value by
-/// x; `parts` are in the order of the recursion.
-pub fn differentiate(
+/// The derivatives of the value now and of its slope by the numbers of each segment: from the boundaries' own degrees and, with
+/// two walks, from the other ones. The last result is the third derivative of the value by x. `parts` are in the order of the
+/// recursion.
+pub fn differentiate<const WALKS: usize>(
     parts: &[SolvedPart],
     schedule: &Schedule,
-    degrees: Degrees,
-) -> Result<(Vec<SegmentGradient>, f64), Unsettled> {
-    let mut walk = Walk {
-        degrees,
-        points: vec![Viewpoint {
-            x: schedule.x,
-            s: 0.0,
-            value: [1.0, 0.0],
-            slope: [0.0, 1.0],
-        }],
-        boundary: [0.0; FUNCTIONALS],
-        gradients: vec![SegmentGradient::default(); schedule.segments.len()],
-        third: 0.0,
-    };
+) -> Result<([Vec<SegmentGradient>; WALKS], f64), Unsettled> {
+    let mut third = 0.0;
+    let mut walks: [Walk; WALKS] =
+        std::array::from_fn(|k| Walk::new([Degrees::Own, Degrees::Other][k], schedule));
     for k in (0..parts.len()).rev() {
         if (schedule.interrupt)() {
             return Err(Unsettled);
         }
-        let before = parts.get(k + 1);
-        walk.through_part(&parts[k], before, k.checked_sub(1).map(|k| &parts[k]))?;
+        let (part, later) = (&parts[k], k.checked_sub(1).map(|k| &parts[k]));
+        let now = &part.value;
+        let mut passages = Vec::with_capacity(WALKS);
+        for walk in &mut walks {
+            passages.push(walk.see_boundary(now)?);
+        }
+        if let Some(before) = parts.get(k + 1) {
+            let points = walks.each_ref().map(|walk| walk.points.as_slice());
+            let seen = see_from_points(&now.profile, &now.segment, points);
+            for ((walk, passage), seen) in walks.iter_mut().zip(&mut passages).zip(seen) {
+                walk.take_in_points(passage, seen, (before.index, part.index));
+            }
+        } else {
+            for (walk, passage) in walks.iter().zip(&mut passages) {
+                third = walk.see_from_now(passage, now);
+            }
+        }
+        for (walk, passage) in walks.iter_mut().zip(passages) {
+            walk.leave(passage, part, later);
+        }
     }
-    Ok((walk.gradients, walk.third))
+    Ok((walks.map(|walk| walk.gradients), third))
 }
 
 /// What the functionals count the value at the beginning of a part for.
@@ -85,66 +92,107 @@ struct Walk {
     /// What the boundary at the beginning counts for by itself.
     boundary: Weights,
     gradients: Vec<SegmentGradient>,
-    /// The third derivative of the value now.
-    third: f64,
+}
+
+/// What a walk has found on its way through a part.
+#[derive(Default)]
+struct Passage {
+    gradient: SegmentGradient,
+    /// The viewpoints inside the part: the boundary's.
+    views: Vec<Viewpoint>,
+    /// What the place of the onset counts for, and the amount of the event before the part by the contact sets.
+    place: Weights,
+    by_amount: Weights,
+    /// The derivative of each functional by the profile's value at its nodes, per unit of x.
+    densities: [Vec<f64>; FUNCTIONALS],
 }
 
 impl Walk {
-    /// Go from the beginning of a part to the beginning of the one that is `later`; `before` is the one that was gone through.
-    fn through_part(
-        &mut self,
-        part: &SolvedPart,
-        before: Option<&SolvedPart>,
-        later: Option<&SolvedPart>,
-    ) -> Result<(), Unsettled> {
-        let now = &part.value;
-        let (segment, dynamics) = (&now.segment, &now.segment.dynamics);
-        let mut gradient = SegmentGradient::default();
-        let mut points = std::mem::take(&mut self.points);
-        for point in &mut points {
+    fn new(degrees: Degrees, schedule: &Schedule) -> Walk {
+        Walk {
+            degrees,
+            points: vec![Viewpoint {
+                x: schedule.x,
+                s: 0.0,
+                value: [1.0, 0.0],
+                slope: [0.0, 1.0],
+            }],
+            boundary: [0.0; FUNCTIONALS],
+            gradients: vec![SegmentGradient::default(); schedule.segments.len()],
+        }
+    }
+
+    /// The boundary that the walk takes.
+    fn boundary_of<'a>(&self, now: &'a SegmentValue) -> Option<&'a Boundary> {
+        let own = now.boundary.as_ref()?;
+        match self.degrees {
+            Degrees::Own => Some(own),
+            Degrees::Other => own.other.as_deref(),
+        }
+    }
+
+    /// Come to the beginning of a part, and take in its contact sets and their boundary.
+    fn see_boundary(&mut self, now: &SegmentValue) -> Result<Passage, Unsettled> {
+        let segment = &now.segment;
+        for point in &mut self.points {
             point.s = segment.duration;
         }
-        let mut views = Vec::new();
-        let mut place = [0.0; FUNCTIONALS];
-        let mut by_amount = [0.0; FUNCTIONALS];
-        let boundary = match self.degrees {
-            Degrees::Own => now.boundary.as_ref(),
-            Degrees::Other => now.boundary.as_ref().and_then(|own| own.other.as_deref()),
-        };
-        if let Some(boundary) = boundary {
+        let mut passage = Passage::default();
+        if let Some(boundary) = self.boundary_of(now) {
             let blocks = &boundary.contact_blocks;
-            let (seen, amount) =
-                see_contact_sets(segment.sign, dynamics, blocks, &points, &mut gradient);
-            by_amount = amount;
-            if before.is_none() {
-                self.third = third_derivative(segment.sign, dynamics, blocks, points[0].x);
-            }
-            place = see_boundary(
+            let (seen, by_amount) = see_contact_sets(
+                segment.sign,
+                &segment.dynamics,
+                blocks,
+                &self.points,
+                &mut passage.gradient,
+            );
+            passage.by_amount = by_amount;
+            passage.place = see_boundary(
                 boundary,
                 &now.profile,
                 &seen,
                 &self.boundary,
-                &mut views,
-                &mut gradient,
+                &mut passage.views,
+                &mut passage.gradient,
             )?;
         }
-        let mut densities = match before {
-            None => {
-                let seen = see_profile(&now.profile, dynamics, &points, &mut gradient);
-                self.third += seen.values[0][3];
-                seen.densities
-            }
-            Some(before) => {
-                let seen = see_from_points(&now.profile, segment, &points, &mut gradient);
-                if before.index != part.index {
-                    let amount = &mut self.gradients[before.index].amount;
-                    add(amount, -1.0, &by_amount);
-                    add(amount, -1.0, &seen.by_amount);
-                }
-                seen.densities
-            }
-        };
+        Ok(passage)
+    }
+
+    /// See the profile of the first part from now, and return the third derivative of the value by x.
+    fn see_from_now(&self, passage: &mut Passage, now: &SegmentValue) -> f64 {
+        let (segment, gradient) = (&now.segment, &mut passage.gradient);
+        let seen = see_profile(&now.profile, &segment.dynamics, &self.points, gradient);
+        passage.densities = seen.densities;
+        let blocks = now.boundary.as_ref().map(|own| &own.contact_blocks[..]);
+        let (blocks, x) = (blocks.unwrap_or_default(), self.points[0].x);
+        seen.values[0][3] + third_derivative(segment.sign, &segment.dynamics, blocks, x)
+    }
+
+    /// Take in what the viewpoints at the beginning see of the profile; `before` and `here` are the segments of the part that
+    /// was gone through before and of this one.
+    fn take_in_points(
+        &mut self,
+        passage: &mut Passage,
+        seen: PointsSeen,
+        (before, here): (usize, usize),
+    ) {
+        passage.gradient.increase(&seen.gradient);
+        passage.densities = seen.densities;
+        if before != here {
+            let amount = &mut self.gradients[before].amount;
+            add(amount, -1.0, &passage.by_amount);
+            add(amount, -1.0, &seen.by_amount);
+        }
+    }
+
+    /// Go to the part that is `later`.
+    fn leave(&mut self, passage: Passage, part: &SolvedPart, later: Option<&SolvedPart>) {
+        let (now, mut gradient) = (&part.value, passage.gradient);
+        let (mut views, mut densities) = (passage.views, passage.densities);
         if !views.is_empty() {
+            let dynamics = &now.segment.dynamics;
             let seen = see_profile(&now.profile, dynamics, &views, &mut gradient);
             for (total, part) in densities.iter_mut().zip(&seen.densities) {
                 for (total, part) in total.iter_mut().zip(part) {
@@ -152,18 +200,16 @@ impl Walk {
                 }
             }
         }
-        views.extend(points);
-
+        views.append(&mut self.points);
         let drop = SpotDrop {
-            keep: 1.0 - segment.fraction,
-            amount: segment.amount,
+            keep: 1.0 - now.segment.fraction,
+            amount: now.segment.amount,
         };
-        self.points = weighted_nodes(now, &densities, drop);
+        self.points = nodes_seen(now, &densities, drop);
         self.count_pieces(part, later, &views, &mut gradient);
         self.boundary = [0.0; FUNCTIONALS];
-        self.count_place(part, later, drop, &place, &mut gradient);
+        self.count_place(part, later, drop, &passage.place, &mut gradient);
         self.take_in(part, &gradient);
-        Ok(())
     }
 
     /// Take in what the lines of the profile count for.
@@ -258,7 +304,7 @@ impl Walk {
 }
 
 /// The nodes of a profile as viewpoints after the event, with what they count for.
-fn weighted_nodes(
+fn nodes_seen(
     now: &SegmentValue,
     densities: &[Vec<f64>; FUNCTIONALS],
     drop: SpotDrop,
@@ -270,11 +316,5 @@ fn weighted_nodes(
         let weight = profile.panels[j / now.points].half * rule[j % now.points].1;
         Viewpoint::of_value(*x, 0.0, [0, 1].map(|k| weight * densities[k][j]))
     });
-    weighted
-        .filter(|view| {
-            view.value
-                .iter()
-                .any(|weight| weight.abs() > SMALLEST_WEIGHT)
-        })
-        .collect()
+    weighted.collect()
 }

@@ -1,6 +1,6 @@
 //! One schedule from expiry to now, segment by segment.
 
-use super::adjoint::{differentiate, Degrees, SolvedPart};
+use super::adjoint::{differentiate, SolvedPart};
 use super::boundary::Boundary;
 use super::boundary_query::BoundaryQuery;
 use super::boundary_solver::find_boundary;
@@ -53,19 +53,26 @@ const KEPT_SHARE: f64 = 0.2;
 pub struct Derivatives {
     /// The derivatives of value and slope by the numbers of every segment.
     pub by_segment: Vec<SegmentGradient>,
-    /// The same with other degrees of the boundaries.
-    pub by_segment_otherwise: Vec<SegmentGradient>,
+    /// The same with other degrees of the boundaries; None where only one walk was wanted.
+    pub by_segment_otherwise: Option<Vec<SegmentGradient>>,
     /// The third derivative of the value by x.
     pub third: f64,
 }
 
-/// The derivatives from the solved parts of a schedule.
-fn derivatives(parts: &[SolvedPart], schedule: &Schedule) -> Result<Derivatives, Unsettled> {
-    let (by_segment, third) = differentiate(parts, schedule, Degrees::Own)?;
-    let by_segment_otherwise = if parts.iter().any(|part| part.value.boundary.is_some()) {
-        differentiate(parts, schedule, Degrees::Other)?.0
+/// The derivatives from the solved parts of a schedule, by one walk or two.
+fn derivatives(
+    parts: &[SolvedPart],
+    schedule: &Schedule,
+    walks: usize,
+) -> Result<Derivatives, Unsettled> {
+    let has_boundary = parts.iter().any(|part| part.value.boundary.is_some());
+    let (by_segment, by_segment_otherwise, third) = if walks > 1 && has_boundary {
+        let ([own, other], third) = differentiate(parts, schedule)?;
+        (own, Some(other), third)
     } else {
-        by_segment.clone()
+        let ([own], third) = differentiate(parts, schedule)?;
+        let same = (walks > 1).then(|| own.clone());
+        (own, same, third)
     };
     Ok(Derivatives {
         by_segment,
@@ -79,7 +86,7 @@ pub fn solve_schedule(
     schedule: &Schedule,
     query: &mut BoundaryQuery,
     result: &mut [f64; RESULTS],
-    with_derivatives: bool,
+    walks: usize,
 ) -> Result<Option<Derivatives>, Unsettled> {
     let segments = schedule.segments;
     let forecasts = forecasts(segments, schedule.x);
@@ -119,10 +126,10 @@ pub fn solve_schedule(
     if !(value.is_finite() && slope.is_finite() && second.is_finite()) {
         return Err(Unsettled);
     }
-    if !with_derivatives {
+    if walks == 0 {
         return Ok(None);
     }
-    Ok(derivatives(&recursion.solved, schedule).ok())
+    Ok(derivatives(&recursion.solved, schedule, walks).ok())
 }
 
 /// The state of the recursion between two segments.

@@ -25,6 +25,9 @@ use crate::lanes::vector::LANES;
 /// chosen: ten times that of the search.
 const CLOSE: f64 = 1e-6;
 
+/// The smallest weight of a payoff crossing that counts; chosen: far away the gap's slope, by which it is divided, may be zero.
+const SMALLEST_WEIGHT: f64 = 1e-30;
+
 /// The adjoint of one boundary.
 struct BoundaryAdjoint<'a> {
     boundary: &'a Boundary,
@@ -252,6 +255,9 @@ impl BoundaryAdjoint<'_> {
     fn count_crossings(&mut self, views: &mut Vec<Viewpoint>, gradient: &mut SegmentGradient) {
         let segment = self.boundary.segment;
         for (s, x, weights) in std::mem::take(&mut self.crossings) {
+            if weights.iter().all(|weight| weight.abs() < SMALLEST_WEIGHT) {
+                continue;
+            }
             let gap = Gap::at(self.profile, &segment, x, s);
             let value = weights.map(|weight| -weight / gap.by_x);
             if self.boundary.onset.time > 0.0 {

@@ -1,6 +1,7 @@
 //! The viewpoints at a segment's beginning, which all see the profile through the same time and count for the value alone.
 //!
-//! Nothing is kept of what each of them sees: only sums over all of them are returned.
+//! Nothing is kept of what each of them sees: only sums over all of them are returned. Several walks that come to the same
+//! places are served at once, for what is costly depends on the places alone.
 
 use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
 use super::profile::{PieceEnd, Profile};
@@ -11,92 +12,107 @@ use crate::lanes::dispatch::{dispatch, Work};
 use crate::lanes::normal::{exp, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{sum_of_lanes, Vector, LANES};
 
+/// The derivative of each functional by the profile's value at its nodes, per unit of x.
+type Densities = [Vec<f64>; FUNCTIONALS];
+/// What the functionals count the value at the viewpoints for, its first two derivatives by x, and the first over the spot.
+type Sums<T> = [[T; FUNCTIONALS]; 4];
+
 /// What the functionals count the profile's value at its nodes for, per unit of x, and its slope at the viewpoints, in spots
-/// there.
+/// there; and their derivatives by the parameters.
 pub struct PointsSeen {
-    pub densities: [Vec<f64>; FUNCTIONALS],
+    pub densities: Densities,
     pub by_amount: Weights,
+    pub gradient: SegmentGradient,
 }
 
-/// See a profile from viewpoints at the segment's beginning; their derivatives by the parameters are added to `gradient`.
-pub fn see_from_points(
+/// See a profile from viewpoints at the segment's beginning, which are at the same places in every walk.
+pub fn see_from_points<const WALKS: usize>(
     profile: &Profile,
     segment: &Segment,
-    views: &[Viewpoint],
-    gradient: &mut SegmentGradient,
-) -> PointsSeen {
-    let (sums, densities) = dispatch(Seeing {
+    views: [&[Viewpoint]; WALKS],
+) -> [PointsSeen; WALKS] {
+    let seen = dispatch(Seeing {
         profile,
         transition: Transition::new(&segment.dynamics, segment.duration),
         views,
     });
+    seen.map(|(sums, densities)| of_sums(segment, &sums, densities))
+}
+
+fn of_sums(segment: &Segment, sums: &Sums<f64>, densities: Densities) -> PointsSeen {
     let [value, by_x, by_xx, by_amount] = sums;
     let (s, by_volatility) = (
         segment.duration,
         segment.duration * segment.dynamics.volatility,
     );
-    add(&mut gradient.volatility, by_volatility, &by_xx);
-    add(&mut gradient.volatility, -by_volatility, &by_x);
-    add(&mut gradient.rate, s, &by_x);
-    add(&mut gradient.rate, -s, &value);
-    add(&mut gradient.dividend, -s, &by_x);
+    let mut gradient = SegmentGradient::default();
+    add(&mut gradient.volatility, by_volatility, by_xx);
+    add(&mut gradient.volatility, -by_volatility, by_x);
+    add(&mut gradient.rate, s, by_x);
+    add(&mut gradient.rate, -s, value);
+    add(&mut gradient.dividend, -s, by_x);
     PointsSeen {
         densities,
-        by_amount,
+        by_amount: *by_amount,
+        gradient,
     }
 }
 
-struct Seeing<'a> {
+struct Seeing<'a, const WALKS: usize> {
     profile: &'a Profile,
     transition: Transition,
-    views: &'a [Viewpoint],
+    views: [&'a [Viewpoint]; WALKS],
 }
 
-/// What the functionals count the value at the viewpoints for, its first two derivatives by x, and the first over the spot.
-type Sums<T> = [[T; FUNCTIONALS]; 4];
-
-impl Work for Seeing<'_> {
-    type Result = (Sums<f64>, [Vec<f64>; FUNCTIONALS]);
+impl<const WALKS: usize> Work for Seeing<'_, WALKS> {
+    type Result = [(Sums<f64>, Densities); WALKS];
 
     #[inline(always)]
     fn run<V: Vector>(self) -> Self::Result {
         let (profile, transition) = (self.profile, &self.transition);
         let inverse = transition.inverse;
         let scale = ONE_OVER_SQRT_TWO_PI * transition.bond * inverse;
-        let mut densities = std::array::from_fn(|_| vec![0.0; profile.nodes.len()]);
-        let mut sums: Sums<V> = [[V::zero(); FUNCTIONALS]; 4];
-        for views in self.views.chunks(LANES) {
-            let over_spot = see_pieces(profile, transition, views, &mut sums);
-            for (view, over_spot) in views.iter().zip(over_spot) {
-                let weights = view.value.map(|weight| weight * scale);
-                let moments = see_nodes::<V>(profile, transition, view.x, &weights, &mut densities);
-                let [value, first, second] = moments;
+        let mut found: [(Sums<V>, Densities); WALKS] = std::array::from_fn(|_| {
+            let densities = std::array::from_fn(|_| vec![0.0; profile.nodes.len()]);
+            ([[V::zero(); FUNCTIONALS]; 4], densities)
+        });
+        for start in (0..self.views[0].len()).step_by(LANES) {
+            let end = (start + LANES).min(self.views[0].len());
+            let views = self.views.map(|views| &views[start..end]);
+            let over_spot = see_pieces(profile, transition, views, &mut found);
+            for (k, over_spot) in (0..end - start).zip(over_spot) {
+                let weights = views.map(|views| views[k].value.map(|weight| weight * scale));
+                let x = views[0][k].x;
+                let [value, first, second] =
+                    see_nodes::<V, WALKS>(profile, transition, x, &weights, &mut found);
                 let seen = [
                     (value, 1.0),
                     (first, inverse),
                     (second - value, inverse * inverse),
                     (first, inverse * over_spot),
                 ];
-                for (sum, (seen, factor)) in sums.iter_mut().zip(seen) {
-                    for (sum, weight) in sum.iter_mut().zip(weights) {
-                        *sum = seen.times_plus(V::all(factor * weight), *sum);
+                for ((sums, _), weights) in found.iter_mut().zip(weights) {
+                    for (sum, (seen, factor)) in sums.iter_mut().zip(seen) {
+                        for (sum, weight) in sum.iter_mut().zip(weights) {
+                            *sum = seen.times_plus(V::all(factor * weight), *sum);
+                        }
                     }
                 }
             }
         }
-        (sums.map(|sum| sum.map(sum_of_lanes)), densities)
+        found.map(|(sums, densities)| (sums.map(|sum| sum.map(sum_of_lanes)), densities))
     }
 }
 
 /// The sums over the nodes of z^k e^{-z^2/2} times the weighted values there, k = 0, 1, 2, in lanes; what the functionals count
-/// the nodes for is added to `densities`.
+/// the nodes for is added to their densities.
 #[inline(always)]
-fn see_nodes<V: Vector>(
+fn see_nodes<V: Vector, const WALKS: usize>(
     profile: &Profile,
     transition: &Transition,
     x: f64,
-    weights: &Weights,
-    densities: &mut [Vec<f64>; FUNCTIONALS],
+    weights: &[Weights; WALKS],
+    found: &mut [(Sums<V>, Densities); WALKS],
 ) -> [V; 3] {
     let (centre, inverse) = (x + transition.shift, transition.inverse);
     let mut moments = [V::zero(); 3];
@@ -110,10 +126,12 @@ fn see_nodes<V: Vector>(
         moments[0] = moments[0] + mass;
         moments[1] = moments[1] + moment;
         moments[2] = moment.times_plus(z, moments[2]);
-        for (there, weight) in densities.iter_mut().zip(weights) {
-            let there = &mut there[start..start + LANES];
-            let total = density.times_plus(V::all(*weight), load::<V>(there));
-            there.copy_from_slice(&total.lanes());
+        for ((_, densities), weights) in found.iter_mut().zip(weights) {
+            for (there, weight) in densities.iter_mut().zip(weights) {
+                let there = &mut there[start..start + LANES];
+                let total = density.times_plus(V::all(*weight), load::<V>(there));
+                there.copy_from_slice(&total.lanes());
+            }
         }
     }
     moments
@@ -121,19 +139,15 @@ fn see_nodes<V: Vector>(
 
 /// Add the pieces of a profile to what at most sixteen viewpoints see; return 1 over the spot of each.
 #[inline(always)]
-fn see_pieces<V: Vector>(
+fn see_pieces<V: Vector, const WALKS: usize>(
     profile: &Profile,
     transition: &Transition,
-    views: &[Viewpoint],
-    sums: &mut Sums<V>,
+    views: [&[Viewpoint]; WALKS],
+    found: &mut [(Sums<V>, Densities); WALKS],
 ) -> [f64; LANES] {
-    let mut places = [views[0].x; LANES];
-    let mut weights = [[0.0; LANES]; FUNCTIONALS];
-    for (lane, view) in views.iter().enumerate() {
-        places[lane] = view.x;
-        for (weights, weight) in weights.iter_mut().zip(view.value) {
-            weights[lane] = weight;
-        }
+    let mut places = [views[0][0].x; LANES];
+    for (place, view) in places.iter_mut().zip(views[0]) {
+        *place = view.x;
     }
     let (x, inverse, bond) = (V::from_lanes(places), transition.inverse, transition.bond);
     let spot = exp(x);
@@ -165,10 +179,16 @@ fn see_pieces<V: Vector>(
     }
     let over_spot = V::all(1.0) / spot;
     let seen = [seen[0], seen[1], seen[2], seen[1] * over_spot];
-    for (k, weights) in weights.into_iter().enumerate() {
-        let weights = V::from_lanes(weights);
-        for (sum, seen) in sums.iter_mut().zip(seen) {
-            sum[k] = weights.times_plus(seen, sum[k]);
+    for ((sums, _), views) in found.iter_mut().zip(views) {
+        for k in 0..FUNCTIONALS {
+            let mut weights = [0.0; LANES];
+            for (weight, view) in weights.iter_mut().zip(views) {
+                *weight = view.value[k];
+            }
+            let weights = V::from_lanes(weights);
+            for (sum, seen) in sums.iter_mut().zip(seen) {
+                sum[k] = weights.times_plus(seen, sum[k]);
+            }
         }
     }
     over_spot.lanes()

@@ -30,8 +30,9 @@ pub struct Schedules<'a> {
     pub times: &'a [f64],
     /// The first time of each schedule, and the number of times, (n + 1,).
     pub first_time: &'a [usize],
-    /// Whether the derivatives by the segments' numbers are wanted.
-    pub with_derivatives: bool,
+    /// How many walks there are for the derivatives by the segments' numbers: 0 for none of them, 2 if it is wanted as well how
+    /// far they change with the boundaries' degrees.
+    pub walks: usize,
 }
 
 /// The derivatives of one functional of one segment after the other, by rate, yield, volatility, amount and escrow, and what exercise on
@@ -47,7 +48,7 @@ pub struct Solved {
     /// The third derivative of each value by x, in strikes, (n,); NaN where the derivatives are not wanted or not found.
     pub third: Vec<f64>,
     /// The derivatives of value and slope by the numbers of each segment, and how far they change with the boundaries' degrees,
-    /// (m,); none where they are not wanted, NaN where not found.
+    /// (m,); none where they are not wanted, NaN what is not found or not wanted.
     pub gradient: Vec<[Gradient; 2]>,
     /// Whether every boundary was found, (n,); nothing else of a schedule may be used where not.
     pub settled: Vec<bool>,
@@ -61,7 +62,7 @@ pub fn solve_schedules(schedules: Schedules, threads: usize, interrupt: Interrup
     let mut settled = vec![false; count];
     let mut boundary = vec![f64::NAN; schedules.times.len()];
     let mut third = vec![f64::NAN; count];
-    let wanted = if schedules.with_derivatives {
+    let wanted = if schedules.walks > 0 {
         schedules.first[count]
     } else {
         0
@@ -148,9 +149,8 @@ fn solve_rows(schedules: Schedules, start: usize, output: &mut Output, interrupt
             tolerance: schedules.tolerance[row],
             interrupt,
         };
-        let with_derivatives = schedules.with_derivatives;
         let result = &mut output.rows[k];
-        let Ok(found) = solve_schedule(&schedule, &mut query, result, with_derivatives) else {
+        let Ok(found) = solve_schedule(&schedule, &mut query, result, schedules.walks) else {
             continue;
         };
         output.settled[k] = true;
@@ -158,9 +158,11 @@ fn solve_rows(schedules: Schedules, start: usize, output: &mut Output, interrupt
             output.third[k] = found.third;
             let place = schedules.first[row] - schedules.first[start];
             let own = &mut output.gradient[place..place + segments.len()];
-            let both = found.by_segment.iter().zip(&found.by_segment_otherwise);
-            for (out, (gradient, other)) in own.iter_mut().zip(both) {
+            for (out, gradient) in own.iter_mut().zip(&found.by_segment) {
                 out[0] = std::array::from_fn(|functional| gradient.of(functional));
+            }
+            let others = found.by_segment_otherwise.iter().flatten();
+            for ((out, gradient), other) in own.iter_mut().zip(&found.by_segment).zip(others) {
                 out[1] = std::array::from_fn(|functional| gradient.distance(other, functional));
             }
         }
@@ -205,7 +207,7 @@ mod tests {
                 tolerance: &[0.0],
                 times: &[],
                 first_time: &[0, 0],
-                with_derivatives: false,
+                walks: 0,
             },
             1,
             &never,

@@ -25,10 +25,11 @@ use crate::multiplier_collocation::{
 /// largest violation of complementarity seen and the error estimate of the boundaries, both in strikes; ln(S*/K) at the
 /// times, (t,); settled, (n,); the third derivative by x, (n,), and the derivatives of value and slope by rate, yield,
 /// volatility, amount and escrow of each segment, and what exercise on it contributes, with their changes from one degree of
-/// the boundaries to another, (m, 2, 2, 6), NaN and (0, 2, 2, 6) unless `derivatives`. Nothing of a schedule that is not settled may be used. `interrupt`, a function or None, is asked every few milliseconds
+/// the boundaries to another, (m, 2, 2, 6). With 0 `walks` these are NaN and (0, 2, 2, 6), with 1 the changes are NaN.
+/// Nothing of a schedule that is not settled may be used. `interrupt`, a function or None, is asked every few milliseconds
 /// whether the work shall end; what is not solved then is not settled.
 #[pyfunction]
-#[pyo3(signature = (sign, x, first, segments, level, tolerance, times, first_time, derivatives, threads, interrupt))]
+#[pyo3(signature = (sign, x, first, segments, level, tolerance, times, first_time, walks, threads, interrupt))]
 #[allow(
     clippy::needless_pass_by_value,
     clippy::too_many_arguments,
@@ -44,7 +45,7 @@ pub fn solve_schedules<'py>(
     tolerance: PyReadonlyArray1<'py, f64>,
     times: PyReadonlyArray1<'py, f64>,
     first_time: PyReadonlyArray1<'py, i64>,
-    derivatives: bool,
+    walks: usize,
     threads: usize,
     interrupt: Option<Py<PyAny>>,
 ) -> PyResult<(
@@ -79,7 +80,7 @@ pub fn solve_schedules<'py>(
         tolerance: &tolerance,
         times: &times,
         first_time: &first_time,
-        with_derivatives: derivatives,
+        walks,
     };
     let question = Question::new(interrupt);
     let solved = py.detach(|| {

@@ -52,7 +52,7 @@ class MultiplierCollocation:
         """Solve to the tolerances; the Greeks are derivatives of the solution itself."""
         wanted = request.greeks != "none"
         solved = solve_to_tolerance(
-            book, request.tolerance, request.threads, derivatives=wanted, interrupt=request.interrupt
+            book, request.tolerance, request.threads, walks=2 * wanted, interrupt=request.interrupt
         )
         believed = solved.settled & (solved.error <= np.maximum(request.tolerance, ROUGHEST))
         exercised = book.sign * (solved.boundary - log_moneyness(book)) >= 0.0

@@ -40,9 +40,9 @@ ELSEWHERE_SHARE = 0.1
 BY_PANELS = np.array([1e-4, 4e-6, 1e-9, 4e-11, 4e-11, 4e-11, 4e-11])
 SLOPE_BY_PANELS = np.array([1e-4, 2e-6, 1e-10, 2e-11, 2e-11, 2e-11, 2e-11])
 # Errors of the second and the third derivative by x over that of the slope, in standard deviations of ln S.
-GAMMA_SHARE, CHARM_SHARE = 3.0, 40.0
+GAMMA_SHARE, CHARM_SHARE = 3.0, 60.0
 # What the panels leave of a further derivative by x over what they leave of the one before, in the same unit.
-PANEL_ROUGHNESS = 10.0
+PANEL_ROUGHNESS = 20.0
 Derivatives = NDArray[np.float64]  # (m, 2, 2, 6), or a part of it
 
 

@@ -98,7 +98,7 @@ class Solved:
     gradient : array, shape (m, 2, 2, 6), or (0, 2, 2, 6) where derivatives were not asked for
         The derivatives of value and slope (third axis) by the rate, yield, volatility, amount and escrow of each
         segment, what exercise on it contributes, and (second axis) how far all that changes with the degrees of the
-        boundaries; NaN where not found.
+        boundaries; NaN what is not found or was not asked for.
     """
 
     value: Vector
@@ -122,7 +122,7 @@ def solve_to_tolerance(
     tolerance: Vector,
     threads: int,
     *,
-    derivatives: bool = False,
+    walks: int = 0,
     interrupt: Callable[[], bool] | None = None,
 ) -> Solved:
     """Solve every contract at the level of its tolerance, and at finer ones until its stated error meets that.
@@ -131,15 +131,16 @@ def solve_to_tolerance(
     ----------
     tolerance : Vector, shape (n,)
         Fractions of the strike.
-    derivatives : bool
-        Whether the derivatives by the segments' numbers are wanted; the values do not depend on it.
+    walks : int
+        0, 1 for the derivatives by the segments' numbers, 2 for their changes with the boundaries' degrees as well; the
+        values do not depend on it.
     interrupt : callable, optional
         True ends the work; what is not solved then is not settled.
     """
     packed, count = pack(book), book.count
     level = _first_levels(tolerance)
     value, slope, curvature, boundary, third = np.full((5, count), np.nan)
-    gradient = np.full((book.segments.end.size if derivatives else 0, 2, 2, 6), np.nan)
+    gradient = np.full((book.segments.end.size if walks else 0, 2, 2, 6), np.nan)
     solved = Solved(
         value, slope, curvature, boundary,
         np.full(count, np.inf), np.zeros(count, dtype=bool), level.copy(), third, gradient,
@@ -149,7 +150,7 @@ def solve_to_tolerance(
         beyond = np.array(NEGLECTED)[level[rows]] + ROUNDING
         left = np.maximum(tolerance[rows] - beyond, SMALLEST_SHARE * tolerance[rows])
         found = _kernel_values(
-            packed.take(rows), level[rows], threads, left, derivatives=derivatives, interrupt=interrupt
+            packed.take(rows), level[rows], threads, left, walks=walks, interrupt=interrupt
         )
         _keep(solved, book, rows, level[rows], found, found.numbers[5] + beyond)
         rows = rows[~(solved.error[rows] <= tolerance[rows]) & (level[rows] < FINEST)]
@@ -219,14 +220,14 @@ def _kernel_values(
     threads: int,
     tolerance: Vector,
     *,
-    derivatives: bool = False,
+    walks: int = 0,
     interrupt: Callable[[], bool] | None = None,
 ) -> KernelValues:
     assert kernel.solve_schedules is not None
     nothing, none = np.zeros(0), np.zeros(packed.x.size + 1, dtype=np.int64)
     numbers, _, settled, third, gradient = kernel.solve_schedules(
         packed.sign, packed.x, packed.first, packed.segments, level, tolerance, nothing, none,
-        derivatives, threads, interrupt,
+        walks, threads, interrupt,
     )  # fmt: skip
     return KernelValues(numbers, settled, third, gradient)
 
@@ -251,5 +252,5 @@ def boundaries_at(
         np.array([level], dtype=np.int64),
         np.zeros(1),
     )
-    _, boundary, settled, _, _ = kernel.solve_schedules(*numbers, times, ends, False, 1, interrupt)
+    _, boundary, settled, _, _ = kernel.solve_schedules(*numbers, times, ends, 0, 1, interrupt)
     return boundary, bool(settled[0])

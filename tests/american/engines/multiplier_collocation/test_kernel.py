@@ -27,7 +27,7 @@ def arguments(contracts, level, times=NO_TIMES, tolerance=0.0):
 def solve(contracts, level, times=NO_TIMES, threads=1, tolerance=0.0):
     """Return numbers, boundaries and what settled."""
     given = arguments(contracts, level, times, tolerance)
-    numbers, boundary, settled, _, _ = kernel.solve_schedules(*given, False, threads, None)
+    numbers, boundary, settled, _, _ = kernel.solve_schedules(*given, 0, threads, None)
     return numbers, boundary, settled
 
 
@@ -65,7 +65,7 @@ def test_times_to_look_at_change_next_to_nothing(name):
 
 
 def test_what_does_not_fit_is_refused():
-    good = (*arguments([CONTRACTS["put, curves"]], 1), True, 1, None)
+    good = (*arguments([CONTRACTS["put, curves"]], 1), 2, 1, None)
     for place, wrong in ((0, np.ones(2)), (2, np.array([0, 99])), (4, np.array([99]))):
         with pytest.raises(ValueError, match=r"length|first|level"):
             kernel.solve_schedules(*(wrong if k == place else part for k, part in enumerate(good)))
@@ -74,7 +74,7 @@ def test_what_does_not_fit_is_refused():
 def test_no_argument_is_modified():
     given = arguments(list(CONTRACTS.values()), 1, tolerance=1e-5)
     before = [part.copy() for part in given]
-    kernel.solve_schedules(*given, True, 1, None)
+    kernel.solve_schedules(*given, 2, 1, None)
     for part, copy in zip(given, before, strict=True):
         np.testing.assert_array_equal(part, copy)
 
@@ -87,7 +87,7 @@ def test_an_interrupt_ends_the_work_within_milliseconds():
         asked.append(True)
         return len(asked) >= 3
 
-    _, _, settled, _, gradient = kernel.solve_schedules(*given, True, 2, interrupt)
+    _, _, settled, _, gradient = kernel.solve_schedules(*given, 2, 2, interrupt)
     assert len(asked) == 3
     assert 0 < settled.sum() < settled.size
     assert np.isnan(gradient[given[2][:-1][~settled]]).all()
@@ -96,4 +96,4 @@ def test_an_interrupt_ends_the_work_within_milliseconds():
         raise RuntimeError("asked")
 
     with pytest.raises(RuntimeError, match="asked"):
-        kernel.solve_schedules(*given, True, 2, fails)
+        kernel.solve_schedules(*given, 2, 2, fails)
