@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pricing_core.american.book.book import Book, Rows
 from pricing_core.american.book.prices import error_of, taken
@@ -54,10 +55,11 @@ CLOSE = 1e-8  # Tolerance, in strikes, of values whose differences are taken; ch
 # Error of a derivative by a parameter, in strikes, from which on differences are tried; chosen: they take many solves.
 BY_DIFFERENCES = 1e-2
 DIFFERENCE_SHARES = (1.0, 0.5)  # Steps of differences, in the usual ones; chosen.
-# Step of the volatility for volga, as a share of the contract's smallest one; calibrated.
-VOLGA_STEP = 0.01
+# Step of the volatility for volga, as a share of the contract's smallest one, and how many levels finer than the price
+# the values for it are held; the second pair where the error is too large; calibrated on random contracts.
+VOLGA_STEPS_AND_LEVELS = ((0.02, 1), (0.005, 3))
 # The values that volga needs, in steps from the contract's own volatility.
-VOLGA_STEPS = (-1.0, 0.0, 1.0, -2.0, 2.0)
+VOLGA_PLACES = (-1.0, 0.0, 1.0, -2.0, 2.0)
 Columns = dict[str, Any]
 
 
@@ -106,31 +108,29 @@ def _first_or_finer(book: Book, first: Solved, request: Request, *, lacking: boo
         first = solve_to_tolerance(book, request.tolerance, threads, walks=2, interrupt=interrupt)
     found, missed = _greeks_and_errors(book, first, (price, error), request)
     rows = np.flatnonzero(~(missed <= PESSIMISM))
-    if rows.size == 0 or request.is_interrupted():
-        return found, missed
-    book, first, request = book.take(rows), first.take(rows, book), request.take(rows)
-    fine = solve_to_tolerance(book, FINER * request.tolerance, threads, walks=1, interrupt=interrupt)
-    moved = np.abs(fine.gradient[:, OWN] - first.gradient[:, OWN])
-    fine.gradient[:, CHANGE] = MOVED_SHARE * moved + CHANGE_SHARE * first.gradient[:, CHANGE]
-    finer, still = _greeks_and_errors(book, fine, (price[rows], error[rows]), request)
-    better = np.flatnonzero(still < missed[rows])
-    missed[rows[better]] = still[better]
-    return stored(
-        found, rows[better], {name: taken(column, better) for name, column in finer.items()}
-    ), missed
+    if rows.size and not request.is_interrupted():
+        part, coarse, asked = book.take(rows), first.take(rows, book), request.take(rows)
+        fine = solve_to_tolerance(part, FINER * asked.tolerance, threads, walks=1, interrupt=interrupt)
+        moved = np.abs(fine.gradient[:, OWN] - coarse.gradient[:, OWN])
+        fine.gradient[:, CHANGE] = MOVED_SHARE * moved + CHANGE_SHARE * coarse.gradient[:, CHANGE]
+        finer, still = _greeks_and_errors(part, fine, (price[rows], error[rows]), asked)
+        better = np.flatnonzero(still < missed[rows])
+        missed[rows[better]] = still[better]
+        found = stored(found, rows[better], {name: taken(column, better) for name, column in finer.items()})
+    if extended:
+        found |= _volga_to_tolerance(book, first.level, request)
+        missed = np.where(np.isnan(found["volga"]), np.inf, missed)
+    return found, missed
 
 
 def _greeks_and_errors(
     book: Book, solved: Solved, priced: tuple[Vector, Vector], request: Request
 ) -> tuple[Columns, Vector]:
-    """Return the Greeks of a solution, and the largest of their errors over what it should be at most.
+    """Return the Greeks of a solution but volga, and the largest of their errors over what it should be at most.
 
     That is infinite where a Greek lacks, or where the solution's value is not the one `priced`, V/K, within its error.
     """
-    extended = request.greeks == "extended"
-    columns = greeks_of(book, solved, extended=extended)
-    if extended:
-        columns |= _volga(book, solved, request)
+    columns = greeks_of(book, solved, extended=request.greeks == "extended")
     same = np.abs(solved.value - priced[0]) <= priced[1]
     return columns, np.where(same, _largest_error(book, columns, request.tolerance), np.inf)
 
@@ -209,16 +209,29 @@ def _better(value: Vector, error: Vector, far: Vector, near: Vector, noise: Vect
     return np.where(closer, near + (near - far) / 3.0, value), np.where(closer, distance, error)
 
 
-def _volga(book: Book, solved: Solved, request: Request) -> Columns:
-    """Return volga and its error: second differences of values that are solved alike, extrapolated from two steps.
+def _volga_to_tolerance(book: Book, level: NDArray[np.int64], request: Request) -> Columns:
+    """Return volga and its error: from values that are held finer where the error is too large."""
+    found = dict.fromkeys(("volga", error_of("volga")), np.full(book.count, np.nan))
+    rows = np.arange(book.count)
+    for share, finer in VOLGA_STEPS_AND_LEVELS:
+        if rows.size == 0 or request.is_interrupted():
+            break
+        fresh = _volga(book.take(rows), np.minimum(level[rows] + finer, FINEST), share, request)
+        better = ~(fresh[error_of("volga")] >= found[error_of("volga")][rows])
+        found = stored(found, rows[better], {name: column[better] for name, column in fresh.items()})
+        rows = np.flatnonzero(~(_largest_error(book, found, request.tolerance) <= PESSIMISM))
+    return found
+
+
+def _volga(book: Book, level: NDArray[np.int64], share: float, request: Request) -> Columns:
+    """Return second differences of values that are solved alike, extrapolated from two steps.
 
     All boundaries have a fixed degree; where one of them is not found so, the values are solved to a small tolerance.
     """
     threads, interrupt = request.threads, request.interrupt
-    step = VOLGA_STEP * np.minimum.reduceat(book.segments.volatility, book.first[:-1])
-    level = np.minimum(solved.level + 1, FINEST)
+    step = share * np.minimum.reduceat(book.segments.volatility, book.first[:-1])
     bumped = Bump(book, "volatility")
-    books = [bumped(by * step) for by in VOLGA_STEPS]
+    books = [bumped(by * step) for by in VOLGA_PLACES]
     values = np.stack([solve_at_level(moved, level, threads, interrupt)[0] for moved in books])
     rows = np.flatnonzero(np.isnan(values).any(axis=0))
     if rows.size:
