@@ -82,11 +82,12 @@ class TimeStepping:
 
     Parameters
     ----------
-    scheme : {"auto", "implicit-euler", "sdirk2", "theta"}
+    scheme : {"auto", "implicit-euler", "sdirk2", "theta", "moreau"}
         "auto" takes the second-order "sdirk2" for relative degree 0 and 1, where the state is continuous after the
-        start, and "implicit-euler" for relative degree 2, where it may jump at any time.
+        start, and "implicit-euler" for relative degree 2, where it may jump at any time. "moreau" is for mechanical
+        systems alone, whose impacts it takes as impulses: "auto" means it there where the restitution is > 0.
     theta : float, optional
-        Implicit weight of the scheme "theta", from 1/2 to 1; 1/2 if missing.
+        Implicit weight of the schemes "theta" and "moreau", from 1/2 to 1; 1/2 if missing.
     step : float, optional
         Constant step, > 0, in the units of t; where it is inf the times to report alone are the steps. Without it a
         PI controller keeps the local error, estimated by step doubling, below absolute_tolerance + tolerance |x|. A
@@ -106,10 +107,10 @@ class TimeStepping:
     ------
     InvalidInputError
         A field lies outside what is allowed, or the others leave it without effect: theta with another scheme than
-        "theta", a tolerance with a constant step.
+        "theta" and "moreau", a tolerance with a constant step.
     """
 
-    scheme: Scheme | Literal["auto"] = "auto"
+    scheme: Scheme | Literal["auto", "moreau"] = "auto"
     theta: float | None = None
     step: float | None = None
     tolerance: float | None = None
@@ -118,7 +119,7 @@ class TimeStepping:
     multipliers: Multipliers = "any"
 
     def __post_init__(self) -> None:
-        _check_choice("scheme", self.scheme, ("auto", *get_args(Scheme)))
+        _check_choice("scheme", self.scheme, ("auto", *get_args(Scheme), "moreau"))
         _check_choice("lcp_method", self.lcp_method, get_args(Method))
         _check_choice("multipliers", self.multipliers, get_args(Multipliers))
         for name, (read, holds, allowed) in _NUMBERS.items():
@@ -128,8 +129,8 @@ class TimeStepping:
                 if not holds(number):
                     raise InvalidInputError(name, given, allowed)
                 object.__setattr__(self, name, number)
-        if self.theta is not None and self.scheme != "theta":
-            raise InvalidInputError("theta", self.theta, 'left out unless scheme="theta"')
+        if self.theta is not None and self.scheme not in ("theta", "moreau"):
+            raise InvalidInputError("theta", self.theta, 'left out unless scheme is "theta" or "moreau"')
         if self.step is not None:
             for name in ("tolerance", "absolute_tolerance"):
                 if getattr(self, name) is not None:

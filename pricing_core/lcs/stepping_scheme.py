@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from pricing_core.arrays import Vector
-from pricing_core.errors import RelativeDegreeError
+from pricing_core.errors import InvalidInputError, RelativeDegreeError
 from pricing_core.lcs.system import LCS
 from pricing_core.lcs.time_stepping import LCSState, Scheme
 from pricing_core.lcs.trajectory import Event, Trajectory
@@ -20,19 +20,23 @@ LARGEST_RELATIVE_DEGREE = {"sdirk2": 1, "theta": 1, "implicit-euler": 2}
 THETA = 0.5
 
 
-def choose_scheme(system: LCS, scheme: Scheme | Literal["auto"]) -> Scheme:
+def choose_scheme(system: LCS, scheme: Scheme | Literal["auto", "moreau"]) -> Scheme:
     """Return the scheme that "auto" stands for, or the given one if it can converge.
 
     Raises
     ------
     RelativeDegreeError
         It cannot.
+    InvalidInputError
+        It is "moreau", which asks for positions and velocities.
 
     Examples
     --------
     >>> choose_scheme(LCS([[0.0]], [[1.0]], [[1.0]]), "auto")
     'sdirk2'
     """
+    if scheme == "moreau":
+        raise InvalidInputError("scheme", scheme, "another one for this system: it is for a MechanicalSystem")
     degree = relative_degree(system)
     chosen: Scheme = ("sdirk2" if degree <= 1 else "implicit-euler") if scheme == "auto" else scheme
     if degree > LARGEST_RELATIVE_DEGREE[chosen]:

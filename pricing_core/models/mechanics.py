@@ -20,6 +20,8 @@ from pricing_core.lcs import (
     simulate,
 )
 from pricing_core.lcs.simulation_method import SimulationMethod, as_method
+from pricing_core.lcs.simulation_times import checked_span, checked_times
+from pricing_core.models.moreau import Motion, simulate_by_impulses
 
 PENETRATES = 1e-12
 SYMMETRIC = 1e-12
@@ -134,7 +136,9 @@ class MechanicalSystem:
     ) -> Trajectory:
         """Simulate from q0 and v0 over t_span; x = (q, q'), and jumps carry the energy that they lose.
 
-        Time stepping reports no impacts but those at the start; later the velocity changes from step to step.
+        Time stepping reports no impacts but those at the start; later the velocity changes from step to step. By the
+        scheme "moreau", which "auto" means where the restitution is > 0, u is the impulse of a step over its length,
+        and 0 at the start; tolerances are those of q.
 
         Parameters
         ----------
@@ -145,8 +149,8 @@ class MechanicalSystem:
         Raises
         ------
         InvalidInputError
-            q0 violates a constraint, or an argument lies outside what is allowed; with a restitution e > 0, a method
-            other than event-driven simulation by Newton's law.
+            q0 violates a constraint, or an argument lies outside what is allowed; with a restitution e > 0, another
+            time-stepping scheme than "moreau", or another law of rebound than Newton's.
         """
         n = self.mass.shape[0]
         position, velocity = as_vector("q0", q0, n), as_vector("v0", v0, n)
@@ -159,11 +163,16 @@ class MechanicalSystem:
                 "q0", q0, f"such that constraint {i} holds: F q + offset is {gaps[i]:.6g} there"
             )
         x0 = np.concatenate([position, velocity])
+        chosen = as_method(method)
+        if isinstance(chosen, TimeStepping) and self._is_moreaus(chosen):
+            span = checked_span(t_span)
+            reported = None if t_eval is None else checked_times(t_eval, span)
+            return simulate_by_impulses(self._motion(), x0, span, reported, chosen, interrupt)
         trajectory = simulate(
             self.to_lcs(),
             x0,
             t_span,
-            method=self._with_newtons_law(as_method(method)),
+            method=self._with_newtons_law(chosen),
             t_eval=t_eval,
             interrupt=interrupt,
         )
@@ -177,12 +186,20 @@ class MechanicalSystem:
             ),
         )
 
+    def _is_moreaus(self, method: TimeStepping) -> bool:
+        return method.scheme == "moreau" or (method.scheme == "auto" and self.restitution > 0.0)
+
+    def _motion(self) -> Motion:
+        return Motion(
+            self.mass, self.damping, self.stiffness, self.F, self.force, self.offset, self.restitution
+        )
+
     def _with_newtons_law(self, method: EventDriven | TimeStepping) -> EventDriven | TimeStepping:
         """Return the method with the law of impact that the restitution asks for."""
         if self.restitution == 0.0:
             return method
         if isinstance(method, TimeStepping):
-            raise InvalidInputError("method", method, "event-driven where the restitution is > 0")
+            raise InvalidInputError("scheme", method.scheme, '"moreau" where the restitution is > 0')
         if method.rebound is not None:
             raise InvalidInputError("rebound", Told("a law"), "left out where the restitution is > 0")
         return replace(method, rebound=self._rebound)

@@ -298,7 +298,7 @@ METHODS = ("saturation", "relays_to_origin", "rectifier_netlist", "bouncing_ball
         ),
         (
             {"method": "time-stepping", "theta": 0.5},
-            'theta = 0.5: must be left out unless scheme="theta"',
+            'theta = 0.5: must be left out unless scheme is "theta" or "moreau"',
         ),
         ({"method": "time-stepping", "atol": -1}, "atol = -1.0: must be > 0"),
     ],
@@ -327,7 +327,10 @@ def test_mechanics_without_rebound_may_be_simulated_by_steps(answer: Any, simula
     found = answer("bouncing_ball", restitution=0, method="time-stepping", h=1e-3)
     assert found["scheme"] == "implicit-euler"
     assert (found["q"][-1], found["u"][-1]) == ([pytest.approx(0.0, abs=1e-9)], [pytest.approx(9.81)])
-    status, _, errors = simulate(example("bouncing_ball") | {"method": "time-stepping"})
-    assert status == 2
-    assert errors.startswith("pricing: method = ")
-    assert errors.endswith("must be event-driven where the restitution is > 0\n")
+    found = answer("bouncing_ball", method="time-stepping")
+    assert found["scheme"] == "moreau"
+    status, _, errors = simulate(example("bouncing_ball") | {"method": "time-stepping", "scheme": "theta"})
+    assert (status, errors) == (
+        2,
+        "pricing: scheme = 'theta': must be \"moreau\" where the restitution is > 0\n",
+    )

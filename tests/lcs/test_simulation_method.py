@@ -29,7 +29,7 @@ CONSTANT = {"step": 0.1}
         (EventDriven, {"rebound": 0.5}, "rebound = 0.5: must be a function of the states"),
         (TimeStepping, {"scheme": "heun"}, 'scheme = \'heun\': must be one of "auto", "implicit-euler", '),
         (TimeStepping, {"scheme": ["theta"]}, "scheme = "),
-        (TimeStepping, {"theta": 0.5}, 'theta = 0.5: must be left out unless scheme="theta"'),
+        (TimeStepping, {"theta": 0.5}, 'theta = 0.5: must be left out unless scheme is "theta" or "moreau"'),
         (TimeStepping, {"scheme": "sdirk2", "theta": 1.0}, "theta = 1.0: must be left out"),
         (TimeStepping, {"scheme": "theta", "theta": 0.4}, "theta = 0.4: must be at least 1/2 and at most 1"),
         (TimeStepping, {"scheme": "theta", "theta": 1.1}, "theta = 1.1: must be at least"),

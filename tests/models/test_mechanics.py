@@ -187,8 +187,8 @@ def test_time_stepping_comes_to_rest_on_the_floor():
 @pytest.mark.parametrize(
     ("field", "method"),
     [
-        ("method", "time-stepping"),
-        ("method", TimeStepping(step=1e-3)),
+        ("scheme", TimeStepping("implicit-euler", step=1e-3)),
+        ("scheme", TimeStepping("sdirk2")),
         ("rebound", EventDriven(rebound=lambda before, after, contacts: (after, np.zeros(1)))),
     ],
 )
