@@ -12,6 +12,15 @@ def instruction_set() -> Literal["avx512", "avx2", "portable"]: ...
 def brennan_schwartz(
     lower: Vector, diagonal: Vector, upper: Vector, q: Vector, contact_first: bool
 ) -> Vector: ...
+def equilibrate(matrix: Matrix) -> tuple[Vector, Vector]: ...
+def growing_basic_set(lower: Vector, diagonal: Vector, upper: Vector, q: Vector) -> BoolVector: ...
+def lemke(
+    matrix: Matrix,
+    q: Vector,
+    covering: Vector,
+    max_pivots: int,
+    interrupt: Callable[[], bool] | None = None,
+) -> tuple[str, Vector, BoolVector, int]: ...
 def policy_iteration(
     lower: Vector,
     diagonal: Vector,
@@ -20,6 +29,7 @@ def policy_iteration(
     basic_set: BoolVector,
     tolerance: float,
     max_systems: int,
+    interrupt: Callable[[], bool] | None = None,
 ) -> tuple[Vector, int]: ...
 def projected_sor(
     lower: Vector,
@@ -30,6 +40,7 @@ def projected_sor(
     relaxation: float,
     tolerance: float,
     max_sweeps: int,
+    interrupt: Callable[[], bool] | None = None,
 ) -> tuple[Vector, int]: ...
 def solve_puts(
     x: Vector,

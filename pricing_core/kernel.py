@@ -1,4 +1,4 @@
-"""The inner loops: the compiled crate where it was built, else NumPy's for the solvers of tridiagonal problems.
+"""The inner loops: the compiled crate where it was built, else NumPy's for the solvers of complementarity problems.
 
 The two fast engines and the march over a segment exist only compiled; they are None otherwise.
 """
@@ -7,7 +7,7 @@ import warnings
 from functools import cache
 from types import ModuleType
 
-from pricing_core import kernel_twin
+from pricing_core import dense_twin, kernel_twin
 from pricing_core.errors import KernelMissingWarning
 
 # A kernel that is there but does not load raises: only a missing one is replaced.
@@ -19,8 +19,12 @@ except ImportError as _error:
     _compiled = None  # type: ignore[assignment]
 
 _small: ModuleType = kernel_twin if _compiled is None else _compiled
+_dense: ModuleType = dense_twin if _compiled is None else _compiled
 
 brennan_schwartz = _small.brennan_schwartz
+equilibrate = _dense.equilibrate
+growing_basic_set = _small.growing_basic_set
+lemke = _dense.lemke
 policy_iteration = _small.policy_iteration
 projected_sor = _small.projected_sor
 solve_puts = None if _compiled is None else _compiled.solve_puts

@@ -1,9 +1,13 @@
 """The kernel's solvers of tridiagonal problems in plain Python and NumPy: what takes their place, and tests them."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
 from pricing_core.arrays import BoolVector, Vector
 
+Interrupt = Callable[[], bool] | None
 
 def brennan_schwartz(
     lower: Vector, diagonal: Vector, upper: Vector, q: Vector, contact_first: bool
@@ -50,6 +54,7 @@ def policy_iteration(
     basic_set: BoolVector,
     tolerance: float,
     max_systems: int,
+    interrupt: Interrupt = None,
 ) -> tuple[Vector, int]:
     """Return (z, systems): the solution of 0 <= z _|_ Mz + q >= 0 with any contact set, for an M-matrix M.
 
@@ -73,6 +78,8 @@ def policy_iteration(
     basic = basic_set.copy()
     z = np.zeros(q.size)
     for system in range(1, max_systems + 1):
+        if interrupt is not None and system > 1 and interrupt():
+            return np.maximum(z, 0.0), system
         z = _basic_point(lower, diagonal, upper, q, basic)
         terms = np.array([np.append(0.0, lower * z[:-1]), diagonal * z, np.append(upper * z[1:], 0.0), q])
         allowed = -tolerance * np.abs(terms).sum(axis=0)
@@ -110,10 +117,11 @@ def projected_sor(
     relaxation: float,
     tolerance: float,
     max_sweeps: int,
+    interrupt: Interrupt = None,
 ) -> tuple[Vector, int]:
     """Return (z, sweeps): Gauss-Seidel sweeps with projection inside until |change|_inf <= tolerance.
 
-    sweeps is max_sweeps + 1 where the limit was reached without convergence.
+    sweeps is max_sweeps + 1 where the limit was reached, or `interrupt` ended the work, without convergence.
 
     Raises
     ------
@@ -143,4 +151,66 @@ def projected_sor(
             x[i] = new
         if settled:
             return np.array(x), sweep
+        if interrupt is not None and interrupt():
+            break
     return np.array(x), max_sweeps + 1
+
+
+def growing_basic_set(lower: Vector, diagonal: Vector, upper: Vector, q: Vector) -> BoolVector:
+    """Return the basic set (w = 0, z > 0) of 0 <= z _|_ Mz + q >= 0 for a tridiagonal M-matrix; else a guess.
+
+    The leading problems of order 1, 2, ... are solved in turn. z grows with each further row, so that a basic row
+    remains basic: a new row with a negative slack starts a run or joins the last one, which then takes in the contact
+    rows before it as long as their slacks are negative. Cost: O(n).
+
+    Examples
+    --------
+    >>> minus_one, two = np.array([-1.0, -1.0]), np.array([2.0, 2.0, 2.0])
+    >>> growing_basic_set(minus_one, two, minus_one, np.array([-2.0, 5.0, -4.0]))
+    array([ True, False,  True])
+    """
+    below, d, above, c = [0.0, *lower.tolist()], diagonal.tolist(), [*upper.tolist(), 0.0], q.tolist()
+    runs: list[_Run] = []
+
+    def single(k: int) -> _Run:
+        values = (-c[k] / d[k], -below[k] / d[k], -above[k] / d[k])
+        return _Run(k, k, values, values)
+
+    def with_left(run: _Run) -> _Run:
+        return _joined(runs.pop(), run) if runs and runs[-1].to + 1 == run.start else run
+
+    def end_before(k: int) -> float:
+        return runs[-1].last[0] if runs and runs[-1].to + 1 == k else 0.0
+
+    for k in range(len(c)):
+        if c[k] + below[k] * end_before(k) >= 0.0:
+            continue
+        run = with_left(single(k))
+        while (i := run.start - 1) >= 0 and c[i] + below[i] * end_before(i) + above[i] * run.first[0] < 0.0:
+            run = with_left(_joined(single(i), run))
+        runs.append(run)
+    basic = np.zeros(len(c), dtype=np.bool_)
+    for run in runs:
+        basic[run.start : run.to + 1] = True
+    return basic
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    """Rows with w = 0 from start to `to`: its end values are a + b z_before + c z_after."""
+
+    start: int
+    to: int
+    first: tuple[float, float, float]
+    last: tuple[float, float, float]
+
+
+def _joined(left: _Run, right: _Run) -> _Run:
+    """Return the run of two neighbouring ones: the values at their border are eliminated."""
+    (s, c, d), (p, a, b) = left.last, right.first
+    det = 1.0 - d * a
+    inner = ((s + d * p) / det, c / det, d * b / det)
+    outer = ((p + a * s) / det, a * c / det, b / det)
+    (p, a, b), (s, c, d) = left.first, right.last
+    first = (p + b * outer[0], a + b * outer[1], b * outer[2])
+    return _Run(left.start, right.to, first, (s + c * inner[0], c * inner[1], d + c * inner[2]))

@@ -1,8 +1,8 @@
 //! What must be fast in `pricing_core`, over plain slices: complementarity solvers, the method of lines over a
 //! segment, and two option engines.
 //!
-//! - Solvers of 0 <= z, 0 <= w = M z + q, z w = 0 with a tridiagonal M: `brennan_schwartz`, `policy_iteration`,
-//!   `projected_sor`.
+//! - Solvers of 0 <= z, 0 <= w = M z + q, z w = 0 with a tridiagonal M: `brennan_schwartz`, `growing_basic_set`,
+//!   `policy_iteration`, `projected_sor`; with a dense one: `equilibrate`, `lemke`.
 //! - `segment_march`: the method of lines over one segment of an option's life, with a tridiagonal problem per stage.
 //! - `premium_march`: American puts in a flat market, by a march of their early exercise premium.
 //! - `multiplier_collocation`: American and Bermudan options with dividends, curves and exercise dates, by collocation of
@@ -12,11 +12,14 @@
 //! knows of calendars, currencies or files; the module `python` (feature "python") is the only bridge to Python.
 
 mod brennan_schwartz;
+mod equilibration;
 mod error;
+mod growing_basic_set;
 #[cfg(test)]
 mod instruction_set_tests;
 pub mod interrupt;
 mod lanes;
+mod lemke;
 pub mod multiplier_collocation;
 mod policy_iteration;
 pub mod premium_march;
@@ -27,7 +30,10 @@ pub mod segment_march;
 mod tridiagonal;
 
 pub use brennan_schwartz::brennan_schwartz;
+pub use equilibration::equilibrate;
 pub use error::KernelError;
+pub use growing_basic_set::growing_basic_set;
+pub use lemke::{lemke, Path, PathEnd};
 pub use policy_iteration::{policy_iteration, Settling};
 pub use psor::{projected_sor, Sweeping};
 pub use tridiagonal::Tridiagonal;

@@ -1,6 +1,7 @@
 //! Howard's policy iteration, the primal-dual active set method: any contact set.
 
 use crate::error::{check_length, KernelError};
+use crate::interrupt::Interrupt;
 use crate::positive_part;
 use crate::tridiagonal::Tridiagonal;
 
@@ -18,7 +19,7 @@ pub struct Settling {
 /// Each of them has M z + q = 0 on the basic set and z = 0 elsewhere; then rows with z < 0 leave the set
 /// and rows with M z + q < 0 enter it. The set is a guess on entry, that of z on return. For an
 /// M-matrix z never falls from the second system on, so that n + 1 are enough. The number is
-/// `limit + 1` where that was reached in vain. NaN in the data stays NaN. Cost O(n) per system.
+/// `limit + 1` where that was reached in vain, and one more than were solved where `interrupt` ended the work. NaN in the data stays NaN. Cost O(n) per system.
 ///
 /// # Errors
 /// `q`, `basic_set` or `z` is not as long as the diagonal, or a pivot is zero, which it cannot be for
@@ -29,12 +30,21 @@ pub fn policy_iteration(
     basic_set: &mut [bool],
     z: &mut [f64],
     settling: Settling,
+    interrupt: Interrupt<'_>,
 ) -> Result<u64, KernelError> {
     check_length("q", q, matrix.size())?;
     check_length("basic_set", basic_set, matrix.size())?;
     check_length("z", z, matrix.size())?;
     let mut multiplier = vec![0.0; matrix.size()];
-    iterate(matrix, q, basic_set, z, &mut multiplier, settling)
+    iterate(
+        matrix,
+        q,
+        basic_set,
+        z,
+        &mut multiplier,
+        settling,
+        interrupt,
+    )
 }
 
 /// `policy_iteration` on slices that fit the matrix, with a buffer as long as z.
@@ -45,10 +55,11 @@ pub(crate) fn iterate(
     z: &mut [f64],
     multiplier: &mut [f64],
     settling: Settling,
+    interrupt: Interrupt<'_>,
 ) -> Result<u64, KernelError> {
     let mut systems = 0;
     let mut settled = false;
-    while !settled && systems < u64::from(settling.limit) {
+    while !settled && systems < u64::from(settling.limit) && (systems == 0 || !interrupt()) {
         solve_on(matrix, q, basic_set, z, multiplier)?;
         settled = !exchange(matrix, q, z, settling.tolerance, basic_set);
         systems += 1;
@@ -130,6 +141,7 @@ fn exchange(
 #[cfg(test)]
 mod tests {
     use super::{policy_iteration, KernelError, Settling, Tridiagonal};
+    use crate::interrupt::never;
 
     const SETTLING: Settling = Settling {
         tolerance: 1e-14,
@@ -141,7 +153,7 @@ mod tests {
         let (coupling, diagonal) = (vec![-1.0; q.len() - 1], vec![2.0; q.len()]);
         let matrix = Tridiagonal::new(&coupling, &diagonal, &coupling).unwrap();
         let mut z = vec![7.0; q.len()];
-        let systems = policy_iteration(matrix, q, basic_set, &mut z, settling).unwrap();
+        let systems = policy_iteration(matrix, q, basic_set, &mut z, settling, &never).unwrap();
         (z, systems)
     }
 
@@ -196,7 +208,7 @@ mod tests {
         // [[3, -2], [-1, 4]] z = (4, 2) has z = (2, 1).
         let matrix = Tridiagonal::new(&[-1.0], &[3.0, 4.0], &[-2.0]).unwrap();
         let mut z = [0.0; 2];
-        policy_iteration(matrix, &[-4.0, -2.0], &mut [true; 2], &mut z, SETTLING).unwrap();
+        policy_iteration(matrix, &[-4.0, -2.0], &mut [true; 2], &mut z, SETTLING, &never).unwrap();
         assert_close(&z, &[2.0, 1.0]);
     }
 
@@ -215,7 +227,7 @@ mod tests {
         // [[1, -2], [-2, 1]] z = (1, 1) has z = (-1, -1): both rows leave, then both enter.
         let matrix = Tridiagonal::new(&[-2.0], &[1.0, 1.0], &[-2.0]).unwrap();
         let (mut z, mut basic_set) = ([0.0; 2], [true; 2]);
-        let systems = policy_iteration(matrix, &[-1.0, -1.0], &mut basic_set, &mut z, SETTLING);
+        let systems = policy_iteration(matrix, &[-1.0, -1.0], &mut basic_set, &mut z, SETTLING, &never);
         assert_eq!(systems, Ok(21));
     }
 
@@ -243,7 +255,7 @@ mod tests {
     fn wrong_lengths_and_zero_pivots_are_named() {
         let matrix = Tridiagonal::new(&[-1.0], &[1.0, 1.0], &[-1.0]).unwrap();
         let message = |q: &[f64], basic_set: &mut [bool], z: &mut [f64]| {
-            let error = policy_iteration(matrix, q, basic_set, z, SETTLING).unwrap_err();
+            let error = policy_iteration(matrix, q, basic_set, z, SETTLING, &never).unwrap_err();
             error.to_string()
         };
         assert_eq!(
@@ -261,7 +273,7 @@ mod tests {
             "pivot 1 is zero"
         );
         assert_eq!(
-            policy_iteration(matrix, &[-1.0; 2], &mut [true; 2], &mut [0.0; 2], SETTLING),
+            policy_iteration(matrix, &[-1.0; 2], &mut [true; 2], &mut [0.0; 2], SETTLING, &never),
             Err(KernelError::ZeroPivot { row: 1 })
         );
     }

@@ -1,6 +1,7 @@
 //! Projected successive over-relaxation (Cryer 1971).
 
 use crate::error::{check_length, KernelError};
+use crate::interrupt::Interrupt;
 use crate::positive_part;
 use crate::tridiagonal::Tridiagonal;
 
@@ -15,7 +16,7 @@ pub struct Sweeping {
     pub limit: u32,
 }
 
-/// Improve z in place and return the number of sweeps: `limit + 1` where it was reached in vain.
+/// Improve z in place and return the number of sweeps: `limit + 1` where it was reached, or the work ended, in vain.
 ///
 /// # Errors
 /// `q` or `z` is not as long as the diagonal, or a diagonal entry is zero.
@@ -24,6 +25,7 @@ pub fn projected_sor(
     q: &[f64],
     z: &mut [f64],
     sweeping: Sweeping,
+    interrupt: Interrupt<'_>,
 ) -> Result<u64, KernelError> {
     check_length("q", q, matrix.size())?;
     check_length("z", z, matrix.size())?;
@@ -38,6 +40,9 @@ pub fn projected_sor(
     for sweeps in 1..=u64::from(sweeping.limit) {
         if sweep(matrix, q, &weights, z, sweeping.tolerance) {
             return Ok(sweeps);
+        }
+        if interrupt() {
+            break;
         }
     }
     Ok(u64::from(sweeping.limit) + 1)
@@ -67,6 +72,7 @@ fn sweep(matrix: Tridiagonal<'_>, q: &[f64], weights: &[f64], z: &mut [f64], wit
 #[cfg(test)]
 mod tests {
     use super::{projected_sor, Sweeping, Tridiagonal};
+    use crate::interrupt::never;
 
     const ONCE: Sweeping = Sweeping {
         relaxation: 1.0,
@@ -79,7 +85,7 @@ mod tests {
         // By hand: max(0, 2/2) = 1, then max(0, (-5 + 1)/2) = 0, then max(0, (2 + 0)/2) = 1.
         let matrix = Tridiagonal::new(&[-1.0; 2], &[2.0; 3], &[-1.0; 2]).unwrap();
         let mut z = [0.0; 3];
-        let sweeps = projected_sor(matrix, &[-2.0, 5.0, -2.0], &mut z, ONCE).unwrap();
+        let sweeps = projected_sor(matrix, &[-2.0, 5.0, -2.0], &mut z, ONCE, &never).unwrap();
         assert_eq!(sweeps, 2);
         assert_eq!(z.map(f64::to_bits), [1.0, 0.0, 1.0].map(f64::to_bits));
     }
@@ -94,7 +100,7 @@ mod tests {
             limit: 200,
         };
         let mut z = [7.0, 7.0, 7.0];
-        let sweeps = projected_sor(matrix, &[-2.0, 5.0, -2.0], &mut z, sweeping).unwrap();
+        let sweeps = projected_sor(matrix, &[-2.0, 5.0, -2.0], &mut z, sweeping, &never).unwrap();
         assert!(sweeps <= 200);
         for (found, expected) in z.iter().zip([1.0, 0.0, 1.0]) {
             assert!((found - expected).abs() <= 1e-12, "{z:?}");
@@ -106,7 +112,7 @@ mod tests {
         let matrix = Tridiagonal::new(&[], &[2.0], &[]).unwrap();
         let mut z = [0.0];
         let twice = Sweeping { limit: 2, ..ONCE };
-        assert_eq!(projected_sor(matrix, &[-3.0], &mut z, twice), Ok(2));
+        assert_eq!(projected_sor(matrix, &[-3.0], &mut z, twice, &never), Ok(2));
         assert_eq!(z[0].to_bits(), 1.5_f64.to_bits());
     }
 
@@ -114,16 +120,16 @@ mod tests {
     fn no_sweeps_and_nan_are_reported_as_the_limit() {
         let matrix = Tridiagonal::new(&[], &[2.0], &[]).unwrap();
         let none = Sweeping { limit: 0, ..ONCE };
-        assert_eq!(projected_sor(matrix, &[-3.0], &mut [4.0], none), Ok(1));
-        assert_eq!(projected_sor(matrix, &[f64::NAN], &mut [0.0], ONCE), Ok(2));
+        assert_eq!(projected_sor(matrix, &[-3.0], &mut [4.0], none, &never), Ok(1));
+        assert_eq!(projected_sor(matrix, &[f64::NAN], &mut [0.0], ONCE, &never), Ok(2));
     }
 
     #[test]
     fn wrong_lengths_and_zero_pivots_are_named() {
         let matrix = Tridiagonal::new(&[], &[2.0], &[]).unwrap();
-        let q = projected_sor(matrix, &[], &mut [0.0], ONCE).unwrap_err();
+        let q = projected_sor(matrix, &[], &mut [0.0], ONCE, &never).unwrap_err();
         assert_eq!(q.to_string(), "q has length 0: must be 1");
-        let z = projected_sor(matrix, &[1.0], &mut [], ONCE).unwrap_err();
+        let z = projected_sor(matrix, &[1.0], &mut [], ONCE, &never).unwrap_err();
         assert_eq!(z.to_string(), "z has length 0: must be 1");
         let matrix = Tridiagonal::new(&[1.0], &[2.0, 0.0], &[1.0]).unwrap();
         let pivot = projected_sor(matrix, &[1.0; 2], &mut [0.0; 2], ONCE).unwrap_err();

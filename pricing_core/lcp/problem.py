@@ -8,12 +8,14 @@ from scipy.sparse import csr_array
 
 from pricing_core.arrays import Matrix, Vector, as_vector
 from pricing_core.errors import NumericalError
+from pricing_core.lcp.row_scales import floored
 from pricing_core.linalg.coefficients import Coefficients, absolute, as_coefficients, dense
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
 DEFAULT_TOLERANCE = 1e-10  # Default tolerance of the scaled residual.
 # Largest ratio of the scaled residual to the weight of q in it, which a singular submatrix exceeds.
 LARGEST_SHARE_OF_Q = 1e-5
+ROUNDED = 1e-14  # a scaled residual that is rounding, whatever the scales of the rows
 SMALLEST_SCALE = 1e-290  # a row whose terms are all smaller is void: its reciprocal would overflow
 
 
@@ -98,24 +100,34 @@ def scaled_residual(problem: LCP, z: Vector) -> float:
 
     s = |M| |z| + |q| is the size of the terms that make up w, and t_i = z_i max_k |m_ki| / s_k is the
     weight of z_i in the row where it matters most. The value is max |min(t_i, w_i / s_i)|. It does not change
-    when rows or columns of the problem are multiplied by positive numbers, and rounding alone makes it
-    a small multiple of 1e-16, whatever the units.
+    when rows or columns of the problem are multiplied by positive numbers. Where it is not at rounding level, rows
+    with much smaller terms than the rows that they depend on are measured again with s_i at least 1e-6 of what
+    reaches them from there (`row_scales.floored`), since their terms may be rounding alone. Then rounding makes it a
+    small multiple of 1e-16 times the amplification of rounding by M, whatever the units.
 
     Examples
     --------
     >>> scaled_residual(LCP([[2e-12]], [-6e12]), np.array([1e24]))
     0.5
     """
-    weight, slack = scaled_parts(problem, z)
-    return float(np.max(np.abs(np.minimum(weight, slack)), initial=0.0))
+    sizes = _term_sizes(problem, z)
+    slack = problem.slack(z)
+    error = _largest_part(*_scaled(problem.M, z, slack, sizes))
+    return error if error <= ROUNDED else _largest_part(*_scaled(problem.M, z, slack, floored(problem.M, sizes)))
 
 
 def scaled_parts(problem: LCP, z: Vector) -> tuple[Vector, Vector]:
-    """Return (t, w / s) of `scaled_residual`, both of shape (n,); w_i / s_i = 0 where s_i = 0."""
-    s = _term_sizes(problem, z)
-    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > SMALLEST_SCALE)
-    slack = problem.slack(z) * inverse
-    return z * _largest_in_column(absolute(problem.M), inverse), slack
+    """Return (t, w / s) of `scaled_residual`, both of shape (n,), without a floor; w_i / s_i = 0 where s_i = 0."""
+    return _scaled(problem.M, z, problem.slack(z), _term_sizes(problem, z))
+
+
+def _scaled(M: Coefficients, z: Vector, slack: Vector, sizes: Vector) -> tuple[Vector, Vector]:
+    inverse = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > SMALLEST_SCALE)
+    return z * _largest_in_column(absolute(M), inverse), slack * inverse
+
+
+def _largest_part(weight: Vector, slack: Vector) -> float:
+    return float(np.abs(np.minimum(weight, slack)).max(initial=0.0))
 
 
 def solution_of(problem: LCP, z: Vector, iterations: int, method: str) -> LCPSolution:
@@ -136,20 +148,22 @@ def verified(
     if not np.isfinite(z).all():
         raise NumericalError(f"{method} produced numbers that are not finite: {remedy}")
     clipped = np.maximum(z, 0.0) + 0.0  # no -0.0
-    error = scaled_residual(problem, clipped)
+    sizes, slack = _term_sizes(problem, clipped), problem.slack(clipped)
+    error = _largest_part(*_scaled(problem.M, clipped, slack, sizes))
+    if not error <= min(tolerance, ROUNDED):
+        error = scaled_residual(problem, clipped)
     if not error <= tolerance:
         raise NumericalError(
             f"{method} left a scaled residual of {error:.1e}, more than {tolerance:.1e}: {remedy}"
         )
-    if not error <= LARGEST_SHARE_OF_Q * _weight_of_q(problem, clipped):
+    if not error <= LARGEST_SHARE_OF_Q * _weight_of_q(problem, sizes):
         raise NumericalError(f"{method} ended so far out that q is lost in rounding: {remedy}")
-    return solution_of(problem, clipped, iterations, method)
+    return LCPSolution(clipped, slack, float(np.abs(np.minimum(clipped, slack)).max(initial=0.0)), iterations, method)
 
 
-def _weight_of_q(problem: LCP, z: Vector) -> float:
+def _weight_of_q(problem: LCP, sizes: Vector) -> float:
     """Return max |q_i| / s_i: tiny where z nearly solves M z = 0 and any q would do."""
-    s = _term_sizes(problem, z)
-    return float(np.max(np.divide(np.abs(problem.q), s, out=np.zeros_like(s), where=s > 0.0), initial=0.0))
+    return float(np.divide(np.abs(problem.q), sizes, out=np.zeros_like(sizes), where=sizes > 0.0).max(initial=0.0))
 
 
 def _term_sizes(problem: LCP, z: Vector) -> Vector:

@@ -1,14 +1,13 @@
 """Equilibration: an equivalent problem whose rows and columns are of size about one."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from pricing_core import kernel
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcp.problem import LCP
-
-ROUNDS = 12  # each halves the logarithm of what is left; 1e24 is within 2 % of 1 after twelve
-LARGEST_EXPONENT = 400  # keeps the factors, and products of two of them, inside the range of a double
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,17 +44,12 @@ def equilibrate(problem: LCP) -> ScaledProblem:
     array([[1., 0.],
            [0., 1.]])
     """
-    M = np.array(problem.dense())
-    row, column = np.ones(problem.size), np.ones(problem.size)
-    for _ in range(ROUNDS):
-        magnitude = np.abs(M)
-        row = row * _inverse_root(np.max(magnitude, axis=1, initial=0.0))
-        column = column * _inverse_root(np.max(magnitude, axis=0, initial=0.0))
-        M = row[:, None] * problem.dense() * column
-    row, column = _power_of_two(row), _power_of_two(column)
+    M = problem.dense()
+    row, column = kernel.equilibrate(M)
     q = row * problem.q
-    size = float(_power_of_two(np.array([np.max(np.abs(q), initial=0.0) or 1.0]))[0])
-    return ScaledProblem(row[:, None] * problem.dense() * column, q / size, row, column, size)
+    largest = float(np.abs(q).max(initial=0.0))
+    size = math.ldexp(1.0, math.frexp(largest)[1] - 1) if largest > 0.0 else 1.0
+    return ScaledProblem(row[:, None] * M * column, q / size, row, column, size)
 
 
 def span_of_scales(scaled: ScaledProblem) -> float:
@@ -69,12 +63,3 @@ def span_of_scales(scaled: ScaledProblem) -> float:
     magnitudes = np.abs(np.append(scaled.M, scaled.q))
     nonzero = magnitudes[magnitudes > 0.0]
     return float(nonzero.max() / nonzero.min()) if nonzero.size else 1.0
-
-
-def _inverse_root(largest: Vector) -> Vector:
-    return np.asarray(1.0 / np.sqrt(np.where(largest > 0.0, largest, 1.0)))
-
-
-def _power_of_two(x: Vector) -> Vector:
-    exponent = np.clip(np.rint(np.log2(x)), -LARGEST_EXPONENT, LARGEST_EXPONENT)
-    return np.asarray(np.exp2(exponent))

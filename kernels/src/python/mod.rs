@@ -1,6 +1,7 @@
 //! The module `pricing_core._kernels`: arrays in, arrays out, without the interpreter lock.
 
 mod arguments;
+mod dense;
 mod interrupt;
 mod multiplier_collocation;
 mod premium_march;
@@ -21,6 +22,8 @@ fn instruction_set() -> &'static str {
 #[pymodule]
 mod _kernels {
     #[pymodule_export]
+    use super::dense::{equilibrate, lemke};
+    #[pymodule_export]
     use super::instruction_set;
     #[pymodule_export]
     use super::multiplier_collocation::solve_schedules;
@@ -29,7 +32,9 @@ mod _kernels {
     #[pymodule_export]
     use super::segment_march::march_segment;
     #[pymodule_export]
-    use super::tridiagonal::{brennan_schwartz, policy_iteration, projected_sor};
+    use super::tridiagonal::{
+        brennan_schwartz, growing_basic_set, policy_iteration, projected_sor,
+    };
 
     /// The version of the crate.
     #[pymodule_export]

@@ -3,6 +3,7 @@
 use super::boundary_cell::{Correction, Placed};
 use super::elimination::{Bands, Factors};
 use super::{larger, Segment};
+use crate::interrupt::never;
 use crate::error::KernelError;
 use crate::policy_iteration::{iterate, Settling};
 
@@ -198,6 +199,7 @@ impl<'a> Stage<'a> {
             &mut self.slack,
             &mut self.scratch,
             settling,
+            &never,
         )?;
         self.bands.apply(&self.slack, &self.q, &mut self.w);
         self.residual = self
