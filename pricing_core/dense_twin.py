@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
+CLOSE = 0.01  # factors of a round that are all this near 1 end the rounds
 ROUNDS = 12  # of equilibration; each halves the logarithm of what is left
 LARGEST_EXPONENT = 400  # keeps the factors, and products of two of them, inside the range of a double
 # Lemke's method; each is relative to the terms of a number, the first to the largest entry of the entering column.
@@ -30,8 +31,11 @@ def equilibrate(M: Matrix) -> tuple[Vector, Vector]:
     row, column = np.ones(len(M)), np.ones(len(M))
     for _ in range(ROUNDS):
         magnitude = np.abs(row[:, None] * M * column)
-        row = row * _inverse_root(np.max(magnitude, axis=1, initial=0.0))
-        column = column * _inverse_root(np.max(magnitude, axis=0, initial=0.0))
+        by_row = _inverse_root(np.max(magnitude, axis=1, initial=0.0))
+        by_column = _inverse_root(np.max(magnitude, axis=0, initial=0.0))
+        row, column = row * by_row, column * by_column
+        if np.max(np.abs(np.append(by_row, by_column) - 1.0), initial=0.0) <= CLOSE:
+            break
     return _power_of_two(row), _power_of_two(column)
 
 

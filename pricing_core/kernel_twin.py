@@ -9,6 +9,7 @@ from pricing_core.arrays import BoolVector, Vector
 
 Interrupt = Callable[[], bool] | None
 
+
 def brennan_schwartz(
     lower: Vector, diagonal: Vector, upper: Vector, q: Vector, contact_first: bool
 ) -> Vector:

@@ -55,7 +55,7 @@ def _with_friction(random: np.random.Generator, inertia: Matrix, normals: Matrix
     M[k : len(J), len(J) :] = E
     M[len(J) :, :k] = friction
     M[len(J) :, k : len(J)] = -E.T
-    velocity = random.normal(size=d) * (random.random(d) < 0.7)
+    velocity = np.where(random.random(d) < 0.7, random.normal(size=d), 0.0)
     velocity[d // 3 if d == 3 else 2] -= 0.1  # gravity acts on it
     return Posed(M, np.append(J @ velocity, np.zeros(k)), True)
 

@@ -4,6 +4,8 @@ use crate::error::{check_length, KernelError};
 
 /// Each round halves the logarithm of what is left; 1e24 is within 2 % of 1 after twelve.
 const ROUNDS: u32 = 12;
+/// Factors of a round that are all this near one end the rounds.
+const CLOSE: f64 = 0.01;
 /// Keeps the factors, and products of two of them, inside the range of a double.
 const LARGEST_EXPONENT: f64 = 400.0;
 
@@ -27,11 +29,15 @@ pub fn equilibrate(entries: &[f64], size: usize) -> Result<(Vec<f64>, Vec<f64>),
                 by_column[j] = by_column[j].max(magnitude);
             }
         }
-        for (factor, largest) in row.iter_mut().zip(&by_row) {
-            *factor *= inverse_root(*largest);
+        let mut settled = true;
+        let factors = row.iter_mut().chain(column.iter_mut());
+        for (factor, largest) in factors.zip(by_row.iter().chain(&by_column)) {
+            let change = inverse_root(*largest);
+            *factor *= change;
+            settled &= (change - 1.0).abs() <= CLOSE;
         }
-        for (factor, largest) in column.iter_mut().zip(&by_column) {
-            *factor *= inverse_root(*largest);
+        if settled {
+            break;
         }
     }
     for factor in row.iter_mut().chain(column.iter_mut()) {

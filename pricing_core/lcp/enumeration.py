@@ -4,17 +4,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pricing_core.arrays import BoolVector, Matrix, Vector
+from pricing_core.arrays import BoolVector, Matrix, Vector, as_whole_number
 from pricing_core.errors import InvalidInputError, IterationLimitError, NumericalError
 from pricing_core.lcp.basis import basic_point
+from pricing_core.lcp.exact import (
+    LARGEST_SEARCHED_ORDER,
+    complementary_cells,
+    exact_problem,
+    rounded,
+    without,
+)
 from pricing_core.lcp.linear_programme import minimise
 from pricing_core.lcp.polyhedron import Face, face_of
-from pricing_core.lcp.problem import LCP, LCPSolution, scaled_residual, solution_of
+from pricing_core.lcp.problem import LCP, LCPSolution, scaled_parts, scaled_residual, solution_of
 from pricing_core.lcp.scaling import ScaledProblem, equilibrate
+from pricing_core.linalg.polynomial_tableau import Tableau
 
-LARGEST_ORDER = 20
-# Largest ratio of the nonzero equilibrated data for which an enumeration is complete.
-LARGEST_SPAN = 1e3
+LARGEST_ORDER = LARGEST_SEARCHED_ORDER
+MOST_EXACT_CELLS = 2000  # in exact arithmetic for each cell of the search, a millisecond each
 ZERO = 1e-8  # in the scaled problem, whose largest |q| is 1: less than this counts as zero
 
 
@@ -31,11 +38,15 @@ class SolutionSet:
         the pair (vertices, rays) of arrays of shape (k, n) and (m, n).
     nodes : int
         Linear programmes solved in the search.
+    complete : bool
+        True: proved that every solution of the problem as it is given lies in what was found, to within 1e-8 of the
+        scaled problem. False: a continuum was met of which only a part is described.
     """
 
     isolated: tuple[LCPSolution, ...]
     faces: tuple[Face, ...]
     nodes: int
+    complete: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,7 +68,7 @@ class _Cell:
 
 
 def enumerate_solutions(problem: LCP, *, max_nodes: int = 200_000) -> SolutionSet:
-    """Find all solutions of an LCP with n <= 20 and moderate scales, singular principal submatrices included.
+    """Find all solutions of an LCP with n <= 20, singular principal submatrices included.
 
     The solutions are the faces of {z >= 0, M z + q >= 0} on which z_i w_i = 0 for every i. A depth-first
     search splits on z_i = 0 or w_i = 0. The linear programme max sum_i min(z_i, w_i, 1) drops the empty
@@ -82,17 +93,16 @@ def enumerate_solutions(problem: LCP, *, max_nodes: int = 200_000) -> SolutionSe
         n > 20.
     IterationLimitError
         `max_nodes` were not enough.
-    NumericalError
-        A linear programme failed.
 
     Notes
     -----
     Decisions are made in the equilibrated problem, whose largest |q| is 1: numbers below 1e-8 are zero there,
-    so that solutions closer than that are one, and a solution must have a scaled residual below 1e-8.
+    so that solutions closer than that are one, and a solution must have a scaled residual below 1e-8. So the solutions
+    of data that were rounded are found as those of the data before.
 
-    The search is complete for data of moderate scales: all nonzero numbers of the equilibrated M and q within
-    a factor 1e3, minors of M that are not nearly zero. Beyond that a solution with components, or a cell with
-    a width, of less than 1e-8 may be lost, and an empty result proves nothing.
+    A cell that the linear programmes leave out is searched again in exact arithmetic, for the numbers as they are
+    given. What it holds joins the isolated solutions, or it is proved to be empty. `complete` is False only where the
+    exact search met a continuum or came to its limit of 2 000 cells.
 
     Examples
     --------
@@ -108,21 +118,62 @@ def enumerate_solutions(problem: LCP, *, max_nodes: int = 200_000) -> SolutionSe
             "M", f"a matrix of order {n}", f"of order at most {LARGEST_ORDER} for enumeration"
         )
     if n == 0:
-        return SolutionSet((solution_of(problem, np.zeros(0), 0, "enumeration"),), (), 0)
+        return SolutionSet((solution_of(problem, np.zeros(0), 0, "enumeration"),), (), 0, True)
+    max_nodes = as_whole_number("max_nodes", max_nodes, 1)
     scaled = equilibrate(problem)
-    cells, nodes = _solution_cells(scaled.M, scaled.q, max_nodes)
-    maximal = _maximal(scaled, [(cell, _checked_face(scaled, cell)) for cell in cells])
+    cells, dropped, nodes = _solution_cells(scaled.M, scaled.q, max_nodes)
+    narrowed = [_with_implied_zeros(scaled.M, scaled.q, cell, point) for cell, point in cells]
+    described = [(cell, *_checked_face(scaled, cell)) for cell in narrowed]
+    maximal = _maximal(scaled, [(cell, face) for cell, face, _ in described])
     isolated = [_isolated(problem, scaled, face.vertices[0], nodes) for face in maximal if face.is_point]
     faces = [
         Face(scaled.original(f.vertices), scaled.original_ray(f.rays)) for f in maximal if not f.is_point
     ]
-    return SolutionSet(tuple(sorted(isolated, key=lambda solution: solution.z.tolist())), tuple(faces), nodes)
+    missed, complete = _missed(problem, scaled, [*(cell for cell, _ in cells), *dropped], described)
+    isolated += [solution_of(problem, z, nodes, "enumeration") for z in missed]
+    isolated.sort(key=lambda solution: solution.z.tolist())
+    return SolutionSet(tuple(isolated), tuple(faces), nodes, complete)
 
 
-def _solution_cells(M: Matrix, q: Vector, max_nodes: int) -> tuple[list[_Cell], int]:
-    """Return cells that consist of solutions and together contain all of them."""
+def _missed(
+    problem: LCP, scaled: ScaledProblem, cells: list[_Cell], described: list[tuple[_Cell, Face, bool]]
+) -> tuple[list[Vector], bool]:
+    """Search cells in exact arithmetic; return solutions that no described face holds, and whether these are all."""
+    posed, n = exact_problem(problem), problem.size
+    whole = [cell for cell, _, is_whole in described if is_whole]
+    proved = [np.flatnonzero(np.append(cell.zero_w, cell.zero_z)) for cell in whole]
+    found: dict[tuple[float, ...], Vector] = {}
+    complete = True
+    for cell in cells:
+        tableau: Tableau | None = posed.tableau
+        for v in (*np.flatnonzero(cell.zero_w).tolist(), *(n + np.flatnonzero(cell.zero_z)).tolist()):
+            tableau = without(tableau, v)
+        pairs = frozenset(np.flatnonzero(~(cell.zero_z | cell.zero_w)).tolist())
+        try:
+            for exact in complementary_cells(tableau, n, pairs, MOST_EXACT_CELLS):
+                if any(exact.zeros.issuperset(zeros.tolist()) for zeros in proved):
+                    continue
+                z = rounded(posed.values(exact.tableau)[n:])
+                if not any(_holds(problem, z, other) for other in whole):
+                    found[tuple(z.tolist())] = z
+                complete &= exact.is_point
+        except IterationLimitError:
+            complete = False
+    return list(found.values()), complete
+
+
+def _holds(problem: LCP, z: Vector, cell: _Cell) -> bool:
+    """Tell whether the zeros of a cell are zero at a solution, to within 1e-8 of the terms of each row."""
+    weight, slack = scaled_parts(problem, z)
+    return not ((weight * cell.zero_z > ZERO) | (slack * cell.zero_w > ZERO)).any()
+
+
+def _solution_cells(
+    M: Matrix, q: Vector, max_nodes: int
+) -> tuple[list[tuple[_Cell, Vector]], list[_Cell], int]:
+    """Return cells that consist of solutions, those that were left out as empty, and the number of cells."""
     nowhere = np.zeros(q.size, dtype=np.bool_)
-    stack, found, nodes = [_Cell(nowhere, nowhere)], [], 0
+    stack, found, dropped, nodes = [_Cell(nowhere, nowhere)], [], [], 0
     while stack:
         if nodes >= max_nodes:
             raise IterationLimitError(
@@ -130,16 +181,20 @@ def _solution_cells(M: Matrix, q: Vector, max_nodes: int) -> tuple[list[_Cell], 
             )
         cell = stack.pop()
         nodes += 1
-        point = _least_complementary_point(M, q, cell)
+        try:
+            point = _least_complementary_point(M, q, cell)
+        except NumericalError:
+            point = None
         if point is None:
+            dropped.append(cell)
             continue
         overlap = np.where(cell.zero_z | cell.zero_w, 0.0, np.minimum(point, M @ point + q))
         i = int(np.argmax(overlap))
         if overlap[i] <= ZERO:
-            found.append(_with_implied_zeros(M, q, cell, point))
+            found.append((cell, point))
         else:
             stack += [cell.with_zero_z(i), cell.with_zero_w(i)]
-    return found, nodes
+    return found, dropped, nodes
 
 
 def _least_complementary_point(M: Matrix, q: Vector, cell: _Cell) -> Vector | None:
@@ -183,12 +238,12 @@ def _maximise(
     return minimise(-gain, rows, sizes, highest, equations=equations, values=-q[cell.zero_w])
 
 
-def _checked_face(scaled: ScaledProblem, cell: _Cell) -> Face:
-    """Return the vertices and rays of a cell, without vertices that fail as solutions."""
+def _checked_face(scaled: ScaledProblem, cell: _Cell) -> tuple[Face, bool]:
+    """Return the vertices and rays of a cell, without vertices that fail as solutions, and whether none failed."""
     face = face_of(scaled.M, scaled.q, cell.zero_z, cell.zero_w)
     problem = LCP(scaled.M, scaled.q)
-    good = [scaled_residual(problem, vertex) <= ZERO for vertex in face.vertices]
-    return Face(face.vertices[np.array(good, dtype=np.bool_)], face.rays)
+    good = np.array([scaled_residual(problem, vertex) <= ZERO for vertex in face.vertices], dtype=np.bool_)
+    return Face(face.vertices[good], face.rays), bool(good.size and good.all())
 
 
 def _maximal(scaled: ScaledProblem, found: list[tuple[_Cell, Face]]) -> list[Face]:

@@ -2,15 +2,18 @@
 
 import numpy as np
 
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import BoolVector, Vector, as_whole_number
 from pricing_core.errors import IterationLimitError
 from pricing_core.lcp.basis import basic_point
 from pricing_core.lcp.problem import DEFAULT_TOLERANCE, LCP, LCPSolution, scaled_parts, verified
+from pricing_core.lcp.time_limit import TimeLimit
 
 VIOLATION = 1e-13  # scaled: smaller negative numbers are rounding
 
 
-def solve_murty(problem: LCP, *, max_pivots: int | None = None) -> LCPSolution:
+def solve_murty(
+    problem: LCP, *, max_pivots: int | None = None, time_limit: float | None = None
+) -> LCPSolution:
     """Solve an LCP with a P-matrix by single principal pivots on the first violated index.
 
     Start from z = 0. While some z_i < 0 with i basic or w_i < 0 with i not basic, move the first such i into
@@ -22,6 +25,8 @@ def solve_murty(problem: LCP, *, max_pivots: int | None = None) -> LCPSolution:
         M a P-matrix; for other matrices the method may stop on a singular submatrix or go round in circles.
     max_pivots : int, optional
         Default 1000 + 50 n. A pivot costs one factorisation; there may be 2**n - 1 of them.
+    time_limit : float, optional
+        Seconds.
 
     Returns
     -------
@@ -31,7 +36,7 @@ def solve_murty(problem: LCP, *, max_pivots: int | None = None) -> LCPSolution:
     Raises
     ------
     IterationLimitError
-        `max_pivots` were not enough.
+        `max_pivots` or `time_limit` were not enough.
     NumericalError
         A principal submatrix is singular: M is no P-matrix.
 
@@ -45,9 +50,11 @@ def solve_murty(problem: LCP, *, max_pivots: int | None = None) -> LCPSolution:
     >>> solution.z
     array([1., 1., 1.])
     """
-    limit = 1000 + 50 * problem.size if max_pivots is None else max_pivots
+    limit = 1000 + 50 * problem.size if max_pivots is None else as_whole_number("max_pivots", max_pivots, 0)
+    clock = TimeLimit(time_limit)
     basic_set = np.zeros(problem.size, dtype=np.bool_)
     for pivots in range(limit + 1):
+        clock.check("least-index pivoting")
         z = basic_point(problem, basic_set)
         violated = np.flatnonzero(_violations(problem, z, basic_set))
         if violated.size == 0:

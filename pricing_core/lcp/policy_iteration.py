@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core import kernel
-from pricing_core.arrays import BoolVector, Vector, as_vector
+from pricing_core.arrays import BoolVector, Vector, as_array, as_vector, as_whole_number
 from pricing_core.errors import InvalidInputError, IterationLimitError, NumericalError
 from pricing_core.lcp.basis import basic_point
 from pricing_core.lcp.policies import iterate_policies
@@ -16,16 +16,24 @@ from pricing_core.lcp.problem import (
     scaled_residual,
     verified,
 )
+from pricing_core.lcp.time_limit import TimeLimit
+from pricing_core.linalg.coefficients import diagonal_of
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
 ROUNDING = 1e-14  # scaled: a smaller violation does not move its index to the other side
 REMEDY = "raise max_iterations, or use Lemke where M is no M-matrix"
 # Scaled residual that ends the iteration where rounding keeps indices moving.
 SOLVED = 1e-13
+SWEEPS = (0, 10, 100, 1000)  # before policy iteration is tried again
+MOST_FROM_SWEEPS = 200  # linear systems in each trial; a few are usual
 
 
 def solve_policy_iteration(
-    problem: LCP, *, start: ArrayLike | None = None, max_iterations: int | None = None
+    problem: LCP,
+    *,
+    start: ArrayLike | None = None,
+    max_iterations: int | None = None,
+    time_limit: float | None = None,
 ) -> LCPSolution:
     """Solve an LCP with an M-matrix in a few linear systems; worth a try for other matrices.
 
@@ -42,6 +50,8 @@ def solve_policy_iteration(
     max_iterations : int, optional
         Default n + 50: for an M-matrix z never falls from the second iterate on, so that at most n + 1 are
         needed.
+    time_limit : float, optional
+        Seconds.
 
     Returns
     -------
@@ -51,7 +61,7 @@ def solve_policy_iteration(
     Raises
     ------
     IterationLimitError
-        A basic set came back, or `max_iterations` were not enough; the default is for an M-matrix.
+        A basic set came back, or `max_iterations` or `time_limit` were not enough; the default is for an M-matrix.
     NumericalError
         A principal submatrix is singular.
 
@@ -67,35 +77,69 @@ def solve_policy_iteration(
     >>> solution.z, solution.iterations
     (array([1., 2.]), 2)
     """
-    limit = problem.size + 50 if max_iterations is None else max_iterations
-    if not limit >= 1:
-        raise InvalidInputError("max_iterations", max_iterations, "a whole number >= 1")
-    basic_set = _first_basic_set(problem, start)
+    limit = (
+        problem.size + 50 if max_iterations is None else as_whole_number("max_iterations", max_iterations, 1)
+    )
+    basic_set, clock = first_basic_set(problem, start), TimeLimit(time_limit)
     if isinstance(problem.M, Tridiagonal):
-        z, iterations = _solve_tridiagonal(problem, problem.M, basic_set, limit)
+        z, iterations = _solve_tridiagonal(problem, problem.M, basic_set, limit, clock)
     else:
-        z, iterations = _solve_general(problem, basic_set, limit)
+        z, iterations = _solve_general(problem, basic_set, limit, clock)
     return verified(problem, z, iterations, "policy-iteration", DEFAULT_TOLERANCE, "use Lemke")
 
 
-def _solve_tridiagonal(problem: LCP, M: Tridiagonal, basic_set: BoolVector, limit: int) -> tuple[Vector, int]:
+def policy_from_sweeps(problem: LCP, *, time_limit: float | None = None) -> LCPSolution:
+    """Solve an LCP with an H+ matrix by policy iteration, from z = 0 and then from more and more projected sweeps.
+
+    The sweeps z <- max(0, z - w / diag(M)) converge for every H+ matrix (Cottle, Pang, Stone 1992, theorem 5.3.2), so
+    that policy iteration, which may go round from afar, starts nearer and nearer to the solution.
+
+    Raises
+    ------
+    NumericalError, IterationLimitError
+        Policy iteration did not end from any of the starts, or `time_limit`, in seconds, was too short.
+    """
+    clock, z, diagonal = TimeLimit(time_limit), np.zeros(problem.size), diagonal_of(problem.M)
+    for sweeps in SWEEPS:
+        try:
+            for _ in range(sweeps):
+                z = np.maximum(z - problem.slack(z) / diagonal, 0.0)
+                clock.check("projected sweeps")
+            start = problem.slack(z) < diagonal * z if sweeps else None
+            return solve_policy_iteration(
+                problem, start=start, max_iterations=MOST_FROM_SWEEPS, time_limit=clock.left()
+            )
+        except NumericalError as error:
+            failure = error
+            clock.check("policy iteration")
+    raise failure
+
+
+def _solve_tridiagonal(
+    problem: LCP, M: Tridiagonal, basic_set: BoolVector, limit: int, clock: TimeLimit
+) -> tuple[Vector, int]:
     try:
         z, systems = kernel.policy_iteration(
-            M.lower, M.diagonal, M.upper, problem.q, basic_set, ROUNDING, limit
+            M.lower, M.diagonal, M.upper, problem.q, basic_set, ROUNDING, limit, clock
         )
     except ZeroDivisionError:
         raise NumericalError(
             "a pivot is zero: M is no M-matrix, or a principal submatrix is singular; use Lemke"
         ) from None
-    if systems > limit and not scaled_residual(problem, z) <= SOLVED:
-        raise IterationLimitError(f"policy iteration did not converge within {limit} iterations: {REMEDY}")
+    if not scaled_residual(problem, z) <= SOLVED:
+        clock.check("policy iteration")
+        if systems > limit:
+            raise IterationLimitError(
+                f"policy iteration did not converge within {limit} iterations: {REMEDY}"
+            )
     return z, min(systems, limit)
 
 
-def _solve_general(problem: LCP, basic_set: BoolVector, limit: int) -> tuple[Vector, int]:
+def _solve_general(problem: LCP, basic_set: BoolVector, limit: int, clock: TimeLimit) -> tuple[Vector, int]:
     seen: set[bytes] = set()
 
     def evaluate(basic_set: BoolVector) -> tuple[BoolVector, Vector]:
+        clock.check("policy iteration")
         seen.add(basic_set.tobytes())
         return basic_set, basic_point(problem, basic_set)
 
@@ -116,10 +160,17 @@ def _solve_general(problem: LCP, basic_set: BoolVector, limit: int) -> tuple[Vec
     return z, iterations
 
 
-def _first_basic_set(problem: LCP, start: ArrayLike | None) -> BoolVector:
+def first_basic_set(problem: LCP, start: ArrayLike | None) -> BoolVector:
+    """Return the basic set of a start: itself where it is boolean, {i: w_i < z_i} of a z, that of z = 0 by default.
+
+    Raises
+    ------
+    InvalidInputError
+        `start` has another length, or holds no numbers.
+    """
     if start is None:
         return problem.q < 0.0
-    given = np.asarray(start)
+    given = as_array("start", start)
     if given.dtype != np.bool_:
         z = as_vector("start", start, problem.size)
         return problem.slack(z) < z

@@ -1,32 +1,39 @@
-"""Lemke's complementary pivoting over the ordered field of rational functions."""
+"""Lemke's complementary pivoting over the rational numbers and the ordered field of rational functions."""
 
-from flint import fmpz_poly
+from collections.abc import Sequence
 
 from pricing_core.errors import RayTerminationError
-from pricing_core.linalg.polynomial_tableau import Tableau
+from pricing_core.lcp.time_limit import TimeLimit
+from pricing_core.linalg.polynomial_tableau import Element, Row, Tableau
 from pricing_core.linalg.polynomials import sign_at_infinity
-from pricing_core.linalg.principal_minors import PolynomialMatrix
 
 
 def solve_polynomial_lemke(
-    p: fmpz_poly, N: PolynomialMatrix, q: list[fmpz_poly]
-) -> tuple[list[fmpz_poly], fmpz_poly]:
-    """Solve p w = N z + q with 0 <= w _|_ z >= 0 for all sufficiently large s.
+    p: Element,
+    N: Sequence[Row],
+    q: Row,
+    *,
+    time_limit: TimeLimit | None = None,
+) -> tuple[Row, Element]:
+    """Solve p w = N z + q with 0 <= w _|_ z >= 0, for numbers, or polynomials at all sufficiently large s.
 
     Parameters
     ----------
     p, N, q
-        As for `pricing_core.linalg.principal_minors.principal_solutions`, p positive for large s.
+        As for `pricing_core.linalg.principal_minors.principal_solutions`, p positive for large s; or whole numbers,
+        p times any minor of N / p one too, as where p = 1.
 
     Returns
     -------
-    numerators, denominator : list of fmpz_poly (k,), fmpz_poly
+    numerators, denominator : list (k,), number or polynomial
         Numerators and common denominator of z, the denominator positive for large s.
 
     Raises
     ------
     RayTerminationError
         The path ended on a ray: nothing is proved.
+    IterationLimitError
+        The time is over.
 
     Notes
     -----
@@ -37,12 +44,13 @@ def solve_polynomial_lemke(
     --------
     s w = z - s, so that z = s and w = 0:
 
+    >>> from flint import fmpz_poly
     >>> solve_polynomial_lemke(fmpz_poly([0, 1]), [[fmpz_poly([1])]], [fmpz_poly([0, -1])])
     ([x], 1)
     """
     k = len(q)
     covering = 2 * k
-    zero = fmpz_poly()
+    zero = p - p
     rows = [[*(-a for a in row), -p, right] for row, right in zip(N, q, strict=True)]
     tableau = Tableau(p, rows, tuple(range(k)), tuple(range(k, 2 * k + 1)))
     if all(sign_at_infinity(right) >= 0 for right in q):
@@ -53,6 +61,8 @@ def solve_polynomial_lemke(
             r = i
     entering = covering
     while True:
+        if time_limit is not None:
+            time_limit.check("Lemke's method in exact arithmetic")
         leaving = tableau.basic[r]
         tableau = tableau.pivot(r, tableau.nonbasic.index(entering))
         if leaving == covering:
@@ -61,9 +71,7 @@ def solve_polynomial_lemke(
         entering = leaving + k if leaving < k else leaving - k
         chosen = _leaving_row(tableau, tableau.nonbasic.index(entering), covering, k)
         if chosen is None:
-            raise RayTerminationError(
-                "Lemke's method over the rational functions ended on a ray: nothing is proved"
-            )
+            raise RayTerminationError("Lemke's method in exact arithmetic ended on a ray: nothing is proved")
         r = chosen
 
 
@@ -93,8 +101,8 @@ def _precedes(tableau: Tableau, i: int, j: int, c: int, covering: int, k: int) -
     return False
 
 
-def _inverse_entry(tableau: Tableau, row: int, w: int) -> fmpz_poly:
+def _inverse_entry(tableau: Tableau, row: int, w: int) -> Element:
     """Return the numerator of the inverse basis, which stands in the columns of the slacks."""
     if w in tableau.nonbasic:
         return tableau.rows[row][tableau.nonbasic.index(w)]
-    return tableau.d if tableau.basic[row] == w else fmpz_poly()
+    return tableau.d if tableau.basic[row] == w else tableau.d - tableau.d

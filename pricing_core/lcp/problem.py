@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
-from pricing_core.arrays import Matrix, Vector, as_vector
-from pricing_core.errors import NumericalError
+from pricing_core.arrays import Matrix, Vector, as_number, as_vector
+from pricing_core.errors import InvalidInputError, NumericalError
 from pricing_core.lcp.row_scales import floored
 from pricing_core.linalg.coefficients import Coefficients, absolute, as_coefficients, dense
 from pricing_core.linalg.tridiagonal import Tridiagonal
@@ -84,6 +84,14 @@ class LCPSolution:
     method: str
 
 
+def as_tolerance(tolerance: object) -> float:
+    """Return a tolerance of the scaled residual, or raise InvalidInputError."""
+    number = as_number("tolerance", tolerance)
+    if not 0.0 < number < 1.0:
+        raise InvalidInputError("tolerance", tolerance, "> 0 and < 1")
+    return number
+
+
 def natural_residual(problem: LCP, z: Vector) -> float:
     """Return max |min(z, M z + q)|: zero exactly at the solutions, 0.0 for n = 0.
 
@@ -113,7 +121,11 @@ def scaled_residual(problem: LCP, z: Vector) -> float:
     sizes = _term_sizes(problem, z)
     slack = problem.slack(z)
     error = _largest_part(*_scaled(problem.M, z, slack, sizes))
-    return error if error <= ROUNDED else _largest_part(*_scaled(problem.M, z, slack, floored(problem.M, sizes)))
+    return (
+        error
+        if error <= ROUNDED
+        else _largest_part(*_scaled(problem.M, z, slack, floored(problem.M, z, sizes)))
+    )
 
 
 def scaled_parts(problem: LCP, z: Vector) -> tuple[Vector, Vector]:
@@ -158,12 +170,16 @@ def verified(
         )
     if not error <= LARGEST_SHARE_OF_Q * _weight_of_q(problem, sizes):
         raise NumericalError(f"{method} ended so far out that q is lost in rounding: {remedy}")
-    return LCPSolution(clipped, slack, float(np.abs(np.minimum(clipped, slack)).max(initial=0.0)), iterations, method)
+    return LCPSolution(
+        clipped, slack, float(np.abs(np.minimum(clipped, slack)).max(initial=0.0)), iterations, method
+    )
 
 
 def _weight_of_q(problem: LCP, sizes: Vector) -> float:
     """Return max |q_i| / s_i: tiny where z nearly solves M z = 0 and any q would do."""
-    return float(np.divide(np.abs(problem.q), sizes, out=np.zeros_like(sizes), where=sizes > 0.0).max(initial=0.0))
+    return float(
+        np.divide(np.abs(problem.q), sizes, out=np.zeros_like(sizes), where=sizes > 0.0).max(initial=0.0)
+    )
 
 
 def _term_sizes(problem: LCP, z: Vector) -> Vector:

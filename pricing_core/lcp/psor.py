@@ -5,9 +5,10 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from pricing_core import kernel
-from pricing_core.arrays import Vector, as_vector
+from pricing_core.arrays import Vector, as_number, as_vector, as_whole_number
 from pricing_core.errors import InvalidInputError, IterationLimitError
 from pricing_core.lcp.problem import LCP, LCPSolution, natural_residual, solution_of
+from pricing_core.lcp.time_limit import TimeLimit
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
 
@@ -18,6 +19,7 @@ def solve_psor(
     tolerance: float = 1e-12,
     max_sweeps: int = 100_000,
     start: ArrayLike | None = None,
+    time_limit: float | None = None,
 ) -> LCPSolution:
     """Solve an LCP with a symmetric positive definite or H+ matrix by projected sweeps.
 
@@ -35,6 +37,8 @@ def solve_psor(
         larger than that by the factor 1 / (1 - rate of convergence).
     start : array_like, shape (n,), optional
         Default: z = 0. Negative components are set to zero.
+    time_limit : float, optional
+        Seconds.
 
     Returns
     -------
@@ -44,7 +48,7 @@ def solve_psor(
     Raises
     ------
     IterationLimitError
-        No convergence within `max_sweeps`.
+        No convergence within `max_sweeps` or `time_limit`.
     InvalidInputError
         A diagonal entry is not positive, or an option lies outside its range.
 
@@ -58,16 +62,17 @@ def solve_psor(
     array([2.5, 0. ])
     """
     diagonal = _positive_diagonal(problem)
+    relaxation, tolerance = as_number("relaxation", relaxation), as_number("tolerance", tolerance)
     if not 0.0 < relaxation < 2.0:
         raise InvalidInputError("relaxation", relaxation, "between 0 and 2, both excluded")
     if not 0.0 <= tolerance < 1.0:
         raise InvalidInputError("tolerance", tolerance, "at least 0 and less than 1")
-    if not max_sweeps >= 1:
-        raise InvalidInputError("max_sweeps", max_sweeps, "a whole number >= 1")
+    max_sweeps, clock = as_whole_number("max_sweeps", max_sweeps, 1), TimeLimit(time_limit)
     z = np.zeros(problem.size) if start is None else np.maximum(as_vector("start", start, problem.size), 0.0)
     smallest_change = tolerance * float(np.max(np.abs(problem.q) / diagonal, initial=0.0))
-    z, sweeps = _sweep(problem, diagonal, z, relaxation, smallest_change, max_sweeps)
+    z, sweeps = _sweep(problem, diagonal, z, relaxation, smallest_change, max_sweeps, clock)
     if sweeps > max_sweeps or not np.isfinite(z).all():
+        clock.check("projected SOR")
         raise IterationLimitError(
             f"projected SOR left a residual of {natural_residual(problem, z):.1e} after {max_sweeps} sweeps: "
             "lower the relaxation towards 1, raise max_sweeps or tolerance, or use a direct method"
@@ -86,13 +91,19 @@ def _positive_diagonal(problem: LCP) -> Vector:
 
 
 def _sweep(
-    problem: LCP, diagonal: Vector, z: Vector, relaxation: float, tolerance: float, max_sweeps: int
+    problem: LCP,
+    diagonal: Vector,
+    z: Vector,
+    relaxation: float,
+    tolerance: float,
+    max_sweeps: int,
+    clock: TimeLimit,
 ) -> tuple[Vector, int]:
     """Return (z, sweeps), sweeps = max_sweeps + 1 where the limit was reached."""
     M, q = problem.M, problem.q
     if isinstance(M, Tridiagonal):
         found, count = kernel.projected_sor(
-            M.lower, M.diagonal, M.upper, q, z, float(relaxation), tolerance, int(max_sweeps)
+            M.lower, M.diagonal, M.upper, q, z, relaxation, tolerance, max_sweeps, clock
         )
         return np.asarray(found), int(count)
     rows = _rows(M)
@@ -104,7 +115,7 @@ def _sweep(
             change = float(np.max(np.abs(z - before), initial=0.0))
         if change <= tolerance:
             return z, sweep
-        if not np.isfinite(change):
+        if not np.isfinite(change) or clock():
             break
     return z, max_sweeps + 1
 

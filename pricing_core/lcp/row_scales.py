@@ -1,29 +1,30 @@
 """How large the terms of each row are, where a row whose terms are all rounding is measured by what reaches it."""
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from pricing_core.arrays import Vector
-from pricing_core.linalg.coefficients import Coefficients, dense
+from pricing_core.linalg.coefficients import Coefficients
 
 FLOOR = 1e-6  # share of what reaches a row below which its own terms are no measure
 ROUNDS = 6  # of scaling, and of steps from row to row
 
 
-def floored(M: Coefficients, sizes: Vector) -> Vector:
+def floored(M: Coefficients, z: Vector, sizes: Vector) -> Vector:
     """Return the sizes of the terms of each row, at least 1e-6 of what reaches the row through the couplings.
 
     With the rows and columns of M scaled to largest entries near 1, row i is reached by |m_ij| times what reaches row
-    j, along up to six couplings: z_j carries the rounding of row j into row i.
+    j where z_j > 0, along up to six couplings: such a z_j carries the rounding of row j into row i.
 
     Examples
     --------
     The second row has terms of 1e-30 only, and depends on the first unknown:
 
-    >>> floored(np.array([[1.0, 0.0], [0.5, 1.0]]), np.array([4.0, 1e-30]))
+    >>> floored(np.array([[1.0, 0.0], [0.5, 1.0]]), np.array([1e-30, 0.0]), np.array([4.0, 1e-30]))
     array([4.e+00, 2.e-06])
     """
-    magnitude = csr_array(np.abs(dense(M))) if isinstance(M, np.ndarray) else abs(_sparse(M))
+    magnitude = abs(_sparse(M))
     rows = np.repeat(np.arange(sizes.size), np.diff(magnitude.indptr))
     columns = magnitude.indices
     row, column = np.ones(sizes.size), np.ones(sizes.size)
@@ -31,7 +32,7 @@ def floored(M: Coefficients, sizes: Vector) -> Vector:
         scaled = row[rows] * magnitude.data * column[columns]
         row = row / np.sqrt(_largest(rows, scaled, sizes.size))
         column = column / np.sqrt(_largest(columns, scaled, sizes.size))
-    scaled = np.minimum(row[rows] * magnitude.data * column[columns], 1.0)
+    scaled = np.minimum(row[rows] * magnitude.data * column[columns], 1.0) * (z[columns] > 0.0)
     reach = row * sizes
     for _ in range(ROUNDS):
         further = reach.copy()
@@ -45,14 +46,16 @@ def floored(M: Coefficients, sizes: Vector) -> Vector:
 def _sparse(M: Coefficients) -> csr_array:
     if isinstance(M, csr_array):
         return M
+    if isinstance(M, np.ndarray):
+        return csr_array(M)
     n = M.shape[0]
-    bands = [(M.lower, -1), (M.diagonal, 0), (M.upper, 1)]  # type: ignore[union-attr]
-    rows = np.concatenate([np.arange(band.size) + max(-k, 0) for band, k in bands])
-    columns = np.concatenate([np.arange(band.size) + max(k, 0) for band, k in bands])
-    return csr_array((np.concatenate([band for band, _ in bands]), (rows, columns)), shape=(n, n))
+    places = np.arange(n)
+    rows = np.concatenate([places[1:], places, places[:-1]])
+    columns = np.concatenate([places[:-1], places, places[1:]])
+    return csr_array((np.concatenate([M.lower, M.diagonal, M.upper]), (rows, columns)), shape=(n, n))
 
 
-def _largest(index: Vector, values: Vector, n: int) -> Vector:
+def _largest(index: NDArray[np.integer], values: Vector, n: int) -> Vector:
     """Return the largest value of each index, 1 where it has none above zero."""
     largest = np.zeros(n)
     np.maximum.at(largest, index, values)

@@ -1,12 +1,13 @@
-"""Direct O(n) solvers for tridiagonal M-matrices: Brennan-Schwartz and the double sweep."""
+"""O(n) solvers for tridiagonal M-matrices: Brennan-Schwartz, the double sweep, and one for any contact set."""
 
 from typing import Literal
 
 import numpy as np
 
 from pricing_core import kernel
-from pricing_core.arrays import Vector
+from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import InvalidInputError, NumericalError
+from pricing_core.lcp.policy_iteration import solve_policy_iteration
 from pricing_core.lcp.problem import LCP, LCPSolution, verified
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
@@ -98,6 +99,67 @@ def solve_double_sweep(problem: LCP) -> LCPSolution:
     return verified(problem, z, 2, "double-sweep", VALID, remedy)
 
 
+def solve_tridiagonal_m_matrix(problem: LCP, *, time_limit: float | None = None) -> LCPSolution:
+    """Solve a tridiagonal M-matrix LCP with any number of contact runs in O(n).
+
+    One pass finds the contact set (`kernel.growing_basic_set`); the solver that is made for such a set answers:
+    Brennan-Schwartz, the double sweep, or policy iteration from that set, which mends what rounding did to it.
+
+    Parameters
+    ----------
+    problem : LCP
+        M a Tridiagonal, or any matrix that is zero outside the three diagonals. For other matrices than M-matrices
+        policy iteration may or may not end with a solution.
+    time_limit : float, optional
+        Seconds.
+
+    Raises
+    ------
+    NumericalError, IterationLimitError
+        As `solve_policy_iteration`.
+    InvalidInputError
+        M is not tridiagonal.
+
+    Examples
+    --------
+    >>> problem = LCP(Tridiagonal([-1.0] * 4, [2.0] * 5, [-1.0] * 4), [4.0, 0.0, -3.0, 5.0, -2.0])
+    >>> solve_tridiagonal_m_matrix(problem).z
+    array([0., 1., 2., 0., 1.])
+    """
+    banded = _tridiagonal_problem(problem)
+    T = banded.M
+    assert isinstance(T, Tridiagonal)
+    try:
+        basic_set = kernel.growing_basic_set(T.lower, T.diagonal, T.upper, problem.q)
+    except ZeroDivisionError:
+        basic_set = problem.q < 0.0
+    try:
+        return _direct(banded, basic_set)
+    except NumericalError:
+        return solve_policy_iteration(banded, start=basic_set, time_limit=time_limit)
+
+
+def _direct(problem: LCP, basic_set: BoolVector) -> LCPSolution:
+    """Solve by the method that is exact for this contact set."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], ~basic_set, [False]]).astype(np.int8)))
+    if ends.size > 2:
+        raise NumericalError("the contact set has several runs")
+    if ends.size == 0 or ends[0] == 0:
+        return solve_brennan_schwartz(problem)
+    return (
+        solve_brennan_schwartz(problem, contact="last")
+        if ends[1] == problem.size
+        else solve_double_sweep(problem)
+    )
+
+
+def _tridiagonal_problem(problem: LCP) -> LCP:
+    T = as_tridiagonal(problem)
+    if T is None:
+        raise InvalidInputError("M", f"a matrix of order {problem.size}", "tridiagonal, and not empty")
+    return problem if T is problem.M else LCP(T, problem.q)
+
+
 def as_tridiagonal(problem: LCP) -> Tridiagonal | None:
     """Return M as a Tridiagonal, or None where it has an entry outside the three diagonals or is empty."""
     M = problem.M
@@ -105,6 +167,8 @@ def as_tridiagonal(problem: LCP) -> Tridiagonal | None:
         return M
     if problem.size == 0:
         return None
+    if isinstance(M, np.ndarray) and (M[0, 2:].any() or M[2:, 0].any()):
+        return None  # seen without a look at all entries
     rows, columns = M.nonzero()
     if (np.abs(rows - columns) > 1).any():
         return None
@@ -112,9 +176,8 @@ def as_tridiagonal(problem: LCP) -> Tridiagonal | None:
 
 
 def _one_sweep(problem: LCP, contact_first: bool) -> Vector:
-    T = as_tridiagonal(problem)
-    if T is None:
-        raise InvalidInputError("M", problem.dense(), "tridiagonal, and not empty")
+    T = _tridiagonal_problem(problem).M
+    assert isinstance(T, Tridiagonal)
     try:
         return np.asarray(kernel.brennan_schwartz(T.lower, T.diagonal, T.upper, problem.q, contact_first))
     except ZeroDivisionError:

@@ -56,4 +56,4 @@ def _degree_of_inverse(p: fmpz_poly, N: PolynomialMatrix) -> int | None:
         if c is None:
             return None
         tableau = tableau.pivot(r, c)
-    return max(entry.degree() for row in tableau.rows for entry in row) - tableau.d.degree()
+    return int(max(entry.degree() for row in tableau.rows for entry in row) - tableau.d.degree())

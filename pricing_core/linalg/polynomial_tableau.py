@@ -1,12 +1,12 @@
-"""Linear programmes over the field of rational functions, ordered by the sign for large s."""
+"""Linear programmes over the rational numbers, or the field of rational functions ordered by the sign for large s."""
 
 from dataclasses import dataclass
-
-from flint import fmpz_poly
+from typing import Any, TypeAlias
 
 from pricing_core.linalg.polynomials import sign_at_infinity
 
-Row = list[fmpz_poly]
+Element: TypeAlias = Any  # fmpz, or fmpz_poly: their common operations have no common type
+Row: TypeAlias = list[Element]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,15 +18,15 @@ class Tableau:
 
     Parameters
     ----------
-    d : fmpz_poly
-        Positive for large s.
-    rows : list of list of fmpz_poly
+    d : fmpz_poly or fmpz
+        Positive, for large s.
+    rows : list of list of fmpz_poly or fmpz
         (a_i1, ..., a_im, b_i).
     basic, nonbasic : tuple of int
         Numbers of the variables; ties are broken by the least number.
     """
 
-    d: fmpz_poly
+    d: Element
     rows: list[Row]
     basic: tuple[int, ...]
     nonbasic: tuple[int, ...]
@@ -66,9 +66,9 @@ class Tableau:
         rows = [row[:c] + row[c + 1 :] for row in self.rows]
         return Tableau(self.d, rows, self.basic, self.nonbasic[:c] + self.nonbasic[c + 1 :])
 
-    def with_objective(self, coefficients: dict[int, fmpz_poly]) -> "Tableau":
+    def with_objective(self, coefficients: dict[int, Element]) -> "Tableau":
         """Return the tableau with a last row for -1, the sum of coefficients times variables."""
-        zero = fmpz_poly()
+        zero = self.d - self.d
         row = [-self.d * coefficients.get(j, zero) for j in self.nonbasic] + [zero]
         for i, equation in zip(self.basic, self.rows, strict=True):
             if i in coefficients:
@@ -129,7 +129,7 @@ def feasible(tableau: Tableau) -> Tableau | None:
         tableau = tableau.pivot(r, min(entering, key=lambda j: tableau.nonbasic[j]))
 
 
-def can_increase(tableau: Tableau, coefficients: dict[int, fmpz_poly]) -> bool:
+def can_increase(tableau: Tableau, coefficients: dict[int, Element]) -> bool:
     """Tell whether some feasible point has a larger sum of coefficients times variables than the present one.
 
     `tableau` must be feasible. The simplex method with Bland's rule, stopped at the first increase.

@@ -5,22 +5,24 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from flint import fmpq, fmpq_poly, fmpz_poly
+from flint import fmpq, fmpq_poly, fmpz, fmpz_poly
 from scipy.linalg import expm
 
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.linalg.rational import rational
 
 
-def sign_at_infinity(p: fmpz_poly) -> int:
+def sign_at_infinity(p: fmpz_poly | fmpz) -> int:
     """Return the sign of p(s) for all sufficiently large s: that of the leading coefficient, 0 for p = 0.
+
+    A number is the constant polynomial.
 
     Examples
     --------
     >>> sign_at_infinity(fmpz_poly([1000000, -1])), sign_at_infinity(fmpz_poly([]))
     (-1, 0)
     """
-    leading = p.leading_coefficient()
+    leading = p if isinstance(p, fmpz) else p.leading_coefficient()
     return (leading > 0) - (leading < 0)
 
 
