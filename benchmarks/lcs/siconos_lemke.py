@@ -4,8 +4,8 @@ import sys
 import time
 
 import numpy as np
-from numpy.typing import ArrayLike
 import siconos.numerics as sn  # type: ignore[import-not-found]
+from numpy.typing import ArrayLike
 
 given = np.load(sys.argv[1])
 results: dict[str, ArrayLike] = {}

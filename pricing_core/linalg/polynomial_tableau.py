@@ -84,6 +84,7 @@ def with_zero_basics(tableau: Tableau, zeros: frozenset[int]) -> Tableau | None:
     --------
     x0 + x1 = 1 with x0 = 0 leaves the one point x1 = 1:
 
+    >>> from flint import fmpz_poly
     >>> one = fmpz_poly([1])
     >>> print(with_zero_basics(Tableau(one, [[one, one]], (0,), (1,)), frozenset({0})))
     Tableau(d=1, rows=[[1]], basic=(1,), nonbasic=())
@@ -111,6 +112,7 @@ def feasible(tableau: Tableau) -> Tableau | None:
     --------
     x0 - s x1 = -1, that is x1 = (1 + x0) / s:
 
+    >>> from flint import fmpz_poly
     >>> one, s = fmpz_poly([1]), fmpz_poly([0, 1])
     >>> feasible(Tableau(one, [[-s, -one]], (0,), (1,))).basic
     (1,)
@@ -138,6 +140,7 @@ def can_increase(tableau: Tableau, coefficients: dict[int, Element]) -> bool:
     --------
     x0 = 1 - x1: x1 can grow from 0, x0 cannot from 1.
 
+    >>> from flint import fmpz_poly
     >>> one = fmpz_poly([1])
     >>> start = Tableau(one, [[one, one]], (0,), (1,))
     >>> can_increase(start, {1: one}), can_increase(start, {0: one})

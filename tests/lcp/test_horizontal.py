@@ -1,9 +1,12 @@
+from fractions import Fraction
+from itertools import combinations, product
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pricing_core.errors import InvalidInputError, NumericalError
+from pricing_core.errors import InfeasibleError, InvalidInputError, NumericalError
 from pricing_core.lcp import (
     LCP,
     ExtendedHorizontalLCP,
@@ -42,8 +45,92 @@ def test_any_column_representative_leads_to_the_solution(seed, n):
 
 
 def test_where_every_complementary_matrix_is_singular_that_is_said():
+    n = 21
+    ones = np.ones((n, n))
     with pytest.raises(NumericalError, match="singular"):
-        solve_horizontal(HorizontalLCP([[1, 1], [1, 1]], [[1, 1], [1, 1]], [1, 1]))
+        solve_horizontal(HorizontalLCP(ones, ones, np.ones(n)))
+
+
+def test_a_small_problem_needs_no_nonsingular_complementary_matrix():
+    problem = HorizontalLCP([[1, 1], [1, 1]], [[1, 1], [1, 1]], [1, 1])
+    found = solve_horizontal(problem)
+    assert found.residual == 0.0
+    with pytest.raises(InfeasibleError):
+        solve_horizontal(HorizontalLCP(problem.M, problem.N, [1, 2]))
+    with pytest.raises(InfeasibleError):
+        solve_horizontal(HorizontalLCP(problem.M, -problem.M, [-1, -1]))
+
+
+@pytest.mark.parametrize("exponent", [0, -10, -30, 30])
+def test_random_whole_numbers_are_solved_or_refused_as_all_cells_say(exponent: int) -> None:
+    rng = np.random.default_rng(7)
+    counts = {True: 0, False: 0}
+    for _ in range(150):
+        n = int(rng.integers(1, 4))
+        M, N = rng.integers(-3, 4, (2, n, n)) * (rng.random((2, n, n)) < 0.7)
+        q = rng.integers(-3, 4, n)
+        rows = 2.0 ** (exponent * rng.integers(0, 2, n))
+        problem = HorizontalLCP(rows[:, None] * M, rows[:, None] * N, rows * q)
+        solvable = has_solution(problem)
+        counts[solvable] += 1
+        if solvable:
+            found = solve_horizontal(problem)
+            sizes = np.abs(problem.M) @ found.w + np.abs(problem.N) @ found.z + np.abs(problem.q)
+            assert (np.abs(problem.M @ found.w - problem.N @ found.z - problem.q) <= 1e-12 * sizes).all()
+            assert min(found.w.min(), found.z.min()) >= 0.0
+            assert not (found.w * found.z).any()
+        else:
+            with pytest.raises(InfeasibleError):
+                solve_horizontal(problem)
+    assert min(counts.values()) > 20
+
+
+def has_solution(problem: HorizontalLCP) -> bool:
+    """Look in each of the 2**n cells, by vertices in rational arithmetic: some vertex is a solution if any point is."""
+    table = [
+        [Fraction(v) for v in row] for row in np.column_stack([problem.M, -problem.N, problem.q]).tolist()
+    ]
+    n = len(table)
+    for cell in product((0, 1), repeat=n):
+        columns = [i + n * side for i, side in enumerate(cell)]
+        for size in range(n + 1):
+            if any(is_nonnegative(table, support) for support in combinations(columns, size)):
+                return True
+    return False
+
+
+def is_nonnegative(table: list[list[Fraction]], support: tuple[int, ...]) -> bool:
+    """Tell whether the equations have exactly one solution with these columns, and that is nonnegative."""
+    rows = [[row[j] for j in (*support, -1)] for row in table]
+    for k in range(len(support)):
+        pivot = next((i for i in range(k, len(rows)) if rows[i][k]), None)
+        if pivot is None:
+            return False
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        rows[k] = [v / rows[k][k] for v in rows[k]]
+        rows = [
+            row if i == k else [a - row[k] * b for a, b in zip(row, rows[k], strict=True)]
+            for i, row in enumerate(rows)
+        ]
+    return all(row[-1] >= 0 for row in rows[: len(support)]) and not any(
+        row[-1] for row in rows[len(support) :]
+    )
+
+
+@pytest.mark.parametrize(
+    ("M", "N", "q", "z"),
+    [
+        ([[-3, 0], [-2, 0]], [[-1, 3], [0, 0]], [3, 0], (3.0, 0.0)),
+        ([[0, -2], [0, 3]], [[-2, -1], [3, 0]], [-3, -2], None),
+    ],
+)
+def test_what_the_exchanged_problem_says_is_checked_on_the_given_one(M, N, q, z):
+    problem = HorizontalLCP(M, N, q)
+    if z is None:
+        with pytest.raises(InfeasibleError):
+            solve_horizontal(problem)
+    else:
+        np.testing.assert_allclose(solve_horizontal(problem).z, z)
 
 
 @settings(max_examples=60, deadline=None)
