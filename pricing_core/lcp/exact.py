@@ -20,6 +20,7 @@ from pricing_core.lcp.polynomial_lemke import solve_polynomial_lemke
 from pricing_core.lcp.problem import LCP, LCPSolution, solution_of
 from pricing_core.lcp.scaling import equilibrate
 from pricing_core.lcp.time_limit import TimeLimit
+from pricing_core.linalg.determinant import whole_numbers
 from pricing_core.linalg.polynomial_tableau import Tableau, can_increase, feasible, with_zero_basics
 
 LARGEST_EXACT_ORDER = 60  # a path takes seconds there
@@ -59,35 +60,15 @@ def exact_problem(problem: LCP) -> ExactProblem:
     [[-4, -3]]
     """
     n, scaled = problem.size, equilibrate(problem)
-    column = np.log2(np.append(scaled.column, scaled.size)).astype(int).tolist()
+    column = np.log2(np.append(scaled.column, 1.0 / scaled.size)).astype(int).tolist()
     rows, exponents = [], []
     for left, right in zip(problem.dense().tolist(), problem.q.tolist(), strict=True):
-        row, exponent = _whole_numbers([*(-value for value in left), right], column)
+        row, exponent = whole_numbers([*(-value for value in left), right], column)
         rows.append(row)
         exponents.append(exponent)
     first = Tableau(fmpz(1), rows, tuple(range(n)), tuple(range(n, 2 * n)))
     # q was divided by the size, and so were all unknowns.
-    return ExactProblem(first, tuple(e + column[-1] for e in [*exponents, *column[:n]]))
-
-
-def _whole_numbers(values: list[float], exponents: list[int]) -> tuple[list[fmpz], int]:
-    """Return (v 2**e / 2**f) in whole numbers for the values v and exponents e, the last one subtracted, and f."""
-    parts = [_odd_part(value) for value in values]
-    signs = [*exponents[:-1], -exponents[-1]]
-    powers = [power + e for (_, power), e in zip(parts, signs, strict=True)]
-    least = min((power for (odd, _), power in zip(parts, powers, strict=True) if odd), default=0)
-    return [
-        fmpz(odd << power - least if odd else 0) for (odd, _), power in zip(parts, powers, strict=True)
-    ], least
-
-
-def _odd_part(value: float) -> tuple[int, int]:
-    """Return (a, b) with value = a 2**b, a odd or zero."""
-    numerator, denominator = value.as_integer_ratio()
-    if numerator == 0:
-        return 0, 0
-    twos = (numerator & -numerator).bit_length() - 1
-    return numerator >> twos, twos - (denominator.bit_length() - 1)
+    return ExactProblem(first, tuple(e - column[-1] for e in [*exponents, *column[:n]]))
 
 
 def solve_exact(problem: LCP, *, time_limit: float | None = None) -> LCPSolution:
@@ -310,7 +291,7 @@ def exact_horizontal(M: Matrix, N: Matrix, q: Vector) -> ExactProblem | None:
     table = np.hstack([M, -N])
     rows = []
     for left, right in zip(table.tolist(), q.tolist(), strict=True):
-        rows.append(_whole_numbers([*left, right], [0] * (2 * n + 1))[0])
+        rows.append(whole_numbers([*left, right], [0] * (2 * n + 1))[0])
     # Each equation has an artificial variable, which is zero.
     first = Tableau(fmpz(1), rows, tuple(range(2 * n, 3 * n)), tuple(range(2 * n)))
     tableau = with_zero_basics(first, frozenset(range(2 * n, 3 * n)))

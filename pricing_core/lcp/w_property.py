@@ -1,17 +1,15 @@
 """The column W-property: when an extended horizontal LCP has one solution whatever q and the bounds."""
 
 import itertools
-import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import IndexSet, Matrix, as_matrix, as_square_matrix
+from pricing_core.arrays import IndexSet, as_matrix, as_square_matrix
 from pricing_core.errors import InvalidInputError
-from pricing_core.linalg.rational import rational_array, to_flint
+from pricing_core.linalg.determinant import determinant_sign
 
-DOUBTFUL = 1e-10  # determinants of unit columns this small are computed exactly
 MOST_REPRESENTATIVES = 200_000
 
 
@@ -41,7 +39,8 @@ def column_w_violation(blocks: Sequence[ArrayLike]) -> IndexSet | None:
     Parameters
     ----------
     blocks : sequence of array_like, shape (n, n)
-        At most 200 000 combinations; small determinants are decided in exact arithmetic.
+        At most 200 000 combinations; signs that rounding could change are decided in exact arithmetic, on the
+        numbers as they are given.
 
     Returns
     -------
@@ -68,24 +67,13 @@ def column_w_violation(blocks: Sequence[ArrayLike]) -> IndexSet | None:
     first = as_square_matrix("blocks[0]", blocks[0])
     matrices = [first, *(as_matrix(f"blocks[{j}]", b, first.shape) for j, b in enumerate(blocks[1:], 1))]
     n = len(first)
-    if math.pow(len(matrices), n) > MOST_REPRESENTATIVES:
+    if len(matrices) ** n > MOST_REPRESENTATIVES:
         raise InvalidInputError(
             "blocks", f"{len(matrices)}**{n} combinations", f"of at most {MOST_REPRESENTATIVES} combinations"
         )
-    wanted = _determinant_sign(first)
+    wanted = determinant_sign(first)
     for choice in itertools.product(range(len(matrices)), repeat=n):
         representative = np.column_stack([matrices[b][:, i] for i, b in enumerate(choice)])
-        if wanted == 0 or _determinant_sign(representative) != wanted:
+        if wanted == 0 or determinant_sign(representative) != wanted:
             return choice
     return None
-
-
-def _determinant_sign(M: Matrix) -> int:
-    lengths = np.linalg.norm(M, axis=0)
-    if not lengths.all():
-        return 0
-    determinant = float(np.linalg.det(M / lengths))
-    if abs(determinant) > DOUBTFUL:
-        return 1 if determinant > 0.0 else -1
-    exact = to_flint(rational_array(M)).det()
-    return int(exact > 0) - int(exact < 0)

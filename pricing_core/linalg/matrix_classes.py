@@ -3,8 +3,6 @@
 Source of the definitions: Cottle, Pang, Stone 1992, chapter 3; Berman and Plemmons 1994, chapter 6.
 """
 
-from fractions import Fraction
-
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import splu
@@ -19,11 +17,13 @@ from pricing_core.linalg.coefficients import (
     diagonal_of,
     off_diagonal_entries,
 )
+from pricing_core.linalg.determinant import determinant_sign, schur_complement
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
 LARGEST_P_ORDER = 20  # 2**n Schur complements are formed beyond the quick tests
-EPSILON = float(np.finfo(np.float64).eps)
-DOUBTFUL = 1e-10  # pivots this small relative to 1 are decided in rational arithmetic
+EPSILON, TINY = float(np.finfo(np.float64).eps), 1e-300
+DOUBTFUL = 1e-10  # minors of order 2 this small relative to the product of the diagonal are decided exactly
+SAFE = 1.0 + 1e-9  # covers the rounding of an error bound itself
 
 
 def is_z_matrix(M: object) -> bool:
@@ -78,15 +78,22 @@ def semipositivity_vector(M: object) -> Vector | None:
     x = _solution(A, diagonal)
     if x is None or not (np.isfinite(x) & (x > 0.0)).all():
         return None
-    rounding = 8.0 * EPSILON * np.asarray(absolute(A) @ x)
+    terms = (
+        A.shape[0]
+        if isinstance(A, np.ndarray)
+        else int(np.max(np.diff(A.indptr)))
+        if isinstance(A, csr_array)
+        else 3
+    )
+    rounding = (terms + 5.0) * EPSILON * np.asarray(absolute(A) @ x)
     return x if (np.asarray(A @ x) > rounding).all() else None
 
 
 def is_positive_definite(M: object) -> bool:
     """Tell whether x^T M x > 0 for all x != 0: M need not be symmetric.
 
-    The symmetric part, scaled to a unit diagonal, must have its smallest eigenvalue above n eps. Cost:
-    O(n**3).
+    The symmetric part, scaled to a unit diagonal, must have its smallest eigenvalue above 8 n**2 eps, more than what
+    rounding can do to it, so that True is certain. Cost: O(n**3).
 
     Examples
     --------
@@ -100,7 +107,7 @@ def is_positive_definite(M: object) -> bool:
     scale = 1.0 / np.sqrt(diagonal)
     symmetric = 0.5 * scale[:, None] * (A + A.T) * scale
     smallest = float(np.min(np.linalg.eigvalsh(symmetric), initial=1.0))
-    return smallest > 4.0 * len(A) * EPSILON
+    return smallest > 8.0 * len(A) ** 2 * EPSILON * max(1.0, float(np.max(np.abs(symmetric), initial=0.0)))
 
 
 def is_p_matrix(M: object) -> bool:
@@ -133,8 +140,8 @@ def p_matrix_violation(M: object) -> IndexSet | None:
     Parameters
     ----------
     M : array_like (n, n), sparse (n, n) or Tridiagonal
-        The recursion forms 2**n pivots; n <= 20 (about a second). Pivots below 1e-10 of the diagonal are
-        decided by an exact determinant.
+        The recursion forms 2**n pivots; n <= 20 (about two seconds). Each has a bound on its rounding; where that does
+        not settle its sign, an exact determinant does, so that the answer is a theorem on the numbers as they are given.
 
     Raises
     ------
@@ -171,52 +178,66 @@ def _small_violation(A: Matrix) -> IndexSet | None:
     diagonal = np.diagonal(A)
     if (diagonal <= 0.0).any():
         return (int(np.argmax(diagonal <= 0.0)),)
-    scaled = _unit_diagonal(A)
-    rows, columns = np.nonzero(np.triu(scaled * scaled.T >= 1.0 - DOUBTFUL, 1))
+    scaled = _near_unit_diagonal(A)
+    with np.errstate(over="ignore", invalid="ignore"):
+        doubtful = ~(
+            scaled * scaled.T < (1.0 - DOUBTFUL) * np.outer(np.diagonal(scaled), np.diagonal(scaled))
+        )
+    rows, columns = np.nonzero(np.triu(doubtful, 1))
     for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
-        if _exact_determinant(A[np.ix_((i, j), (i, j))]) <= 0:
+        if determinant_sign(A[np.ix_((i, j), (i, j))]) <= 0:
             return i, j
     return None
 
 
 def _violation_by_schur_complements(A: Matrix) -> IndexSet | None:
     n = len(A)
-    complements = _unit_diagonal(A)[None]  # (branches, n - k, n - k): A / A_SS without the rows before k
+    scaled = _near_unit_diagonal(A)
+    complements = scaled[None]  # (branches, n - k, n - k): A / A_SS without the rows before k
+    errors = np.zeros_like(complements)  # bounds on what rounding did to them
     chosen = np.zeros((1, n), dtype=np.bool_)  # the index set S of each branch
     for k in range(n):
         # The pivot of j in the branch of S is det A_{S+j} / det A_SS.
         pivots = np.diagonal(complements, axis1=1, axis2=2)
-        for branch, j in np.argwhere(pivots <= DOUBTFUL).tolist():
-            minor = (*np.flatnonzero(chosen[branch]).tolist(), k + j)
-            if pivots[branch, j] < -DOUBTFUL or _exact_determinant(A[np.ix_(minor, minor)]) <= 0:
-                return minor
-        column, row = complements[:, 1:, :1], complements[:, :1, 1:]
-        rest = complements[:, 1:, 1:]
-        complements = np.concatenate([rest, rest - column / pivots[:, :1, None] * row])
+        doubts = np.diagonal(errors, axis1=1, axis2=2)
+        negative = np.argwhere(pivots + doubts < 0.0)
+        if negative.size:
+            branch, j = negative[0].tolist()
+            return *np.flatnonzero(chosen[branch]).tolist(), k + j
         with_k = chosen.copy()
         with_k[:, k] = True
+        next_complements, next_errors = _eliminated(complements, errors)
+        for branch in np.flatnonzero(~(pivots[:, 0] > doubts[:, 0])).tolist():
+            minor = tuple(np.flatnonzero(with_k[branch]).tolist())
+            if determinant_sign(scaled[np.ix_(minor, minor)]) <= 0:
+                return minor
+            next_complements[branch] = schur_complement(scaled, minor, tuple(range(k + 1, n)))
+            next_errors[branch] = EPSILON * np.abs(next_complements[branch]) + TINY
+        complements = np.concatenate([complements[:, 1:, 1:], next_complements])
+        errors = np.concatenate([errors[:, 1:, 1:], next_errors])
         chosen = np.concatenate([chosen, with_k])
     return None
 
 
-def _unit_diagonal(A: Matrix) -> Matrix:
-    """Return D A D with D = diag(A)^(-1/2): the same signs of all principal minors."""
-    scale = 1.0 / np.sqrt(np.diagonal(A))
-    return np.asarray(scale[:, None] * A * scale)
+def _eliminated(values: Matrix, errors: Matrix) -> tuple[Matrix, Matrix]:
+    """Return the Schur complements of the first entries, and bounds on their errors, for pivots above theirs."""
+    pivot, doubt = values[:, :1, :1], errors[:, :1, :1]
+    column, row = np.abs(values[:, 1:, :1]), np.abs(values[:, :1, 1:])
+    column_error, row_error = errors[:, 1:, :1], errors[:, :1, 1:]
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        least = pivot - doubt
+        change = values[:, 1:, :1] / pivot * values[:, :1, 1:]
+        error = (column * row_error + column_error * (row + row_error)) / least + column * row / pivot * (
+            doubt / least
+        )
+        error += errors[:, 1:, 1:] + 4.0 * EPSILON * (np.abs(change) + np.abs(values[:, 1:, 1:]))
+        return values[:, 1:, 1:] - change, SAFE * error + TINY
 
 
-def _exact_determinant(A: Matrix) -> Fraction:
-    """Return the determinant of the floating-point matrix in rational arithmetic."""
-    rows = [[Fraction(v) for v in row] for row in A.tolist()]
-    determinant = Fraction(1)
-    while rows:
-        pivot = next((i for i, row in enumerate(rows) if row[0]), None)
-        if pivot is None:
-            return Fraction()
-        first = rows.pop(pivot)
-        determinant *= first[0] if pivot % 2 == 0 else -first[0]
-        rows = [[v - row[0] / first[0] * u for u, v in zip(first[1:], row[1:], strict=True)] for row in rows]
-    return determinant
+def _near_unit_diagonal(A: Matrix) -> Matrix:
+    """Return D A D, D powers of two, with a diagonal from 1/2 to 2: the same signs of all principal minors."""
+    exponents = -(np.frexp(np.diagonal(A))[1] // 2)
+    return np.ldexp(A, exponents[:, None] + exponents)
 
 
 def _comparison(A: Coefficients) -> Coefficients:
