@@ -1,32 +1,34 @@
 """The solution of least Euclidean norm of a monotone LCP."""
 
-import clarabel
 import numpy as np
-from scipy.sparse import csc_array, eye_array
 
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.arrays import BoolVector, Matrix, Vector
+from pricing_core.errors import NumericalError
+from pricing_core.lcp.lemke import follow_path
 from pricing_core.lcp.problem import LCP
+from pricing_core.lcp.time_limit import TimeLimit
 from pricing_core.linalg.coefficients import dense
 
-# Shares of the solution's size below which the interior-point solution stands for zero; the next is tried where one is
-# too little, for what is zero by accident is found to the root of the solver's accuracy alone.
-ACTIVE = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
-FEASIBLE = 1e-11
-# Share of its size by which a solution may miss an inequality; beyond it nothing is sought.
+EPSILON = float(np.finfo(np.float64).eps)
+# Share of the terms of a row by which a slack is more than rounding, so that z is zero there in every solution.
+POSITIVE = 1e-9
+# Share of the largest terms by which a solution may miss an inequality; beyond it nothing is sought.
 INEXACT = 1e-6
-# Share of the solution's size by which a candidate may miss what all solutions have in common, as one
-# with too many constraints taken for active does.
-CONSISTENT = 1e-9
-# Share of the largest singular value below which one counts as zero.
+# Share of the largest singular value, of equilibrated rows, below which one counts as zero.
 SINGULAR = 1e-12
-# Share of a row of M below which what is left of it is zero: its product with z is then the same for all.
+# Length of a part of a unit direction, or share of a row of M, below which it is zero: what it moves is then fixed.
 FIXED = 1e-10
+# Share of the terms of a row by which the point found may miss an inequality.
+FEASIBLE = 1e-10
+ROUNDING = 16.0 * EPSILON  # share of the terms of a component of z below which it is rounding alone
 
 
 def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = None) -> Vector:
     """Return the solution of least norm, given one, for a positive semidefinite M.
 
-    The solutions are the z >= 0 with M z + q >= 0, (M + M^T)(z - z0) = 0 and q^T (z - z0) = 0, a polyhedron.
+    The solutions are the z >= 0 with M z + q >= 0, (M + M^T)(z - z0) = 0 and q^T (z - z0) = 0, a polyhedron. Where
+    z0 has a positive slack every solution is zero. The least of the others is that of a quadratic programme in
+    coordinates of the polyhedron's affine hull, whose dual is an LCP.
 
     Parameters
     ----------
@@ -40,12 +42,12 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
     Returns
     -------
     Vector, shape (n,)
-        `solution` itself where it is the only one, where it is none, and where no set of active constraints can be
-        told that gives a solution to rounding.
+        Zero exactly where it is zero but for rounding. `solution` itself where it is the only one, where it is none,
+        and where the quadratic programme was not solved to rounding.
 
     Notes
     -----
-    Cost: a singular value decomposition, and where there are several solutions a quadratic programme.
+    Cost: a singular value decomposition, and where there are several solutions Lemke's method with at most 2 n pairs.
     Source: Cottle, Pang, Stone 1992, theorem 3.1.7.
 
     Examples
@@ -55,53 +57,74 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
     >>> least_norm_solution(LCP([[1, 1], [1, 1]], [-2, -2]), np.array([2.0, 0.0]))
     array([1., 1.])
     """
-    size = float(np.max(np.abs(solution), initial=0.0))
-    if size == 0.0:
+    if not solution.any():
         return solution
-    M, q, known = dense(problem.M), problem.q / size, solution / size  # the solver's tolerances are absolute
-    slack_size = max(float(np.max(np.abs(M) @ np.abs(known) + np.abs(q))), 1e-300)
-    if known.min() < -INEXACT or np.min(M @ known + q) < -INEXACT * slack_size:
+    M = dense(problem.M)
+    slack = M @ solution + problem.q
+    sizes = np.abs(M) @ np.abs(solution) + np.abs(problem.q)
+    if solution.min() < -INEXACT * np.abs(solution).max() or slack.min() < -INEXACT * sizes.max():
         return solution
-    rows = np.vstack([M + M.T, q[None, :], *([] if kept is None else [kept])])
-    rows = rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300)
+    free = slack <= POSITIVE * sizes  # elsewhere z is zero in every solution
+    directions = _directions(M, problem.q, kept, free)
+    if directions.shape[1] == 0:
+        return solution
+    found = _least(M[:, free], np.maximum(slack, 0.0), sizes, np.maximum(solution[free], 0.0), directions)
+    if found is None:
+        return solution
+    least = np.zeros_like(solution)
+    least[free] = found
+    return least if least @ least <= solution @ solution else solution
+
+
+def _directions(M: Matrix, q: Vector, kept: Matrix | None, free: BoolVector) -> Matrix:
+    """Return an orthonormal basis of the directions in which solutions differ, on the free indices, as columns."""
+    M_free, transposed = M[:, free], M.T[:, free]
+    symmetric = M_free + transposed
+    symmetric = np.where(np.abs(symmetric) > 4.0 * EPSILON * np.abs(M_free), symmetric, 0.0)
+    rows = np.vstack([symmetric, q[None, free], *([] if kept is None else [kept[:, free]])])
+    for axis in (1, 0, 1):
+        largest = np.max(np.abs(rows), axis=axis, keepdims=True, initial=0.0)
+        inverse = 1.0 / np.where(largest > 0.0, largest, 1.0)
+        rows = rows * inverse
+        if axis == 0:
+            column = inverse[0]
     _, singular, bases = np.linalg.svd(rows)
-    fixed = bases[: np.count_nonzero(singular > SINGULAR * max(rows.shape))]  # directions, orthonormal
-    if len(fixed) == q.size:
-        return solution
-    near = _interior(fixed, fixed @ known, M, q)
-    found = (_polished(fixed, M, q, near, known, active, slack_size) for active in ACTIVE)
-    return next((size * z for z in found if z is not None), solution)
+    rank = np.count_nonzero(singular > SINGULAR * max(rows.shape))
+    if rank == bases.shape[1]:
+        return np.zeros((bases.shape[1], 0))
+    directions, _ = np.linalg.qr(column[:, None] * bases[rank:].T)
+    fixed = np.linalg.norm(directions, axis=1) <= FIXED
+    if fixed.any():
+        directions, _ = np.linalg.qr(np.where(fixed[:, None], 0.0, directions))
+        directions[fixed] = 0.0
+    return np.asarray(directions)
 
 
-def _interior(rows: Matrix, values: Vector, M: Matrix, q: Vector) -> Vector:
-    """Minimise |z|^2/2 subject to rows z = values, z >= 0 and M z + q >= 0; the rows are orthonormal."""
-    # What the rows fix already would leave the inequalities no inside.
-    sizes = np.linalg.norm(M, axis=1)
-    moves = np.linalg.norm(M - M @ rows.T @ rows, axis=1) > FIXED * np.maximum(sizes, 1e-300)
-    M, q, n = M[moves], q[moves], q.size
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    constraints = csc_array(np.vstack([rows, -np.eye(n), -M]))
-    bounds = np.concatenate([values, np.zeros(n), q])
-    cones = [clarabel.ZeroConeT(rows.shape[0]), clarabel.NonnegativeConeT(n + len(q))]
-    solver = clarabel.DefaultSolver(
-        csc_array(eye_array(n)), np.zeros(n), constraints, bounds, cones, settings
-    )
-    return np.array(solver.solve().x)
-
-
-def _polished(
-    rows: Matrix, M: Matrix, q: Vector, near: Vector, solution: Vector, active: float, slack_size: float
-) -> Vector | None:
-    """Return the least z with the same active constraints, solved directly; None where that is not feasible.
-
-    The known solution's largest entry is 1; `slack_size` is that of the terms of its slacks.
-    """
-    zero = np.flatnonzero(near <= active)
-    tight = np.flatnonzero(M @ near + q <= active * slack_size)
-    equations = np.vstack([rows, np.eye(q.size)[zero], M[tight]])
-    wanted = np.concatenate([rows @ solution, np.zeros(zero.size), -q[tight]])
-    z = np.linalg.lstsq(equations, wanted, rcond=SINGULAR)[0]
-    feasible = np.all(z >= -FEASIBLE) and np.all(M @ z + q >= -FEASIBLE * slack_size)
-    feasible &= np.all(np.abs(rows @ (z - solution)) <= CONSISTENT)
-    return np.maximum(z, 0.0) if feasible else None
+def _least(M: Matrix, slack: Vector, sizes: Vector, known: Vector, directions: Matrix) -> Vector | None:
+    """Minimise |z| over z = known + directions t with z >= 0 and slack + M directions t >= 0; None if that fails."""
+    change = M @ directions
+    moves = np.linalg.norm(change, axis=1) > FIXED * np.linalg.norm(M, axis=1)
+    varies = directions.any(axis=1)
+    rows = np.vstack([directions[varies], change[moves]])
+    heights = np.concatenate([known[varies], slack[moves]])
+    lengths = np.linalg.norm(rows, axis=1)
+    rows, heights = rows / lengths[:, None], heights / lengths
+    t = -(directions.T @ known)
+    at_foot = rows @ t + heights
+    terms = np.abs(rows) @ np.abs(t) + heights
+    at_foot = np.where(np.abs(at_foot) > ROUNDING * terms, at_foot, 0.0)
+    tight, length = np.zeros(len(rows), dtype=np.bool_), float(np.linalg.norm(t))
+    if (at_foot < 0.0).any():
+        try:
+            dual = follow_path(LCP(rows @ rows.T, at_foot), None, None, FEASIBLE, TimeLimit(None)).z
+        except NumericalError:
+            return None
+        t, tight = t + rows.T @ dual, dual > 0.0
+        length += float(np.sum(dual))
+    z = known + directions @ t
+    z[np.abs(z) <= ROUNDING * (known + np.linalg.norm(directions, axis=1) * length)] = 0.0
+    z[np.flatnonzero(varies)[tight[: np.count_nonzero(varies)]]] = 0.0
+    reached, terms = (slack + change @ t)[moves], (sizes + np.linalg.norm(M, axis=1) * length)[moves]
+    if (z < -FEASIBLE * np.max(known)).any() or (reached < -FEASIBLE * terms).any():
+        return None
+    return np.maximum(z, 0.0)
