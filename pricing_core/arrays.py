@@ -146,6 +146,8 @@ def check_callable(field: str, value: object, arguments: str) -> None:
 
 
 def _finite(field: str, value: ArrayLike, ndim: int | None) -> NDArray[np.float64]:
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise InvalidInputError(field, value, "without masked entries")
     raw = as_array(field, value)
     if raw.dtype.kind not in "fiu" and not _holds_numbers(raw):
         raise InvalidInputError(field, value, "real numbers")

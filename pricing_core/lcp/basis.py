@@ -61,11 +61,12 @@ def refined_solve(A: Matrix | csr_array, b: Vector) -> Vector:
     """
     try:
         inverse = splu(A.tocsc()).solve if isinstance(A, csr_array) else partial(np.linalg.solve, A)
-        x = np.asarray(inverse(b))
-        correction = np.asarray(inverse(b - A @ x))
+        with np.errstate(over="ignore", invalid="ignore"):
+            x = np.asarray(inverse(b))
+            correction = np.asarray(inverse(b - A @ x))
     except (np.linalg.LinAlgError, RuntimeError):
         raise _singular(b.size) from None
-    if not np.max(np.abs(correction), initial=0.0) <= LARGEST_CORRECTION * np.max(np.abs(x), initial=0.0):
+    if not np.isfinite(x).all() or not np.max(np.abs(correction), initial=0.0) <= LARGEST_CORRECTION * np.max(np.abs(x), initial=0.0):
         raise _singular(b.size)
     return np.asarray(x + correction)
 

@@ -22,6 +22,7 @@ from pricing_core.linalg.polynomial_tableau import Tableau
 
 LARGEST_ORDER = LARGEST_SEARCHED_ORDER
 MOST_EXACT_CELLS = 2000  # in exact arithmetic for each cell of the search, a millisecond each
+POLISHED = 1e-13  # scaled residual of a basic point that is a solution
 ZERO = 1e-8  # in the scaled problem, whose largest |q| is 1: less than this counts as zero
 
 
@@ -278,5 +279,5 @@ def _isolated(problem: LCP, scaled: ScaledProblem, vertex: Vector, nodes: int) -
         polished = np.maximum(basic_point(problem, vertex > ZERO), 0.0)
     except NumericalError:
         polished = rough
-    z = min((rough, polished), key=lambda point: scaled_residual(problem, point))
+    z = polished if scaled_residual(problem, polished) <= POLISHED else rough
     return solution_of(problem, z, nodes, "enumeration")

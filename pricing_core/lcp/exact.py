@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from flint import fmpz
 
+from pricing_core import kernel
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import (
     InfeasibleError,
@@ -18,7 +19,6 @@ from pricing_core.errors import (
 from pricing_core.lcp.feasibility import infeasibility_certificate
 from pricing_core.lcp.polynomial_lemke import solve_polynomial_lemke
 from pricing_core.lcp.problem import LCP, LCPSolution, solution_of
-from pricing_core.lcp.scaling import equilibrate
 from pricing_core.lcp.time_limit import TimeLimit
 from pricing_core.linalg.determinant import whole_numbers
 from pricing_core.linalg.polynomial_tableau import Tableau, can_increase, feasible, with_zero_basics
@@ -59,15 +59,16 @@ def exact_problem(problem: LCP) -> ExactProblem:
     >>> exact_problem(LCP([[0.5]], [-3.0])).tableau.rows
     [[-4, -3]]
     """
-    n, scaled = problem.size, equilibrate(problem)
-    column = np.log2(np.append(scaled.column, 1.0 / scaled.size)).astype(int).tolist()
+    n, M = problem.size, problem.dense()
+    sizes = (int(np.frexp(np.max(np.abs(part), initial=0.0))[1]) for part in (M, problem.q))
+    column = [*np.log2(kernel.equilibrate(M)[1]).astype(int).tolist(), next(sizes) - next(sizes)]
     rows, exponents = [], []
-    for left, right in zip(problem.dense().tolist(), problem.q.tolist(), strict=True):
+    for left, right in zip(M.tolist(), problem.q.tolist(), strict=True):
         row, exponent = whole_numbers([*(-value for value in left), right], column)
         rows.append(row)
         exponents.append(exponent)
     first = Tableau(fmpz(1), rows, tuple(range(n)), tuple(range(n, 2 * n)))
-    # q was divided by the size, and so were all unknowns.
+    # q was divided by its size beside M's, and so were all unknowns.
     return ExactProblem(first, tuple(e - column[-1] for e in [*exponents, *column[:n]]))
 
 

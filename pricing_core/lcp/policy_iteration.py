@@ -1,5 +1,7 @@
 """Howard's policy iteration, which is Newton's method on min(z, M z + q) = 0."""
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -24,7 +26,10 @@ ROUNDING = 1e-14  # scaled: a smaller violation does not move its index to the o
 REMEDY = "raise max_iterations, or use Lemke where M is no M-matrix"
 # Scaled residual that ends the iteration where rounding keeps indices moving.
 SOLVED = 1e-13
-SWEEPS = (0, 10, 100, 1000)  # before policy iteration is tried again
+SWEEPS = (40, 200, 1000)  # before policy iteration is tried, and again
+MOST_SWEEPS = 1000
+CHEAPLY_FACTORED = 3000  # order up to which policy iteration is tried before any sweep
+FAST = 0.965  # rate at which MOST_SWEEPS take changes to rounding
 MOST_FROM_SWEEPS = 200  # linear systems in each trial; a few are usual
 
 
@@ -88,24 +93,33 @@ def solve_policy_iteration(
     return verified(problem, z, iterations, "policy-iteration", DEFAULT_TOLERANCE, "use Lemke")
 
 
-def policy_from_sweeps(problem: LCP, *, time_limit: float | None = None) -> LCPSolution:
-    """Solve an LCP with an H+ matrix by policy iteration, from z = 0 and then from more and more projected sweeps.
+def solve_h_plus(problem: LCP, *, time_limit: float | None = None) -> LCPSolution:
+    """Solve an LCP with an H+ matrix: policy iteration for n <= 3000, else projected sweeps or both.
 
-    The sweeps z <- max(0, z - w / diag(M)) converge for every H+ matrix (Cottle, Pang, Stone 1992, theorem 5.3.2), so
-    that policy iteration, which may go round from afar, starts nearer and nearer to the solution.
+    The sweeps z <- max(0, z - w / diag(M)) converge for every H+ matrix (Cottle, Pang, Stone 1992, theorem 5.3.2). Where
+    the first ones show that 1000 are enough they give the answer ("projected-sweeps"), without a factorisation.
+    Elsewhere policy iteration starts from the nearest point so far, and again from further sweeps where it goes round.
 
     Raises
     ------
     NumericalError, IterationLimitError
         Policy iteration did not end from any of the starts, or `time_limit`, in seconds, was too short.
     """
-    clock, z, diagonal = TimeLimit(time_limit), np.zeros(problem.size), diagonal_of(problem.M)
+    clock, z = TimeLimit(time_limit), np.zeros(problem.size)
+    failure = NumericalError("policy iteration was not tried")
+    if problem.size <= CHEAPLY_FACTORED:
+        with suppress(NumericalError):
+            return solve_policy_iteration(problem, max_iterations=MOST_FROM_SWEEPS, time_limit=time_limit)
     for sweeps in SWEEPS:
+        z, rate, done = _swept(problem, z, sweeps, clock)
+        if rate < FAST:
+            z, _, further = _swept(problem, z, MOST_SWEEPS, clock)
+            with suppress(NumericalError):
+                return verified(
+                    problem, z, done + further, "projected-sweeps", SOLVED, "use policy iteration"
+                )
+        start = problem.slack(z) < diagonal_of(problem.M) * z
         try:
-            for _ in range(sweeps):
-                z = np.maximum(z - problem.slack(z) / diagonal, 0.0)
-                clock.check("projected sweeps")
-            start = problem.slack(z) < diagonal * z if sweeps else None
             return solve_policy_iteration(
                 problem, start=start, max_iterations=MOST_FROM_SWEEPS, time_limit=clock.left()
             )
@@ -113,6 +127,20 @@ def policy_from_sweeps(problem: LCP, *, time_limit: float | None = None) -> LCPS
             failure = error
             clock.check("policy iteration")
     raise failure
+
+
+def _swept(problem: LCP, z: Vector, sweeps: int, clock: TimeLimit) -> tuple[Vector, float, int]:
+    """Return z after projected sweeps, the rate at which their changes fell in the later half, and their number."""
+    diagonal, changes = diagonal_of(problem.M), []
+    for _ in range(sweeps):
+        clock.check("projected sweeps")
+        following = np.maximum(z - problem.slack(z) / diagonal, 0.0)
+        changes.append(float(np.max(np.abs(following - z), initial=0.0)))
+        z = following
+        if changes[-1] <= 0.01 * ROUNDING * float(np.max(z, initial=0.0)):
+            return z, 0.0, len(changes)
+    half = sweeps // 2
+    return z, float((changes[-1] / changes[half]) ** (1.0 / (sweeps - 1 - half))), sweeps
 
 
 def _solve_tridiagonal(

@@ -7,6 +7,7 @@ import numpy as np
 
 from pricing_core import kernel
 from pricing_core.arrays import Matrix, Vector
+from pricing_core.errors import NumericalError
 from pricing_core.lcp.problem import LCP
 
 
@@ -38,6 +39,11 @@ def equilibrate(problem: LCP) -> ScaledProblem:
 
     A symmetric M stays symmetric. Cost: O(n**2).
 
+    Raises
+    ------
+    NumericalError
+        Scaled so, q exceeds the range of floating-point numbers.
+
     Examples
     --------
     >>> equilibrate(LCP([[4.0, 0.0], [0.0, 64.0]], [-8.0, 1.0])).M
@@ -46,8 +52,10 @@ def equilibrate(problem: LCP) -> ScaledProblem:
     """
     M = problem.dense()
     row, column = kernel.equilibrate(M)
-    with np.errstate(over="ignore"):  # a q beyond the range of M fails every method but exact arithmetic
+    with np.errstate(over="ignore"):
         q = row * problem.q
     largest = float(np.abs(q).max(initial=0.0))
+    if not math.isfinite(largest):
+        raise NumericalError("q is too large for M: no floating-point number scales both to a size near one")
     size = math.ldexp(1.0, math.frexp(largest)[1] - 1) if largest > 0.0 else 1.0
     return ScaledProblem(row[:, None] * M * column, q / size, row, column, size)

@@ -25,7 +25,7 @@ from pricing_core.lcp.exact import (
 from pricing_core.lcp.feasibility import infeasibility_certificate
 from pricing_core.lcp.lemke import follow_path
 from pricing_core.lcp.murty import solve_murty
-from pricing_core.lcp.policy_iteration import first_basic_set, policy_from_sweeps, solve_policy_iteration
+from pricing_core.lcp.policy_iteration import first_basic_set, solve_h_plus, solve_policy_iteration
 from pricing_core.lcp.principal_pivot import principal_pivot
 from pricing_core.lcp.problem import DEFAULT_TOLERANCE, LCP, LCPSolution, as_tolerance, solution_of, verified
 from pricing_core.lcp.psor import solve_psor
@@ -64,7 +64,8 @@ def solve(
 
     1. Tridiagonal Z-matrix with positive diagonal: the contact set by one pass; then, as it is one run at the first or
        last end, one run, or several, Brennan-Schwartz, the double sweep or policy iteration. All O(n) for an M-matrix.
-    2. Sparse or tridiagonal H+ matrix: policy iteration.
+    2. Sparse H+ matrix: projected sweeps where they converge fast ("projected-sweeps"), else policy iteration from where
+       they have come; tridiagonal H+ matrix: policy iteration.
     3. Lemke's method with its own covering vector ("lemke"), and with others ("lemke-restarted"). If they fail, an
        exact proof is looked for that {z >= 0, M z + q >= 0} is empty.
     4. Lemke's method from other bases ("lemke-pivoted"), which helps where every covering vector fails, as in
@@ -194,7 +195,9 @@ def _structured_attempts(problem: LCP) -> Iterator[Attempt]:
     if banded is not None and is_z_matrix(banded) and (banded.diagonal > 0.0).all():
         yield _timed(solve_tridiagonal_m_matrix)
     elif isinstance(problem.M, csr_array | Tridiagonal) and is_h_plus_matrix(problem.M):
-        yield _timed(policy_from_sweeps)
+        if isinstance(problem.M, Tridiagonal):
+            yield _timed(solve_policy_iteration)
+        yield _timed(solve_h_plus)
 
 
 def _first_success(problem: LCP, attempts: Iterator[Attempt], limit: TimeLimit) -> LCPSolution:

@@ -45,7 +45,7 @@ def is_m_matrix(M: object) -> bool:
     (True, False)
     """
     A = as_coefficients("M", M)
-    return is_z_matrix(A) and semipositivity_vector(A) is not None
+    return is_z_matrix(A) and (_is_dominant(A) or semipositivity_vector(A) is not None)
 
 
 def is_h_plus_matrix(M: object) -> bool:
@@ -57,7 +57,10 @@ def is_h_plus_matrix(M: object) -> bool:
     (True, False)
     """
     A = as_coefficients("M", M)
-    return bool((diagonal_of(A) > 0.0).all()) and semipositivity_vector(_comparison(A)) is not None
+    if not (diagonal_of(A) > 0.0).all():
+        return False
+    comparison = _comparison(A)
+    return _is_dominant(comparison) or semipositivity_vector(comparison) is not None
 
 
 def semipositivity_vector(M: object) -> Vector | None:
@@ -78,15 +81,21 @@ def semipositivity_vector(M: object) -> Vector | None:
     x = _solution(A, diagonal)
     if x is None or not (np.isfinite(x) & (x > 0.0)).all():
         return None
-    terms = (
-        A.shape[0]
-        if isinstance(A, np.ndarray)
-        else int(np.max(np.diff(A.indptr)))
-        if isinstance(A, csr_array)
-        else 3
-    )
-    rounding = (terms + 5.0) * EPSILON * np.asarray(absolute(A) @ x)
-    return x if (np.asarray(A @ x) > rounding).all() else None
+    return x if (np.asarray(A @ x) > _rounding(A, x)).all() else None
+
+
+def _is_dominant(A: Coefficients) -> bool:
+    """Tell whether all row sums of a Z-matrix are positive beyond their rounding."""
+    ones = np.ones(A.shape[0])
+    return bool((np.asarray(A @ ones) > _rounding(A, ones)).all())
+
+
+def _rounding(A: Coefficients, x: Vector) -> Vector:
+    """Return a bound on the rounding error of A x for x >= 0 (Higham 2002, (3.5))."""
+    terms = A.shape[0] if isinstance(A, np.ndarray) else 3
+    if isinstance(A, csr_array):
+        terms = int(np.max(np.diff(A.indptr), initial=0))
+    return np.asarray((terms + 5.0) * EPSILON * (absolute(A) @ x))
 
 
 def is_positive_definite(M: object) -> bool:

@@ -1,6 +1,3 @@
-from fractions import Fraction
-from itertools import combinations, product
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,6 +15,7 @@ from pricing_core.lcp import (
     solve_extended_horizontal,
     solve_horizontal,
 )
+from tests.lcp.rational_reference import has_solution
 
 
 def test_with_the_identity_it_is_an_lcp():
@@ -71,7 +69,7 @@ def test_random_whole_numbers_are_solved_or_refused_as_all_cells_say(exponent: i
         q = rng.integers(-3, 4, n)
         rows = 2.0 ** (exponent * rng.integers(0, 2, n))
         problem = HorizontalLCP(rows[:, None] * M, rows[:, None] * N, rows * q)
-        solvable = has_solution(problem)
+        solvable = has_solution(problem.M, problem.N, problem.q)
         counts[solvable] += 1
         if solvable:
             found = solve_horizontal(problem)
@@ -83,38 +81,6 @@ def test_random_whole_numbers_are_solved_or_refused_as_all_cells_say(exponent: i
             with pytest.raises(InfeasibleError):
                 solve_horizontal(problem)
     assert min(counts.values()) > 20
-
-
-def has_solution(problem: HorizontalLCP) -> bool:
-    """Look in each of the 2**n cells, by vertices in rational arithmetic: some vertex is a solution if any point is."""
-    table = [
-        [Fraction(v) for v in row] for row in np.column_stack([problem.M, -problem.N, problem.q]).tolist()
-    ]
-    n = len(table)
-    for cell in product((0, 1), repeat=n):
-        columns = [i + n * side for i, side in enumerate(cell)]
-        for size in range(n + 1):
-            if any(is_nonnegative(table, support) for support in combinations(columns, size)):
-                return True
-    return False
-
-
-def is_nonnegative(table: list[list[Fraction]], support: tuple[int, ...]) -> bool:
-    """Tell whether the equations have exactly one solution with these columns, and that is nonnegative."""
-    rows = [[row[j] for j in (*support, -1)] for row in table]
-    for k in range(len(support)):
-        pivot = next((i for i in range(k, len(rows)) if rows[i][k]), None)
-        if pivot is None:
-            return False
-        rows[k], rows[pivot] = rows[pivot], rows[k]
-        rows[k] = [v / rows[k][k] for v in rows[k]]
-        rows = [
-            row if i == k else [a - row[k] * b for a, b in zip(row, rows[k], strict=True)]
-            for i, row in enumerate(rows)
-        ]
-    return all(row[-1] >= 0 for row in rows[: len(support)]) and not any(
-        row[-1] for row in rows[len(support) :]
-    )
 
 
 @pytest.mark.parametrize(

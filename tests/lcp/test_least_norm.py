@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from pricing_core.lcp import LCP, least_norm_solution, solve
+from tests.lcp.rational_reference import least_solution
 
 
 def test_a_unique_solution_is_returned_as_it_is():
@@ -52,3 +53,31 @@ def test_no_solution_is_shorter(seed):
         method="SLSQP",
     )
     assert found @ found <= others.fun + 1e-6
+
+
+@pytest.mark.parametrize("block", range(8))
+def test_it_is_least_and_zero_where_it_is_zero_in_rational_arithmetic(block):
+    """Positive semidefinite M of any rank, with and without a skew part, and solutions chosen first."""
+    several = 0
+    for seed in range(40 * block, 40 * block + 40):
+        rng = np.random.default_rng(seed)
+        n = int(rng.integers(2, 5))
+        F = rng.integers(-2, 3, (n, int(rng.integers(0, n)))).astype(float)
+        K = rng.integers(-1, 2, (n, n)) * (rng.random() < 0.5)
+        M = F @ F.T + K - K.T
+        known = np.where(rng.random(n) < 0.6, rng.integers(0, 4, n), 0).astype(float)
+        slack = np.where(known > 0.0, 0.0, rng.integers(0, 3, n))
+        q = slack - M @ known
+        expected = least_solution(M, q, known)
+        several += not np.array_equal(expected, known)
+        for unit in (1.0, 2.0**-33, 2.0**33):
+            found = least_norm_solution(LCP(M, unit * q), unit * known) / unit
+            np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-13)
+            np.testing.assert_array_equal(found == 0.0, expected == 0.0)
+    assert several >= 10
+
+
+def test_a_component_that_all_solutions_share_is_kept_beside_one_a_1e18_times_as_large():
+    M = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 1.0, 1.0]])
+    found = least_norm_solution(LCP(M, [-1e-9, -2e9, -2e9]), np.array([1e-9, 2e9, 0.0]))
+    np.testing.assert_allclose(found, [1e-9, 1e9, 1e9], rtol=1e-14)
