@@ -119,7 +119,7 @@ impl<V: Vector> Comparison<'_, V> {
         let excess = shortfall * shortfall * spots.half_curvature_at_boundary();
         let error = depth.negative(error, error.max(excess));
         // Beyond the nodes u is taken for zero.
-        let neglected = spots.premium_bound(whole.boundary);
+        let neglected = spots.premium_bound();
         (-whole.u.abs()).negative(error, error.max(neglected))
     }
 }

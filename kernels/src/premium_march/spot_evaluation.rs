@@ -5,7 +5,7 @@ use super::grid_values::Workspace;
 use super::interpolation::Interpolation;
 use super::march::Marched;
 use super::mesh::Mesh;
-use crate::lanes::normal::{exp, expm1, weighted_normal, ONE_OVER_SQRT_TWO_PI};
+use crate::lanes::normal::{exp, expm1, ln, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{Vector, LANES};
 
 /// The number of values of each spot: V/K, its first and second derivative by x = ln(S/K), the European V/K, and the
@@ -186,20 +186,27 @@ impl<V: Vector> Spots<V> {
         self.contracts.earned() / (self.contracts.spread * self.contracts.spread)
     }
 
-    /// About the largest premium over K that an option so far from the boundary can have, by its density now and by its
-    /// decay without expiry.
+    /// An upper bound of the premium over K, for a spot above the boundary's limit at expiry.
+    ///
+    /// Exercise earns at most `earned`, and only where the spot lies below that limit, which no boundary exceeds. With D the
+    /// distance of ln(S/K) from it, that is so with probability N(-(D + drift u)/sqrt(u)) at u; and what is earned when
+    /// the spot first comes there is worth at most e^{-decay D} times itself, as in the option without expiry. All of it
+    /// in units of spread.
     #[inline(always)]
-    pub fn premium_bound(&self, boundary: V) -> V {
+    pub fn premium_bound(&self) -> V {
         let Contracts {
             rate,
             dividend,
             spread,
         } = self.contracts;
+        let limit = ln((-dividend).negative(rate / dividend, V::all(1.0))).min(V::zero());
+        let away = ((self.x - limit) / spread).max(V::zero());
         let drift = (rate - dividend) / spread - spread.times(0.5);
         let decay = drift + (drift * drift + rate + rate).sqrt();
-        let deviations = (self.x - boundary) / spread;
-        let now = self.contracts.earned() * exp((deviations * deviations).times(-0.5));
-        now.min(exp(-(decay * deviations)))
+        // The probability is largest now, or, where drift > D, less than at u = 1 with the drift D.
+        let deviations = (away + drift.min(away)).max(V::zero());
+        let exponent = (deviations * deviations).times(0.5).max(decay * away);
+        self.contracts.earned() * exp(-exponent)
     }
 
     /// The differences of the `VALUES` numbers from those of u and its derivatives.
