@@ -25,6 +25,15 @@ const COARSE_FACTOR: f64 = 2.0;
 /// The share of the difference of `u_xi` that the error estimate is not less than, in V/K: values of two marches may
 /// agree by accident, but hardly their slopes as well; calibrated on random puts.
 const SLOPE_SHARE: f64 = 0.4;
+/// The same for the difference of `u_xixi`, where the slopes agree by accident as well; calibrated on random puts.
+const CURVATURE_SHARE: f64 = 0.02;
+/// The distance from the boundary from which that holds, in xi; chosen: nearer, the curvature says where the boundary lies.
+const AWAY_FROM_BOUNDARY: f64 = 0.5;
+/// The share of the premium that may be wrong in its tail where there is no third march; calibrated on random puts, on
+/// which two marches with very few steps agree in a part of the tail.
+const TAIL_SHARE: f64 = 0.7;
+/// The largest error from that, times M^3, as a share of what exercise earns; calibrated on random puts.
+const LARGEST_IN_TAIL: f64 = 0.0256;
 /// The share of the difference of two marches that estimates the error of a derivative after extrapolation; calibrated
 /// on random puts.
 const DERIVATIVE_SHARE: f64 = 0.17;
@@ -98,11 +107,20 @@ impl<V: Vector> Comparison<'_, V> {
     /// The error estimate of the extrapolant, in V/K; `of_values` is the difference of V/K.
     #[inline(always)]
     pub fn error(&self, difference: &SpotEvaluation<V>, of_values: V) -> V {
-        let (spots, whole) = (self.spots, self.whole);
-        let error = if self.level < COARSEST_CHECKED {
-            of_values.abs().times(LONE_SHARE)
+        let Self {
+            spots,
+            whole,
+            half,
+            quarter,
+            ..
+        } = *self;
+        let lone = self.level < COARSEST_CHECKED;
+        let error = if lone {
+            let tail = spots.discounted(whole.u).abs().times(TAIL_SHARE);
+            let most = spots.earned().times(self.largest_in_tail());
+            of_values.abs().times(LONE_SHARE).max(tail.min(most))
         } else {
-            let before = spots.discounted(self.half.u - self.quarter.u).abs();
+            let before = spots.discounted(half.u - quarter.u).abs();
             let factor = if self.level == COARSEST_CHECKED {
                 COARSE_FACTOR
             } else {
@@ -111,16 +129,29 @@ impl<V: Vector> Comparison<'_, V> {
             let near = of_values.abs().times(factor * NEAR_SHARE);
             before.times_plus(V::all(factor * FAR_SHARE), near)
         };
+        let depth = whole.boundary - spots.x; // negative where the option is not exercised
         let slopes = spots.discounted(difference.slope).abs();
+        let curvatures = spots.discounted(difference.curvature).abs();
         let error = error.max(slopes.times(SLOPE_SHARE));
+        let is_away = depth + spots.spread().times(AWAY_FROM_BOUNDARY);
+        let error = is_away.negative(error.max(curvatures.times(CURVATURE_SHARE)), error);
         // Just inside the exercise region the value exceeds the payoff if the boundary is as far off as it moved.
-        let depth = whole.boundary - spots.x;
         let shortfall = (difference.boundary.abs() - depth).max(V::zero());
         let excess = shortfall * shortfall * spots.half_curvature_at_boundary();
         let error = depth.negative(error, error.max(excess));
         // Beyond the nodes u is taken for zero.
-        let neglected = spots.premium_bound();
-        (-whole.u.abs()).negative(error, error.max(neglected))
+        let mut least = whole.u.abs().min(half.u.abs());
+        if !lone {
+            least = least.min(quarter.u.abs());
+        }
+        (-least).negative(error, error.max(spots.premium_bound()))
+    }
+
+    /// `LARGEST_IN_TAIL` over M^3.
+    #[inline(always)]
+    #[allow(clippy::cast_precision_loss)]
+    fn largest_in_tail(&self) -> f64 {
+        LARGEST_IN_TAIL / (STEPS[self.level] as f64).powi(3)
     }
 }
 

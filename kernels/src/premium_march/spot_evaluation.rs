@@ -180,6 +180,18 @@ impl<V: Vector> Spots<V> {
         self.bond * u
     }
 
+    /// The most that exercise may earn until expiry, over K.
+    #[inline(always)]
+    pub fn earned(&self) -> V {
+        self.contracts.earned()
+    }
+
+    /// The standard deviation of ln S at expiry.
+    #[inline(always)]
+    pub fn spread(&self) -> V {
+        self.contracts.spread
+    }
+
     /// Half the second derivative by x of V/K less the payoff, at the boundary; at least, where the yield is positive.
     #[inline(always)]
     pub fn half_curvature_at_boundary(&self) -> V {
