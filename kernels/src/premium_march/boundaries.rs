@@ -9,6 +9,8 @@ use crate::lanes::vector::{Vector, LANES};
 
 /// The tolerance of V/K that decides the width of the grid; chosen.
 const TOLERANCE: f64 = 1e-8;
+/// The level that resolves the decay of the premium: the others have their dx in proportion; chosen.
+const RESOLVING: usize = 6;
 
 /// Return ln(S*/K) now and whether it was found, of each run, from the march with `STEPS[level]` time steps.
 ///
@@ -34,7 +36,7 @@ impl Work for Marching<'_> {
         let mut sorted = Vec::with_capacity(count);
         for start in (0..count).step_by(LANES) {
             let runs = std::array::from_fn(|l| (start + l).min(count - 1));
-            let classes = classify(&Contracts::<V>::gather(self.puts, &runs), V::all(TOLERANCE));
+            let classes = classify(&Contracts::<V>::gather(self.puts, &runs), V::all(TOLERANCE), (RESOLVING, RESOLVING));
             let mine = (start..count).zip(classes);
             sorted.extend(mine.filter_map(|(run, class)| class.map(|(class, _)| (class, run))));
         }

@@ -115,24 +115,21 @@ impl<V: Vector> Comparison<'_, V> {
             ..
         } = *self;
         let lone = self.level < COARSEST_CHECKED;
+        let slopes = spots.discounted(difference.slope).abs();
+        let curvatures = spots.discounted(difference.curvature).abs();
+        let depth = whole.boundary - spots.x; // negative where the option is not exercised
         let error = if lone {
             let tail = spots.discounted(whole.u).abs().times(TAIL_SHARE);
             let most = spots.earned().times(self.largest_in_tail());
             of_values.abs().times(LONE_SHARE).max(tail.min(most))
         } else {
             let before = spots.discounted(half.u - quarter.u).abs();
-            let factor = if self.level == COARSEST_CHECKED {
-                COARSE_FACTOR
-            } else {
-                1.0
-            };
-            let near = of_values.abs().times(factor * NEAR_SHARE);
-            before.times_plus(V::all(factor * FAR_SHARE), near)
+            before.times_plus(V::all(FAR_SHARE), of_values.abs().times(NEAR_SHARE))
         };
-        let depth = whole.boundary - spots.x; // negative where the option is not exercised
-        let slopes = spots.discounted(difference.slope).abs();
-        let curvatures = spots.discounted(difference.curvature).abs();
-        let error = error.max(slopes.times(SLOPE_SHARE));
+        let mut error = error.max(slopes.times(SLOPE_SHARE));
+        if self.level == COARSEST_CHECKED {
+            error = error.times(COARSE_FACTOR);
+        }
         let is_away = depth + spots.spread().times(AWAY_FROM_BOUNDARY);
         let error = is_away.negative(error.max(curvatures.times(CURVATURE_SHARE)), error);
         // Just inside the exercise region the value exceeds the payoff if the boundary is as far off as it moved.

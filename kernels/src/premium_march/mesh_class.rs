@@ -36,20 +36,41 @@ const LARGEST_DECAY_CLASS: u32 = 18;
 /// The number of widths of the grid, in units of `WIDTH`: above `LARGEST_DISTANCE`/`WIDTH`.
 const DISTANCES: usize = 54;
 
-/// The width of the grid in units of `WIDTH`, and how fast the premium decays, in quarters of an octave.
+/// The largest number of halvings of dx because of that decay; derived: 2^((`LARGEST_DECAY_CLASS` + 2)/4)/sqrt(4) is 2^4.
+const LARGEST_HALVINGS: u32 = 4;
+
+/// The width of the grid in units of `WIDTH`, how fast the premium decays, in quarters of an octave, and how often dx is
+/// halved because of that: equally often at all levels, so that all errors fall from one to the next.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct MeshClass {
     distance: u32,
     decay: u32,
+    halvings: u32,
 }
 
 impl MeshClass {
     /// The number of classes.
-    pub const COUNT: usize = DISTANCES * (LARGEST_DECAY_CLASS as usize + 1);
+    pub const COUNT: usize =
+        DISTANCES * (LARGEST_DECAY_CLASS as usize + 1) * (LARGEST_HALVINGS as usize + 1);
+
+    /// The class with the fewest halvings that resolve the decay with `steps` time steps.
+    fn new(distance: u32, decay: u32, steps: usize) -> Self {
+        let mut halvings = 0;
+        // The smallest h with dx = WIDTH/(2^h sqrt(M)) <= LAYER/decay.
+        while (1 << (decay + 2)) > (steps * steps) << (4 * halvings) {
+            halvings += 1;
+        }
+        Self {
+            distance,
+            decay,
+            halvings,
+        }
+    }
 
     /// The number of this class, below `COUNT`.
     pub fn index(self) -> usize {
-        self.decay as usize * DISTANCES + self.distance as usize
+        let slope = self.decay * (LARGEST_HALVINGS + 1) + self.halvings;
+        slope as usize * DISTANCES + self.distance as usize
     }
 
     /// The mesh of this class at a level.
@@ -59,30 +80,25 @@ impl MeshClass {
         clippy::cast_sign_loss
     )]
     pub fn mesh(self, level: usize) -> Mesh {
-        let steps = STEPS[level];
-        // The smallest h with dx = WIDTH/(2^h sqrt(M)) <= LAYER/decay.
-        let mut halvings = 0;
-        while (1 << (self.decay + 2)) > (steps * steps) << (4 * halvings) {
-            halvings += 1;
-        }
-        let root = (steps as f64).sqrt();
-        let finer = f64::from(1_u32 << halvings);
+        let root = (STEPS[level] as f64).sqrt();
+        let finer = f64::from(1_u32 << self.halvings);
         let mut cells = f64::from(self.distance) * root * finer;
-        if halvings > 0 {
+        if self.halvings > 0 {
             let slowest = LAYER / WIDTH * 2.0_f64.powf(0.25 * f64::from(self.decay + 1));
             cells = cells.min((LAYERS / slowest + 1.0) / WIDTH * root * finer);
         }
-        Mesh::new(level, WIDTH / root, cells.ceil() as usize, halvings)
+        Mesh::new(level, WIDTH / root, cells.ceil() as usize, self.halvings)
     }
 }
 
 /// The class of each lane and the level of its first march; None where the march does not serve.
 ///
-/// `tolerance` is the largest error allowed in V/K.
+/// `tolerance` is the largest error allowed in V/K; `levels` has the smallest and the largest level.
 #[inline(always)]
 pub fn classify<V: Vector>(
     contracts: &Contracts<V>,
     tolerance: V,
+    levels: (usize, usize),
 ) -> [Option<(MeshClass, usize)>; LANES] {
     let Contracts {
         rate,
@@ -121,17 +137,16 @@ pub fn classify<V: Vector>(
     )]
     std::array::from_fn(|l| {
         (served[l] > 0.0).then(|| {
-            let class = MeshClass {
-                distance: distance[l].ceil() as u32,
-                decay: decay_class[l].max(0.0).ceil() as u32,
-            };
+            let decay = decay_class[l].max(0.0).ceil() as u32;
             let fewest = if tolerance[l] >= LOOSE_TOLERANCE {
                 2
             } else {
                 4
             };
             let level = STEPS.iter().filter(|&&s| (s as f64) < steps[l]).count();
-            (class, level.clamp(fewest, STEPS.len() - 1))
+            let level = level.clamp(fewest, STEPS.len() - 1).clamp(levels.0, levels.1);
+            let class = MeshClass::new(distance[l].ceil() as u32, decay, STEPS[level]);
+            (class, level)
         })
     })
 }

@@ -83,7 +83,6 @@ impl Task<'_> {
     #[inline(always)]
     fn sort_into_levels<V: Vector>(&self, fresh: &mut [Vec<Item>; STEPS.len()]) {
         let puts = self.puts;
-        let (fewest, most) = puts.levels;
         let mut start = self.runs.start;
         while start < self.runs.end {
             let end = self.runs.end.min(start + LANES);
@@ -97,10 +96,11 @@ impl Task<'_> {
             let classes = classify(
                 &Contracts::<V>::gather(puts, &runs),
                 V::from_lanes(tolerance),
+                puts.levels,
             );
             for (run, class) in (start..end).zip(classes) {
                 if let Some((class, level)) = class {
-                    let items = &mut fresh[level.clamp(fewest, most)];
+                    let items = &mut fresh[level];
                     let spots = puts.first[run]..puts.first[run + 1];
                     let known = spots.filter(|&spot| puts.x[spot].is_finite());
                     items.extend(known.map(|spot| Item {
