@@ -25,6 +25,8 @@ const COARSE_FACTOR: f64 = 2.0;
 /// The share of the difference of `u_xi` that the error estimate is not less than, in V/K: values of two marches may
 /// agree by accident, but hardly their slopes as well; calibrated on random puts.
 const SLOPE_SHARE: f64 = 0.4;
+/// The same for `COARSEST_CHECKED`; calibrated on random puts.
+const COARSE_SLOPE_SHARE: f64 = 0.6;
 /// The same for the difference of `u_xixi`, where the slopes agree by accident as well; calibrated on random puts.
 const CURVATURE_SHARE: f64 = 0.02;
 /// The distance from the boundary from which that holds, in xi; chosen: nearer, the curvature says where the boundary lies.
@@ -115,6 +117,7 @@ impl<V: Vector> Comparison<'_, V> {
             ..
         } = *self;
         let lone = self.level < COARSEST_CHECKED;
+        let coarsest = self.level == COARSEST_CHECKED;
         let slopes = spots.discounted(difference.slope).abs();
         let curvatures = spots.discounted(difference.curvature).abs();
         let depth = whole.boundary - spots.x; // negative where the option is not exercised
@@ -124,12 +127,14 @@ impl<V: Vector> Comparison<'_, V> {
             of_values.abs().times(LONE_SHARE).max(tail.min(most))
         } else {
             let before = spots.discounted(half.u - quarter.u).abs();
-            before.times_plus(V::all(FAR_SHARE), of_values.abs().times(NEAR_SHARE))
+            let error = before.times_plus(V::all(FAR_SHARE), of_values.abs().times(NEAR_SHARE));
+            error.times(if coarsest { COARSE_FACTOR } else { 1.0 })
         };
-        let mut error = error.max(slopes.times(SLOPE_SHARE));
-        if self.level == COARSEST_CHECKED {
-            error = error.times(COARSE_FACTOR);
-        }
+        let error = error.max(slopes.times(if coarsest {
+            COARSE_SLOPE_SHARE
+        } else {
+            SLOPE_SHARE
+        }));
         let is_away = depth + spots.spread().times(AWAY_FROM_BOUNDARY);
         let error = is_away.negative(error.max(curvatures.times(CURVATURE_SHARE)), error);
         // Just inside the exercise region the value exceeds the payoff if the boundary is as far off as it moved.
