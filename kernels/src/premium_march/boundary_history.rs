@@ -18,6 +18,8 @@ pub struct BoundaryHistory<V> {
     pub perpetual: V,
     /// The boundary after the last step.
     pub latest: V,
+    /// The boundary after one step of implicit Euler's from expiry to the end of the last step, see `first_step`.
+    pub euler: V,
     pub latest_by: [V; 3],
     /// The reduced boundary after the last three steps, newest first.
     pub reduced: [V; 3],
@@ -53,6 +55,7 @@ impl<V: Vector> BoundaryHistory<V> {
             at_expiry,
             perpetual,
             latest: at_expiry,
+            euler: at_expiry,
             latest_by: [zero; 3],
             reduced: [zero; 3],
             drift_by: [inverse, -inverse, -(drift * inverse).plus(1.0)],

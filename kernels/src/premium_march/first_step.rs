@@ -69,7 +69,8 @@ pub fn first_step<V: Vector, const D: bool>(
         }
     }
     work.differences.resize(mesh.nodes + 3, V::zero());
-    history.record(xi - history.drift.times(t), xi_by, root);
+    history.euler = xi - history.drift.times(t);
+    history.record(history.euler, xi_by, root);
     FirstNode { root, xi, xi_by }
 }
 

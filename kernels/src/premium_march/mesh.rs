@@ -55,6 +55,15 @@ pub struct TimeStep<'a> {
     pub slope: &'a [f64; 3],
 }
 
+impl TimeStep<'_> {
+    /// sqrt(t) at the end of the step over that at its start.
+    #[inline(always)]
+    #[allow(clippy::cast_precision_loss)]
+    pub fn growth(&self) -> f64 {
+        self.number as f64 / (self.number - 1) as f64
+    }
+}
+
 impl Mesh {
     /// The mesh with `STEPS[level]` steps; for the other arguments see the fields.
     pub fn new(level: usize, width: f64, nodes: usize, halvings: u32) -> Self {

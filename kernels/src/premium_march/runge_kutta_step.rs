@@ -13,6 +13,8 @@ use crate::lanes::vector::{Part, Vector, LANES};
 /// The largest distance between boundary and node 0 of an accepted step, in sqrt(t); chosen: beyond it the Taylor series
 /// of the cell is too short.
 const ACCEPTED_OFFSET: f64 = 0.5;
+/// The last step whose place is predicted from implicit Euler's boundary; chosen: later ones are short enough.
+const EULER_STEPS: usize = 8;
 /// The largest number of times that a step is taken with corrected places of the nodes; chosen.
 const TRIES: usize = 8;
 
@@ -110,21 +112,24 @@ impl<V: Vector, const D: bool> Part<V> for RungeKuttaStep<'_, V, D> {
 fn predicted_place<V: Vector>(
     step: &TimeStep,
     contracts: &Contracts<V>,
-    history: &BoundaryHistory<V>,
+    history: &mut BoundaryHistory<V>,
     coarser_first: Option<V>,
 ) -> V {
-    let x = if step.number == 2 {
-        // One step does not show where the boundary goes: one implicit Euler step to the end of this one does.
-        let t = step.root * step.root;
-        let xi = if let Some(found) = coarser_first {
-            found
-        } else {
+    if step.number > EULER_STEPS {
+        let reduced = history.predicted(step);
+        return history.bounded(reduced.times_plus(V::all(step.root), history.at_expiry));
+    }
+    // The first steps do not show where the boundary goes: where rate < dividend it turns, and may turn sharply, from
+    // its limit at expiry to the course that it has without that limit. Implicit Euler's boundary does the same.
+    let t = step.root * step.root;
+    let xi = match coarser_first {
+        Some(found) if step.number == 2 => found,
+        _ => {
             let time = TimeFactors::new(contracts, t, step.root);
             first_boundary(contracts, &time, std::f64::consts::SQRT_2 / step.root)
-        };
-        xi - history.drift.times(t)
-    } else {
-        history.at_expiry + history.predicted(step).times(step.root)
+        }
     };
-    history.bounded(x)
+    let euler = xi - history.drift.times(t);
+    let beyond = history.latest - std::mem::replace(&mut history.euler, euler);
+    history.bounded(beyond.times_plus(V::all(step.growth()), euler))
 }
