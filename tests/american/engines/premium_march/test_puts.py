@@ -1,5 +1,7 @@
 """Puts marched to a tolerance: errors, their estimates, and what every American option obeys."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -338,3 +340,96 @@ def test_what_the_march_cannot_take_is_not_served(rate, dividend, spread):
 )
 def test_what_has_one_boundary_that_the_grid_resolves_is_served(rate, dividend, spread):
     assert is_served(parameters(0.0, rate, dividend, spread))[0]
+
+
+def wide_puts(count: int, seed: int) -> tuple[Puts, Vector]:
+    """Return the puts of contracts and their strikes in those of the contracts.
+
+    Two days to five years, 5 % to 80 % volatility, rates and yields from -5 % to 20 %; a call is the put with spot and
+    strike, and rate and yield, exchanged.
+    """
+    random = np.random.default_rng(seed)
+    expiry = np.exp(random.uniform(np.log(2 / 365), np.log(5.0), count))
+    spread = random.uniform(0.05, 0.8, count) * np.sqrt(expiry)
+    rate, dividend = random.uniform(-0.05, 0.2, (2, count)) * expiry
+    spot, is_put = random.uniform(0.5, 1.5, count), random.random(count) < 0.5
+    x = np.log(spot)
+    puts = Puts(
+        np.where(is_put, x, -x), np.where(is_put, rate, dividend), np.where(is_put, dividend, rate), spread
+    )
+    rows = np.flatnonzero(puts.rate >= 0.0)
+    return puts.take(rows), np.where(is_put, 1.0, spot)[rows]
+
+
+def test_stated_errors_are_honest_on_a_wide_book():
+    puts, strike = wide_puts(25_000, seed=20)
+    truth = solve_puts(puts, np.full(puts.x.size, 1e-10), limits=None)
+    assert truth.settled.all()
+    for tolerance in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7):
+        found = solve_puts(puts, tolerance / strike, limits=None)
+        error = np.abs(found.values[0] - truth.values[0])
+        known = truth.error + ROUNDING
+        assert found.settled.all()
+        assert np.mean(error > 2.0 * found.error + known) <= 1.0 / 2000.0
+        met = strike * found.error <= tolerance
+        assert met.mean() >= 0.998
+        assert np.all((strike * (error - known))[met] <= tolerance)
+
+
+def near_puts(count: int, seed: int) -> tuple[Puts, Vector]:
+    """Return puts whose yield is within a tenth of a per cent to some per cent of the rate, and their years."""
+    random = np.random.default_rng(seed)
+    expiry = np.exp(random.uniform(np.log(2 / 365), np.log(5.0), count))
+    spread = random.uniform(0.05, 0.8, count) * np.sqrt(expiry)
+    rate = random.uniform(0.001, 0.2, count)
+    apart = 10.0 ** random.uniform(-7.0, -2.0, count) * random.choice([-1.0, 0.0, 1.0, 1.0], count)
+    x = random.uniform(-3.0, 3.0, count) * spread
+    dividend = np.maximum(rate + apart, 0.0)
+    return Puts(np.clip(x, -0.7, 0.4), rate * expiry, dividend * expiry, spread), expiry
+
+
+@pytest.mark.parametrize("steps", [24, 96, 384])
+def test_no_march_loses_a_boundary_that_leaves_its_limit_at_expiry(steps):
+    apart = np.concatenate([[0.0], 10.0 ** np.linspace(-8.0, 0.0, 161)])
+    for rate, spread in ((5e-5, 0.0122), (3.3e-4, 0.0239), (0.054, 0.485), (0.3, 0.2)):
+        columns = [np.full(apart.size, number) for number in (0.2 * spread, rate, spread)]
+        puts = Puts(columns[0], columns[1], rate * (1.0 + apart), columns[2])
+        found = solve_puts(puts, np.full(apart.size, 1e-14), limits=None, fewest=steps, most=steps)
+        assert found.settled.all()
+        # The value is smooth in the yield.
+        value = found.values[0]
+        assert np.all(np.diff(value)[puts.dividend[1:] > 0.0] >= -1e-12)
+        assert np.all(found.error <= 1e-4)
+
+
+@pytest.mark.parametrize(("name", "row"), [("rate", 4), ("dividend", 5)])
+def test_the_rhos_are_right_where_rate_and_yield_are_close(name, row):
+    puts, expiry = near_puts(1500, seed=21)
+    allowed = 1e-5  # strikes per 1.00 of rate or yield
+    limits = np.full((expiry.size, 7), np.inf)
+    limits[:, row] = allowed / expiry
+    found = solve_puts(puts, np.full(expiry.size, 1e-6), limits=limits)
+    old, rhos = getattr(puts, name), []
+    settled = found.settled & ~found.exercised
+    for share in (4e-3, 2e-3):
+        step = np.minimum(share * puts.rate, 0.05 * share * expiry)
+        up, down, up_twice, down_twice = (
+            solve_puts(
+                replace(puts, **{name: old + times * step}),
+                np.full(expiry.size, 1e-14),
+                limits=None,
+                fewest=128,
+                most=128,
+            )
+            for times in (1.0, -1.0, 2.0, -2.0)
+        )
+        for side in (up, down, up_twice, down_twice):
+            assert side.settled.all()
+            settled &= ~side.exercised
+        near, far = (one.values[0] - other.values[0] for one, other in ((up, down), (up_twice, down_twice)))
+        rhos.append(expiry * (8.0 * near - far) / (12.0 * step))
+    settled &= np.abs(rhos[0] - rhos[1]) <= 0.3 * allowed
+    assert settled.sum() >= 1200
+    error = np.abs(expiry * found.values[row] - rhos[0])[settled]
+    assert np.mean(error <= 1.3 * allowed) >= 0.995
+    assert np.all(error <= 5.0 * allowed)
