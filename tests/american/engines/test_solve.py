@@ -373,7 +373,6 @@ def test_without_the_compiled_engines_everything_is_served_all_the_same(monkeypa
     ("option", "market"),
     [
         (Option("put", 100.0, 4.1266584), Market(88.7383491, 0.24919364, 0.25661712)),
-        (Option("put", 100.0, 15.9056), Market(95.8742, 0.139646, 0.145898)),
         (Option("put", 100.0, 200.0), Market(100.0, 2.0, 0.2, 2.0)),
     ],
 )
