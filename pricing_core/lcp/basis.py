@@ -35,7 +35,9 @@ def basic_point(problem: LCP, basic_set: BoolVector) -> Vector:
     if not basic_set.any():
         return z
     if isinstance(problem.M, Tridiagonal):
-        point: Vector = decoupled(problem.M, basic_set).solve(np.where(basic_set, -problem.q, 0.0))
+        system, right = decoupled(problem.M, basic_set), np.where(basic_set, -problem.q, 0.0)
+        point: Vector = system.solve(right)
+        point = point + system.solve(right - system @ point)
         return np.where(basic_set, point, 0.0)
     z[basic_set] = refined_solve(_principal(problem.M, basic_set), -problem.q[basic_set])
     return z
@@ -66,7 +68,9 @@ def refined_solve(A: Matrix | csr_array, b: Vector) -> Vector:
             correction = np.asarray(inverse(b - A @ x))
     except (np.linalg.LinAlgError, RuntimeError):
         raise _singular(b.size) from None
-    if not np.isfinite(x).all() or not np.max(np.abs(correction), initial=0.0) <= LARGEST_CORRECTION * np.max(np.abs(x), initial=0.0):
+    if not np.isfinite(x).all() or not np.max(np.abs(correction), initial=0.0) <= LARGEST_CORRECTION * np.max(
+        np.abs(x), initial=0.0
+    ):
         raise _singular(b.size)
     return np.asarray(x + correction)
 

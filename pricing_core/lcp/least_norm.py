@@ -1,8 +1,9 @@
 """The solution of least Euclidean norm of a monotone LCP."""
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pricing_core.arrays import BoolVector, Matrix, Vector
+from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import NumericalError
 from pricing_core.lcp.lemke import follow_path
 from pricing_core.lcp.problem import LCP
@@ -28,7 +29,7 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
 
     The solutions are the z >= 0 with M z + q >= 0, (M + M^T)(z - z0) = 0 and q^T (z - z0) = 0, a polyhedron. Where
     z0 has a positive slack every solution is zero. The least of the others is that of a quadratic programme in
-    coordinates of the polyhedron's affine hull, whose dual is an LCP.
+    coordinates of the polyhedron's affine hull, whose dual is an LCP; indices that nothing couples are treated apart.
 
     Parameters
     ----------
@@ -64,19 +65,34 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
     sizes = np.abs(M) @ np.abs(solution) + np.abs(problem.q)
     if solution.min() < -INEXACT * np.abs(solution).max() or slack.min() < -INEXACT * sizes.max():
         return solution
-    free = slack <= POSITIVE * sizes  # elsewhere z is zero in every solution
-    directions = _directions(M, problem.q, kept, free)
-    if directions.shape[1] == 0:
-        return solution
-    found = _least(M[:, free], np.maximum(slack, 0.0), sizes, np.maximum(solution[free], 0.0), directions)
-    if found is None:
-        return solution
-    least = np.zeros_like(solution)
-    least[free] = found
-    return least if least @ least <= solution @ solution else solution
+    free = np.flatnonzero(slack <= POSITIVE * sizes)  # elsewhere z is zero in every solution
+    least, changed = np.zeros_like(solution), False
+    for block in _blocks(M, kept, free):
+        known = np.maximum(solution[block], 0.0)
+        directions = _directions(M, problem.q, kept, block)
+        found = (
+            _least(M[:, block], np.maximum(slack, 0.0), sizes, known, directions) if directions.size else None
+        )
+        if found is not None and found @ found <= known @ known:
+            least[block], changed = found, True
+        else:
+            least[block] = known
+    return least if changed else solution
 
 
-def _directions(M: Matrix, q: Vector, kept: Matrix | None, free: BoolVector) -> Matrix:
+def _blocks(M: Matrix, kept: Matrix | None, free: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """Return the free indices in groups of which no row of M, M' or `kept` couples two."""
+    coupled = (M[:, free] != 0.0) | (M.T[:, free] != 0.0)
+    if kept is not None:
+        coupled = np.vstack([coupled, kept[:, free] != 0.0])
+    near = (coupled.T.astype(np.float64) @ coupled > 0.0) | np.eye(free.size, dtype=np.bool_)
+    while not np.array_equal(further := near.astype(np.float64) @ near > 0.0, near):
+        near = further
+    first = np.argmax(near, axis=1)  # the least member of each group
+    return [free[first == member] for member in np.unique(first)]
+
+
+def _directions(M: Matrix, q: Vector, kept: Matrix | None, free: NDArray[np.intp]) -> Matrix:
     """Return an orthonormal basis of the directions in which solutions differ, on the free indices, as columns."""
     M_free, transposed = M[:, free], M.T[:, free]
     symmetric = M_free + transposed
@@ -111,9 +127,8 @@ def _least(M: Matrix, slack: Vector, sizes: Vector, known: Vector, directions: M
     rows, heights = rows / lengths[:, None], heights / lengths
     t = -(directions.T @ known)
     at_foot = rows @ t + heights
-    terms = np.abs(rows) @ np.abs(t) + heights
-    at_foot = np.where(np.abs(at_foot) > ROUNDING * terms, at_foot, 0.0)
     tight, length = np.zeros(len(rows), dtype=np.bool_), float(np.linalg.norm(t))
+    at_foot = np.where(np.abs(at_foot) > ROUNDING * (heights + length), at_foot, 0.0)
     if (at_foot < 0.0).any():
         try:
             dual = follow_path(LCP(rows @ rows.T, at_foot), None, None, FEASIBLE, TimeLimit(None)).z

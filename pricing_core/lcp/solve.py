@@ -41,7 +41,7 @@ METHODS = ("auto", "lemke", "murty", "psor", "policy", "tridiagonal", "enumerati
 Attempt: TypeAlias = Callable[[LCP, TimeLimit], LCPSolution]
 
 WARM_TOLERANCE = 1e-13  # scaled residual at which a basic set from elsewhere is taken for the solution
-NEARLY_RIGHT = 0.1  # share of the indices that may be on the wrong side of a start that is mended
+NEARLY_RIGHT = 0.3  # share of the indices with a wrong sign up to which the point of a start is mended
 MENDING_SYSTEMS = 12
 SMALL = 10  # a dense matrix up to this order is not worth a look at its structure
 LARGEST_DENSE = 3000  # sparse problems up to this order may be made dense for Lemke's method
@@ -88,8 +88,8 @@ def solve(
         smaller one; direct methods are at rounding level.
     start : array_like, shape (n,), optional
         Boolean: a basic set {i: w_i = 0}. Numbers: a z, whose basic set is {i: w_i < z_i}. Where its point solves
-        the problem, that is the answer (`solution.method` is "start"); where at most a tenth of the indices
-        is on the wrong side, a few principal pivots mend it ("start-mended"); otherwise the start is not used.
+        the problem, that is the answer (`solution.method` is "start"); where at most three in ten components
+        have the wrong sign, a few principal pivots mend it ("start-mended"); otherwise the start is not used.
     time_limit : float, optional
         Seconds; compiled and other iterations end within some milliseconds of it, single factorisations do not.
 

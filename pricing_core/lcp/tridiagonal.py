@@ -1,5 +1,6 @@
 """O(n) solvers for tridiagonal M-matrices: Brennan-Schwartz, the double sweep, and one for any contact set."""
 
+from contextlib import suppress
 from typing import Literal
 
 import numpy as np
@@ -7,13 +8,15 @@ import numpy as np
 from pricing_core import kernel
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import InvalidInputError, NumericalError
+from pricing_core.lcp.basis import basic_point
 from pricing_core.lcp.policy_iteration import solve_policy_iteration
-from pricing_core.lcp.problem import LCP, LCPSolution, verified
+from pricing_core.lcp.problem import DEFAULT_TOLERANCE, LCP, LCPSolution, verified
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
 # Elimination in a tridiagonal M-matrix without pivoting has a componentwise backward error of a few units of
 # rounding (Higham 2002, theorem 9.12), so a true solution stays far below this scaled residual.
 VALID = 1e-12
+MENDING_SYSTEMS = 30  # of policy iteration from the contact set that one pass has found; one or two are usual
 
 
 def solve_brennan_schwartz(problem: LCP, *, contact: Literal["first", "last"] = "first") -> LCPSolution:
@@ -136,14 +139,22 @@ def solve_tridiagonal_m_matrix(problem: LCP, *, time_limit: float | None = None)
     try:
         return _direct(banded, basic_set)
     except NumericalError:
-        return solve_policy_iteration(banded, start=basic_set, time_limit=time_limit)
+        pass
+    try:
+        return solve_policy_iteration(
+            banded, start=basic_set, max_iterations=MENDING_SYSTEMS, time_limit=time_limit
+        )
+    except NumericalError:  # rounding may move rows where z and w vanish for ever
+        with suppress(NumericalError):
+            return _at(banded, basic_set, DEFAULT_TOLERANCE)
+    return solve_policy_iteration(banded, time_limit=time_limit)
 
 
 def _direct(problem: LCP, basic_set: BoolVector) -> LCPSolution:
     """Solve by the method that is exact for this contact set."""
     ends = np.flatnonzero(np.diff(np.concatenate([[False], ~basic_set, [False]]).astype(np.int8)))
     if ends.size > 2:
-        raise NumericalError("the contact set has several runs")
+        return _at(problem, basic_set, VALID)
     if ends.size == 0 or ends[0] == 0:
         return solve_brennan_schwartz(problem)
     return (
@@ -151,6 +162,12 @@ def _direct(problem: LCP, basic_set: BoolVector) -> LCPSolution:
         if ends[1] == problem.size
         else solve_double_sweep(problem)
     )
+
+
+def _at(problem: LCP, basic_set: BoolVector, tolerance: float) -> LCPSolution:
+    """Return the point of a basic set, which is what policy iteration from there begins with."""
+    z = basic_point(problem, basic_set)
+    return verified(problem, z, 1, "policy-iteration", tolerance, "use Lemke: M may be no M-matrix")
 
 
 def _tridiagonal_problem(problem: LCP) -> LCP:

@@ -239,3 +239,48 @@ def test_a_start_that_solves_the_problem_is_the_answer_and_any_other_is_ignored(
     assert solve(problem, start=right).z.tolist() == solve(problem, start=wrong).z.tolist() == [2.0, 0.0]
     with pytest.raises(InvalidInputError, match="start"):
         solve(problem, start=np.array([True]))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"tolerance": "a"}, {"tolerance": None}, {"start": "ab"}, {"start": [1.0]}, {"start": [np.nan, 0.0]}]
+    + [{"start": [[True, False]]}, {"start": [1j, 0.0]}, {"method": 5}, {"method": ["lemke"]}],
+)
+def test_the_front_door_names_an_option_of_the_wrong_kind(options: dict[str, object]) -> None:
+    problem = LCP([[2.0, 1.0], [1.0, 2.0]], [-4.0, 1.0])
+    with pytest.raises(InvalidInputError, match=next(iter(options))):
+        solve(problem, **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "start", [[True, False], [2, 0], [2.0, 0.0], (2.0, 0.0), np.array([2, 0]), [1.5, 0.0]]
+)
+def test_a_start_may_be_any_sequence_of_numbers_or_truth_values(start: object) -> None:
+    problem = LCP([[2.0, 1.0], [1.0, 2.0]], [-4.0, 1.0])
+    assert solve(problem, start=start).z.tolist() == [2.0, 0.0]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("call", "field"),
+    [
+        (lambda: solve_lemke(ONE, max_pivots=2.5), "max_pivots"),
+        (lambda: solve_lemke(ONE, max_pivots="many"), "max_pivots"),
+        (lambda: solve_lemke(ONE, tolerance="a"), "tolerance"),
+        (lambda: solve_murty(ONE, max_pivots=-1), "max_pivots"),
+        (lambda: solve_policy_iteration(ONE, max_iterations=1.5), "max_iterations"),
+        (lambda: solve_psor(ONE, relaxation="a"), "relaxation"),
+        (lambda: solve_psor(ONE, max_sweeps=1.5), "max_sweeps"),
+        (lambda: solve_psor(ONE, tolerance=None), "tolerance"),
+        (lambda: enumerate_solutions(ONE, max_nodes=0.5), "max_nodes"),
+        (lambda: LCP(np.ma.array([[1.0]], mask=[[True]]), [1.0]), "M"),
+        (lambda: LCP([[1.0]], np.ma.array([1.0], mask=[True])), "q"),
+    ],
+)
+def test_options_and_data_of_the_wrong_kind_are_named(call, field):
+    with pytest.raises(InvalidInputError) as caught:
+        call()
+    assert caught.value.field == field
+
+
+def test_a_masked_array_without_masked_entries_is_an_array() -> None:
+    assert solve(LCP(np.ma.array([[1.0]]), np.ma.array([-1.0]))).z.tolist() == [1.0]

@@ -81,3 +81,11 @@ def test_a_component_that_all_solutions_share_is_kept_beside_one_a_1e18_times_as
     M = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 1.0, 1.0]])
     found = least_norm_solution(LCP(M, [-1e-9, -2e9, -2e9]), np.array([1e-9, 2e9, 0.0]))
     np.testing.assert_allclose(found, [1e-9, 1e9, 1e9], rtol=1e-14)
+
+
+def test_parts_that_nothing_couples_keep_their_own_scale():
+    """Two pairs of legs, one with loads 1e-18 times those of the other."""
+    ones = np.ones((2, 2))
+    M = np.block([[ones, 0.0 * ones], [0.0 * ones, ones]])
+    found = least_norm_solution(LCP(M, [-2e-9, -2e-9, -2e9, -2e9]), np.array([2e-9, 0.0, 0.0, 2e9]))
+    np.testing.assert_allclose(found, [1e-9, 1e-9, 1e9, 1e9], rtol=1e-14)

@@ -1,0 +1,99 @@
+"""What takes long ends soon after its time limit, or after an interrupt of the keyboard, wherever it is."""
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+
+import numpy as np
+import pytest
+
+from pricing_core.errors import InvalidInputError, IterationLimitError, NumericalError
+from pricing_core.lcp import (
+    LCP,
+    HorizontalLCP,
+    solve,
+    solve_horizontal,
+    solve_lemke,
+    solve_murty,
+    solve_policy_iteration,
+    solve_psor,
+)
+from pricing_core.linalg import Tridiagonal
+from tests.problems.lcp_problems import fathi, murty_exponential
+from tests.problems.needs_kernel import needs_kernel
+
+
+def obstacle(n: int) -> LCP:
+    """A string over one obstacle in the middle: policy iteration from z = 0 enters a row at a time."""
+    string = Tridiagonal(-np.ones(n - 1), np.full(n, 2.0), -np.ones(n - 1))
+    return LCP(string, np.where(np.arange(n) == n // 2, -1.0, 0.0))
+
+
+LONG: dict[str, Callable[..., object]] = {
+    "psor": partial(solve_psor, obstacle(100_000), max_sweeps=10**8),
+    "policy iteration": partial(solve_policy_iteration, obstacle(100_000)),
+    "lemke": partial(solve_lemke, LCP(fathi(30), -np.ones(30)), covering=np.ones(30), max_pivots=2**31),
+    "murty": partial(solve_murty, LCP(murty_exponential(18), -np.ones(18)), max_pivots=2**31),
+    "front door": partial(solve, obstacle(100_000), method="psor"),
+}
+
+
+@contextmanager
+def interrupted_after(seconds: float) -> Iterator[None]:
+    """Let this thread be interrupted as by Ctrl-C."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@needs_kernel
+@pytest.mark.parametrize("name", LONG)
+def test_a_time_limit_ends_the_work(name: str) -> None:
+    begin = time.monotonic()
+    with pytest.raises(IterationLimitError, match=r"time_limit = 0\.1 seconds"):
+        LONG[name](time_limit=0.1)
+    assert time.monotonic() - begin < 2.0  # on a busy machine; a tenth of a second more on an idle one
+
+
+@needs_kernel
+@pytest.mark.parametrize("name", LONG)
+def test_an_interrupt_ends_the_work(name: str) -> None:
+    begin = time.monotonic()
+    with interrupted_after(0.1), pytest.raises(KeyboardInterrupt):
+        LONG[name]()
+    assert time.monotonic() - begin < 2.0
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, float("nan"), "a", True])
+def test_a_time_limit_is_a_positive_number(wrong: object) -> None:
+    problem = LCP([[1.0]], [-1.0])
+    for solver in (solve, solve_lemke, solve_murty, solve_psor, solve_policy_iteration):
+        with pytest.raises(InvalidInputError, match="time_limit"):
+            solver(problem, time_limit=wrong)  # type: ignore[operator]
+
+
+def test_enough_time_changes_nothing() -> None:
+    problem = LCP([[2.0, 1.0], [1.0, 2.0]], [-4.0, -5.0])
+    for solver in (solve, solve_lemke, solve_murty, solve_psor, solve_policy_iteration):
+        np.testing.assert_allclose(solver(problem, time_limit=60.0).z, [1.0, 2.0])  # type: ignore[operator]
+    found = solve_horizontal(HorizontalLCP(np.eye(2), problem.M, problem.q), time_limit=60.0)
+    np.testing.assert_allclose(found.z, [1.0, 2.0])
+
+
+def test_exact_arithmetic_ends_as_well() -> None:
+    random = np.random.default_rng(0)
+    A = random.normal(size=(60, 60))
+    with pytest.raises(IterationLimitError, match="time_limit"):
+        solve(LCP(A @ A.T, random.normal(size=60)), method="exact", time_limit=1e-3)
+    with pytest.raises(NumericalError):
+        solve(LCP(-A @ A.T, random.normal(size=60)), time_limit=1e-3)
