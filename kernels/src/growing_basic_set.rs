@@ -4,7 +4,7 @@ use crate::error::{check_length, KernelError};
 use crate::tridiagonal::Tridiagonal;
 
 /// A run of rows with w = 0, as its end values depend on those of its neighbours:
-/// `z_first` = `first[0]` + `first[1]` z_before + `first[2]` z_after, and `z_last` in the same way.
+/// the first value is `first[0]` + `first[1]` (the value before) + `first[2]` (the value after), the last one likewise.
 #[derive(Clone, Copy)]
 struct Run {
     from: usize,
@@ -93,19 +93,35 @@ fn single(matrix: Tridiagonal<'_>, q: &[f64], k: usize) -> Run {
     }
 }
 
-/// The run of two neighbouring ones: the value at their border is eliminated.
+/// The run of two neighbouring ones: the values at their border are eliminated.
 fn joined(left: Run, right: Run) -> Run {
-    let ([s, c, d], [p, a, b]) = (left.last, right.first);
-    let reciprocal = 1.0 / (1.0 - d * a);
+    let (end, start) = (left.last, right.first);
+    let reciprocal = 1.0 / (1.0 - end[2] * start[1]);
     // The last value of the left run and the first one of the right run.
-    let inner = [(s + d * p) * reciprocal, c * reciprocal, d * b * reciprocal];
-    let outer = [(p + a * s) * reciprocal, a * c * reciprocal, b * reciprocal];
-    let [[p, a, b], [s, c, d]] = [left.first, right.last];
+    let at_end = [
+        (end[0] + end[2] * start[0]) * reciprocal,
+        end[1] * reciprocal,
+        end[2] * start[2] * reciprocal,
+    ];
+    let at_start = [
+        (start[0] + start[1] * end[0]) * reciprocal,
+        start[1] * end[1] * reciprocal,
+        start[2] * reciprocal,
+    ];
+    let (first, last) = (left.first, right.last);
     Run {
         from: left.from,
         to: right.to,
-        first: [p + b * outer[0], a + b * outer[1], b * outer[2]],
-        last: [s + c * inner[0], c * inner[1], d + c * inner[2]],
+        first: [
+            first[0] + first[2] * at_start[0],
+            first[1] + first[2] * at_start[1],
+            first[2] * at_start[2],
+        ],
+        last: [
+            last[0] + last[1] * at_end[0],
+            last[1] * at_end[1],
+            last[2] + last[1] * at_end[2],
+        ],
     }
 }
 

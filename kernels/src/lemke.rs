@@ -85,14 +85,14 @@ struct Data<'a> {
     covering: &'a [f64],
 }
 
-/// x_basic[r] + sum_c a[r][c] x_nonbasic[c] = b[r], for the variables w: 0..n, z: n..2n, z0: 2n.
+/// `x[basic[r]] + sum_c a[r][c] x[nonbasic[c]] = b[r]`, for the variables w: 0..n, z: n..2n, z0: 2n.
 struct Tableau<'a> {
     data: Data<'a>,
     n: usize,
     a: Vec<f64>, // (n, n + 1)
     b: Vec<f64>,
-    basic: Vec<usize>,    // (n,)
-    nonbasic: Vec<usize>, // (n + 1,)
+    basic: Vec<usize>,     // (n,)
+    nonbasic: Vec<usize>,  // (n + 1,)
     column_of: Vec<usize>, // (2 n + 1,): of a nonbasic variable
     pivot_row: Vec<f64>,
 }
@@ -151,7 +151,11 @@ impl<'a> Tableau<'a> {
             if pivot % CHECKED_AFTER == 0 && self.refine() > LARGEST_DRIFT {
                 self.refactor();
             }
-            entering = if leaving < n { leaving + n } else { leaving - n };
+            entering = if leaving < n {
+                leaving + n
+            } else {
+                leaving - n
+            };
             match self.leaving_row(self.column_of[entering]) {
                 Some(next) => row = next,
                 None => return (PathEnd::Ray, pivot),
@@ -164,7 +168,11 @@ impl<'a> Tableau<'a> {
     fn exchange(&mut self, r: usize, c: usize) {
         let width = self.n + 1;
         let reciprocal = 1.0 / self.a[r * width + c];
-        for (copy, entry) in self.pivot_row.iter_mut().zip(&mut self.a[r * width..(r + 1) * width]) {
+        for (copy, entry) in self
+            .pivot_row
+            .iter_mut()
+            .zip(&mut self.a[r * width..(r + 1) * width])
+        {
             *entry *= reciprocal;
             *copy = *entry;
         }
@@ -215,12 +223,16 @@ impl<'a> Tableau<'a> {
         let value = |r: usize| self.b[r].max(0.0);
         let mut rows: Vec<usize> = (0..self.n).filter(|&r| slope(r) > least_slope).collect();
         let ratio = |r: usize| value(r) / slope(r);
-        let with_noise =
-            |r: usize| (value(r) + ROUNDING * self.terms(r, self.data.q)) / slope(r);
-        let first = rows.iter().copied().min_by(|&r, &s| ratio(r).total_cmp(&ratio(s)))?;
+        let with_noise = |r: usize| (value(r) + ROUNDING * self.terms(r, self.data.q)) / slope(r);
+        let first = rows
+            .iter()
+            .copied()
+            .min_by(|&r, &s| ratio(r).total_cmp(&ratio(s)))?;
         let bound = with_noise(first);
         rows.retain(|&r| ratio(r) <= bound);
-        let bound = rows.iter().fold(bound, |least, &r| least.min(with_noise(r)));
+        let bound = rows
+            .iter()
+            .fold(bound, |least, &r| least.min(with_noise(r)));
         rows.retain(|&r| ratio(r) <= bound);
         let artificial = rows.iter().copied().find(|&r| self.basic[r] == 2 * self.n);
         if artificial.is_some() || rows.len() == 1 {
@@ -235,7 +247,8 @@ impl<'a> Tableau<'a> {
         let mut noise: Vec<f64> = rows
             .iter()
             .map(|&r| {
-                let largest = (0..self.n).fold(0.0_f64, |most, k| most.max(self.inverse(r, k).abs()));
+                let largest =
+                    (0..self.n).fold(0.0_f64, |most, k| most.max(self.inverse(r, k).abs()));
                 ROUNDING * largest / slope(r)
             })
             .collect();
@@ -243,11 +256,16 @@ impl<'a> Tableau<'a> {
             if rows.len() == 1 {
                 break;
             }
-            let ratios: Vec<f64> = rows.iter().map(|&r| self.inverse(r, k) / slope(r)).collect();
+            let ratios: Vec<f64> = rows
+                .iter()
+                .map(|&r| self.inverse(r, k) / slope(r))
+                .collect();
             let bound = ratios
                 .iter()
                 .zip(&noise)
-                .fold(f64::INFINITY, |least, (ratio, doubt)| least.min(ratio + doubt));
+                .fold(f64::INFINITY, |least, (ratio, doubt)| {
+                    least.min(ratio + doubt)
+                });
             let kept: Vec<bool> = ratios.iter().map(|ratio| *ratio <= bound).collect();
             let mut keep = kept.iter();
             rows.retain(|_| *keep.next().unwrap_or(&true));
@@ -311,7 +329,13 @@ impl<'a> Tableau<'a> {
     /// Make the tableau of this basis afresh from the data, with the largest pivots; leave it where one is zero.
     fn refactor(&mut self) {
         let n = self.n;
-        let kept = (self.a.clone(), self.b.clone(), self.basic.clone(), self.nonbasic.clone(), self.column_of.clone());
+        let kept = (
+            self.a.clone(),
+            self.b.clone(),
+            self.basic.clone(),
+            self.nonbasic.clone(),
+            self.column_of.clone(),
+        );
         let mut wanted = vec![false; 2 * n + 1];
         for &variable in &self.basic {
             wanted[variable] = true;
@@ -371,5 +395,62 @@ impl<'a> Tableau<'a> {
             }
         }
         (z, basic_set)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{lemke, PathEnd};
+    use crate::interrupt::never;
+
+    fn path(entries: &[f64], q: &[f64]) -> super::Path {
+        lemke(entries, q, &vec![1.0; q.len()], 1000, &never).unwrap()
+    }
+
+    #[test]
+    fn two_unknowns_by_hand() {
+        // [[2, 1], [1, 2]] (1, 2) = (4, 5).
+        let found = path(&[2.0, 1.0, 1.0, 2.0], &[-4.0, -5.0]);
+        assert_eq!((found.end, found.pivots), (PathEnd::Solved, 3));
+        for (z, expected) in found.z.iter().zip([1.0, 2.0]) {
+            assert!((z - expected).abs() < 1e-15);
+        }
+        assert_eq!(found.basic_set, [true, true]);
+    }
+
+    #[test]
+    fn a_problem_that_zero_solves_takes_no_pivot() {
+        let found = path(&[-1.0], &[0.0]);
+        assert_eq!((found.end, found.pivots), (PathEnd::Solved, 0));
+        assert_eq!(path(&[], &[]).end, PathEnd::Solved);
+    }
+
+    #[test]
+    fn rays_limits_and_interrupts_are_told_apart() {
+        assert_eq!(path(&[-1.0], &[-1.0]).end, PathEnd::Ray);
+        let problem = ([2.0, 1.0, 1.0, 2.0], [-4.0, -5.0]);
+        let limited = lemke(&problem.0, &problem.1, &[1.0; 2], 1, &never).unwrap();
+        assert_eq!(limited.end, PathEnd::Limit);
+        let ended = lemke(&problem.0, &problem.1, &[1.0; 2], 9, &|| true).unwrap();
+        assert_eq!(ended.end, PathEnd::Interrupted);
+    }
+
+    #[test]
+    fn a_basic_value_that_is_rounding_alone_is_zero() {
+        let entries = [0.7, 0.2, 2.3, -0.2, 0.0, -1.9, -2.3, 1.9, 0.7];
+        let found = path(&entries, &[-0.7, 0.0, 0.6]);
+        assert_eq!(found.end, PathEnd::Solved);
+        assert_eq!(found.z[0].to_bits(), 0.0_f64.to_bits());
+        assert!((found.z[1] - 3.5).abs() < 1e-14);
+    }
+
+    #[test]
+    fn wrong_lengths_are_named() {
+        let message = |entries: &[f64], covering: &[f64]| {
+            let error = lemke(entries, &[1.0], covering, 9, &never).unwrap_err();
+            error.to_string()
+        };
+        assert_eq!(message(&[1.0; 2], &[1.0]), "M has length 2: must be 1");
+        assert_eq!(message(&[1.0], &[]), "covering has length 0: must be 1");
     }
 }

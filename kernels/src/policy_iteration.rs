@@ -208,7 +208,15 @@ mod tests {
         // [[3, -2], [-1, 4]] z = (4, 2) has z = (2, 1).
         let matrix = Tridiagonal::new(&[-1.0], &[3.0, 4.0], &[-2.0]).unwrap();
         let mut z = [0.0; 2];
-        policy_iteration(matrix, &[-4.0, -2.0], &mut [true; 2], &mut z, SETTLING, &never).unwrap();
+        policy_iteration(
+            matrix,
+            &[-4.0, -2.0],
+            &mut [true; 2],
+            &mut z,
+            SETTLING,
+            &never,
+        )
+        .unwrap();
         assert_close(&z, &[2.0, 1.0]);
     }
 
@@ -227,7 +235,14 @@ mod tests {
         // [[1, -2], [-2, 1]] z = (1, 1) has z = (-1, -1): both rows leave, then both enter.
         let matrix = Tridiagonal::new(&[-2.0], &[1.0, 1.0], &[-2.0]).unwrap();
         let (mut z, mut basic_set) = ([0.0; 2], [true; 2]);
-        let systems = policy_iteration(matrix, &[-1.0, -1.0], &mut basic_set, &mut z, SETTLING, &never);
+        let systems = policy_iteration(
+            matrix,
+            &[-1.0, -1.0],
+            &mut basic_set,
+            &mut z,
+            SETTLING,
+            &never,
+        );
         assert_eq!(systems, Ok(21));
     }
 
@@ -273,7 +288,14 @@ mod tests {
             "pivot 1 is zero"
         );
         assert_eq!(
-            policy_iteration(matrix, &[-1.0; 2], &mut [true; 2], &mut [0.0; 2], SETTLING, &never),
+            policy_iteration(
+                matrix,
+                &[-1.0; 2],
+                &mut [true; 2],
+                &mut [0.0; 2],
+                SETTLING,
+                &never
+            ),
             Err(KernelError::ZeroPivot { row: 1 })
         );
     }

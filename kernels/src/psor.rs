@@ -120,8 +120,14 @@ mod tests {
     fn no_sweeps_and_nan_are_reported_as_the_limit() {
         let matrix = Tridiagonal::new(&[], &[2.0], &[]).unwrap();
         let none = Sweeping { limit: 0, ..ONCE };
-        assert_eq!(projected_sor(matrix, &[-3.0], &mut [4.0], none, &never), Ok(1));
-        assert_eq!(projected_sor(matrix, &[f64::NAN], &mut [0.0], ONCE, &never), Ok(2));
+        assert_eq!(
+            projected_sor(matrix, &[-3.0], &mut [4.0], none, &never),
+            Ok(1)
+        );
+        assert_eq!(
+            projected_sor(matrix, &[f64::NAN], &mut [0.0], ONCE, &never),
+            Ok(2)
+        );
     }
 
     #[test]
@@ -132,7 +138,7 @@ mod tests {
         let z = projected_sor(matrix, &[1.0], &mut [], ONCE, &never).unwrap_err();
         assert_eq!(z.to_string(), "z has length 0: must be 1");
         let matrix = Tridiagonal::new(&[1.0], &[2.0, 0.0], &[1.0]).unwrap();
-        let pivot = projected_sor(matrix, &[1.0; 2], &mut [0.0; 2], ONCE).unwrap_err();
+        let pivot = projected_sor(matrix, &[1.0; 2], &mut [0.0; 2], ONCE, &never).unwrap_err();
         assert_eq!(pivot.to_string(), "pivot 1 is zero");
     }
 }

@@ -96,8 +96,8 @@ def solve_policy_iteration(
 def solve_h_plus(problem: LCP, *, time_limit: float | None = None) -> LCPSolution:
     """Solve an LCP with an H+ matrix: policy iteration for n <= 3000, else projected sweeps or both.
 
-    The sweeps z <- max(0, z - w / diag(M)) converge for every H+ matrix (Cottle, Pang, Stone 1992, theorem 5.3.2). Where
-    the first ones show that 1000 are enough they give the answer ("projected-sweeps"), without a factorisation.
+    The sweeps z <- max(0, z - w / diag(M)) converge for every H+ matrix (Cottle, Pang, Stone 1992, section 5.3).
+    Where the first ones show that 1000 are enough they give the answer ("projected-sweeps"), without a factorisation.
     Elsewhere policy iteration starts from the nearest point so far, and again from further sweeps where it goes round.
 
     Raises

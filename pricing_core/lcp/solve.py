@@ -64,8 +64,8 @@ def solve(
 
     1. Tridiagonal Z-matrix with positive diagonal: the contact set by one pass; then, as it is one run at the first or
        last end, one run, or several, Brennan-Schwartz, the double sweep or policy iteration. All O(n) for an M-matrix.
-    2. Sparse H+ matrix: projected sweeps where they converge fast ("projected-sweeps"), else policy iteration from where
-       they have come; tridiagonal H+ matrix: policy iteration.
+    2. Sparse H+ matrix: for n > 3000 projected sweeps where they converge fast ("projected-sweeps"), else policy
+       iteration; tridiagonal H+ matrix: policy iteration.
     3. Lemke's method with its own covering vector ("lemke"), and with others ("lemke-restarted"). If they fail, an
        exact proof is looked for that {z >= 0, M z + q >= 0} is empty.
     4. Lemke's method from other bases ("lemke-pivoted"), which helps where every covering vector fails, as in

@@ -146,7 +146,7 @@ def solve_tridiagonal_m_matrix(problem: LCP, *, time_limit: float | None = None)
         )
     except NumericalError:  # rounding may move rows where z and w vanish for ever
         with suppress(NumericalError):
-            return _at(banded, basic_set, DEFAULT_TOLERANCE)
+            return _at(banded, basic_set)
     return solve_policy_iteration(banded, time_limit=time_limit)
 
 
@@ -154,7 +154,7 @@ def _direct(problem: LCP, basic_set: BoolVector) -> LCPSolution:
     """Solve by the method that is exact for this contact set."""
     ends = np.flatnonzero(np.diff(np.concatenate([[False], ~basic_set, [False]]).astype(np.int8)))
     if ends.size > 2:
-        return _at(problem, basic_set, VALID)
+        raise NumericalError("the contact set has several runs")
     if ends.size == 0 or ends[0] == 0:
         return solve_brennan_schwartz(problem)
     return (
@@ -164,10 +164,10 @@ def _direct(problem: LCP, basic_set: BoolVector) -> LCPSolution:
     )
 
 
-def _at(problem: LCP, basic_set: BoolVector, tolerance: float) -> LCPSolution:
+def _at(problem: LCP, basic_set: BoolVector) -> LCPSolution:
     """Return the point of a basic set, which is what policy iteration from there begins with."""
     z = basic_point(problem, basic_set)
-    return verified(problem, z, 1, "policy-iteration", tolerance, "use Lemke: M may be no M-matrix")
+    return verified(problem, z, 1, "policy-iteration", DEFAULT_TOLERANCE, "use Lemke: M may be no M-matrix")
 
 
 def _tridiagonal_problem(problem: LCP) -> LCP:

@@ -62,7 +62,7 @@ def column_w_violation(blocks: Sequence[ArrayLike]) -> IndexSet | None:
     >>> column_w_violation([np.eye(2), [[1, 2], [2, 1]]])
     (1, 1)
     """
-    if not blocks:
+    if len(blocks) == 0:
         raise InvalidInputError("blocks", "no matrix", "one matrix or more")
     first = as_square_matrix("blocks[0]", blocks[0])
     matrices = [first, *(as_matrix(f"blocks[{j}]", b, first.shape) for j, b in enumerate(blocks[1:], 1))]

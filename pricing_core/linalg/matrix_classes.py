@@ -149,8 +149,8 @@ def p_matrix_violation(M: object) -> IndexSet | None:
     Parameters
     ----------
     M : array_like (n, n), sparse (n, n) or Tridiagonal
-        The recursion forms 2**n pivots; n <= 20 (about two seconds). Each has a bound on its rounding; where that does
-        not settle its sign, an exact determinant does, so that the answer is a theorem on the numbers as they are given.
+        The recursion forms 2**n pivots; n <= 20 (about two seconds). Each has a bound on its rounding; where
+        that does not settle its sign, an exact determinant does: the answer is a theorem on the numbers as given.
 
     Raises
     ------
@@ -246,7 +246,7 @@ def _eliminated(values: Matrix, errors: Matrix) -> tuple[Matrix, Matrix]:
 def _near_unit_diagonal(A: Matrix) -> Matrix:
     """Return D A D, D powers of two, with a diagonal from 1/2 to 2: the same signs of all principal minors."""
     exponents = -(np.frexp(np.diagonal(A))[1] // 2)
-    return np.ldexp(A, exponents[:, None] + exponents)
+    return np.asarray(np.ldexp(A, exponents[:, None] + exponents))
 
 
 def _comparison(A: Coefficients) -> Coefficients:

@@ -243,8 +243,17 @@ def test_a_start_that_solves_the_problem_is_the_answer_and_any_other_is_ignored(
 
 @pytest.mark.parametrize(
     "options",
-    [{"tolerance": "a"}, {"tolerance": None}, {"start": "ab"}, {"start": [1.0]}, {"start": [np.nan, 0.0]}]
-    + [{"start": [[True, False]]}, {"start": [1j, 0.0]}, {"method": 5}, {"method": ["lemke"]}],
+    [
+        {"tolerance": "a"},
+        {"tolerance": None},
+        {"start": "ab"},
+        {"start": [1.0]},
+        {"start": [np.nan, 0.0]},
+        {"start": [[True, False]]},
+        {"start": [1j, 0.0]},
+        {"method": 5},
+        {"method": ["lemke"]},
+    ],
 )
 def test_the_front_door_names_an_option_of_the_wrong_kind(options: dict[str, object]) -> None:
     problem = LCP([[2.0, 1.0], [1.0, 2.0]], [-4.0, 1.0])

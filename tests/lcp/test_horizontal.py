@@ -125,6 +125,18 @@ def test_with_the_identity_the_w_property_is_the_p_property(seed, n):
     assert has_column_w_property([np.eye(n), M]) == is_p_matrix(M)
 
 
+def test_scales_neither_overflow_nor_matter():
+    assert has_column_w_property([1e-200 * np.eye(2), 1e200 * np.eye(2)])
+    assert not has_column_w_property([1e-200 * np.eye(2), -1e200 * np.eye(2)])
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        n = int(rng.integers(1, 4))
+        blocks = rng.integers(-2, 3, (2, n, n)) + 3.0 * np.eye(n)
+        rows, columns = 2.0 ** rng.integers(-200, 201, (2, n))
+        scaled = [rows[:, None] * block * columns for block in blocks]
+        assert has_column_w_property(scaled) == has_column_w_property(blocks)
+
+
 def test_a_violation_names_the_columns():
     assert column_w_violation([np.eye(2), [[-1, 0], [0, 1]]]) == (1, 0)
     assert column_w_violation([np.zeros((2, 2)), np.eye(2)]) == (0, 0)
@@ -142,6 +154,7 @@ def test_a_violation_names_the_columns():
         (lambda: HorizontalLCP(np.eye(2), np.eye(3), [1, 1]), "N"),
         (lambda: has_column_w_property([]), "blocks"),
         (lambda: has_column_w_property([np.eye(40)] * 2), "combinations"),
+        (lambda: has_column_w_property([np.eye(2000)] * 2), "combinations"),
     ],
 )
 def test_bad_input_is_named(make, message):

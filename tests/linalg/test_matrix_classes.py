@@ -4,6 +4,7 @@ from itertools import chain, combinations
 
 import numpy as np
 import pytest
+from flint import fmpq, fmpq_mat
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
@@ -147,3 +148,40 @@ def test_units_of_rows_and_columns_do_not_matter() -> None:
 def test_matrices_that_are_none_are_refused(M: object) -> None:
     with pytest.raises(InvalidInputError):
         is_p_matrix(M)
+
+
+def test_the_p_property_of_nearly_singular_matrices_is_that_of_exact_minors() -> None:
+    """Dependent columns, changed by 1e-17 to 1e-5 of themselves, with rows and columns of any scale."""
+    counts = {True: 0, False: 0}
+    for seed in range(400):
+        random = np.random.default_rng(seed)
+        n = int(random.integers(2, 6))
+        A = random.integers(-2, 5, (n, n)) + 2.0 * np.eye(n)
+        if random.random() < 0.7:
+            k = int(random.integers(1, n))
+            A[:, -1] = A[:, :k] @ random.integers(0, 3, k)
+        A = A * (1.0 + 10.0 ** random.uniform(-17.0, -5.0) * random.normal(size=(n, n)))
+        if random.random() < 0.3:
+            A = A * 10.0 ** random.uniform(-90.0, 90.0, (n, 1)) * 10.0 ** random.uniform(-9.0, 9.0, (1, n))
+        rows = [[fmpq(*value.as_integer_ratio()) for value in row] for row in A.tolist()]
+
+        def minor(chosen: tuple[int, ...], rows: list[list[fmpq]] = rows) -> fmpq:
+            return fmpq_mat([[rows[i][j] for j in chosen] for i in chosen]).det()
+
+        sets = [chosen for size in range(1, n + 1) for chosen in combinations(range(n), size)]
+        violation = p_matrix_violation(A)
+        assert (violation is None) == all(minor(chosen) > 0 for chosen in sets)
+        assert violation is None or minor(violation) <= 0
+        counts[violation is None] += 1
+    assert min(counts.values()) > 40
+
+
+@pytest.mark.parametrize(
+    ("M", "expected"),
+    [
+        ([[1, 3, 0], [1, 3.000001, -1e-6], [3, 8.999999998, 2e-9]], False),
+        ([[1, 1, 0], [1, 1.0000001, -9.5e-11], [2, 1.9999998, 1.9e-10]], True),
+    ],
+)
+def test_pivots_after_a_tiny_one_are_not_trusted(M: ArrayLike, expected: bool) -> None:
+    assert is_p_matrix(M) is expected

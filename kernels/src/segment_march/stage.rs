@@ -3,8 +3,8 @@
 use super::boundary_cell::{Correction, Placed};
 use super::elimination::{Bands, Factors};
 use super::{larger, Segment};
-use crate::interrupt::never;
 use crate::error::KernelError;
+use crate::interrupt::never;
 use crate::policy_iteration::{iterate, Settling};
 
 /// The largest natural residual of an exact elimination, as a share of v and max(1, s).
