@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from pricing_core.arrays import IndexSet, Matrix, Vector
 from pricing_core.lcs.balancing import balancing_units
 from pricing_core.lcs.modes import all_modes
+from pricing_core.lcs.parts import independent_parts
 from pricing_core.lcs.polynomial_problem import (
     ModeSolution,
     PolynomialProblem,
@@ -20,6 +21,7 @@ from pricing_core.lcs.polynomial_problem import (
 )
 from pricing_core.lcs.rational_complementarity import all_solutions
 from pricing_core.lcs.system import LCS
+from pricing_core.lcs.total_invertibility import LARGEST_PAIRS
 from pricing_core.linalg.polynomials import RationalVector
 from pricing_core.linalg.rational import as_fractions
 
@@ -92,6 +94,26 @@ def shows_ill_posedness(system: LCS, x0: ArrayLike, t: float = 0.0) -> IllPosedn
         for solution in solutions
     ):
         return IllPosedness(start, "several solutions", sets)
+    return None
+
+
+def ambiguous_pairs(system: LCS, x0: ArrayLike, t: float = 0.0) -> IndexSet | None:
+    """Return the pairs of an independent part that is proved to go on from x0 in several ways, None where none is.
+
+    Parts of more than 12 pairs are not examined. The part goes on in several ways; whether the others go on at all is
+    not asked.
+
+    Examples
+    --------
+    >>> ambiguous_pairs(LCS([[0, 1], [-1, 0]], [[0], [-1]], [[0, 1]]), [0, 1])
+    (0,)
+    """
+    start = np.asarray(x0)
+    for part in independent_parts(system):
+        if part.pairs and len(part.pairs) <= LARGEST_PAIRS:
+            shown = shows_ill_posedness(part.system, start[list(part.states)], t)
+            if shown is not None and shown.kind == "several solutions":
+                return part.pairs
     return None
 
 

@@ -168,8 +168,10 @@ def _shortened(theta: Vector, digits: int) -> Vector:
 def _rational_range(multiplier: Matrix) -> RationalMatrix | None:
     """Return a basis with small fractions of the range of a semidefinite matrix known to a few digits."""
     values, vectors = np.linalg.eigh(multiplier)
-    V = vectors[:, values > 1e-3 * max(values[-1], 0.0)]
-    if not V.shape[1] or values[-1] <= 0.0:
+    if not values.size or values[-1] <= 0.0:
+        return None
+    V = vectors[:, values > 1e-3 * values[-1]]
+    if not V.shape[1]:
         return None
     _, _, order = qr(V.T, pivoting=True)
     pivots = np.sort(order[: V.shape[1]])

@@ -5,8 +5,9 @@ from numpy.typing import ArrayLike
 
 from pricing_core.arrays import BoolVector, as_array, as_matrix
 from pricing_core.errors import InvalidInputError
+from pricing_core.lcs.parts import strongly_connected_parts
 from pricing_core.lcs.system import LCS
-from pricing_core.lcs.theorems import TOO_MANY_MODES, Finding, theorem_11_5
+from pricing_core.lcs.theorems import TOO_MANY_MODES, Finding, theorem_11_5, together
 from pricing_core.lcs.total_invertibility import LARGEST_PAIRS, transfer_minors
 from pricing_core.linalg.principal_minors import all_positive
 from pricing_core.linalg.rational import RationalMatrix, rational_array
@@ -22,7 +23,8 @@ def theorem_11_6(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike | None =
 
     Notes
     -----
-    Cost: 2**k principal minors, k <= 12. Source: theorem 11.6; Lootsma, van der Schaft, Camlibel 1999.
+    Cost: 2**k principal minors for each strongly connected part of k <= 12 relays.
+    Source: theorem 11.6; Lootsma, van der Schaft, Camlibel 1999.
 
     Examples
     --------
@@ -34,10 +36,10 @@ def theorem_11_6(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: ArrayLike | None =
     >>> theorem_11_6(zero, [[1, -3], [-2, 1]], one).status
     'silent'
     """
-    system = LCS(A, B, C, D)
-    if system.shape[1] > LARGEST_PAIRS:
+    parts = [part for part in strongly_connected_parts(LCS(A, B, C, D)) if part.pairs]
+    if any(len(part.pairs) > LARGEST_PAIRS for part in parts):
         return Finding("silent", TOO_MANY_MODES)
-    return theorem_11_5(transfer_minors(system))
+    return together([theorem_11_5(transfer_minors(part.system)) for part in parts])
 
 
 def has_guaranteed_direction(

@@ -1,5 +1,6 @@
 """The theorems on well-posedness of section 11.6 as tests."""
 
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 from flint import fmpz_poly
@@ -25,7 +26,25 @@ class Finding(NamedTuple):
     reason: str
 
 
-TOO_MANY_MODES = f"the 2**k modes are examined for k <= {LARGEST_PAIRS} only"
+def together(findings: Sequence[Finding]) -> Finding:
+    """Return what holds of all parts of a system, or the first finding that keeps it from holding.
+
+    Examples
+    --------
+    >>> together([Finding("holds", "one"), Finding("silent", "two")])
+    Finding(status='silent', reason='two')
+    """
+    for status in ("fails", "silent"):
+        for finding in findings:
+            if finding.status == status:
+                return finding
+    reason = findings[0].reason
+    return Finding("holds", reason if len(findings) == 1 else f"in each of {len(findings)} parts: {reason}")
+
+
+TOO_MANY_MODES = (
+    f"the 2**k modes are examined for k <= {LARGEST_PAIRS} pairs only, or so many that all act on each other"
+)
 
 
 def theorem_11_1(minors: list[fmpz_poly] | None) -> Finding:

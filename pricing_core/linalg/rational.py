@@ -81,6 +81,13 @@ def from_flint(M: fmpq_mat) -> RationalMatrix:
     return exact
 
 
+def exact_product(M: RationalMatrix, N: RationalMatrix) -> RationalMatrix:
+    """Return M N, for matrices of some size faster than the product of the arrays."""
+    if not M.size or not N.size:
+        return np.full((M.shape[0], N.shape[1]), fmpq(0), dtype=object)
+    return from_flint(to_flint(M) * to_flint(N))
+
+
 def exact_rank(M: RationalMatrix) -> int:
     """Return the rank of an (m, n) matrix.
 

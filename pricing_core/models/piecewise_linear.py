@@ -2,22 +2,22 @@
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pricing_core.arrays import IndexSet, Matrix
 from pricing_core.errors import InvalidInputError, Told
-from pricing_core.lcs import LCS, EventDriven, Finding, simulate
-from pricing_core.lcs.mode_selection import LARGEST_COMPLETE
+from pricing_core.lcs import LCS, Finding
 from pricing_core.lcs.simulation_method import SimulationMethod, as_method
 from pricing_core.models.characteristic import Characteristic
 from pricing_core.models.horizontal_system import HorizontalSystem
 from pricing_core.models.trajectory import ModelTrajectory, Pieces, of_lcs
-from pricing_core.models.w_condition import w_condition
+from pricing_core.models.unique_run import simulate_unique
+from pricing_core.models.w_condition import is_monotone, w_condition
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,15 +153,9 @@ class PiecewiseLinearSystem:
             As `pricing_core.lcs.simulate`.
         """
         horizontal = self.to_horizontal()
-        system, chosen = horizontal.to_lcs(), as_method(method)
-        if (
-            isinstance(chosen, EventDriven)
-            and chosen.on_nonunique == "raise"
-            and system.shape[1] <= LARGEST_COMPLETE
-            and self.w_property().status == "holds"
-        ):
-            chosen = replace(chosen, on_nonunique="first")  # it is the only one
-        run = simulate(system, x0, t_span, method=chosen, t_eval=t_eval)
+        run = simulate_unique(
+            horizontal.to_lcs(), x0, t_span, as_method(method), t_eval, self.has_unique_state
+        )
         return of_lcs(run, partial(self._elements, horizontal), lambda mode: self._pieces(horizontal, mode))
 
     def w_property(self) -> Finding:
@@ -189,6 +183,22 @@ class PiecewiseLinearSystem:
         'holds'
         """
         return w_condition(LCS(*self.given), self.characteristics)
+
+    def has_unique_state(self) -> Literal[True] | None:
+        """Return True where the state is proved to have at most one continuation from every x0, else None.
+
+        By `w_property`, or because every characteristic rises or falls and the plant is passive after a shift of its
+        poles: then the state is unique although u need not be.
+
+        Examples
+        --------
+        >>> from pricing_core.models import relay_step
+        >>> PiecewiseLinearSystem([[0]], [[1, 1]], [[1], [1]], None, [relay_step(), relay_step()]).has_unique_state()
+        True
+        """
+        plant = LCS(*self.given)
+        proved = is_monotone(plant, self.characteristics) or self.w_property().status == "holds"
+        return True if proved else None
 
     def _first_pair(self, i: int) -> int:
         return sum(len(curve.points) for curve in self.characteristics[:i])

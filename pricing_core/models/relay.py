@@ -10,13 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from pricing_core.arrays import IndexSet, Matrix, Vector, as_array, as_vector
 from pricing_core.errors import InvalidInputError
-from pricing_core.lcs import LCS, EventDriven, WellPosedness, simulate, theorem_11_6, well_posedness
-from pricing_core.lcs.mode_selection import LARGEST_COMPLETE
+from pricing_core.lcs import LCS, WellPosedness, theorem_11_6, well_posedness
+from pricing_core.lcs.pole_shifted_passivity import CRITERION, is_passive_after_pole_shift
+from pricing_core.lcs.rational_system import rational_system
 from pricing_core.lcs.simulation_method import SimulationMethod, as_method
 from pricing_core.models.horizontal_system import HorizontalSystem
 from pricing_core.models.named_characteristics import relay_step
 from pricing_core.models.piecewise_linear import PiecewiseLinearSystem
 from pricing_core.models.trajectory import ModelTrajectory, Pieces, of_lcs
+from pricing_core.models.unique_run import simulate_unique
 
 Form: TypeAlias = Literal["input-output", "dae"]
 FORMS = ("input-output", "dae")
@@ -175,7 +177,8 @@ class RelaySystem:
         Raises
         ------
         NonUniqueError
-            A state has several continuations, as 0 has for x' = sgn x.
+            A state has several continuations, as 0 has for x' = sgn x. With more than 5 relays of which uniqueness is
+            not proved, this is asked of x0 alone, and of parts of at most 6 relays that act on each other.
         ZenoError, InfeasibleError, InvalidInputError
             As `pricing_core.lcs.simulate`.
 
@@ -186,20 +189,23 @@ class RelaySystem:
         ([[-1.0], [0.0]], (Switch(time=2.0, before=(2,), after=(1,)),))
         """
         _check_form(form)
-        k, system, chosen = self.shape[1], self.to_lcs(form), as_method(method)
-        if (
-            isinstance(chosen, EventDriven)
-            and chosen.on_nonunique == "raise"
-            and system.shape[1] <= LARGEST_COMPLETE
-            and theorem_11_6(*self.given).status == "holds"
-        ):
-            chosen = replace(chosen, on_nonunique="first")  # it is the only one
-        run = simulate(system, x0, t_span, method=chosen, t_eval=t_eval)
+        k = self.shape[1]
+        run = simulate_unique(self.to_lcs(form), x0, t_span, as_method(method), t_eval, self.has_unique_state)
         dae = self.to_dae() if form == "dae" else None
         return of_lcs(run, partial(self._relay, dae), lambda mode: _pieces(mode, k, dae))
 
+    def has_unique_state(self) -> Literal[True] | None:
+        """Return True where the state is proved to have at most one continuation from every x0, else None.
+
+        By theorem 11.6, or because A, B, C, D are passive after a shift of the poles: the relays' outputs then need not
+        be unique.
+        """
+        return self.to_piecewise_linear().has_unique_state()
+
     def well_posedness(self) -> WellPosedness:
         """Report what is known of existence and uniqueness from all x0: by theorem 11.6 on G, else on (11.33).
+
+        Where A, B, C, D are passive after a shift of the poles, the state is unique although u need not be.
 
         The verdict is local: theorem 11.6 does not exclude that switches accumulate (example 11.1).
 
@@ -220,9 +226,16 @@ class RelaySystem:
             theorems=MappingProxyType({**report.theorems, "11.6": finding.status}),
             reasons=MappingProxyType({**report.reasons, "11.6": finding.reason}),
         )
-        if finding.status != "holds" or report.verdict == "well-posed":
+        if report.verdict == "well-posed":
             return report
-        return replace(report, verdict="well-posed", basis=f"theorem 11.6: {finding.reason}")
+        if finding.status == "holds":
+            return replace(report, verdict="well-posed", basis=f"theorem 11.6: {finding.reason}")
+        if is_passive_after_pole_shift(
+            rational_system(LCS(*self.given))
+        ):  # and solvable, as the relays are bounded
+            basis = f"passivity of the relays' plant after a shift of the poles: {CRITERION}"
+            return replace(report, verdict="well-posed", basis=f"{basis}; the state is unique, u need not be")
+        return report
 
     def _relay(self, dae: HorizontalSystem | None, u: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:
         """Return the relays' outputs and inputs from those of one of the complementarity systems."""

@@ -4,9 +4,14 @@ import itertools
 import math
 from collections.abc import Sequence
 
+import numpy as np
 from flint import fmpq, fmpq_poly
 
 from pricing_core.lcs import LCS, Finding
+from pricing_core.lcs.parts import strongly_connected_parts
+from pricing_core.lcs.pole_shifted_passivity import is_passive_after_pole_shift
+from pricing_core.lcs.rational_system import RationalSystem, rational_system
+from pricing_core.lcs.theorems import together
 from pricing_core.lcs.total_invertibility import LARGEST_PAIRS, transfer_minors
 from pricing_core.linalg.rational import rational_array
 from pricing_core.models.characteristic import Characteristic
@@ -34,6 +39,34 @@ def w_condition(plant: LCS, characteristics: Sequence[Characteristic]) -> Findin
     >>> w_condition(LCS([[0]], [[-1]], [[1]]), [step]).reason
     'with the slopes (vertical) the determinant has another sign than that of the first pieces'
     """
+    parts = [part for part in strongly_connected_parts(plant) if part.pairs]
+    return together([_of_part(part.system, [characteristics[i] for i in part.pairs]) for part in parts])
+
+
+def is_monotone(plant: LCS, characteristics: Sequence[Characteristic]) -> bool:
+    """Tell whether the state is unique by monotonicity: each characteristic rises or falls, and the plant dissipates.
+
+    Where two states go on, the differences v of u and w of y have v_i w_i <= 0 for falling characteristics and >= 0
+    for rising ones; with the inputs of these reversed, v^T G(s) v <= 0 for large s. Where the plant is passive after
+    a shift of the poles this leaves one state. Exact.
+
+    Examples
+    --------
+    Two relays in one direction: the state is unique, their outputs are not.
+
+    >>> step = Characteristic([(0, 1), (0, -1)])
+    >>> is_monotone(LCS([[0]], [[1, 1]], [[1], [1]]), [step, step])
+    True
+    """
+    slopes = [[dy * du for dy, du in _distinct_directions(curve)] for curve in characteristics]
+    if any(min(each) < 0 < max(each) for each in slopes):
+        return False
+    reversed_inputs = rational_array(np.array([-1 if max(each) > 0 else 1 for each in slopes], dtype=int))
+    A, B, C, D = rational_system(plant)
+    return is_passive_after_pole_shift(RationalSystem(A, B * reversed_inputs, C, D * reversed_inputs))
+
+
+def _of_part(plant: LCS, characteristics: Sequence[Characteristic]) -> Finding:
     k = plant.shape[1]
     directions = [_distinct_directions(curve) for curve in characteristics]
     if k > LARGEST_PAIRS or math.prod(len(each) for each in directions) > MOST_REPRESENTATIVES:

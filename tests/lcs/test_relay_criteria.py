@@ -18,7 +18,10 @@ def test_theorem_11_6_is_silent_where_it_does_not_apply():
     assert found.status == "silent"
     assert "(0, 1)" in found.reason
     assert theorem_11_6([[0]], [[-1]], [[1]]).status == "silent"
-    assert theorem_11_6(np.zeros((13, 13)), np.eye(13), np.eye(13)).status == "silent"
+    assert (
+        theorem_11_6(np.zeros((13, 13)), np.eye(13), np.eye(13)).status == "holds"
+    )  # they do not act on each other
+    assert theorem_11_6(np.zeros((13, 13)), np.eye(13) + 1, np.eye(13)).status == "silent"
 
 
 # x' = a - b sgn x: (a, b, guaranteed at 0)

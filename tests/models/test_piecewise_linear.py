@@ -150,8 +150,11 @@ def test_the_w_property_sees_slopes_against_feedthrough():
     assert scalar(saturation(), b=0.0, d=1.0).w_property().reason.endswith("vanishes")
     assert scalar(saturation(), b=1.0, d=1.0).w_property().status == "silent"
     assert "another sign" in scalar(saturation(), d=2.0).w_property().reason
-    many = PiecewiseLinearSystem(-np.eye(13), np.eye(13), np.eye(13), None, [saturation()] * 13)
-    assert many.w_property().status == "silent"
+    one = np.eye(13)
+    assert PiecewiseLinearSystem(-one, one, one, None, [saturation()] * 13).w_property().status == "holds"
+    assert (
+        PiecewiseLinearSystem(-one, one + 1, one, None, [saturation()] * 13).w_property().status == "silent"
+    )
 
 
 def test_the_w_property_weighs_decimals_as_it_weighs_integers():

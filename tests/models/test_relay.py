@@ -250,3 +250,26 @@ def test_bad_input_is_named(arguments, message):
 def test_an_unknown_form_is_refused():
     with pytest.raises(InvalidInputError, match=r"form = 'diagonal'.*input-output"):
         filippov().simulate([1.0, 1.0], (0.0, 1.0), form="diagonal")
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 6, 7, 9, 12])
+def test_relays_that_drive_away_from_zero_are_not_simulated_from_there(k):
+    """x' = sgn x in each of k independent relays: -1, 0 and 1 go on from 0; elsewhere one does."""
+    relays = RelaySystem(np.zeros((k, k)), -np.eye(k), np.eye(k))
+    with pytest.raises(NonUniqueError):
+        relays.simulate(np.zeros(k), (0, 1))
+    assert relays.simulate(np.ones(k), (0, 1)).x[-1] == pytest.approx(np.full(k, 2.0))
+    report = relays.well_posedness()
+    assert report.verdict == "ill-posed"
+    assert report.witness.tolist() == [0.0] * k
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_many_relays_in_symmetric_directions_have_one_state(seed):
+    """x' = Ax - B sgn(B^T x), B of any rank, other bounds for every relay: the motion does not depend on the form."""
+    rng = np.random.default_rng(seed)
+    n, k = int(rng.integers(1, 4)), int(rng.integers(2, 13))
+    B = rng.integers(-2, 3, (n, k))
+    relays = RelaySystem(rng.integers(-2, 3, (n, n)), B, B.T, upper=rng.integers(1, 4, k))
+    assert relays.has_unique_state()
+    assert relays.well_posedness().verdict == "well-posed"
