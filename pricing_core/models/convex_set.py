@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from pricing_core.arrays import Matrix, Vector, as_array, as_matrix, as_values, as_vector, check_callable
 from pricing_core.errors import InfeasibleError, InvalidInputError, IterationLimitError, Told
-from pricing_core.lcp import LCP, infeasibility_certificate, solve
+from pricing_core.lcp import LCP, infeasibility_certificate
+from pricing_core.models.nearest_point import nearest_point
 
 VectorFunction: TypeAlias = Callable[[Vector], ArrayLike]
 MatrixFunction: TypeAlias = Callable[[Vector], ArrayLike]
@@ -18,6 +19,7 @@ MatrixFunction: TypeAlias = Callable[[Vector], ArrayLike]
 ON_THE_BOUNDARY = 1e-9
 # Last change of a projection, as a share of |x|.
 PROJECTED = 1e-13
+BY_DIFFERENCES = 1e-7
 MOST_STEPS = 50
 DIFFERENCE = float(np.finfo(np.float64).eps) ** (1 / 3)
 
@@ -81,10 +83,7 @@ class Polyhedron:
 
     def project(self, x: Vector) -> Vector:
         """Return P(x) = x + H^T u with 0 <= H x - h + H H^T u _|_ u >= 0."""
-        slack = self.slack(x)
-        if (slack >= 0.0).all():
-            return x
-        return np.asarray(x + self.H.T @ solve(LCP(self.H @ self.H.T, slack)).z)
+        return nearest_point(self.H, self.h, x).point
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,22 +132,26 @@ class SmoothSet:
         ------
         IterationLimitError
             50 steps do not suffice.
-        InfeasibleError
-            Tangent planes, which K lies behind where the h_i are concave, have no common point: K is empty.
+        NumericalError
+            No common point of tangent planes was found, which K lies behind where the h_i are concave: K may be empty.
         """
-        z, u = x, np.zeros(0)
+        z, u, last = x, np.zeros(0), np.inf
         for step in range(MOST_STEPS):
             slack, H = self.slack(z), self.gradients(z)
             if step == 0 and (slack >= 0.0).all():
                 return x
-            curvature = self._curvature(z, u) if step > 1 else 0.0
-            # Minimise |z + d - x|^2/2 + d^T curvature d/2 subject to slack + H d >= 0.
-            inner = np.linalg.solve(np.eye(x.size) + curvature, np.column_stack([H.T, x - z]))
-            u = solve(LCP(H @ inner[:, :-1], slack + H @ inner[:, -1])).z
-            change = inner[:, :-1] @ u + inner[:, -1]
+            curvature = self._curvature(z, u) if step > 1 else np.zeros((x.size, x.size))
+            # Minimise |z + d - x|^2/2 + d^T curvature d/2 subject to slack + H d >= 0, in straightened coordinates.
+            root = np.linalg.cholesky(np.eye(x.size) + curvature)
+            inner = np.linalg.solve(root, np.column_stack([H.T, x - z]))
+            moved, u = nearest_point(inner[:, :-1].T, -slack, inner[:, -1])
+            change = np.linalg.solve(root.T, moved)
             z = z + change
-            if float(np.max(np.abs(change))) <= PROJECTED * max(1.0, float(np.max(np.abs(z)))):
+            length = float(np.max(np.abs(change))) / max(1.0, float(np.max(np.abs(z))))
+            # Differences hold the steps above their own error, where they fall no further.
+            if length <= PROJECTED or (length <= BY_DIFFERENCES and length > 0.5 * last):
                 return np.asarray(z)
+            last = length
         raise IterationLimitError(
             f"{MOST_STEPS} steps do not lead to the projection of {x}: is K empty, or a constraint not concave?"
         )
@@ -156,7 +159,10 @@ class SmoothSet:
     def _curvature(self, z: Vector, u: Vector) -> Matrix:
         """Return minus the second derivatives of u^T h, symmetric, shape (n, n)."""
         second = jacobian(lambda at: np.asarray(self.gradients(at).T @ u), z)
-        return np.asarray(-0.5 * (second + second.T))
+        values, vectors = np.linalg.eigh(-0.5 * (second + second.T))
+        return np.asarray(
+            vectors * np.maximum(values, 0.0) @ vectors.T
+        )  # none is negative where the h_i are concave
 
 
 def active_set(K: ConvexSet, x: Vector) -> list[int]:

@@ -7,14 +7,16 @@ from typing import Literal
 import numpy as np
 
 from pricing_core.arrays import Matrix, Vector
-from pricing_core.errors import IterationLimitError, NumericalError
-from pricing_core.lcp import LCP, solve
+from pricing_core.errors import InfeasibleError, IterationLimitError, NumericalError
+from pricing_core.lcp import LCP, infeasibility_certificate, solve
 from pricing_core.models.convex_set import ConvexSet, Polyhedron, active_set, jacobian
 from pricing_core.models.tangent_cone import project_velocity
 
 REGULAR = 1e-10  # reciprocal condition number from which on F's matrix is inverted
 CONVERGED = 1e-11  # residual, as a share of the size of x and F
 ACCEPTED = 1e-8
+ON_THE_DATA = 1e-7  # the same of an affine problem, as a share of the size that its data give x
+ROUNDING = float(np.finfo(np.float64).eps)
 MOST_STEPS = 500
 HALVINGS = 8
 SAFE = 0.7  # length of an extragradient step, in inverse Lipschitz constants
@@ -41,18 +43,22 @@ class Equilibrium:
 
 
 def solve_affine(matrix: Matrix, vector: Vector, K: Polyhedron) -> Equilibrium:
-    """Solve (11.36) for F(x) = matrix x + vector on a polyhedron by one LCP.
+    """Solve (11.36) for F(x) = matrix x + vector on a polyhedron by one LCP, or two.
+
+    An answer counts where it misses the variational inequality by no more than 1e-7 of the size that the data give x,
+    however large it is itself.
 
     Raises
     ------
-    InfeasibleError, RayTerminationError
-        There is no solution, or none was found.
+    InfeasibleError
+        Proved: no x in K has F(x) in the cone of the gradients of the constraints.
     NumericalError
-        The solution misses the variational inequality.
+        No solution was found; there may be one.
 
     Notes
     -----
-    With a regular matrix x is eliminated: M = H matrix^-1 H^T. Otherwise x = p - q with p, q >= 0.
+    With a regular matrix x is eliminated: M = H matrix^-1 H^T. Where that is not so, or gives no answer, x = p - q with
+    p, q >= 0, whose LCP holds the data as they are: what proves it infeasible proves it of them.
 
     Examples
     --------
@@ -60,17 +66,61 @@ def solve_affine(matrix: Matrix, vector: Vector, K: Polyhedron) -> Equilibrium:
     >>> found.x, found.u
     (array([0., 0.]), array([1., 2.]))
     """
+    for attempt in (_eliminated, _split):
+        found = attempt(matrix, vector, K)
+        if found is not None and _misses(matrix, vector, K, found[0]) <= ON_THE_DATA:
+            x, u = found
+            return Equilibrium(x, u, _residual(lambda at: matrix @ at + vector, K, x), "lcp")
+    raise NumericalError(
+        "no equilibrium was found, and none was proved not to exist: change the constraints so that x is bounded, or "
+        "simulate and see where the motion goes"
+    )
+
+
+def _eliminated(matrix: Matrix, vector: Vector, K: Polyhedron) -> tuple[Vector, Vector] | None:
+    """Return x and u from the LCP in u alone; None where the matrix is nearly singular or nothing was found."""
+    if not float(np.linalg.cond(matrix)) * REGULAR < 1.0:
+        return None
+    inner = np.linalg.solve(matrix, np.column_stack([K.H.T, -vector]))
+    try:
+        u = solve(LCP(K.H @ inner[:, :-1], K.H @ inner[:, -1] - K.h)).z
+    except NumericalError:  # of rounded products: it proves nothing of the data
+        return None
+    return inner[:, :-1] @ u + inner[:, -1], u
+
+
+def _split(matrix: Matrix, vector: Vector, K: Polyhedron) -> tuple[Vector, Vector] | None:
+    """Return x and u from the LCP in p, q and u; None where nothing was found."""
     H, h, n = K.H, K.h, vector.size
-    if float(np.linalg.cond(matrix)) * REGULAR < 1.0:
-        inner = np.linalg.solve(matrix, np.column_stack([H.T, -vector]))
-        u = solve(LCP(H @ inner[:, :-1], H @ inner[:, -1] - h)).z
-        x = inner[:, :-1] @ u + inner[:, -1]
-    else:
-        k = h.size
-        M = np.block([[matrix, -matrix, -H.T], [-matrix, matrix, H.T], [H, -H, np.zeros((k, k))]])
-        z = solve(LCP(M, np.concatenate([vector, -vector, -h]))).z
-        x, u = z[:n] - z[n : 2 * n], z[2 * n :]
-    return _checked(lambda at: matrix @ at + vector, K, x, u, "lcp")
+    M = np.block([[matrix, -matrix, -H.T], [-matrix, matrix, H.T], [H, -H, np.zeros((h.size, h.size))]])
+    problem = LCP(M, np.concatenate([vector, -vector, -h]))
+    try:
+        z = solve(problem).z
+    except NumericalError:
+        if infeasibility_certificate(problem) is None:
+            return None
+        raise InfeasibleError(
+            "there is no equilibrium: no x with H x >= h has F(x) = H^T u with u >= 0, as a combination of these "
+            "conditions proves"
+        ) from None
+    return z[:n] - z[n : 2 * n], z[2 * n :]
+
+
+def _misses(matrix: Matrix, vector: Vector, K: Polyhedron, x: Vector) -> float:
+    """Return max |x - P(x - tau F(x))| and its rounding, over the size that the data give x; tau makes units agree."""
+    rows, slopes = np.linalg.norm(K.H, axis=1), float(np.linalg.norm(matrix))
+    bounds = np.abs(K.h[rows > 0.0]) / rows[rows > 0.0]
+    size = float(bounds.max(initial=0.0))
+    force = max(float(np.linalg.norm(vector)), slopes * size)
+    size = max(size, force / slopes if slopes else 0.0)
+    if force == 0.0 or size == 0.0:  # no number of the data has the unit of x, or of F
+        size, force = max(size, 1.0), max(force, 1.0)
+    try:
+        nearest = K.project(x - size / force * (matrix @ x + vector))
+    except NumericalError:
+        return np.inf
+    rounding = ROUNDING * float(np.linalg.norm(x)) * (1.0 + size / force * slopes)
+    return (float(np.max(np.abs(x - nearest))) + rounding) / size
 
 
 def solve_smooth(F: Callable[[Vector], Vector], K: ConvexSet, start: Vector) -> Equilibrium:
@@ -103,7 +153,7 @@ def solve_smooth(F: Callable[[Vector], Vector], K: ConvexSet, start: Vector) -> 
             following, length = _extragradient_step(F, K, x, length)
         x = following
     u = _multipliers(F, K, best)
-    return _checked(F, K, best, u, "newton")
+    return _checked(F, K, best, u)
 
 
 def _residual(F: Callable[[Vector], Vector], K: ConvexSet, x: Vector) -> float:
@@ -153,15 +203,11 @@ def _extragradient_step(
         length *= 0.5
 
 
-def _checked(
-    F: Callable[[Vector], Vector], K: ConvexSet, x: Vector, u: Vector, method: Literal["lcp", "newton"]
-) -> Equilibrium:
+def _checked(F: Callable[[Vector], Vector], K: ConvexSet, x: Vector, u: Vector) -> Equilibrium:
     residual = _residual(F, K, x)
     if not residual <= ACCEPTED * _size(F, x):
-        if method == "newton":
-            raise IterationLimitError(
-                f"{MOST_STEPS} steps leave a residual of {residual:.1e}: try another start, or simulate from there; "
-                "there may be no equilibrium"
-            )
-        raise NumericalError(f"the LCP's solution leaves a residual of {residual:.1e}: rescale the problem")
-    return Equilibrium(x, u, residual, method)
+        raise IterationLimitError(
+            f"{MOST_STEPS} steps leave a residual of {residual:.1e}: try another start, or simulate from there; "
+            "there may be no equilibrium"
+        )
+    return Equilibrium(x, u, residual, "newton")

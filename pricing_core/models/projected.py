@@ -24,7 +24,7 @@ from pricing_core.models.convex_set import (
     check_inside,
 )
 from pricing_core.models.equilibrium import Equilibrium, solve_affine, solve_smooth
-from pricing_core.models.projected_heun import ProjectedHeun
+from pricing_core.models.projected_heun import ControlledHeun, ProjectedHeun
 from pricing_core.models.tangent_cone import ProjectedVelocity, project_velocity
 from pricing_core.models.trajectory import ModelTrajectory, Pieces, Switch, as_they_are, of_lcs
 from pricing_core.stepping import StepDoubling, integrate
@@ -159,7 +159,9 @@ class ProjectedSystem:
         method : {"auto", "event-driven", "time-stepping"}, EventDriven or TimeStepping
             "event-driven" simulates (11.44) exactly, for affine F and polyhedra, and is what "auto" takes for these;
             the state is unique and does not jump, so that max_events alone may be given. "time-stepping" takes steps of
-            `ProjectedHeun`, of a constant size or to a tolerance; the other fields of `TimeStepping` are left out.
+            `ProjectedHeun`, of a constant size or to a tolerance on the error at the end, in which the errors of all
+            steps count together; motions that F drives apart multiply it. The other fields of `TimeStepping` are left
+            out.
         t_eval : array_like, optional
             Times to report, increasing.
 
@@ -235,7 +237,7 @@ class ProjectedSystem:
         heun = ProjectedHeun(self._rate, self.K)
         with np.errstate(over="ignore", invalid="ignore"):  # told by `as_values` and `check_size`
             run = integrate(
-                StepDoubling(heun) if method.step is None else heun,
+                ControlledHeun(StepDoubling(heun), span[1] - span[0]) if method.step is None else heun,
                 self.K.project(x0),
                 span,
                 controller=method.controller(x0.size),

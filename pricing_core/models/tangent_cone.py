@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pricing_core.arrays import Matrix, Vector
-from pricing_core.lcp import LCP, solve
+from pricing_core.models.nearest_point import nearest_direction
 
 VANISHES = 1e-12  # Share of |v| below which a correction is rounding.
 
@@ -31,8 +31,7 @@ def project_velocity(H: Matrix, v0: Vector) -> ProjectedVelocity:
     >>> project_velocity(np.eye(2), np.array([3.0, -2.0]))
     ProjectedVelocity(v=array([3., 0.]), u=array([0., 2.]))
     """
-    u = solve(LCP(H @ H.T, H @ v0)).z
-    return ProjectedVelocity(v0 + H.T @ u, u)
+    return ProjectedVelocity(*nearest_direction(H, v0))
 
 
 def steepest_normal(H: Matrix, v0: Vector) -> Vector | None:

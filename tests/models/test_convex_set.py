@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from pricing_core.errors import InfeasibleError, InvalidInputError, NumericalError
 from pricing_core.models.convex_set import Polyhedron, SmoothSet, active_set, check_inside
+from pricing_core.models.nearest_point import nearest_direction, nearest_point
 from pricing_core.models.tangent_cone import project_velocity, steepest_normal
 
 seeds = st.integers(0, 100_000)
@@ -80,3 +81,37 @@ def test_an_empty_smooth_set_is_noticed():
 def test_the_violated_constraint_is_named():
     with pytest.raises(InvalidInputError, match=r"x0 = \[ 1. -1.\].*constraint 1 is -1 < 0"):
         check_inside("x0", Polyhedron(np.eye(2), np.zeros(2)), np.array([1.0, -1.0]))
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_ellipsoids_without_gradients_are_projected_on_as_closely_as_with_them(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 5))
+    M, c = rng.normal(size=(n, n)), rng.normal(size=n) * rng.choice([0.0, 1.0, 5.0])
+    P, x = M @ M.T + 0.1 * np.eye(n), c + rng.normal(size=n) * rng.choice([1.0, 5.0, 50.0])
+    h = lambda z: [1 - (z - c) @ P @ (z - c)]  # noqa: E731
+    nearest, known = SmoothSet(h).project(x), SmoothSet(h, lambda z: [-2 * P @ (z - c)]).project(x)
+    assert nearest == pytest.approx(known, abs=1e-7)
+    assert SmoothSet(h).slack(nearest)[0] >= -1e-9
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_nearest_points_at_every_scale_satisfy_their_conditions(seed):
+    """Redundant, dependent and opposite constraints, a single point among them: H z >= h, u >= 0, u (H z - h) = 0."""
+    rng = np.random.default_rng(seed)
+    n, k = int(rng.integers(1, 6)), int(rng.integers(1, 15))
+    H, z0 = rng.integers(-3, 4, (k, n)).astype(float), rng.integers(-3, 4, n).astype(float)
+    h = H @ z0 - rng.integers(0, 2, k)
+    if seed % 3 == 0:
+        H, h = np.vstack([H, np.eye(n), -np.eye(n)]), np.concatenate([h, z0, -z0])
+    units = 10.0 ** rng.integers(-6, 7, len(H))
+    far = 10.0 ** rng.integers(0, 7)
+    x = far * rng.normal(size=n)
+    z, u = nearest_point(H * units[:, None], h * units, x)
+    assert (H @ z - h).min(initial=0.0) >= -1e-11 * far
+    assert u.min(initial=0.0) >= 0.0
+    assert z - x == pytest.approx(H.T @ (units * u), abs=1e-9 * far)
+    assert (units * u) @ (H @ z - h) == pytest.approx(0.0, abs=1e-8 * far**2)
+    v, u = nearest_direction(H * units[:, None], x)
+    assert (H @ v).min(initial=0.0) >= -1e-11 * far
+    assert v @ (v - x) == pytest.approx(0.0, abs=1e-10 * far**2)

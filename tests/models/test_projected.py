@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from pricing_core.errors import InfeasibleError, InvalidInputError, IterationLimitError, NumericalError
 from pricing_core.lcs import EventDriven, TimeStepping, simulate
 from pricing_core.models import ProjectedSystem
+from pricing_core.models.nearest_point import nearest_point
 
 
 def steady(x):
@@ -241,3 +242,99 @@ def test_automatic_is_by_steps_where_no_flow_is_exact():
     )
     assert np.array_equal(automatic.x, stepped.x)
     assert automatic.lcs.scheme == "projected-heun"
+
+
+@pytest.mark.parametrize("T", [0.5, 1.0, 3.0])
+def test_steps_pass_a_corner_and_rest_there(T):
+    """From (0, 1) the corner (0, 0) is met at ln 2, and the motion rests there."""
+    system = ProjectedSystem((np.eye(2), [1, 2]), [[1, 1], [0, 1]], [0, 0])
+    exact = system.simulate([0, 1.0], (0.0, T)).x[-1]
+    run = system.simulate([0, 1.0], (0.0, T), method=TimeStepping(tolerance=1e-4))
+    assert run.x[-1] == pytest.approx(exact, abs=3e-3)
+    assert run.lcs.accepted + run.lcs.rejected < 1000
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_error_at_the_end_is_within_30_tolerances(seed):
+    """Against the exact flow from event to event, on random polyhedra."""
+    rng = np.random.default_rng(seed)
+    system, x0 = random_monotone(seed)
+    tolerance = 10.0 ** -int(rng.integers(3, 7))
+    times = np.linspace(0.0, 3.0, 7)
+    exact = system.simulate(x0, (0.0, 3.0), t_eval=times)
+    method = TimeStepping(tolerance=tolerance, absolute_tolerance=tolerance)
+    run = system.simulate(x0, (0.0, 3.0), t_eval=times, method=method)
+    assert np.abs(run.x - exact.x).max() <= 30.0 * tolerance * (1.0 + np.abs(exact.x).max())
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_corners_of_ellipsoids_are_passed(seed):
+    """Two ellipsoids and a plane through the interior of both, against closer steps."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 4))
+    shapes = [M @ M.T + 0.2 * np.eye(n) for M in rng.normal(size=(2, n, n))]
+    centres = 0.2 * rng.normal(size=(2, n))
+    N, v = rng.normal(size=(n, n)), 3.0 * rng.normal(size=n)
+    system = ProjectedSystem(
+        lambda x: N @ N.T @ x + v,
+        constraints=lambda x: [1 - (x - c) @ P @ (x - c) for P, c in zip(shapes, centres, strict=True)],
+        constraint_gradients=lambda x: [-2 * P @ (x - c) for P, c in zip(shapes, centres, strict=True)],
+    )
+    x0 = system.projection(centres.mean(axis=0))
+    ends = [
+        system.simulate(x0, (0.0, 2.0), method=TimeStepping(tolerance=t, absolute_tolerance=t)).x[-1]
+        for t in (1e-3, 1e-5)
+    ]
+    assert ends[0] == pytest.approx(ends[1], abs=3e-2)
+    assert system.K.slack(ends[1]).min() > -1e-9
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_equilibria_are_judged_on_the_data(seed):
+    """Monotone F on polyhedra of every size, K a single point among them: the answer satisfies (11.36)."""
+    rng = np.random.default_rng(seed)
+    n, size = int(rng.integers(1, 5)), 10.0 ** rng.integers(-6, 7)
+    N = rng.normal(size=(n, n))
+    matrix, vector = N @ N.T + 0.1 * np.eye(n) + N - N.T, size * rng.normal(size=n)
+    H = np.round(rng.normal(size=(int(rng.integers(1, 6)), n)))
+    point = size * rng.integers(-2, 3, n)
+    h = H @ point - size * np.abs(rng.normal(size=len(H)))
+    if seed % 2:
+        H, h = np.vstack([np.eye(n), -np.eye(n), H]), np.concatenate([point, -point, h])
+    found = ProjectedSystem((matrix, vector), H, h).equilibrium()
+    if seed % 2:
+        assert found.x == pytest.approx(point, abs=1e-9 * size)
+    F = matrix @ found.x + vector
+    assert (H @ found.x >= h - 1e-8 * size).all()
+    for _ in range(10):
+        z = nearest_point(H, h, point + 3.0 * size * rng.normal(size=n)).point
+        assert F @ (z - found.x) >= -1e-6 * size**2
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_no_equilibrium_is_far_beyond_the_data(seed):
+    """Rotations on random polyhedra: an answer of moderate size that satisfies (11.36), or none."""
+    rng = np.random.default_rng(seed)
+    N = rng.normal(size=(2, 2))
+    system = ProjectedSystem(
+        (N - N.T, 3 * rng.normal(size=2)), rng.normal(size=(2, 2)), -np.abs(rng.normal(size=2))
+    )
+    try:
+        found = system.equilibrium()
+    except NumericalError:
+        return
+    assert np.abs(found.x).max() < 1e8
+    assert found.residual < 1e-6
+
+
+def test_known_equilibria_and_their_absence():
+    rotation = ProjectedSystem(
+        ([[0, -0.46], [0.46, 0]], [2.0, -3.0]), [[-0.54, 1.75], [-1.05, -0.91]], [-0.44, -0.51]
+    )
+    with pytest.raises(NumericalError):
+        rotation.equilibrium()
+    point = ProjectedSystem(([[-1.0982186136401193]], [-2.0]), [[0.0], [1.0], [0.0], [-1.0]], [0.0] * 4)
+    assert point.equilibrium().x.tolist() == [0.0]
+    nowhere = ProjectedSystem((np.zeros((1, 1)), [-1.0]), [[1.0]], [0.0])
+    with pytest.raises(InfeasibleError, match="combination of these conditions"):
+        nowhere.equilibrium()
