@@ -37,9 +37,11 @@ const RELEVANT: f64 = 5.0;
 const BOUNDARY_REACH: f64 = 2.5;
 /// The largest number of cuts of one segment; chosen.
 const MOST_CUTS: usize = 4;
-/// The place where a segment is cut whose boundary no degree follows closely enough, as a share of its duration from its
-/// end; chosen.
+/// The place where a segment is cut whose boundary no degree follows closely enough, as a share of its duration from the
+/// onset of its contact set; chosen.
 const NEXT_TO_EVENT: f64 = 0.1;
+/// The same where the contact set begins some time after the event; chosen.
+const AFTER_ONSET: f64 = 0.5;
 /// The largest width of the interval of x, in standard deviations of ln S over what is cut off: a wider one needs too many
 /// panels. Chosen.
 const MOST_SPREADS: f64 = 600.0;
@@ -49,6 +51,11 @@ const MOST_STALLS: usize = 2;
 const SHARE: f64 = 0.5;
 /// The share of the tolerance that is kept for all boundaries together; chosen.
 const KEPT_SHARE: f64 = 0.2;
+/// The share of the dividends paid so far by which the spot is displaced from a lognormal one: the early ones fall with
+/// it, the late ones do not. Chosen.
+const DISPLACED_SHARE: f64 = 0.5;
+/// The number of segments still to come from which on a boundary's share of the tolerance shrinks; chosen.
+const FEW_SEGMENTS: f64 = 6.0;
 /// The derivatives of a schedule's value, in strikes.
 pub struct Derivatives {
     /// The derivatives of value and slope by the numbers of every segment.
@@ -186,7 +193,7 @@ impl BackwardRecursion<'_> {
             if part.exercisable && part.is_two_sided() {
                 return Err(Unsettled);
             }
-            match self.solve_part(part, (here, part_end), cuts, query)? {
+            match self.solve_part((index, part), (here, part_end), cuts, query)? {
                 Part::Solved { value, contact } => {
                     part_end = part_end.before(&part);
                     self.solved.push(SolvedPart {
@@ -210,7 +217,7 @@ impl BackwardRecursion<'_> {
     /// Solve one part of a segment; `here` and `part_end` are the forecasts at the segment's end and at the part's.
     fn solve_part(
         &mut self,
-        part: Segment,
+        (index, part): (usize, Segment),
         (here, part_end): (&Forecast, Forecast),
         cuts: usize,
         query: &mut BoundaryQuery,
@@ -222,13 +229,16 @@ impl BackwardRecursion<'_> {
             BOUNDARY_REACH * self.deviation
         };
         let reach = asked.max(RELEVANT * here.deviation());
-        let (mut transferred, relevant) = self.transfer(&part, ends, here.forward, reach);
-        let found = self.onset_search(&transferred, &part, relevant).find()?;
+        let furthest = self.furthest(&part, here, reach);
+        let (mut transferred, relevant) = self.transfer(&part, ends, furthest);
+        let found = self
+            .onset_search(&transferred, &part, relevant, cuts > 0)
+            .find()?;
         if found.onset.is_some() && found.split > 0.0 && cuts < MOST_CUTS {
             return Ok(Part::Cut(found.split));
         }
         let beginning = part_end.before(&part);
-        let control = self.degree_control(&beginning, cuts);
+        let control = self.degree_control(index, &beginning, cuts);
         let boundary = found
             .onset
             .map(|onset| find_boundary(&transferred.profile, &part, onset, &control));
@@ -236,7 +246,13 @@ impl BackwardRecursion<'_> {
         let may_cut = cuts < MOST_CUTS && ends.1 - ends.0 <= MOST_SPREADS * cut_off;
         let is_close = |b: &Boundary| b.is_found() && !b.exceeds_budget(&control);
         if may_cut && !boundary.as_ref().is_none_or(is_close) {
-            return Ok(Part::Cut(NEXT_TO_EVENT * part.duration));
+            let since = found.onset.map_or(0.0, |onset| onset.time);
+            let share = if since > 0.0 {
+                AFTER_ONSET
+            } else {
+                NEXT_TO_EVENT
+            };
+            return Ok(Part::Cut(since + share * (part.duration - since)));
         }
         if let Some(boundary) = &boundary {
             self.violation = self.violation.max(boundary.violation);
@@ -256,28 +272,27 @@ impl BackwardRecursion<'_> {
     /// The interval of x that matters at a segment's end: where the spot may be then, and as far as a boundary may be.
     fn interval(&self, part: &Segment, here: &Forecast) -> Interval {
         let reach = self.fineness.reach;
-        let near = reach * here.variance.sqrt();
-        if !self.exercised {
-            return (here.forward - near, here.forward + near);
+        let near = reach * here.deviation();
+        let (mut lower, mut upper) = (here.forward - near, here.forward + near);
+        if self.exercised {
+            let far = reach.min(BOUNDARY_REACH) * (self.deviation - here.deviation());
+            (lower, upper) = (here.forward.min(0.0) - near, here.forward.max(0.0) + near);
+            if part.sign > 0.0 {
+                lower -= far;
+            } else {
+                upper += far;
+            }
         }
-        let far = near + reach.min(BOUNDARY_REACH) * (self.deviation - here.variance.sqrt());
-        let (below, above) = if part.sign > 0.0 {
-            (far, near)
-        } else {
-            (near, far)
-        };
-        (here.forward.min(0.0) - below, here.forward.max(0.0) + above)
+        if part.sign > 0.0 {
+            let least = self.fineness.smallest_spot.min(here.forward.exp());
+            lower = lower.min(here.lowest(reach, least)).max(least.ln());
+        }
+        (lower, upper)
     }
 
     /// The value at a part's end, with finer panels where its contact set begins at nodes, and the x beyond which that
     /// does not matter.
-    fn transfer(
-        &self,
-        part: &Segment,
-        ends: Interval,
-        forward: f64,
-        reach: f64,
-    ) -> (Transferred, f64) {
+    fn transfer(&self, part: &Segment, ends: Interval, furthest: f64) -> (Transferred, f64) {
         let mut widths = PanelWidths {
             spread: part.spread(),
             points: self.fineness.panel_points,
@@ -289,8 +304,8 @@ impl BackwardRecursion<'_> {
             Some(later) => before_event(later, part, &self.kinks, ends, widths),
         };
         let mut transferred = transfer(&widths);
-        let relevant = relevant(&transferred, part, forward, reach);
-        let search = self.onset_search(&transferred, part, relevant);
+        let relevant = self.relevant(&transferred, part, furthest);
+        let search = self.onset_search(&transferred, part, relevant, false);
         if search.nodes_only && search.has_contact() {
             widths.largest = FINE_PANEL;
             transferred = transfer(&widths);
@@ -298,11 +313,37 @@ impl BackwardRecursion<'_> {
         (transferred, relevant)
     }
 
+    /// The furthest x to the side of exercise at which a contact set matters, and boundaries are looked for.
+    fn furthest(&self, part: &Segment, here: &Forecast, reach: f64) -> f64 {
+        let sign = part.sign;
+        let far = sign * ((sign * here.forward).min(0.0) - reach);
+        if sign < 0.0 {
+            return far;
+        }
+        far.min(here.lowest(RELEVANT, self.fineness.smallest_spot))
+    }
+
+    /// The x beyond which, on the side of exercise, the contact set does not matter while it begins.
+    fn relevant(&self, transferred: &Transferred, part: &Segment, furthest: f64) -> f64 {
+        let (sign, furthest) = (part.sign, part.sign * furthest);
+        let sharp = transferred.kinks.iter().filter(|kink| kink.width <= 0.0);
+        let seen = sharp
+            .map(|kink| sign * kink.place)
+            .filter(|&x| x > furthest);
+        let kink = seen.reduce(f64::min).unwrap_or(0.0);
+        let relevant = furthest.min(kink - RELEVANT * part.spread());
+        if sign < 0.0 {
+            return -relevant;
+        }
+        relevant.max(self.fineness.smallest_spot.ln())
+    }
+
     fn onset_search<'b>(
         &self,
         transferred: &'b Transferred,
         part: &'b Segment,
         relevant: f64,
+        is_cut: bool,
     ) -> OnsetSearch<'b> {
         OnsetSearch {
             profile: &transferred.profile,
@@ -310,20 +351,23 @@ impl BackwardRecursion<'_> {
             contact: transferred.contact,
             relevant,
             nodes_only: self.later().is_some_and(|later| later.boundary.is_none()),
+            is_cut,
         }
     }
 
     /// How far the degree of the next boundary is raised; `beginning` is the forecast at the part's beginning.
-    fn degree_control(&self, beginning: &Forecast, cuts: usize) -> DegreeControl {
+    fn degree_control(&self, index: usize, beginning: &Forecast, cuts: usize) -> DegreeControl {
         let tolerance = self.tolerance;
         let left = (1.0 - KEPT_SHARE) * tolerance - self.error;
+        #[allow(clippy::cast_precision_loss)]
+        let share = SHARE * (FEW_SEGMENTS / (index + 1) as f64).min(1.0);
         DegreeControl {
             last: if tolerance > 0.0 {
                 LEVELS - 1
             } else {
                 self.level
             },
-            budget: (tolerance > 0.0).then(|| self.smallest_budget.max(SHARE * left)),
+            budget: (tolerance > 0.0).then(|| self.smallest_budget.max(share * left)),
             tolerance,
             patience: if cuts < MOST_CUTS {
                 MOST_STALLS
@@ -332,6 +376,7 @@ impl BackwardRecursion<'_> {
             },
             centre: beginning.forward,
             deviation: beginning.variance.max(0.0).sqrt(),
+            displacement: DISPLACED_SHARE * beginning.paid,
         }
     }
 
@@ -363,18 +408,6 @@ impl BackwardRecursion<'_> {
         }
         Ok(now)
     }
-}
-
-/// The x beyond which, on the side of exercise, the contact set does not matter while it begins.
-fn relevant(transferred: &Transferred, part: &Segment, forward: f64, reach: f64) -> f64 {
-    let sign = part.sign;
-    let furthest = (sign * forward).min(0.0) - reach;
-    let sharp = transferred.kinks.iter().filter(|kink| kink.width <= 0.0);
-    let seen = sharp
-        .map(|kink| sign * kink.place)
-        .filter(|&x| x > furthest);
-    let kink = seen.reduce(f64::min).unwrap_or(0.0);
-    sign * furthest.min(kink - RELEVANT * part.spread())
 }
 
 /// Refuse a value of waiting that is less than the payoff outside the contact set: next to it, and where it has left.

@@ -49,6 +49,8 @@ pub struct DegreeControl {
     /// The expectation of x at the segment's beginning, as seen from now, and its standard deviation.
     pub centre: f64,
     pub deviation: f64,
+    /// What dividends add to the spot so that it is lognormal, as seen from now, in strikes.
+    pub displacement: f64,
 }
 
 impl DegreeControl {
@@ -66,9 +68,13 @@ impl DegreeControl {
     pub fn probabilities(&self, segment: &Segment, origin: f64) -> [f64; CELLS] {
         let spread = segment.spread();
         let deviation = self.deviation.hypot(BLUR * spread);
-        let place = segment.sign * (origin - self.centre);
+        let displaced = |x: f64| (x.exp() + self.displacement).ln();
+        let centre = displaced(self.centre);
         #[allow(clippy::cast_precision_loss)]
-        let below = |cell: usize| distribution((place + CELL * spread * cell as f64) / deviation);
+        let below = |cell: usize| {
+            let place = displaced(origin + segment.sign * CELL * spread * cell as f64);
+            distribution(segment.sign * (place - centre) / deviation)
+        };
         std::array::from_fn(|cell| below(cell + 1) - below(cell))
     }
 }

@@ -12,6 +12,8 @@ pub struct Forecast {
     pub forward: f64,
     /// The variance of ln S.
     pub variance: f64,
+    /// The cash dividends paid so far, with what they would have grown by, in strikes.
+    pub paid: f64,
 }
 
 impl Forecast {
@@ -20,30 +22,46 @@ impl Forecast {
         self.variance.sqrt()
     }
 
+    /// x on a path whose spot falls at once by so many standard deviations of ln S, with the same dividends, which take
+    /// the more of it; no less than ln `least`.
+    pub fn lowest(&self, deviations: f64, least: f64) -> f64 {
+        let fallen = (-deviations * self.deviation()).exp();
+        let left = self.forward.exp() * fallen - self.paid * (1.0 - fallen);
+        left.max(least).ln()
+    }
+
     /// The forecast at the beginning of a segment, from this one at its end.
     pub fn before(&self, segment: &Segment) -> Forecast {
         let dynamics = &segment.dynamics;
         Forecast {
             forward: self.forward - (dynamics.rate - dynamics.dividend) * segment.duration,
             variance: self.variance - segment.spread().powi(2),
+            paid: self.paid,
         }
     }
 }
 
 /// The forecasts at the ends of all segments, before their events, for x now.
 pub fn forecasts(segments: &[Segment], x: f64) -> Vec<Forecast> {
-    let (mut variance, mut forward) = (0.0, x);
+    let (mut variance, mut forward, mut paid) = (0.0, x, 0.0);
     segments
         .iter()
         .map(|segment| {
             let dynamics = &segment.dynamics;
             variance += dynamics.volatility * dynamics.volatility * segment.duration;
-            forward += (dynamics.rate - dynamics.dividend) * segment.duration;
-            let here = Forecast { forward, variance };
+            let drift = (dynamics.rate - dynamics.dividend) * segment.duration;
+            forward += drift;
+            paid *= drift.exp();
+            let here = Forecast {
+                forward,
+                variance,
+                paid,
+            };
             let spot = forward.exp();
             let left =
                 (spot * (1.0 - segment.fraction) - segment.amount).max(SMALLEST_FORWARD * spot);
             forward += (left / spot).ln();
+            paid = paid * (1.0 - segment.fraction) + segment.amount;
             here
         })
         .collect()

@@ -26,10 +26,20 @@ const AT_ONCE: f64 = 1e-9;
 /// The slope away from the payoff, in slopes of the payoff, from which the contact set begins somewhere else, with two
 /// ends; chosen.
 const OVERHANGING: f64 = 1e-4;
+/// The earliest time at which panels show the value everywhere, as a share of the duration; chosen.
+const CLEARLY_SEEN: f64 = 0.1;
+/// The longest way that a fast contact set is followed, in standard deviations of ln S over the segment; calibrated on
+/// random contracts.
+const LONGEST_WAY: f64 = 5.0;
+/// The spot at which a contact set next to a spot of zero is taken to leap, in those that the event takes whole; calibrated
+/// on random contracts.
+const LEAP: f64 = 1.5;
+/// The share of the time of the leap at which a segment is split; calibrated on random contracts.
+const BEFORE_LEAP: f64 = 0.8;
 /// The distance in time to which an onset is found, as a share of the duration; chosen.
 const CLOSE: f64 = 1e-7;
-/// The same for an arrival; chosen.
-const ROUGHLY: f64 = 1e-2;
+/// The same for an arrival or a leap; chosen.
+const ROUGHLY: f64 = 2e-4;
 /// The growth of a contact set that is faster than diffusion follows, in standard deviations of ln S over the segment;
 /// calibrated on random contracts.
 const FAST: f64 = 4.0;
@@ -45,6 +55,8 @@ pub struct OnsetSearch<'a> {
     pub relevant: f64,
     /// Whether the value there is known at nodes only, and not as lines: what happens at once is not seen then.
     pub nodes_only: bool,
+    /// Whether the segment was cut already: then nothing arrives in the middle of a part.
+    pub is_cut: bool,
 }
 
 /// What the search finds.
@@ -138,35 +150,80 @@ impl OnsetSearch<'_> {
         Ok(self.crossing_onset(time, place))
     }
 
-    /// The onset of a boundary that is measured from the payoff crossing, split where it has arrived.
+    /// The onset of a boundary that is measured from the payoff crossing, split where it has arrived, or before it leaps.
     fn crossing_onset(&self, time: f64, place: f64) -> FoundOnset {
-        let onset = ContactOnset::from_crossing(self.profile, self.segment, time, place);
+        let segment = self.segment;
+        let mut onset = ContactOnset::from_crossing(self.profile, segment, time, place);
+        // Contact sets further away than this do not change the value next to the boundary at the beginning.
+        let near = onset.crossing.x - segment.sign * LONGEST_WAY * segment.spread();
+        if segment.sign * (near - place) > 0.0 {
+            let soon = if self.profile.has_nodes() {
+                CLEARLY_SEEN
+            } else {
+                AT_ONCE
+            };
+            if let Some(time) = self.reached(near, (soon, CLOSE), time) {
+                onset = ContactOnset::from_crossing(self.profile, segment, time, near);
+            }
+        }
+        let split = if self.is_cut {
+            0.0
+        } else {
+            self.arrival(&onset)
+        };
         FoundOnset {
             onset: Some(onset),
-            split: self.arrival(time, place, onset.crossing.x),
+            split: if split > 0.0 {
+                split
+            } else {
+                self.leap((time, place), onset.crossing.x)
+            },
         }
     }
 
     /// A time after that at which a contact set that grows far and fast has arrived; 0 where it does not.
     ///
     /// The boundary is near the payoff crossing, which is followed until it has gone most of its way.
-    fn arrival(&self, onset_time: f64, place: f64, end: f64) -> f64 {
-        let segment = self.segment;
+    fn arrival(&self, onset: &ContactOnset) -> f64 {
+        let (segment, place, end) = (self.segment, onset.place, onset.crossing.x);
         if segment.sign * (end - place) < SMALLEST_WAY * segment.spread() {
             return 0.0;
         }
-        let most = place + MOST_OF_THE_WAY * (end - place);
-        let soon = onset_time.max(AT_ONCE * segment.duration);
-        if self.excess(most, soon) <= 0.0 {
+        // For a put the way counts in spots: next to a spot of zero, boundaries go far in x and hardly anywhere.
+        let most = if segment.sign > 0.0 {
+            (place.exp() + MOST_OF_THE_WAY * (end.exp() - place.exp())).ln()
+        } else {
+            place + MOST_OF_THE_WAY * (end - place)
+        };
+        let time = self.reached(most, (AT_ONCE, ROUGHLY), onset.time);
+        self.worth_splitting(ARRIVAL_OF_FAST * time.unwrap_or(0.0))
+    }
+
+    /// A time before the contact set of a put, next to a spot of zero, leaps beyond the spots that the event takes; 0
+    /// where it does not. Integrals over the time of the leap would see a jump.
+    fn leap(&self, (onset_time, place): (f64, f64), end: f64) -> f64 {
+        let paid_out = self.segment.paid_out_below() + LEAP.ln();
+        if self.segment.sign < 0.0 || !(place < paid_out && paid_out < end) {
             return 0.0;
         }
-        let excess = |s: f64| self.excess(most, s);
-        let close = ROUGHLY * segment.duration;
-        let arrival = ARRIVAL_OF_FAST * find_root(excess, soon, segment.duration, close);
-        let is_long_enough = EARLIEST_ARRIVAL * segment.duration < arrival
-            && WORTH_SPLITTING * arrival < segment.duration;
-        if is_long_enough {
-            arrival
+        let time = self.reached(paid_out, (AT_ONCE, ROUGHLY), onset_time);
+        self.worth_splitting(BEFORE_LEAP * time.unwrap_or(0.0))
+    }
+
+    /// The time at which the payoff crossing reaches x, to a share `close` of the duration; None where it is there before
+    /// the share `soon`.
+    fn reached(&self, x: f64, (soon, close): (f64, f64), onset_time: f64) -> Option<f64> {
+        let duration = self.segment.duration;
+        let soon = onset_time.max(soon * duration);
+        let excess = |s: f64| self.excess(x, s);
+        (excess(soon) > 0.0).then(|| find_root(excess, soon, duration, close * duration))
+    }
+
+    /// The time if it is not too early for a segment to be split then, nor too late, otherwise 0.
+    fn worth_splitting(&self, time: f64) -> f64 {
+        let duration = self.segment.duration;
+        if EARLIEST_ARRIVAL * duration < time && WORTH_SPLITTING * time < duration {
+            time
         } else {
             0.0
         }
