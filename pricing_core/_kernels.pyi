@@ -53,9 +53,10 @@ def solve_puts(
     fewest: int,
     most: int,
     threads: int,
+    interrupt: Callable[[], bool] | None,
 ) -> tuple[Matrix, BoolVector, BoolVector, NDArray[np.int64]]: ...
 def march_boundaries(
-    steps: int, rate: Vector, dividend: Vector, spread: Vector
+    steps: int, rate: Vector, dividend: Vector, spread: Vector, interrupt: Callable[[], bool] | None
 ) -> tuple[Vector, BoolVector]: ...
 def solve_schedules(
     sign: Vector,

@@ -65,6 +65,7 @@ fn puts(set: InstructionSet, tolerance: f64) -> SolvedPuts {
         tolerance: &[tolerance; PUTS.len()],
         limits: Some(&limits),
         levels: (2, premium_march::STEPS.len() - 1),
+        interrupt: &never,
     };
     on(set, || {
         let solved = solve_puts(puts, 1);

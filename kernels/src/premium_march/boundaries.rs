@@ -36,7 +36,11 @@ impl Work for Marching<'_> {
         let mut sorted = Vec::with_capacity(count);
         for start in (0..count).step_by(LANES) {
             let runs = std::array::from_fn(|l| (start + l).min(count - 1));
-            let classes = classify(&Contracts::<V>::gather(self.puts, &runs), V::all(TOLERANCE), (RESOLVING, RESOLVING));
+            let classes = classify(
+                &Contracts::<V>::gather(self.puts, &runs),
+                V::all(TOLERANCE),
+                (RESOLVING, RESOLVING),
+            );
             let mine = (start..count).zip(classes);
             sorted.extend(mine.filter_map(|(run, class)| class.map(|(class, _)| (class, run))));
         }
@@ -46,7 +50,11 @@ impl Work for Marching<'_> {
             for rows in rows.chunks(LANES) {
                 let runs = std::array::from_fn(|l| rows[l.min(rows.len() - 1)].1);
                 let contracts = Contracts::<V>::gather(self.puts, &runs);
-                let marched = march::<V, false>(&mesh, &contracts, None, &mut work);
+                let interrupt = self.puts.interrupt;
+                let marched = march::<V, false>(&mesh, &contracts, None, &mut work, interrupt);
+                let Some(marched) = marched else {
+                    return (boundary, settled);
+                };
                 let found = marched.boundary.lanes();
                 for (l, &(_, run)) in rows.iter().enumerate() {
                     (boundary[run], settled[run]) = (found[l], marched.settled[l]);

@@ -1,5 +1,6 @@
 //! The puts to be priced, in their dimensionless parameters: as columns, and sixteen side by side.
 
+use crate::interrupt::Interrupt;
 use crate::lanes::vector::{Vector, LANES};
 
 /// Puts in their dimensionless parameters: runs of spots that share a march.
@@ -22,6 +23,8 @@ pub struct Puts<'a> {
     pub limits: Option<&'a [f64]>,
     /// The smallest and the largest level of the finest march of a put; places in `STEPS`.
     pub levels: (usize, usize),
+    /// Ends the work; asked within every march.
+    pub interrupt: Interrupt<'a>,
 }
 
 /// The parameters of sixteen puts: r T >= 0 and q T, of which one earns by exercise, sigma sqrt(T) > 0.

@@ -110,9 +110,15 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
         }
     }
 
-    /// March up to the level: from a quarter of its steps, or on from what earlier marches said.
+    /// March up to the level: from a quarter of its steps, or on from what earlier marches said. None where the work is
+    /// told to end.
     #[inline(always)]
-    pub fn march(&mut self, level: usize, class: MeshClass, earlier: Option<&[EarlierMarches]>) {
+    pub fn march(
+        &mut self,
+        level: usize,
+        class: MeshClass,
+        earlier: Option<&[EarlierMarches]>,
+    ) -> Option<()> {
         let mut coarsest = level;
         if let Some(earlier) = earlier {
             for chunk in &mut self.chunks {
@@ -126,20 +132,24 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
         let mut coarser_first = None;
         for at in (coarsest..=level).step_by(2) {
             let mesh = class.mesh(at);
-            if self.puts.limits.is_some() && at + 2 >= level {
-                let marched = march::<V, true>(&mesh, &self.contracts, coarser_first, self.work);
-                for chunk in &mut self.chunks {
-                    chunk.evaluate::<true>(&mesh, &marched, self.work);
-                }
-                coarser_first = Some(marched.first_boundary);
+            coarser_first = Some(if self.puts.limits.is_some() && at + 2 >= level {
+                self.march_once::<true>(&mesh, coarser_first)?
             } else {
-                let marched = march::<V, false>(&mesh, &self.contracts, coarser_first, self.work);
-                for chunk in &mut self.chunks {
-                    chunk.evaluate::<false>(&mesh, &marched, self.work);
-                }
-                coarser_first = Some(marched.first_boundary);
-            }
+                self.march_once::<false>(&mesh, coarser_first)?
+            });
         }
+        Some(())
+    }
+
+    /// March on one mesh and evaluate the march at the spots; return the boundary after its first step.
+    #[inline(always)]
+    fn march_once<const D: bool>(&mut self, mesh: &Mesh, coarser_first: Option<V>) -> Option<V> {
+        let (contracts, interrupt) = (&self.contracts, self.puts.interrupt);
+        let marched = march::<V, D>(mesh, contracts, coarser_first, self.work, interrupt)?;
+        for chunk in &mut self.chunks {
+            chunk.evaluate::<D>(mesh, &marched, self.work);
+        }
+        Some(marched.first_boundary)
     }
 
     /// Extrapolate, estimate the error, and say of each spot what is found and whether it needs a finer march.

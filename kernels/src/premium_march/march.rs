@@ -6,7 +6,11 @@ use super::first_step::first_step;
 use super::grid_values::Workspace;
 use super::mesh::Mesh;
 use super::runge_kutta_step::RungeKuttaStep;
+use crate::interrupt::Interrupt;
 use crate::lanes::vector::{Part, Vector, LANES};
+
+/// The number of steps between two questions whether the work shall end; chosen: they take less than a millisecond.
+const STEPS_BETWEEN_QUESTIONS: usize = 16;
 
 /// What a march leaves beside the premium at the nodes; node i is at xi = `node` + i dx.
 #[derive(Clone, Copy)]
@@ -24,7 +28,8 @@ pub struct Marched<V> {
     pub settled: [bool; LANES],
 }
 
-/// March to now; the premium is left in `work`, with its derivatives by the parameters where D.
+/// March to now; the premium is left in `work`, with its derivatives by the parameters where D. None where it is told to
+/// end.
 ///
 /// `coarser_first` is `first_boundary` of the march with half as many steps. One function for each vector type and D,
 /// whoever calls it: compiled into each caller it would take most of the crate's build.
@@ -34,12 +39,14 @@ pub fn march<V: Vector, const D: bool>(
     contracts: &Contracts<V>,
     coarser_first: Option<V>,
     work: &mut Workspace<V>,
-) -> Marched<V> {
+    interrupt: Interrupt,
+) -> Option<Marched<V>> {
     V::call(March::<V, D> {
         mesh,
         contracts,
         coarser_first,
         work,
+        interrupt,
     })
 }
 
@@ -49,24 +56,29 @@ struct March<'a, V, const D: bool> {
     contracts: &'a Contracts<V>,
     coarser_first: Option<V>,
     work: &'a mut Workspace<V>,
+    interrupt: Interrupt<'a>,
 }
 
 impl<V: Vector, const D: bool> Part<V> for March<'_, V, D> {
-    type Result = Marched<V>;
+    type Result = Option<Marched<V>>;
 
     #[inline(always)]
-    fn run(self) -> Marched<V> {
+    fn run(self) -> Option<Marched<V>> {
         let Self {
             mesh,
             contracts,
             coarser_first,
             work,
+            interrupt,
         } = self;
         let mut history = BoundaryHistory::new(contracts);
         let mut node = first_step::<V, D>(mesh, contracts, &mut history, work);
         let first_boundary = node.xi;
         let mut settled = [true; LANES];
         for n in 2..=mesh.step_count() {
+            if n % STEPS_BETWEEN_QUESTIONS == 2 && interrupt() {
+                return None;
+            }
             let step = mesh.step(n);
             if step.coarsens {
                 work.premium.coarsen();
@@ -88,12 +100,12 @@ impl<V: Vector, const D: bool> Part<V> for March<'_, V, D> {
                 *settled &= accepted;
             }
         }
-        Marched {
+        Some(Marched {
             node: node.xi,
             node_by: node.xi_by,
             first_boundary,
             boundary: history.latest * contracts.spread,
             settled,
-        }
+        })
     }
 }

@@ -144,7 +144,9 @@ pub fn classify<V: Vector>(
                 4
             };
             let level = STEPS.iter().filter(|&&s| (s as f64) < steps[l]).count();
-            let level = level.clamp(fewest, STEPS.len() - 1).clamp(levels.0, levels.1);
+            let level = level
+                .clamp(fewest, STEPS.len() - 1)
+                .clamp(levels.0, levels.1);
             let class = MeshClass::new(distance[l].ceil() as u32, decay, STEPS[level]);
             (class, level)
         })
@@ -173,4 +175,25 @@ fn distance<V: Vector>(contracts: &Contracts<V>, tolerance: V, drift: V, decay: 
     let perpetual = -(ln((spread / decay).plus(1.0)) / spread);
     let lowest = falling.min(at_expiry.plus(-1.0)).max(perpetual);
     reach + (at_expiry - lowest - drift).max(V::zero())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// With the 24 arrays of `Workspace` these are at most 4 MiB of a thread.
+    #[test]
+    #[allow(clippy::cast_possible_truncation)]
+    fn no_mesh_has_more_than_a_thousand_nodes_or_so() {
+        let mut most = 0;
+        for decay in 0..=LARGEST_DECAY_CLASS {
+            for (level, &first) in STEPS.iter().enumerate().skip(2) {
+                let class = MeshClass::new(DISTANCES as u32 - 1, decay, first);
+                assert!(class.halvings <= LARGEST_HALVINGS && class.index() < MeshClass::COUNT);
+                let finest = (level..STEPS.len()).map(|level| class.mesh(level).nodes);
+                most = most.max(finest.max().unwrap_or(0));
+            }
+        }
+        assert!(most > 500 && most <= 1300, "{most}");
+    }
 }

@@ -28,7 +28,8 @@
 //! elimination from the far end (`stage_equations`) leaves `u_1 = y_1 + pi u_0`. At the boundary w = u - G and its slope
 //! vanish, and w'' = 2 H > 0 with H the cost of waiting; the Taylor series of w there, of fifth order, gives `u_0` and `u_1`
 //! as functions of phi. Newton's method solves the one equation that is left (`boundary_cell`), and one substitution
-//! gives u at the other nodes. Far from expiry dx is constant; it is halved each time sqrt(t) is (`mesh`).
+//! gives u at the other nodes. Far from expiry dx is constant; it is halved each time sqrt(t) is (`mesh`). Where the premium
+//! decays faster than these nodes resolve, dx is halved equally often in all marches of a put (`mesh_class`).
 //!
 //! # Time
 //!
@@ -37,9 +38,10 @@
 //! for the new speed of the nodes; it makes all stages accurate to second order, without which the motion of the
 //! boundary lowers the order. The nodes move at a constant speed through a step, so that one matrix serves its three
 //! implicit stages (`stages`, `runge_kutta_step`). The first step is implicit Euler's in closed form (`first_step`), the
-//! second has no du/dt to start from and takes the method of Alexander (1977). Where the nodes go is extrapolated from
-//! the last three places of the boundary (`boundary_history`); what the boundary does beyond it, its velocity included,
-//! is part of every stage's problem, and a step is taken again where the boundary ends too far from node 0.
+//! second has no du/dt to start from and takes the method of Alexander (1977). Where the nodes go is predicted: in the
+//! first steps from implicit Euler's boundary (`runge_kutta_step`), then by extrapolation of the last three places of the
+//! boundary (`boundary_history`). What the boundary does beyond it, its velocity included, is part of every stage's
+//! problem, and a step is taken again where the boundary ends too far from node 0.
 //!
 //! # Derivatives
 //!
@@ -49,12 +51,13 @@
 //! # Error
 //!
 //! A put is marched with M, M/2 and M/4 steps, v being V/K. The answer is `v + (v - v_half)/5.5` and its error estimate
-//! `0.25 |v - v_half| + 0.05 |v_half - v_quarter|`, with lower bounds from the slopes and from the boundary
-//! (`error_estimate`). Where that misses the tolerance the put is marched with 2 M steps as well, and so on (`group`,
+//! `0.25 |v - v_half| + 0.05 |v_half - v_quarter|`, with lower bounds from the slopes, the curvatures, the boundary and
+//! what the premium can be at most beyond the nodes (`error_estimate`). Where that misses the tolerance the put is marched with 2 M steps as well, and so on (`group`,
 //! `refinement`). Puts of one class of meshes (`mesh_class`) are marched side by side, one in each lane.
 //!
-//! The rows of `solve_puts` are independent, and its cost is about proportional to M^{3/2}. The chapter
-//! `docs/premium_march.md` tells the same with the literature.
+//! The rows of `solve_puts` are independent, and its cost is about proportional to M^{3/2}. The arrays of a thread take at
+//! most 4 MiB, whatever it solves, those of its results about 300 bytes for each spot. Every march asks whether the work
+//! shall end. The chapter `docs/premium_march.md` tells the same with the literature.
 
 // Every operation must be compiled into the one function that has the instruction set.
 #![allow(clippy::inline_always)]

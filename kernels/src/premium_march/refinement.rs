@@ -29,7 +29,7 @@ impl Work for Task<'_> {
     type Result = ();
 
     /// Go through the levels from the coarsest: at each first the puts that begin there, then those that missed their
-    /// tolerance two levels below.
+    /// tolerance two levels below. What earlier marches said stays where an interrupt ends the work.
     #[inline(always)]
     fn run<V: Vector>(mut self) {
         let puts = self.puts;
@@ -53,7 +53,9 @@ impl Work for Task<'_> {
                     for items in groups(items) {
                         let mut group = Group::new(puts, items, &mut work);
                         let known = continues.then_some(&earlier[..]);
-                        group.march(level, items[0].class, known);
+                        if group.march(level, items[0].class, known).is_none() {
+                            return;
+                        }
                         group.report(refinement, |item, outcome| {
                             self.store(item, level, &outcome);
                             if let Some(kept) = outcome.earlier {

@@ -18,13 +18,14 @@ pub struct Solved {
     pub numbers: Vec<f64>,
     /// Whether the spot is in the exercise region.
     pub exercised: Vec<bool>,
-    /// False where x is not finite, the march does not serve, or a march lost the boundary.
+    /// False where x is not finite, the march does not serve, a march lost the boundary, or an interrupt came before.
     pub settled: Vec<bool>,
     /// The number of time steps of the finest march; 0 where the march does not serve.
     pub steps: Vec<i64>,
 }
 
-/// Refine every put until its error estimate meets its tolerance, or to the finest mesh.
+/// Refine every put until its error estimate meets its tolerance, or to the finest mesh, or until an interrupt ends it all:
+/// what has not been marched then is not settled.
 #[must_use]
 pub fn solve_puts(puts: Puts, threads: usize) -> Solved {
     let count = puts.x.len();

@@ -5,6 +5,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::arguments::{check_lengths, nonempty_group_starts, numbers};
+use super::interrupt::Question;
 use crate::premium_march::{self, Puts, COLUMNS, STEPS, VALUES};
 
 /// The place of a number of time steps in `STEPS`.
@@ -24,9 +25,11 @@ fn level(steps: usize) -> PyResult<usize> {
 ///
 /// Returns numbers, (14, n): V/K, its first and second derivative by x, the European V/K, the derivatives of V/K by rate,
 /// dividend and spread at fixed x, the error estimate of V/K, ln(S*/K), and how far the five derivatives are apart in the
-/// last two marches; exercised, settled and steps, each (n,). Nothing of a spot that is not settled may be used.
+/// last two marches; exercised, settled and steps, each (n,). Nothing of a spot that is not settled may be used. `interrupt`,
+/// a function or None, is asked every few milliseconds whether the work shall end; what has not been marched then is not
+/// settled, and what has been keeps its error estimate.
 #[pyfunction]
-#[pyo3(signature = (x, rate, dividend, spread, first, tolerance, limits, fewest, most, threads))]
+#[pyo3(signature = (x, rate, dividend, spread, first, tolerance, limits, fewest, most, threads, interrupt))]
 #[allow(
     clippy::needless_pass_by_value,
     clippy::too_many_arguments,
@@ -44,6 +47,7 @@ pub fn solve_puts<'py>(
     fewest: usize,
     most: usize,
     threads: usize,
+    interrupt: Option<Py<PyAny>>,
 ) -> PyResult<(
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<bool>>,
@@ -72,6 +76,7 @@ pub fn solve_puts<'py>(
         );
         return Err(PyValueError::new_err(told));
     }
+    let question = Question::new(interrupt);
     let puts = Puts {
         rate: &rate,
         dividend: &dividend,
@@ -81,8 +86,10 @@ pub fn solve_puts<'py>(
         tolerance: &tolerance,
         limits: limits.as_deref(),
         levels,
+        interrupt: &|| question.is_ended(),
     };
     let found = py.detach(|| premium_march::solve_puts(puts, threads));
+    question.result()?;
     Ok((
         PyArray1::from_vec(py, found.numbers).reshape([COLUMNS, x.len()])?,
         PyArray1::from_vec(py, found.exercised),
@@ -93,9 +100,9 @@ pub fn solve_puts<'py>(
 
 /// Return ln(S*/K) now and whether it was found, each (n,), of American puts from one march with `steps` time steps each.
 ///
-/// `rate` is r T, `dividend` q T, `spread` sigma sqrt(T), each (n,).
+/// `rate` is r T, `dividend` q T, `spread` sigma sqrt(T), each (n,). `interrupt` is that of `solve_puts`.
 #[pyfunction]
-#[pyo3(signature = (steps, rate, dividend, spread))]
+#[pyo3(signature = (steps, rate, dividend, spread, interrupt))]
 #[allow(clippy::needless_pass_by_value, clippy::type_complexity)]
 pub fn march_boundaries<'py>(
     py: Python<'py>,
@@ -103,10 +110,12 @@ pub fn march_boundaries<'py>(
     rate: PyReadonlyArray1<'py, f64>,
     dividend: PyReadonlyArray1<'py, f64>,
     spread: PyReadonlyArray1<'py, f64>,
+    interrupt: Option<Py<PyAny>>,
 ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)> {
     let (rate, dividend, spread) = (numbers(&rate), numbers(&dividend), numbers(&spread));
     check_lengths(rate.len(), &[dividend.len(), spread.len()])?;
     let level = level(steps)?;
+    let question = Question::new(interrupt);
     let puts = Puts {
         rate: &rate,
         dividend: &dividend,
@@ -116,8 +125,10 @@ pub fn march_boundaries<'py>(
         tolerance: &[],
         limits: None,
         levels: (level, level),
+        interrupt: &|| question.is_ended(),
     };
     let (boundary, settled) = py.detach(|| premium_march::march_boundaries(puts, level));
+    question.result()?;
     Ok((
         PyArray1::from_vec(py, boundary),
         PyArray1::from_vec(py, settled),

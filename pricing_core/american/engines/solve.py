@@ -48,6 +48,8 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
         The engines, in the order in which they are asked.
     """
     warn_where_missing()
+    if request.interrupt is not None:
+        request = replace(request, interrupt=_remembered(request.interrupt))
     best: Prices | None = None
     allowed = request.tolerance * book.strike  # money
     rows, part, wanted = np.arange(book.count), book, request
@@ -78,6 +80,18 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
     best = _within_bounds(book, best, allowed)
     best = _judged(best, allowed, interrupted=interrupted)
     return _completed(book, best, request, engines)
+
+
+def _remembered(interrupt: Callable[[], bool]) -> Callable[[], bool]:
+    """Return the interrupt with True as its answer once it has been true, whoever asks next."""
+    ended = False
+
+    def asked() -> bool:
+        nonlocal ended
+        ended = ended or interrupt()
+        return ended
+
+    return asked
 
 
 def solve_in_chunks(

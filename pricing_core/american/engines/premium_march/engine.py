@@ -67,7 +67,7 @@ class PremiumMarch:
         near, error, found = np.full(tau.size, limit), np.zeros(tau.size), np.ones(tau.size, dtype=bool)
         puts = _as_puts(_with_lives(book.take(np.zeros(later.size, dtype=np.intp)), tau[later]))
         accuracy = BOUNDARY_ACCURACY * math.sqrt(request.tolerance[0])
-        places, relative, found[later] = solve_boundaries(puts, accuracy)
+        places, relative, found[later] = solve_boundaries(puts, accuracy, request.interrupt)
         near[later] = schedule.strike * np.exp(places if schedule.is_put else -places)
         error[later] = relative * near[later]
         return Boundaries(near, nothing, error, found)
@@ -99,7 +99,14 @@ def _march(book: Book, request: Request, *, greeks: bool) -> Prices:
         certain &= puts.x <= -np.log1p(puts.spread / puts.decay())
     tolerance = request.tolerance * np.where(book.is_put | certain, 1.0, book.strike / scale)
     limits = _limits(book, request.tolerance, scale) if greeks else None
-    solved = solve_puts(puts, tolerance, limits=limits, threads=request.threads, shared=request.share_solves)
+    solved = solve_puts(
+        puts,
+        tolerance,
+        limits=limits,
+        threads=request.threads,
+        shared=request.share_solves,
+        interrupt=request.interrupt,
+    )
     return _in_money(book, scale, solved, greeks)
 
 

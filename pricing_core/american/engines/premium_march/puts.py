@@ -4,6 +4,7 @@ docs/premium_march.md tells the scheme: r T, q T and sigma sqrt(T) of a put; a c
 strike, and rate and yield, exchanged.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,6 +87,7 @@ def solve_puts(
     shared: bool = False,
     fewest: int = FEWEST_STEPS,
     most: int = MOST_STEPS,
+    interrupt: Callable[[], bool] | None = None,
 ) -> PutValues:
     """Refine every put until its stated error meets its tolerance, or to the finest mesh.
 
@@ -102,6 +104,9 @@ def solve_puts(
         Whether rows that differ in x alone share their marches.
     fewest, most : int
         Bounds of the number of time steps of the finest march.
+    interrupt : callable, optional
+        Asked every few milliseconds; True ends the work. Puts not marched yet are not settled then, and those whose
+        error still misses the tolerance stay as they are.
     """
     if shared and puts.x.size:
         order = np.lexsort((puts.spread, puts.dividend, puts.rate))
@@ -111,7 +116,7 @@ def solve_puts(
         runs = ordered.take(first)
         numbers, exercised, settled, steps = kernel.solve_puts(
             ordered.x, runs.rate, runs.dividend, runs.spread, np.append(first, order.size), tolerance[order],
-            None if limits is None else limits[order], fewest, most, threads,
+            None if limits is None else limits[order], fewest, most, threads, interrupt,
         )  # fmt: skip
         place = np.empty_like(order)
         place[order] = np.arange(order.size)
@@ -120,12 +125,14 @@ def solve_puts(
     else:
         numbers, exercised, settled, steps = kernel.solve_puts(
             puts.x, puts.rate, puts.dividend, puts.spread, np.arange(puts.x.size + 1), tolerance, limits,
-            fewest, most, threads,
+            fewest, most, threads, interrupt,
         )  # fmt: skip
     return PutValues(numbers[:7], numbers[7], numbers[9:], numbers[8], exercised, settled, steps)
 
 
-def solve_boundaries(puts: Puts, accuracy: float) -> tuple[Vector, Vector, BoolVector]:
+def solve_boundaries(
+    puts: Puts, accuracy: float, interrupt: Callable[[], bool] | None = None
+) -> tuple[Vector, Vector, BoolVector]:
     """Return ln(S*/K) now, its stated error and whether the march was settled, each of shape (n,).
 
     Parameters
@@ -134,13 +141,15 @@ def solve_boundaries(puts: Puts, accuracy: float) -> tuple[Vector, Vector, BoolV
         x plays no part.
     accuracy : float
         Accuracy of the boundary relative to itself; each row is refined until it is met, or to the finest mesh.
+    interrupt : callable, optional
+        Asked every few milliseconds; True ends the work, and what is not marched then is not settled.
     """
     boundary, error = np.full(puts.x.size, np.nan), np.full(puts.x.size, np.inf)
     settled = np.zeros(puts.x.size, dtype=bool)
     rows = np.arange(puts.x.size)
-    quarter, half = (_boundaries(steps, puts) for steps in BOUNDARY_STEPS[:2])
+    quarter, half = (_boundaries(steps, puts, interrupt) for steps in BOUNDARY_STEPS[:2])
     for steps in BOUNDARY_STEPS[2:]:
-        whole = _boundaries(steps, puts.take(rows))
+        whole = _boundaries(steps, puts.take(rows), interrupt)
         near, far = whole[0] - half[0], half[0] - quarter[0]
         boundary[rows] = whole[0] + near / BOUNDARY_GAIN
         error[rows] = np.abs(near) + FAR_SHARE * np.abs(far)
@@ -153,5 +162,5 @@ def solve_boundaries(puts: Puts, accuracy: float) -> tuple[Vector, Vector, BoolV
     return boundary, error, settled
 
 
-def _boundaries(steps: int, puts: Puts) -> tuple[Vector, BoolVector]:
-    return kernel.march_boundaries(steps, puts.rate, puts.dividend, puts.spread)
+def _boundaries(steps: int, puts: Puts, interrupt: Callable[[], bool] | None) -> tuple[Vector, BoolVector]:
+    return kernel.march_boundaries(steps, puts.rate, puts.dividend, puts.spread, interrupt)

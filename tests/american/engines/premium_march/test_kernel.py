@@ -1,5 +1,8 @@
 """The compiled march of early exercise premiums: every row for itself, and what it refuses."""
 
+import signal
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,12 +56,15 @@ def solve(
     fewest: int = 4,
     most: int = 384,
     threads: int = 1,
+    interrupt: Callable[[], bool] | None = None,
 ):
     """Solve each put by itself, or the runs of spots that begin at `first`."""
     if first is None:
         first = np.arange(book.rate.size + 1)
     limits = np.full((book.x.size, 7), 1e-5) if greeks else None
-    return kernel.solve_puts(book.x, *book.puts, first, book.tolerance, limits, fewest, most, threads)
+    return kernel.solve_puts(
+        book.x, *book.puts, first, book.tolerance, limits, fewest, most, threads, interrupt
+    )
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
@@ -101,7 +107,7 @@ def test_no_rows_make_empty_results() -> None:
     nothing = random_book(1, seed=13).take(np.zeros(0, dtype=np.intp))
     numbers, exercised, settled, steps = solve(nothing)
     assert (numbers.shape, exercised.shape, settled.shape, steps.shape) == ((14, 0), (0,), (0,), (0,))
-    boundary, found = kernel.march_boundaries(8, *nothing.puts)
+    boundary, found = kernel.march_boundaries(8, *nothing.puts, None)
     assert (boundary.shape, found.shape) == ((0,), (0,))
 
 
@@ -124,7 +130,7 @@ def test_columns_of_different_lengths_are_refused(short: str) -> None:
         solve(wrong, first=np.arange(6))
     if short in ("dividend", "spread"):
         with pytest.raises(ValueError, match="length"):
-            kernel.march_boundaries(8, *wrong.puts)
+            kernel.march_boundaries(8, *wrong.puts, None)
 
 
 @pytest.mark.parametrize(
@@ -146,4 +152,79 @@ def test_numbers_of_steps_out_of_range_are_refused(fewest: int, most: int) -> No
 def test_limits_of_another_shape_are_refused() -> None:
     book = random_book(3, seed=18)
     with pytest.raises(ValueError, match="length"):
-        kernel.solve_puts(book.x, *book.puts, np.arange(4), book.tolerance, np.zeros((2, 7)), 4, 384, 1)
+        kernel.solve_puts(book.x, *book.puts, np.arange(4), book.tolerance, np.zeros((2, 7)), 4, 384, 1, None)
+
+
+@pytest.mark.parametrize("greeks", [False, True])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_interrupt_ends_the_work_within_milliseconds(greeks: bool, threads: int) -> None:
+    book = random_book(100_000, seed=13)
+    asked: list[float] = []
+
+    def interrupt() -> bool:
+        asked.append(time.perf_counter())
+        return len(asked) >= 4
+
+    _, _, settled, _ = solve(book, greeks=greeks, threads=threads, interrupt=interrupt)
+    ended = time.perf_counter()
+    assert len(asked) == 4
+    assert 0 < settled.sum() < settled.size
+    assert (
+        ended - asked[-1] < 0.1
+    )  # a thousandth of the work that was left; milliseconds where the machine is idle
+    told = solve(book, greeks=greeks, threads=threads, interrupt=lambda: True)
+    assert not told[2].any()
+
+
+def test_one_extreme_row_asks_as_often() -> None:
+    row = Rows(np.zeros(1), np.full(1, 8.0), np.zeros(1), np.full(1, 1.0), np.full(1, 1e-12))
+    asked: list[float] = []
+
+    def interrupt() -> bool:
+        asked.append(time.perf_counter())
+        return False
+
+    start = time.perf_counter()
+    solve(row, greeks=True, fewest=384, interrupt=interrupt)
+    assert len(asked) >= (time.perf_counter() - start) / 0.05
+    assert not solve(row, greeks=True, fewest=384, interrupt=lambda: True)[2].any()
+
+
+def test_what_was_marched_before_an_interrupt_is_what_it_is_without_one() -> None:
+    book = random_book(20_000, seed=14)
+    whole = solve(book)
+    for last in (2, 3):
+        questions = iter([False] * last + [True])
+        values, _, settled, steps = solve(book, interrupt=lambda asked=questions: next(asked, True))
+        same = settled & (steps == whole[3])
+        assert values[:, same].tobytes() == whole[0][:, same].tobytes()
+        early = settled & (steps < whole[3])
+        assert np.all(values[7, early] > book.tolerance[early])
+
+
+def test_what_an_interrupt_raises_is_raised() -> None:
+    book = random_book(50, seed=15)
+
+    def fails() -> bool:
+        raise RuntimeError("asked")
+
+    with pytest.raises(RuntimeError, match="asked"):
+        solve(book, interrupt=fails)
+    with pytest.raises(RuntimeError, match="asked"):
+        kernel.march_boundaries(64, *book.puts, fails)
+
+
+def test_a_signal_ends_the_work() -> None:
+    book = random_book(200_000, seed=16)
+
+    def handler(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, handler)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.02)
+        with pytest.raises(KeyboardInterrupt):
+            solve(replace(book, tolerance=np.full(book.x.size, 1e-7)), greeks=True)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
