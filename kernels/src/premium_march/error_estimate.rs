@@ -124,7 +124,8 @@ impl<V: Vector> Comparison<'_, V> {
         let error = if lone {
             let tail = spots.discounted(whole.u).abs().times(TAIL_SHARE);
             let most = spots.earned().times(self.largest_in_tail());
-            of_values.abs().times(LONE_SHARE).max(tail.min(most))
+            let tail = depth.negative(tail.min(most), V::zero());
+            of_values.abs().times(LONE_SHARE).max(tail)
         } else {
             let before = spots.discounted(half.u - quarter.u).abs();
             let error = before.times_plus(V::all(FAR_SHARE), of_values.abs().times(NEAR_SHARE));
