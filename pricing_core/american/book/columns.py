@@ -70,6 +70,8 @@ def as_objects(cells: Sequence[object]) -> NDArray[Any]:
 
 def equals(column: NDArray[Any], word: str) -> BoolVector:
     """Return which cells hold the word."""
+    if column.size > 1 and column.strides == (0,):  # one cell for all rows
+        return np.repeat(equals(column[:1], word), column.size)
     try:
         return np.asarray(column == word, dtype=bool)
     except Exception:  # a stranger's cell does not know what it equals, an array as a cell equals many things

@@ -86,7 +86,9 @@ def read_book(columns: Mapping[str, Any], tolerance: float) -> ReadBook:
     sound = (is_put | equals(types, "call")) & (is_american | equals(exercises, "european"))
     with np.errstate(all="ignore"):
         for name, (least, most) in LIMITS.items():
-            sound &= (numbers[name] >= least) & (numbers[name] <= most)
+            column = numbers[name]
+            if not (column.min(initial=least) >= least and column.max(initial=most) <= most):
+                sound &= (column >= least) & (column <= most)
         ratio = numbers["spot"] / numbers["strike"]
     # Rows next to the limits, which rounding may place on either side of them, are read one by one.
     sound &= (ratio == 0.0) | ((ratio >= 10.0 / LARGEST_RATIO) & (ratio <= 0.1 * LARGEST_RATIO))

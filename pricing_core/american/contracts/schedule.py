@@ -90,13 +90,20 @@ def make_schedule(option: Option, market: Market) -> Schedule:
         Escrowed dividends are worth the spot or more.
     """
     T = option.expiry
+    curves = market.rate, market.dividend_yield, market.volatility
+    dividends = market.cash_dividends or market.proportional_dividends
+    if not (dividends or option.exercise_times or option.exercise_start or market.has_curves()):
+        american = option.exercise == "american"
+        rate, dividend_yield, volatility = (_at(curve, 0.0) for curve in curves)
+        whole = Segment(0.0, T, rate, dividend_yield, volatility, american, american, 0.0, 0.0, 0.0, 0.0)
+        return Schedule(option.is_put, option.strike, market.spot, (whole,))
     least = NEGLIGIBLE * option.strike
     cash = [d for d in market.cash_dividends if 0.0 < d.time <= T and d.amount > least]
     proportional = [d for d in market.proportional_dividends if 0.0 < d.time <= T and d.fraction > NEGLIGIBLE]
     cuts = {T, *(d.time for d in cash), *(d.time for d in proportional), *option.exercise_times}
     if 0.0 < option.exercise_start < T:
         cuts.add(option.exercise_start)
-    for curve in (market.rate, market.dividend_yield, market.volatility):
+    for curve in curves:
         if isinstance(curve, PiecewiseConstant):
             cuts.update(curve.knots(0.0, T))
     ends = _distinct(sorted(cuts), T) if T > 0.0 else [0.0]

@@ -25,10 +25,10 @@ SMALLEST_SPREAD = 1e-7  # Smallest standard deviation of ln S at expiry that the
 VOLATILITY_SHARE = 0.002
 TIME_SHARE = 0.001  # Step of the difference for charm as a share of the time to expiry; calibrated.
 # Errors of the derivatives by x, once and twice, rate, yield and spread: shares of their changes from one march to the
-# next, and of the value's error over a power of the spread; calibrated on random puts.
+# next, and of the value's error over the spread (ONCE) or its square (TWICE); calibrated on random puts.
 CHANGE_SHARES = np.array([[0.5], [0.5], [0.8], [0.8], [0.5]])
 VALUE_SHARES = np.array([[0.4], [1.0], [1.5], [1.5], [1.5]])
-ORDERS = np.array([[1.0], [2.0], [2.0], [2.0], [1.0]])
+ONCE, TWICE = slice(0, 5, 4), slice(1, 4)
 # Errors of differences of two Greeks over the sum of their errors, by the volatility and by the time; calibrated.
 NOISE_SHARE, CHARM_NOISE_SHARE = 0.04, 0.005
 TRUNCATION = 2e-5  # Error of these differences by their steps, as a share of them; calibrated.
@@ -129,12 +129,13 @@ def _limits(book: Book, tolerance: Vector, scale: Vector) -> Matrix:
 def _in_money(book: Book, scale: Vector, solved: PutValues, greeks: bool) -> Prices:
     """Return money for the puts' dimensionless values; a call is S times the put with spot and strike exchanged."""
     is_put, spot, expiry, settled = book.is_put, book.spot, book.segments.end, solved.settled
-    money = np.where(settled, scale, math.nan) * solved.values
-    value, by_x, by_xx, european, by_rate, by_dividend, by_spread = money
+    known = scale if settled.all() else np.where(settled, scale, math.nan)
+    value, by_x, by_xx, european = known * solved.values[:4]
     columns: dict[str, Any] = {}
     if greeks:
         columns |= _errors(book, scale, solved)
         columns[DIVIDENDS] = of_dividends_not_due(book)
+        by_rate, by_dividend, by_spread = known * solved.values[4:]
         columns["vega"] = np.sqrt(expiry) * by_spread
         columns["rho"] = expiry * np.where(is_put, by_rate, by_dividend)
         columns["dividend_rho"] = expiry * np.where(is_put, by_dividend, by_rate)
@@ -142,7 +143,7 @@ def _in_money(book: Book, scale: Vector, solved: PutValues, greeks: bool) -> Pri
         book,
         value=value,
         european=european,
-        error=np.where(settled, scale * (solved.error + np.where(solved.exercised, 0.0, ROUNDING)), math.nan),
+        error=known * (solved.error + ROUNDING * ~solved.exercised),
         delta=np.where(is_put, by_x, value - by_x) / spot,
         gamma=(by_xx - by_x) / spot / spot,
         boundary=book.strike * np.exp(np.where(is_put, solved.boundary, -solved.boundary)),
@@ -159,14 +160,18 @@ def _in_money(book: Book, scale: Vector, solved: PutValues, greeks: bool) -> Pri
 def _errors(book: Book, scale: Vector, solved: PutValues) -> dict[str, Vector]:
     """Return the error estimates of the Greeks that the marches give, money."""
     is_put, spot, expiry = book.is_put, book.spot, book.segments.end
-    spread = book.segments.volatility * np.sqrt(expiry)
+    root = np.sqrt(expiry)
+    by_spread_once = 1.0 / (book.segments.volatility * root)
     value = scale * (solved.error + ROUNDING)
-    errors = CHANGE_SHARES * scale * solved.changes + VALUE_SHARES * value / spread**ORDERS
+    once = value * by_spread_once
+    errors = CHANGE_SHARES * scale * solved.changes
+    errors[ONCE] += VALUE_SHARES[ONCE] * once
+    errors[TWICE] += VALUE_SHARES[TWICE] * (once * by_spread_once)
     by_x, by_xx, by_rate, by_dividend, by_spread = errors
     return {
         error_of("delta"): np.where(is_put, by_x, value + by_x) / spot,
         error_of("gamma"): (by_xx + by_x) / spot / spot,
-        error_of("vega"): np.sqrt(expiry) * by_spread,
+        error_of("vega"): root * by_spread,
         error_of("rho"): expiry * np.where(is_put, by_rate, by_dividend),
         error_of("dividend_rho"): expiry * np.where(is_put, by_dividend, by_rate),
     }
