@@ -51,6 +51,11 @@ const MOST_STALLS: usize = 2;
 const SHARE: f64 = 0.5;
 /// The share of the tolerance that is kept for all boundaries together; chosen.
 const KEPT_SHARE: f64 = 0.2;
+/// The share of the violation inside a contact set in the error estimate; calibrated on random contracts.
+const VIOLATION_SHARE: f64 = 0.7;
+/// The same where the lower end of the contact set is neglected: the boundary makes up for what that leaves inside.
+/// Calibrated on random contracts.
+const OVERHANGING_SHARE: f64 = 0.2;
 /// The share of the dividends paid so far by which the spot is displaced from a lognormal one: the early ones fall with
 /// it, the late ones do not. Chosen.
 const DISPLACED_SHARE: f64 = 0.5;
@@ -111,6 +116,7 @@ pub fn solve_schedule(
         solved: Vec::with_capacity(segments.len()),
         kinks: Vec::new(),
         end: segments.iter().map(|segment| segment.duration).sum(),
+        overhangs: false,
         violation: 0.0,
         error: 0.0,
     };
@@ -156,6 +162,8 @@ struct BackwardRecursion<'a> {
     kinks: Vec<Kink>,
     /// The time from now to the end of the next segment, years.
     end: f64,
+    /// Whether the contact set of the next segment begins between two spots.
+    overhangs: bool,
     /// The largest violation of complementarity so far, and the sum of the error estimates, in strikes.
     violation: f64,
     error: f64,
@@ -185,6 +193,7 @@ impl BackwardRecursion<'_> {
         here: &Forecast,
         query: &mut BoundaryQuery,
     ) -> Result<(), Unsettled> {
+        self.overhangs = segment.overhangs();
         let mut waiting = vec![*segment];
         let mut cuts = 0;
         let mut part_end = *here;
@@ -373,6 +382,11 @@ impl BackwardRecursion<'_> {
                 MOST_STALLS
             } else {
                 LEVELS
+            },
+            violation_share: if self.overhangs {
+                OVERHANGING_SHARE
+            } else {
+                VIOLATION_SHARE
             },
             centre: beginning.forward,
             deviation: beginning.variance.max(0.0).sqrt(),

@@ -19,8 +19,6 @@ const COARSELY_SETTLED: f64 = 1e-4;
 const SKETCH: f64 = 20.0;
 /// The number of cells next to the boundary whose probability multiplies the violation inside the contact set; chosen.
 const NEXT_CELLS: usize = 4;
-/// The share of that violation in the error estimate; calibrated on random contracts.
-const VIOLATION_SHARE: f64 = 0.7;
 /// The share of the change from one degree to the next that is left as error; calibrated on random contracts: each degree
 /// gains a factor of nearly three at least.
 const CHANGE_SHARE: f64 = 0.6;
@@ -168,7 +166,7 @@ fn estimate_error(
     }
     now.sample_exercise_values(cells.origin);
     let near = cells.probabilities[..NEXT_CELLS].iter().sum::<f64>() * now.violation;
-    now.error = change(now, last, &cells.probabilities) + VIOLATION_SHARE * near;
+    now.error = change(now, last, &cells.probabilities) + control.violation_share * near;
 }
 
 /// The share that is left of the expected change of the value from one degree to the next, in strikes; without another

@@ -46,6 +46,8 @@ pub struct DegreeControl {
     pub tolerance: f64,
     /// The number of degrees in a row that bring nothing after which no further one is tried.
     pub patience: usize,
+    /// The share of the violation inside the contact set in the error estimate.
+    pub violation_share: f64,
     /// The expectation of x at the segment's beginning, as seen from now, and its standard deviation.
     pub centre: f64,
     pub deviation: f64,

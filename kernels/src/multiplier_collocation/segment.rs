@@ -79,6 +79,13 @@ impl Segment {
         second < first && first < 0.0
     }
 
+    /// Whether the contact set begins between two spots: a put before a cash dividend, with a negative yield.
+    pub fn overhangs(&self) -> bool {
+        let is_paid_in_cash = self.amount > 0.0 || self.escrow > 0.0;
+        let has_such_rates = self.dynamics.dividend < 0.0 && self.dynamics.rate > 0.0;
+        self.sign > 0.0 && is_paid_in_cash && has_such_rates
+    }
+
     /// The x beyond which the multiplier is negative and no contact set reaches: ln(r/q), infinite without such a place.
     pub fn zero_of_multiplier(&self) -> f64 {
         if self.dynamics.rate > 0.0 && self.dynamics.dividend > 0.0 {

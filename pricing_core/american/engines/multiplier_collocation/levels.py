@@ -25,6 +25,9 @@ FIRST_LEVELS = ((4e-6, 1), (4e-7, 2), (4e-8, 3), (0.0, 4))
 # What lies beyond the interval of space of each level, in strikes; derived from the interval.
 NEGLECTED = (1e-5, 1e-6, 2e-8, 1e-9, 3e-11, 1e-12, 1e-13)
 ROUNDING = 1e-13  # Rounding error of a value, in strikes; measured.
+# Share of the last level's error above which a finer level brings nothing, and error, in tolerances, above which it is
+# not tried again then; chosen.
+LEAST_GAIN, OUT_OF_REACH = 0.8, 1.2
 SMALLEST_SHARE = 0.1  # Smallest share of the tolerance that is left for the boundaries; chosen.
 EXERCISE = slice(4, 6)  # The columns of a segment that tell when the holder may exercise.
 AMOUNT, ESCROW = 7, 8  # The columns of money.
@@ -125,7 +128,7 @@ def solve_to_tolerance(
     walks: int = 0,
     interrupt: Callable[[], bool] | None = None,
 ) -> Solved:
-    """Solve every contract at the level of its tolerance, and at finer ones until its stated error meets that.
+    """Solve every contract at the level of its tolerance, and at finer ones until its stated error meets that or stalls.
 
     Parameters
     ----------
@@ -152,8 +155,11 @@ def solve_to_tolerance(
         found = _kernel_values(
             packed.take(rows), level[rows], threads, left, walks=walks, interrupt=interrupt
         )
-        _keep(solved, book, rows, level[rows], found, found.numbers[5] + beyond)
-        rows = rows[~(solved.error[rows] <= tolerance[rows]) & (level[rows] < FINEST)]
+        before, error = solved.error[rows], found.numbers[5] + beyond
+        _keep(solved, book, rows, level[rows], found, error)
+        met = solved.error[rows] <= tolerance[rows]
+        stalls = (error > LEAST_GAIN * before) & (error > OUT_OF_REACH * tolerance[rows])
+        rows = rows[~met & ~stalls & (level[rows] < FINEST)]
         level[rows] += 1
     return solved
 
