@@ -128,7 +128,7 @@ def solve_to_tolerance(
     walks: int = 0,
     interrupt: Callable[[], bool] | None = None,
 ) -> Solved:
-    """Solve every contract at the level of its tolerance, and at finer ones until its stated error meets that or stalls.
+    """Solve every contract at the level of its tolerance, and at finer ones until its error meets that or stalls.
 
     Parameters
     ----------
