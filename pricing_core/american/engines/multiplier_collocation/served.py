@@ -11,7 +11,7 @@ LARGEST_CALL_DEVIATION = 4.0  # Largest standard deviation of ln S at expiry for
 LARGEST_DRIFT = 6.0  # Largest drift of ln S over one segment, in standard deviations over it; calibrated.
 WIDEST = 400.0  # Largest standard deviation of ln S at expiry over that of one segment; measured.
 # Largest growth of the share by a negative yield over a segment before a cash dividend, for a put; measured.
-LARGEST_OVERHANG = 1e-4
+LARGEST_OVERHANG = 3e-4
 SMALLEST_SPREAD = 1e-7  # Smallest standard deviation of ln S over one segment; measured.
 
 
