@@ -10,6 +10,7 @@ use crate::interrupt::Interrupt;
 use crate::lanes::vector::{Part, Vector, LANES};
 
 /// The number of steps between two questions whether the work shall end; chosen: they take less than a millisecond.
+/// Shorter marches leave the question to `refinement`.
 const STEPS_BETWEEN_QUESTIONS: usize = 16;
 
 /// What a march leaves beside the premium at the nodes; node i is at xi = `node` + i dx.
@@ -76,7 +77,7 @@ impl<V: Vector, const D: bool> Part<V> for March<'_, V, D> {
         let first_boundary = node.xi;
         let mut settled = [true; LANES];
         for n in 2..=mesh.step_count() {
-            if n % STEPS_BETWEEN_QUESTIONS == 2 && interrupt() {
+            if n % STEPS_BETWEEN_QUESTIONS == 0 && interrupt() {
                 return None;
             }
             let step = mesh.step(n);

@@ -12,6 +12,10 @@ pub const STEPS: [usize; 16] = [
 /// The number of nodes beyond those whose number grows like sqrt(t); chosen.
 const EXTRA_NODES: usize = 6;
 
+/// The last step whose place is predicted from implicit Euler's boundary in marches with many steps; chosen: later ones are
+/// short enough. With few steps, of which it would take most of the time, it is the second.
+const MOST_EULER_STEPS: usize = 8;
+
 /// What a time step needs of M and of its number alone.
 struct StepWeights {
     /// sqrt(t) at the end of the step.
@@ -43,6 +47,8 @@ pub struct TimeStep<'a> {
     pub last: bool,
     /// sqrt(t) at the end of the step.
     pub root: f64,
+    /// The last step whose place is predicted from implicit Euler's boundary.
+    pub euler_steps: usize,
     /// The distance of the nodes, in xi.
     pub dx: f64,
     /// The number of free nodes.
@@ -93,6 +99,7 @@ impl Mesh {
             number: n,
             last: n == self.step_count(),
             root: here.root,
+            euler_steps: MOST_EULER_STEPS.min(2 + self.step_count() / 12),
             dx: self.spacing(exponent),
             active: self.nodes.min(reach / self.step_count() + EXTRA_NODES),
             coarsens: exponent < before,

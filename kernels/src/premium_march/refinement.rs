@@ -12,6 +12,10 @@ use super::work_items::{by_class, groups, Item};
 use crate::lanes::dispatch::Work;
 use crate::lanes::vector::{Vector, LANES};
 
+/// The number of groups between two questions whether the work shall end; chosen: those that march too few steps to ask
+/// take less than a millisecond together.
+const GROUPS_BETWEEN_QUESTIONS: usize = 8;
+
 /// A range of runs, and where the results of its spots go; see `Solved`.
 pub struct Task<'a> {
     pub puts: Puts<'a>,
@@ -38,6 +42,7 @@ impl Work for Task<'_> {
         let mut missed: [Vec<Item>; STEPS.len()] = Default::default();
         let mut earlier = Vec::<EarlierMarches>::new();
         let mut work = Workspace::<V>::new();
+        let mut marched = 0_usize;
         for level in 0..STEPS.len() {
             let refinement = Refinement {
                 level,
@@ -53,9 +58,11 @@ impl Work for Task<'_> {
                     for items in groups(items) {
                         let mut group = Group::new(puts, items, &mut work);
                         let known = continues.then_some(&earlier[..]);
-                        if group.march(level, items[0].class, known).is_none() {
+                        let told = marched % GROUPS_BETWEEN_QUESTIONS == 0 && (puts.interrupt)();
+                        if told || group.march(level, items[0].class, known).is_none() {
                             return;
                         }
+                        marched += 1;
                         group.report(refinement, |item, outcome| {
                             self.store(item, level, &outcome);
                             if let Some(kept) = outcome.earlier {

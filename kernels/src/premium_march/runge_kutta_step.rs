@@ -13,8 +13,6 @@ use crate::lanes::vector::{Part, Vector, LANES};
 /// The largest distance between boundary and node 0 of an accepted step, in sqrt(t); chosen: beyond it the Taylor series
 /// of the cell is too short.
 const ACCEPTED_OFFSET: f64 = 0.5;
-/// The last step whose place is predicted from implicit Euler's boundary; chosen: later ones are short enough.
-const EULER_STEPS: usize = 8;
 /// The largest number of times that a step is taken with corrected places of the nodes; chosen.
 const TRIES: usize = 8;
 
@@ -115,7 +113,7 @@ fn predicted_place<V: Vector>(
     history: &mut BoundaryHistory<V>,
     coarser_first: Option<V>,
 ) -> V {
-    if step.number > EULER_STEPS {
+    if step.number > step.euler_steps {
         let reduced = history.predicted(step);
         return history.bounded(reduced.times_plus(V::all(step.root), history.at_expiry));
     }
