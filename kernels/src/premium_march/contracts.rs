@@ -1,6 +1,7 @@
 //! The puts to be priced, in their dimensionless parameters: as columns, and sixteen side by side.
 
 use crate::interrupt::Interrupt;
+use crate::lanes::normal::ln;
 use crate::lanes::vector::{Vector, LANES};
 
 /// Puts in their dimensionless parameters: runs of spots that share a march.
@@ -39,6 +40,12 @@ pub struct Contracts<V> {
 }
 
 impl<V: Vector> Contracts<V> {
+    /// The limit of ln(S*/K) at expiry, which no boundary exceeds.
+    #[inline(always)]
+    pub fn boundary_at_expiry(&self) -> V {
+        ln((-self.dividend).negative(self.rate / self.dividend, V::all(1.0))).min(V::zero())
+    }
+
     /// The contracts of sixteen runs.
     #[inline(always)]
     pub fn gather(puts: Puts, runs: &[usize; LANES]) -> Self {

@@ -39,6 +39,11 @@ const LARGEST_IN_TAIL: f64 = 0.0256;
 /// The share of the difference of two marches that estimates the error of a derivative after extrapolation; calibrated
 /// on random puts.
 const DERIVATIVE_SHARE: f64 = 0.17;
+/// The same where the boundary turns sharply near expiry: few steps do not resolve how the parameters move that turn;
+/// calibrated on random puts.
+const DERIVATIVE_SHARE_AT_TURN: f64 = 1.0;
+/// The largest `Spots::cost_at_turn` of such puts; chosen.
+const SHARP_TURN: f64 = 2e-3;
 /// The smallest number of steps from which derivatives do not ask for more; chosen.
 const MOST_STEPS_FOR_DERIVATIVES: usize = 96;
 /// The smallest number of steps with which a march that loses the boundary is not refined further; chosen.
@@ -170,11 +175,17 @@ pub fn derivatives_are_met(
     level: usize,
     limits: Option<&[f64]>,
     differences: &[[f64; LANES]; VALUES],
+    cost_at_turn: f64,
     lane: usize,
 ) -> bool {
+    let share = if cost_at_turn < SHARP_TURN {
+        DERIVATIVE_SHARE_AT_TURN
+    } else {
+        DERIVATIVE_SHARE
+    };
     let close = |limits: &[f64]| {
         let mut limits = limits.iter().zip(differences);
-        limits.all(|(limit, d)| DERIVATIVE_SHARE * d[lane].abs() <= *limit)
+        limits.all(|(limit, d)| share * d[lane].abs() <= *limit)
     };
     STEPS[level] >= MOST_STEPS_FOR_DERIVATIVES || limits.is_none_or(close)
 }

@@ -5,7 +5,7 @@ use super::grid_values::Workspace;
 use super::interpolation::Interpolation;
 use super::march::Marched;
 use super::mesh::Mesh;
-use crate::lanes::normal::{exp, expm1, ln, weighted_normal, ONE_OVER_SQRT_TWO_PI};
+use crate::lanes::normal::{exp, expm1, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{Vector, LANES};
 
 /// The number of values of each spot: V/K, its first and second derivative by x = ln(S/K), the European V/K, and the
@@ -192,6 +192,14 @@ impl<V: Vector> Spots<V> {
         self.contracts.spread
     }
 
+    /// What exercise costs when the boundary leaves its limit at expiry, but for a factor: the less, the more sharply the
+    /// boundary turns there; infinite where it begins at the strike.
+    #[inline(always)]
+    pub fn cost_at_turn(&self) -> V {
+        let limit = self.contracts.boundary_at_expiry() / self.contracts.spread;
+        limit.negative(self.contracts.dividend * limit * limit, V::all(f64::MAX))
+    }
+
     /// Half the second derivative by x of V/K less the payoff, at the boundary; at least, where the yield is positive.
     #[inline(always)]
     pub fn half_curvature_at_boundary(&self) -> V {
@@ -211,8 +219,7 @@ impl<V: Vector> Spots<V> {
             dividend,
             spread,
         } = self.contracts;
-        let limit = ln((-dividend).negative(rate / dividend, V::all(1.0))).min(V::zero());
-        let away = ((self.x - limit) / spread).max(V::zero());
+        let away = ((self.x - self.contracts.boundary_at_expiry()) / spread).max(V::zero());
         let drift = (rate - dividend) / spread - spread.times(0.5);
         let decay = drift + (drift * drift + rate + rate).sqrt();
         // The probability is largest now, or, where drift > D, less than at u = 1 with the drift D.

@@ -431,5 +431,16 @@ def test_the_rhos_are_right_where_rate_and_yield_are_close(name, row):
     settled &= np.abs(rhos[0] - rhos[1]) <= 0.3 * allowed
     assert settled.sum() >= 1200
     error = np.abs(expiry * found.values[row] - rhos[0])[settled]
-    assert np.mean(error <= 1.3 * allowed) >= 0.995
+    assert np.mean(error <= 1.3 * allowed) >= 0.997
     assert np.all(error <= 5.0 * allowed)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-6])
+def test_puts_that_even_without_expiry_are_exercised_have_no_error(tolerance):
+    puts = random_puts(2000, seed=22)
+    perpetual = -np.log1p(puts.spread / puts.decay())
+    deep = puts.take(np.flatnonzero(puts.x <= perpetual))
+    assert deep.x.size >= 100
+    found = solve_puts(deep, np.full(deep.x.size, tolerance), limits=None)
+    assert found.exercised.all()
+    assert np.all(found.error <= 1e-14)
