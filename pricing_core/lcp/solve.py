@@ -1,6 +1,6 @@
 """Solve a linear complementarity problem: choose a method, check its answer, say which method gave it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -38,7 +38,7 @@ from pricing_core.linalg.tridiagonal import Tridiagonal
 
 Method: TypeAlias = Literal["auto", "lemke", "murty", "psor", "policy", "tridiagonal", "enumeration", "exact"]
 METHODS = ("auto", "lemke", "murty", "psor", "policy", "tridiagonal", "enumeration", "exact")
-Attempt: TypeAlias = Callable[[LCP, TimeLimit], LCPSolution]
+Attempt: TypeAlias = tuple[str, Callable[[LCP, TimeLimit], LCPSolution]]
 
 WARM_TOLERANCE = 1e-13  # scaled residual at which a basic set from elsewhere is taken for the solution
 NEARLY_RIGHT = 0.3  # share of the indices with a wrong sign up to which the point of a start is mended
@@ -47,6 +47,7 @@ SMALL = 10  # a dense matrix up to this order is not worth a look at its structu
 LARGEST_DENSE = 3000  # sparse problems up to this order may be made dense for Lemke's method
 LARGEST_PIVOT_TRIALS = 8
 GOLDEN = 0.6180339887498949
+PROOF = "a proof that there is no solution"
 COMBINED = "no z >= 0 has M z + q >= 0: a combination of its rows proves it"
 
 
@@ -152,7 +153,7 @@ def _from_start(problem: LCP, start: ArrayLike) -> LCPSolution | None:
 
 
 def _attempts(problem: LCP, method: Method, tolerance: float) -> Iterator[Attempt]:
-    single: dict[str, Attempt] = {
+    single: dict[str, Callable[[LCP, TimeLimit], LCPSolution]] = {
         "lemke": partial(_lemke, tolerance=tolerance),
         "murty": _timed(solve_murty),
         "psor": _timed(partial(solve_psor, tolerance=0.1 * tolerance)),
@@ -161,16 +162,15 @@ def _attempts(problem: LCP, method: Method, tolerance: float) -> Iterator[Attemp
         "enumeration": _one_by_search,
         "exact": _timed(solve_exact),
     }
-    if method == "lemke":
-        yield single[method]
-        yield _refute
-    elif method in single:
-        yield single[method]
+    if method in single:
+        yield method, single[method]
+        if method == "lemke":
+            yield PROOF, _refute
     else:
         yield from _automatic_attempts(problem)
 
 
-def _timed(solver: Callable[..., LCPSolution]) -> Attempt:
+def _timed(solver: Callable[..., LCPSolution]) -> Callable[[LCP, TimeLimit], LCPSolution]:
     return lambda problem, limit: solver(problem, time_limit=limit.left())
 
 
@@ -178,40 +178,44 @@ def _automatic_attempts(problem: LCP) -> Iterator[Attempt]:
     if not isinstance(problem.M, np.ndarray) or problem.size > SMALL:
         yield from _structured_attempts(problem)
     if isinstance(problem.M, np.ndarray) or problem.size <= LARGEST_DENSE:
-        yield _lemke
-        yield _lemke_restarted
-        yield _refute
-        yield _lemke_pivoted
-        if problem.size <= LARGEST_SEARCHED_ORDER:
-            yield _timed(solve_exact)
-        yield _timed(solve_murty)
-        yield _timed(solve_policy_iteration)
+        yield "lemke", _lemke
+        yield "lemke-restarted", _lemke_restarted
+        yield PROOF, _refute
+        yield "lemke-pivoted", _lemke_pivoted
+        if problem.size > LARGEST_SEARCHED_ORDER:
+            yield "murty", _timed(solve_murty)
+            yield "policy iteration", _timed(solve_policy_iteration)
     if problem.size <= LARGEST_EXACT_ORDER:
-        yield _timed(solve_exact)
+        yield "exact", _timed(solve_exact)
 
 
 def _structured_attempts(problem: LCP) -> Iterator[Attempt]:
     banded = as_tridiagonal(problem)
     if banded is not None and is_z_matrix(banded) and (banded.diagonal > 0.0).all():
-        yield _timed(solve_tridiagonal_m_matrix)
+        yield "tridiagonal", _timed(solve_tridiagonal_m_matrix)
     elif isinstance(problem.M, csr_array | Tridiagonal) and is_h_plus_matrix(problem.M):
         if isinstance(problem.M, Tridiagonal):
-            yield _timed(solve_policy_iteration)
-        yield _timed(solve_h_plus)
+            yield "policy iteration", _timed(solve_policy_iteration)
+        yield "projected sweeps", _timed(solve_h_plus)
 
 
-def _first_success(problem: LCP, attempts: Iterator[Attempt], limit: TimeLimit) -> LCPSolution:
-    failures: list[NumericalError] = []
-    for attempt in attempts:
+def _first_success(problem: LCP, attempts: Iterable[Attempt], limit: TimeLimit) -> LCPSolution:
+    failures: list[tuple[str, NumericalError]] = []
+    for name, attempt in attempts:
         try:
             return attempt(problem, limit)
         except InfeasibleError:
             raise
         except NumericalError as failure:
-            failures.append(failure)
+            failures.append((name, failure))
         limit.check("solving this problem")
-    rays = [failure for failure in failures if isinstance(failure, RayTerminationError)]
-    raise (rays or failures or [NumericalError(_too_large(problem))])[-1]
+    if not failures:
+        raise NumericalError(_too_large(problem))
+    found = [failure for name, failure in failures if name != PROOF]
+    last = next((failure for failure in found[::-1] if isinstance(failure, RayTerminationError)), found[-1])
+    if len(failures) == 1:
+        raise last
+    raise type(last)(f"{last}; tried without success: {', '.join(name for name, _ in failures)}")
 
 
 def _too_large(problem: LCP) -> str:
@@ -243,7 +247,9 @@ def _lemke_restarted(problem: LCP, limit: TimeLimit) -> LCPSolution:
     """Try the covering vector of ones, and one of fixed irregular numbers from 1 to 2."""
     irregular = 1.0 + np.modf(GOLDEN * np.arange(1, problem.size + 1))[0]
     coverings = np.ones(problem.size), irregular / equilibrate(problem).row
-    found = _first_success(problem, (partial(_lemke, covering=d) for d in coverings), limit)
+    found = _first_success(
+        problem, ((f"covering {k}", partial(_lemke, covering=d)) for k, d in enumerate(coverings, 1)), limit
+    )
     return replace(found, method="lemke-restarted")
 
 
@@ -255,7 +261,8 @@ def _lemke_pivoted(problem: LCP, limit: TimeLimit) -> LCPSolution:
     """
     scaled = equilibrate(problem)
     near = LCP(scaled.M, scaled.q)
-    pivoted = (partial(_from_pivot, pivot_set=s) for s in _small_pivot_sets(scaled.M))
+    sets = enumerate(_small_pivot_sets(scaled.M), 1)
+    pivoted = ((f"pivot {k}", partial(_from_pivot, pivot_set=chosen)) for k, chosen in sets)
     found = _first_success(near, pivoted, limit)
     z, remedy = scaled.original(found.z), "use another method"
     return verified(problem, z, found.iterations, "lemke-pivoted", DEFAULT_TOLERANCE, remedy)

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from pricing_core.errors import InfeasibleError, InvalidInputError, IterationLimitError, NumericalError
+from pricing_core.errors import (
+    InfeasibleError,
+    InvalidInputError,
+    IterationLimitError,
+    NumericalError,
+    RayTerminationError,
+)
 from pricing_core.lcp import (
     LCP,
     enumerate_solutions,
@@ -293,3 +299,16 @@ def test_options_and_data_of_the_wrong_kind_are_named(call, field):
 
 def test_a_masked_array_without_masked_entries_is_an_array() -> None:
     assert solve(LCP(np.ma.array([[1.0]]), np.ma.array([-1.0]))).z.tolist() == [1.0]
+
+
+def test_what_was_tried_is_said_where_nothing_is_proved() -> None:
+    n = 62
+    M = np.zeros((n, n))
+    M[0, 1], M[1, 0], M[0, 0] = 1.0, 0.0, 0.0
+    q = np.ones(n)
+    q[0] = -1.0  # w_0 = z_1 - 1 >= 0 needs z_1 > 0, where w_1 = 1 > 0
+    with pytest.raises(
+        RayTerminationError, match=r"proves nothing.*tried without success: .*lemke.*murty"
+    ) as caught:
+        solve(LCP(M, q))
+    assert not isinstance(caught.value, InfeasibleError)
