@@ -1,6 +1,7 @@
 """Linear complementarity problems: find z with 0 <= w = M z + q _|_ z >= 0."""
 
 from pricing_core.lcp.enumeration import SolutionSet, enumerate_solutions
+from pricing_core.lcp.exact import solve_exact
 from pricing_core.lcp.extended_horizontal import (
     ExtendedHorizontalLCP,
     ExtendedHorizontalSolution,
@@ -11,12 +12,16 @@ from pricing_core.lcp.horizontal import HorizontalLCP, HorizontalSolution, solve
 from pricing_core.lcp.least_norm import least_norm_solution
 from pricing_core.lcp.lemke import solve_lemke
 from pricing_core.lcp.murty import solve_murty
-from pricing_core.lcp.policy_iteration import solve_policy_iteration
+from pricing_core.lcp.policy_iteration import solve_h_plus, solve_policy_iteration
 from pricing_core.lcp.polyhedron import Face
 from pricing_core.lcp.problem import LCP, LCPSolution, natural_residual, scaled_residual
 from pricing_core.lcp.psor import solve_psor
 from pricing_core.lcp.solve import Method, solve
-from pricing_core.lcp.tridiagonal import solve_brennan_schwartz, solve_double_sweep
+from pricing_core.lcp.tridiagonal import (
+    solve_brennan_schwartz,
+    solve_double_sweep,
+    solve_tridiagonal_m_matrix,
+)
 from pricing_core.lcp.w_property import column_w_violation, has_column_w_property
 from pricing_core.linalg.matrix_classes import is_p_matrix
 
@@ -41,10 +46,13 @@ __all__ = [
     "solve",
     "solve_brennan_schwartz",
     "solve_double_sweep",
+    "solve_exact",
     "solve_extended_horizontal",
+    "solve_h_plus",
     "solve_horizontal",
     "solve_lemke",
     "solve_murty",
     "solve_policy_iteration",
     "solve_psor",
+    "solve_tridiagonal_m_matrix",
 ]

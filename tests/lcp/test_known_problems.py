@@ -16,10 +16,13 @@ from pricing_core.lcp import (
     solve,
     solve_brennan_schwartz,
     solve_double_sweep,
+    solve_exact,
+    solve_h_plus,
     solve_lemke,
     solve_murty,
     solve_policy_iteration,
     solve_psor,
+    solve_tridiagonal_m_matrix,
 )
 from tests.problems.lcp_problems import INFEASIBLE, NO_SOLUTION, PROBLEMS, KnownProblem, of_class
 
@@ -39,7 +42,11 @@ SOLVERS: dict[str, tuple[Solver, tuple[str, ...]]] = {
         ("tridiagonal", "contact last"),
     ),
     "double sweep": (solve_double_sweep, ("tridiagonal", "one run")),
+    "tridiagonal M-matrix": (solve_tridiagonal_m_matrix, ("tridiagonal", "M")),
+    "H+": (solve_h_plus, ("H+",)),
+    "exact": (solve_exact, ("P",)),
     "solve, tridiagonal": (partial(solve, method="tridiagonal"), ("tridiagonal", "M")),
+    "solve, exact": (partial(solve, method="exact"), ("P",)),
     "solve, lemke": (partial(solve, method="lemke"), ("P",)),
     "solve, murty": (partial(solve, method="murty"), ("P",)),
     "solve, psor": (partial(solve, method="psor"), ("H+",)),
@@ -75,7 +82,7 @@ def test_lemke_finds_a_solution_to_rounding(problem: KnownProblem) -> None:
 
 
 @pytest.mark.parametrize("problem", PROBLEMS, ids=str)
-@pytest.mark.parametrize("method", ["auto", "enumeration"])
+@pytest.mark.parametrize("method", ["auto", "enumeration", "exact"])
 def test_the_front_door_finds_a_solution(problem: KnownProblem, method: str) -> None:
     solution = solve(problem.lcp, method=method)  # type: ignore[arg-type]
     assert is_known_solution(problem, solution)
@@ -107,7 +114,7 @@ def test_lemke_ends_on_a_ray_in_the_bimatrix_game_and_says_that_nothing_is_prove
 
 
 @pytest.mark.parametrize("problem", INFEASIBLE, ids=str)
-@pytest.mark.parametrize("method", ["auto", "lemke", "enumeration"])
+@pytest.mark.parametrize("method", ["auto", "lemke", "enumeration", "exact"])
 def test_an_infeasible_problem_is_answered_as_such(problem: KnownProblem, method: str) -> None:
     with pytest.raises(InfeasibleError):
         solve(problem.lcp, method=method)  # type: ignore[arg-type]
