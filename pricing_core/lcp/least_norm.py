@@ -17,6 +17,9 @@ POSITIVE = 1e-9
 INEXACT = 1e-6
 # Share of the largest singular value, of equilibrated rows, below which one counts as zero.
 SINGULAR = 1e-12
+CLEARLY_REGULAR = (
+    1e-6  # smallest singular value above which no equilibration is needed to see that all are positive
+)
 # Length of a part of a unit direction, or share of a row of M, below which it is zero: what it moves is then fixed.
 FIXED = 1e-10
 # Share of the terms of a row by which the point found may miss an inequality.
@@ -66,10 +69,12 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
     if solution.min() < -INEXACT * np.abs(solution).max() or slack.min() < -INEXACT * sizes.max():
         return solution
     free = np.flatnonzero(slack <= POSITIVE * sizes)  # elsewhere z is zero in every solution
+    if free.size == 0 or _is_clearly_unique(_common_rows(M, problem.q, kept, free)):
+        return solution
     least, changed = np.zeros_like(solution), False
     for block in _blocks(M, kept, free):
         known = np.maximum(solution[block], 0.0)
-        directions = _directions(M, problem.q, kept, block)
+        directions = _directions(_common_rows(M, problem.q, kept, block))
         found = (
             _least(M[:, block], np.maximum(slack, 0.0), sizes, known, directions) if directions.size else None
         )
@@ -92,12 +97,22 @@ def _blocks(M: Matrix, kept: Matrix | None, free: NDArray[np.intp]) -> list[NDAr
     return [free[first == member] for member in np.unique(first)]
 
 
-def _directions(M: Matrix, q: Vector, kept: Matrix | None, free: NDArray[np.intp]) -> Matrix:
+def _common_rows(M: Matrix, q: Vector, kept: Matrix | None, free: NDArray[np.intp]) -> Matrix:
+    """Return the rows whose products with z, zero elsewhere, are the same for all solutions."""
+    symmetric = M[:, free] + M.T[:, free]
+    symmetric = np.where(np.abs(symmetric) > 4.0 * EPSILON * np.abs(M[:, free]), symmetric, 0.0)
+    return np.vstack([symmetric, q[None, free], *([] if kept is None else [kept[:, free]])])
+
+
+def _is_clearly_unique(rows: Matrix) -> bool:
+    """Tell at once that rows, scaled to largest entries of 1, leave no direction."""
+    largest = np.abs(rows).max(axis=1, keepdims=True)
+    singular = np.linalg.svd(rows / np.where(largest > 0.0, largest, 1.0), compute_uv=False)
+    return bool(len(rows) >= rows.shape[1] and singular[-1] > CLEARLY_REGULAR)
+
+
+def _directions(rows: Matrix) -> Matrix:
     """Return an orthonormal basis of the directions in which solutions differ, on the free indices, as columns."""
-    M_free, transposed = M[:, free], M.T[:, free]
-    symmetric = M_free + transposed
-    symmetric = np.where(np.abs(symmetric) > 4.0 * EPSILON * np.abs(M_free), symmetric, 0.0)
-    rows = np.vstack([symmetric, q[None, free], *([] if kept is None else [kept[:, free]])])
     for axis in (1, 0, 1):
         largest = np.max(np.abs(rows), axis=axis, keepdims=True, initial=0.0)
         inverse = 1.0 / np.where(largest > 0.0, largest, 1.0)
