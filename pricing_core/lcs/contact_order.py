@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 
 from pricing_core.arrays import IndexSet, Vector
-from pricing_core.lcs.mode_dynamics import ModeDynamics
+from pricing_core.lcs.mode_dynamics import ModeDynamics, State
 from pricing_core.lcs.mode_selection import ModeSelector
 
 MOST_TOGETHER = 4  # constraints whose orders are all tried
@@ -14,13 +14,13 @@ SAME_STATE = 1e-8
 
 
 def depends_on_order(
-    selector: ModeSelector, z: Vector, active: IndexSet, crossed: tuple[int, ...], at_start: bool
+    selector: ModeSelector, state: State, active: IndexSet, crossed: tuple[int, ...], at_start: bool
 ) -> bool:
     """Tell whether the state after a jump depends on the order in which the constraints are met.
 
     Parameters
     ----------
-    z : Vector, shape (N,)
+    state : State
         Before the jump, in the form's units.
     active : tuple of int
         The mode before.
@@ -28,43 +28,45 @@ def depends_on_order(
         What is violated; at the start, when it is not known, what the mode without constraints violates.
     """
     if at_start:
-        crossed = _violated(selector.dynamics(active), z)
+        crossed = _violated(selector.dynamics(active), state)
     contacts = [i for i in crossed if i not in active]
     if not 2 <= len(contacts) <= MOST_TOGETHER:
         return False
-    ends = [_one_by_one(selector, z, active, order) for order in itertools.permutations(contacts)]
+    ends = [_one_by_one(selector, state, active, order) for order in itertools.permutations(contacts)]
     known = [end for end in ends if end is not None]
-    size = SAME_STATE * float(np.max(np.abs(z), initial=0.0))
+    size = SAME_STATE * float(np.max(np.abs(state.z), initial=0.0))
     return any(float(np.max(np.abs(end - known[0]))) > size for end in known[1:])
 
 
-def _one_by_one(selector: ModeSelector, z: Vector, active: IndexSet, order: tuple[int, ...]) -> Vector | None:
+def _one_by_one(
+    selector: ModeSelector, state: State, active: IndexSet, order: tuple[int, ...]
+) -> Vector | None:
     """Return the state after the constraints are met in this order, None where that does not end."""
     dynamics = selector.dynamics(active)
     for _ in range(MOST_REBOUNDS):
-        violated = [i for i in order if i in _violated(dynamics, z)]
+        violated = [i for i in order if i in _violated(dynamics, state)]
         if not violated or dynamics is None:
-            return None if dynamics is None else z
+            return None if dynamics is None else state.z
         looked_at = tuple(sorted({*dynamics.mode, violated[0]}))
-        dynamics = _restricted(selector, z, looked_at)
+        dynamics = _restricted(selector, state, looked_at)
         if dynamics is None:
             return None
-        z = dynamics.basis @ dynamics.coordinates_of(z)
+        state = dynamics.leave(dynamics.enter(state))
     return None
 
 
-def _restricted(selector: ModeSelector, z: Vector, looked_at: IndexSet) -> ModeDynamics | None:
+def _restricted(selector: ModeSelector, state: State, looked_at: IndexSet) -> ModeDynamics | None:
     """Return the mode that admits z as far as these constraints see."""
     pairs = list(looked_at)
     for count in range(len(pairs), -1, -1):
         for mode in itertools.combinations(pairs, count):
             dynamics = selector.dynamics(mode)
-            if dynamics is not None and np.all(dynamics.signs(z)[pairs] >= 0.0):
+            if dynamics is not None and np.all(dynamics.signs(state)[pairs] >= 0.0):
                 return dynamics
     return None
 
 
-def _violated(dynamics: ModeDynamics | None, z: Vector) -> tuple[int, ...]:
+def _violated(dynamics: ModeDynamics | None, state: State) -> tuple[int, ...]:
     if dynamics is None:
         return ()
-    return tuple(np.flatnonzero(dynamics.signs(z) < 0.0).tolist())
+    return tuple(np.flatnonzero(dynamics.signs(state) < 0.0).tolist())

@@ -1,5 +1,6 @@
 """Simulation from event to event (11.78): exact flow in a mode, the event located, the next mode selected, the jump."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
@@ -7,13 +8,13 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from pricing_core.arrays import IndexSet, Matrix, Vector
-from pricing_core.errors import InfeasibleError, IterationLimitError, ZenoError
+from pricing_core.errors import IterationLimitError, NonUniqueError, NumericalError, ZenoError
 from pricing_core.lcs.autonomous import AutonomousForm, autonomous_form
 from pricing_core.lcs.contact_order import depends_on_order
-from pricing_core.lcs.event_location import Crossing, first_crossing, touching_places
+from pricing_core.lcs.event_location import Crossing, bernstein, first_crossing, touching_places
 from pricing_core.lcs.flow import Flow, evaluate
-from pricing_core.lcs.mode_dynamics import ModeDynamics
-from pricing_core.lcs.mode_selection import ModeSelector
+from pricing_core.lcs.mode_dynamics import LADDER, POWERS, ModeDynamics, Shares, State
+from pricing_core.lcs.mode_selection import ModeSelector, implicit_step
 from pricing_core.lcs.multipliers import least_norm_multipliers
 from pricing_core.lcs.one_step_uniqueness import has_unique_steps
 from pricing_core.lcs.overflow import check_size
@@ -22,13 +23,22 @@ from pricing_core.lcs.slow_part import NOTHING
 from pricing_core.lcs.stored_energy import with_energy_lost
 from pricing_core.lcs.system import LCS
 from pricing_core.lcs.trajectory import Event, EventKind, Trajectory
-from pricing_core.lcs.zeno import ZenoLimit, zeno_limit
+from pricing_core.lcs.zeno import NEAR, ROUNDS, ZenoLimit, zeno_limit
 
 CROSSES = 1e-11  # of an output's size: how far below zero counts
 TOUCHES = 1e-9  # of an output's size: how close to zero counts as contact
 MOST_REINITIALISATIONS = 50  # at one instant
+MOST_AT_ONE_INSTANT = 10  # events, and 2 for each pair
 AT_THE_END = 1e-13  # of the interval
-MOST_STEPS = 100_000  # Taylor polynomials
+LOW = 64.0 * float(np.finfo(float).eps)  # of an output's size: how far above zero is rounding
+FLIGHT = np.array([0.25, 0.5, 0.75])  # places at which the height of a flight is looked at
+SHORT_STEPS = (1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9)  # in the form's units
+SETTLING_STEPS = (1e-9, 1e-8, 1e-7, 1e-6)
+FIRST_LOOK = (
+    4  # steps of a flow after which it is asked whether anything can happen, and again after twice as many
+)
+AHEAD = 4.0  # least length, in steps, of what is passed at once
+AGREES = 1e-11  # of the size: how closely the closed form must meet a Taylor polynomial
 
 
 def drive_by_events(
@@ -72,10 +82,18 @@ class _Landing(NamedTuple):
     """A mode, and where a state comes to in it."""
 
     dynamics: ModeDynamics
-    c: Vector
-    z: Vector
+    c: State
+    z: State
     impulse: Vector
     multiplicity: int
+
+
+class _Meeting(NamedTuple):
+    """Why a mode is left: the outputs that cross zero, and whether none of them had left zero by more than rounding."""
+
+    outputs: tuple[int, ...]
+    left: IndexSet
+    is_low: bool
 
 
 @dataclass(slots=True, eq=False)
@@ -89,7 +107,8 @@ class _Run:
     interrupt: Callable[[], bool] | None
     flows: list[Flow] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
-    steps: int = 0
+    first_event: float = math.inf
+    stalled: int = 0  # events at one instant
 
     def simulate(self, x0: Vector) -> Literal["finished", "interrupted"]:
         t0, t1 = self.span
@@ -98,150 +117,285 @@ class _Run:
         mode: IndexSet = ()
         for begin, end in zip([t0, *knots], [*knots, t1], strict=True):
             z = self.form.state_after(x, begin) / self.form.units.state
-            entered = self._enter(z, begin, mode, None if begin == t0 else "input", begin == t0, ())
+            state = State(z, np.full(z.size, float(np.abs(z).max(initial=0.0))))
+            entered = self._enter(state, begin, mode, None if begin == t0 else "input", begin == t0, None)
             reached = self._follow(*entered, begin, end)
             if reached is None:
                 return "interrupted"
             dynamics, c = reached
-            x, mode = self._state(dynamics.basis @ c), dynamics.mode
+            x, mode = self._state(dynamics.basis @ c.z), dynamics.mode
         return "finished"
 
     def _follow(
-        self, dynamics: ModeDynamics, c: Vector, t: float, end: float
-    ) -> tuple[ModeDynamics, Vector] | None:
+        self, dynamics: ModeDynamics, c: State, t: float, end: float
+    ) -> tuple[ModeDynamics, State] | None:
         """Go from event to event up to `end`; return the mode and its coordinates there, None if interrupted."""
         while True:
-            flow, crossing = self._flow(dynamics, c, t, end)
+            flow, c, crossing, is_low = self._flow(dynamics, c, t, end)
             if flow is None:
                 return None
-            c = flow.coordinates.pop()
+            self.stalled = self.stalled + 1 if flow.end == t else 0
             t = flow.end
             if crossing is None and t < end:
                 slow = self.selector.slow_part(dynamics)
                 assert slow is not None  # the fast part has died out
-                dynamics, c = slow.dynamics, slow.take @ c
+                dynamics, c = slow.dynamics, State(slow.take @ c.z, np.abs(slow.take) @ c.sizes)
                 continue
             if crossing is None:
                 return dynamics, c
-            z = dynamics.basis @ c
+            state = dynamics.leave(c)
             near = tuple(sorted(set(dynamics.mode) ^ set(crossing.outputs)))
-            dynamics, c = self._enter(z, t, near, "switch", False, crossing.outputs, dynamics.mode)
-            limit = zeno_limit(self.events, end)
-            if limit is not None:
-                dynamics, c, t = self._beyond(limit, dynamics, c)
+            if self.stalled >= MOST_AT_ONE_INSTANT + 2 * self.form.system.shape[1]:
+                dynamics, c, t = self._settle(state, t, near, end)
+                continue
+            meeting = _Meeting(crossing.outputs, dynamics.mode, is_low)
+            dynamics, c = self._enter(state, t, near, "switch", False, meeting)
+            if len(self.events) > ROUNDS and t - self.events[-2].time <= NEAR * (t - self.first_event):
+                limit = zeno_limit(self.events, end)
+                if limit is not None:
+                    dynamics, c, t = self._beyond(limit, dynamics, c, t)
 
     def _flow(
-        self, dynamics: ModeDynamics, c: Vector, t: float, end: float
-    ) -> tuple[Flow | None, Crossing | None]:
+        self, dynamics: ModeDynamics, c: State, t: float, end: float
+    ) -> tuple[Flow | None, State, Crossing | None, bool]:
         """Flow until an output crosses zero, the fast part has died out, or the interval ends.
 
-        The last coordinates are those at the flow's end. What crosses zero at a knot of the input is left to the
-        input after the knot.
+        Returned are the coordinates at the flow's end, what crosses zero there, and whether that had not left zero by
+        more than rounding. What crosses zero at a knot of the input is left to the input after the knot.
         """
         slow = self.selector.slow_part(dynamics)
         flow = Flow(self.form, dynamics, t, t)
         self.flows.append(flow)
-        rate = self.form.units.rate
-        length = dynamics.step / rate
-        sizes = np.linalg.norm(dynamics.outputs, axis=1)
+        length = dynamics.step / self.form.units.rate
         t0, t1 = self.span
-        close = max(AT_THE_END * (t1 - t0), 4.0 * float(np.spacing(max(abs(t0), abs(t1)))))
+        close = max(AT_THE_END * (t1 - t0), 4.0 * math.ulp(max(abs(t0), abs(t1))))
+        values, sizes = c
         while True:
-            self._count_step(t)
             flow.times.append(t)
-            flow.coordinates.append(c)
+            flow.coordinates.append(values)
             if self.interrupt is not None and self.interrupt():
                 flow.end = t
-                return None, None
+                return None, State(values, sizes), None, False
+            if self._is_quiet(dynamics, State(values, sizes), end, flow):
+                assert flow.closed is not None
+                values = flow.closed.states(values, np.array([(end - t) * self.form.units.rate]))[0]
+                check_size(values, end)
+                flow.end = end
+                return flow, State(values, np.maximum(sizes, np.abs(values))), None, False
             reach = min(1.0, (end - t) / length) if end > t else 0.0
-            terms = dynamics.expansion(c)
+            terms = dynamics.expansion(values)
             check_size(terms, t)
-            polynomials = terms @ dynamics.outputs.T
-            tolerances = CROSSES * np.maximum(sizes * float(np.linalg.norm(c)), 1e-290)
-            crossing = first_crossing(polynomials, reach, tolerances)
-            place = reach if crossing is None else crossing.place
-            self._note_touching(polynomials, place, tolerances, flow, (t, length), terms)
-            c = place ** np.arange(terms.shape[0]) @ terms
+            polynomials = dynamics.output_expansion(values, terms)
+            swept = np.asarray(reach**POWERS @ np.abs(terms))
+            tolerances = CROSSES * np.maximum(dynamics.output_sizes @ np.maximum(sizes, swept), 1e-290)
+            crossing, place = self._what_happens(polynomials, reach, tolerances, flow, (t, length), terms)
+            powers = place**POWERS
+            values, sizes = (
+                np.asarray(powers @ terms),
+                swept if crossing is None else np.asarray(powers @ np.abs(terms)),
+            )
+            is_low = crossing is not None and self._is_low(
+                dynamics, State(values, sizes), polynomials if len(flow.times) == 1 else None, crossing
+            )
             t = end if crossing is None and reach < 1.0 else t + (place * length if place > 0.0 else 0.0)
             if t >= end - close and (crossing is None or end < t1):
                 t = end
-                crossing = self._crossing_at_end(dynamics, c) if end == t1 else None
-            if crossing is not None or t >= end or (slow is not None and slow.is_all_of(c)):
+                crossing = self._crossing_at_end(dynamics, State(values, sizes)) if end == t1 else None
+            if crossing is not None or t >= end or (slow is not None and slow.is_all_of(values)):
                 flow.end = t
-                flow.coordinates.append(c)
-                return flow, crossing
+                return flow, State(values, sizes), crossing, is_low
 
-    def _crossing_at_end(self, dynamics: ModeDynamics, c: Vector) -> Crossing | None:
+    def _is_quiet(self, dynamics: ModeDynamics, c: State, end: float, flow: Flow) -> bool:
+        """Tell whether no output can reach zero up to `end`: the flow then knows its closed form."""
+        count, rate = len(flow.times), self.form.units.rate
+        length = (end - flow.times[-1]) * rate
+        if count < FIRST_LOOK or count & (count - 1) or length < AHEAD * dynamics.step:
+            return False
+        slow = self.selector.slow_part(dynamics)
+        if slow is not None and slow.dynamics.rate.size:  # what is fast will have died out first
+            return False
+        closed = self.selector.closed_form(dynamics)
+        if closed is None:
+            return False
+        low, high = closed.bounds(dynamics.outputs, c.z, length)
+        levels = CROSSES * dynamics.output_sizes @ np.maximum(c.sizes, np.abs(c.z))
+        if not ((low > levels) | ((low >= -levels) & (high <= levels))).all():
+            return False
+        terms = dynamics.expansion(c.z)
+        ahead = closed.states(c.z, np.array([dynamics.step]))[0]
+        if float(np.abs(ahead - terms.sum(axis=0)).max(initial=0.0)) > AGREES * float(
+            np.abs(terms).sum(axis=0).max()
+        ):
+            return False
+        flow.closed = closed
+        return True
+
+    def _what_happens(
+        self,
+        polynomials: Matrix,
+        reach: float,
+        tolerances: Vector,
+        flow: Flow,
+        begin: tuple[float, float],
+        terms: Matrix,
+    ) -> tuple[Crossing | None, float]:
+        """Return the first crossing, if there is one, and the place in the step where that is or the step ends.
+
+        Outputs that touch zero on the way without crossing it are noted.
+        """
+        bounds = bernstein(polynomials, reach)
+        least = bounds.min(axis=0)
+        if (least > tolerances).all():
+            return None, reach
+        crossing = first_crossing(polynomials, reach, tolerances)
+        place = reach if crossing is None else crossing.place
+        t, length = begin
+        for touch in touching_places(polynomials, place, tolerances):
+            x = self._state(flow.dynamics.basis @ (touch**POWERS @ terms))
+            none = np.zeros(self.form.system.shape[1])
+            self._note(Event(t + touch * length, "grazing", x, x, none, flow.mode, flow.mode))
+        return crossing, place
+
+    def _is_low(
+        self, dynamics: ModeDynamics, c: State, polynomials: Matrix | None, crossing: Crossing
+    ) -> bool:
+        """Tell whether the outputs that cross zero were or are about to be there but for rounding.
+
+        They rose on the way to a place in the flow's first step by no more than that, or reach zero next to still.
+        """
+        pairs = list(crossing.outputs)
+        if polynomials is not None:
+            heights = (crossing.place * FLIGHT)[:, None] ** POWERS @ polynomials[:, pairs]
+            if (heights <= LOW * (dynamics.output_sizes[pairs] @ c.sizes)).all():
+                return True
+        return dynamics.is_slow(c, crossing.outputs)
+
+    def _crossing_at_end(self, dynamics: ModeDynamics, c: State) -> Crossing | None:
         """Return the outputs that are about to become negative at the end of the interval."""
         falling = np.flatnonzero(dynamics.initial_signs(c) < 0.0)
         return Crossing(0.0, tuple(falling.tolist())) if falling.size else None
 
     def _enter(
         self,
-        z: Vector,
+        state: State,
         t: float,
         near: IndexSet,
         kind: EventKind | None,
         at_start: bool,
-        crossed: tuple[int, ...],
-        left: IndexSet | None = None,
-    ) -> tuple[ModeDynamics, Vector]:
+        meeting: _Meeting | None,
+    ) -> tuple[ModeDynamics, State]:
         """Select the mode that goes on from z, jump into it, and note the event; return dynamics and coordinates."""
-        check_size(z, t)
-        if float(np.max(np.abs(z), initial=0.0)) < NOTHING:
-            z = np.zeros_like(z)
-        before = z
-        landing = self._land(z, t, near, left)
+        check_size(state.z, t)
+        if float(np.abs(state.z).max(initial=0.0)) < NOTHING:
+            state = State(np.zeros_like(state.z), np.zeros_like(state.z))
+        before = state
+        left = None if meeting is None else meeting.left
+        landing = self._land(state, t, near, left)
         if landing.multiplicity > 0:
-            kind = "jump"
-            if self.method.rebound is not None:
-                contacts = self._contacts(before)
-                x, impulse = self.method.rebound(self._state(before), self._state(landing.z), contacts)
-                z = self.form.state_after(x, t) / self.form.units.state
-                again = self._land(z, t, landing.dynamics.mode, None)
-                landing = again._replace(impulse=impulse + again.impulse, multiplicity=landing.multiplicity)
-        dynamics, c, z, impulse, multiplicity = landing
+            if self.method.rebound is not None and not (meeting is not None and meeting.is_low):
+                landing = self._rebound(before, landing, t)
+            is_rest = meeting is not None and meeting.is_low
+            kind = kind if is_rest else "jump"
+        dynamics, c, state, impulse, multiplicity = landing
         if kind is None or (kind == "switch" and left == dynamics.mode):
             return dynamics, c
+        is_sensitive = multiplicity > 0 and depends_on_order(
+            self.selector, before, left or (), () if meeting is None else meeting.outputs, at_start
+        )
         self._note(
             Event(
                 t,
                 kind,
-                self._state(before),
-                self._state(z),
+                self._state(before.z),
+                self._state(state.z),
                 impulse,
                 None if at_start else (left if left is not None else near),
                 dynamics.mode,
                 multiplicity,
-                order_sensitive=multiplicity > 0
-                and depends_on_order(self.selector, before, left or (), crossed, at_start),
+                order_sensitive=is_sensitive,
             )
         )
         return dynamics, c
 
-    def _land(self, z: Vector, t: float, near: IndexSet, left: IndexSet | None) -> _Landing:
+    def _rebound(self, before: State, landing: _Landing, t: float) -> _Landing:
+        """Return where the other law of impact leads to."""
+        assert self.method.rebound is not None
+        contacts = self._contacts(before)
+        x, impulse = self.method.rebound(self._state(before.z), self._state(landing.z.z), contacts)
+        z = self.form.state_after(x, t) / self.form.units.state
+        change = np.abs(z - before.z)
+        sizes = np.maximum(before.sizes, np.where(change > 0.0, float(change.max(initial=0.0)), np.abs(z)))
+        again = self._land(State(z, sizes), t, landing.dynamics.mode, None)
+        return again._replace(impulse=impulse + again.impulse, multiplicity=landing.multiplicity)
+
+    def _land(self, state: State, t: float, near: IndexSet, left: IndexSet | None) -> _Landing:
         """Select the mode that goes on from z and jump into it, as often as it takes."""
-        dynamics = self.selector.select(z, t, near, left)
+        state, dynamics, shares = self._select(state, t, near, left)
         impulse, multiplicity = np.zeros(self.form.system.shape[1]), 0
         for _ in range(MOST_REINITIALISATIONS):
-            c = dynamics.coordinates_of(z)
-            if not dynamics.is_consistent(z):
+            c = dynamics.enter(state)
+            if not dynamics.is_consistent(state.z):
                 multiplicity += 1
-                impulse += self._impulse(dynamics, z)
-                z = dynamics.basis @ c
-            if dynamics.continues(c):
-                return _Landing(dynamics, c, z, impulse, multiplicity)
-            dynamics = self.selector.select(z, t, dynamics.mode, dynamics.mode)
+                impulse += self._impulse(dynamics, state.z)
+                state = dynamics.leave(c)
+            if dynamics.continues(c, shares):
+                return _Landing(dynamics, c, state, impulse, multiplicity)
+            state, dynamics, shares = self._select(state, t, dynamics.mode, dynamics.mode)
         raise IterationLimitError(
             f"{MOST_REINITIALISATIONS} reinitialisations at t = {t:.12g} lead to no mode that goes on"
         )
 
-    def _contacts(self, z: Vector) -> IndexSet:
+    def _select(
+        self, state: State, t: float, near: IndexSet, without: IndexSet | None
+    ) -> tuple[State, ModeDynamics, Shares]:
+        """Select the mode that goes on; where rounding leaves none, that of the state after a very short step."""
+        try:
+            return state, *self.selector.select(state, t, near, without)
+        except NonUniqueError:
+            raise
+        except NumericalError as error:
+            for h in SHORT_STEPS:
+                stepped = implicit_step(self.form, state, h)
+                if stepped is None:
+                    continue
+                state_after, mode = stepped
+                found = self.selector.dynamics(mode)
+                shares = next((s for s in LADDER if found is not None and found.admits(state_after, s)), None)
+                if found is not None and shares is not None:
+                    return state_after, found, shares
+            raise error
+
+    def _settle(
+        self, state: State, t: float, near: IndexSet, end: float
+    ) -> tuple[ModeDynamics, State, float]:
+        """Go on where events follow each other at one instant: in the mode that a short implicit step ends in."""
+        for h in SETTLING_STEPS:
+            stepped = implicit_step(self.form, state, h)
+            if stepped is None:
+                continue
+            found = self.selector.dynamics(stepped[1])
+            if found is None:
+                continue
+            for start in (state, stepped[0]):
+                c = found.enter(start)
+                if found.continues(c):
+                    after = found.leave(c)
+                    none = np.zeros(self.form.system.shape[1])
+                    self._note(
+                        Event(t, "zeno", self._state(state.z), self._state(after.z), none, near, found.mode)
+                    )
+                    self.stalled = 0
+                    return found, c, t
+        repeated = ", ".join(sorted({str(event.mode_after) for event in self.events[-MOST_AT_ONE_INSTANT:]}))
+        raise ZenoError(
+            f"the modes {repeated} follow each other at t = {t:.12g} without end, and no mode goes on"
+        )
+
+    def _contacts(self, state: State) -> IndexSet:
         """Return the pairs with y_i = C_i z = 0, to rounding."""
         C = self.form.system.C
-        return tuple(
-            np.flatnonzero(C @ z <= TOUCHES * np.linalg.norm(C, axis=1) * np.linalg.norm(z)).tolist()
-        )
+        levels = np.abs(C) @ np.maximum(state.sizes, np.abs(state.z))
+        return tuple(np.flatnonzero(C @ state.z <= TOUCHES * levels).tolist())
 
     def _impulse(self, dynamics: ModeDynamics, z: Vector) -> Vector:
         """Return the coefficients of delta in u, shape (k,)."""
@@ -252,59 +406,42 @@ class _Run:
         return np.asarray(impulse * self.form.units.pair / self.form.units.rate)
 
     def _beyond(
-        self, limit: ZenoLimit, dynamics: ModeDynamics, c: Vector
-    ) -> tuple[ModeDynamics, Vector, float]:
-        """Go on from the limit of infinitely many events."""
-        inputs = self.form.state_after(limit.x, limit.time)
-        z = inputs / self.form.units.state
-        last = self._state(dynamics.basis @ c)
+        self, limit: ZenoLimit, dynamics: ModeDynamics, c: State, t: float
+    ) -> tuple[ModeDynamics, State, float]:
+        """Go on from the limit of infinitely many events.
+
+        What takes part jumps to the mode behind the limit, as all its remaining events together do, and everything
+        flows there up to the limit: what does not take part does so exactly.
+        """
+        z = self.form.state_after(limit.x, limit.time) / self.form.units.state
+        here = dynamics.leave(c)
+        sizes = np.maximum(here.sizes, np.abs(z))
         try:
-            following = self.selector.select(z, limit.time, dynamics.mode)
-        except InfeasibleError as error:
+            following, _ = self.selector.select(State(z, sizes), limit.time, dynamics.mode)
+        except NumericalError as error:
             raise ZenoError(
                 f"events accumulate at t = {limit.time:.12g}, each round {limit.ratio:.6g} times as long as the one "
                 f"before, and nothing goes on from there: {error}"
             ) from error
-        c = following.coordinates_of(z)
+        start = following.enter(here)
+        flow = Flow(self.form, following, t, limit.time, [t], [start.z])
+        after = State(flow.coordinates_at(np.array([limit.time]))[0], start.sizes)
+        self.flows.append(flow)
+        x = self._state(following.basis @ after.z)
         none = np.zeros(self.form.system.shape[1])
-        after = self._state(following.basis @ c)
         self._note(
             Event(
                 limit.time,
                 "zeno",
-                last,
-                after,
+                x,
+                x,
                 none,
                 dynamics.mode,
                 following.mode,
                 ratio=limit.ratio,
             )
         )
-        return following, c, limit.time
-
-    def _note_touching(
-        self,
-        polynomials: Matrix,
-        reach: float,
-        tolerances: Vector,
-        flow: Flow,
-        begin: tuple[float, float],
-        terms: Matrix,
-    ) -> None:
-        """Note the outputs that touch zero on the way without crossing it."""
-        t, length = begin
-        for place in touching_places(polynomials, reach, tolerances):
-            x = self._state(flow.dynamics.basis @ (place ** np.arange(terms.shape[0]) @ terms))
-            none = np.zeros(self.form.system.shape[1])
-            self._note(Event(t + place * length, "grazing", x, x, none, flow.mode, flow.mode))
-
-    def _count_step(self, t: float) -> None:
-        if self.steps == MOST_STEPS:
-            raise IterationLimitError(
-                f"{MOST_STEPS} steps by t = {t:.12g}, as long as the fastest motion allows, and events may follow: "
-                "simulate a shorter interval, or one part of it after the other"
-            )
-        self.steps += 1
+        return following, after, limit.time
 
     def _note(self, event: Event) -> None:
         if len(self.events) == self.method.max_events:
@@ -312,6 +449,8 @@ class _Run:
                 f"{self.method.max_events} events by t = {event.time:.12g}: raise max_events, or look for a Zeno point "
                 "there"
             )
+        if event.kind != "grazing":
+            self.first_event = min(self.first_event, event.time)
         self.events.append(event)
 
     def _state(self, z: Vector) -> Vector:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pricing_core.arrays import Matrix, Vector
-from pricing_core.lcs.mode_dynamics import DEGREE
+from pricing_core.lcs.mode_dynamics import DEGREE, POWERS
 
 MOST_HALVINGS = 60
 NEWTON_STEPS = 60
@@ -54,7 +54,7 @@ def first_crossing(polynomials: Matrix, end: float, tolerances: Vector) -> Cross
     >>> first_crossing(line, 1.0, np.array([1e-12]))
     Crossing(place=0.25, outputs=(0,))
     """
-    scaled = _bernstein() @ (polynomials * (end ** np.arange(DEGREE + 1))[:, None])
+    scaled = bernstein(polynomials, end)
     found: list[tuple[float, int]] = []
     for i in np.flatnonzero(scaled.min(axis=0) < -tolerances):
         bracket = _first_bracket(scaled[:, i], -float(tolerances[i]))
@@ -66,9 +66,15 @@ def first_crossing(polynomials: Matrix, end: float, tolerances: Vector) -> Cross
     return Crossing(place, tuple(sorted(i for root, i in found if root <= place + SAME_TIME)))
 
 
+def bernstein(polynomials: Matrix, end: float) -> Matrix:
+    """Return the Bernstein coefficients on [0, end], between whose least and largest each polynomial stays."""
+    scaled = polynomials if end == 1.0 else polynomials * (end**POWERS)[:, None]
+    return _bernstein() @ scaled
+
+
 def touching_places(polynomials: Matrix, end: float, tolerances: Vector) -> list[float]:
     """Return where in (0, end) outputs touch zero, to within their tolerance, without crossing it."""
-    scaled = polynomials * (end ** np.arange(DEGREE + 1))[:, None]
+    scaled = polynomials * (end**POWERS)[:, None]
     bounds, samples = _bernstein() @ scaled, _samples() @ scaled
     possible = (bounds.min(axis=0) <= tolerances) & (bounds.max(axis=0) > FLAT * tolerances)
     turns = (samples[1:-1] <= samples[:-2]) & (samples[1:-1] <= samples[2:])

@@ -3,10 +3,14 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import expm
 
 from pricing_core.arrays import IndexSet, Matrix, Vector
 from pricing_core.lcs.autonomous import AutonomousForm
-from pricing_core.lcs.mode_dynamics import DEGREE, ModeDynamics
+from pricing_core.lcs.closed_form import ClosedForm
+from pricing_core.lcs.mode_dynamics import POWERS, ModeDynamics
+
+LONGER = 1.0 + 1e-9  # reach of a Taylor polynomial, with rounding
 
 
 @dataclass(slots=True, eq=False)
@@ -21,6 +25,8 @@ class Flow:
     times : list of float
         The times at which the steps start.
     coordinates : list of Vector, shape (d,)
+    closed : ClosedForm, optional
+        Of the last step, where that is longer than one Taylor polynomial reaches.
     """
 
     form: AutonomousForm
@@ -29,6 +35,7 @@ class Flow:
     end: float
     times: list[float] = field(default_factory=list)
     coordinates: list[Vector] = field(default_factory=list)
+    closed: ClosedForm | None = None
 
     @property
     def mode(self) -> IndexSet:
@@ -38,20 +45,30 @@ class Flow:
     def at(self, t: Vector) -> tuple[Matrix, Matrix, Matrix]:
         """Return x, u and y at increasing times of this flow, shapes (m, n), (m, k), (m, k)."""
         form, dynamics = self.form, self.dynamics
+        c = self.coordinates_at(t)
+        x = (c @ dynamics.basis.T * form.units.state)[:, : form.states]
+        outputs = c @ dynamics.outputs.T
+        u = np.where(dynamics.active, outputs, 0.0) * form.units.pair
+        y = np.where(dynamics.active, 0.0, outputs) / form.units.pair
+        return x, u, y
+
+    def coordinates_at(self, t: Vector) -> Matrix:
+        """Return the coordinates at increasing times of this flow, shape (m, d)."""
+        rate, dynamics = self.form.units.rate, self.dynamics
         steps = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 1)
         c = np.empty((t.size, dynamics.rate.shape[0]))
         for step in np.unique(steps):
-            rows = steps == step
-            place = (t[rows] - self.times[step]) * form.units.rate / dynamics.step
-            powers = place[:, None] ** np.arange(DEGREE + 1)
-            c[rows] = powers @ dynamics.expansion(self.coordinates[step])
-        x = (c @ dynamics.basis.T * form.units.state)[:, : form.states]
-        outputs = c @ dynamics.outputs.T
-        active = np.zeros(outputs.shape[1], dtype=bool)
-        active[list(dynamics.mode)] = True
-        u = np.where(active, outputs, 0.0) * form.units.pair
-        y = np.where(active, 0.0, outputs) / form.units.pair
-        return x, u, y
+            rows, start = np.flatnonzero(steps == step), self.coordinates[step]
+            elapsed = (t[rows] - self.times[step]) * rate
+            near = elapsed <= LONGER * dynamics.step
+            powers = (elapsed[near] / dynamics.step)[:, None] ** POWERS
+            c[rows[near]] = powers @ dynamics.expansion(start)
+            far = rows[~near]
+            if far.size and self.closed is not None:
+                c[far] = self.closed.states(start, elapsed[~near])
+            elif far.size:
+                c[far] = [expm(dynamics.rate * length) @ start for length in elapsed[~near]]
+        return c
 
 
 def evaluate(flows: tuple[Flow, ...], t: Vector) -> tuple[Matrix, Matrix, Matrix]:

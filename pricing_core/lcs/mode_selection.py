@@ -11,14 +11,17 @@ from pricing_core.arrays import IndexSet, Vector
 from pricing_core.errors import InfeasibleError, NonUniqueError, NumericalError
 from pricing_core.lcp import LCP, solve
 from pricing_core.lcs.autonomous import AutonomousForm
+from pricing_core.lcs.closed_form import ClosedForm, closed_form
 from pricing_core.lcs.free_inputs import free_input_moves_state
-from pricing_core.lcs.mode_dynamics import FAINT, VANISHES, ModeDynamics, mode_dynamics
+from pricing_core.lcs.mode_dynamics import LADDER, ModeDynamics, Shares, State, mode_dynamics
 from pricing_core.lcs.slow_part import SlowPart, slow_part
 
 OnNonUnique: TypeAlias = Literal["raise", "first"] | Callable[[float, Vector, tuple[IndexSet, ...]], IndexSet]
 
 LARGEST_COMPLETE = 10  # pairs up to which all 2**k modes are looked at
 SEARCHED = (1e2, 1e4, 1e6)  # real s, in the form's units, at which large systems are solved for their mode
+PATIENCE = 3  # exchanges of all pairs that gain nothing
+MOST_EXCHANGES = 60
 SAME_STATE = 1e-8  # relative: futures this close are one
 
 
@@ -40,6 +43,7 @@ class ModeSelector:
     on_nonunique: OnNonUnique
     _known: dict[IndexSet, ModeDynamics | None] = field(default_factory=dict, init=False, repr=False)
     _slow: dict[int, SlowPart | None] = field(default_factory=dict, init=False, repr=False)
+    _closed: dict[int, ClosedForm | None] = field(default_factory=dict, init=False, repr=False)
     _taken: dict[tuple[IndexSet, IndexSet | None], IndexSet] = field(
         default_factory=dict, init=False, repr=False
     )
@@ -57,12 +61,21 @@ class ModeSelector:
             self._slow[key] = slow_part(dynamics)
         return self._slow[key]
 
-    def select(self, z: Vector, t: float, near: IndexSet, without: IndexSet | None = None) -> ModeDynamics:
-        """Return the dynamics of the mode in which z goes on.
+    def closed_form(self, dynamics: ModeDynamics) -> ClosedForm | None:
+        """Return the closed form of a mode's flow, None where it is not known well enough."""
+        key = id(dynamics)  # all dynamics are kept
+        if key not in self._closed:
+            self._closed[key] = closed_form(dynamics.rate)
+        return self._closed[key]
+
+    def select(
+        self, state: State, t: float, near: IndexSet, without: IndexSet | None = None
+    ) -> tuple[ModeDynamics, Shares]:
+        """Return the dynamics of the mode in which z goes on, and the shares with which its signs were told.
 
         Parameters
         ----------
-        z : Vector, shape (N,)
+        state : State
             In the form's units.
         near : tuple of int
             The mode so far: others are tried in the order of their distance from it.
@@ -72,53 +85,56 @@ class ModeSelector:
         Raises
         ------
         InfeasibleError
-            There is no admissible mode.
+            There is no admissible mode: all were looked at.
+        NumericalError
+            None was found.
         NonUniqueError
             There are several, with different futures.
         """
-        k = self.form.system.shape[1]
-        one_is_enough = self.is_unique or k > LARGEST_COMPLETE
-        if one_is_enough or self.on_nonunique == "first":
-            found = next(self._admitting(z, near, without), None)
-            if found is None:
-                raise self._no_mode(z, t)
-            if one_is_enough:
-                self._taken[near, without] = found.mode
-            return found
-        every = list(self._admitting(z, near, without))
-        if not every:
-            raise self._no_mode(z, t)
-        if any(not self._same_future(every[0], other, z) for other in every[1:]):
-            return self._chosen(every, z, t)
+        if self.one_is_enough or self.on_nonunique == "first":
+            for shares in LADDER:
+                found = next(self._admitting(state, near, without, shares), None)
+                if found is not None:
+                    if self.one_is_enough:
+                        self._taken[near, without] = found.mode
+                    return found, shares
+            raise self._no_mode(state.z, t)
+        for shares in LADDER:
+            every = list(self._admitting(state, near, without, shares))
+            if every:
+                break
+        else:
+            raise self._no_mode(state.z, t)
+        if any(not self._same_future(every[0], other, state.z) for other in every[1:]):
+            return self._chosen(every, state.z, t), shares
         if self.on_nonunique == "raise":
-            self._check_free_inputs(every[0], z, t)
-        return every[0]
+            self._check_free_inputs(every[0], state, t)
+        return every[0], shares
 
-    def _admitting(self, z: Vector, near: IndexSet, without: IndexSet | None) -> Iterator[ModeDynamics]:
-        """Yield the modes that go on from z.
+    @property
+    def one_is_enough(self) -> bool:
+        """Whether the first mode that is found is taken, without a look at the others."""
+        return self.is_unique or self.form.system.shape[1] > LARGEST_COMPLETE
 
-        Where bounces die out, a velocity that is taken for zero may ask for a jump that is not: where no mode goes on
-        otherwise, that is taken for none as well.
+    def _admitting(
+        self, state: State, near: IndexSet, without: IndexSet | None, shares: Shares
+    ) -> Iterator[ModeDynamics]:
+        """Yield the modes that go on from z."""
+        for mode in self._candidates(state, near, self._taken.get((near, without), near), shares):
+            dynamics = None if mode == without else self.dynamics(mode)
+            if dynamics is not None and dynamics.admits(state, shares):
+                yield dynamics
+
+    def _candidates(self, state: State, near: IndexSet, last: IndexSet, shares: Shares) -> Iterator[IndexSet]:
+        """Yield the mode taken last time, the nearest, those that signs lead to, what large s suggests.
+
+        If they are few, all follow by distance.
         """
-        for share in (VANISHES, FAINT):
-            found = False
-            for mode in self._candidates(z, near, self._taken.get((near, without), near)):
-                dynamics = None if mode == without else self.dynamics(mode)
-                if dynamics is not None and dynamics.admits(z, share):
-                    found = True
-                    yield dynamics
-            if found:
-                return
-
-    def _candidates(self, z: Vector, near: IndexSet, last: IndexSet) -> Iterator[IndexSet]:
-        """Yield the mode taken last time, the nearest, what large s suggests; if they are few, all by distance."""
         k = self.form.system.shape[1]
-        tried = {last}
-        yield last
-        if near not in tried:
-            tried.add(near)
-            yield near
-        for mode in self._from_problems(z):
+        tried = set()
+        for mode in itertools.chain(
+            (last, near), self._exchanged(state, near, shares), self._from_problems(state.z)
+        ):
             if mode not in tried:
                 tried.add(mode)
                 yield mode
@@ -128,6 +144,27 @@ class ModeSelector:
                     mode = tuple(sorted(set(near) ^ set(changed)))
                     if mode not in tried:
                         yield mode
+
+    def _exchanged(self, state: State, near: IndexSet, shares: Shares) -> Iterator[IndexSet]:
+        """Yield what exchanging the pairs with negative outputs leads to: all at once, later the last one alone.
+
+        Principal pivoting on (11.77), which ends with a solution where G(s) is a P-matrix for large s (Murty 1974).
+        """
+        mode, fewest, patience = near, len(near) + self.form.system.shape[1] + 1, PATIENCE
+        for _ in range(MOST_EXCHANGES):
+            dynamics = self.dynamics(mode)
+            if dynamics is None:
+                return
+            falling = np.flatnonzero(dynamics.signs(state, shares) < 0.0).tolist()
+            if not falling:
+                return
+            if len(falling) < fewest:
+                fewest, patience = len(falling), PATIENCE
+            else:
+                patience -= 1
+            changed = falling if patience > 0 else falling[-1:]
+            mode = tuple(sorted(set(mode) ^ set(changed)))
+            yield mode
 
     def _from_problems(self, z: Vector) -> Iterator[IndexSet]:
         """Yield the modes that solve the problem (11.77) at large real s."""
@@ -153,9 +190,9 @@ class ModeSelector:
             a, b = step * (rates[0] @ a), step * (rates[1] @ b)
         return True
 
-    def _check_free_inputs(self, found: ModeDynamics, z: Vector, t: float) -> None:
+    def _check_free_inputs(self, found: ModeDynamics, state: State, t: float) -> None:
         """Raise NonUniqueError where inputs that are zero, in pairs whose outputs stay zero, may as well move x."""
-        signs = found.signs(z)
+        signs, z = found.signs(state), state.z
         held = tuple(i for i in found.mode if signs[i] > 0.0)
         zero = np.flatnonzero(signs == 0.0).tolist()
         for count in range(len(zero) + 1):
@@ -184,12 +221,29 @@ class ModeSelector:
             'choose with on_nonunique="first" or a function of (t, x, modes)'
         )
 
-    def _no_mode(self, z: Vector, t: float) -> InfeasibleError:
+    def _no_mode(self, z: Vector, t: float) -> NumericalError:
         x = (z * self.form.units.state)[: self.form.states]
-        return InfeasibleError(
-            f"no mode goes on from x = {_shown(x)} at t = {t:.12g}: S(x) holds no set with a unique input; "
-            'see `rational_complementarity`, or step with method="time-stepping"'
-        )
+        start = f"x = {_shown(x)} at t = {t:.12g}"
+        if self.form.system.shape[1] > LARGEST_COMPLETE:
+            return NumericalError(f"no mode that goes on was found from {start}: nothing is proved")
+        return InfeasibleError(f"no mode goes on from {start}: each one with a unique input was looked at")
+
+
+def implicit_step(form: AutonomousForm, state: State, h: float) -> tuple[State, IndexSet] | None:
+    """Return the state after an implicit Euler step of length h, in the form's units, and the mode that it ends in.
+
+    None where the step's problem was not solved: from every state of a passive system it has a solution.
+    """
+    A, B, C, D = form.system.A, form.system.B, form.system.C, form.system.D
+    try:
+        resolved = np.linalg.solve(np.eye(A.shape[0]) - h * A, np.column_stack([h * B, state.z]))
+        problem = LCP(D + C @ resolved[:, :-1], C @ resolved[:, -1])
+        solution = solve(problem)
+    except (NumericalError, np.linalg.LinAlgError):
+        return None
+    z = resolved[:, -1] + resolved[:, :-1] @ solution.z
+    mode = tuple(np.flatnonzero(solution.z > solution.w).tolist())
+    return State(z, np.maximum(state.sizes, np.abs(z))), mode
 
 
 def _shown(x: Vector) -> str:

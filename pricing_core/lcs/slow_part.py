@@ -3,14 +3,22 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from flint import arb_mat, ctx
 from numpy.typing import NDArray
 from scipy.linalg import schur, solve_sylvester
 
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs.mode_dynamics import ModeDynamics, longest_step
+from pricing_core.lcs.mode_maps import ExactMaps, coordinate_rows
+from pricing_core.linalg.rational import to_flint
 
 GAP = 30.0  # between the sizes of fast and slow eigenvalues
 DAMPED = 1e-6  # damping of the fast ones, at the least
+PRECISE = 1e3  # of fast to slow rates, from which on rounding of the fast ones is felt in the slow ones
+DIGITS = 400  # binary, of the slow part of a stiff mode
+ITERATIONS = 12
+SHIFT = 1e-3  # of the threshold between fast and slow
+LEAST_SHIFT = 1e-20  # of the fastest rate
 DEAD = 1e-15  # share of the coordinates
 NOTHING = 1e-140  # in the form's units: a state so small has died out, and squares of it would underflow
 
@@ -63,18 +71,56 @@ def slow_part(dynamics: ModeDynamics) -> SlowPart | None:
     # Q [I, X; 0, I] takes the rate to diag(fast, slow).
     X = solve_sylvester(triangular[:fast, :fast], -slow_block, -triangular[:fast, fast:])
     back = Q @ np.vstack([X, np.eye(slow_block.shape[0])])
-    orthonormal, R = np.linalg.qr(back)
-    take = R @ Q[:, fast:].T
-    rate = take @ dynamics.rate @ orthonormal
+    rows = coordinate_rows(back)
+    scale = np.linalg.inv(back[rows])
+    basis, take = back @ scale, np.linalg.solve(scale, Q[:, fast:].T)
+    whole = dynamics.basis @ basis, take @ dynamics.rate @ basis, dynamics.outputs @ basis
+    exact = None if dynamics.maps is None else dynamics.maps.exact
+    largest = float(np.abs(dynamics.rate).max(initial=0.0))
+    if exact is not None and rows and largest > PRECISE * float(np.abs(slow_block).max(initial=0.0)):
+        take, basis, whole = _refined(exact, take, basis, rows, threshold, largest)
     slow = replace(
         dynamics,
-        basis=dynamics.basis @ orthonormal,
+        basis=whole[0],
         coordinates=take @ dynamics.coordinates,
-        rate=rate,
-        outputs=dynamics.outputs @ orthonormal,
-        step=longest_step(rate),
+        rate=whole[1],
+        outputs=whole[2],
+        step=longest_step(whole[1]),
+        maps=None,
     )
-    return SlowPart(slow, take, orthonormal)
+    return SlowPart(slow, take, basis)
+
+
+def _refined(
+    exact: ExactMaps, rough: Matrix, back: Matrix, rows: list[int], threshold: float, largest: float
+) -> tuple[Matrix, Matrix, tuple[Matrix, Matrix, Matrix]]:
+    """Return the maps of the slow subspace to full precision, by inverse iteration with many digits.
+
+    In floating point the slow eigenvalues carry the rounding of the fast ones.
+    """
+    with ctx.workprec(DIGITS):
+        rate, basis, outputs = (arb_mat(to_flint(part)) for part in exact)
+        d = rate.nrows()
+        shift = max(SHIFT * threshold, LEAST_SHIFT * largest)
+        shifted = rate - arb_mat(np.diag(np.full(d, shift)).tolist())
+        right, left = arb_mat(back.tolist()), arb_mat(rough.T.tolist())
+        for _ in range(ITERATIONS):
+            right = shifted.solve(right).mid()
+            right = (right * _part(right, rows).inv()).mid()
+            left = shifted.transpose().solve(left).mid()
+            left = (left * (right.transpose() * left).inv()).mid()
+        take = left.transpose()
+        whole = _floats(basis * right), _floats(take * rate * right), _floats(outputs * right)
+        return _floats(take), _floats(right), whole
+
+
+def _part(M: arb_mat, rows: list[int]) -> arb_mat:
+    return arb_mat([[M[i, j] for j in range(M.ncols())] for i in rows])
+
+
+def _floats(M: arb_mat) -> Matrix:
+    entries = [float(entry.mid()) for entry in M.entries()]
+    return np.array(entries, dtype=np.float64).reshape(M.nrows(), M.ncols())
 
 
 def _threshold(eigenvalues: NDArray[np.complex128]) -> float | None:

@@ -10,7 +10,7 @@ from pricing_core.lcs.trajectory import Event
 ROUNDS = 3  # Least number of rounds that must have passed.
 LONGEST_ROUND = 64  # Largest number of events in a round.
 # Largest time to the limit, as a share of the time since the first event.
-NEAR = 1e-3
+NEAR = 1e-5
 # Largest uncertainty of the limit from the ratios' scatter, as a share of that time.
 CERTAIN = 1e-11
 # Time to the limit, as a share of that time, within which rounding scatters the ratios.

@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from pricing_core.lcs import initial_solution, mode_geometry, rational_complementarity
 from pricing_core.lcs.autonomous import autonomous_form
-from pricing_core.lcs.mode_dynamics import DEGREE, mode_dynamics
+from pricing_core.lcs.mode_dynamics import DEGREE, State, mode_dynamics
 from pricing_core.lcs.modes import all_modes
 from tests.problems.lcs_systems import bridge, integrators, random_system, two_carts
 
@@ -17,11 +17,12 @@ def test_the_modes_that_admit_a_state_are_those_of_the_exact_problem(seed, n, k,
     rng = np.random.default_rng(seed)
     system, x0 = random_system(rng, n, k, feedthrough=feedthrough), rng.integers(-3, 4, n)
     form = autonomous_form(system)
+    z = x0 / form.units.state
     exact = rational_complementarity(system, x0).solution_sets
     for mode in all_modes(k):
         dynamics = mode_dynamics(form, mode)
         if dynamics is not None:
-            assert dynamics.admits(x0 / form.units.state) == (mode in exact)
+            assert dynamics.admits(State(z, np.full(z.size, np.abs(z).max(initial=0.0)))) == (mode in exact)
 
 
 def test_a_mode_in_which_the_input_is_open_has_no_dynamics():
