@@ -152,8 +152,9 @@ class _Run:
             dynamics, c = self._enter(state, t, near, "switch", False, meeting)
             if len(self.events) > ROUNDS and t - self.events[-2].time <= NEAR * (t - self.first_event):
                 limit = zeno_limit(self.events, end)
-                if limit is not None:
-                    dynamics, c, t = self._beyond(limit, dynamics, c, t)
+                beyond = None if limit is None else self._beyond(limit, dynamics, c, t)
+                if beyond is not None:
+                    dynamics, c, t = beyond
 
     def _flow(
         self, dynamics: ModeDynamics, c: State, t: float, end: float
@@ -322,7 +323,7 @@ class _Run:
         assert self.method.rebound is not None
         contacts = self._contacts(before)
         x, impulse = self.method.rebound(self._state(before.z), self._state(landing.z.z), contacts)
-        z = self.form.state_after(x, t) / self.form.units.state
+        z = self._with_state(before.z, x)
         change = np.abs(z - before.z)
         sizes = np.maximum(before.sizes, np.where(change > 0.0, float(change.max(initial=0.0)), np.abs(z)))
         again = self._land(State(z, sizes), t, landing.dynamics.mode, None)
@@ -407,14 +408,14 @@ class _Run:
 
     def _beyond(
         self, limit: ZenoLimit, dynamics: ModeDynamics, c: State, t: float
-    ) -> tuple[ModeDynamics, State, float]:
-        """Go on from the limit of infinitely many events.
+    ) -> tuple[ModeDynamics, State, float] | None:
+        """Go on from the limit of infinitely many events, None where something else happens before it.
 
         What takes part jumps to the mode behind the limit, as all its remaining events together do, and everything
         flows there up to the limit: what does not take part does so exactly.
         """
-        z = self.form.state_after(limit.x, limit.time) / self.form.units.state
         here = dynamics.leave(c)
+        z = self.form.state_after(limit.x, limit.time) / self.form.units.state
         sizes = np.maximum(here.sizes, np.abs(z))
         try:
             following, _ = self.selector.select(State(z, sizes), limit.time, dynamics.mode)
@@ -424,6 +425,8 @@ class _Run:
                 f"before, and nothing goes on from there: {error}"
             ) from error
         start = following.enter(here)
+        if self._is_left(following, start, (limit.time - t) * self.form.units.rate):
+            return None
         flow = Flow(self.form, following, t, limit.time, [t], [start.z])
         after = State(flow.coordinates_at(np.array([limit.time]))[0], start.sizes)
         self.flows.append(flow)
@@ -443,6 +446,14 @@ class _Run:
         )
         return following, after, limit.time
 
+    def _is_left(self, dynamics: ModeDynamics, c: State, length: float) -> bool:
+        """Tell whether an output becomes negative within so short a time; its start may be so by rounding."""
+        reach = min(1.0, length / dynamics.step)
+        terms = dynamics.expansion(c.z)
+        levels = dynamics.output_sizes @ np.maximum(c.sizes, reach**POWERS @ np.abs(terms))
+        polynomials = dynamics.output_expansion(c.z, terms)
+        return first_crossing(polynomials, reach, CROSSES * np.maximum(levels, 1e-290)) is not None
+
     def _note(self, event: Event) -> None:
         if len(self.events) == self.method.max_events:
             raise IterationLimitError(
@@ -452,6 +463,11 @@ class _Run:
         if event.kind != "grazing":
             self.first_event = min(self.first_event, event.time)
         self.events.append(event)
+
+    def _with_state(self, z: Vector, x: Vector) -> Vector:
+        """Return z with another x and the same inputs."""
+        n = self.form.states
+        return np.concatenate([x / self.form.units.state[:n], z[n:]])
 
     def _state(self, z: Vector) -> Vector:
         return np.asarray((z * self.form.units.state)[: self.form.states])

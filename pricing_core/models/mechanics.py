@@ -202,23 +202,44 @@ class MechanicalSystem:
             raise InvalidInputError("scheme", method.scheme, '"moreau" where the restitution is > 0')
         if method.rebound is not None:
             raise InvalidInputError("rebound", Told("a law"), "left out where the restitution is > 0")
-        return replace(method, rebound=self._rebound)
+        response = cho_solve(cho_factor(self.mass), self.F.T)
+        return replace(method, rebound=_NewtonsLaw(self.F, response, self.restitution))
 
     def _kinetic(self, x: Vector) -> float:
         v = x[self.mass.shape[0] :]
         return float(0.5 * v @ self.mass @ v)
 
-    def _rebound(self, before: Vector, after: Vector, contacts: IndexSet) -> tuple[Vector, Vector]:
-        """Return the state after an impact by Newton's law, and the impulse: of least norm where that is open."""
-        n = self.mass.shape[0]
-        v, normals = before[n:], self.F[list(contacts)]
-        response = cho_solve(cho_factor(self.mass), normals.T)
-        closing = normals @ v
-        problem = LCP(normals @ response, (1.0 + self.restitution) * closing)
-        impulse = np.zeros(self.F.shape[0])
-        impulse[list(contacts)] = least_norm_solution(problem, solve(problem).z)
-        landed = v + response @ impulse[list(contacts)]
-        return np.concatenate([after[:n], landed]), impulse
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _NewtonsLaw:
+    """F v+ >= -e F v- where there is contact, with equality where there is an impulse.
+
+    Parameters
+    ----------
+    normals : Matrix, shape (k, n)
+        F.
+    response : Matrix, shape (n, k)
+        M^-1 F^T.
+    restitution : float
+        e.
+    """
+
+    normals: Matrix
+    response: Matrix
+    restitution: float
+
+    def __call__(self, before: Vector, after: Vector, contacts: IndexSet) -> tuple[Vector, Vector]:
+        """Return the state after an impact, and the impulse: of least norm where that is open."""
+        k, n = self.normals.shape
+        index, v = list(contacts), before[n:]
+        normals, response = self.normals[index], self.response[:, index]
+        problem = LCP(normals @ response, (1.0 + self.restitution) * (normals @ v))
+        held = solve(problem).z
+        if len(index) > 1 and np.linalg.matrix_rank(problem.dense()) < len(index):
+            held = least_norm_solution(problem, held)
+        impulse = np.zeros(k)
+        impulse[index] = held
+        return np.concatenate([after[:n], v + response @ held]), impulse
 
 
 def _accelerations(
