@@ -33,6 +33,8 @@ class AutonomousForm:
         Whose states make up w: one for f and one for g, or one that both share.
     is_exact : bool
         Whether ranks are decided in rational arithmetic: for small systems whose numbers look meant as they are.
+    given : LCS
+        The system of x as it was given.
     """
 
     system: LCS
@@ -40,6 +42,7 @@ class AutonomousForm:
     states: int
     inputs: tuple[Exosystem, ...]
     is_exact: bool
+    given: LCS
 
     def state_after(self, x: Vector, t: float) -> Vector:
         """Return z with the inputs as they are just after t, shape (n + p,)."""
@@ -87,7 +90,7 @@ def autonomous_form(system: LCS) -> AutonomousForm:
     units = balancing_units(combined.A, combined.B, combined.C, combined.D)
     _check_reach(combined, units)
     is_exact = sum(combined.shape) <= EXACT_SIZE and has_short_numbers(combined)
-    return AutonomousForm(_balanced(combined, units, is_exact), units, n, inputs, is_exact)
+    return AutonomousForm(_balanced(combined, units, is_exact), units, n, inputs, is_exact, system)
 
 
 def _check_reach(system: LCS, units: Units) -> None:

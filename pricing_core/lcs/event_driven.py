@@ -74,6 +74,7 @@ def drive_by_events(
         accepted=sum(len(flow.times) for flow in flows),
         rejected=0,
         forced=0,
+        unique=True if selector.is_unique else None,
         flows=flows,
     )
 

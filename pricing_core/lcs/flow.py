@@ -10,6 +10,7 @@ from pricing_core.lcs.autonomous import AutonomousForm
 from pricing_core.lcs.closed_form import ClosedForm
 from pricing_core.lcs.mode_dynamics import POWERS, ModeDynamics
 
+NEGATIVE = 1e-9  # share of an output's terms by which it may be below zero from rounding: it is zero there
 LONGER = 1.0 + 1e-9  # reach of a Taylor polynomial, with rounding
 
 
@@ -48,6 +49,8 @@ class Flow:
         c = self.coordinates_at(t)
         x = (c @ dynamics.basis.T * form.units.state)[:, : form.states]
         outputs = c @ dynamics.outputs.T
+        rounding = NEGATIVE * (np.abs(c) @ dynamics.output_sizes.T)
+        outputs[(outputs < 0.0) & (outputs >= -rounding)] = 0.0
         u = np.where(dynamics.active, outputs, 0.0) * form.units.pair
         y = np.where(dynamics.active, 0.0, outputs) / form.units.pair
         return x, u, y

@@ -5,7 +5,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import matrix_balance
+from scipy.linalg.lapack import dgebal
 
 from pricing_core.arrays import IndexSet, Matrix, Vector
 from pricing_core.lcs.autonomous import AutonomousForm
@@ -20,7 +20,7 @@ ROUNDING = 1e-13  # share of the terms that an entry is made of, below which it 
 MOST_TABULATED = 40  # coordinates up to which the Taylor polynomials' coefficients are tabulated
 POWERS = np.arange(DEGREE + 1)
 LEAST_SHARE = 0.1  # of the balanced rates' norm that sets the step, where they only push each other on
-MOST_ORDERS = 12  # derivatives of the outputs that are tabulated
+MOST_ORDERS = 4  # derivatives of the outputs that are tabulated
 
 
 class Shares(NamedTuple):
@@ -85,8 +85,7 @@ class ModeDynamics:
     impulses: Table
     step: float
     maps: ModeMaps | None = None
-    taylor: Table | None = field(init=False, repr=False)  # (DEGREE + 1, d, d)
-    output_taylor: Table | None = field(init=False, repr=False)  # (DEGREE + 1, k, d)
+    _tables: list[Table] = field(init=False, repr=False)  # (DEGREE + 1, d, d) and (DEGREE + 1, k, d), once asked for
     derivatives: Table = field(init=False, repr=False)  # (orders, k, d), in time/step
     derivative_sizes: Table = field(init=False, repr=False)  # (2, orders, k, d): of entries, of their terms
     output_sizes: Matrix = field(init=False, repr=False)  # (k, d)
@@ -94,24 +93,17 @@ class ModeDynamics:
 
     def __post_init__(self) -> None:
         k, d = self.outputs.shape
-        scaled = self.rate * self.step if self.step < LONGEST else np.zeros((d, d))
+        scaled = self._scaled_rate()
         rows, sizes, both = self.outputs, np.abs(self.outputs), np.abs(scaled)
         orders = min(d, MOST_ORDERS) + 1
         derivatives, terms = np.empty((orders, k, d)), np.empty((orders, k, d))
         for order in range(orders):
             derivatives[order], terms[order] = rows, sizes
             rows, sizes = rows @ scaled, sizes @ both
-        taylor = None
-        if d <= MOST_TABULATED:
-            taylor = np.empty((DEGREE + 1, d, d))
-            taylor[0] = np.eye(d)
-            for j in range(DEGREE):
-                taylor[j + 1] = scaled @ taylor[j] / (j + 1)
         active = np.zeros(k, dtype=bool)
         active[list(self.mode)] = True
         values = {
-            "taylor": taylor,
-            "output_taylor": None if taylor is None else self.outputs @ taylor,
+            "_tables": [],
             "derivatives": derivatives,
             "derivative_sizes": np.stack([np.abs(derivatives), terms]),
             "output_sizes": np.abs(self.outputs),
@@ -122,18 +114,31 @@ class ModeDynamics:
 
     def expansion(self, c: Vector) -> Table:
         """Return the Taylor coefficients of the coordinates in time/step, shape (DEGREE + 1, d)."""
-        if self.taylor is not None:
-            return self.taylor @ c
+        if c.size <= MOST_TABULATED:
+            return np.asarray(self._tabulated()[0] @ c)
         terms = np.empty((DEGREE + 1, c.size))
         terms[0] = c
-        scaled = self.rate * self.step if self.step < LONGEST else np.zeros_like(self.rate)
+        scaled = self._scaled_rate()
         for j in range(DEGREE):
             terms[j + 1] = scaled @ terms[j] / (j + 1)
         return terms
 
     def output_expansion(self, c: Vector, terms: Table) -> Table:
         """Return the Taylor coefficients of the outputs, given those of the coordinates, shape (DEGREE + 1, k)."""
-        return terms @ self.outputs.T if self.output_taylor is None else self.output_taylor @ c
+        return terms @ self.outputs.T if c.size > MOST_TABULATED else np.asarray(self._tabulated()[1] @ c)
+
+    def _scaled_rate(self) -> Matrix:
+        return self.rate * self.step if self.step < LONGEST else np.zeros_like(self.rate)
+
+    def _tabulated(self) -> list[Table]:
+        if not self._tables:
+            scaled = self._scaled_rate()
+            taylor = np.empty((DEGREE + 1, *scaled.shape))
+            taylor[0] = np.eye(scaled.shape[0])
+            for j in range(DEGREE):
+                taylor[j + 1] = scaled @ taylor[j] / (j + 1)
+            self._tables.extend([taylor, self.outputs @ taylor])
+        return self._tables
 
     def coordinates_of(self, z: Vector) -> Vector:
         """Return W z, zero where that is no more than rounding."""
@@ -177,7 +182,7 @@ class ModeDynamics:
 
     def _later_signs(self, signs: Vector, coordinates: State, shares: Shares) -> Vector:
         """Return the signs with those that derivatives beyond the tabulated ones decide."""
-        scaled = self.rate * self.step if self.step < LONGEST else np.zeros_like(self.rate)
+        scaled = self._scaled_rate()
         rows, terms = self.derivatives[-1], self.derivative_sizes[1, -1]
         sizes = self.derivative_sizes[0, 0] @ coordinates.sizes
         for _ in range(self.derivatives.shape[0], self.rate.shape[0] + 1):
@@ -245,7 +250,7 @@ def longest_step(rate: Matrix) -> float:
     """
     if not rate.size or not np.any(rate):
         return LONGEST
-    balanced = matrix_balance(rate, permute=False)[0]
+    balanced = dgebal(rate, scale=1, permute=0)[0]
     square = balanced @ balanced
     norms = (
         np.linalg.norm(balanced, 1),

@@ -21,6 +21,7 @@ OnNonUnique: TypeAlias = Literal["raise", "first"] | Callable[[float, Vector, tu
 LARGEST_COMPLETE = 10  # pairs up to which all 2**k modes are looked at
 SEARCHED = (1e2, 1e4, 1e6)  # real s, in the form's units, at which large systems are solved for their mode
 PATIENCE = 3  # exchanges of all pairs that gain nothing
+FEW_EXCHANGES = 4  # of all pairs, as long as fewer and fewer outputs are negative
 MOST_EXCHANGES = 60
 SAME_STATE = 1e-8  # relative: futures this close are one
 
@@ -133,7 +134,10 @@ class ModeSelector:
         k = self.form.system.shape[1]
         tried = set()
         for mode in itertools.chain(
-            (last, near), self._exchanged(state, near, shares), self._from_problems(state.z)
+            (last, near),
+            self._exchanged(state, near, shares, 0, FEW_EXCHANGES),
+            self._from_problems(state.z),
+            self._exchanged(state, near, shares, PATIENCE, MOST_EXCHANGES),
         ):
             if mode not in tried:
                 tried.add(mode)
@@ -145,13 +149,15 @@ class ModeSelector:
                     if mode not in tried:
                         yield mode
 
-    def _exchanged(self, state: State, near: IndexSet, shares: Shares) -> Iterator[IndexSet]:
+    def _exchanged(
+        self, state: State, near: IndexSet, shares: Shares, patience: int, most: int
+    ) -> Iterator[IndexSet]:
         """Yield what exchanging the pairs with negative outputs leads to: all at once, later the last one alone.
 
         Principal pivoting on (11.77), which ends with a solution where G(s) is a P-matrix for large s (Murty 1974).
         """
-        mode, fewest, patience = near, len(near) + self.form.system.shape[1] + 1, PATIENCE
-        for _ in range(MOST_EXCHANGES):
+        mode, fewest, left = near, self.form.system.shape[1] + 1, patience
+        for _ in range(most):
             dynamics = self.dynamics(mode)
             if dynamics is None:
                 return
@@ -159,10 +165,12 @@ class ModeSelector:
             if not falling:
                 return
             if len(falling) < fewest:
-                fewest, patience = len(falling), PATIENCE
+                fewest, left = len(falling), patience
+            elif patience:
+                left -= 1
             else:
-                patience -= 1
-            changed = falling if patience > 0 else falling[-1:]
+                return
+            changed = falling if left > 0 or not patience else falling[-1:]
             mode = tuple(sorted(set(mode) ^ set(changed)))
             yield mode
 

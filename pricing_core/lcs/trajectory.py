@@ -73,6 +73,9 @@ class Trajectory:
         "event-driven", or the one-step method that was used.
     accepted, rejected, forced : int
         Step counters, see `pricing_core.stepping.Integration`.
+    unique : True or None
+        True where the implicit steps of the system show that its state has no other continuation from anywhere; None
+        where that is not known: this may be one of several.
     """
 
     t: Vector
@@ -85,6 +88,7 @@ class Trajectory:
     accepted: int
     rejected: int
     forced: int
+    unique: Literal[True] | None = None
     flows: tuple[Flow, ...] = field(default=(), repr=False)
 
     def __call__(self, t: ArrayLike) -> Matrix:
@@ -127,5 +131,5 @@ class Trajectory:
         ]
         parts = [flow.at(t) for flow, t in zip(self.flows, times, strict=True)]
         x, u, y = (np.concatenate(part) for part in zip(*parts, strict=True))
-        u, y = least_norm_multipliers(self.flows[0].form.system, u, y)
+        u, y = least_norm_multipliers(self.flows[0].form.given, u, y)
         return replace(self, t=np.concatenate(times), x=x, u=u, y=y)
