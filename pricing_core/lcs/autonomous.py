@@ -15,6 +15,8 @@ from pricing_core.linalg.rational import as_fractions, rational, rational_array
 
 # Largest coefficient in balanced units: products of a few of that size are still floating-point numbers.
 FARTHEST = 1e100
+# Share of the largest component of an input below which one is rounding.
+NOTHING = 1e-14
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +89,10 @@ def autonomous_form(system: LCS) -> AutonomousForm:
         np.hstack([C, to_g]),
         D,
     )
-    units = balancing_units(combined.A, combined.B, combined.C, combined.D)
+    A_seen, C_seen = combined.A.copy(), combined.C.copy()
+    for part in (A_seen[:n, n:], C_seen[:, n:]):  # an offset of rounding size sets no unit
+        part[np.abs(part) <= NOTHING * np.abs(part).max(axis=0, initial=0.0)] = 0.0
+    units = balancing_units(A_seen, combined.B, C_seen, combined.D)
     _check_reach(combined, units)
     is_exact = sum(combined.shape) <= EXACT_SIZE and has_short_numbers(combined)
     return AutonomousForm(_balanced(combined, units, is_exact), units, n, inputs, is_exact, system)

@@ -85,7 +85,9 @@ class ModeDynamics:
     impulses: Table
     step: float
     maps: ModeMaps | None = None
-    _tables: list[Table] = field(init=False, repr=False)  # (DEGREE + 1, d, d) and (DEGREE + 1, k, d), once asked for
+    _tables: list[Table] = field(
+        init=False, repr=False
+    )  # (DEGREE + 1, d, d) and (DEGREE + 1, k, d), once asked for
     derivatives: Table = field(init=False, repr=False)  # (orders, k, d), in time/step
     derivative_sizes: Table = field(init=False, repr=False)  # (2, orders, k, d): of entries, of their terms
     output_sizes: Matrix = field(init=False, repr=False)  # (k, d)
