@@ -69,7 +69,10 @@ class PiecewiseConstant:
 
     def before(self, t: float) -> Vector:
         """Return the value that holds just before t, shape (n,)."""
-        index = min(int(np.searchsorted(self.times, as_number("t", t), side="left")), self.times.size - 1)
+        moment = as_number("t", t)
+        if self.times.size == 1:
+            return np.asarray(self.values[0])
+        index = min(int(np.searchsorted(self.times, moment, side="left")), self.times.size - 1)
         return np.asarray(self.values[index])
 
     @property
@@ -78,7 +81,10 @@ class PiecewiseConstant:
         return self.times[:-1]
 
     def _piece_after(self, t: float) -> int:
-        return min(int(np.searchsorted(self.times, as_number("t", t), side="right")), self.times.size - 1)
+        moment = as_number("t", t)
+        if self.times.size == 1:
+            return 0
+        return min(int(np.searchsorted(self.times, moment, side="right")), self.times.size - 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

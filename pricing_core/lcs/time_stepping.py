@@ -54,8 +54,13 @@ class LCSStage:
         check_size(base, t)
         free = problem.free_state(base, t)
         check_size(free, t)
+        mode = near.multiplier > near.slack
+        if self.lcp_method == "auto" and self.multipliers == "any":
+            found = problem.multipliers_in(mode, problem.slack_without_multipliers(free, t))
+            if found is not None:
+                return LCSState(free + problem.response @ found[0], *found)
         posed = problem.lcp(free, t)
-        solution = solve(posed, method=self.lcp_method, start=near.multiplier > near.slack)
+        solution = solve(posed, method=self.lcp_method, start=mode)
         u = solution.z
         if self.multipliers == "least-norm":
             u = least_norm_solution(posed, u)
