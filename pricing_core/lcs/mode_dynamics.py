@@ -9,14 +9,13 @@ from scipy.linalg.lapack import dgebal
 
 from pricing_core.arrays import IndexSet, Matrix, Vector
 from pricing_core.lcs.autonomous import AutonomousForm
-from pricing_core.lcs.mode_maps import ModeMaps, exact_maps, floating_maps
+from pricing_core.lcs.mode_maps import ROUNDING, ModeMaps, exact_maps, floating_maps, without_rounding
 
 Table: TypeAlias = NDArray[np.float64]
 
 REACH = 2.0  # time that one Taylor polynomial reaches, in units of 1/|rate|
 DEGREE = 26  # degree of that polynomial: REACH**27/27! is 1e-20
 LONGEST = 1e308  # any interval of finite numbers
-ROUNDING = 1e-13  # share of the terms that an entry is made of, below which it is zero
 MOST_TABULATED = 40  # coordinates up to which the Taylor polynomials' coefficients are tabulated
 POWERS = np.arange(DEGREE + 1)
 LEAST_SHARE = 0.1  # of the balanced rates' norm that sets the step, where they only push each other on
@@ -144,7 +143,7 @@ class ModeDynamics:
 
     def coordinates_of(self, z: Vector) -> Vector:
         """Return W z, zero where that is no more than rounding."""
-        return _without_rounding(self.coordinates @ z, np.abs(self.coordinates) @ np.abs(z))
+        return np.asarray(without_rounding(self.coordinates @ z, np.abs(self.coordinates) @ np.abs(z)))
 
     def enter(self, state: State) -> State:
         """Return the coordinates after the jump, and the sizes of their terms."""
@@ -270,7 +269,3 @@ def _first_nonzero(signs: Table) -> Vector:
 
 def _signs(values: Table, tolerances: Table) -> Table:
     return np.where(np.abs(values) <= tolerances, 0.0, np.sign(values))
-
-
-def _without_rounding(entries: Table, size: float | Table) -> Table:
-    return np.where(np.abs(entries) <= ROUNDING * size, 0.0, entries)

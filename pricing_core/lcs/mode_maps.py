@@ -27,7 +27,7 @@ from pricing_core.linalg.subspaces import image, kernel
 ROUNDING = 1e-13  # share of the terms that an entry is made of, below which it is zero
 SOLVED = 1e-9  # residual of the impulses' equations, relative
 REGULAR = 1e-8  # least reciprocal condition of a block that is taken for regular without its spaces
-STIFF = 1e4  # size of a feedback, in balanced units, from which on rounding would be felt
+STIFF = 1e4  # size of an entry in balanced units, and ratio of rates, from which on rounding would be felt
 
 
 class ExactMaps(NamedTuple):
@@ -103,11 +103,19 @@ def floating_maps(form: AutonomousForm, mode: IndexSet) -> ModeMaps | None:
         maps = _general_maps(block)
     if maps is None or sum(system.shape) > EXACT_SIZE:
         return maps
-    largest = max(float(np.abs(part).max(initial=0.0)) for part in (maps.rate, maps.outputs))
-    if largest < STIFF:
+    if not _is_stiff(maps):
         return maps
     exact = exact_maps(form, mode)
     return exact if exact is not None and exact.rate.shape == maps.rate.shape else maps
+
+
+def _is_stiff(maps: ModeMaps) -> bool:
+    """Tell whether rounding of large entries or fast rates would be felt in what is small or slow."""
+    if max(float(np.abs(part).max(initial=0.0)) for part in (maps.rate, maps.outputs)) >= STIFF:
+        return True
+    sizes = np.abs(np.linalg.eigvals(maps.rate))
+    largest = float(sizes.max(initial=0.0))
+    return bool(np.any((sizes > ROUNDING * largest) & (sizes * STIFF < largest)))
 
 
 def coordinate_rows(basis: Matrix) -> list[int]:
@@ -129,13 +137,13 @@ def _uniform_maps(block: _Block) -> ModeMaps | None:
     own, feed = C[index], D[index]
     if np.any(feed):
         return _maps_with_feedthrough(block)
-    markov = _clean(own @ B, np.abs(own) @ np.abs(B))
+    markov = without_rounding(own @ B, np.abs(own) @ np.abs(B))
     if np.any(markov):
         constraints, inputs, gain = own, B, markov
         moments = gain
     else:
         rows = own @ A
-        gain = _clean(rows @ B, np.abs(own) @ np.abs(A) @ np.abs(B))
+        gain = without_rounding(rows @ B, np.abs(own) @ np.abs(A) @ np.abs(B))
         constraints, inputs = np.vstack([own, rows]), np.hstack([B, A @ B])
         moments = np.block([[np.zeros_like(gain), gain], [gain, rows @ A @ B]])
     if not _is_regular(gain):
@@ -144,7 +152,9 @@ def _uniform_maps(block: _Block) -> ModeMaps | None:
     m = len(index)
     P = np.eye(N) + inputs @ forces
     last = constraints[-m:] @ A
-    F = _clean(-np.linalg.solve(gain, last @ P), np.abs(np.linalg.inv(gain)) @ np.abs(last) @ np.abs(P))
+    F = without_rounding(
+        -np.linalg.solve(gain, last @ P), np.abs(np.linalg.inv(gain)) @ np.abs(last) @ np.abs(P)
+    )
     rows = _coordinate_rows_of(constraints)
     basis = _graph(constraints, rows)
     closed, outputs, sizes = A + B @ F, C + D @ F, np.abs(C) + np.abs(D) @ np.abs(F)
@@ -159,10 +169,10 @@ def _uniform_maps(block: _Block) -> ModeMaps | None:
         impulses[1][others] += C[others] @ B @ forces[m:]
     return ModeMaps(
         basis,
-        _clean(P[rows], np.abs(np.eye(N)[rows]) + np.abs(inputs[rows]) @ np.abs(forces)),
-        _clean(closed[rows] @ basis, (np.abs(A) + np.abs(B) @ np.abs(F))[rows] @ np.abs(basis)),
-        _clean(outputs @ basis, sizes @ np.abs(basis)),
-        _clean(impulses, float(np.abs(impulses).max(initial=0.0))),
+        without_rounding(P[rows], np.abs(np.eye(N)[rows]) + np.abs(inputs[rows]) @ np.abs(forces)),
+        without_rounding(closed[rows] @ basis, (np.abs(A) + np.abs(B) @ np.abs(F))[rows] @ np.abs(basis)),
+        without_rounding(outputs @ basis, sizes @ np.abs(basis)),
+        without_rounding(impulses, float(np.abs(impulses).max(initial=0.0))),
     )
 
 
@@ -173,10 +183,10 @@ def _maps_with_feedthrough(block: _Block) -> ModeMaps | None:
         return None
     F = -np.linalg.solve(feed, C[index])
     sizes = np.abs(D) @ np.abs(F) + np.abs(C)
-    outputs = _clean(C + D @ F, sizes)
+    outputs = without_rounding(C + D @ F, sizes)
     outputs[index] = F
     eye = np.eye(A.shape[0])
-    rate = _clean(A + B @ F, np.abs(A) + np.abs(B) @ np.abs(F))
+    rate = without_rounding(A + B @ F, np.abs(A) + np.abs(B) @ np.abs(F))
     return ModeMaps(eye, eye, rate, outputs, np.zeros((0, *C.shape)))
 
 
@@ -207,7 +217,7 @@ def _graph(constraints: Matrix, rows: list[int]) -> Matrix:
     basis = np.zeros((N, len(rows)))
     basis[rows] = np.eye(len(rows))
     X = lu_solve(lu_factor(constraints[:, rest]), constraints[:, rows])
-    basis[rest] = -_clean(X, float(np.abs(X).max(initial=0.0)))
+    basis[rest] = -without_rounding(X, float(np.abs(X).max(initial=0.0)))
     return basis
 
 
@@ -223,17 +233,19 @@ def _general_maps(block: _Block) -> ModeMaps | None:
         return None
     rows = coordinate_rows(V)
     basis = V if not rows else np.linalg.solve(V[rows].T, V.T).T
-    basis = _clean(basis, float(np.abs(basis).max(initial=0.0)))
+    basis = without_rounding(basis, float(np.abs(basis).max(initial=0.0)))
     basis[rows] = np.eye(len(rows))
     projection = V @ W
-    F = _clean(F, 10.0 * float(np.abs(F).max(initial=0.0)))
+    F = without_rounding(F, 10.0 * float(np.abs(F).max(initial=0.0)))
     closed, outputs, sizes = A + B @ F, C + D @ F, np.abs(C) + np.abs(D) @ np.abs(F)
     outputs[index], sizes[index] = F, np.abs(F)
     return ModeMaps(
         basis,
-        _clean(projection[rows], float(np.abs(projection).max(initial=0.0))),
-        _clean(closed[rows] @ basis, (np.abs(A) + np.abs(B) @ np.abs(F))[rows] @ np.abs(basis)),
-        _clean(outputs @ basis, np.sum(sizes, axis=1, keepdims=True)),  # the basis: to rounding of 1
+        without_rounding(projection[rows], float(np.abs(projection).max(initial=0.0))),
+        without_rounding(closed[rows] @ basis, (np.abs(A) + np.abs(B) @ np.abs(F))[rows] @ np.abs(basis)),
+        without_rounding(
+            outputs @ basis, np.sum(sizes, axis=1, keepdims=True)
+        ),  # the basis: to rounding of 1
         _impulses(block, np.linalg.qr(T)[0], projection),
     )
 
@@ -263,7 +275,7 @@ def _impulses(block: _Block, jumps: Matrix, projection: Matrix) -> NDArray[np.fl
     share = jumps.T @ (np.eye(n) - projection)  # share of each jump direction in (I - P) z
     outputs = slacks @ found
     outputs[:, index] = inputs @ found
-    return np.asarray(_clean(outputs[::-1] @ share, float(np.max(np.abs(outputs), initial=0.0))))
+    return np.asarray(without_rounding(outputs[::-1] @ share, float(np.max(np.abs(outputs), initial=0.0))))
 
 
 def _least_squares(M: Matrix, R: Matrix) -> Matrix | None:
@@ -273,5 +285,6 @@ def _least_squares(M: Matrix, R: Matrix) -> Matrix | None:
     return np.asarray(X, dtype=np.float64) if residual <= RANK_TOLERANCE**0.5 * size else None
 
 
-def _clean(entries: Any, sizes: Any) -> Any:
+def without_rounding(entries: Any, sizes: Any) -> Any:
+    """Return the entries, zero where they are no more than rounding of terms of these sizes."""
     return np.where(np.abs(entries) <= ROUNDING * sizes, 0.0, entries)

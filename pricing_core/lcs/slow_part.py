@@ -9,7 +9,7 @@ from scipy.linalg import schur, solve_sylvester
 
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs.mode_dynamics import ModeDynamics, longest_step
-from pricing_core.lcs.mode_maps import ExactMaps, coordinate_rows
+from pricing_core.lcs.mode_maps import ExactMaps, coordinate_rows, without_rounding
 from pricing_core.linalg.rational import to_flint
 
 GAP = 30.0  # between the sizes of fast and slow eigenvalues
@@ -20,6 +20,7 @@ ITERATIONS = 12
 SHIFT = 1e-3  # of the threshold between fast and slow
 LEAST_SHIFT = 1e-20  # of the fastest rate
 DEAD = 1e-15  # share of the coordinates
+KEPT_UP = 10.0  # times the error of the slow subspace's invariance
 NOTHING = 1e-140  # in the form's units: a state so small has died out, and squares of it would underflow
 
 
@@ -34,16 +35,19 @@ class SlowPart:
     take : Matrix, shape (d_slow, d)
         Coordinates to slow coordinates, along the fast subspace.
     back : Matrix, shape (d, d_slow)
+    dead : float
+        Share of the coordinates below which the fast part is no more than what rounding keeps up.
     """
 
     dynamics: ModeDynamics
     take: Matrix
     back: Matrix
+    dead: float
 
     def is_all_of(self, c: Vector) -> bool:
         """Tell whether the fast part of these coordinates is no more than rounding."""
         fast = c - self.back @ (self.take @ c)
-        return float(np.linalg.norm(fast)) <= max(DEAD * float(np.linalg.norm(c)), NOTHING)
+        return float(np.linalg.norm(fast)) <= max(self.dead * float(np.linalg.norm(c)), NOTHING)
 
 
 def slow_part(dynamics: ModeDynamics) -> SlowPart | None:
@@ -74,7 +78,11 @@ def slow_part(dynamics: ModeDynamics) -> SlowPart | None:
     rows = coordinate_rows(back)
     scale = np.linalg.inv(back[rows])
     basis, take = back @ scale, np.linalg.solve(scale, Q[:, fast:].T)
-    whole = dynamics.basis @ basis, take @ dynamics.rate @ basis, dynamics.outputs @ basis
+    whole = (
+        dynamics.basis @ basis,
+        without_rounding(take @ dynamics.rate @ basis, np.abs(take) @ np.abs(dynamics.rate) @ np.abs(basis)),
+        without_rounding(dynamics.outputs @ basis, dynamics.output_sizes @ np.abs(basis)),
+    )
     exact = None if dynamics.maps is None else dynamics.maps.exact
     largest = float(np.abs(dynamics.rate).max(initial=0.0))
     if exact is not None and rows and largest > PRECISE * float(np.abs(slow_block).max(initial=0.0)):
@@ -88,7 +96,9 @@ def slow_part(dynamics: ModeDynamics) -> SlowPart | None:
         step=longest_step(whole[1]),
         maps=None,
     )
-    return SlowPart(slow, take, basis)
+    left = float(np.linalg.norm(dynamics.rate @ basis - basis @ whole[1]))
+    least = float(np.abs(np.linalg.eigvals(triangular[:fast, :fast])).min())
+    return SlowPart(slow, take, basis, max(DEAD, KEPT_UP * left / least))
 
 
 def _refined(
