@@ -33,7 +33,7 @@ def column(rng: np.random.Generator, beads: int | None = None) -> Case:
     q0 = rest + np.cumsum(rng.uniform(0.05, 0.8, n))
     nothing = np.zeros((n, n))
     system = MechanicalSystem(mass, nothing, nothing, F, -G * np.diag(mass), offset, e)
-    return _mechanical(system, q0, np.zeros(n), 8.0, rest)
+    return _mechanical(system, q0, np.zeros(n), 15.0, rest)
 
 
 def chair(rng: np.random.Generator) -> Case:
@@ -41,7 +41,9 @@ def chair(rng: np.random.Generator) -> Case:
     angles = np.arange(4) * math.pi / 2 + (math.pi / 4 if rng.random() < 0.5 else rng.uniform(-0.3, 0.3, 4))
     legs = np.column_stack([np.ones(4), np.cos(angles), np.sin(angles)])
     mass, nothing = np.diag([1.0, *rng.uniform(0.15, 0.8, 2)]), np.zeros((3, 3))
-    system = MechanicalSystem(mass, nothing, nothing, legs, [-G, 0.0, 0.0], None, _restitution(rng, largest=0.7))
+    system = MechanicalSystem(
+        mass, nothing, nothing, legs, [-G, 0.0, 0.0], None, _restitution(rng, largest=0.7)
+    )
     return _mechanical(system, np.array([1.0, *rng.uniform(-0.2, 0.2, 2)]), np.zeros(3), 6.0, np.zeros(3))
 
 
@@ -135,7 +137,9 @@ def rectifier(rng: np.random.Generator) -> Case:
     def fault(run: Trajectory) -> str:
         times = np.array([0.002, 0.004, 0.012, 0.031, 0.055])
         v = run(times)[:, 0]
-        if resistance < 1e-4 * min(load, 1e-2 / capacitance):  # the source holds the capacitor up to its crest
+        if resistance < 1e-4 * min(
+            load, 1e-2 / capacitance
+        ):  # the source holds the capacitor up to its crest
             wanted = V * np.sin(100.0 * math.pi * times[:2])
             within = 1e-9 + 2.0 * resistance * (100.0 * math.pi * capacitance + 1.0 / load)
             return _unless(float(np.abs(v[:2] / wanted - 1.0).max()) <= within, "v differs from the source")
@@ -180,7 +184,11 @@ def tiny_offsets(rng: np.random.Generator) -> Case:
     n = int(rng.integers(1, 5))
     k = int(rng.integers(1, n + 1))
     J, C = rng.normal(size=(n, n)), rng.normal(size=(k, n))
-    A, D, x0 = J - J.T - rng.uniform(0.1, 1.0) * np.eye(n), rng.choice([0.0, 1.0]) * np.eye(k), rng.normal(size=n)
+    A, D, x0 = (
+        J - J.T - rng.uniform(0.1, 1.0) * np.eye(n),
+        rng.choice([0.0, 1.0]) * np.eye(k),
+        rng.normal(size=n),
+    )
     f, g = rng.normal(size=n), rng.normal(size=k)
     f[0] = g[0] = 0.0
     plain = simulate(LCS(A, C.T, C, D, f=f, g=g), x0, (0.0, 3.0))
@@ -205,7 +213,9 @@ def circuit(rng: np.random.Generator) -> Case:
         return f"{10.0 ** rng.uniform(low, high):.4g}"
 
     lines = [f"R{50 + i} {node} 0 {number(0.0, 2.0)}" for i, node in enumerate(nodes[1:])]
-    lines += [f"C{i} {two()} {number(-2.0, 0.0)} IC={rng.uniform(0.0, 3.0):.3g}" for i in range(rng.integers(1, 4))]
+    lines += [
+        f"C{i} {two()} {number(-2.0, 0.0)} IC={rng.uniform(0.0, 3.0):.3g}" for i in range(rng.integers(1, 4))
+    ]
     lines += [f"L{i} {two()} {number(-2.0, 0.0)}" for i in range(rng.integers(0, 3))]
     lines += [f"R{i} {two()} {number(-1.0, 1.0)}" for i in range(rng.integers(1, 4))]
     lines += [f"D{i} {two()}" for i in range(rng.integers(1, 6))]
@@ -279,7 +289,10 @@ def _mechanical(system: MechanicalSystem, q0: Vector, v0: Vector, end: float, re
             (gap.min() >= -1e-9, "penetration"),
             (run.u.min() >= 0.0, "a force that pulls"),
             (np.abs(run.u * run.y).max() <= 1e-8 * max(1.0, float(run.u.max())), "force at a distance"),
-            (rest is None or np.abs(run.x[-1] - np.append(rest, 0.0 * rest)).max() <= 1e-9, "no rest where it is due"),
+            (
+                rest is None or np.abs(run.x[-1] - np.append(rest, 0.0 * rest)).max() <= 1e-9,
+                "no rest where it is due",
+            ),
         )
         return next((text for holds, text in checks if not holds), "")
 
@@ -306,12 +319,12 @@ def _equations(system: LCS, run: Trajectory) -> str:
     g = np.array([system.g.after(t) for t in run.t])
     terms = np.abs(run.x) @ np.abs(system.C).T + np.abs(run.u) @ np.abs(system.D).T + np.abs(g)
     left = np.abs(run.x @ system.C.T + run.u @ system.D.T + g - run.y)
-    if (left > 1e-9 * terms.max(axis=0)).any():
+    if (left > 1e-7 * terms.max(axis=0)).any():
         return "y = Cx + Du + g does not hold"
     if (run.u < 0.0).any() or (run.y < -1e-9 * terms.max(axis=0)).any():
         return "u or y is negative"
-    sizes = run.u.max(axis=0) * np.maximum(run.y.max(axis=0), 1e-12 * terms.max(axis=0))
-    return _unless(bool((run.u * run.y <= 1e-9 * sizes).all()), "u and y are not complementary")
+    least = run.u.max(axis=0) * np.maximum(1e-9 * run.y.max(axis=0), 1e-12 * terms.max(axis=0))
+    return _unless(bool((run.u * run.y <= least).all()), "u and y are not complementary")
 
 
 def _rates(system: LCS, run: Trajectory) -> str:

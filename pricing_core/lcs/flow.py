@@ -11,6 +11,7 @@ from pricing_core.lcs.closed_form import ClosedForm
 from pricing_core.lcs.mode_dynamics import POWERS, ModeDynamics
 
 NEGATIVE = 1e-9  # share of an output's terms by which it may be below zero from rounding: it is zero there
+LEFT = 1e-14  # the same, of the largest term: what is left of terms that have cancelled
 LONGER = 1.0 + 1e-9  # reach of a Taylor polynomial, with rounding
 
 
@@ -47,13 +48,12 @@ class Flow:
         """Return x, u and y at increasing times of this flow, shapes (m, n), (m, k), (m, k)."""
         form, dynamics = self.form, self.dynamics
         c = self.coordinates_at(t)
-        x = (c @ dynamics.basis.T * form.units.state)[:, : form.states]
-        outputs = c @ dynamics.outputs.T
-        rounding = NEGATIVE * (np.abs(c) @ dynamics.output_sizes.T)
-        outputs[(outputs < 0.0) & (outputs >= -rounding)] = 0.0
-        u = np.where(dynamics.active, outputs, 0.0) * form.units.pair
-        y = np.where(dynamics.active, 0.0, outputs) / form.units.pair
-        return x, u, y
+        z, (C, D) = c @ dynamics.basis.T, (form.system.C, form.system.D)
+        u = np.where(dynamics.active, c @ dynamics.outputs.T, 0.0)
+        u = _without_negative_rounding(u, c, dynamics.outputs)
+        y = np.where(dynamics.active, 0.0, z @ C.T + u @ D.T)
+        y = _without_negative_rounding(y, np.hstack([z, u]), np.hstack([C, D]))
+        return (z * form.units.state)[:, : form.states], u * form.units.pair, y / form.units.pair
 
     def coordinates_at(self, t: Vector) -> Matrix:
         """Return the coordinates at increasing times of this flow, shape (m, d)."""
@@ -72,6 +72,13 @@ class Flow:
             elif far.size:
                 c[far] = [expm(dynamics.rate * length) @ start for length in elapsed[~near]]
         return c
+
+
+def _without_negative_rounding(values: Matrix, terms: Matrix, gains: Matrix) -> Matrix:
+    """Return values = terms @ gains.T, those zero that are negative by rounding."""
+    sizes, largest = np.abs(terms), np.abs(terms).max(axis=1, initial=0.0)[:, None]
+    rounding = (NEGATIVE * sizes + LEFT * largest) @ np.abs(gains).T
+    return np.where((values < 0.0) & (values >= -rounding), 0.0, values)
 
 
 def evaluate(flows: tuple[Flow, ...], t: Vector) -> tuple[Matrix, Matrix, Matrix]:

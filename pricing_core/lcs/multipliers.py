@@ -40,8 +40,10 @@ def least_norm_multipliers(system: LCS, u: Matrix, y: Matrix) -> tuple[Matrix, M
     inputs, slacks = u.copy(), y.copy()
     for i in _possibly_open(system, u, y).tolist():
         free = y[i] - D @ u[i]
-        inputs[i] = least_norm_solution(LCP(D, free), u[i], kept=B)
-        slacks[i] = free + D @ inputs[i]
+        inputs[i] = np.maximum(least_norm_solution(LCP(D, free), u[i], kept=B), 0.0)
+        slack = free + D @ inputs[i]
+        rounding = NOTHING * (np.abs(free) + np.abs(D) @ inputs[i])
+        slacks[i] = np.where((slack < 0.0) & (slack >= -rounding), 0.0, slack)
     return inputs, slacks
 
 

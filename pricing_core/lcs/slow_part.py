@@ -12,7 +12,7 @@ from pricing_core.lcs.mode_dynamics import ModeDynamics, longest_step
 from pricing_core.lcs.mode_maps import ExactMaps, coordinate_rows, without_rounding
 from pricing_core.linalg.rational import to_flint
 
-GAP = 30.0  # between the sizes of fast and slow eigenvalues
+GAP = 4.0  # between the sizes of fast and slow eigenvalues
 DAMPED = 1e-6  # damping of the fast ones, at the least
 PRECISE = 1e3  # of fast to slow rates, from which on rounding of the fast ones is felt in the slow ones
 DIGITS = 400  # binary, of the slow part of a stiff mode
@@ -51,7 +51,7 @@ class SlowPart:
 
 
 def slow_part(dynamics: ModeDynamics) -> SlowPart | None:
-    """Split off the largest eigenvalues, in the left half plane, beyond the first gap of at least a factor 30.
+    """Split off the largest eigenvalues, in the left half plane, beyond the first gap of at least a factor 4.
 
     Where there is no such gap, but all are in the left half plane, nothing is left. Elsewhere None is returned: all
     eigenvalues set the step. Cost: one Schur form.
