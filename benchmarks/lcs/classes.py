@@ -321,7 +321,7 @@ def _equations(system: LCS, run: Trajectory) -> str:
     left = np.abs(run.x @ system.C.T + run.u @ system.D.T + g - run.y)
     if (left > 1e-7 * terms.max(axis=0)).any():
         return "y = Cx + Du + g does not hold"
-    if (run.u < 0.0).any() or (run.y < -1e-9 * terms.max(axis=0)).any():
+    if (run.u < -1e-9 * run.u.max(axis=0)).any() or (run.y < -1e-9 * terms.max(axis=0)).any():
         return "u or y is negative"
     least = run.u.max(axis=0) * np.maximum(1e-9 * run.y.max(axis=0), 1e-12 * terms.max(axis=0))
     return _unless(bool((run.u * run.y <= least).all()), "u and y are not complementary")

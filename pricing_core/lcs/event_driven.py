@@ -29,6 +29,9 @@ CROSSES = 1e-11  # of an output's size: how far below zero counts
 TOUCHES = 1e-9  # of an output's size: how close to zero counts as contact
 MOST_REINITIALISATIONS = 50  # at one instant
 MOST_AT_ONE_INSTANT = 10  # events, and 2 for each pair
+MANY_EVENTS = 20  # and 4 for each pair
+CROWDED = 1e-8  # of the interval: what so many events are a crowd in
+LONGEST_LEAP = 1e-4  # of the interval
 AT_THE_END = 1e-13  # of the interval
 LOW = 64.0 * float(np.finfo(float).eps)  # of an output's size: how far above zero is rounding
 FLIGHT = np.array([0.25, 0.5, 0.75])  # places at which the height of a flight is looked at
@@ -110,6 +113,9 @@ class _Run:
     events: list[Event] = field(default_factory=list)
     first_event: float = math.inf
     stalled: int = 0  # events at one instant
+    passed: int = 0  # events before the last crowd of them ended
+    passed_until: float = -math.inf
+    leap: float = 0.0  # that was taken over it
 
     def simulate(self, x0: Vector) -> Literal["finished", "interrupted"]:
         t0, t1 = self.span
@@ -147,7 +153,10 @@ class _Run:
             state = dynamics.leave(c)
             near = tuple(sorted(set(dynamics.mode) ^ set(crossing.outputs)))
             if self.stalled >= MOST_AT_ONE_INSTANT + 2 * self.form.system.shape[1]:
-                dynamics, c, t = self._settle(state, t, near, end)
+                dynamics, c = self._settle(state, t, near)
+                continue
+            if self._is_crowded(t):
+                dynamics, c, t = self._step_over(state, t, near, end)
                 continue
             meeting = _Meeting(crossing.outputs, dynamics.mode, is_low)
             dynamics, c = self._enter(state, t, near, "switch", False, meeting)
@@ -292,12 +301,13 @@ class _Run:
             state = State(np.zeros_like(state.z), np.zeros_like(state.z))
         before = state
         left = None if meeting is None else meeting.left
-        landing = self._land(state, t, near, left)
-        if landing.multiplicity > 0:
-            if self.method.rebound is not None and not (meeting is not None and meeting.is_low):
-                landing = self._rebound(before, landing, t)
-            is_rest = meeting is not None and meeting.is_low
-            kind = kind if is_rest else "jump"
+        landing = self._at_rest(state, near) if meeting is not None and meeting.is_low else None
+        if landing is None:
+            landing = self._land(state, t, near, left)
+            if landing.multiplicity > 0:
+                kind = "jump"
+                if self.method.rebound is not None:
+                    landing = self._rebound(before, landing, t)
         dynamics, c, state, impulse, multiplicity = landing
         if kind is None or (kind == "switch" and left == dynamics.mode):
             return dynamics, c
@@ -318,6 +328,16 @@ class _Run:
             )
         )
         return dynamics, c
+
+    def _at_rest(self, state: State, mode: IndexSet) -> _Landing | None:
+        """Return what goes on in a mode whatever velocity of the size of rounding is lost, None where nothing does."""
+        dynamics = self.selector.dynamics(mode)
+        if dynamics is None:
+            return None
+        c = dynamics.enter(state)
+        if not dynamics.continues(c):
+            return None
+        return _Landing(dynamics, c, dynamics.leave(c), np.zeros(self.form.system.shape[1]), 0)
 
     def _rebound(self, before: State, landing: _Landing, t: float) -> _Landing:
         """Return where the other law of impact leads to."""
@@ -367,31 +387,60 @@ class _Run:
                     return state_after, found, shares
             raise error
 
-    def _settle(
-        self, state: State, t: float, near: IndexSet, end: float
-    ) -> tuple[ModeDynamics, State, float]:
+    def _settle(self, state: State, t: float, near: IndexSet) -> tuple[ModeDynamics, State]:
         """Go on where events follow each other at one instant: in the mode that a short implicit step ends in."""
         for h in SETTLING_STEPS:
             stepped = implicit_step(self.form, state, h)
-            if stepped is None:
-                continue
-            found = self.selector.dynamics(stepped[1])
-            if found is None:
+            found = None if stepped is None else self.selector.dynamics(stepped[1])
+            if stepped is None or found is None:
                 continue
             for start in (state, stepped[0]):
                 c = found.enter(start)
                 if found.continues(c):
-                    after = found.leave(c)
-                    none = np.zeros(self.form.system.shape[1])
-                    self._note(
-                        Event(t, "zeno", self._state(state.z), self._state(after.z), none, near, found.mode)
-                    )
-                    self.stalled = 0
-                    return found, c, t
-        repeated = ", ".join(sorted({str(event.mode_after) for event in self.events[-MOST_AT_ONE_INSTANT:]}))
-        raise ZenoError(
-            f"the modes {repeated} follow each other at t = {t:.12g} without end, and no mode goes on"
-        )
+                    self._note_limit(state, t, near, found, found.leave(c))
+                    return found, c
+        raise ZenoError(f"{self._repeated(t)}, and no mode goes on")
+
+    def _is_crowded(self, t: float) -> bool:
+        """Tell whether so many events lie so close together that rounding may be what drives them."""
+        count = MANY_EVENTS + 4 * self.form.system.shape[1]
+        since = len(self.events) - self.passed
+        return since >= count and t - self.events[-count].time <= CROWDED * (self.span[1] - self.span[0])
+
+    def _step_over(
+        self, state: State, t: float, near: IndexSet, end: float
+    ) -> tuple[ModeDynamics, State, float]:
+        """Pass a crowd of events in the mode that an implicit step over it ends in, which flows for so long.
+
+        Where the next crowd follows at once, the step over that is longer.
+        """
+        t0, t1 = self.span
+        again = t - self.passed_until <= self.leap
+        self.leap = 4.0 * self.leap if again else CROWDED * (t1 - t0)
+        if self.leap > LONGEST_LEAP * (t1 - t0):
+            raise ZenoError(f"{self._repeated(t)}, over an interval longer than can be stepped over")
+        h = min(self.leap, end - t)
+        stepped = implicit_step(self.form, state, h * self.form.units.rate)
+        found = None if stepped is None else self.selector.dynamics(stepped[1])
+        if found is None:
+            raise ZenoError(f"{self._repeated(t)}, and no mode goes on")
+        start = found.enter(state)
+        self._note_limit(state, t, near, found, found.leave(start))
+        flow = Flow(self.form, found, t, t + h, [t], [start.z])
+        self.flows.append(flow)
+        after = flow.coordinates_at(np.array([t + h]))[0]
+        self.passed, self.passed_until = len(self.events), t + h
+        return found, State(after, np.maximum(start.sizes, np.abs(after))), t + h
+
+    def _note_limit(self, state: State, t: float, near: IndexSet, found: ModeDynamics, after: State) -> None:
+        none = np.zeros(self.form.system.shape[1])
+        self._note(Event(t, "zeno", self._state(state.z), self._state(after.z), none, near, found.mode))
+        self.stalled = 0
+
+    def _repeated(self, t: float) -> str:
+        """Say which modes follow each other."""
+        modes = sorted({str(event.mode_after) for event in self.events[-MANY_EVENTS:]})
+        return f"the modes {', '.join(modes)} follow each other near t = {t:.12g} without end"
 
     def _contacts(self, state: State) -> IndexSet:
         """Return the pairs with y_i = C_i z = 0, to rounding."""
@@ -458,8 +507,8 @@ class _Run:
     def _note(self, event: Event) -> None:
         if len(self.events) == self.method.max_events:
             raise IterationLimitError(
-                f"{self.method.max_events} events by t = {event.time:.12g}: raise max_events, or look for a Zeno point "
-                "there"
+                f"{self.method.max_events} events by t = {event.time:.12g}; {self._repeated(event.time)}: raise "
+                "max_events, or look for a Zeno point there"
             )
         if event.kind != "grazing":
             self.first_event = min(self.first_event, event.time)
