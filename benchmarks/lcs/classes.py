@@ -23,7 +23,7 @@ class Case(NamedTuple):
 
 
 def column(rng: np.random.Generator, beads: int | None = None) -> Case:
-    """Beads above each other that fall on the floor: at the end they lie on it, touching."""
+    """Let beads above each other fall on the floor: at the end they lie on it, touching."""
     n = int(rng.integers(2, 13)) if beads is None else beads
     e = _restitution(rng, largest=0.8)
     mass = np.diag(rng.uniform(0.2, 3.0, n))
@@ -37,7 +37,7 @@ def column(rng: np.random.Generator, beads: int | None = None) -> Case:
 
 
 def chair(rng: np.random.Generator) -> Case:
-    """A plate on four legs, one more than it needs: at the end it stands on them."""
+    """Drop a plate on four legs, one more than it needs: at the end it stands on them."""
     angles = np.arange(4) * math.pi / 2 + (math.pi / 4 if rng.random() < 0.5 else rng.uniform(-0.3, 0.3, 4))
     legs = np.column_stack([np.ones(4), np.cos(angles), np.sin(angles)])
     mass, nothing = np.diag([1.0, *rng.uniform(0.15, 0.8, 2)]), np.zeros((3, 3))
@@ -48,7 +48,7 @@ def chair(rng: np.random.Generator) -> Case:
 
 
 def chain(rng: np.random.Generator) -> Case:
-    """Masses between springs, with stops on random combinations of them."""
+    """Join masses by springs, with stops on random combinations of them."""
     n = int(rng.integers(2, 7))
     k = rng.uniform(0.5, 3.0, n + 1)
     stiffness = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
@@ -67,7 +67,7 @@ def chain(rng: np.random.Generator) -> Case:
 
 
 def cradle(rng: np.random.Generator) -> Case:
-    """Pendula side by side, some of them pulled aside."""
+    """Hang pendula side by side, some of them pulled aside."""
     n = int(rng.integers(2, 7))
     q0 = np.zeros(n)
     q0[: int(rng.integers(1, n))] -= rng.uniform(0.2, 1.0)
@@ -77,7 +77,7 @@ def cradle(rng: np.random.Generator) -> Case:
 
 
 def rocking_block(rng: np.random.Generator) -> Case:
-    """A block on two feet that rocks until it stands."""
+    """Drop a block on two feet, which rocks until it stands."""
     r = rng.uniform(0.01, 0.6)
     system = MechanicalSystem(
         np.diag([1.0, (1.0 + r) / (1.0 - r)]),
@@ -92,7 +92,7 @@ def rocking_block(rng: np.random.Generator) -> Case:
 
 
 def pushed_carts(rng: np.random.Generator) -> Case:
-    """Two carts between springs, one of them pushed against a stop at a distance."""
+    """Push one of two carts between springs against a stop at a distance."""
     F = rng.normal(size=(1, 2)) if rng.random() < 0.5 else np.array([[1.0, 0.0]])
     system = MechanicalSystem(
         np.diag(rng.uniform(0.3, 3.0, 2)),
@@ -107,7 +107,7 @@ def pushed_carts(rng: np.random.Generator) -> Case:
 
 
 def feedthrough(rng: np.random.Generator) -> Case:
-    """x' = u, y = x + d u - sin 2 pi t with d from 1e-14 to 1e14: x' = max(0, sin 2 pi t - x)/d."""
+    """Take x' = u, y = x + d u - sin 2 pi t with d from 1e-14 to 1e14: x' = max(0, sin 2 pi t - x)/d."""
     d = 10.0 ** rng.uniform(-14.0, 14.0)
     system = LCS([[0.0]], [[1.0]], [[1.0]], [[d]], g=sine(-1.0, 1.0))
 
@@ -116,14 +116,17 @@ def feedthrough(rng: np.random.Generator) -> Case:
         if d < 1e-4:  # x is the largest sine so far, but for what d holds back
             exact, within = np.where(times < 0.25, np.sin(2.0 * math.pi * times), 1.0), 7.0 * d + 1e-9
         else:
-            exact, within = _by_radau(lambda t, x: max(0.0, math.sin(2.0 * math.pi * t) - x) / d, times), 1e-6
+            exact, within = (
+                _by_radau(lambda t, x: float(max(0.0, math.sin(2.0 * math.pi * t) - x) / d), times),
+                1e-6,
+            )
         return _unless(float(np.abs(run(times)[:, 0] - exact).max()) <= within, "x differs")
 
     return _system(system, np.zeros(1), 3.0, fault)
 
 
 def rectifier(rng: np.random.Generator) -> Case:
-    """A capacitor behind a diode and a resistance from 1e-12 to 1e12 ohm, at 50 Hz."""
+    """Charge a capacitor behind a diode and a resistance from 1e-12 to 1e12 ohm, at 50 Hz."""
     resistance, V = 10.0 ** rng.uniform(-12.0, 12.0), rng.uniform(1.0, 300.0)
     capacitance, load = 10.0 ** rng.uniform(-6.0, -3.0), 10.0 ** rng.uniform(1.0, 5.0)
     system = LCS(
@@ -132,7 +135,7 @@ def rectifier(rng: np.random.Generator) -> Case:
 
     def rate(t: float, v: float) -> float:
         held = max(0.0, V * math.sin(100.0 * math.pi * t) - v) / resistance
-        return (held - v / load) / capacitance
+        return float((held - v / load) / capacitance)
 
     def fault(run: Trajectory) -> str:
         times = np.array([0.002, 0.004, 0.012, 0.031, 0.055])
@@ -150,7 +153,7 @@ def rectifier(rng: np.random.Generator) -> Case:
 
 
 def scaled_feedthrough(rng: np.random.Generator) -> Case:
-    """Positive definite feedthrough whose entries differ by up to 28 orders of magnitude."""
+    """Take a positive definite feedthrough whose entries differ by up to 28 orders of magnitude."""
     n, k = int(rng.integers(1, 6)), int(rng.integers(1, 6))
     J, C, K = rng.normal(size=(n, n)), rng.normal(size=(k, n)), rng.normal(size=(k, k))
     d = 10.0 ** rng.uniform(-14.0, 14.0, k)
@@ -161,7 +164,7 @@ def scaled_feedthrough(rng: np.random.Generator) -> Case:
 
 
 def skew_feedthrough(rng: np.random.Generator, pairs: int | None = None) -> Case:
-    """Skew D, B = C^T, 15 to 30 pairs unless it is said how many."""
+    """Take a skew D and B = C^T, 15 to 30 pairs unless it is said how many."""
     k = int(rng.integers(15, 31)) if pairs is None else pairs
     n = k + int(rng.integers(0, 8))
     S, C, K = rng.normal(size=(n, n)), rng.normal(size=(k, n)) / math.sqrt(n), rng.normal(size=(k, k))
@@ -170,7 +173,7 @@ def skew_feedthrough(rng: np.random.Generator, pairs: int | None = None) -> Case
 
 
 def stiff_and_lossless(rng: np.random.Generator) -> Case:
-    """Rates from 1 to 1e6, with and without damping; feedthrough missing, small or large."""
+    """Take rates from 1 to 1e6, with and without damping; feedthrough missing, small or large."""
     n, k = int(rng.integers(1, 8)), int(rng.integers(1, 6))
     S = np.diag(10.0 ** rng.uniform(0.0, 3.0, n))
     L, C, R = rng.normal(size=(n, n)), rng.normal(size=(k, n)), rng.normal(size=(n, n))
@@ -180,7 +183,7 @@ def stiff_and_lossless(rng: np.random.Generator) -> Case:
 
 
 def tiny_offsets(rng: np.random.Generator) -> Case:
-    """Offsets of 1e-15 to 1e-20 in some components: the motion is that without them."""
+    """Add offsets of 1e-15 to 1e-20 in some components: the motion is that without them."""
     n = int(rng.integers(1, 5))
     k = int(rng.integers(1, n + 1))
     J, C = rng.normal(size=(n, n)), rng.normal(size=(k, n))
@@ -203,7 +206,7 @@ def tiny_offsets(rng: np.random.Generator) -> Case:
 
 
 def circuit(rng: np.random.Generator) -> Case:
-    """A random circuit with diodes and resistors in series with its sources, at 400 times and more."""
+    """Join elements at random, with a resistor in series with the source; look at 400 times and more."""
     nodes = list("0abcde")[: int(rng.integers(3, 7))]
 
     def two() -> str:

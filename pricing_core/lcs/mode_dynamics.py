@@ -184,16 +184,19 @@ class ModeDynamics:
     def _later_signs(self, signs: Vector, coordinates: State, shares: Shares) -> Vector:
         """Return the signs with those that derivatives beyond the tabulated ones decide."""
         scaled = self._scaled_rate()
-        rows, terms = self.derivatives[-1], self.derivative_sizes[1, -1]
-        sizes = self.derivative_sizes[0, 0] @ coordinates.sizes
-        for _ in range(self.derivatives.shape[0], self.rate.shape[0] + 1):
-            rows, terms = rows @ scaled, terms @ np.abs(scaled)
-            least = np.maximum(
-                shares.derivative * sizes, min(ROUNDING, shares.derivative) * (terms @ coordinates.sizes)
-            )
-            signs = np.where(signs == 0.0, _signs(rows @ coordinates.z, least), signs)
-            if signs.all():
+        both = np.abs(scaled)
+        vector, sizes = coordinates
+        levels = shares.derivative * (self.output_sizes @ sizes)
+        tabulated = self.derivatives.shape[0]
+        for order in range(1, self.rate.shape[0] + 1):
+            vector, sizes = scaled @ vector, both @ sizes
+            if not vector.any():
                 break
+            if order >= tabulated:
+                least = np.maximum(levels, min(ROUNDING, shares.derivative) * (self.output_sizes @ sizes))
+                signs = np.where(signs == 0.0, _signs(self.outputs @ vector, least), signs)
+                if signs.all():
+                    break
         return signs
 
     def is_slow(self, coordinates: State, outputs: tuple[int, ...]) -> bool:

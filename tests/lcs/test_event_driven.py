@@ -560,3 +560,41 @@ def test_a_motion_that_never_settles_but_meets_nothing_costs_nothing(end):
     times = np.array([1.0, 1234.5, 9.9e5])
     exact = np.column_stack([np.cos(times), -np.sin(times), 1e-3 * times])
     assert trajectory(times) == pytest.approx(exact, abs=1e-9)
+
+
+@pytest.mark.parametrize("d", 10.0 ** np.arange(-14.0, 0.0, 2.0))
+def test_feedthrough_of_any_size_lets_the_rectifier_hold_its_crest(d):
+    """x' = u, y = x + d u - sin 2 pi t: x follows the sine to its crest, 1 at t = 1/4, and stays there."""
+    run = simulate(LCS([[0.0]], [[1.0]], [[1.0]], [[d]], g=sine(-1.0, 1.0)), [0.0], (0.0, 3.0))
+    assert run.x[-1, 0] == pytest.approx(1.0, abs=1e-12 + 25.0 * d)
+    assert run.unique is True
+
+
+def test_a_megahertz_costs_nothing_without_events():
+    """x' = -1000 x + 1000 sin: after the decay amplitude and phase of the transfer function."""
+    w = 2e6 * math.pi
+    system = LCS([[-1e3]], [[1.0]], [[0.0]], [[1.0]], f=sine([1e3], 1e6))
+    run = simulate(system, [0.0], (0.0, 0.1))
+    assert run.accepted < 1000
+    t = 0.1 - 0.25e-6
+    assert run(t)[0] == pytest.approx((1e3 / (1j * w + 1e3) * np.exp(1j * w * t)).imag, abs=1e-12)
+
+
+def test_an_offset_of_rounding_size_is_none():
+    data = ([[-1, 0.5], [0.3, -1]], np.eye(2), np.eye(2), [[1, 0.2], [0.3, 1]])
+    noisy, plain = (simulate(LCS(*data, f=[f, 1.0]), [-1.0, -2.0], (0.0, 1.0)) for f in (1e-17, 0.0))
+    assert noisy.accepted < 50
+    assert noisy.x[-1] == pytest.approx(plain.x[-1], abs=1e-15)
+
+
+def test_uniqueness_is_claimed_only_where_it_is_known():
+    assert simulate(diode_bridge().system, [10.0, 0.0], (0.0, 1e-3)).unique is True
+    chosen = simulate(relays([[-1.0]]), [0.0], (0.0, 1.0), method=EventDriven("first"))
+    assert chosen.unique is None
+    stepped = simulate(relays([[1.0]]), [1.0], (0.0, 0.5), method=TimeStepping(step=0.1))
+    assert stepped.unique is None
+
+
+def test_a_limit_of_events_says_what_repeats():
+    with pytest.raises(IterationLimitError, match=r"5 events by t = .*; the modes \(.* follow each other"):
+        simulate(diode_bridge().system, [10.0, 0.0], (0.0, 5e-3), method=EventDriven(max_events=5))

@@ -197,6 +197,43 @@ def test_a_restitution_is_the_only_law_of_impact(field, method):
         ball(0.5).simulate([1.0], [0.0], (0.0, 1.0), method=method)
 
 
+@pytest.mark.parametrize("e", [0.3, 0.5, 0.8, 0.9])
+def test_what_takes_no_part_in_infinitely_many_bounces_flows_exactly(e):
+    """A ball that comes to rest beside a pendulum that it does not touch: q2 = cos t + 0.3 sin t."""
+    pair = MechanicalSystem(
+        np.eye(2), np.zeros((2, 2)), np.diag([0.0, 1.0]), [[1.0, 0.0]], [-G, 0.0], restitution=e
+    )
+    run = pair.simulate([1.0, 1.0], [0.0, 0.3], (0.0, 12.0))
+    times = np.linspace(0.0, 12.0, 1001)
+    assert run(times)[:, 1] == pytest.approx(np.cos(times) + 0.3 * np.sin(times), abs=1e-14)
+    (limit,) = [event for event in run.events if event.kind == "zeno"]
+    assert limit.time == pytest.approx(math.sqrt(2.0 / G) * (1.0 + 2.0 * e / (1.0 - e)), rel=1e-12)
+    assert limit.x_before == pytest.approx(limit.x_after, abs=0.0)
+    assert limit.x_after[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-14)
+
+
+@pytest.mark.parametrize("end", [1e4, 1e12])
+def test_rest_costs_nothing(end):
+    """One cart is pushed against the wall, the other against the first."""
+    system = MechanicalSystem(
+        np.eye(2), np.zeros((2, 2)), [[2.0, -1.0], [-1.0, 1.0]], [[1.0, 0.0], [1.0, -1.0]], [-1.0, 1.0]
+    )
+    run = system.simulate([0.0, 0.0], [0.0, 0.0], (0.0, end))
+    assert (run.accepted < 10, run.events) == (True, ())
+    assert run.x[-1] == pytest.approx(np.zeros(4), abs=0.0)
+
+
+def test_two_masses_and_a_stop_at_a_distance_bounce_to_an_end():
+    """Its gap is rounded at 1e-16: the last bounces are below that."""
+    system = MechanicalSystem(
+        np.eye(2), np.zeros((2, 2)), [[2.0, -1.0], [-1.0, 2.0]], [[1.0, 0.0]], [-5.0, 0.0], [1.0], 0.5
+    )
+    run = system.simulate([1.0, 0.0], [0.0, 0.0], (0.0, 10.0))
+    assert len(run.events) < 100
+    assert run.y.min() >= 0.0
+    assert run.x[-1, 0] == pytest.approx(-1.0, abs=1e-12)
+
+
 def test_without_restitution_another_law_may_be_given():
     """What Newton's law does with e = 1/2, for one contact."""
 
