@@ -50,9 +50,9 @@ def simulate(
     ZenoError
         Events accumulate at an instant from which nothing goes on.
     IterationLimitError
-        More than max_events events, more than 100 000 Taylor polynomials, or endless reinitialisations at one instant.
+        More than max_events events, or endless reinitialisations at one instant.
     NumericalError
-        The state or an input overflows.
+        The state or an input overflows; with more than ten pairs, no mode that goes on was found.
     RelativeDegreeError
         The stepping scheme cannot converge: relative degree 3 or more, or 2 with "sdirk2" or "theta".
     RayTerminationError, StepSizeError

@@ -35,8 +35,10 @@ class EventDriven:
 
     Modes are selected, and jumps made, by the rational complementarity problem. No excursion of an output below -1e-11
     of its size is missed; transversal events are located to 1e-12, a contact of multiplicity m to the m-th root of
-    that. Where events accumulate, their limit is extrapolated and the run goes on from there. What has died out is no
-    longer followed, so that a long interval costs little once the state has settled.
+    that. Where events accumulate, their limit is extrapolated: what takes part jumps there, all else flows on. A contact
+    that rises by no more than rounding between two impacts is at rest. What has died out is no longer followed, and
+    where no output can reach zero any more the rest of the interval is passed at once: rest, drift and oscillations
+    cost nothing for their length.
 
     Parameters
     ----------
@@ -58,7 +60,8 @@ class EventDriven:
 
     Notes
     -----
-    Cost of an event: some tenths of a millisecond, and once for every mode that is met about 2 ms (n + k <= 24).
+    Cost of an event: about 0.2 ms for few pairs and 0.5 ms for twelve, and once for every mode that is met about 2 ms
+    for short numbers and n + k <= 24, where ranks are exact, otherwise some tenths of a millisecond.
     """
 
     on_nonunique: OnNonUnique = "raise"
