@@ -258,7 +258,7 @@ class _Run:
         least = bounds.min(axis=0)
         if (least > tolerances).all():
             return None, reach
-        crossing = first_crossing(polynomials, reach, tolerances)
+        crossing = first_crossing(polynomials, reach, tolerances, bounds)
         place = reach if crossing is None else crossing.place
         t, length = begin
         for touch in touching_places(polynomials, place, tolerances):

@@ -32,7 +32,9 @@ class Crossing(NamedTuple):
     outputs: tuple[int, ...]
 
 
-def first_crossing(polynomials: Matrix, end: float, tolerances: Vector) -> Crossing | None:
+def first_crossing(
+    polynomials: Matrix, end: float, tolerances: Vector, bounds: Matrix | None = None
+) -> Crossing | None:
     """Return the first place in [0, end] behind which an output falls below minus its tolerance, None without one.
 
     Parameters
@@ -42,6 +44,8 @@ def first_crossing(polynomials: Matrix, end: float, tolerances: Vector) -> Cross
     end : float
         At most 1.
     tolerances : Vector, shape (k,)
+    bounds : Matrix, optional
+        `bernstein` of the polynomials, where that is known.
 
     Notes
     -----
@@ -54,7 +58,7 @@ def first_crossing(polynomials: Matrix, end: float, tolerances: Vector) -> Cross
     >>> first_crossing(line, 1.0, np.array([1e-12]))
     Crossing(place=0.25, outputs=(0,))
     """
-    scaled = bernstein(polynomials, end)
+    scaled = bernstein(polynomials, end) if bounds is None else bounds
     found: list[tuple[float, int]] = []
     for i in np.flatnonzero(scaled.min(axis=0) < -tolerances):
         bracket = _first_bracket(scaled[:, i], -float(tolerances[i]))
@@ -75,8 +79,11 @@ def bernstein(polynomials: Matrix, end: float) -> Matrix:
 def touching_places(polynomials: Matrix, end: float, tolerances: Vector) -> list[float]:
     """Return where in (0, end) outputs touch zero, to within their tolerance, without crossing it."""
     scaled = polynomials * (end**POWERS)[:, None]
-    bounds, samples = _bernstein() @ scaled, _samples() @ scaled
+    bounds = _bernstein() @ scaled
     possible = (bounds.min(axis=0) <= tolerances) & (bounds.max(axis=0) > FLAT * tolerances)
+    if not possible.any():
+        return []
+    samples = _samples() @ scaled
     turns = (samples[1:-1] <= samples[:-2]) & (samples[1:-1] <= samples[2:])
     found = []
     for i in np.flatnonzero(possible & turns.any(axis=0)):

@@ -35,8 +35,8 @@ class EventDriven:
 
     Modes are selected, and jumps made, by the rational complementarity problem. No excursion of an output below -1e-11
     of its size is missed; transversal events are located to 1e-12, a contact of multiplicity m to the m-th root of
-    that. Where events accumulate, their limit is extrapolated: what takes part jumps there, all else flows on. A contact
-    that rises by no more than rounding between two impacts is at rest. What has died out is no longer followed, and
+    that. Where events accumulate, their limit is extrapolated: what takes part jumps there, all else flows on. What
+    rises by no more than rounding between two impacts is at rest. What has died out is no longer followed, and
     where no output can reach zero any more the rest of the interval is passed at once: rest, drift and oscillations
     cost nothing for their length.
 
