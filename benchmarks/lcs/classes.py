@@ -346,16 +346,17 @@ def _rates(system: LCS, run: Trajectory) -> str:
 
 
 def _by_radau(rate: Callable[[float, float], float], times: Vector, size: float = 1.0) -> Vector:
-    found = solve_ivp(
-        lambda t, x: [rate(t, float(x[0]))],
-        (0.0, float(times[-1])),
-        [0.0],
-        method="Radau",
-        t_eval=times,
-        rtol=1e-9,
-        atol=1e-10 * size,
-        max_step=float(times[-1]) / 300.0,
-    )
+    with np.errstate(divide="ignore"):  # where nothing moves
+        found = solve_ivp(
+            lambda t, x: [rate(t, float(x[0]))],
+            (0.0, float(times[-1])),
+            [0.0],
+            method="Radau",
+            t_eval=times,
+            rtol=1e-9,
+            atol=1e-10 * size,
+            max_step=float(times[-1]) / 300.0,
+        )
     return np.asarray(found.y[0])
 
 

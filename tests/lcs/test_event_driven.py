@@ -598,3 +598,23 @@ def test_uniqueness_is_claimed_only_where_it_is_known():
 def test_a_limit_of_events_says_what_repeats():
     with pytest.raises(IterationLimitError, match=r"5 events by t = .*; the modes \(.* follow each other"):
         simulate(diode_bridge().system, [10.0, 0.0], (0.0, 5e-3), method=EventDriven(max_events=5))
+
+
+def test_three_contacts_under_a_slow_sine_do_not_chatter():
+    """Two of them close one after the other ever faster: the mode of both is where that ends."""
+    rates = [
+        [-10.544, 0.155, -2.636, -0.204, -0.082, 0.002],
+        [-4.258, -0.12, -0.968, -0.082, -0.051, -0.008],
+        [-0.044, 0.0, -0.023, 0.002, -0.008, -0.013],
+    ]
+    A = np.vstack([np.hstack([np.zeros((3, 3)), np.eye(3)]), rates])
+    B = np.vstack(
+        [np.zeros((3, 3)), [[3.392, 0.444, 3.27], [1.226, -0.175, 1.419], [-0.049, -0.317, -0.006]]]
+    )
+    normals = [[1.585, -0.774, 0.471], [0.499, -0.864, -1.181], [1.014, 0.517, -0.163]]
+    drive = sine([0.0, 0.0, 0.0, 0.85, -1.034, -0.288], 0.024, phase=0.646)
+    for f in (drive, sine([0.85, -1.034, -0.288, -1.365, -0.101, 0.079], 0.024, phase=0.646)):
+        system = LCS(A, B, np.hstack([normals, np.zeros((3, 3))]), f=f)
+        run = simulate(system, [0.789, -1.351, 0.477, -1.21, 0.378, 1.972], (0.0, 5.0))
+        assert len(run.events) < 200
+        assert run.y.min() >= -1e-9
