@@ -71,28 +71,21 @@ def solve_schedules(
     threads: int,
     interrupt: Callable[[], bool] | None,
 ) -> tuple[Matrix, Vector, BoolVector, Vector, NDArray[np.float64]]: ...
-def march_segment(
+def sweep_schedule(
     nodes: Vector,  # (N + 2,), s = S/K, increasing
-    lower: Vector,  # (N,), L at the interior nodes, per year; the first row reads the lower end node
-    diagonal: Vector,  # (N,)
-    upper: Vector,  # (N,), the last row reads the upper end node
-    values: Vector,  # (N + 2,), in units of the strike, at the first of the times
-    contact: BoolVector,  # (N,), a guess of the contact set
-    times: Vector,  # (M + 1,), years before the segment's end, increasing
+    # (M, 8), from now to expiry: rate, yield, volatility, amount and escrow in strikes, fraction, may exercise, at end
+    segments: Matrix,
+    times: Vector,  # years before a segment's end, from 0 to its length, for one segment after the other
+    first_time: NDArray[np.int64],  # (M + 1,), where a segment's times begin
     scheme: int,  # 0: implicit Euler, 1: SDIRK2
     sign: float,  # 1 for a put, -1 for a call
-    escrow: float,  # at the segment's end, in units of the strike
-    rate: float,  # per year
-    dividend_yield: float,  # per year
-    exercisable: bool,
-    lines: Matrix,  # (2, 2), (a, b) of a + b s at the lower and the upper end, at the segment's end
-    contact_at_left: bool,  # whether the end of the grid lies in the exercise region
-    contact_at_right: bool,
-    tangents: Matrix,  # (P, N + 2), derivatives of the values by P parameters
-    tangent_operators: Matrix,  # (P, 3, N), those of lower, diagonal and upper
-    tangent_changes: Matrix,  # (P, 3), those of rate, dividend yield and escrow
-    tangent_lines: Matrix,  # (P, 2, 2), those of lines
-) -> tuple[Vector, Vector, BoolVector, Vector, float, Matrix, Matrix]:
-    # values (N + 2,), slack (N,), contact (N,), multiplier (N,) per year, largest residual at the end of a step,
-    # exercise regions in s after each step (M, 2), derivatives of the values by the parameters (P, N + 2)
+    watched: Vector,  # places in s at which a raised diffusion is told
+    directions: NDArray[
+        np.float64
+    ],  # (P, M, 2, 5), the first columns of segments with more and less of a parameter
+    steps: Vector,  # (P,), half of what the parameters differ by
+    interrupt: Callable[[], bool] | None,
+) -> tuple[Vector, float, BoolVector, Matrix, Matrix, float, bool, Matrix] | None:
+    # values (N + 2,), value at s = 0, contact (N,), exercise regions in s after each step (T - M, 2) and before events
+    # (M, 2), largest residual at the end of a step, whether the diffusion was raised, derivatives (P, N + 2)
     ...

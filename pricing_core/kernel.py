@@ -1,6 +1,6 @@
 """The inner loops: the compiled crate where it was built, else NumPy's for the solvers of complementarity problems.
 
-The two fast engines and the march over a segment exist only compiled; they are None otherwise.
+The two fast engines and the general engine's sweep exist only compiled; they are None otherwise.
 """
 
 import warnings
@@ -30,7 +30,7 @@ projected_sor = _small.projected_sor
 solve_puts = None if _compiled is None else _compiled.solve_puts
 march_boundaries = None if _compiled is None else _compiled.march_boundaries
 solve_schedules = None if _compiled is None else _compiled.solve_schedules
-march_segment = None if _compiled is None else _compiled.march_segment
+sweep_schedule = None if _compiled is None else _compiled.sweep_schedule
 
 
 def kernel_name() -> str:

@@ -1,9 +1,9 @@
-//! What must be fast in `pricing_core`, over plain slices: complementarity solvers, the method of lines over a
-//! segment, and two option engines.
+//! What must be fast in `pricing_core`, over plain slices: complementarity solvers, the method of lines, and two
+//! option engines.
 //!
 //! - Solvers of 0 <= z, 0 <= w = M z + q, z w = 0 with a tridiagonal M: `brennan_schwartz`, `growing_basic_set`,
 //!   `policy_iteration`, `projected_sor`; with a dense one: `equilibrate`, `lemke`.
-//! - `segment_march`: the method of lines over one segment of an option's life, with a tridiagonal problem per stage.
+//! - `segment_march`: the method of lines over a schedule of segments, with a tridiagonal problem per stage.
 //! - `premium_march`: American puts in a flat market, by a march of their early exercise premium.
 //! - `multiplier_collocation`: American and Bermudan options with dividends, curves and exercise dates, by collocation of
 //!   the multiplier of their complementarity system.

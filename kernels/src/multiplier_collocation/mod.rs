@@ -111,4 +111,5 @@ mod viewpoint;
 pub use backward_recursion::RESULTS;
 pub use fineness::LEVELS;
 pub use gradient::{FUNCTIONALS, PARAMETERS};
+pub(crate) use roots::find_root;
 pub use schedules::{solve_schedules, Schedules, Solved, COLUMNS};

@@ -30,7 +30,7 @@ mod _kernels {
     #[pymodule_export]
     use super::premium_march::{march_boundaries, solve_puts};
     #[pymodule_export]
-    use super::segment_march::march_segment;
+    use super::segment_march::sweep_schedule;
     #[pymodule_export]
     use super::tridiagonal::{
         brennan_schwartz, growing_basic_set, policy_iteration, projected_sor,

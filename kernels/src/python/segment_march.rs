@@ -1,184 +1,163 @@
-//! The function of `pricing_core._kernels` that marches over a segment.
+//! The function of `pricing_core._kernels` that solves a schedule at one resolution.
 
-use numpy::ndarray::s;
+use numpy::ndarray::{ArrayView1, Axis};
 use numpy::{
-    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4,
+    PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::arguments::numbers;
-use crate::segment_march::{self, Scheme, Segment, Tangent};
+use super::arguments::{nonempty_group_starts, numbers};
+use super::interrupt::Question;
+use crate::segment_march::{self, Direction, Part, Schedule, Scheme, Terms};
 
-type Marched<'py> = (
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<bool>>,
+/// The number of columns of a segment, and of the first of them, which a parameter may change.
+const COLUMNS: usize = 8;
+const TERMS: usize = 5;
+
+type Swept<'py> = (
     Bound<'py, PyArray1<f64>>,
     f64,
+    Bound<'py, PyArray1<bool>>,
     Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray2<f64>>,
+    f64,
+    bool,
     Bound<'py, PyArray2<f64>>,
 );
 
-/// The parameters' derivatives at the segment's end.
-fn tangents_of(
-    values: &PyReadonlyArray2<'_, f64>,
-    operators: &PyReadonlyArray3<'_, f64>,
-    changes: &PyReadonlyArray2<'_, f64>,
-    lines: &PyReadonlyArray3<'_, f64>,
-) -> PyResult<Vec<Tangent>> {
-    let (values, operators) = (values.as_array(), operators.as_array());
-    let (changes, lines) = (changes.as_array(), lines.as_array());
-    let count = values.shape()[0];
-    let shapes = [
-        (&operators.shape()[..2], [count, 3]),
-        (changes.shape(), [count, 3]),
-        (&lines.shape()[..2], [count, 2]),
-        (&lines.shape()[1..], [2, 2]),
-    ];
-    if shapes.iter().any(|(found, wanted)| found != wanted) {
+fn terms(row: &ArrayView1<'_, f64>) -> Terms {
+    Terms {
+        rate: row[0],
+        dividend_yield: row[1],
+        volatility: row[2],
+        amount: row[3],
+        escrow: row[4],
+    }
+}
+
+fn directions_of(
+    directions: &PyReadonlyArray4<'_, f64>,
+    steps: &[f64],
+    segments: usize,
+) -> PyResult<Vec<Direction>> {
+    if directions.shape() != [steps.len(), segments, 2, TERMS] {
         return Err(PyValueError::new_err(
-            "the tangents' arrays do not belong together",
+            "directions must have the shape (P, M, 2, 5), and P steps",
         ));
     }
-    let tangent = |p: usize| Tangent {
-        values: values.row(p).to_vec(),
-        lower: operators.slice(s![p, 0, ..]).to_vec(),
-        diagonal: operators.slice(s![p, 1, ..]).to_vec(),
-        upper: operators.slice(s![p, 2, ..]).to_vec(),
-        rate: changes[[p, 0]],
-        dividend_yield: changes[[p, 1]],
-        escrow: changes[[p, 2]],
-        lines: [0, 1].map(|end| [0, 1].map(|k| lines[[p, end, k]])),
+    let rows = directions.as_array();
+    let of = |(rows, step): (numpy::ndarray::ArrayView3<'_, f64>, &f64)| Direction {
+        terms: rows
+            .axis_iter(Axis(0))
+            .map(|pair| [0, 1].map(|side| terms(&pair.row(side))))
+            .collect(),
+        step: *step,
     };
-    Ok((0..count).map(tangent).collect())
+    Ok(rows.axis_iter(Axis(0)).zip(steps).map(of).collect())
 }
 
-/// (a, b) of the lines at the two ends.
-fn ends(lines: &PyReadonlyArray2<'_, f64>) -> PyResult<[[f64; 2]; 2]> {
-    let lines = lines.as_array();
-    if lines.shape() != [2, 2] {
-        return Err(PyValueError::new_err("lines must have the shape (2, 2)"));
-    }
-    Ok([
-        [lines[[0, 0]], lines[[0, 1]]],
-        [lines[[1, 0]], lines[[1, 1]]],
-    ])
-}
-
-/// March the value of an option backward in time over one segment of a schedule.
+/// Solve an option with events by the method of lines on a grid, backward from expiry to now.
 ///
 /// Parameters
 /// ----------
 /// nodes : (N + 2,) float
-///     s = S/K, increasing.
-/// lower, diagonal, upper : (N,) float
-///     L at the interior nodes, per year; the first row reads the lower end node, the last the upper one.
-/// values : (N + 2,) float
-///     v, in units of the strike, at the first of the times.
-/// contact : (N,) bool
-///     A guess of the contact set after the first stage.
-/// times : (M + 1,) float
-///     Years before the segment's end, increasing; a step leads from each to the next.
+///     s = S/K, increasing, at least five.
+/// segments : (M, 8) float
+///     From now to expiry: rate, yield, volatility per year, amount and escrow at the end in units of the strike, the
+///     fraction of the spot paid at the end, whether the holder may exercise throughout, and at the end.
+/// times : (T,) float
+///     Years before a segment's end, from 0 to its length, for one segment after the other.
+/// `first_time` : (M + 1,) int
+///     Where a segment's times begin.
 /// scheme : int
 ///     0: implicit Euler; 1: SDIRK2.
 /// sign : float
 ///     1 for a put, -1 for a call.
-/// escrow : float
-///     A at the segment's end, in units of the strike.
-/// rate, `dividend_yield` : float
-///     Continuously compounded, per year.
-/// exercisable : bool
-/// lines : (2, 2) float
-///     (a, b) of the line a + b s at the lower and the upper end, at the segment's end.
-/// `contact_at_left`, `contact_at_right` : bool
-///     Whether the end of the grid lies in the exercise region.
-/// tangents : (P, N + 2) float
-///     v's derivatives by P parameters, at the first of the times.
-/// `tangent_operators` : (P, 3, N) float
-///     Those of lower, diagonal and upper.
-/// `tangent_changes` : (P, 3) float
-///     Those of rate, `dividend_yield` and escrow.
-/// `tangent_lines` : (P, 2, 2) float
-///     Those of lines.
+/// watched : (W,) float
+///     Places in s.
+/// directions : (P, M, 2, 5) float
+///     The first five columns of the segments with more and with less of each of P parameters.
+/// steps : (P,) float
+///     Half of what the parameters differ by.
+/// interrupt : callable or None
+///     Asked every few milliseconds whether to stop.
 ///
 /// Returns
 /// -------
-/// values (N + 2,), slack (N,), contact (N,), multiplier (N,) per year, residual, regions (M, 2), tangents (P, N + 2)
-///     The state at the last of the times (slack and multiplier are 0 where not exercisable), the largest
-///     natural residual at the end of a step, and the ends of the exercise region in s after each step,
-///     infinite where it reaches the grid's end, (inf, -inf) where it is empty.
+/// None where interrupted, else values (N + 2,) in units of the strike, the value at s = 0, contact (N,), regions (T - M,
+/// 2), regions before events (M, 2), residual, raised, derivatives (P, N + 2)
+///     The ends of the exercise region in s, infinite where it reaches the grid's end, (inf, -inf) where it is empty, after
+///     every step in the order of the times, and just before every event; the largest natural residual at the end of a
+///     step; and whether the diffusion was raised at a watched place.
 #[pyfunction]
-#[pyo3(signature = (nodes, lower, diagonal, upper, values, contact, times, scheme, sign, escrow, rate, dividend_yield, exercisable, lines, contact_at_left, contact_at_right, tangents, tangent_operators, tangent_changes, tangent_lines))]
-#[allow(
-    clippy::fn_params_excessive_bools,
-    clippy::needless_pass_by_value,
-    clippy::too_many_arguments
-)]
-pub fn march_segment<'py>(
+#[pyo3(signature = (nodes, segments, times, first_time, scheme, sign, watched, directions, steps, interrupt))]
+#[allow(clippy::needless_pass_by_value, clippy::too_many_arguments)]
+pub fn sweep_schedule<'py>(
     py: Python<'py>,
     nodes: PyReadonlyArray1<'py, f64>,
-    lower: PyReadonlyArray1<'py, f64>,
-    diagonal: PyReadonlyArray1<'py, f64>,
-    upper: PyReadonlyArray1<'py, f64>,
-    values: PyReadonlyArray1<'py, f64>,
-    contact: PyReadonlyArray1<'py, bool>,
+    segments: PyReadonlyArray2<'py, f64>,
     times: PyReadonlyArray1<'py, f64>,
+    first_time: PyReadonlyArray1<'py, i64>,
     scheme: u8,
     sign: f64,
-    escrow: f64,
-    rate: f64,
-    dividend_yield: f64,
-    exercisable: bool,
-    lines: PyReadonlyArray2<'py, f64>,
-    contact_at_left: bool,
-    contact_at_right: bool,
-    tangents: PyReadonlyArray2<'py, f64>,
-    tangent_operators: PyReadonlyArray3<'py, f64>,
-    tangent_changes: PyReadonlyArray2<'py, f64>,
-    tangent_lines: PyReadonlyArray3<'py, f64>,
-) -> PyResult<Marched<'py>> {
+    watched: PyReadonlyArray1<'py, f64>,
+    directions: PyReadonlyArray4<'py, f64>,
+    steps: PyReadonlyArray1<'py, f64>,
+    interrupt: Option<Py<PyAny>>,
+) -> PyResult<Option<Swept<'py>>> {
     let scheme = match scheme {
         0 => Scheme::ImplicitEuler,
         1 => Scheme::Sdirk2,
         _ => return Err(PyValueError::new_err("scheme must be 0 or 1")),
     };
-    let (nodes, diagonal) = (numbers(&nodes), numbers(&diagonal));
-    let (lower, upper) = (numbers(&lower), numbers(&upper));
-    let (values, contact, times) = (numbers(&values), numbers(&contact), numbers(&times));
-    let segment = Segment {
-        nodes: &nodes,
-        lower: &lower,
-        diagonal: &diagonal,
-        upper: &upper,
-        sign,
-        escrow,
-        rate,
-        dividend_yield,
-        exercisable,
-        lines: ends(&lines)?,
-        contact_at: [contact_at_left, contact_at_right],
+    let count = segments.shape()[0];
+    if count == 0 || segments.shape()[1] != COLUMNS {
+        return Err(PyValueError::new_err(
+            "segments must have the shape (M, 8), M > 0",
+        ));
+    }
+    let (nodes, times) = (numbers(&nodes), numbers(&times));
+    let (watched, steps) = (numbers(&watched), numbers(&steps));
+    let starts = nonempty_group_starts("first_time", &numbers(&first_time), count, times.len())?;
+    let directions = directions_of(&directions, &steps, count)?;
+    let rows = segments.as_array();
+    let part = |(row, span): (ArrayView1<'_, f64>, &[usize])| Part {
+        terms: terms(&row),
+        fraction: row[5],
+        exercisable: row[6] > 0.0,
+        exercise_at_end: row[7] > 0.0,
+        times: &times[span[0]..span[1]],
     };
-    let tangents = tangents_of(
-        &tangents,
-        &tangent_operators,
-        &tangent_changes,
-        &tangent_lines,
-    )?;
+    let parts: Vec<Part<'_>> = rows.outer_iter().zip(starts.windows(2)).map(part).collect();
+    let schedule = Schedule {
+        sign,
+        parts: &parts,
+        directions: &directions,
+    };
+    let question = Question::new(interrupt);
     let found = py.detach(|| {
-        segment_march::march_segment(&segment, &times, scheme, &values, &contact, &tangents)
+        let interrupt = || question.is_ended();
+        segment_march::sweep_schedule(&schedule, &nodes, scheme, &watched, &interrupt)
     })?;
-    let following = (found.tangents.len(), nodes.len());
-    let tangents = found.tangents.into_iter().flatten().collect();
-    let steps = found.regions.len();
-    let regions = found.regions.into_iter().flatten().collect();
-    Ok((
-        PyArray1::from_vec(py, found.values),
-        PyArray1::from_vec(py, found.slack),
-        PyArray1::from_vec(py, found.contact),
-        PyArray1::from_vec(py, found.multiplier),
-        found.residual,
-        PyArray1::from_vec(py, regions).reshape([steps, 2])?,
-        PyArray1::from_vec(py, tangents).reshape(following)?,
-    ))
+    question.result()?;
+    let Some(sweep) = found else {
+        return Ok(None);
+    };
+    let pairs = |pairs: Vec<[f64; 2]>| {
+        let shape = [pairs.len(), 2];
+        PyArray1::from_vec(py, pairs.into_iter().flatten().collect()).reshape(shape)
+    };
+    let derivatives: Vec<f64> = sweep.derivatives.into_iter().flatten().collect();
+    Ok(Some((
+        PyArray1::from_vec(py, sweep.values),
+        sweep.at_zero,
+        PyArray1::from_vec(py, sweep.contact),
+        pairs(sweep.regions.into_iter().flatten().collect())?,
+        pairs(sweep.before_events)?,
+        sweep.residual,
+        sweep.raised,
+        PyArray1::from_vec(py, derivatives).reshape([steps.len(), nodes.len()])?,
+    )))
 }

@@ -1,4 +1,4 @@
-//! One segment of a schedule by the method of lines: a tridiagonal complementarity problem per stage.
+//! A schedule by the method of lines, segment by segment: a tridiagonal complementarity problem per stage.
 //!
 //! Between two events the value v, in units of the strike, satisfies on the grid of s = S/K
 //!
@@ -12,14 +12,20 @@
 //!
 //! Derivatives by parameters are carried along (`tangents`): the contact set held fast, they are linear.
 //!
-//! `stage` solves one stage, `boundary_cell` places the exercise boundary inside its cell, `elimination` and
-//! `free_system` hold the linear solves of both, and `region` reads the boundary off the slack.
+//! `sweep` goes from expiry to now: `event` carries the value over what happens at the end of a segment (between the
+//! nodes `grid_function` knows it), `operator` is L, `stage` solves one stage, `boundary_cell` places the exercise
+//! boundary inside its cell, `elimination` and `free_system` hold the linear solves of both, and `region` reads the
+//! boundary off the slack.
 
 mod boundary_cell;
 mod elimination;
+mod event;
 mod free_system;
+mod grid_function;
+mod operator;
 mod region;
 mod stage;
+mod sweep;
 mod tangents;
 #[cfg(test)]
 mod tests;
@@ -27,7 +33,9 @@ mod tests;
 use std::f64::consts::FRAC_1_SQRT_2;
 
 use crate::error::{check_length, KernelError};
+use crate::interrupt::Interrupt;
 use stage::Stage;
+pub use sweep::{sweep_schedule, Direction, Part, Schedule, Sweep, Terms};
 use tangents::Tangents;
 
 /// The implicit weight of SDIRK2 (Alexander 1977), which makes it L-stable.
@@ -149,12 +157,18 @@ impl Segment<'_> {
         [at(self.lines[0], self.nodes[0]), at(self.lines[1], last)]
     }
 
-    /// Whether v at an end node, the lower (0) or the upper one (1), is what exercise brings.
-    fn is_exercised_at(&self, end: usize, t: f64) -> bool {
+    /// What is held at an end node, the lower (0) or the upper one (1), and what exercise brings there.
+    fn held_and_exercised_at(&self, end: usize, t: f64) -> (f64, f64) {
         let s = self.nodes[end * (self.size() + 1)];
         let [a, b] = self.lines[end];
         let held = a * (-self.rate * t).exp() + b * (-self.dividend_yield * t).exp() * s;
-        self.exercisable && held < self.sign * (self.strike_left(t) - s)
+        (held, self.sign * (self.strike_left(t) - s))
+    }
+
+    /// Whether v at an end node is what exercise brings.
+    fn is_exercised_at(&self, end: usize, t: f64) -> bool {
+        let (held, exercised) = self.held_and_exercised_at(end, t);
+        self.exercisable && held < exercised
     }
 
     /// J, the second derivative of v - g on the free side of a boundary at interior node `node`.
@@ -172,7 +186,7 @@ impl Segment<'_> {
     }
 }
 
-/// March v backward in time from the first to the last of the times.
+/// March v backward in time from the first to the last of the times; None where interrupted.
 ///
 /// `times` are years before the segment's end, increasing; a step leads from each to the next. `values`
 /// are v at the first of them, at all nodes, of which the two at the ends do not matter; `contact` is a
@@ -189,7 +203,8 @@ pub fn march_segment(
     values: &[f64],
     contact: &[bool],
     tangents: &[Tangent],
-) -> Result<March, KernelError> {
+    interrupt: Interrupt<'_>,
+) -> Result<Option<March>, KernelError> {
     segment.check()?;
     let size = segment.size();
     check_length("values", values, size + 2)?;
@@ -206,6 +221,9 @@ pub fn march_segment(
     let mut residual = 0.0;
     let mut regions = Vec::with_capacity(times.len());
     for pair in times.windows(2) {
+        if interrupt() {
+            return Ok(None);
+        }
         let (start, end) = (pair[0], pair[1]);
         let h = end - start;
         value.copy_from_slice(&stage.value);
@@ -236,7 +254,7 @@ pub fn march_segment(
         [values[0], values[size + 1]] = segment.ends(t);
     }
     let last = times.last().copied().unwrap_or(0.0);
-    Ok(March {
+    Ok(Some(March {
         tangents: following.values(tangents.len(), last),
         values,
         multiplier: stage.multiplier(),
@@ -244,7 +262,7 @@ pub fn march_segment(
         contact: stage.contact,
         residual,
         regions,
-    })
+    }))
 }
 
 /// The larger of two numbers; NaN stays NaN.

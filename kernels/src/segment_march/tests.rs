@@ -1,5 +1,7 @@
 //! The march over a segment: known values, complementarity, both solvers against each other, and what is refused.
 
+use crate::interrupt::never;
+
 use super::{march_segment, KernelError, March, Scheme, Segment};
 
 /// A Black-Scholes operator in s and the payoff on nodes that lie closer together around the strike.
@@ -79,7 +81,9 @@ impl Case {
             &self.payoff,
             &contact,
             &[],
+            &never,
         )
+        .unwrap()
         .unwrap()
     }
 }
@@ -150,8 +154,9 @@ fn portions_give_what_the_whole_gives() {
             &first.values,
             &first.contact,
             &[],
+            &never,
         );
-        let rest = rest.unwrap();
+        let rest = rest.unwrap().unwrap();
         assert_eq!(whole.values, rest.values);
         assert_eq!(whole.contact, rest.contact);
         assert_eq!(whole.regions[9..], rest.regions);
@@ -231,9 +236,10 @@ fn one_interior_node_is_enough() {
         &[0.5, 0.0, 0.0],
         &[false],
         &[],
+        &never,
     );
     // 1.72 v = 0.36 * 0.5
-    assert!((march.unwrap().values[1] - 0.18 / 1.72).abs() < 1e-15);
+    assert!((march.unwrap().unwrap().values[1] - 0.18 / 1.72).abs() < 1e-15);
 }
 
 #[test]
@@ -248,6 +254,7 @@ fn wrong_lengths_and_zero_pivots_are_named() {
             values,
             contact,
             &[],
+            &never,
         )
         .unwrap_err()
     };

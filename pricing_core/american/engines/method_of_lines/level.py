@@ -18,7 +18,8 @@ from pricing_core.american.engines.method_of_lines.grid import (
 from pricing_core.american.engines.method_of_lines.interpolation import local_derivatives, run_around
 from pricing_core.american.engines.method_of_lines.limits import without_exercise
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
-from pricing_core.american.engines.method_of_lines.sweep import SMALLEST_SHARE, Sweep, sweep_schedule
+from pricing_core.american.engines.method_of_lines.sweep import SMALLEST_SHARE, sweep_schedule
+from pricing_core.american.engines.method_of_lines.sweep_problem import Sweep
 from pricing_core.american.engines.method_of_lines.tangents import Direction
 from pricing_core.arrays import Matrix
 

@@ -1,6 +1,7 @@
 """Prescribed meshes of time to expiry: uniform ones, and those that are finer near expiry."""
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
 
@@ -22,9 +23,10 @@ def prescribed_mesh(kind: TimeMesh, duration: float, steps: int, stop_times: Ite
         Above 0; a time of the mesh that lies next to one of them gives way to it.
     """
     mesh = graded_mesh(kind, duration, steps)
-    stops = np.unique(np.array([*stop_times], dtype=np.float64))
-    if stops.size == 0:
+    asked = [*stop_times]
+    if not asked:
         return mesh
+    stops = np.unique(np.array(asked, dtype=np.float64))
     nearest = np.abs(mesh[:, None] - stops).min(axis=1)
     kept = mesh[(nearest > SMALLEST_STEP * duration) | (mesh == 0.0) | (mesh == duration)]
     return np.union1d(kept, stops[stops < duration * (1.0 - SMALLEST_STEP)])
@@ -37,5 +39,10 @@ def graded_mesh(kind: TimeMesh, duration: float, steps: int) -> Vector:
     sqrt(tau) keep second order where equal steps in tau lose it (Forsyth and Vetzal 2002). With equal steps in the
     cube root the logarithm no longer shows: the ratio of the errors of two meshes is 4 from a few steps on.
     """
-    mesh: Vector = duration * np.linspace(0.0, 1.0, steps + 1) ** POWERS[kind]
+    return duration * _unit_mesh(POWERS[kind], steps)
+
+
+@lru_cache(maxsize=256)
+def _unit_mesh(power: int, steps: int) -> Vector:
+    mesh: Vector = np.linspace(0.0, 1.0, steps + 1) ** power
     return mesh

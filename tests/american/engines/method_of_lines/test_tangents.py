@@ -7,7 +7,6 @@ import pytest
 
 from pricing_core.american import Market, Option, PiecewiseConstant
 from pricing_core.american.engines.method_of_lines import MethodOfLines
-from pricing_core.american.engines.method_of_lines.tangents import _projected_step
 from tests.problems.engines import solved
 from tests.problems.needs_kernel import needs_kernel
 
@@ -122,11 +121,3 @@ def test_buckets_add_up_to_the_parallel_shift():
         total = sum(getattr(found, buckets).row(0))
         assert total == pytest.approx(getattr(found, greek)[0], rel=1e-9), greek
         assert len(getattr(found, f"{buckets}_error").row(0)) == 2
-
-
-@pytest.mark.parametrize("place", [0.5, 0.513, 0.53])
-def test_a_step_is_projected_without_loss_of_mass_and_moment(place):
-    nodes = np.linspace(0.0, 1.0, 26)
-    values = np.where(nodes > place, 1.0, 0.0) + _projected_step(nodes, place)
-    h = nodes[1] - nodes[0]
-    assert h * (values.sum() - 0.5 * values[-1]) == pytest.approx(1.0 - place, abs=1e-12)

@@ -1,0 +1,105 @@
+"""What a solve at one resolution is asked, and what it answers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pricing_core.american.book.resolution import Resolution
+from pricing_core.american.contracts.schedule import Schedule, Segment
+from pricing_core.american.engines.exercise_region import EMPTY_REGION, ExerciseRegion
+from pricing_core.american.engines.method_of_lines.grid import Grid
+from pricing_core.arrays import BoolVector, Matrix, Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A segment, its number of steps, and when to look at the exercise region: years before its end, above 0."""
+
+    segment: Segment
+    steps: int
+    wanted: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweepProblem:
+    """A schedule, the parts that it is solved in, from now to expiry, and how finely that is done."""
+
+    schedule: Schedule
+    parts: tuple[Part, ...]
+    grid: Grid
+    resolution: Resolution
+
+    @property
+    def sign(self) -> float:
+        """1 for a put, -1 for a call."""
+        return 1.0 if self.schedule.is_put else -1.0
+
+    @property
+    def watched(self) -> tuple[float, float]:
+        """Where the operator's order matters: the strike and the spot, in strikes."""
+        return 1.0, self.schedule.spot / self.schedule.strike
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sweep:
+    """A schedule solved at one resolution, in units of the strike.
+
+    Parameters
+    ----------
+    grid : Grid
+    values : Vector, shape (N + 2,)
+        Now, at the nodes.
+    at_zero : float
+        Now, at s = 0: exact.
+    contact : BoolVector, shape (N,)
+        The interior nodes in the exercise region now.
+    region : ExerciseRegion
+        In s = S/K (not its logarithm), of the spot that diffuses.
+    regions : tuple of ExerciseRegion
+        At the times asked for, likewise.
+    steps : int
+    residual : float
+        Largest natural residual of the complementarity problems.
+    fitted : bool
+        See `spot_operator`.
+    stored : int
+        Largest number of numbers that were held in memory, to within a factor of two.
+    tangents : Matrix, shape (P, N + 2), or None
+        Derivatives of the values by the parameters; None where the march does not carry them.
+    """
+
+    grid: Grid
+    values: Vector
+    at_zero: float
+    contact: BoolVector
+    region: ExerciseRegion
+    regions: tuple[ExerciseRegion, ...]
+    steps: int
+    residual: float
+    fitted: bool
+    stored: int = 0
+    tangents: Matrix | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentRegions:
+    """The exercise regions seen in one segment: before the event at its end, at the times asked for, at its start."""
+
+    before_event: ExerciseRegion
+    wanted: Sequence[ExerciseRegion]
+    at_start: ExerciseRegion
+
+
+def regions_at(
+    times: tuple[float, ...], schedule: Schedule, seen: Sequence[SegmentRegions]
+) -> tuple[ExerciseRegion, ...]:
+    """Return the regions at these years from now, at the end of a segment that just before the event."""
+    found: dict[float, ExerciseRegion] = {}
+    following = EMPTY_REGION
+    for segment, regions in zip(reversed(schedule.segments), reversed(seen), strict=True):
+        pays = segment.fraction > 0.0 or segment.due > 0.0
+        before = regions.before_event if pays or not segment.exercisable else following
+        found.update((t, before) for t in times if t == segment.end)
+        inside = [t for t in times if segment.start <= t < segment.end]
+        found.update(zip(inside, regions.wanted, strict=True))
+        following = regions.at_start
+    return tuple(found.get(t, EMPTY_REGION) for t in times)
