@@ -24,7 +24,7 @@ from pricing_core.american.engines.method_of_lines.stage import (
     TridiagonalStage,
     start_state,
 )
-from pricing_core.american.engines.method_of_lines.sweep import Sweep
+from pricing_core.american.engines.method_of_lines.sweep_problem import Sweep
 from pricing_core.american.engines.method_of_lines.time_mesh import graded_mesh
 from pricing_core.american.engines.method_of_lines.time_stepping import integrate_stage
 from pricing_core.arrays import Vector

@@ -1,26 +1,22 @@
 """Price one option to a tolerance."""
 
-from collections.abc import Callable, Sequence
-from typing import Literal, TypeAlias
+from collections.abc import Callable
 
 import numpy as np
 
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.resolution import Resolution, Scheme
+from pricing_core.american.book.resolution import Resolution
 from pricing_core.american.book.valuation import Valuation, valuation
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, GREEKS, TOLERANCE, Greeks
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.tolerances import check_moneyness
-from pricing_core.american.engines.engine import Engine, Request
-from pricing_core.american.engines.method_of_lines import LCPMethod, MethodOfLines
-from pricing_core.american.engines.solve import CLOSED_FORM, ENGINES, solve
-from pricing_core.errors import InvalidInputError, NumericalError
-
-Method: TypeAlias = Literal["auto", "lcs", "crank-nicolson"]
-METHODS = ("auto", "lcs", "crank-nicolson")
-LCP_METHODS = ("tridiagonal", "policy", "psor", "lemke")
+from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.method_of_lines import LCPMethod
+from pricing_core.american.engines.solve import solve
+from pricing_core.american.method import Method, engines_of
+from pricing_core.errors import NumericalError
 
 
 def price(
@@ -87,30 +83,10 @@ def price(
     check_kind("option", option, Option, "an Option")
     check_kind("market", market, Market, "a Market")
     GREEKS.check_choice(greeks)
-    _check_choice("method", method, METHODS)
-    _check_choice("lcp_method", lcp_method, LCP_METHODS)
+    engines = engines_of(method, lcp_method, resolution)
     check_moneyness(option, market.spot)
-    engines = _engines(method, lcp_method, resolution)
     request = Request(np.array([tolerance]), greeks, interrupt=interrupt)
     prices = solve(Book.of([(option, market)]), request, engines=engines)
     if prices.status[0] == "out_of_domain":
         raise NumericalError(prices.message[0] or "no method could price this contract")
     return valuation(option, market.spot, prices, greeks=greeks != "none")
-
-
-def _check_choice(field: str, value: object, allowed: tuple[str, ...]) -> None:
-    """Raise InvalidInputError where a word is none of those allowed."""
-    if value not in allowed:
-        raise InvalidInputError(field, value, "one of " + ", ".join(f'"{choice}"' for choice in allowed))
-
-
-def _engines(method: Method, lcp_method: LCPMethod, resolution: Resolution | None) -> Sequence[Engine]:
-    """Return the engines that an answer may come from."""
-    asked = None if resolution is None else resolution.scheme
-    scheme: Scheme = asked or ("crank-nicolson" if method == "crank-nicolson" else "sdirk2")
-    if method != "auto" and (scheme == "crank-nicolson") != (method == "crank-nicolson"):
-        allowed = f'"auto" where the resolution asks for the scheme "{scheme}"'
-        raise InvalidInputError("method", method, allowed)
-    if method == "auto" and lcp_method == "tridiagonal" and resolution is None:
-        return ENGINES
-    return CLOSED_FORM, MethodOfLines(scheme, lcp_method, resolution)

@@ -13,6 +13,7 @@ from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, GREEKS, TOLERANCE, Greeks
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.solve import solve_in_chunks
+from pricing_core.american.method import Method, engines_of
 from pricing_core.errors import InvalidInputError
 
 MOST_THREADS = 1024
@@ -22,6 +23,7 @@ def price_many(
     columns: Mapping[str, Any],
     *,
     tolerance: float = DEFAULT_TOLERANCE,
+    method: Method = "auto",
     greeks: Greeks = "standard",
     greek_errors: bool = False,
     threads: int | None = None,
@@ -40,6 +42,8 @@ def price_many(
         curves may be JSON text. A single list of times or of dividends, and a single curve, serve all rows.
     tolerance : float
         For rows without a tolerance of their own.
+    method : {"auto", "lcs", "crank-nicolson"}
+        As in `price`.
     greeks : {"none", "standard", "extended"}
         As in `price`.
     greek_errors : bool
@@ -48,7 +52,7 @@ def price_many(
         How many to use, >= 1; one by default. The results do not depend on it.
     share_solves : bool
         Serve rows that differ in spot and strike alone from one solve: chains and ladders are priced many times
-        faster, to the same tolerance.
+        faster, to the same tolerance. The method of lines solves every row on its own all the same.
 
     Returns
     -------
@@ -61,7 +65,7 @@ def price_many(
     Raises
     ------
     InvalidInputError
-        A column is missing or unknown, or lengths differ; tolerance or threads out of range.
+        A column is missing or unknown, or lengths differ; tolerance, method or threads out of range.
 
     Examples
     --------
@@ -74,7 +78,7 @@ def price_many(
     GREEKS.check_choice(greeks)
     check_kind("greek_errors", greek_errors, bool, "True or False")
     check_kind("share_solves", share_solves, bool, "True or False")
-    workers = checked_threads(threads)
+    engines, workers = engines_of(method), checked_threads(threads)
     read = read_book(columns, tolerance)
     table = empty_table(read.count, greeks, columns, greek_errors=greek_errors)
     in_order = read.book.is_simple and read.rows.size == read.count
@@ -85,7 +89,7 @@ def price_many(
         fill(table, places, payoff[rows], prices)
 
     request = Request(read.tolerance, greeks, share_solves)
-    solve_in_chunks(read.book, request, keep, workers=workers)
+    solve_in_chunks(read.book, request, keep, engines=engines, workers=workers)
     for row, fault in read.faults.items():
         table["status"][row], table["message"][row] = "invalid_input", str(fault)
     return table

@@ -557,3 +557,29 @@ def test_a_bad_cell_of_dividends_has_the_message_of_the_contract(cell):
     table = price_many(columns, tolerance=1e-3, greeks="none")
     assert table["status"].tolist() == ["ok", "invalid_input"]
     assert table["message"].tolist() == ["", str(caught.value)]
+
+
+@pytest.mark.parametrize("method", ["lcs", "crank-nicolson"])
+def test_a_method_asked_for_by_name_gives_what_price_gives(method):
+    options = [Option("put", 100.0, 1.0), Option("call", 90.0, 0.5), Option("put", 95.0, 0.7, "european")]
+    market = Market(98.0, 0.04, 0.3, 0.06)
+    columns = {
+        "option_type": [option.option_type for option in options],
+        "strike": [option.strike for option in options],
+        "expiry": [option.expiry for option in options],
+        "exercise": [option.exercise for option in options],
+        "spot": 98.0,
+        "rate": 0.04,
+        "volatility": 0.3,
+        "dividend_yield": 0.06,
+    }
+    table = price_many(columns, tolerance=1e-3, method=method, greeks="none")
+    expected = [price(option, market, tolerance=1e-3, method=method, greeks="none") for option in options]
+    assert table["price"].tolist() == [valuation.price for valuation in expected]
+    assert table["method"].tolist() == [valuation.method for valuation in expected]
+    assert table["method"][0] == {"lcs": "sdirk2"}.get(method, method)
+
+
+def test_an_unknown_method_is_refused():
+    with pytest.raises(InvalidInputError, match=r'method = .*one of "auto", "lcs", "crank-nicolson"'):
+        price_many(COLUMNS, method="finite-differences")

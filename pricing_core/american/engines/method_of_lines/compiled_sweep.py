@@ -17,7 +17,7 @@ from pricing_core.american.engines.method_of_lines.sweep_problem import (
 )
 from pricing_core.american.engines.method_of_lines.tangents import Direction
 from pricing_core.american.engines.method_of_lines.time_mesh import prescribed_mesh
-from pricing_core.arrays import Vector
+from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import NumericalError
 from pricing_core.stepping.implicit import SDIRK2_THETA
 
@@ -40,9 +40,11 @@ def kernel_sweeps(problem: SweepProblem) -> bool:
     scheme = KERNEL_SCHEMES.get(resolution.scheme or "sdirk2")
     if kernel.sweep_schedule is None or scheme is None or resolution.time_mesh == "adaptive":
         return False
+    if all(part.segment.rate >= 0.0 for part in problem.parts):
+        return True
+    longest = [float(np.diff(mesh).max()) for mesh in _meshes(problem)]
     return all(
-        part.segment.rate >= 0.0 or 1.0 + scheme[1] * float(np.diff(mesh).max()) * part.segment.rate > 0.0
-        for part, mesh in zip(problem.parts, _meshes(problem), strict=True)
+        1.0 + scheme[1] * h * p.segment.rate > 0.0 for h, p in zip(longest, problem.parts, strict=True)
     )
 
 
@@ -77,18 +79,13 @@ def sweep_by_kernel(
     if found is None:
         return None
     values, at_zero, contact, after_steps, before_events, residual, fitted, tangents = found
-    seen = []
-    for number, (part, mesh) in enumerate(zip(problem.parts, meshes, strict=True)):
-        rows = after_steps[first[number] - number : first[number + 1] - number - 1]
-        wanted = [ExerciseRegion(*rows[int(np.argmin(np.abs(mesh[1:] - t)))].tolist()) for t in part.wanted]
-        before = ExerciseRegion(*before_events[number].tolist())
-        seen.append(SegmentRegions(before, wanted, ExerciseRegion(*rows[-1].tolist())))
+    seen = _regions_seen(problem, meshes, after_steps, before_events) if times else []
     return Sweep(
         problem.grid,
         values,
         at_zero,
         contact,
-        seen[0].at_start,
+        ExerciseRegion(*after_steps[meshes[0].size - 2].tolist()),
         regions_at(times, schedule, seen) if times else (),
         sum(mesh.size - 1 for mesh in meshes),
         residual,
@@ -96,6 +93,19 @@ def sweep_by_kernel(
         nodes.size * (WORKING_ARRAYS + TANGENT_ARRAYS * len(directions)),
         tangents if directions else None,
     )
+
+
+def _regions_seen(
+    problem: SweepProblem, meshes: list[Vector], after_steps: Matrix, before_events: Matrix
+) -> list[SegmentRegions]:
+    """Return what was seen in every segment, from the regions after all steps and those before the events."""
+    seen, first = [], 0
+    for part, mesh, before in zip(problem.parts, meshes, before_events.tolist(), strict=True):
+        rows = after_steps[first : first + mesh.size - 1].tolist()
+        first += len(rows)
+        wanted = [ExerciseRegion(*rows[int(np.argmin(np.abs(mesh[1:] - t)))]) for t in part.wanted]
+        seen.append(SegmentRegions(ExerciseRegion(*before), wanted, ExerciseRegion(*rows[-1])))
+    return seen
 
 
 def _meshes(problem: SweepProblem) -> list[Vector]:

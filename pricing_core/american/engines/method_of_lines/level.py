@@ -10,6 +10,7 @@ from pricing_core.american.book.resolution import Resolution, Scheme
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.exercise_region import EMPTY_REGION, ExerciseRegion
 from pricing_core.american.engines.method_of_lines.grid import (
+    Grid,
     SpotRange,
     even_stretching,
     natural_stretching,
@@ -24,6 +25,8 @@ from pricing_core.american.engines.method_of_lines.tangents import Direction
 from pricing_core.arrays import Matrix
 
 COARSEST_INTERVALS, COARSEST_STEPS = 64, 16  # Cells and steps of the first resolution; calibrated.
+# Tolerance, in strikes, above which the first resolution has half as many of both; calibrated.
+LOOSE_TOLERANCE = 2e-5
 MOST_COARSEST_INTERVALS, MOST_COARSEST_STEPS = 768, 96  # The same where drift or rates ask for more; chosen.
 # Number of cells that the drift asks for, over the most, from which it is not followed; calibrated.
 HOPELESS = 1.0
@@ -103,10 +106,10 @@ class ScheduleSolver:
         held : bool
             Whether the one without is wanted; its values are NaN otherwise.
         """
-        never = without_exercise(self.schedule)
-        without = self._sweep(never, resolution, self.directions) if held else None
+        never, grid = without_exercise(self.schedule), self._grid(resolution)
+        without = self._sweep(never, grid, resolution, self.directions) if held else None
         same = held and never == self.schedule
-        sweep = without if same else self._sweep(self.schedule, resolution, self.directions)
+        sweep = without if same else self._sweep(self.schedule, grid, resolution, self.directions)
         if sweep is None or (held and without is None):
             return None
         exercised = sweep.region.contains(self.spot)
@@ -124,7 +127,7 @@ class ScheduleSolver:
 
     def regions(self, times: tuple[float, ...], resolution: Resolution) -> tuple[ExerciseRegion, ...] | None:
         """Return the exercise regions at these times in s = S/K of the spot that diffuses, None where interrupted."""
-        sweep = self._sweep(self.schedule, resolution, times=times)
+        sweep = self._sweep(self.schedule, self._grid(resolution), resolution, times=times)
         return None if sweep is None else sweep.regions
 
     def exercised(self, sweep: Sweep) -> Matrix:
@@ -140,14 +143,17 @@ class ScheduleSolver:
             row[:3] += direction.spot * found[0, 1:]
         return found
 
+    def _grid(self, resolution: Resolution) -> Grid:
+        return self.span.grid(resolution.intervals, resolution.stretching)
+
     def _sweep(
         self,
         schedule: Schedule,
+        grid: Grid,
         resolution: Resolution,
         directions: tuple[Direction, ...] = (),
         times: tuple[float, ...] = (),
     ) -> Sweep | None:
-        grid = self.span.grid(resolution.intervals, resolution.stretching)
         return sweep_schedule(
             schedule,
             grid,
@@ -192,8 +198,21 @@ def solver_at_strike(
     return solver
 
 
-def coarsest_resolution(solver: ScheduleSolver, scheme: Scheme) -> Resolution:
-    """Return the first of the doubling resolutions: fine enough for the rates and for the drift."""
+def fewest(tolerance: float) -> tuple[int, int]:
+    """Return the smallest numbers of cells and steps of a first resolution for a tolerance in strikes."""
+    few = 2 if tolerance > LOOSE_TOLERANCE else 1
+    return COARSEST_INTERVALS // few, COARSEST_STEPS // few
+
+
+def coarsest_resolution(solver: ScheduleSolver, scheme: Scheme, tolerance: float) -> Resolution:
+    """Return the first of the doubling resolutions: fine enough for the rates and for the drift.
+
+    Parameters
+    ----------
+    tolerance : float
+        Of the price, in strikes: two doublings of the first resolution are meant to reach it.
+    """
+    fewest_intervals, fewest_steps = fewest(tolerance)
     span, segments = solver.span, solver.schedule.segments
     width = math.log(span.high / max(span.low, span.shift))
     steps, cells = 1.0, 1.0
@@ -205,16 +224,16 @@ def coarsest_resolution(solver: ScheduleSolver, scheme: Scheme) -> Resolution:
         if segment.volatility > 0.0:
             volatility = max(segment.volatility, SMALLEST_VOLATILITY)
             needed = max(needed, STEPS_PER_DRIFT * drift * root / volatility)
-            cells = max(cells, 0.5 * width * drift / volatility**2 / COARSEST_INTERVALS)
-        steps = max(steps, needed / share / COARSEST_STEPS)
-    if cells > HOPELESS * MOST_COARSEST_INTERVALS / COARSEST_INTERVALS:
+            cells = max(cells, 0.5 * width * drift / volatility**2 / fewest_intervals)
+        steps = max(steps, needed / share / fewest_steps)
+    if cells > HOPELESS * MOST_COARSEST_INTERVALS / fewest_intervals:
         # No grid resolves the drift: the spot hardly diffuses, and the fitted operator carries it.
         cells = steps = 1.0
     # What Crank-Nicolson does not damp, it amplifies on the finest cells: the plain grid is the better one for it.
     plain = scheme == "crank-nicolson"
     return Resolution(
-        COARSEST_INTERVALS * min(math.ceil(cells), MOST_COARSEST_INTERVALS // COARSEST_INTERVALS),
-        COARSEST_STEPS * min(math.ceil(steps), MOST_COARSEST_STEPS // COARSEST_STEPS),
+        fewest_intervals * min(math.ceil(cells), MOST_COARSEST_INTERVALS // fewest_intervals),
+        fewest_steps * min(math.ceil(steps), MOST_COARSEST_STEPS // fewest_steps),
         time_mesh="square-root" if plain else "cube-root",
         scheme=scheme,
         stretching=even_stretching(span.spread) if plain else natural_stretching(span.spread),

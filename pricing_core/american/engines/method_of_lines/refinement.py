@@ -20,6 +20,7 @@ from pricing_core.american.engines.method_of_lines.level import (
     ScheduleSolver,
     actual_region,
     coarsest_resolution,
+    fewest,
     make_solver,
     solver_at_strike,
 )
@@ -47,7 +48,7 @@ WIDE_CELL = 0.05
 # Factor of the error estimates of derivatives by parameters, which converge less regularly; calibrated.
 TANGENT_SHARE = 2.5
 ROUNDING = 1e-13  # Rounding error of a value, in strikes, or in spots where that is more; measured.
-REGION_INTERVALS = 256  # Smallest number of cells where the region alone is wanted; chosen.
+REGION_DOUBLINGS = 2  # Number of doublings of the first resolution where the region alone is wanted; chosen.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,7 +124,7 @@ def estimate_to_tolerance(
     more than a factor of two.
     """
     if resolution is None:
-        found = _refined(solver, tolerance, coarsest_resolution(solver, scheme), exact)
+        found = _refined(solver, tolerance, coarsest_resolution(solver, scheme, tolerance), exact)
     else:
         found = _at_resolution(solver, replace(resolution, scheme=resolution.scheme or scheme), exact)
     if found.interrupted or not (_region_is_elsewhere(solver, found.region) or _is_coarse(solver, found)):
@@ -201,7 +202,7 @@ def boundaries(
 
 def _ends(solver: ScheduleSolver, times: tuple[float, ...], tolerance: float) -> Matrix:
     """Return the (near, far) boundary that one solve sees, shape (m, 2)."""
-    schedule, resolution = solver.schedule, _for_boundaries(solver)
+    schedule, resolution = solver.schedule, _for_boundaries(solver, 0.0)
     for _ in range(DOUBLINGS if tolerance < 1e-4 else DOUBLINGS - 1):
         resolution = resolution.refined()
     regions = solver.regions(times, resolution)
@@ -340,8 +341,8 @@ def _region_elsewhere(
         solvers.append(make_solver(replace(schedule, spot=near), tolerance, interrupt=interrupt))
     region = EMPTY_REGION
     for solver in solvers:
-        resolution = _for_boundaries(solver)
-        while resolution.intervals < REGION_INTERVALS:
+        resolution = _for_boundaries(solver, tolerance)
+        while resolution.intervals < fewest(tolerance)[0] << REGION_DOUBLINGS:
             resolution = resolution.refined()
         regions = solver.regions((0.0,), resolution)
         if regions is not None and region.lower > region.upper:
@@ -349,8 +350,8 @@ def _region_elsewhere(
     return region
 
 
-def _for_boundaries(solver: ScheduleSolver) -> Resolution:
-    coarsest = coarsest_resolution(solver, "sdirk2")
+def _for_boundaries(solver: ScheduleSolver, tolerance: float) -> Resolution:
+    coarsest = coarsest_resolution(solver, "sdirk2", tolerance)
     return replace(coarsest, stretching=even_stretching(solver.span.spread))
 
 
