@@ -80,9 +80,7 @@ def sweep_schedule(
     scheme: int,  # 0: implicit Euler, 1: SDIRK2
     sign: float,  # 1 for a put, -1 for a call
     watched: Vector,  # places in s at which a raised diffusion is told
-    directions: NDArray[
-        np.float64
-    ],  # (P, M, 2, 5), the first columns of segments with more and less of a parameter
+    directions: NDArray[np.float64],  # (P, M, 2, 5), the first columns with more and less of a parameter
     steps: Vector,  # (P,), half of what the parameters differ by
     interrupt: Callable[[], bool] | None,
 ) -> tuple[Vector, float, BoolVector, Matrix, Matrix, float, bool, Matrix] | None:
