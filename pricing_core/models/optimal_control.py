@@ -150,8 +150,8 @@ class StateConstrainedLQ:
         InfeasibleError
             No control satisfies the constraints: proved by a combination of them that the control does not reach.
         NumericalError
-            The quadratic programme failed; where its dual ray proves that any control that satisfies the constraints
-            is of a certain size, the message says so.
+            No control was found, or none that keeps the constraints to 1e-6 of the size of the data; where the dual ray
+            proves that any control that satisfies them is of a certain size, the message says so.
 
         Notes
         -----
@@ -165,7 +165,11 @@ class StateConstrainedLQ:
         lengths[lengths == 0.0] = 1.0
         data = replace(self._data, C=self.C / lengths[:, None], bound=self.bound / lengths)
         coarse, found = resolve(data, intervals)
-        answer = unresolved(data, coarse) if found is None else solved(data, found)
+        if found is None:
+            assert coarse is not None  # it was computed where nothing simpler was the answer
+            answer = unresolved(data, coarse)
+        else:
+            answer = solved(data, found)
         atoms = tuple((time, weights / lengths) for time, weights in answer.multiplier_atoms)
         return replace(answer, multiplier=answer.multiplier / lengths, multiplier_atoms=atoms)
 

@@ -25,7 +25,7 @@ HEADLINES = {
         "bears u = 9.810000000000",
     ],
     "pendulum": [
-        "first impact at t = 0.552: a quarter of the period is 0.5508",
+        "first impact at t = 0.551: a quarter of the period is 0.5508",
         "swing 3 reaches 0.587: 0.5866",
     ],
     "oligopoly": [

@@ -299,6 +299,39 @@ def test_accumulating_touch_points_leave_the_answer_to_collocation():
     assert np.min(answer.x[:, 0]) >= 0.2 - 1e-6
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_no_control_is_the_optimum_where_it_costs_nothing(seed):
+    """Q = 0, and constraints that the motion without control keeps, or touches from the start on: u = 0."""
+    rng = np.random.default_rng(seed)
+    n, m, k = rng.integers(1, 4), rng.integers(1, 3), rng.integers(1, 4)
+    A, B, C = rng.normal(size=(n, n)), rng.normal(size=(n, m)), rng.normal(size=(k, n))
+    x0, horizon = rng.normal(size=n), float(rng.uniform(0.5, 2.0))
+    free = np.array([expm(A * t) @ x0 for t in np.linspace(0.0, horizon, 400)]) @ C.T
+    bound = free.min(axis=0) - rng.choice([0.01, 1.0], size=k)
+    answer = StateConstrainedLQ(A, B, C, np.zeros((n, n)), x0, horizon, bound).solve()
+    assert answer.status == "solved"
+    assert answer.cost < 1e-20
+    assert np.abs(answer.control).max() < 1e-10
+    assert not answer.multiplier_atoms
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_what_is_answered_keeps_the_constraints(seed):
+    """Integers make some states uncontrollable and some constraints contradict: an answer, or an error that says so."""
+    rng = np.random.default_rng(seed)
+    n, m, k = rng.integers(1, 4), rng.integers(1, 3), rng.integers(1, 4)
+    A, B, C = rng.integers(-1, 2, (n, n)), rng.integers(0, 2, (n, m)), rng.integers(-1, 2, (k, n))
+    x0 = rng.integers(-2, 3, n)
+    bound = C @ x0 - rng.choice([0.1, 1.0], size=k)
+    problem = StateConstrainedLQ(A, B, C, np.eye(n), x0, float(rng.uniform(0.5, 3.0)), bound)
+    try:
+        answer = problem.solve(intervals=50)
+    except NumericalError:
+        return
+    sizes = np.abs(C) @ np.abs(x0) + np.abs(bound) + 1.0
+    assert (answer.x @ C.T - bound >= -1e-5 * sizes).all()
+
+
 def test_infeasible_problems_come_with_a_proof():
     with pytest.raises(InfeasibleError, match=r"no control keeps C x >= bound up to horizon = 3: proved"):
         StateConstrainedLQ([[-1, 0], [0, 0]], [[0], [1]], [[1, 0]], np.eye(2), [2, 0], 3.0, [1]).solve()

@@ -15,6 +15,7 @@ from pricing_core.models.control.problem import LQData
 
 TOLERANCES = (1e-11, 1e-8)  # the second where the first is out of reach
 UNREACHED = 1e-12  # what is left of a ray that proves infeasibility: large solutions look like rays above
+KEPT = 1e-6  # largest violation of a constraint, as a share of the size of its slack
 SOLVED = ("Solved", "AlmostSolved")
 SETTLED = ("Solved", "PrimalInfeasible")
 INFEASIBLE = ("PrimalInfeasible", "AlmostPrimalInfeasible")
@@ -86,7 +87,7 @@ def collocate(data: LQData, intervals: int) -> Collocation:
         solution = _solve(weights, linear, rows, right, cones, tolerance)
         if str(solution.status) in SETTLED:
             break
-    if str(solution.status) not in SOLVED:
+    if str(solution.status) not in SOLVED or not _is_kept(data, size * np.array(solution.x)[: N * n]):
         nothing = csc_matrix(weights.shape)
         ray = np.array(_solve(nothing, 0.0 * linear, rows, right, cones, TOLERANCES[-1]).z)
         masses = np.vstack([np.zeros(k), ray[N * n :].reshape(N, k)])
@@ -129,6 +130,12 @@ def _solve(weights: Any, linear: Vector, rows: Any, right: Vector, cones: list[A
     return clarabel.DefaultSolver(weights, linear, rows, right, cones, settings).solve()
 
 
+def _is_kept(data: LQData, states: Vector) -> bool:
+    """Tell whether the constraints hold, to a share of the size of the data."""
+    slacks = states.reshape(-1, data.states) @ data.C.T - data.bound
+    return bool((slacks >= -KEPT * data.slack_sizes).all())
+
+
 def _failure(data: LQData, N: int, status: str, energy: float) -> NumericalError:
     """Return what to raise, with what the weights of the feasibility problem prove."""
     what = f"C x >= bound up to horizon = {data.horizon:g}"
@@ -143,6 +150,6 @@ def _failure(data: LQData, N: int, status: str, energy: float) -> NumericalError
             f"int u^T u dt >= {energy:.3g}; relax bound, shorten horizon or take more intervals"
         )
     return NumericalError(
-        f"the quadratic programme on {N} intervals ended with status {status}; any control that keeps {what} "
-        f"has int u^T u dt >= {energy:.3g}: the constraints leave hardly any room, or the data are badly scaled"
+        f"no control that keeps {what} was found on {N} intervals; any that does has int u^T u dt >= {energy:.3g}: the "
+        "constraints leave hardly any room, or the data are badly scaled"
     )

@@ -27,16 +27,21 @@ class Resolved:
     structure: Structure
 
 
-def resolve(data: LQData, intervals: int) -> tuple[Collocation, Resolved | None]:
+def resolve(data: LQData, intervals: int) -> tuple[Collocation | None, Resolved | None]:
     """Collocate, guess the structure, shoot and repair; once more on finer intervals where that fails.
+
+    Before that the motion that touches no constraint is tried.
 
     Returns
     -------
-    Collocation
-        The finest one that was computed.
+    Collocation or None
+        The finest one that was computed, None where none was.
     Resolved or None
         None where no structure was found: its contacts may accumulate, as they do for order >= 3.
     """
+    free = _from_structure(data, ())
+    if free is not None:  # no constraint is touched
+        return None, free
     try:
         coarse = collocate(data, intervals)
     except InfeasibleError:
@@ -55,10 +60,17 @@ def resolve(data: LQData, intervals: int) -> tuple[Collocation, Resolved | None]
 
 
 def _from_guess(data: LQData, solution: Collocation) -> Resolved | None:
-    system, orders = hamiltonian_system(data), constraint_orders(data)
+    orders = constraint_orders(data)
     held = held_at_start(data, orders)
-    structure = detect_structure(solution, solution.x @ data.C.T - data.bound, data.slack_sizes, orders, held)
-    for _ in range(MOST_REPAIRS):
+    slacks = solution.x @ data.C.T - data.bound
+    return _from_structure(data, detect_structure(solution, slacks, data.slack_sizes, orders, held))
+
+
+def _from_structure(data: LQData, structure: Structure) -> Resolved | None:
+    """Shoot and repair; no constraint being touched, only the answer to that counts, without repair."""
+    system, orders = hamiltonian_system(data), constraint_orders(data)
+    repairs = MOST_REPAIRS if structure else 1
+    for _ in range(repairs):
         plan = layout(system, data, orders, structure)
         if plan is None:  # constraints that are not active together may hand over to one another
             apart = separated(structure)
