@@ -2,14 +2,17 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
+import numpy as np
 from flint import fmpq, fmpq_poly, fmpz_poly
 from numpy.typing import ArrayLike
 
 from pricing_core.arrays import IndexSet
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, RayTerminationError
 from pricing_core.lcp.polynomial_lemke import solve_polynomial_lemke
 from pricing_core.lcs.modes import all_modes
+from pricing_core.lcs.pole_shifted_passivity import is_passive_after_pole_shift
 from pricing_core.lcs.polynomial_problem import (
     ModeSolution,
     PolynomialProblem,
@@ -22,6 +25,9 @@ from pricing_core.lcs.system import LCS
 from pricing_core.lcs.total_invertibility import LARGEST_PAIRS
 from pricing_core.linalg.polynomials import RationalVector, sign_at_infinity
 from pricing_core.linalg.principal_minors import members_of, principal_solutions
+from pricing_core.linalg.rational import exact_kernel
+
+LARGEST_COMPLETE = 16  # pairs up to which all modes are examined
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,21 +70,22 @@ def rational_complementarity(
     x0 : array_like, shape (n,)
         The state before a possible jump.
     complete : bool
-        True finds all index sets, for k <= 12. False follows Lemke's path to one of them, for any k.
+        True finds all index sets, for k <= 16. False follows Lemke's path to one of them, for any k.
     t : float
         The time at which f(t+), g(t+) are taken.
 
     Raises
     ------
     InvalidInputError
-        x0 does not fit, or k > 12 and `complete` is True.
+        x0 does not fit, or k > 16 and `complete` is True.
     RayTerminationError
         `complete` is False, and Lemke's path ended on a ray: nothing is proved.
 
     Notes
     -----
     Cost: 2**k times about 3 k products of polynomials of degree n: 0.1 s for n = k = 10 and integer data, more
-    with every singular mode. Source: Heemels, Schumacher, Weiland 1999.
+    with every singular mode, and some 20 s for k = 16; where the multiplier is unique because the system is passive
+    after a shift of its poles, one path of Lemke's method serves k > 12. Source: Heemels, Schumacher, Weiland 1999.
 
     Examples
     --------
@@ -107,15 +114,46 @@ def all_solutions(problem: PolynomialProblem) -> list[ModeSolution]:
     Raises
     ------
     InvalidInputError
-        k > 12.
+        k > 16.
     """
     k = len(problem.q)
-    if k > LARGEST_PAIRS:
+    if k > LARGEST_COMPLETE:
         raise InvalidInputError(
-            "k", k, f"at most {LARGEST_PAIRS} for all 2**k modes: use complete=False, or name a mode"
+            "k", k, f"at most {LARGEST_COMPLETE} for all 2**k modes: use complete=False, or name a mode"
         )
+    only = _only_solution(problem) if k > LARGEST_PAIRS else None
+    if only is not None:
+        return _in_every_mode(problem, only)
     solutions = {solution.mode: solution for solution in _solutions(problem)}
     return [solutions[mode] for mode in all_modes(k) if mode in solutions]
+
+
+def _only_solution(problem: PolynomialProblem) -> ModeSolution | None:
+    """Return the one solution where passivity after a shift of the poles makes u unique, None otherwise."""
+    B, D = problem.system.B, problem.system.D
+    if not is_passive_after_pole_shift(problem.system) or exact_kernel(np.vstack([B, D + D.T])).shape[1]:
+        return None
+    try:
+        return _one_solution(problem)
+    except RayTerminationError:
+        return None
+
+
+def _in_every_mode(problem: PolynomialProblem, only: ModeSolution) -> list[ModeSolution]:
+    """Return the solution with every mode that it belongs to: its u vanishes outside, its y inside."""
+    k, u, d = len(problem.q), only.u, only.d
+    vanishing = [
+        i
+        for i in range(k)
+        if not d * problem.q[i] + sum((a * b for a, b in zip(problem.N[i], u, strict=True)), fmpz_poly())
+    ]
+    free = [i for i in vanishing if not u[i]]
+    modes = [
+        tuple(sorted((*only.mode, *others)))
+        for count in range(len(free) + 1)
+        for others in combinations(free, count)
+    ]
+    return [ModeSolution(mode, u, d) for mode in sorted(modes, key=lambda mode: (len(mode), mode))]
 
 
 def has_unique_input(solutions: list[ModeSolution]) -> bool:

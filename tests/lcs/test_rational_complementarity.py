@@ -1,4 +1,5 @@
 import itertools
+import sys
 
 import numpy as np
 import pytest
@@ -171,12 +172,12 @@ def test_degenerate_pivots_do_not_cycle():
     assert u.polynomial_part() == pytest.approx(np.full((1, 3), 1 / 3))
 
 
-def test_more_than_twelve_pairs_need_a_word():
-    system = LCS(np.zeros((13, 13)), np.eye(13), np.eye(13))
-    x0 = np.array([-1, 1] * 6 + [-1])
+def test_more_than_sixteen_pairs_need_a_word():
+    system = LCS(np.zeros((17, 17)), np.eye(17), np.eye(17))
+    x0 = np.array([-1, 1] * 8 + [-1])
     with pytest.raises(InvalidInputError, match="complete=False"):
         rational_complementarity(system, x0)
-    assert rational_complementarity(system, x0, complete=False).solution_sets == (tuple(range(0, 13, 2)),)
+    assert rational_complementarity(system, x0, complete=False).solution_sets == (tuple(range(0, 17, 2)),)
 
 
 def test_a_ray_proves_nothing_and_says_so():
@@ -202,3 +203,25 @@ def test_the_order_of_the_pairs_does_not_matter():
                 for mode in rational_complementarity(mixed, x0).solution_sets
             }
             assert renamed == set(sets)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_one_path_finds_what_all_modes_have_where_the_multiplier_is_unique(seed, monkeypatch):
+    """With C = B^T and D of definite symmetric part, of few pairs both ways, and of 16 by the one path."""
+    rng = np.random.default_rng(seed)
+
+    def system(n, k):
+        B, K = rng.integers(-2, 3, (n, k)), rng.integers(-1, 2, (k, k))
+        return LCS(rng.integers(-2, 3, (n, n)), B, B.T, np.eye(k, dtype=int) + K - K.T)
+
+    small, x0 = system(3, 4), rng.integers(-2, 3, 3)
+    by_modes = rational_complementarity(small, x0)
+    monkeypatch.setattr(sys.modules["pricing_core.lcs.rational_complementarity"], "LARGEST_PAIRS", 0)
+    by_path = rational_complementarity(small, x0)
+    assert by_path.solution_sets == by_modes.solution_sets
+    assert by_path.unique_input
+    assert by_modes.unique_input
+    large, x0 = system(6, 16), rng.integers(-3, 4, 6)
+    found = rational_complementarity(large, x0)
+    assert found.solution_sets
+    assert found.unique_state
