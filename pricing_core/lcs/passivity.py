@@ -1,15 +1,17 @@
 """Passivity of (A, B, C, D): a verified solution Q > 0 of the linear matrix inequality (11.6), or a refutation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from flint import fmpq
 from scipy.linalg import qr
 
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs.balancing import Units, balancing_units
 from pricing_core.lcs.frequency_witness import FrequencyWitness, frequency_witness
+from pricing_core.lcs.parts import Part, independent_parts
 from pricing_core.lcs.rational_system import EXACT_SIZE, RationalSystem, rational_system
 from pricing_core.lcs.semidefinite_programme import largest_margin
 from pricing_core.lcs.storage_function import StorageFamily, storage_family
@@ -17,6 +19,7 @@ from pricing_core.lcs.system import LCS
 from pricing_core.linalg.rational import RationalMatrix, exact_kernel, rational_array, rounded, to_flint
 from pricing_core.linalg.rational_definite import is_exactly_positive_definite, negative_vector
 
+LARGEST = 60  # n + k up to which anything is verified
 # Smallest margin of the semidefinite programme for its solution to be rounded.
 SMALLEST_MARGIN = 1e-7
 VANISHING = 1e-12  # a row of S so small is taken for zero by the programme
@@ -58,7 +61,9 @@ def passivity(system: LCS) -> Passivity:
 
     Notes
     -----
-    Cost: 0.1 s for n = k = 10; the semidefinite programme has n (n + 1) / 2 unknowns. None where n + k > 24.
+    Cost: 0.1 s for n = k = 10; the semidefinite programme has n (n + 1) / 2 unknowns. Parts that
+    do not act on each other are examined one by one. For n + k > 24 only Q = 1 and frequencies are tried, and None
+    is the answer for n + k > 60.
     Source: (11.6); Willems 1972.
 
     Examples
@@ -76,20 +81,52 @@ def passivity(system: LCS) -> Passivity:
     if direction is not None:
         numbers = ", ".join(f"{float(v):g}" for v in direction)
         return Passivity(False, f"D + D^T is negative on ({numbers})")
-    if n + k > EXACT_SIZE:
-        return Passivity(
-            None, f"n + k = {n + k} is more than {EXACT_SIZE}, the limit of the exact verification"
-        )
+    parts = independent_parts(system)
+    if len(parts) > 1:
+        return _of_parts(n, k, parts)
+    if n + k > LARGEST:
+        return Passivity(None, f"n + k = {n + k} is more than {LARGEST}, the limit of the exact verification")
+    if n + k > EXACT_SIZE and _identity_stores(data):
+        one = rational_array(np.eye(n, dtype=int))
+        return Passivity(True, "Q = 1 satisfies (11.6), verified exactly", rounded(one), one)
     units = balancing_units(system.A, system.B, system.C, system.D)
     rate = rational_array(np.array([units.rate]))[0]
     exact_units = Units(rational_array(units.state), rational_array(units.pair), rate)
     balanced = RationalSystem(*exact_units.apply(*data))
-    found = _decide(balanced)
+    found = _decide(balanced) if n + k <= EXACT_SIZE else _decide_large(balanced)
     if found.exact_storage is None:
         return found
     x = exact_units.state
     Q = found.exact_storage / (rate * np.outer(x, x))
     return Passivity(True, found.reason, rounded(Q), Q)
+
+
+def _of_parts(n: int, k: int, parts: list[Part]) -> Passivity:
+    """Put together what is known of the independent parts: Q is block diagonal."""
+    found = [passivity(part.system) for part in parts]
+    for verdict in (False, None):
+        for part, each in zip(parts, found, strict=True):
+            if each.verdict is verdict:
+                return replace(each, witness=_of_all_pairs(each.witness, part, k))
+    Q = np.full((n, n), fmpq(0), dtype=object)
+    for part, each in zip(parts, found, strict=True):
+        Q[np.ix_(part.states, part.states)] = each.exact_storage
+    return Passivity(True, found[0].reason, rounded(Q), Q)
+
+
+def _of_all_pairs(witness: FrequencyWitness | None, part: Part, k: int) -> FrequencyWitness | None:
+    if witness is None:
+        return None
+    v = np.zeros(k, dtype=np.complex128)
+    v[list(part.pairs)] = witness.v
+    return witness._replace(v=v)
+
+
+def _identity_stores(system: RationalSystem) -> bool:
+    """Tell whether Q = 1 satisfies (11.6)."""
+    A, B, C, D = system
+    corner = C.T - B
+    return negative_vector(np.block([[-(A + A.T), corner], [corner.T, D + D.T]])) is None
 
 
 def _decide(system: RationalSystem) -> Passivity:
@@ -109,6 +146,17 @@ def _decide(system: RationalSystem) -> Passivity:
         s = witness.s
         return Passivity(False, f"Re v^* G(s) v < 0 at s = {s:.6g}, in balanced units", witness=witness)
     return Passivity(None, "no Q was found and verified, and no frequency refutes passivity")
+
+
+def _decide_large(system: RationalSystem) -> Passivity:
+    """Try one energy and many frequencies."""
+    witness = frequency_witness(system)
+    if witness is not None:
+        s = witness.s
+        return Passivity(False, f"Re v^* G(s) v < 0 at s = {s:.6g}, in balanced units", witness=witness)
+    return Passivity(
+        None, f"for n + k > {EXACT_SIZE} Q = 1 alone is tried, and no frequency refutes passivity"
+    )
 
 
 def _has_growing_mode(A: RationalMatrix) -> bool:

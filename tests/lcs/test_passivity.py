@@ -83,9 +83,22 @@ def test_offsets_do_not_matter():
 
 
 def test_large_systems_are_left_open():
-    found = passivity(LCS(-np.eye(20), np.eye(20), np.eye(20)))
+    found = passivity(LCS(np.ones((40, 40)) - 50 * np.eye(40), np.eye(40), np.eye(40)))
     assert found.verdict is None
-    assert "24" in found.reason
+    assert "60" in found.reason
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_large_systems_are_decided_by_their_parts_or_by_the_unit_energy(seed):
+    """Q = 1 where C = B^T and A + A^T <= 0, n + k = 50; a negative resistance there is found by a frequency."""
+    rng = np.random.default_rng(seed)
+    n, k = 36, 14
+    H, B = rng.integers(-2, 3, (n, n)), rng.integers(-2, 3, (n, k))
+    assert passivity(LCS(H - H.T - np.eye(n, dtype=int), B, B.T)).verdict is True
+    side = passivity(LCS(-np.eye(20), np.eye(20), 4 * np.eye(20)))
+    assert side.verdict is True
+    assert side.storage.tolist() == (4 * np.eye(20)).tolist()
+    assert passivity(LCS(H - H.T - np.eye(n, dtype=int), B, -B.T)).verdict is False
 
 
 def energy_conserving(seed, n, k, losses):
