@@ -16,8 +16,7 @@ from pricing_core.errors import InvalidInputError, NumericalError
 SAFETY = 0.9
 LARGEST_GROWTH = 4.0
 LARGEST_CUT = 0.1
-MUCH_BETTER = 0.1  # of the error allowed
-WELL_MET = 1.5  # growth**(p + 1) at least then: more than the safety factor takes away
+LEAST_PREVIOUS = 1e-4  # an error before that is smaller says no more (Hairer, Norsett, Wanner, Solving ODEs I, II.4)
 PI_INTEGRAL, PI_PROPORTIONAL = 0.7, 0.4
 
 
@@ -116,14 +115,14 @@ class PIController(IController):
     """The proportional-integral controller: smoother step sizes, fewer rejections.
 
     h_next = h * safety * error**(-0.7/(p + 1)) * previous_error**(0.4/(p + 1)); after a rejection as
-    `IController`. After a step with a tenth of the error that is allowed, h is not cut, whatever the one before was.
+    `IController`.
     """
 
     def _growth(self, scaled: float, previous: float) -> float:
         if scaled > 1.0 or previous == 0.0:
             return 1.0 / scaled
-        growth = math.pow(scaled, -PI_INTEGRAL) * math.pow(previous, PI_PROPORTIONAL)
-        return max(growth, WELL_MET) if scaled <= MUCH_BETTER else growth
+        before = max(previous, LEAST_PREVIOUS)
+        return math.pow(scaled, -PI_INTEGRAL) * math.pow(before, PI_PROPORTIONAL)
 
 
 def scaled_error(value: Vector, error: Vector | None, rtol: float, atol: ArrayLike) -> float:

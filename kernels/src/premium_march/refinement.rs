@@ -58,7 +58,8 @@ impl Work for Task<'_> {
                     for items in groups(items) {
                         let mut group = Group::new(puts, items, &mut work);
                         let known = continues.then_some(&earlier[..]);
-                        let told = marched % GROUPS_BETWEEN_QUESTIONS == 0 && (puts.interrupt)();
+                        let told =
+                            marched.is_multiple_of(GROUPS_BETWEEN_QUESTIONS) && (puts.interrupt)();
                         if told || group.march(level, items[0].class, known).is_none() {
                             return;
                         }

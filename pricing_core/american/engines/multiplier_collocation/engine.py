@@ -56,15 +56,17 @@ class MultiplierCollocation:
         )
         believed = solved.settled & (solved.error <= np.maximum(request.tolerance, ROUGHEST))
         exercised = book.sign * (solved.boundary - log_moneyness(book)) >= 0.0
-        columns: dict[str, Any] = by_spot(book, solved) | {"complete": True}
+        # Before the Greeks: what ends these leaves the price whole.
+        european = european_values(book, request.tolerance, request.threads, request.interrupt)
+        columns: dict[str, Any] = by_spot(book, solved) | {
+            "complete": True,
+            "european": book.strike * european,
+        }
         ended = np.full(book.count, "ok", dtype=object)
         if wanted:
-            greeks, late = greeks_to_tolerance(book, solved, np.flatnonzero(believed & ~exercised), request)
+            greeks, late = greeks_to_tolerance(book, solved, exercised, believed, request)
             columns |= greeks
             ended[late] = "deadline"
-        columns["european"] = book.strike * european_values(
-            book, request.tolerance, request.threads, request.interrupt
-        )
         return _in_money(book, solved, exercised, settled=believed, status=ended, **columns)
 
     def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:

@@ -33,7 +33,7 @@ from pricing_core.american.engines.multiplier_collocation.levels import (
     solve_at_level,
     solve_to_tolerance,
 )
-from pricing_core.arrays import Vector
+from pricing_core.arrays import BoolVector, Vector
 
 # Share of the tolerance to which a contract is solved again for Greeks whose errors are too large; chosen.
 FINER = 0.05
@@ -63,18 +63,19 @@ VOLGA_PLACES = (-1.0, 0.0, 1.0, -2.0, 2.0)
 Columns = dict[str, Any]
 
 
-def greeks_to_tolerance(book: Book, solved: Solved, wanted: Rows, request: Request) -> tuple[Columns, Rows]:
+def greeks_to_tolerance(
+    book: Book, solved: Solved, exercised: BoolVector, believed: BoolVector, request: Request
+) -> tuple[Columns, Rows]:
     """Return the Greeks and their errors as columns, and the rows for which the interrupt came too early.
 
     Contracts without a segment that ends where a Greek is asked for are solved again with one. Where an error is too
     large, or a Greek is missing, the contract is solved to a smaller tolerance; its price stays the first one. What
-    is still far off is taken from differences. Rows that are not `wanted` are exercised, and nothing changes their
-    value, or were not settled.
+    is still far off is taken from differences. Nothing changes the value of those that are `exercised`, and nothing is
+    known of those that are not `believed`; both have shape (n,).
     """
     extended = request.greeks == "extended"
-    columns = _nothing_known(book, solved, wanted, extended=extended)
-    complete = np.ones(book.count, dtype=bool)
-    complete[wanted] = False
+    wanted, complete = np.flatnonzero(believed & ~exercised), exercised.copy()
+    columns = _nothing_known(book, solved, np.flatnonzero(~exercised), extended=extended)
     lacking = lacks_cuts(book, extended=extended)
     for rows in (wanted[~lacking[wanted]], wanted[lacking[wanted]]):
         if rows.size == 0:
@@ -135,8 +136,8 @@ def _greeks_and_errors(
     return columns, np.where(same, _largest_error(book, columns, request.tolerance), np.inf)
 
 
-def _nothing_known(book: Book, solved: Solved, wanted: Rows, *, extended: bool) -> Columns:
-    """Return delta and gamma, and the other columns of what no parameter changes, with NaN in the rows `wanted`."""
+def _nothing_known(book: Book, solved: Solved, unknown: Rows, *, extended: bool) -> Columns:
+    """Return delta and gamma, and the other columns of what no parameter changes, with NaN in the rows `unknown`."""
     columns = unchanged(book, extended=extended)
     columns |= {error_of(name): column for name, column in columns.items()}
     columns |= {error_of(name): np.zeros(book.count) for name in ("delta", "gamma")}
@@ -144,11 +145,11 @@ def _nothing_known(book: Book, solved: Solved, wanted: Rows, *, extended: bool) 
         columns |= dict.fromkeys(("charm", error_of("charm")), np.zeros(book.count))
     for name, column in columns.items():
         if isinstance(column, Ragged):
-            values = np.where(np.isin(column.owner(), wanted), math.nan, column.values)
+            values = np.where(np.isin(column.owner(), unknown), math.nan, column.values)
             columns[name] = Ragged(column.first, values)
         else:
             columns[name] = column.copy()
-            columns[name][wanted] = math.nan
+            columns[name][unknown] = math.nan
     return columns | by_spot(book, solved)
 
 
