@@ -16,7 +16,8 @@ from pricing_core.errors import InvalidInputError, NumericalError
 SAFETY = 0.9
 LARGEST_GROWTH = 4.0
 LARGEST_CUT = 0.1
-LEAST_PREVIOUS = 1e-4  # an error before that is smaller says no more (Hairer, Norsett, Wanner, Solving ODEs I, II.4)
+# A smaller error of the step before counts for this: it says no more (Hairer, Norsett, Wanner, Solving ODEs I, II.4).
+LEAST_PREVIOUS = 1e-4
 PI_INTEGRAL, PI_PROPORTIONAL = 0.7, 0.4
 
 
