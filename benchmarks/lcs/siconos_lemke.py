@@ -1,21 +1,29 @@
 """Run by Siconos' own Python: solve the problems of a file by its Lemke method, and write z, info and seconds."""
 
+import importlib
 import sys
 import time
 
 import numpy as np
-import siconos.numerics as sn  # type: ignore[import-not-found]
 from numpy.typing import ArrayLike
 
-given = np.load(sys.argv[1])
-results: dict[str, ArrayLike] = {}
-for k in range(int(given["count"])):
-    M, q = np.asfortranarray(given[f"M{k}"]), given[f"q{k}"]
-    z, w = np.zeros(q.size), np.zeros(q.size)
-    options = sn.SolverOptions(sn.SICONOS_LCP_LEMKE)
-    problem = sn.LCP(M, q)
-    begin = time.perf_counter()
-    info = sn.linearComplementarity_driver(problem, z, w, options)
-    results[f"seconds{k}"] = time.perf_counter() - begin
-    results[f"z{k}"], results[f"info{k}"] = z, info
-np.savez(sys.argv[2], **results)  # type: ignore[arg-type]
+
+def main(problems: str, answers: str) -> None:
+    """Read M and q of each problem from one file of NumPy, and write the answers to another."""
+    siconos = importlib.import_module("siconos.numerics")
+    given = np.load(problems)
+    results: dict[str, ArrayLike] = {}
+    for k in range(int(given["count"])):
+        M, q = np.asfortranarray(given[f"M{k}"]), given[f"q{k}"]
+        z, w = np.zeros(q.size), np.zeros(q.size)
+        options = siconos.SolverOptions(siconos.SICONOS_LCP_LEMKE)
+        problem = siconos.LCP(M, q)
+        begin = time.perf_counter()
+        info = siconos.linearComplementarity_driver(problem, z, w, options)
+        results[f"seconds{k}"] = time.perf_counter() - begin
+        results[f"z{k}"], results[f"info{k}"] = z, info
+    np.savez(answers, **results)  # type: ignore[arg-type]
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
