@@ -112,7 +112,8 @@ def _first_or_finer(book: Book, first: Solved, request: Request, *, lacking: boo
     if rows.size and not request.is_interrupted():
         part, coarse, asked = book.take(rows), first.take(rows, book), request.take(rows)
         fine = solve_to_tolerance(part, FINER * asked.tolerance, threads, walks=1, interrupt=interrupt)
-        moved = np.abs(fine.gradient[:, OWN] - coarse.gradient[:, OWN])
+        with np.errstate(invalid="ignore"):  # a derivative that was not found is not finite
+            moved = np.abs(fine.gradient[:, OWN] - coarse.gradient[:, OWN])
         fine.gradient[:, CHANGE] = MOVED_SHARE * moved + CHANGE_SHARE * coarse.gradient[:, CHANGE]
         finer, still = _greeks_and_errors(part, fine, (price[rows], error[rows]), asked)
         better = np.flatnonzero(still < missed[rows])
