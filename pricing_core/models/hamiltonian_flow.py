@@ -56,7 +56,7 @@ class HamiltonianFlow:
                 found = impulse_of(change, offset, t)
             step = free + response @ (found - impulse)
             after, impulse = after + step, found
-            if float(np.max(np.abs(step))) <= SETTLED * max(float(np.max(np.abs(after))), 1.0):
+            if _is_settled(step, after):
                 break
         else:
             raise IterationLimitError(
@@ -81,7 +81,7 @@ class HamiltonianFlow:
             found = impulse_of(change, normals @ self.velocity(after) + wanted - change @ impulse, t)
             step = normals.T @ (found - impulse)
             after, impulse = np.concatenate([z[:n], after[n:] + step]), found
-            if float(np.max(np.abs(step))) <= SETTLED * max(float(np.max(np.abs(after))), 1.0):
+            if _is_settled(step, after):
                 break
         else:
             raise IterationLimitError(
@@ -181,3 +181,8 @@ def _rotated(slope: Vector) -> Vector:
     """Return (H_p, -H_q)."""
     n = slope.size // 2
     return np.concatenate([slope[n:], -slope[:n]])
+
+
+def _is_settled(step: Vector, after: Vector) -> bool:
+    """Tell whether Newton's last step is rounding beside the state that it led to."""
+    return float(np.max(np.abs(step))) <= SETTLED * max(float(np.max(np.abs(after))), 1.0)

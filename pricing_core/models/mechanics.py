@@ -21,7 +21,7 @@ from pricing_core.lcs import (
 )
 from pricing_core.lcs.simulation_method import SimulationMethod, as_method
 from pricing_core.lcs.simulation_times import checked_span, checked_times
-from pricing_core.models.moreau import Motion, simulate_by_impulses
+from pricing_core.models.moreau import simulate_by_impulses
 
 PENETRATES = 1e-12
 SYMMETRIC = 1e-12
@@ -167,7 +167,7 @@ class MechanicalSystem:
         if isinstance(chosen, TimeStepping) and self._is_moreaus(chosen):
             span = checked_span(t_span)
             reported = None if t_eval is None else checked_times(t_eval, span)
-            return simulate_by_impulses(self._motion(), x0, span, reported, chosen, interrupt)
+            return simulate_by_impulses(self, x0, span, reported, chosen, interrupt)
         trajectory = simulate(
             self.to_lcs(),
             x0,
@@ -188,11 +188,6 @@ class MechanicalSystem:
 
     def _is_moreaus(self, method: TimeStepping) -> bool:
         return method.scheme == "moreau" or (method.scheme == "auto" and self.restitution > 0.0)
-
-    def _motion(self) -> Motion:
-        return Motion(
-            self.mass, self.damping, self.stiffness, self.F, self.force, self.offset, self.restitution
-        )
 
     def _with_newtons_law(self, method: EventDriven | TimeStepping) -> EventDriven | TimeStepping:
         """Return the method with the law of impact that the restitution asks for."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,28 +11,17 @@ from scipy.linalg import cho_factor, cho_solve, lu_factor, lu_solve
 
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcp import LCP, Method, least_norm_solution, solve
-from pricing_core.lcs.exosystem import Exosystem
 from pricing_core.lcs.simulation_method import TimeStepping
 from pricing_core.lcs.stepping_scheme import SMALLEST_STEP, THETA, stepped_trajectory
-from pricing_core.lcs.system import PiecewiseConstant
 from pricing_core.lcs.time_stepping import LCSState, Multipliers
 from pricing_core.lcs.trajectory import Trajectory
 from pricing_core.stepping import StepDoubling, integrate
 from pricing_core.stepping.method import Step
 
+if TYPE_CHECKING:
+    from pricing_core.models.mechanics import MechanicalSystem
+
 REMEMBERED_STEP_SIZES = 16
-
-
-class Motion(NamedTuple):
-    """M q'' + D q' + K q = F^T u + force, 0 <= y = F q + offset _|_ u >= 0, with n coordinates and k constraints."""
-
-    mass: Matrix  # (n, n)
-    damping: Matrix  # (n, n)
-    stiffness: Matrix  # (n, n)
-    F: Matrix  # (k, n)
-    force: PiecewiseConstant | Exosystem
-    offset: Vector  # (k,)
-    restitution: float
 
 
 class _Response(NamedTuple):
@@ -57,14 +46,14 @@ class MoreauStep:
 
     Parameters
     ----------
-    motion : Motion
+    motion : MechanicalSystem
     theta : float
         From 1/2 to 1.
     lcp_method, multipliers
         As in `TimeStepping`.
     """
 
-    motion: Motion
+    motion: "MechanicalSystem"
     theta: float
     lcp_method: Method
     multipliers: Multipliers
@@ -132,7 +121,7 @@ class MoreauStep:
         return np.asarray(q + by_force @ solve(LCP(delassus, gap)).z)
 
 
-def _response(motion: Motion, theta: float, h: float) -> _Response:
+def _response(motion: "MechanicalSystem", theta: float, h: float) -> _Response:
     matrix = motion.mass + theta * h * motion.damping + (theta * h) ** 2 * motion.stiffness
     # lu_solve with several right-hand sides wakes BLAS threads even for small ones.
     by_impulse = np.asarray(np.linalg.solve(matrix, motion.F.T))
@@ -140,7 +129,7 @@ def _response(motion: Motion, theta: float, h: float) -> _Response:
 
 
 def simulate_by_impulses(
-    motion: Motion,
+    motion: "MechanicalSystem",
     x0: Vector,
     t_span: tuple[float, float],
     t_eval: Vector | None,

@@ -97,7 +97,7 @@ def ball(restitution):
 
 
 def height(e, t):
-    """Of a ball dropped from 1 m, flight by flight (closed form)."""
+    """Return the height of a ball dropped from 1 m, flight by flight (closed form)."""
     speed = math.sqrt(2.0 * G)
     since = t - speed / G
     if since < 0.0:

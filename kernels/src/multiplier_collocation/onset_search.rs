@@ -143,8 +143,7 @@ impl OnsetSearch<'_> {
         } else {
             soon
         };
-        let steepness = self.height(place, time) * place.exp();
-        if steepness < -OVERHANGING {
+        if self.steepness(place, time) < -OVERHANGING {
             return Err(Unsettled);
         }
         Ok(self.crossing_onset(time, place))
@@ -234,9 +233,9 @@ impl OnsetSearch<'_> {
         self.profile.propagate(&self.segment.dynamics, x, s)[0] - self.segment.payoff(x, s)
     }
 
-    /// 1 + delta of a put, 1 - delta of a call, both without exercise before s.
-    fn height(&self, x: f64, s: f64) -> f64 {
+    /// The slope of the value without exercise before s less that of the payoff, by x, away from exercise, in strikes.
+    fn steepness(&self, x: f64, s: f64) -> f64 {
         let by_x = self.profile.propagate(&self.segment.dynamics, x, s)[1];
-        1.0 + by_x * (-x).exp() * self.segment.sign
+        x.exp() + by_x * self.segment.sign
     }
 }

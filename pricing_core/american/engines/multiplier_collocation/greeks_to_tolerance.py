@@ -172,8 +172,7 @@ def _largest_error(book: Book, columns: Columns, tolerance: Vector) -> Vector:
 def _closer(book: Book, columns: Columns, rows: Rows, request: Request) -> Columns:
     """Return the derivatives by parameters and dividends from extrapolated differences, where these are closer.
 
-    The adjoint is not close where the boundary moves a long way with a parameter: with no yield, and cash dividends,
-    the contact set begins everywhere at once, and with next to no yield it does not.
+    The adjoint is not close where the boundary moves a long way with a parameter.
     """
     found = []
     for share in DIFFERENCE_SHARES:
