@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pricing_core.arrays import IndexSet, Matrix, Vector
+from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs import Event, Trajectory
 from pricing_core.models.trajectory import ModelTrajectory, Pieces
 
@@ -53,30 +53,29 @@ class Modes:
     ----------
     names : tuple of str
         Names of the slacks; or, where a mode says which pieces the elements of a model are on, of the elements.
-    pieces : function of a mode, optional
-        The number of each element's piece.
+    pieces : tuple of (before, after), optional
+        For each event the number of each element's piece.
     piece_names : tuple of str
         By number; the numbers themselves where there are none.
     """
 
     names: tuple[str, ...]
-    pieces: Callable[[IndexSet], Pieces] | None = None
+    pieces: tuple[tuple[Pieces | None, Pieces | None], ...] | None = None
     piece_names: tuple[str, ...] = ()
 
-    def in_words(self, mode: IndexSet) -> str:
-        """Return the slacks that vanish, or the piece of each element.
+    def in_words(self, mode: tuple[int, ...]) -> str:
+        """Return the slacks that vanish in a mode, or the piece of each element.
 
         Examples
         --------
         >>> Modes(("y1", "y2")).in_words((1,))
         'y2'
-        >>> Modes(("u1",), lambda mode: (len(mode),), ("upper", "slides", "lower")).in_words((3,))
+        >>> Modes(("u1",), (((0,), (1,)),), ("upper", "slides", "lower")).in_words((1,))
         'u1 slides'
         """
         if self.pieces is None:
             return " ".join(self.names[i] for i in mode) or "-"
-        numbers = self.pieces(mode)
-        words = [self.piece_names[i] if self.piece_names else f"on {i}" for i in numbers]
+        words = [self.piece_names[i] if self.piece_names else f"on {i}" for i in mode]
         return ", ".join(f"{name} {word}" for name, word in zip(self.names, words, strict=True))
 
 

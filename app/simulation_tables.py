@@ -25,7 +25,7 @@ def print_simulation(simulation: Simulation) -> None:
         print()
         zero = "zero " if modes.pieces is None else ""
         heads = ("t", "event", f"{zero}before", f"{zero}after", "jump")
-        rows = [_event_row(event, simulation.state_names, modes) for event in events]
+        rows = [_event_row(event, simulation.state_names, modes, i) for i, event in enumerate(events)]
         hidden = len(rows) - 2 * MOST_EVENTS
         if hidden > 0:
             rows[MOST_EVENTS:-MOST_EVENTS] = [(f"... {hidden} more", "", "", "", "")]
@@ -39,7 +39,9 @@ def simulation_json(simulation: Simulation) -> str:
     content |= {columns.symbol: columns.values for columns in samples.columns}
     content["names"] = {columns.symbol: list(columns.names) for columns in samples.columns}
     content["names"]["x"] = list(simulation.state_names)  # also of x_before and x_after in events
-    content["events"] = [_event_parts(event, simulation.modes) for event in simulation.events]
+    content["events"] = [
+        _event_parts(event, simulation.modes, i) for i, event in enumerate(simulation.events)
+    ]
     return json.dumps(_plain(content | dict(simulation.facts)), allow_nan=False)
 
 
@@ -61,19 +63,18 @@ def _last_row(samples: Samples) -> Iterator[tuple[str, str]]:
             yield name, f"{shown:.10g}"
 
 
-def _event_parts(event: Event, modes: Modes) -> dict[str, Any]:
+def _event_parts(event: Event, modes: Modes, number: int) -> dict[str, Any]:
     parts = {part.name: getattr(event, part.name) for part in fields(event)}
     if modes.pieces is None:
         return parts
-    pieces = {
-        f"pieces_{when}": None if (mode := parts.pop(f"mode_{when}")) is None else modes.pieces(mode)
-        for when in ("before", "after")
-    }
+    for when, pieces in zip(("before", "after"), modes.pieces[number], strict=True):
+        del parts[f"mode_{when}"]
+        parts[f"pieces_{when}"] = pieces
     del parts["impulse"]  # in terms of the complementarity system
-    return parts | pieces
+    return parts
 
 
-def _event_row(event: Event, states: tuple[str, ...], modes: Modes) -> tuple[str, ...]:
+def _event_row(event: Event, states: tuple[str, ...], modes: Modes, number: int) -> tuple[str, ...]:
     size = float(np.max(np.abs(event.x_before), initial=0.0))
     jump = [
         f"{name}: {before:.6g} -> {_without_rounding(after, size):.6g}"
@@ -81,7 +82,8 @@ def _event_row(event: Event, states: tuple[str, ...], modes: Modes) -> tuple[str
         if abs(after - before) > ROUNDING * size
     ]
     kind = f"{event.kind}, order-sensitive" if event.order_sensitive else event.kind
-    words = ("?" if mode is None else modes.in_words(mode) for mode in (event.mode_before, event.mode_after))
+    around = (event.mode_before, event.mode_after) if modes.pieces is None else modes.pieces[number]
+    words = ("?" if mode is None else modes.in_words(mode) for mode in around)
     return (f"{event.time:.10g}", kind, *words, ", ".join(jump))
 
 

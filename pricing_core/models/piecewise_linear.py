@@ -3,19 +3,19 @@
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pricing_core.arrays import IndexSet, Matrix
+from pricing_core.arrays import Matrix
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcs import LCS, Finding
 from pricing_core.lcs.simulation_method import SimulationMethod, as_method
 from pricing_core.models.characteristic import Characteristic
 from pricing_core.models.horizontal_system import HorizontalSystem
-from pricing_core.models.trajectory import ModelTrajectory, Pieces, of_lcs
+from pricing_core.models.on_characteristics import OnCharacteristics, PairReading
+from pricing_core.models.trajectory import ModelTrajectory, of_lcs
 from pricing_core.models.unique_run import simulate_unique
 from pricing_core.models.w_condition import is_monotone, w_condition
 
@@ -96,17 +96,20 @@ class PiecewiseLinearSystem:
         Source: Kaneko and Pang 1980; Camlibel and Schumacher 1999.
         """
         n, k = self.shape
-        p = sum(len(curve.points) for curve in self.characteristics)
-        at_w, at_z, start = self._external()
+        curves = self.on_characteristics()
+        first_pairs = curves.first_pairs
+        p = first_pairs[-1]
+        at_w, at_z, start = curves.maps()
         M, N, g = np.eye(p), np.zeros((p, p)), np.zeros(p)
         C = np.zeros((p, n))
-        for i, curve in enumerate(self.characteristics):
-            first, m = self._first_pair(i), len(curve.points)
+        for i, ((first, end), curve) in enumerate(
+            zip(itertools.pairwise(first_pairs), self.characteristics, strict=True)
+        ):
             row = np.eye(k)[i]
             M[first] = row @ (at_w[:k] - self.D @ at_w[k:])
             N[first] = row @ (self.D @ at_z[k:] - at_z[:k])
             C[first], g[first] = self.C[i], self.D[i] @ start[k:] - start[i]
-            lower = np.arange(first + 1, first + m)
+            lower = np.arange(first + 1, end)
             N[lower, lower - 1] = -1.0
             g[lower] = curve.lengths
         return HorizontalSystem(self.A, self.B @ at_w[k:], self.B @ at_z[k:], C, M, N, self.B @ start[k:], g)
@@ -145,7 +148,8 @@ class PiecewiseLinearSystem:
         Returns
         -------
         ModelTrajectory
-            The pieces are those of `Characteristic`, 0 being the left ray.
+            The pieces are those of `Characteristic`, 0 being the left ray; of those that meet at a corner where it
+            stays, the vertical one, else the left one.
 
         Raises
         ------
@@ -153,10 +157,14 @@ class PiecewiseLinearSystem:
             As `pricing_core.lcs.simulate`.
         """
         horizontal = self.to_horizontal()
-        run = simulate_unique(
+        run, unique = simulate_unique(
             horizontal.to_lcs(), x0, t_span, as_method(method), t_eval, self.has_unique_state
         )
-        return of_lcs(run, partial(self._elements, horizontal), lambda mode: self._pieces(horizontal, mode))
+        return of_lcs(run, PairReading(self.on_characteristics(), horizontal.pairs), unique)
+
+    def on_characteristics(self) -> OnCharacteristics:
+        """Return what puts inputs and outputs on the characteristics."""
+        return OnCharacteristics(self.B, self.C, self.D, self.characteristics)
 
     def w_property(self) -> Finding:
         """Tell whether diag(dy) - G(s) diag(du) has, for all large s, determinants of one sign on all pieces; exact.
@@ -199,31 +207,3 @@ class PiecewiseLinearSystem:
         plant = LCS(*self.given)
         proved = is_monotone(plant, self.characteristics) or self.w_property().status == "holds"
         return True if proved else None
-
-    def _first_pair(self, i: int) -> int:
-        return sum(len(curve.points) for curve in self.characteristics[:i])
-
-    def _external(self) -> tuple[Matrix, Matrix, Matrix]:
-        """Return the matrices (2 k, p), (2 k, p) and the vector (2 k,) that make (y, u) from w and z."""
-        k = self.shape[1]
-        p = sum(len(curve.points) for curve in self.characteristics)
-        at_w, at_z, start = np.zeros((2 * k, p)), np.zeros((2 * k, p)), np.zeros(2 * k)
-        for i, curve in enumerate(self.characteristics):
-            rows, first = [i, k + i], self._first_pair(i)
-            start[rows] = curve.points[0]
-            at_w[rows, first] = -curve.tangents[0]
-            at_z[rows, first : first + len(curve.points)] = curve.tangents[1:].T
-        return at_w, at_z, start
-
-    def _elements(self, horizontal: HorizontalSystem, u: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:
-        """Return the values and arguments of the characteristics from the inputs and outputs of the LCS."""
-        (w, z), k = horizontal.pairs(u, y), self.shape[1]
-        at_w, at_z, start = self._external()
-        external = w @ at_w.T + z @ at_z.T + start
-        return external[:, k:], external[:, :k]
-
-    def _pieces(self, horizontal: HorizontalSystem, mode: IndexSet) -> Pieces:
-        """Return the piece that each characteristic is on: the number of its w_i that vanish."""
-        vanishing = horizontal.where_w_vanishes(mode)
-        ends = [self._first_pair(i) for i in range(self.shape[1] + 1)]
-        return tuple(int(vanishing[a:b].sum()) for a, b in itertools.pairwise(ends))

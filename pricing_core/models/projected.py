@@ -3,7 +3,6 @@
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import ArrayLike
 from pricing_core.arrays import IndexSet, Matrix, Vector, as_square_matrix, as_values, as_vector
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcs import LCS, TimeStepping, Trajectory, simulate
+from pricing_core.lcs.flow import Flow
 from pricing_core.lcs.simulation_method import SimulationMethod, as_method, check_unused
 from pricing_core.lcs.simulation_times import checked_span, checked_times
 from pricing_core.models.convex_set import (
@@ -26,7 +26,7 @@ from pricing_core.models.convex_set import (
 from pricing_core.models.equilibrium import Equilibrium, solve_affine, solve_smooth
 from pricing_core.models.projected_heun import ControlledHeun, ProjectedHeun
 from pricing_core.models.tangent_cone import ProjectedVelocity, project_velocity
-from pricing_core.models.trajectory import ModelTrajectory, Pieces, Switch, as_they_are, of_lcs
+from pricing_core.models.trajectory import ModelTrajectory, Pieces, Switch, of_lcs
 from pricing_core.stepping import StepDoubling, integrate
 
 AffineMap: TypeAlias = tuple[ArrayLike, ArrayLike]
@@ -190,7 +190,7 @@ class ProjectedSystem:
         # The state is unique (11.39), whatever the multipliers.
         chosen = replace(chosen, on_nonunique="first")
         run = simulate(self.to_lcs(), start, t_span, method=chosen, t_eval=t_eval)
-        return of_lcs(run, as_they_are, partial(self._pieces, k=run.y.shape[1]))
+        return of_lcs(run, ActiveConstraints(run.y.shape[1]), True)
 
     def equilibrium(self, start: ArrayLike | None = None) -> Equilibrium:
         """Return a stationary point: a solution of the variational inequality (11.36), checked.
@@ -246,8 +246,8 @@ class ProjectedSystem:
         x = np.array(run.states)
         u = np.array([self.velocity(state).u for state in run.states])
         y = np.array([self.K.slack(state) for state in run.states])
-        read = partial(self._pieces, k=u.shape[1])
-        pieces = [read(tuple(active_set(self.K, state))) for state in run.states]
+        active = ActiveConstraints(u.shape[1])
+        pieces = [active.of_mode(tuple(active_set(self.K, state))) for state in run.states]
         switches = tuple(
             Switch(float(run.t[i + 1]), before, after)
             for i, (before, after) in enumerate(itertools.pairwise(pieces))
@@ -266,11 +266,28 @@ class ProjectedSystem:
             rejected=run.rejected,
             forced=run.forced,
         )
-        return ModelTrajectory(run.t[rows], x[rows], u[rows], y[rows], switches, steps, as_they_are, read)
+        return ModelTrajectory(
+            run.t[rows], x[rows], u[rows], y[rows], switches, steps, (), None, active.external
+        )
 
-    @staticmethod
-    def _pieces(mode: IndexSet, k: int) -> Pieces:
-        return tuple(int(i in mode) for i in range(k))
+
+@dataclass(frozen=True, slots=True)
+class ActiveConstraints:
+    """The run of a complementarity system whose inputs and outputs are those of the model."""
+
+    count: int  # of constraints
+
+    def external(self, _x: Matrix, u: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:
+        """Return u and y as they are."""
+        return u, y
+
+    def pieces(self, flows: tuple[Flow, ...]) -> list[Pieces]:
+        """Return 1 for the active constraints of each flow, and 0 for the others."""
+        return [self.of_mode(flow.mode) for flow in flows]
+
+    def of_mode(self, mode: IndexSet) -> Pieces:
+        """Return 1 for the members of a mode, and 0 for the others."""
+        return tuple(int(i in mode) for i in range(self.count))
 
 
 def _affine(F: object) -> tuple[Matrix, Vector]:

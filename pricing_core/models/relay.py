@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pricing_core.arrays import IndexSet, Matrix, Vector, as_array, as_vector
+from pricing_core.arrays import Matrix, Vector, as_array, as_vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import LCS, WellPosedness, theorem_11_6, well_posedness
 from pricing_core.lcs.pole_shifted_passivity import CRITERION, is_passive_after_pole_shift
@@ -16,8 +16,9 @@ from pricing_core.lcs.rational_system import rational_system
 from pricing_core.lcs.simulation_method import SimulationMethod, as_method
 from pricing_core.models.horizontal_system import HorizontalSystem
 from pricing_core.models.named_characteristics import relay_step
+from pricing_core.models.on_characteristics import PairReading
 from pricing_core.models.piecewise_linear import PiecewiseLinearSystem
-from pricing_core.models.trajectory import ModelTrajectory, Pieces, of_lcs
+from pricing_core.models.trajectory import ModelTrajectory, of_lcs
 from pricing_core.models.unique_run import simulate_unique
 
 Form: TypeAlias = Literal["input-output", "dae"]
@@ -172,7 +173,7 @@ class RelaySystem:
         Returns
         -------
         ModelTrajectory
-            Pieces: 0 where u_i = upper_i, 1 where the relay slides, 2 where u_i = lower_i.
+            Pieces: 0 where y_i < 0 and u_i = upper_i, 1 where the relay slides, 2 where y_i > 0 and u_i = lower_i.
 
         Raises
         ------
@@ -189,10 +190,11 @@ class RelaySystem:
         ([[-1.0], [0.0]], (Switch(time=2.0, before=(2,), after=(1,)),))
         """
         _check_form(form)
-        k = self.shape[1]
-        run = simulate_unique(self.to_lcs(form), x0, t_span, as_method(method), t_eval, self.has_unique_state)
         dae = self.to_dae() if form == "dae" else None
-        return of_lcs(run, partial(self._relay, dae), lambda mode: _pieces(mode, k, dae))
+        system = self.to_lcs(form)
+        run, unique = simulate_unique(system, x0, t_span, as_method(method), t_eval, self.has_unique_state)
+        curves = self.to_piecewise_linear().on_characteristics()
+        return of_lcs(run, PairReading(curves, partial(self._pairs, dae)), unique)
 
     def has_unique_state(self) -> Literal[True] | None:
         """Return True where the state is proved to have at most one continuation from every x0, else None.
@@ -237,25 +239,20 @@ class RelaySystem:
             return replace(report, verdict="well-posed", basis=f"{basis}; the state is unique, u need not be")
         return report
 
-    def _relay(self, dae: HorizontalSystem | None, u: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:
-        """Return the relays' outputs and inputs from those of one of the complementarity systems."""
-        k = self.shape[1]
-        if dae is not None:
-            w, z = dae.pairs(u, y)
-            share, given = z[:, :k], w[:, :k] - w[:, k:]
+    def _pairs(self, dae: HorizontalSystem | None, u: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:
+        """Return the pairs along the relays' steps from the inputs and outputs of a complementarity system."""
+        k, span = self.shape[1], self.upper - self.lower
+        if dae is None:
+            share, below, above, rest = u[:, :k], u[:, k:], y[:, :k], y[:, k:]
         else:
-            share, given = u[:, :k], y[:, :k] - u[:, k:]
-        return self.lower + (self.upper - self.lower) * share, given
+            w, z = dae.pairs(u, y)
+            share, below, above, rest = z[:, :k], w[:, k:], w[:, :k], z[:, k:]
+        pairs = np.empty((2, len(u), 2 * k))
+        pairs[0, :, ::2], pairs[1, :, ::2] = below, span * rest
+        pairs[0, :, 1::2], pairs[1, :, 1::2] = span * share, above
+        return pairs[0], pairs[1]
 
 
 def _check_form(form: str) -> None:
     if form not in FORMS:
         raise InvalidInputError("form", form, '"input-output" or "dae"')
-
-
-def _pieces(mode: IndexSet, k: int, dae: HorizontalSystem | None) -> Pieces:
-    """Return for each relay 0, 1 or 2: at its upper bound, sliding, at its lower bound."""
-    if dae is not None:
-        vanishing = dae.where_w_vanishes(mode)  # y1 = 0 and y2 = 0
-        return tuple(int(piece) for piece in 1 + vanishing[k:] - vanishing[:k].astype(int))
-    return tuple(2 - (i in mode) - (k + i in mode) for i in range(k))

@@ -1,16 +1,23 @@
 """What the simulation of a model reports: in the model's own variables, with the run of its LCS behind them."""
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, Protocol, TypeAlias
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import IndexSet, Matrix, Vector
+from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs import Event, Trajectory
+from pricing_core.lcs.flow import Flow
+from pricing_core.lcs.multipliers import least_norm_multipliers
 
 Pieces: TypeAlias = tuple[int, ...]
-External: TypeAlias = Callable[[Matrix, Matrix], tuple[Matrix, Matrix]]
+External: TypeAlias = Callable[[Matrix, Matrix, Matrix], tuple[Matrix, Matrix]]
+
+ALONG = np.array([0.0, 0.25, 0.5, 0.75, 1.0])  # places of a flow at which its pieces are looked at
+AT_ONCE = 1e-6  # of a step: what a flow without length is given for it
 
 
 class Switch(NamedTuple):
@@ -19,6 +26,16 @@ class Switch(NamedTuple):
     time: float
     before: Pieces | None
     after: Pieces | None
+
+
+class Reading(Protocol):
+    """How a model reads the run of its complementarity system."""
+
+    def external(self, x: Matrix, u: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:
+        """Return the model's inputs and outputs from the system's states, inputs and outputs at m times."""
+
+    def pieces(self, flows: tuple[Flow, ...]) -> list[Pieces]:
+        """Return the pieces that the elements are on in each flow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,12 +53,15 @@ class ModelTrajectory:
     y : Matrix, shape (m, k)
         What they are given: relay inputs, arguments of characteristics.
     switches : tuple of Switch
+        The events at which pieces change.
     lcs : Trajectory
         The run of the linear complementarity system that was simulated, with its own u and y.
+    pieces : tuple of (before, after)
+        For each event the pieces that the elements are on before and after it; None where the run does not tell.
+    unique : True or None
+        True where the state is proved to have no other continuation from anywhere; None where that is not known.
     external : callable
-        Function from its u and y to those of the model.
-    pieces : callable
-        Function from a mode of that system to the pieces that the elements are on.
+        Function from x, and from the system's u and y, to those of the model.
     """
 
     t: Vector
@@ -50,8 +70,9 @@ class ModelTrajectory:
     y: Matrix
     switches: tuple[Switch, ...]
     lcs: Trajectory
+    pieces: tuple[tuple[Pieces | None, Pieces | None], ...]
+    unique: Literal[True] | None
     external: External = field(repr=False)
-    pieces: Callable[[IndexSet], Pieces] = field(repr=False)
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -72,28 +93,45 @@ class ModelTrajectory:
         if not self.lcs.flows:
             return self
         run = self.lcs.refined(count)
-        u, y = self.external(run.u, run.y)
+        u, y = self.external(run.x, run.u, run.y)
         return replace(self, t=run.t, x=run.x, u=u, y=y, lcs=run)
 
 
-def of_lcs(run: Trajectory, external: External, pieces: Callable[[IndexSet], Pieces]) -> ModelTrajectory:
-    """Return the run of a complementarity system in the variables of the model, given the pieces of a mode."""
-    u, y = external(run.u, run.y)
-    return ModelTrajectory(run.t, run.x, u, y, _switches(run.events, pieces), run, external, pieces)
+def of_lcs(run: Trajectory, reading: Reading, unique: Literal[True] | None) -> ModelTrajectory:
+    """Return the run of a complementarity system in the variables of the model."""
+    u, y = reading.external(run.x, run.u, run.y)
+    pieces = tuple(_around_events(run, reading)) if run.flows else ((None, None),) * len(run.events)
+    switches = tuple(
+        Switch(event.time, *around)
+        for event, around in zip(run.events, pieces, strict=True)
+        if around[0] != around[1]
+    )
+    return ModelTrajectory(run.t, run.x, u, y, switches, run, pieces, unique, reading.external)
 
 
-def as_they_are(u: Matrix, y: Matrix) -> tuple[Matrix, Matrix]:
-    """Return the inputs and outputs of a complementarity system that are those of the model."""
-    return u, y
+def sampled(flows: tuple[Flow, ...]) -> tuple[Matrix, Matrix, Matrix]:
+    """Return x, u and y at the places `ALONG` of all flows, one after the other, u being the least."""
+    parts = []
+    for flow in flows:
+        length = flow.end - flow.start or AT_ONCE * flow.dynamics.step / flow.form.units.rate
+        parts.append(flow.at(flow.start + ALONG * length))
+    x, u, y = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return x, *least_norm_multipliers(flows[0].form.given, u, y)
 
 
-def _switches(events: tuple[Event, ...], pieces: Callable[[IndexSet], Pieces]) -> tuple[Switch, ...]:
-    """Return the events at which pieces change, given the pieces of a mode."""
-    switches = []
-    for event in events:
-        before, after = (
-            None if mode is None else pieces(mode) for mode in (event.mode_before, event.mode_after)
-        )
-        if before != after:
-            switches.append(Switch(event.time, before, after))
-    return tuple(switches)
+def _around_events(run: Trajectory, reading: Reading) -> list[tuple[Pieces | None, Pieces | None]]:
+    """Return the pieces before and after each event: those of the flows that meet there."""
+    flows = tuple(
+        flow
+        for flow, following in itertools.zip_longest(run.flows, run.flows[1:])
+        if following is None or flow.start < flow.end
+    )
+    starts, found = [flow.start for flow in flows], reading.pieces(flows)
+    around: list[tuple[Pieces | None, Pieces | None]] = []
+    last: Pieces | None = None
+    for event in run.events:
+        place = int(np.searchsorted(starts, event.time, side="left")) - 1
+        before = last or (found[place] if place >= 0 else None)
+        last = found[int(np.searchsorted(starts, event.time, side="right")) - 1]
+        around.append((before, last))
+    return around

@@ -20,22 +20,27 @@ def simulate_unique(
     method: EventDriven | TimeStepping,
     t_eval: ArrayLike | None,
     has_unique_state: Callable[[], Literal[True] | None],
-) -> Trajectory:
-    """Simulate, with the first continuation taken where it is proved to be the only one.
+) -> tuple[Trajectory, Literal[True] | None]:
+    """Simulate, with the first continuation taken where it is proved to be the only one; tell whether it is.
 
     Raises
     ------
     NonUniqueError
         A state has several continuations; for systems too large for every mode to be looked at, x0 has.
     """
-    if not (isinstance(method, EventDriven) and method.on_nonunique == "raise"):
-        return simulate(system, x0, t_span, method=method, t_eval=t_eval)
-    if has_unique_state():
-        return simulate(system, x0, t_span, method=replace(method, on_nonunique="first"), t_eval=t_eval)
+    if isinstance(method, TimeStepping):
+        return simulate(system, x0, t_span, method=method, t_eval=t_eval), None
+    unique = has_unique_state()
+    if unique and method.on_nonunique == "raise":
+        method = replace(method, on_nonunique="first")
     run = simulate(system, x0, t_span, method=method, t_eval=t_eval)
-    if system.shape[1] > LARGEST_COMPLETE and ambiguous_pairs(system, x0, t_span[0]) is not None:
+    if (
+        method.on_nonunique == "raise"
+        and system.shape[1] > LARGEST_COMPLETE
+        and ambiguous_pairs(system, x0, t_span[0]) is not None
+    ):
         raise NonUniqueError(
             f"several continuations from x = {np.array2string(np.asarray(x0), precision=6, threshold=8)} at "
             f't = {t_span[0]:.12g}: choose with on_nonunique="first"'
         )
-    return run
+    return run, unique
