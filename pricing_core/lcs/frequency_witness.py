@@ -1,5 +1,6 @@
 """A complex frequency at which a system delivers energy: the proof that it is not passive."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,10 +29,11 @@ class FrequencyWitness(NamedTuple):
     value: float
 
 
-def frequency_witness(system: RationalSystem) -> FrequencyWitness | None:
+def frequency_witness(system: RationalSystem, near: Sequence[float] = ()) -> FrequencyWitness | None:
     """Return a witness, or None where none was found; the data should be of order 1.
 
-    Numbers near the poles and along the imaginary axis are tried in floating point, the best of them proved.
+    Numbers near the poles, along the imaginary axis and near the given frequencies are tried in floating point, the
+    best of them proved.
 
     Cost: about a thousand eigenvalue problems of order k.
 
@@ -45,7 +47,7 @@ def frequency_witness(system: RationalSystem) -> FrequencyWitness | None:
     A, B, C, D = (rounded(M) for M in system)
     n = A.shape[0]
     found: list[tuple[float, complex, NDArray[np.complex128]]] = []
-    for s in _candidates(A):
+    for s in _candidates(A, near):
         try:
             G = C @ np.linalg.solve(s * np.eye(n) - A, B) + D
         except np.linalg.LinAlgError:
@@ -61,9 +63,9 @@ def frequency_witness(system: RationalSystem) -> FrequencyWitness | None:
     return None
 
 
-def _candidates(A: Matrix) -> list[complex]:
+def _candidates(A: Matrix, near: Sequence[float]) -> list[complex]:
     poles = np.linalg.eigvals(A)
-    heights = np.concatenate([[0.0], FREQUENCIES, np.abs(poles.imag)])
+    heights = np.concatenate([[0.0], near, FREQUENCIES, np.abs(poles.imag)])
     starts = np.concatenate([np.zeros_like(heights), np.maximum(poles.real, 0.0)])
     heights = np.concatenate([heights, np.abs(poles.imag)])
     along = [complex(a + d, b) for a, b in zip(starts, heights, strict=True) for d in DAMPINGS]

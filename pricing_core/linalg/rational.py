@@ -125,7 +125,18 @@ def exact_image(M: RationalMatrix) -> RationalMatrix:
     >>> exact_image(rational_array(np.array([[1, 2], [2, 4]]))).tolist()
     [[1], [2]]
     """
-    return M[:, _reduced_rows(M)[1]]
+    return M[:, pivot_columns(M)]
+
+
+def pivot_columns(M: RationalMatrix) -> list[int]:
+    """Return the columns that do not depend on those before them, in order.
+
+    Examples
+    --------
+    >>> pivot_columns(rational_array(np.array([[1, 2, 0], [2, 4, 1]])))
+    [0, 2]
+    """
+    return _reduced_rows(M)[1]
 
 
 def exact_solution(M: RationalMatrix, R: RationalMatrix) -> RationalMatrix | None:

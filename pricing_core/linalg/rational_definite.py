@@ -23,7 +23,7 @@ def negative_vector(M: RationalMatrix) -> RationalMatrix | None:
     >>> negative_vector(rational_array(np.array([[1, 1], [1, 1]]))) is None
     True
     """
-    return None if _is_clearly_positive_definite(M) else _by_elimination(M)
+    return None if is_clearly_positive_definite(M) else _by_elimination(M)
 
 
 def _by_elimination(M: RationalMatrix) -> RationalMatrix | None:
@@ -62,10 +62,10 @@ def is_exactly_positive_definite(M: RationalMatrix) -> bool:
     >>> is_exactly_positive_definite(rational_array(np.array([[1, 1], [1, 1]])))
     False
     """
-    return _is_clearly_positive_definite(M) or (_by_elimination(M) is None and exact_rank(M) == len(M))
+    return is_clearly_positive_definite(M) or (_by_elimination(M) is None and exact_rank(M) == len(M))
 
 
-def _is_clearly_positive_definite(M: RationalMatrix) -> bool:
+def is_clearly_positive_definite(M: RationalMatrix) -> bool:
     """Prove definiteness by one Cholesky factorisation in floating point; False says nothing.
 
     The rows are scaled by powers of two to a diagonal between 1/4 and 4. Where the factorisation of the rounded matrix

@@ -59,7 +59,7 @@ KNOWN = [
         LCS([[0]], [[1]], [[0]]),
         "ill-posed",
         "fails silent silent silent fails",
-        None,
+        False,
         False,
         None,
     ),
