@@ -18,10 +18,12 @@ from pricing_core.lcp.linear_programme import minimise
 from pricing_core.lcp.polyhedron import Face, face_of
 from pricing_core.lcp.problem import LCP, LCPSolution, scaled_parts, scaled_residual, solution_of
 from pricing_core.lcp.scaling import ScaledProblem, equilibrate
+from pricing_core.lcp.time_limit import TimeLimit
 from pricing_core.linalg.polynomial_tableau import Tableau
 
 LARGEST_ORDER = LARGEST_SEARCHED_ORDER
 MOST_EXACT_CELLS = 2000  # in exact arithmetic for each cell of the search, a millisecond each
+WORK = "enumeration"
 POLISHED = 1e-13  # scaled residual of a basic point that is a solution
 ZERO = 1e-8  # in the scaled problem, whose largest |q| is 1: less than this counts as zero
 
@@ -68,7 +70,9 @@ class _Cell:
         return _Cell(self.zero_z, zero_w)
 
 
-def enumerate_solutions(problem: LCP, *, max_nodes: int = 200_000) -> SolutionSet:
+def enumerate_solutions(
+    problem: LCP, *, max_nodes: int = 200_000, time_limit: float | None = None
+) -> SolutionSet:
     """Find all solutions of an LCP with n <= 20, singular principal submatrices included.
 
     The solutions are the faces of {z >= 0, M z + q >= 0} on which z_i w_i = 0 for every i. A depth-first
@@ -83,6 +87,8 @@ def enumerate_solutions(problem: LCP, *, max_nodes: int = 200_000) -> SolutionSe
     max_nodes : int, optional
         Limit on linear programmes, 1 to 2 ms each. A few hundred are usual at n = 20 with a single solution;
         a problem with 2**n - 1 solutions needs twice as many.
+    time_limit : float, optional
+        Seconds after which the search ends.
 
     Returns
     -------
@@ -93,7 +99,7 @@ def enumerate_solutions(problem: LCP, *, max_nodes: int = 200_000) -> SolutionSe
     InvalidInputError
         n > 20.
     IterationLimitError
-        `max_nodes` were not enough.
+        `max_nodes` or `time_limit` were not enough.
 
     Notes
     -----
@@ -120,9 +126,9 @@ def enumerate_solutions(problem: LCP, *, max_nodes: int = 200_000) -> SolutionSe
         )
     if n == 0:
         return SolutionSet((solution_of(problem, np.zeros(0), 0, "enumeration"),), (), 0, True)
-    max_nodes = as_whole_number("max_nodes", max_nodes, 1)
+    max_nodes, limit = as_whole_number("max_nodes", max_nodes, 1), TimeLimit(time_limit)
     scaled = equilibrate(problem)
-    cells, dropped, nodes = _solution_cells(scaled.M, scaled.q, max_nodes)
+    cells, dropped, nodes = _solution_cells(scaled.M, scaled.q, max_nodes, limit)
     narrowed = [_with_implied_zeros(scaled.M, scaled.q, cell, point) for cell, point in cells]
     described = [(cell, *_checked_face(scaled, cell)) for cell in narrowed]
     maximal = _maximal(scaled, [(cell, face) for cell, face, _ in described])
@@ -130,14 +136,18 @@ def enumerate_solutions(problem: LCP, *, max_nodes: int = 200_000) -> SolutionSe
     faces = [
         Face(scaled.original(f.vertices), scaled.original_ray(f.rays)) for f in maximal if not f.is_point
     ]
-    missed, complete = _missed(problem, scaled, [*(cell for cell, _ in cells), *dropped], described)
+    missed, complete = _missed(problem, scaled, [*(cell for cell, _ in cells), *dropped], described, limit)
     isolated += [solution_of(problem, z, nodes, "enumeration") for z in missed]
     isolated.sort(key=lambda solution: solution.z.tolist())
     return SolutionSet(tuple(isolated), tuple(faces), nodes, complete)
 
 
 def _missed(
-    problem: LCP, scaled: ScaledProblem, cells: list[_Cell], described: list[tuple[_Cell, Face, bool]]
+    problem: LCP,
+    scaled: ScaledProblem,
+    cells: list[_Cell],
+    described: list[tuple[_Cell, Face, bool]],
+    limit: TimeLimit,
 ) -> tuple[list[Vector], bool]:
     """Search cells in exact arithmetic; return solutions that no described face holds, and whether these are all."""
     posed, n = exact_problem(problem), problem.size
@@ -146,12 +156,14 @@ def _missed(
     found: dict[tuple[float, ...], Vector] = {}
     complete = True
     for cell in cells:
+        limit.check(WORK)
         tableau: Tableau | None = posed.tableau
         for v in (*np.flatnonzero(cell.zero_w).tolist(), *(n + np.flatnonzero(cell.zero_z)).tolist()):
             tableau = without(tableau, v)
         pairs = frozenset(np.flatnonzero(~(cell.zero_z | cell.zero_w)).tolist())
         try:
             for exact in complementary_cells(tableau, n, pairs, MOST_EXACT_CELLS):
+                limit.check(WORK)
                 if any(exact.zeros.issuperset(zeros.tolist()) for zeros in proved):
                     continue
                 z = rounded(posed.values(exact.tableau)[n:])
@@ -159,6 +171,7 @@ def _missed(
                     found[tuple(z.tolist())] = z
                 complete &= exact.is_point
         except IterationLimitError:
+            limit.check(WORK)
             complete = False
     return list(found.values()), complete
 
@@ -170,7 +183,7 @@ def _holds(problem: LCP, z: Vector, cell: _Cell) -> bool:
 
 
 def _solution_cells(
-    M: Matrix, q: Vector, max_nodes: int
+    M: Matrix, q: Vector, max_nodes: int, limit: TimeLimit
 ) -> tuple[list[tuple[_Cell, Vector]], list[_Cell], int]:
     """Return cells that consist of solutions, those that were left out as empty, and the number of cells."""
     nowhere = np.zeros(q.size, dtype=np.bool_)
@@ -180,6 +193,7 @@ def _solution_cells(
             raise IterationLimitError(
                 f"enumeration needs more than {max_nodes} linear programmes: raise max_nodes"
             )
+        limit.check(WORK)
         cell = stack.pop()
         nodes += 1
         try:

@@ -284,7 +284,7 @@ def _from_pivot(problem: LCP, limit: TimeLimit, pivot_set: BoolVector) -> LCPSol
 
 
 def _one_by_search(problem: LCP, limit: TimeLimit) -> LCPSolution:
-    found = enumerate_solutions(problem)
+    found = enumerate_solutions(problem, time_limit=limit.left())
     for z in (*(point.z for point in found.isolated), *(face.vertices[0] for face in found.faces)):
         with suppress(NumericalError):
             return verified(problem, z, found.nodes, "enumeration", DEFAULT_TOLERANCE, "use another method")

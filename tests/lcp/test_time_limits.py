@@ -13,6 +13,7 @@ from pricing_core.errors import InvalidInputError, IterationLimitError, Numerica
 from pricing_core.lcp import (
     LCP,
     HorizontalLCP,
+    enumerate_solutions,
     solve,
     solve_horizontal,
     solve_lemke,
@@ -36,6 +37,10 @@ LONG: dict[str, Callable[..., object]] = {
     "policy iteration": partial(solve_policy_iteration, obstacle(100_000)),
     "lemke": partial(solve_lemke, LCP(fathi(30), -np.ones(30)), covering=np.ones(30), max_pivots=2**31),
     "murty": partial(solve_murty, LCP(murty_exponential(18), -np.ones(18)), max_pivots=2**31),
+    "enumeration": partial(enumerate_solutions, LCP(-np.eye(14), np.ones(14))),
+    "enumeration by name": partial(
+        solve, LCP(-np.eye(18) - 1e-12, -1.0 + 2.0 * np.ones(18)), method="enumeration"
+    ),
     "front door": partial(solve, obstacle(100_000), method="psor"),
 }
 
