@@ -18,6 +18,10 @@ from pricing_core.arrays import BoolVector, Vector
 PAIRS = 8  # Number of pairs of an expiry that are used, those nearest the money; chosen.
 MOST_PASSES = 20  # Largest number of trial yields; chosen.
 SETTLED = 2.0  # Largest change of the forward in the last pass, in tolerances times the spot; chosen.
+COARSE = 1e-4  # Tolerance of the first pass, in strikes; chosen.
+COARSE_SHARE = 0.03  # Tolerance of the next pass, as a share of the change of the forward over the spot; chosen.
+# Tolerance of the implied volatilities, in those of the prices: a premium moves less than its price does; chosen.
+VOLATILITY_TOLERANCES = 4.0
 SMALLEST_SLOPE, LARGEST_SLOPE = -0.5, 0.8  # Limits of the slope that the secant believes; chosen.
 ROBUST = 3.0 * 1.4826  # Three standard deviations of a normal distribution, in median absolute deviations.
 
@@ -153,16 +157,17 @@ def _carry(chain: Chain, pairs: Pairs, expiry: float, tolerance: float, threads:
     estimate = _estimate(chain, parity, pairs.width, everywhere, expiry)
     if chain.exercise == "european" or estimate.status != "ok":
         return _inside(estimate)
-    here, before = _clipped(estimate.dividend_yield), (math.nan, math.nan)
+    here, before, now = _clipped(estimate.dividend_yield), (math.nan, math.nan), max(COARSE, tolerance)
     for _ in range(MOST_PASSES):
-        identified, premium = _premiums(chain, pairs, here, tolerance, threads)
+        identified, premium = _premiums(chain, pairs, here, now, threads)
         estimate = _estimate(chain, parity - premium, pairs.width, identified, expiry)
         if estimate.status != "ok":
             return estimate
         found = estimate.dividend_yield
         change = estimate.forward * discount - stock_value(market, chain.rate, here, expiry)
-        if abs(change) <= SETTLED * tolerance * market.spot:
+        if now <= tolerance and abs(change) <= SETTLED * tolerance * market.spot:
             return _inside(estimate)
+        now = max(min(COARSE_SHARE * abs(change) / market.spot, now), tolerance)
         slope = (found - before[1]) / (here - before[0])
         slope = 0.0 if math.isnan(slope) else min(max(slope, SMALLEST_SLOPE), LARGEST_SLOPE)
         there = _clipped(here + (found - here) / (1.0 - slope))
@@ -198,7 +203,8 @@ def _premiums(
         **{name: value for name in DIVIDENDS if (value := getattr(chain.market, name)) not in ((), "spot")},
     }
     prices = np.concatenate([pairs.call, pairs.put])
-    implied = implied_volatility_many(columns, prices, tolerance=tolerance, threads=threads)
+    loose = min(VOLATILITY_TOLERANCES * tolerance, TOLERANCE.most)
+    implied = implied_volatility_many(columns, prices, tolerance=loose, threads=threads)
     volatility = implied["volatility"].reshape(2, count).mean(axis=0)
     identified = np.isfinite(volatility)
     columns["volatility"] = np.tile(np.where(identified, volatility, np.nan), 2)

@@ -2,11 +2,13 @@ import csv
 import datetime as dt
 import math
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from pricing_core.american import implied_carry, implied_volatility_many, price_many
+from pricing_core.american.implied import implied_carry as module
 from pricing_core.errors import InvalidInputError
 from tests.problems.needs_kernel import needs_kernel
 
@@ -51,6 +53,22 @@ def test_the_yield_of_an_american_chain_is_recovered():
     assert np.max(np.abs(carry.dividend_yield - list(YIELDS.values())) * carry.expiry) <= 1e-5
     assert np.max(carry.residual) <= 1e-3
     assert (carry.pairs_used >= 5).all()
+
+
+@needs_kernel
+def test_the_first_passes_are_coarse_and_the_yield_does_not_depend_on_that():
+    dividends = [{"time": 0.2 + 0.25 * k, "amount": 0.5} for k in range(7)]
+    chain, prices = synthetic_chain({0.5: 0.02, 2.0: 0.0}, cash_dividends=dividends)
+    asked = []
+
+    def priced(columns, **options):
+        asked.append(options["tolerance"])
+        return price_many(columns, **options)
+
+    with patch.object(module, "price_many", priced):
+        carry = implied_carry({**chain, "option_price": prices})
+    assert asked.count(1e-6) == 2 < len(asked)  # once for each expiry
+    assert np.max(np.abs(carry.dividend_yield - [0.02, 0.0]) * carry.expiry) <= 1e-5
 
 
 @needs_kernel
@@ -255,7 +273,6 @@ def listed_dividends():
 
 @needs_kernel
 @needs_aapl
-@pytest.mark.nightly
 def test_american_parity_of_a_real_chain_finds_its_dividends_and_european_parity_does_not():
     chain = {**read_aapl(), "cash_dividends": listed_dividends()}
     carry = implied_carry(chain, tolerance=1e-5)
