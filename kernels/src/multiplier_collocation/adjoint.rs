@@ -261,7 +261,7 @@ impl Walk {
         let Some(boundary) = &part.value.boundary else {
             return;
         };
-        let (segment, place) = (&part.value.segment, boundary.onset.place);
+        let (segment, place) = (&part.value.segment, boundary.near().onset.place);
         let is_same = |other: f64| (place - other).abs() <= SAME_PLACE * place.abs().max(1.0);
         if is_same(segment.zero_of_multiplier()) {
             add(&mut gradient.rate, 1.0 / segment.dynamics.rate, weights);

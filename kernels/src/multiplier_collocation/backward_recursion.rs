@@ -4,7 +4,7 @@ use super::adjoint::{differentiate, SolvedPart};
 use super::boundary::Boundary;
 use super::boundary_query::BoundaryQuery;
 use super::boundary_solver::find_boundary;
-use super::degree_control::DegreeControl;
+use super::degree_control::{distribution, DegreeControl};
 use super::event_transfer::{at_expiry, before_event, Transferred};
 use super::fineness::{Fineness, FINENESS, LEVELS};
 use super::forecast::{forecasts, Forecast};
@@ -12,7 +12,7 @@ use super::gradient::SegmentGradient;
 use super::onset_search::OnsetSearch;
 use super::panels::{Interval, Kink, PanelWidths};
 use super::schedule::Schedule;
-use super::segment::Segment;
+use super::segment::{Segment, OVERHANGING};
 use super::segment_value::SegmentValue;
 use super::unsettled::Unsettled;
 
@@ -45,6 +45,9 @@ const AFTER_ONSET: f64 = 0.5;
 /// The largest width of the interval of x, in standard deviations of ln S over what is cut off: a wider one needs too many
 /// panels. Chosen.
 const MOST_SPREADS: f64 = 600.0;
+/// The distance from what is relevant within which an end of a contact set is taken to be beyond it, in standard
+/// deviations of ln S over the segment; chosen.
+const MARGIN: f64 = 0.25;
 /// The number of degrees in a row that fail or bring nothing after which a segment is cut; chosen.
 const MOST_STALLS: usize = 2;
 /// The share of what is left of the tolerance that one boundary may use; chosen.
@@ -56,6 +59,15 @@ const VIOLATION_SHARE: f64 = 0.7;
 /// The same where the lower end of the contact set is neglected: the boundary makes up for what that leaves inside.
 /// Calibrated on random contracts.
 const OVERHANGING_SHARE: f64 = 0.2;
+/// The distance from the spots that an event takes whole in which the contact set of a put is neglected, where it begins
+/// between two spots; chosen.
+const PAID_OUT: f64 = 0.3;
+/// The same in standard deviations of ln S over the segment; chosen.
+const SPREADS_OF_PAID_OUT: f64 = 2.5;
+/// The largest standard deviation of ln S over a segment whose contact set begins between two spots; measured.
+const WIDEST_BETWEEN: f64 = 0.4;
+/// The smallest distance of such spots from the forward, in standard deviations of ln S at the segment's end; measured.
+const LEAST_NEGLECTED: f64 = 3.5;
 /// The share of the dividends paid so far by which the spot is displaced from a lognormal one: the early ones fall with
 /// it, the late ones do not. Chosen.
 const DISPLACED_SHARE: f64 = 0.5;
@@ -117,6 +129,9 @@ pub fn solve_schedule(
         kinks: Vec::new(),
         end: segments.iter().map(|segment| segment.duration).sum(),
         overhangs: false,
+        neglects_far_end: false,
+        least_relevant: f64::NEG_INFINITY,
+        has_far_ends: false,
         violation: 0.0,
         error: 0.0,
     };
@@ -127,6 +142,9 @@ pub fn solve_schedule(
         recursion.solve_segment((index, segment), here, query)?;
     }
     let now = recursion.later().ok_or(Unsettled)?;
+    if now.segment.sign * (schedule.x - now.far) < 0.0 {
+        return Err(Unsettled); // the boundary that is reported is the one next to the strike
+    }
     let [value, slope, second] = now.value(schedule.x);
     *result = [
         value,
@@ -162,8 +180,14 @@ struct BackwardRecursion<'a> {
     kinks: Vec<Kink>,
     /// The time from now to the end of the next segment, years.
     end: f64,
-    /// Whether the contact set of the next segment begins between two spots.
+    /// Whether the contact set of the next segment may begin between two spots.
     overhangs: bool,
+    /// Whether it does, and its far end is neglected.
+    neglects_far_end: bool,
+    /// The x up to which its contact set is neglected then, for the event takes smaller spots whole.
+    least_relevant: f64,
+    /// Whether a contact set had two ends anywhere.
+    has_far_ends: bool,
     /// The largest violation of complementarity so far, and the sum of the error estimates, in strikes.
     violation: f64,
     error: f64,
@@ -193,7 +217,18 @@ impl BackwardRecursion<'_> {
         here: &Forecast,
         query: &mut BoundaryQuery,
     ) -> Result<(), Unsettled> {
-        self.overhangs = segment.overhangs();
+        let overhang = segment.overhang();
+        self.overhangs = overhang > OVERHANGING;
+        self.neglects_far_end = overhang > 0.0 && !self.overhangs;
+        if self.overhangs {
+            self.least_relevant =
+                segment.paid_out_below() + PAID_OUT + SPREADS_OF_PAID_OUT * segment.spread();
+            let is_near = self.least_relevant > here.forward - LEAST_NEGLECTED * here.deviation();
+            if is_near || segment.spread() > WIDEST_BETWEEN {
+                return Err(Unsettled);
+            }
+            self.error += self.neglected(segment, here);
+        }
         let mut waiting = vec![*segment];
         let mut cuts = 0;
         let mut part_end = *here;
@@ -223,6 +258,21 @@ impl BackwardRecursion<'_> {
         Ok(())
     }
 
+    /// The most that it matters, in strikes, that a contact set which begins between two spots is taken to reach to a spot of
+    /// zero once it reaches to `least_relevant`, and that nothing is exercised at smaller spots before: times the
+    /// probabilities of such spots, what waiting is worth there, and what it costs where the event takes the whole spot,
+    /// until interest earns more than the dividend.
+    fn neglected(&self, segment: &Segment, here: &Forecast) -> f64 {
+        let below = |x: f64| distribution((x - here.forward) / here.deviation());
+        let dynamics = &segment.dynamics;
+        let earned = (segment.amount + segment.escrow).ln_1p() / dynamics.rate;
+        let h = segment.duration.min(earned);
+        let gained = self.least_relevant.exp() * (-dynamics.dividend * h).exp_m1();
+        let interest = -(-dynamics.rate * h).exp_m1();
+        let taken = segment.paid_out_below().min(interest.ln());
+        gained * below(self.least_relevant) + interest * below(taken)
+    }
+
     /// Solve one part of a segment; `here` and `part_end` are the forecasts at the segment's end and at the part's.
     fn solve_part(
         &mut self,
@@ -243,19 +293,23 @@ impl BackwardRecursion<'_> {
         let found = self
             .onset_search(&transferred, &part, relevant, cuts > 0)
             .find()?;
-        if found.onset.is_some() && found.split > 0.0 && cuts < MOST_CUTS {
+        if found.split > 0.0 && cuts < MOST_CUTS {
             return Ok(Part::Cut(found.split));
+        }
+        if found.split > 0.0 && found.onsets.is_empty() {
+            return Err(Unsettled);
         }
         let beginning = part_end.before(&part);
         let control = self.degree_control(index, &beginning, cuts);
-        let boundary = found
-            .onset
-            .map(|onset| find_boundary(&transferred.profile, &part, onset, &control));
+        let first = found.onsets.first();
+        let boundary =
+            first.map(|_| find_boundary(&transferred.profile, &part, &found.onsets, &control));
+        self.has_far_ends |= found.onsets.len() > 1;
         let cut_off = part.spread() * NEXT_TO_EVENT.sqrt();
         let may_cut = cuts < MOST_CUTS && ends.1 - ends.0 <= MOST_SPREADS * cut_off;
         let is_close = |b: &Boundary| b.is_found() && !b.exceeds_budget(&control);
         if may_cut && !boundary.as_ref().is_none_or(is_close) {
-            let since = found.onset.map_or(0.0, |onset| onset.time);
+            let since = first.map_or(0.0, |onset| onset.time);
             let share = if since > 0.0 {
                 AFTER_ONSET
             } else {
@@ -268,7 +322,10 @@ impl BackwardRecursion<'_> {
             self.error += boundary.error;
         }
         let (contact, kinks) = (transferred.contact, std::mem::take(&mut transferred.kinks));
-        let now = self.value_at_beginning(transferred, part, boundary)?;
+        let now = self.value_at_beginning(transferred, (part, relevant), boundary)?;
+        if self.has_far_ends && !query.times.is_empty() {
+            return Err(Unsettled); // a query knows one end
+        }
         query.answer(self.end, contact, &now);
         self.end -= part.duration;
         self.kinks = now.kinks_from(&kinks);
@@ -344,6 +401,9 @@ impl BackwardRecursion<'_> {
         if sign < 0.0 {
             return -relevant;
         }
+        if self.overhangs {
+            return furthest.max(self.least_relevant);
+        }
         relevant.max(self.fineness.smallest_spot.ln())
     }
 
@@ -358,6 +418,8 @@ impl BackwardRecursion<'_> {
             profile: &transferred.profile,
             segment: part,
             contact: transferred.contact,
+            far: transferred.far,
+            overhangs: self.overhangs,
             relevant,
             nodes_only: self.later().is_some_and(|later| later.boundary.is_none()),
             is_cut,
@@ -383,7 +445,7 @@ impl BackwardRecursion<'_> {
             } else {
                 LEVELS
             },
-            violation_share: if self.overhangs {
+            violation_share: if self.neglects_far_end {
                 OVERHANGING_SHARE
             } else {
                 VIOLATION_SHARE
@@ -398,19 +460,24 @@ impl BackwardRecursion<'_> {
     fn value_at_beginning(
         &self,
         transferred: Transferred,
-        part: Segment,
+        (part, relevant): (Segment, f64),
         boundary: Option<Boundary>,
     ) -> Result<SegmentValue, Unsettled> {
         let mut at_zero = transferred.at_zero * (-part.dynamics.rate * part.duration).exp();
         if part.exercisable && part.sign > 0.0 {
             at_zero = at_zero.max(part.strike(part.duration));
         }
+        let far = boundary.as_ref().and_then(Boundary::far);
+        let far = far
+            .map(|end| end.at_beginning)
+            .filter(|&x| x > relevant + MARGIN * part.spread());
         let later_is_monotone = self.later().is_none_or(|later| later.is_monotone);
         let now = SegmentValue {
             profile: transferred.profile,
             points: self.fineness.panel_points,
             segment: part,
             boundary,
+            far: far.unwrap_or(-part.sign * f64::INFINITY),
             at_zero,
             is_monotone: part.dynamics.dividend >= 0.0 && later_is_monotone,
         };
@@ -427,8 +494,14 @@ impl BackwardRecursion<'_> {
 /// Refuse a value of waiting that is less than the payoff outside the contact set: next to it, and where it has left.
 fn check_outside(now: &SegmentValue, boundary: &Boundary) -> Result<(), Unsettled> {
     let (sign, spread) = (now.segment.sign, now.segment.spread());
-    let (onset, end) = (boundary.onset.place, boundary.at_beginning);
+    let near = boundary.near();
+    let (onset, end) = (near.onset.place, near.at_beginning);
     let mut places = vec![end + sign * CHECKED * spread];
+    places.extend(
+        boundary
+            .far()
+            .map(|far| far.at_beginning - sign * CHECKED * spread),
+    );
     if sign * (onset - end) > spread {
         places.extend([0.5 * (onset + end), onset]);
     }

@@ -9,7 +9,7 @@ use super::boundary::{dot, Boundary};
 use super::collocation_nodes::{collocation_nodes, CollocationNodes};
 use super::collocation_system::CollocationSystem;
 use super::contact_adjoint::{see_contact_sets, BoundaryWeights};
-use super::contact_onset::Representation;
+use super::contact_onset::{ContactOnset, Representation};
 use super::degree_control::DEGREES;
 use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
 use super::linear_system::eliminate;
@@ -32,9 +32,9 @@ const SMALLEST_WEIGHT: f64 = 1e-30;
 struct BoundaryAdjoint<'a> {
     boundary: &'a Boundary,
     profile: &'a Profile,
-    /// What the coefficients count for, (degree + 1,).
+    /// What the coefficients of each end count for, (ends x (degree + 1),).
     coefficients: Vec<Weights>,
-    /// What the place of the onset and its time count for.
+    /// What the place of the onset of the near end counts for, and the time of the onset.
     place: Weights,
     time: Weights,
     /// What the payoff crossings count for, (s, x, weights).
@@ -56,7 +56,7 @@ pub fn see_boundary(
     let mut adjoint = BoundaryAdjoint {
         boundary,
         profile,
-        coefficients: vec![[0.0; FUNCTIONALS]; boundary.coefficients.len()],
+        coefficients: vec![[0.0; FUNCTIONALS]; boundary.ends.len() * (boundary.nodes.degree + 1)],
         place: [0.0; FUNCTIONALS],
         time: [0.0; FUNCTIONALS],
         crossings: Vec::new(),
@@ -82,6 +82,11 @@ impl BoundaryAdjoint<'_> {
         self.count_nodes(nodes, boundary.segment.duration, blocks, contact_sets, true);
     }
 
+    /// The segment and the time of the onset.
+    fn start(&self) -> (&Segment, f64) {
+        (&self.boundary.segment, self.boundary.onset_time())
+    }
+
     /// Take in what the nodes of an integral until time `end` count for; all of their coefficients, or the first alone.
     fn count_nodes(
         &mut self,
@@ -91,36 +96,48 @@ impl BoundaryAdjoint<'_> {
         contact_sets: &[BoundaryWeights],
         all: bool,
     ) {
-        let onset_time = self.boundary.onset.time;
-        for (l, sine) in nodes.sine.iter().enumerate() {
-            let weights = [0, 1].map(|k| contact_sets[l / LANES][k][l % LANES]);
-            let place = blocks[l / LANES].boundary[l % LANES];
-            let s = onset_time + (end - onset_time) * sine * sine;
-            self.count_node((nodes, stage, l), (s, place), &weights, all);
+        let onset_time = self.boundary.onset_time();
+        let blocks_of_end = blocks.len() / self.boundary.ends.len();
+        let both = blocks
+            .chunks(blocks_of_end)
+            .zip(contact_sets.chunks(blocks_of_end));
+        for (of, (blocks, contact_sets)) in both.enumerate() {
+            for (l, sine) in nodes.sine.iter().enumerate() {
+                let weights = [0, 1].map(|k| contact_sets[l / LANES][k][l % LANES]);
+                let place = blocks[l / LANES].boundary[l % LANES];
+                let s = onset_time + (end - onset_time) * sine * sine;
+                self.count_node((nodes, stage, l), (of, s, place), &weights, all);
+            }
         }
     }
 
-    /// Take in what a node of an integral counts for, whose contact set ended at `place` at time s; its coefficients behind the
-    /// first count only where that is asked for.
+    /// Take in what a node of an integral counts for, whose contact set had end `of` at `place` at time s; its coefficients
+    /// behind the first count only where that is asked for.
     fn count_node(
         &mut self,
         (nodes, stage, l): (&CollocationNodes, usize, usize),
-        (s, place): (f64, f64),
+        (of, s, place): (usize, f64, f64),
         weights: &Weights,
         all: bool,
     ) {
         let row = nodes.row(stage, l);
-        let coefficient = dot(row, &self.boundary.coefficients);
-        let by_coefficient = self.measured(coefficient, (s, place), weights);
-        let counted = if all { row.len() } else { 1 };
-        for (total, share) in self.coefficients[..counted].iter_mut().zip(row) {
+        let coefficient = dot(row, &self.boundary.ends[of].coefficients);
+        let by_coefficient = self.measured(coefficient, (of, s, place), weights);
+        let first = of * row.len();
+        let counted = first..first + if all { row.len() } else { 1 };
+        for (total, share) in self.coefficients[counted].iter_mut().zip(row) {
             add(total, by_coefficient * share, weights);
         }
     }
 
-    /// Take in what a boundary at `place` counts for by what it is measured from; return its derivative by the coefficient.
-    fn measured(&mut self, coefficient: f64, (s, place): (f64, f64), weights: &Weights) -> f64 {
-        let (segment, onset) = (&self.boundary.segment, &self.boundary.onset);
+    /// Take in what end `of` at `place` counts for by what it is measured from; return its derivative by the coefficient.
+    fn measured(
+        &mut self,
+        coefficient: f64,
+        (of, s, place): (usize, f64, f64),
+        weights: &Weights,
+    ) -> f64 {
+        let (segment, onset) = (&self.boundary.segment, &self.boundary.ends[of].onset);
         match onset.representation {
             Representation::SquaredDistance => add(&mut self.place, 1.0, weights),
             Representation::FromCrossing => {
@@ -134,17 +151,18 @@ impl BoundaryAdjoint<'_> {
     /// Take in that a later onset takes the ages and the weights of contact sets down in proportion; `gradient` holds what
     /// their contributions change by the parameters.
     fn count_ages(&mut self, gradient: &SegmentGradient) {
-        if self.boundary.onset.time > 0.0 {
-            let span = self.boundary.segment.duration - self.boundary.onset.time;
-            let by_scale = by_scale_of_time(&self.boundary.segment.dynamics, gradient);
+        let (segment, onset_time) = self.start();
+        if onset_time > 0.0 {
+            let span = segment.duration - onset_time;
+            let by_scale = by_scale_of_time(&segment.dynamics, gradient);
             add(&mut self.time, -1.0 / span, &by_scale);
         }
     }
 
     /// The share of a move of the onset's time by which a time s moves.
     fn moved(&self, s: f64) -> f64 {
-        let (segment, onset) = (&self.boundary.segment, &self.boundary.onset);
-        (segment.duration - s) / (segment.duration - onset.time)
+        let (segment, onset_time) = self.start();
+        (segment.duration - s) / (segment.duration - onset_time)
     }
 
     /// Solve for what the equations of the stages count for, and take that in.
@@ -155,20 +173,29 @@ impl BoundaryAdjoint<'_> {
         gradient: &mut SegmentGradient,
     ) -> Result<(), Unsettled> {
         let boundary = self.boundary;
-        let (segment, onset, nodes) = (&boundary.segment, &boundary.onset, boundary.nodes);
-        let (m, coefficients) = (nodes.degree, &boundary.coefficients);
-        let mut system = CollocationSystem::new(self.profile, segment, onset, nodes);
-        let (mut residual, mut jacobian) = (vec![0.0; m], vec![0.0; m * m]);
-        system.residual(coefficients, &mut residual, &mut jacobian);
-        let last = (segment.duration, boundary.at_beginning);
+        let (segment, nodes) = (&boundary.segment, boundary.nodes);
+        let (m, onset_time) = (nodes.degree, boundary.onset_time());
+        let onsets: Vec<ContactOnset> = boundary.ends.iter().map(|end| end.onset).collect();
+        let coefficients: Vec<f64> = boundary
+            .ends
+            .iter()
+            .flat_map(|end| end.coefficients.iter().copied())
+            .collect();
+        let mut system = CollocationSystem::new(self.profile, segment, &onsets, nodes);
+        let count = m * onsets.len();
+        let (mut residual, mut jacobian) = (vec![0.0; count], vec![0.0; count * count]);
+        system.residual(&coefficients, &mut residual, &mut jacobian);
+        let last = (0, segment.duration, boundary.near().at_beginning);
         let by_last = self.measured(coefficients[m], last, at_beginning);
         add(&mut self.coefficients[m], by_last, at_beginning);
 
         let equations = self.transposed_solve(&jacobian, m)?;
-        let of_value = onset.representation == Representation::FromCrossing;
-        for (k, weights) in equations.iter().enumerate() {
+        for (index, weights) in equations.iter().enumerate() {
+            let (end, k) = (index / m, index % m);
+            let of_value = onsets[end].is_from_crossing();
             let s = system.times[k];
-            let (x, _) = system.stage_boundary(k, coefficients[k + 1]);
+            let coefficient = boundary.ends[end].coefficients[k + 1];
+            let (x, _) = system.stage_boundary(end, k, coefficient);
             let nothing = [0.0; FUNCTIONALS];
             let view = Viewpoint {
                 x,
@@ -176,9 +203,12 @@ impl BoundaryAdjoint<'_> {
                 value: if of_value { *weights } else { nothing },
                 slope: if of_value { nothing } else { *weights },
             };
-            let span = s - onset.time;
-            let crossings = system.node_crossings.chunks(nodes.points).nth(k);
-            let blocks = boundary.contact_sets(nodes, k, span, crossings.unwrap_or(&[]));
+            let span = s - onset_time;
+            let each = system.crossings.iter();
+            let crossings: Vec<&[f64]> = each
+                .map(|own| own.nodes.chunks(nodes.points).nth(k).unwrap_or(&[]))
+                .collect();
+            let blocks = boundary.contact_sets(nodes, k, span, &crossings);
             let mut own = SegmentGradient::default();
             let views_here = std::slice::from_ref(&view);
             let (seen, _) = see_contact_sets(
@@ -191,7 +221,7 @@ impl BoundaryAdjoint<'_> {
             self.count_ages(&own);
             own.exercise = [0.0; FUNCTIONALS]; // an equation's, and not the value's
             gradient.increase(&own);
-            if onset.time > 0.0 {
+            if onset_time > 0.0 {
                 let mut own = SegmentGradient::default();
                 see_profile(self.profile, &segment.dynamics, views_here, &mut own);
                 let by_scale = by_scale_of_time(&segment.dynamics, &own);
@@ -205,11 +235,11 @@ impl BoundaryAdjoint<'_> {
             if of_value {
                 add_payoff(segment, s, weights, gradient);
             }
-            let at_stage = weights.map(|weight| weight * system.by_place[k]);
-            self.measured(coefficients[k + 1], (s, x), &at_stage);
+            let at_stage = weights.map(|weight| weight * system.by_place[index]);
+            self.measured(coefficient, (end, s, x), &at_stage);
             views.push(view);
         }
-        if onset.representation == Representation::Direct {
+        if onsets[0].representation == Representation::Direct {
             let first = self.coefficients[0];
             add(&mut self.place, 1.0, &first);
         }
@@ -218,14 +248,14 @@ impl BoundaryAdjoint<'_> {
 
     /// What the equations count for: minus the inverse of the transposed Jacobian times what the coefficients do.
     fn transposed_solve(&self, jacobian: &[f64], m: usize) -> Result<Vec<Weights>, Unsettled> {
-        let mut equations = vec![[0.0; FUNCTIONALS]; m];
+        let count = m * self.boundary.ends.len();
+        let mut equations = vec![[0.0; FUNCTIONALS]; count];
         for functional in 0..FUNCTIONALS {
-            let mut transposed: Vec<f64> =
-                (0..m * m).map(|i| jacobian[i % m * m + i / m]).collect();
-            let mut rhs: Vec<f64> = self.coefficients[1..]
-                .iter()
-                .map(|weights| -weights[functional])
+            let mut transposed: Vec<f64> = (0..count * count)
+                .map(|i| jacobian[i % count * count + i / count])
                 .collect();
+            let unknown = self.coefficients.chunks(m + 1).flat_map(|own| &own[1..]);
+            let mut rhs: Vec<f64> = unknown.map(|weights| -weights[functional]).collect();
             if !eliminate(&mut transposed, &mut rhs) {
                 return Err(Unsettled);
             }
@@ -238,7 +268,7 @@ impl BoundaryAdjoint<'_> {
 
     /// Add the viewpoint that stands for the time of the onset, when the value without exercise is the payoff at its place.
     fn count_time(&self, views: &mut Vec<Viewpoint>, gradient: &mut SegmentGradient) {
-        let (segment, onset) = (&self.boundary.segment, &self.boundary.onset);
+        let (segment, onset) = (&self.boundary.segment, &self.boundary.near().onset);
         if onset.time <= 0.0 {
             return;
         }
@@ -260,7 +290,7 @@ impl BoundaryAdjoint<'_> {
             }
             let gap = Gap::at(self.profile, &segment, x, s);
             let value = weights.map(|weight| -weight / gap.by_x);
-            if self.boundary.onset.time > 0.0 {
+            if self.boundary.onset_time() > 0.0 {
                 let moved = self.moved(s);
                 add(&mut self.time, moved * gap.by_s, &value);
             }

@@ -1,10 +1,10 @@
 //! The boundary of a segment: the degree of its polynomial is raised until the value's error estimate is small enough.
 
-use super::boundary::{dot, Boundary};
+use super::boundary::{dot, Boundary, BoundaryEnd, FACTORS};
 use super::chebyshev::interpolation;
 use super::collocation_nodes::{collocation_nodes, CollocationNodes};
 use super::collocation_system::CollocationSystem;
-use super::contact_onset::{ContactOnset, Representation};
+use super::contact_onset::ContactOnset;
 use super::degree_control::{DegreeControl, CELLS, DEGREES};
 use super::newton::{newton, Stopping};
 use super::profile::Profile;
@@ -28,46 +28,54 @@ const GAIN: f64 = 0.7;
 const WITHIN_REACH: f64 = 10.0;
 
 /// The cells next to the boundary in which two degrees are compared, at the segment's beginning.
+#[derive(Default)]
 struct ComparisonCells {
-    /// The boundary of the first degree, NaN while unknown.
-    origin: f64,
-    probabilities: [f64; CELLS],
+    /// The ends of the first degree, none while unknown.
+    origins: Vec<f64>,
+    probabilities: Vec<f64>,
 }
 
-/// The boundary of the contact set with this onset; its residual says whether it was found. Where smooth pasting does not
-/// find it, the equation of the value is tried.
+/// The boundary of the contact set whose ends have these onsets; its residual says whether it was found. Where smooth
+/// pasting does not find it, the equation of the value is tried.
 pub fn find_boundary(
     profile: &Profile,
     segment: &Segment,
-    onset: ContactOnset,
+    onsets: &[ContactOnset],
     control: &DegreeControl,
 ) -> Boundary {
-    let found = solve_boundary(profile, segment, &onset, control);
-    if found.is_found() || onset.representation == Representation::FromCrossing {
+    let found = solve_boundary(profile, segment, onsets, control);
+    if found.is_found() || onsets[0].is_from_crossing() {
         return found;
     }
-    let onset = ContactOnset::from_crossing(profile, segment, onset.time, onset.place);
-    solve_boundary(profile, segment, &onset, control)
+    let mut onsets = onsets.to_vec();
+    let (time, place) = (onsets[0].time, onsets[0].place);
+    onsets[0] = ContactOnset::from_crossing(profile, segment, segment.sign, (time, place));
+    solve_boundary(profile, segment, &onsets, control)
+}
+
+/// The residual that is small enough for all ends, in strikes.
+fn enough(onsets: &[ContactOnset], control: &DegreeControl) -> f64 {
+    let each = onsets
+        .iter()
+        .map(|onset| control.enough(onset.representation));
+    each.fold(f64::INFINITY, f64::min)
 }
 
 /// The boundary by the equation that belongs to its representation.
 fn solve_boundary(
     profile: &Profile,
     segment: &Segment,
-    onset: &ContactOnset,
+    onsets: &[ContactOnset],
     control: &DegreeControl,
 ) -> Boundary {
     let mut degree = 0;
     let mut last: Option<Boundary> = None;
-    let mut cells = ComparisonCells {
-        origin: f64::NAN,
-        probabilities: [0.0; CELLS],
-    };
+    let mut cells = ComparisonCells::default();
     let (mut curvature, mut stalls) = (f64::INFINITY, 0);
-    let least = control.enough(onset.representation);
+    let least = enough(onsets, control);
     loop {
         let mut now = solve_degree(
-            (profile, segment, onset),
+            (profile, segment, onsets),
             degree,
             control,
             last.as_ref(),
@@ -107,7 +115,7 @@ fn solve_boundary(
 
 /// The boundary of one degree (a place in `DEGREES`), from the one before, without its error estimate.
 fn solve_degree(
-    (profile, segment, onset): (&Profile, &Segment, &ContactOnset),
+    (profile, segment, onsets): (&Profile, &Segment, &[ContactOnset]),
     degree: usize,
     control: &DegreeControl,
     last: Option<&Boundary>,
@@ -115,32 +123,39 @@ fn solve_degree(
 ) -> Boundary {
     let (m, points, value_points) = DEGREES[degree];
     let nodes = collocation_nodes(m, points);
-    let mut system = CollocationSystem::new(profile, segment, onset, nodes);
+    let mut system = CollocationSystem::new(profile, segment, onsets, nodes);
     let mut coefficients = match last {
         None => system.guess(),
-        Some(before) => refined(before, nodes, onset.first_coefficient()),
+        Some(before) => before
+            .ends
+            .iter()
+            .flat_map(|end| refined(end, before.nodes, nodes))
+            .collect(),
     };
     let is_start = degree < control.last && control.budget.is_none();
     let is_sketch = degree == 0
         && control.budget.is_some()
-        && onset.representation != Representation::FromCrossing;
-    let least = control.enough(onset.representation);
+        && !onsets.iter().any(ContactOnset::is_from_crossing);
+    let least = enough(onsets, control);
     let stopping = Stopping {
         settled: if is_start { COARSELY_SETTLED } else { SETTLED },
         enough: if is_sketch { SKETCH * least } else { least },
     };
     let residual = newton(&mut system, &mut coefficients, stopping, curvature);
-    let (at_beginning, _) = system.stage_boundary(m - 1, coefficients[m]);
+    let each = onsets.iter().zip(coefficients.chunks(m + 1)).enumerate();
+    let ends = each.map(|(end, (onset, coefficients))| BoundaryEnd {
+        onset: *onset,
+        coefficients: coefficients.to_vec(),
+        at_beginning: system.stage_boundary(end, m - 1, coefficients[m]).0,
+    });
     let mut now = Boundary {
         segment: *segment,
-        onset: *onset,
+        ends: ends.collect(),
         nodes,
         contact_blocks: Vec::new(),
-        coefficients,
-        at_beginning,
         residual,
         enough: stopping.enough,
-        exercise_values: [0.0; CELLS],
+        exercise_values: Vec::new(),
         violation: 0.0,
         error: 0.0,
         other: None,
@@ -160,23 +175,29 @@ fn estimate_error(
     control: &DegreeControl,
     cells: &mut ComparisonCells,
 ) {
-    if cells.origin.is_nan() {
-        cells.origin = now.at_beginning;
-        cells.probabilities = control.probabilities(&now.segment, cells.origin);
+    if cells.origins.is_empty() {
+        cells.origins = now.ends.iter().map(|end| end.at_beginning).collect();
+        let (segment, origins) = (&now.segment, cells.origins.iter().zip(FACTORS));
+        cells.probabilities = origins
+            .flat_map(|(&origin, factor)| {
+                control.probabilities(segment, factor * segment.sign, origin)
+            })
+            .collect();
     }
-    now.sample_exercise_values(cells.origin);
+    now.sample_exercise_values(&cells.origins);
     let near = cells.probabilities[..NEXT_CELLS].iter().sum::<f64>() * now.violation;
     now.error = change(now, last, &cells.probabilities) + control.violation_share * near;
 }
 
 /// The share that is left of the expected change of the value from one degree to the next, in strikes; without another
 /// degree, all that exercise on this segment is worth.
-fn change(now: &Boundary, before: Option<&Boundary>, probabilities: &[f64; CELLS]) -> f64 {
+fn change(now: &Boundary, before: Option<&Boundary>, probabilities: &[f64]) -> f64 {
     if !(now.is_found() && before.is_none_or(Boundary::is_found)) {
         return f64::INFINITY;
     }
     let left = if before.is_none() { 1.0 } else { CHANGE_SHARE };
-    let before = before.map_or([0.0; CELLS], |before| before.exercise_values);
+    let nothing = [0.0; 2 * CELLS];
+    let before = before.map_or(&nothing[..], |before| &before.exercise_values);
     let changes = now.exercise_values.iter().zip(before);
     let change: f64 = changes
         .zip(probabilities)
@@ -185,17 +206,17 @@ fn change(now: &Boundary, before: Option<&Boundary>, probabilities: &[f64; CELLS
     left * change
 }
 
-/// The coefficients at the nodes of a higher degree.
-fn refined(before: &Boundary, nodes: &CollocationNodes, first: f64) -> Vec<f64> {
-    let mut weights = vec![0.0; before.coefficients.len()];
+/// The coefficients of an end at the nodes of a higher degree than that of `from`.
+fn refined(end: &BoundaryEnd, from: &CollocationNodes, nodes: &CollocationNodes) -> Vec<f64> {
+    let mut weights = vec![0.0; end.coefficients.len()];
     let mut after: Vec<f64> = nodes
         .eta
         .iter()
         .map(|&eta| {
-            interpolation(&before.nodes.eta, eta, &mut weights);
-            dot(&weights, &before.coefficients)
+            interpolation(&from.eta, eta, &mut weights);
+            dot(&weights, &end.coefficients)
         })
         .collect();
-    after[0] = first;
+    after[0] = end.onset.first_coefficient();
     after
 }

@@ -34,19 +34,25 @@ pub struct ContactOnset {
 }
 
 impl ContactOnset {
-    /// The onset of a contact set whose boundary is measured from the payoff crossing.
+    /// The onset of a contact set one of whose ends, `outward` from its inside, is measured from the payoff crossing.
     pub fn from_crossing(
         profile: &Profile,
         segment: &Segment,
-        time: f64,
-        place: f64,
+        outward: f64,
+        (time, place): (f64, f64),
     ) -> ContactOnset {
+        let end = segment.duration;
         ContactOnset {
             representation: Representation::FromCrossing,
             time,
             place,
-            crossing: PayoffCrossing::search(profile, segment, (time, place), segment.duration),
+            crossing: PayoffCrossing::search(profile, segment, outward, (time, place), end),
         }
+    }
+
+    /// Whether this end is measured from the payoff crossing, and the value is its equation.
+    pub fn is_from_crossing(&self) -> bool {
+        self.representation == Representation::FromCrossing
     }
 
     /// The payoff crossing at an earlier s than that of `from`.

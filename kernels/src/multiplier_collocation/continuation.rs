@@ -50,7 +50,7 @@ impl<'a> Continuation<'a> {
         let contact_nodes = contact_blocks
             .iter()
             .flat_map(|block| (0..LANES).map(move |lane| (block, lane)))
-            .filter(|(block, lane)| block.ages.weight[*lane] > 0.0)
+            .filter(|(block, lane)| block.ages.weight[*lane] != 0.0)
             .map(|(block, lane)| {
                 let ages = &block.ages;
                 let (bond, discount) = (ages.bond[lane], ages.discount[lane]);

@@ -66,22 +66,23 @@ impl DegreeControl {
         SMALLEST_RESIDUAL.max(share * self.tolerance)
     }
 
-    /// The probabilities of being in each of the cells from `origin` outwards at the segment's beginning.
-    pub fn probabilities(&self, segment: &Segment, origin: f64) -> [f64; CELLS] {
+    /// The probabilities of being in each of the cells from `origin` outwards at the segment's beginning; `outward` is the
+    /// direction of x out of the contact set.
+    pub fn probabilities(&self, segment: &Segment, outward: f64, origin: f64) -> [f64; CELLS] {
         let spread = segment.spread();
         let deviation = self.deviation.hypot(BLUR * spread);
         let displaced = |x: f64| (x.exp() + self.displacement).ln();
         let centre = displaced(self.centre);
         #[allow(clippy::cast_precision_loss)]
         let below = |cell: usize| {
-            let place = displaced(origin + segment.sign * CELL * spread * cell as f64);
-            distribution(segment.sign * (place - centre) / deviation)
+            let place = displaced(origin + outward * CELL * spread * cell as f64);
+            distribution(outward * (place - centre) / deviation)
         };
         std::array::from_fn(|cell| below(cell + 1) - below(cell))
     }
 }
 
 /// The normal distribution function N(z).
-fn distribution(z: f64) -> f64 {
+pub fn distribution(z: f64) -> f64 {
     0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
 }

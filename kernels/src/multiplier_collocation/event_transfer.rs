@@ -21,6 +21,9 @@ pub struct Transferred {
     /// The end of the contact set that reaches to the far side (spot 0 for a put, infinity for a call), x, infinite
     /// without one.
     pub contact: f64,
+    /// The end of that contact set which is far from the strike, x, where it goes on through the end and has one that
+    /// matters; -sign infinity otherwise.
+    pub far: f64,
     /// Where the value is not smooth.
     pub kinks: Vec<Kink>,
     /// The value at spot zero.
@@ -62,6 +65,7 @@ pub fn at_expiry(segment: &Segment) -> Transferred {
     Transferred {
         profile: Profile::new(&pieces, Vec::new(), Vec::new(), Vec::new()),
         contact,
+        far: -sign * f64::INFINITY,
         kinks: kinks.into_iter().map(sharp_kink).collect(),
         at_zero: if sign > 0.0 { 1.0 } else { 0.0 },
     }
@@ -133,11 +137,14 @@ pub fn before_event(
     if !(ends.0 < boundary && boundary < ends.1) {
         boundary = f64::NAN; // a contact set that far away is continued like the value of waiting
     }
-    let (mut pieces, open_ends) = known_pieces(later, segment, drop, boundary);
-    let mut kinks = moved(kinks, drop);
-    if boundary.is_finite() {
-        kinks.push(sharp_kink(boundary));
+    let mut far = f64::NEG_INFINITY;
+    if later.far.is_finite() && ends.0 < drop.before(later.far) && !boundary.is_nan() {
+        far = drop.before(later.far);
     }
+    let (mut pieces, open_ends) = known_pieces(later, segment, drop, (far, boundary));
+    let mut kinks = moved(kinks, drop);
+    let sharp = [far, boundary].into_iter().filter(|end| end.is_finite());
+    kinks.extend(sharp.map(sharp_kink));
     if segment.paid_out_below() > ends.0 {
         kinks.push(Kink {
             place: segment.paid_out_below(),
@@ -145,16 +152,19 @@ pub fn before_event(
         });
     }
     let inside = (open_ends.0.max(ends.0), open_ends.1.min(ends.1));
-    let mut waiting: Vec<Interval> = Vec::new();
-    if inside.0 < inside.1 {
-        waiting.push(inside);
-    }
+    let mut waiting: Vec<Interval> = if far > inside.0 {
+        vec![(inside.0, far), (boundary, inside.1)]
+    } else {
+        vec![inside]
+    };
+    waiting.retain(|interval| interval.0 < interval.1);
+    let mut goes_on = false;
     let mut contact = -segment.sign * f64::INFINITY;
     let continuation = later.continuation();
     if segment.exercise_at_end {
         let same_strike = (later.strike() - segment.strike(0.0)).abs() < SAME_END;
         if segment.is_continuous() && !boundary.is_nan() && same_strike {
-            contact = boundary;
+            (contact, goes_on) = (boundary, true);
             kinks.push(sharp_kink(boundary));
         } else {
             let choice = Choice {
@@ -179,18 +189,24 @@ pub fn before_event(
     Transferred {
         profile: sample.profile(&continuation, pieces, &kinks, widths),
         contact,
+        far: if goes_on {
+            far
+        } else {
+            -segment.sign * f64::INFINITY
+        },
         kinks,
         at_zero: at_zero(later, segment),
     }
 }
 
 /// The pieces that are lines without approximation, below a spot that the event takes whole and on the later contact
-/// set, which ends at `boundary` (NaN without one); and the interval between them.
+/// set, which ends at `boundary` (NaN without one) and for a put begins at `far` (-infinity without such an end); and the
+/// interval beside them.
 fn known_pieces(
     later: &SegmentValue,
     segment: &Segment,
     drop: SpotDrop,
-    boundary: f64,
+    (far, boundary): Interval,
 ) -> (Vec<Piece>, Interval) {
     let sign = segment.sign;
     let paid_out = segment.paid_out_below();
@@ -210,12 +226,14 @@ fn known_pieces(
         if sign > 0.0 {
             pieces.push(piece(
                 PieceKind::LaterPayoff,
-                lower,
+                lower.max(far),
                 boundary,
                 constant,
                 slope,
             ));
-            lower = boundary;
+            if far <= lower {
+                lower = boundary;
+            }
         } else {
             pieces.push(piece(
                 PieceKind::LaterPayoff,
@@ -240,9 +258,12 @@ fn exercise(
     let segment = choice.segment;
     let (chosen, mut exercised) = choose(pieces, segment);
     *pieces = chosen;
-    if let Some(&interval) = waiting.first() {
-        let split: Chosen = choice.split(interval, open_ends);
-        *waiting = split.waiting;
+    let last = waiting.len().saturating_sub(1);
+    for (k, interval) in std::mem::take(waiting).into_iter().enumerate() {
+        let lower = if k == 0 { open_ends.0 } else { interval.0 };
+        let upper = if k == last { open_ends.1 } else { interval.1 };
+        let split: Chosen = choice.split(interval, (lower, upper));
+        waiting.extend(split.waiting);
         exercised.extend(split.exercised);
     }
     let exercised = joined(exercised);
@@ -338,6 +359,7 @@ fn paid_out_whole(later: &SegmentValue, segment: &Segment) -> Transferred {
     Transferred {
         profile: Profile::new(&pieces, Vec::new(), Vec::new(), Vec::new()),
         contact,
+        far: -segment.sign * f64::INFINITY,
         kinks: ends.into_iter().map(sharp_kink).collect(),
         at_zero: at_zero(later, segment),
     }

@@ -1,7 +1,7 @@
 //! Newton's method for the coefficients of a boundary, with halved steps.
 
 use super::collocation_system::CollocationSystem;
-use super::contact_onset::Representation;
+use super::contact_onset::{ContactOnset, Representation};
 use super::linear_system::{eliminate, lift_diagonal};
 
 /// The largest number of Newton's steps; chosen.
@@ -37,7 +37,7 @@ pub fn newton(
     curvature: &mut f64,
 ) -> f64 {
     let Stopping { settled, enough } = stopping;
-    let m = system.nodes.degree;
+    let m = system.onsets.len() * system.nodes.degree;
     let (mut residual, mut jacobian) = (vec![0.0; m], vec![0.0; m * m]);
     let (mut trial, mut step) = (coefficients.to_vec(), vec![0.0; m]);
     system.residual(coefficients, &mut residual, &mut jacobian);
@@ -91,12 +91,19 @@ fn try_step(
     length: f64,
     trial: &mut [f64],
 ) {
-    for k in 0..step.len() {
-        trial[k + 1] = coefficients[k + 1] + length * step[k];
-        if system.onset.representation == Representation::SquaredDistance {
-            trial[k + 1] = trial[k + 1].max(SMALLEST_LEFT * coefficients[k + 1]);
+    for (k, step) in step.iter().enumerate() {
+        let (place, onset) = of_unknown(system, k);
+        trial[place] = coefficients[place] + length * step;
+        if onset.representation == Representation::SquaredDistance {
+            trial[place] = trial[place].max(SMALLEST_LEFT * coefficients[place]);
         }
     }
+}
+
+/// The place of unknown k among the coefficients, and the onset of its end.
+fn of_unknown<'a>(system: &CollocationSystem<'a>, k: usize) -> (usize, &'a ContactOnset) {
+    let end = k / system.nodes.degree;
+    (k + end + 1, &system.onsets[end])
 }
 
 /// The largest absolute value; NaN if there is one.
@@ -112,9 +119,10 @@ fn largest(values: &[f64]) -> f64 {
 
 /// The largest distance by which the step moves the boundary, in x.
 fn largest_move(system: &CollocationSystem, coefficients: &[f64], step: &[f64]) -> f64 {
-    let moves = step
-        .iter()
-        .zip(&coefficients[1..])
-        .map(|(step, c)| (step * system.onset.boundary_of(system.segment.sign, *c, 0.0).1).abs());
+    let moves = step.iter().enumerate().map(|(k, step)| {
+        let (place, onset) = of_unknown(system, k);
+        let boundary = onset.boundary_of(system.segment.sign, coefficients[place], 0.0);
+        (step * boundary.1).abs()
+    });
     moves.fold(0.0, f64::max)
 }

@@ -1,10 +1,10 @@
 //! The search for the onset of a segment's contact set: when it is, where, and how the boundary goes on.
 
 use super::contact_onset::{ContactOnset, Representation};
-use super::payoff_crossing::PayoffCrossing;
+use super::payoff_crossing::{Gap, PayoffCrossing};
 use super::profile::Profile;
 use super::roots::find_root;
-use super::segment::Segment;
+use super::segment::{Segment, OVERHANGING};
 use super::unsettled::Unsettled;
 
 /// The time after which a fast contact set has arrived, in times at which it has gone `MOST_OF_THE_WAY`; calibrated on
@@ -23,9 +23,6 @@ const WORTH_SPLITTING: f64 = 1.1;
 const EARLIEST_SEEN: f64 = 0.02;
 /// The earliest time that is looked at where the value is known as lines, as a share of the duration; chosen.
 const AT_ONCE: f64 = 1e-9;
-/// The slope away from the payoff, in slopes of the payoff, from which the contact set begins somewhere else, with two
-/// ends; chosen.
-const OVERHANGING: f64 = 1e-4;
 /// The earliest time at which panels show the value everywhere, as a share of the duration; chosen.
 const CLEARLY_SEEN: f64 = 0.1;
 /// The longest way that a fast contact set is followed, in standard deviations of ln S over the segment; calibrated on
@@ -40,6 +37,10 @@ const BEFORE_LEAP: f64 = 0.8;
 const CLOSE: f64 = 1e-7;
 /// The same for an arrival or a leap; chosen.
 const ROUGHLY: f64 = 2e-4;
+/// The number of intervals in which the least difference of value and payoff is looked for; chosen.
+const SCANNED: u32 = 16;
+/// The share of the duration from which on an arrival is at the segment's beginning; chosen.
+const AT_THE_END: f64 = 0.999;
 /// The growth of a contact set that is faster than diffusion follows, in standard deviations of ln S over the segment;
 /// calibrated on random contracts.
 const FAST: f64 = 4.0;
@@ -51,6 +52,10 @@ pub struct OnsetSearch<'a> {
     pub segment: &'a Segment,
     /// The end of the contact set at the segment's end, x, infinite without one.
     pub contact: f64,
+    /// The end of that contact set which is far from the strike, x; -sign infinity without one that matters.
+    pub far: f64,
+    /// Whether the contact set may begin between two spots.
+    pub overhangs: bool,
     /// The x beyond which, on the side of exercise, the value does not matter.
     pub relevant: f64,
     /// Whether the value there is known at nodes only, and not as lines: what happens at once is not seen then.
@@ -61,8 +66,9 @@ pub struct OnsetSearch<'a> {
 
 /// What the search finds.
 pub struct FoundOnset {
-    /// None where nothing is exercised.
-    pub onset: Option<ContactOnset>,
+    /// The onsets of the ends of the contact set, that next to the strike first; none where nothing is exercised, or where
+    /// the segment has to be split.
+    pub onsets: Vec<ContactOnset>,
     /// The time to the segment's end at which the segment is best split, so that the part before has a smooth boundary;
     /// 0 where it is not.
     pub split: f64,
@@ -79,22 +85,63 @@ impl OnsetSearch<'_> {
             return true;
         }
         let reached = segment.sign * (segment.zero_of_multiplier() - self.relevant) > 0.0;
-        reached && self.excess(self.relevant, segment.duration) < 0.0
+        let duration = segment.duration;
+        let is_far = reached && self.excess(self.relevant, duration) < 0.0;
+        is_far || (self.overhangs && self.least_gap(duration).1 < 0.0)
     }
 
     /// Find the onset.
     pub fn find(&self) -> Result<FoundOnset, Unsettled> {
         if !self.has_contact() {
             return Ok(FoundOnset {
-                onset: None,
+                onsets: Vec::new(),
                 split: 0.0,
             });
         }
-        if self.segment.sign * (self.contact - self.relevant) > 0.0 {
-            Ok(self.at_segment_end())
-        } else {
-            self.inside_segment()
+        if self.segment.sign * (self.contact - self.relevant) <= 0.0 {
+            return self.inside_segment();
         }
+        if self.far.is_finite() {
+            return self.between_at_segment_end();
+        }
+        Ok(self.at_segment_end())
+    }
+
+    /// The onset of a contact set with two ends that exists at the segment's end.
+    fn between_at_segment_end(&self) -> Result<FoundOnset, Unsettled> {
+        if !self.profile.continues(self.segment) {
+            return Err(Unsettled);
+        }
+        if let Some(split) = self.arrival_of_far_end() {
+            return Ok(FoundOnset {
+                onsets: Vec::new(),
+                split,
+            });
+        }
+        let mut found = self.at_segment_end();
+        found.onsets.push(self.far_onset((0.0, self.far)));
+        found.split = 0.0;
+        Ok(found)
+    }
+
+    /// The onset of the end of a contact set that is far from the strike.
+    fn far_onset(&self, onset: (f64, f64)) -> ContactOnset {
+        ContactOnset::from_crossing(self.profile, self.segment, -self.segment.sign, onset)
+    }
+
+    /// The time from which on the contact set reaches to what is relevant, None where it does not.
+    fn arrival_of_far_end(&self) -> Option<f64> {
+        let duration = self.segment.duration;
+        let excess = |s: f64| self.excess(self.relevant, s);
+        if excess(duration) >= 0.0 {
+            return None;
+        }
+        let soon = CLEARLY_SEEN * duration;
+        if excess(soon) <= 0.0 {
+            return Some(soon);
+        }
+        let time = find_root(excess, soon, duration, CLOSE * duration);
+        (time < AT_THE_END * duration).then_some(time)
     }
 
     /// The onset of a contact set that exists at the segment's end.
@@ -122,13 +169,16 @@ impl OnsetSearch<'_> {
             crossing: PayoffCrossing::default(),
         };
         FoundOnset {
-            onset: Some(onset),
+            onsets: vec![onset],
             split: 0.0,
         }
     }
 
-    /// The onset of a contact set that comes from far away some time before the segment's end.
+    /// The onset of a contact set that comes from far away, or begins between two spots, before the segment's end.
     fn inside_segment(&self) -> Result<FoundOnset, Unsettled> {
+        if self.overhangs {
+            return self.between();
+        }
         let (segment, place) = (self.segment, self.relevant);
         let excess = |s: f64| self.excess(place, s);
         let duration = segment.duration;
@@ -149,10 +199,67 @@ impl OnsetSearch<'_> {
         Ok(self.crossing_onset(time, place))
     }
 
+    /// The onset of a contact set that begins between two spots, where value and payoff touch; the segment is split where that
+    /// reaches beyond what is relevant, and next to its event where panels are too wide for what happens so soon.
+    fn between(&self) -> Result<FoundOnset, Unsettled> {
+        let (place, duration) = (self.relevant, self.segment.duration);
+        let split = |split: f64| FoundOnset {
+            onsets: Vec::new(),
+            split,
+        };
+        let soon = CLEARLY_SEEN * duration;
+        let least = |s: f64| self.least_gap(s).1;
+        if least(soon) <= 0.0 {
+            return Ok(split(soon));
+        }
+        if let Some(time) = self.arrival_of_far_end() {
+            let arrives_from_far = self.steepness(place, time) >= 0.0;
+            return Ok(if arrives_from_far {
+                self.crossing_onset(time, place)
+            } else {
+                split(time)
+            });
+        }
+        let time = find_root(least, soon, duration, CLOSE * duration);
+        let onset = (time, self.least_gap(time).0);
+        let (profile, segment) = (self.profile, self.segment);
+        let near = ContactOnset::from_crossing(profile, segment, segment.sign, onset);
+        Ok(FoundOnset {
+            onsets: vec![near, self.far_onset(onset)],
+            split: 0.0,
+        })
+    }
+
+    /// The x between what is relevant and the strike at which the value of a put without exercise before s exceeds the
+    /// payoff least, and by how much, in strikes.
+    fn least_gap(&self, s: f64) -> (f64, f64) {
+        let gap = |x: f64| Gap::at(self.profile, self.segment, x, s);
+        let by_x = |x: f64| gap(x).by_x;
+        let (start, stop) = (self.relevant, self.segment.strike(s).ln());
+        let mut falling = start;
+        if by_x(start) >= 0.0 {
+            // Next to the spots that the event takes whole the difference rises first.
+            let step = (stop - start) / f64::from(SCANNED);
+            let places = (1..SCANNED).map(|k| start + f64::from(k) * step);
+            let lowest = places.min_by(|&a, &b| gap(a).value.total_cmp(&gap(b).value));
+            falling = lowest.unwrap_or(start);
+            if by_x(falling) >= 0.0 {
+                falling -= step;
+            }
+        }
+        let x = if by_x(falling) < 0.0 && by_x(stop) > 0.0 {
+            find_root(by_x, falling, stop, CLOSE)
+        } else {
+            start
+        };
+        (x, self.excess(x, s))
+    }
+
     /// The onset of a boundary that is measured from the payoff crossing, split where it has arrived, or before it leaps.
     fn crossing_onset(&self, time: f64, place: f64) -> FoundOnset {
         let segment = self.segment;
-        let mut onset = ContactOnset::from_crossing(self.profile, segment, time, place);
+        let sign = segment.sign;
+        let mut onset = ContactOnset::from_crossing(self.profile, segment, sign, (time, place));
         // Contact sets further away than this do not change the value next to the boundary at the beginning.
         let near = onset.crossing.x - segment.sign * LONGEST_WAY * segment.spread();
         if segment.sign * (near - place) > 0.0 {
@@ -162,7 +269,7 @@ impl OnsetSearch<'_> {
                 AT_ONCE
             };
             if let Some(time) = self.reached(near, (soon, CLOSE), time) {
-                onset = ContactOnset::from_crossing(self.profile, segment, time, near);
+                onset = ContactOnset::from_crossing(self.profile, segment, sign, (time, near));
             }
         }
         let split = if self.is_cut {
@@ -171,7 +278,7 @@ impl OnsetSearch<'_> {
             self.arrival(&onset)
         };
         FoundOnset {
-            onset: Some(onset),
+            onsets: vec![onset],
             split: if split > 0.0 {
                 split
             } else {

@@ -48,6 +48,8 @@ impl Gap {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PayoffCrossing {
     pub x: f64,
+    /// The direction of x out of the contact set, 1 or -1.
+    outward: f64,
     /// sqrt(s - onset time).
     root: f64,
     /// The derivative of x by `root`.
@@ -55,17 +57,18 @@ pub struct PayoffCrossing {
 }
 
 impl PayoffCrossing {
-    /// The crossing at time s of a contact set with this onset, searched from a place on the side of exercise, where
-    /// the value is below the payoff.
+    /// The crossing at time s of a contact set with this onset, searched outwards from a place on the side of exercise,
+    /// where the value is below the payoff.
     pub fn search(
         profile: &Profile,
         segment: &Segment,
+        outward: f64,
         (onset_time, place): (f64, f64),
         s: f64,
     ) -> PayoffCrossing {
         let gap = |x: f64| Gap::at(profile, segment, x, s);
         // The panels next to the place are fine enough for such a step.
-        let step = segment.sign * segment.dynamics.volatility * s.sqrt();
+        let step = outward * segment.dynamics.volatility * s.sqrt();
         let mut inside = place;
         for _ in 0..MOST_STEPS {
             if gap(inside).value <= 0.0 {
@@ -104,13 +107,18 @@ impl PayoffCrossing {
             }
             found = gap(x);
         }
-        PayoffCrossing::new(x, &found, onset_time, s)
+        PayoffCrossing::new(x, &found, outward, onset_time, s)
     }
 
-    fn new(x: f64, gap: &Gap, onset_time: f64, s: f64) -> PayoffCrossing {
+    fn new(x: f64, gap: &Gap, outward: f64, onset_time: f64, s: f64) -> PayoffCrossing {
         let root = (s - onset_time).sqrt();
         let speed = -2.0 * root * gap.by_s / gap.by_x;
-        PayoffCrossing { x, root, speed }
+        PayoffCrossing {
+            x,
+            outward,
+            root,
+            speed,
+        }
     }
 
     /// The crossing at a time s nearer to the segment's end, for the same onset.
@@ -126,14 +134,14 @@ impl PayoffCrossing {
         for _ in 0..MOST_CORRECTIONS {
             let gap = Gap::at(profile, segment, x, s);
             let step = gap.halley_step();
-            if !(segment.sign * gap.by_x > 0.0 && step.abs() < spread) {
+            if !(self.outward * gap.by_x > 0.0 && step.abs() < spread) {
                 break;
             }
             x += step;
             if step.abs() <= LAST_STEP * spread {
-                return PayoffCrossing::new(x, &gap, onset.0, s);
+                return PayoffCrossing::new(x, &gap, self.outward, onset.0, s);
             }
         }
-        PayoffCrossing::search(profile, segment, onset, s)
+        PayoffCrossing::search(profile, segment, self.outward, onset, s)
     }
 }

@@ -1,5 +1,9 @@
 //! A segment of time without events, and the event at its end, in units of the strike and of years.
 
+/// The slope away from the payoff, in slopes of the payoff, from which the contact set begins between two spots, and has
+/// two ends; chosen.
+pub const OVERHANGING: f64 = 1e-4;
+
 /// The rate and the yield (continuously compounded, per year) and the volatility (per square root of a year) of one
 /// segment.
 #[derive(Clone, Copy, Debug)]
@@ -79,11 +83,15 @@ impl Segment {
         second < first && first < 0.0
     }
 
-    /// Whether the contact set begins between two spots: a put before a cash dividend, with a negative yield.
-    pub fn overhangs(&self) -> bool {
+    /// By how much the share grows over the segment where the contact set begins between two spots, 0 elsewhere: that of a
+    /// put before a cash dividend, with a negative yield.
+    pub fn overhang(&self) -> f64 {
         let is_paid_in_cash = self.amount > 0.0 || self.escrow > 0.0;
-        let has_such_rates = self.dynamics.dividend < 0.0 && self.dynamics.rate > 0.0;
-        self.sign > 0.0 && is_paid_in_cash && has_such_rates
+        if self.sign > 0.0 && is_paid_in_cash && self.dynamics.rate > 0.0 {
+            (-self.dynamics.dividend * self.duration).max(0.0)
+        } else {
+            0.0
+        }
     }
 
     /// The x beyond which the multiplier is negative and no contact set reaches: ln(r/q), infinite without such a place.

@@ -15,6 +15,8 @@ pub struct SegmentValue {
     pub segment: Segment,
     /// None where the option is not exercised at the beginning.
     pub boundary: Option<Boundary>,
+    /// The end of the contact set at the beginning that is far from the strike, x; -sign infinity without one that matters.
+    pub far: f64,
     /// The value at spot zero.
     pub at_zero: f64,
     /// Whether the option gains or loses no more than the spot does: there is no negative yield from here on.
@@ -24,7 +26,15 @@ pub struct SegmentValue {
 impl SegmentValue {
     /// The end of the contact set, NaN without one.
     pub fn boundary_now(&self) -> f64 {
-        self.boundary.as_ref().map_or(f64::NAN, |b| b.at_beginning)
+        self.boundary
+            .as_ref()
+            .map_or(f64::NAN, |b| b.near().at_beginning)
+    }
+
+    /// Whether x is in the contact set.
+    fn is_exercised(&self, x: f64) -> bool {
+        let sign = self.segment.sign;
+        sign * (self.boundary_now() - x) >= 0.0 && sign * (x - self.far) >= 0.0
     }
 
     /// The strike less the escrow, in strikes.
@@ -45,9 +55,9 @@ impl SegmentValue {
     pub fn values(&self, continuation: &Continuation, places: &[f64]) -> Vec<f64> {
         let mut values = continuation.values(places);
         if self.boundary.is_some() {
-            let (sign, boundary, strike) = (self.segment.sign, self.boundary_now(), self.strike());
-            for (value, x) in values.iter_mut().zip(places) {
-                if sign * (boundary - x) >= 0.0 {
+            let (sign, strike) = (self.segment.sign, self.strike());
+            for (value, &x) in values.iter_mut().zip(places) {
+                if self.is_exercised(x) {
                     *value = sign * (strike - x.exp());
                 }
             }
@@ -72,7 +82,7 @@ impl SegmentValue {
     /// The value at x, its slope and its second derivative: those of the payoff on the contact set.
     pub fn value(&self, x: f64) -> [f64; 3] {
         let sign = self.segment.sign;
-        if self.boundary.is_some() && sign * (self.boundary_now() - x) >= 0.0 {
+        if self.is_exercised(x) {
             let paid = -sign * x.exp();
             return [sign * self.strike() + paid, paid, paid];
         }
@@ -91,12 +101,9 @@ impl SegmentValue {
                 width: kink.width.hypot(spread),
             })
             .collect();
-        if self.boundary.is_some() {
-            kinks.push(Kink {
-                place: self.boundary_now(),
-                width: 0.0,
-            });
-        }
+        let ends = [self.boundary_now(), self.far];
+        let ends = ends.into_iter().filter(|end| end.is_finite());
+        kinks.extend(ends.map(|place| Kink { place, width: 0.0 }));
         kinks
     }
 }

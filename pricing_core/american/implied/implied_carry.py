@@ -19,7 +19,9 @@ PAIRS = 8  # Number of pairs of an expiry that are used, those nearest the money
 MOST_PASSES = 20  # Largest number of trial yields; chosen.
 SETTLED = 2.0  # Largest change of the forward in the last pass, in tolerances times the spot; chosen.
 COARSE = 1e-4  # Tolerance of the first pass, in strikes; chosen.
-COARSE_SHARE = 0.03  # Tolerance of the next pass, as a share of the change of the forward over the spot; chosen.
+COARSE_SHARE = (
+    0.03  # Tolerance of the next pass, as a share of the change of the forward over the spot; chosen.
+)
 # Tolerance of the implied volatilities, in those of the prices: a premium moves less than its price does; chosen.
 VOLATILITY_TOLERANCES = 4.0
 SMALLEST_SLOPE, LARGEST_SLOPE = -0.5, 0.8  # Limits of the slope that the secant believes; chosen.

@@ -10,8 +10,6 @@ FURTHEST = 30.0
 LARGEST_CALL_DEVIATION = 4.0  # Largest standard deviation of ln S at expiry for a call; measured.
 LARGEST_DRIFT = 6.0  # Largest drift of ln S over one segment, in standard deviations over it; calibrated.
 WIDEST = 400.0  # Largest standard deviation of ln S at expiry over that of one segment; measured.
-# Largest growth of the share by a negative yield over a segment before a cash dividend, for a put; measured.
-LARGEST_OVERHANG = 3e-4
 SMALLEST_SPREAD = 1e-7  # Smallest standard deviation of ln S over one segment; measured.
 
 
@@ -31,22 +29,7 @@ def is_served(book: Book) -> BoolVector:
     served &= (least >= SMALLEST_SPREAD) & (least >= deviation / WIDEST)
     drift = np.abs(segments.rate - segments.dividend_yield) * duration
     served &= np.logical_and.reduceat(drift <= LARGEST_DRIFT * spread, starts)
-    narrow = np.where(book.is_put, _has_one_end(book), deviation <= LARGEST_CALL_DEVIATION)
-    return served & narrow
-
-
-def _has_one_end(book: Book) -> BoolVector:
-    """Tell for which puts the contact set has one end at every time, as far as negative yields go.
-
-    Before a cash dividend and with a negative yield, exercise begins between two spots, and later at smaller ones.
-    Before a proportional dividend it begins at a spot of zero, whatever the yield.
-    """
-    segments = book.segments
-    overhang = -segments.dividend_yield * segments.duration
-    paid_in_cash = (book.drops() > 0.0) | (book.escrow() > 0.0)
-    between = paid_in_cash & segments.exercisable & (overhang > LARGEST_OVERHANG) & (segments.rate > 0.0)
-    one_end: BoolVector = ~np.logical_or.reduceat(between, book.first[:-1])
-    return one_end
+    return served & (book.is_put | (deviation <= LARGEST_CALL_DEVIATION))
 
 
 def log_moneyness(book: Book) -> Vector:

@@ -1,0 +1,141 @@
+"""Puts with a negative yield before cash dividends: their contact set begins between two spots and has a far end."""
+
+import numpy as np
+import pytest
+
+from pricing_core.american import contract_from, price_many
+from pricing_core.american.book.book import Book
+from pricing_core.american.engines.multiplier_collocation.levels import solve_at_level, solve_to_tolerance
+from tests.problems.needs_kernel import needs_kernel
+
+pytestmark = needs_kernel
+COLLOCATED = "multiplier-collocation"
+
+
+def random_puts(seed, count, overhang=(-4.3, -1.3), volatility=(0.1, 0.5), **fixed):
+    """Return puts with one to five dividends; their yields range over orders of magnitude."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for _ in range(count):
+        paid = int(rng.integers(1, 6))
+        expiry, spot = rng.uniform(0.2, 2.5), rng.uniform(60.0, 130.0)
+        times = (np.arange(paid) + rng.uniform(0.1, 0.9, paid)) * expiry / paid
+        dividends = [{"time": t, "amount": spot * rng.uniform(0.002, 0.03)} for t in times.tolist()]
+        rows.append(
+            {
+                "option_type": "put",
+                "spot": spot,
+                "strike": 100.0,
+                "expiry": expiry,
+                "rate": rng.uniform(0.005, 0.08),
+                "dividend_yield": -(10.0 ** rng.uniform(*overhang)),
+                "volatility": rng.uniform(*volatility),
+                "cash_dividends": dividends,
+                **fixed,
+            }
+        )
+    return rows
+
+
+def table(rows, **options):
+    return price_many({name: [row[name] for row in rows] for name in rows[0]}, **options)
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6])
+@pytest.mark.parametrize("model", ["spot", "escrowed"])
+def test_values_are_those_of_the_method_of_lines(model, tolerance):
+    rows = random_puts(11, 40, dividend_model=model)
+    found = table(rows, tolerance=tolerance, greeks="none")
+    general = table(rows, tolerance=max(0.3 * tolerance, 1e-6), greeks="none", method="lcs")
+    assert np.mean(found["method"] == COLLOCATED) >= 0.9
+    assert (found["status"] == "ok").all()
+    distance = np.abs(found["price"] - general["price"])
+    assert (distance <= found["error_estimate"] + general["error_estimate"]).all()
+
+
+def test_whatever_the_yield_the_value_is_continuous_in_it():
+    """Where the far end begins to be followed nothing jumps by more than both estimates, and what the yield brings."""
+    yields = -np.geomspace(1e-5, 1e-2, 40)
+    row = random_puts(3, 1, volatility=(0.25, 0.3))[0]
+    rows = [{**row, "dividend_yield": q} for q in yields.tolist()]
+    found = table(rows, tolerance=1e-7, greeks="standard")
+    assert (found["method"] == COLLOCATED).all()
+    slope = found["dividend_rho"]
+    for k in range(len(rows) - 1):
+        step = yields[k + 1] - yields[k]
+        expected = 0.5 * (slope[k] + slope[k + 1]) * step
+        allowed = found["error_estimate"][k] + found["error_estimate"][k + 1] + 100.0 * step**2
+        assert abs(found["price"][k + 1] - found["price"][k] - expected) <= allowed
+
+
+def test_the_derivatives_are_those_of_the_value():
+    rows = random_puts(5, 12, overhang=(-2.3, -1.5), volatility=(0.2, 0.5))
+    levels = np.full(len(rows), 5, dtype=np.int64)
+    found = table(rows, tolerance=1e-7, greeks="standard", greek_errors=True)
+    for name, field in (("vega", "volatility"), ("rho", "rate"), ("dividend_rho", "dividend_yield")):
+        bumped = []
+        for h in (1e-3, 2e-3):
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = [contract_from({**row, field: row[field] + sign * h}) for row in rows]
+                value, settled = solve_at_level(Book.of(moved), levels, 1)
+                ends.append(np.where(settled, value, np.nan))
+            bumped.append(100.0 * (ends[0] - ends[1]) / (2.0 * h))
+        known = (4.0 * bumped[0] - bumped[1]) / 3.0
+        own = np.abs(bumped[0] - bumped[1]) + 1e-3
+        here = (found["method"] == COLLOCATED) & np.isfinite(known)
+        assert here.sum() >= 9
+        distance = np.abs(found[name] - known)[here]
+        assert (distance <= (found[f"{name}_error"] + own)[here]).all()
+
+
+def test_a_spot_below_the_far_end_is_held():
+    """Between its onset and its arrival at a spot of zero the contact set has a far end: smaller spots are held."""
+    row = {
+        "option_type": "put",
+        "strike": 100.0,
+        "expiry": 1.0,
+        "rate": 0.03,
+        "dividend_yield": -0.03,
+        "volatility": 0.15,
+        "cash_dividends": [{"time": 0.35, "amount": 1.5}],
+    }
+    spots = np.linspace(30.0, 110.0, 41)
+    found = table([{**row, "spot": spot} for spot in spots.tolist()], tolerance=1e-6, greeks="none")
+    general = table(
+        [{**row, "spot": spot} for spot in spots.tolist()], tolerance=1e-6, greeks="none", method="lcs"
+    )
+    distance = np.abs(found["price"] - general["price"])
+    assert (distance <= found["error_estimate"] + general["error_estimate"]).all()
+    intrinsic = 100.0 - spots
+    held = found["price"] > intrinsic + 1e-3
+    exercised = found["price"] <= intrinsic + 1e-9
+    assert held[0]
+    assert exercised.any()
+    assert held[-1]
+    far, near = spots[exercised][[0, -1]]
+    assert (exercised == ((spots >= far) & (spots <= near))).all()
+
+
+def test_a_value_that_is_not_collocated_well_says_so():
+    """Where the spots that a dividend takes whole are within reach, the estimate covers what is neglected."""
+    rows = random_puts(7, 40, volatility=(0.5, 0.9))
+    found = solve_to_tolerance(Book.of([contract_from(row) for row in rows]), np.full(40, 1e-5), 1)
+    general = table(rows, tolerance=1e-6, greeks="none", method="lcs")
+    distance = np.abs(found.value - general["price"] / 100.0)[found.settled]
+    assert (distance <= (found.error + general["error_estimate"] / 100.0)[found.settled]).all()
+
+
+def test_what_spreads_too_far_is_left_to_the_general_path():
+    row = {
+        "option_type": "put",
+        "spot": 100.0,
+        "strike": 100.0,
+        "expiry": 2.0,
+        "rate": 0.01,
+        "volatility": 0.45,
+    }
+    paid = {"dividend_yield": -0.03, "cash_dividends": [{"time": 2.0, "amount": 1.0}]}
+    found = table([{**row, **paid}], tolerance=1e-6, greeks="none")
+    assert found["method"][0] != COLLOCATED
+    assert found["price"][0] == pytest.approx(22.3351664, abs=1e-4)
