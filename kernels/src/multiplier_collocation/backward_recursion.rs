@@ -164,6 +164,7 @@ pub fn solve_schedule(
 }
 
 /// The state of the recursion between two segments.
+#[allow(clippy::struct_excessive_bools)] // four facts that have nothing to do with each other
 struct BackwardRecursion<'a> {
     level: usize,
     fineness: &'a Fineness,

@@ -177,7 +177,7 @@ impl OnsetSearch<'_> {
     /// The onset of a contact set that comes from far away, or begins between two spots, before the segment's end.
     fn inside_segment(&self) -> Result<FoundOnset, Unsettled> {
         if self.overhangs {
-            return self.between();
+            return Ok(self.between());
         }
         let (segment, place) = (self.segment, self.relevant);
         let excess = |s: f64| self.excess(place, s);
@@ -201,7 +201,7 @@ impl OnsetSearch<'_> {
 
     /// The onset of a contact set that begins between two spots, where value and payoff touch; the segment is split where that
     /// reaches beyond what is relevant, and next to its event where panels are too wide for what happens so soon.
-    fn between(&self) -> Result<FoundOnset, Unsettled> {
+    fn between(&self) -> FoundOnset {
         let (place, duration) = (self.relevant, self.segment.duration);
         let split = |split: f64| FoundOnset {
             onsets: Vec::new(),
@@ -210,24 +210,24 @@ impl OnsetSearch<'_> {
         let soon = CLEARLY_SEEN * duration;
         let least = |s: f64| self.least_gap(s).1;
         if least(soon) <= 0.0 {
-            return Ok(split(soon));
+            return split(soon);
         }
         if let Some(time) = self.arrival_of_far_end() {
             let arrives_from_far = self.steepness(place, time) >= 0.0;
-            return Ok(if arrives_from_far {
+            return if arrives_from_far {
                 self.crossing_onset(time, place)
             } else {
                 split(time)
-            });
+            };
         }
         let time = find_root(least, soon, duration, CLOSE * duration);
         let onset = (time, self.least_gap(time).0);
         let (profile, segment) = (self.profile, self.segment);
         let near = ContactOnset::from_crossing(profile, segment, segment.sign, onset);
-        Ok(FoundOnset {
+        FoundOnset {
             onsets: vec![near, self.far_onset(onset)],
             split: 0.0,
-        })
+        }
     }
 
     /// The x between what is relevant and the strike at which the value of a put without exercise before s exceeds the
