@@ -287,8 +287,8 @@ def test_a_search_on_the_general_path_is_interrupted_in_the_midst_of_a_price():
         asked += 1
         return asked >= 50  # one price asks some hundreds of times
 
-    market = Market(100.0, 0.03, 0.2, -0.02, cash_dividends=[CashDividend(0.5, 1.0)])
-    found = implied_volatility(PUT, market, 8.0, interrupt=interrupt)
+    market = Market(90.0, -0.02, 0.2, -0.05)  # two boundaries
+    found = implied_volatility(PUT, market, 14.0, interrupt=interrupt)
     assert (found.status, found.volatility) == ("no_convergence", None)
     assert asked < 60
 
