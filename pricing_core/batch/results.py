@@ -9,47 +9,72 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from pricing_core.american import Greeks, price_many
+from pricing_core.american import price_many
 from pricing_core.american.book.columns import as_objects
 from pricing_core.american.contracts.result_fields import price_fields
-from pricing_core.batch.contracts import Contracts, explain
+from pricing_core.batch.chunk import Chunk
+from pricing_core.batch.contracts import Contracts, explain, read_contracts
 from pricing_core.batch.schema import result_schema
+from pricing_core.batch.settings import PricingSettings
 from pricing_core.errors import InvalidInputError
 
 INVALID = "invalid_input"
 Reasons = Mapping[int, InvalidInputError]
 
 
-def price_contracts(
-    contracts: Contracts, greeks: Greeks, threads: int | None, *, greek_errors: bool = False
+def price_chunk(
+    chunk: Chunk, settings: PricingSettings, numbers: Sequence[str], threads: int | None = None
 ) -> tuple[pa.RecordBatch, Reasons]:
-    """Price the sound rows; return one row of results per contract and, by index, why a row has no price.
+    """Return the rows with their results appended and, by index, why a row has no price.
 
     Parameters
     ----------
-    greeks : {"none", "standard", "extended"}
+    numbers : sequence of str
+        Columns of text that are to become numbers.
     threads : int, optional
-    greek_errors : bool
-        All passed to `price_many`.
+        As in `price_many`.
     """
+    contracts = read_contracts(chunk, settings.tolerance)
+    results, reasons = _price_contracts(contracts, settings, threads)
+    table = _typed_table(chunk.table, contracts, numbers)
+    schema = pa.schema([*table.schema, *results.schema])
+    return pa.RecordBatch.from_arrays([*table.columns, *results.columns], schema=schema), reasons
+
+
+def _price_contracts(
+    contracts: Contracts, settings: PricingSettings, threads: int | None
+) -> tuple[pa.RecordBatch, Reasons]:
     rows = len(contracts.columns["tolerance"])
-    fields = price_fields(greeks, contracts.columns, greek_errors=greek_errors)
+    fields = price_fields(settings.greeks, contracts.columns, greek_errors=settings.greek_errors)
     columns = {field.name: np.full(rows, None, dtype=object) for field in fields}
     columns["status"][list(contracts.faults)] = INVALID
     reasons = dict(contracts.faults)
     sound = [index for index in range(rows) if index not in contracts.faults]
     if sound:
         table = price_many(
-            _columns(contracts, sound), greeks=greeks, greek_errors=greek_errors, threads=threads
+            _columns(contracts, sound),
+            greeks=settings.greeks,
+            greek_errors=settings.greek_errors,
+            share_solves=settings.share_solves,
+            threads=threads,
         )
         for field in fields:
             found = table[field.name]
             columns[field.name][sound] = _as_json(found) if field.kind == "list" else found
         reasons.update(_unpriced(contracts, sound, table))
     columns["exercise_now"][list(reasons)] = None
-    schema = result_schema(list(contracts.columns), greeks, greek_errors=greek_errors)
+    schema = result_schema(list(contracts.columns), settings.greeks, greek_errors=settings.greek_errors)
     arrays = [_as_arrow(column, kind) for column, kind in zip(columns.values(), schema.types, strict=True)]
     return pa.RecordBatch.from_arrays(arrays, schema=schema), reasons
+
+
+def _typed_table(table: pa.RecordBatch, contracts: Contracts, numbers: Sequence[str]) -> pa.RecordBatch:
+    """Return the table with some texts as the numbers that they are; null where there is none."""
+    columns = dict(zip(table.schema.names, table.columns, strict=True))
+    for name in numbers:
+        cells = contracts.columns[name]
+        columns[name] = pa.array([c if isinstance(c, float) else None for c in cells], pa.float64())
+    return pa.RecordBatch.from_pydict(columns) if numbers else table
 
 
 def _columns(contracts: Contracts, sound: Sequence[int]) -> dict[str, NDArray[Any]]:

@@ -11,16 +11,14 @@ import pyarrow as pa
 from pricing_core.american.contracts.fields import (
     COLUMN_FIELDS,
     DEFAULT_TOLERANCE,
-    GREEKS,
-    TOLERANCE,
     Greeks,
 )
 from pricing_core.american.contracts.vocabulary import DATES
 from pricing_core.batch.chunk import Chunk
-from pricing_core.batch.contracts import Contracts, read_contracts
 from pricing_core.batch.reader import TableReader, open_table
-from pricing_core.batch.results import Reasons, price_contracts
+from pricing_core.batch.results import Reasons, price_chunk
 from pricing_core.batch.schema import check_results, result_schema, unread_columns
+from pricing_core.batch.settings import PricingSettings
 from pricing_core.batch.writer import RejectsWriter, check_ending, table_writer
 from pricing_core.errors import InvalidInputError
 from pricing_core.replacement import replacement
@@ -110,8 +108,7 @@ def run_batch(
         A file cannot be read or written.
     """
     rejects = rejects_path(target) if rejects is None else rejects
-    tolerance = TOLERANCE.check(tolerance)
-    GREEKS.check_choice(greeks)
+    settings = PricingSettings(tolerance, greeks, greek_errors)
     check_ending(target)
     _check_distinct(source, target, rejects)
     with ExitStack() as stack:
@@ -127,11 +124,10 @@ def run_batch(
         rows = stack.enter_context(table_writer(target, output, columns))
         faults = stack.enter_context(RejectsWriter(explained))
         for chunk in reader.chunks(chunk_rows):
-            contracts = read_contracts(chunk, tolerance)
-            results, reasons = price_contracts(contracts, greeks, threads, greek_errors=greek_errors)
-            rows.write(_joined(typed_table(chunk.table, contracts, numbers), results))
+            priced, reasons = price_chunk(chunk, settings, numbers, threads)
+            rows.write(priced)
             _write_rejects(faults, chunk, reasons)
-            summary = summary.plus(results, len(reasons))
+            summary = summary.plus(priced, len(reasons))
             if progress is not None:
                 progress(Progress(summary, reader.fraction_read))
     return summary
@@ -166,20 +162,6 @@ def typed_schema(schema: pa.Schema, numbers: Sequence[str]) -> pa.Schema:
     return pa.schema(
         [pa.field(field.name, pa.float64()) if field.name in numbers else field for field in schema]
     )
-
-
-def typed_table(table: pa.RecordBatch, contracts: Contracts, numbers: Sequence[str]) -> pa.RecordBatch:
-    """Return the table with some texts as the numbers that they are; null where there is none."""
-    columns = dict(zip(table.schema.names, table.columns, strict=True))
-    for name in numbers:
-        cells = contracts.columns[name]
-        columns[name] = pa.array([c if isinstance(c, float) else None for c in cells], pa.float64())
-    return pa.RecordBatch.from_pydict(columns) if numbers else table
-
-
-def _joined(table: pa.RecordBatch, results: pa.RecordBatch) -> pa.RecordBatch:
-    schema = pa.schema([*table.schema, *results.schema])
-    return pa.RecordBatch.from_arrays([*table.columns, *results.columns], schema=schema)
 
 
 def _write_rejects(faults: RejectsWriter, chunk: Chunk, reasons: Reasons) -> None:
