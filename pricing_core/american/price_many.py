@@ -6,17 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.book.prices import Prices
+from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.book.reading import read_book
-from pricing_core.american.book.table import empty_table, fill
-from pricing_core.american.contracts.checks import check_kind
-from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, GREEKS, TOLERANCE, Greeks
-from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.solve import solve_in_chunks
-from pricing_core.american.method import Method, engines_of
-from pricing_core.errors import InvalidInputError
-
-MOST_THREADS = 1024
+from pricing_core.american.book.table import Table
+from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
+from pricing_core.american.method import Method
+from pricing_core.american.price_book import checked_threads, price_book
+from pricing_core.american.pricing_settings import PricingSettings
 
 
 def price_many(
@@ -74,35 +70,21 @@ def price_many(
     >>> table["status"].tolist(), table["message"][1]
     (['ok', 'invalid_input'], 'spot = -1.0: must be a number from 0 to 1e+30')
     """
-    TOLERANCE.check(tolerance)
-    GREEKS.check_choice(greeks)
-    check_kind("greek_errors", greek_errors, bool, "True or False")
-    check_kind("share_solves", share_solves, bool, "True or False")
-    engines, workers = engines_of(method), checked_threads(threads)
+    settings = PricingSettings(tolerance, greeks, greek_errors, share_solves, method)
+    checked_threads(threads)
     read = read_book(columns, tolerance)
-    table = empty_table(read.count, greeks, columns, greek_errors=greek_errors)
-    in_order = read.book.is_simple and read.rows.size == read.count
-    payoff = read.book.payoff()
-
-    def keep(rows: slice, prices: Prices) -> None:
-        places = rows if in_order else read.rows[rows]  # a slice is copied to faster
-        fill(table, places, payoff[rows], prices)
-
-    request = Request(read.tolerance, greeks, share_solves)
-    solve_in_chunks(read.book, request, keep, engines=engines, workers=workers)
-    for row, fault in read.faults.items():
-        table["status"][row], table["message"][row] = "invalid_input", str(fault)
-    return table
+    return as_arrays(price_book(read, columns, settings, threads))
 
 
-def checked_threads(threads: object) -> int:
-    """Return how many threads are meant; None means one."""
-    if threads is None:
-        return 1
-    if (
-        isinstance(threads, int | np.integer)
-        and not isinstance(threads, bool)
-        and 1 <= threads <= MOST_THREADS
-    ):
-        return int(threads)
-    raise InvalidInputError("threads", threads, f"an integer from 1 to {MOST_THREADS}")
+def as_arrays(table: Table) -> dict[str, NDArray[Any]]:
+    """Return the results as arrays by the names of their fields, lists as tuples, the message at the end."""
+    lists = {name: _tuples(column) for name, column in table.lists().items()}
+    return {name: lists[name] if name in lists else table.columns[name] for name in table.names}
+
+
+def _tuples(column: Ragged) -> NDArray[np.object_]:
+    tuples = np.empty(column.counts().size, dtype=object)
+    tuples.fill(())
+    for row in np.flatnonzero(column.counts()).tolist():
+        tuples[row] = column.row(row)
+    return tuples

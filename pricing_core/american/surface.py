@@ -15,7 +15,7 @@ from pricing_core.american.contracts.seen_later import seen_later
 from pricing_core.american.contracts.tolerances import check_moneyness
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.solve import solve
-from pricing_core.american.price_many import checked_threads
+from pricing_core.american.price_book import checked_threads
 from pricing_core.arrays import Matrix, Vector, as_vector
 from pricing_core.errors import InvalidInputError
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pricing_core.american.contracts.checks import real_number
 from pricing_core.american.contracts.vocabulary import DATES, LISTS, is_missing
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, Told
 
 
@@ -66,16 +66,6 @@ def as_objects(cells: Sequence[object]) -> NDArray[Any]:
     for row, cell in enumerate(cells):  # one by one: NumPy would make a matrix of lists of one length
         array[row] = cell
     return array
-
-
-def equals(column: NDArray[Any], word: str) -> BoolVector:
-    """Return which cells hold the word."""
-    if column.size > 1 and column.strides == (0,):  # one cell for all rows
-        return np.repeat(equals(column[:1], word), column.size)
-    try:
-        return np.asarray(column == word, dtype=bool)
-    except Exception:  # a stranger's cell does not know what it equals, an array as a cell equals many things
-        return np.array([isinstance(cell, str) and cell == word for cell in column.tolist()], dtype=bool)
 
 
 def plain(cell: object) -> object:

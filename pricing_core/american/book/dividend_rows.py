@@ -5,44 +5,41 @@ but numbers: times that increase strictly inside the option's life, amounts that
 and every fault, is for `contract_from`.
 """
 
-from collections.abc import Mapping, Sequence
-from itertools import chain
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.american.book.book import Book, Listed, Rows, Segments
+from pricing_core.american.book.column import Column
 from pricing_core.american.book.ragged import Ragged, starts
-from pricing_core.american.contracts.fields import AMOUNT, CASH_DIVIDENDS
-from pricing_core.american.contracts.json_text import DECODER
+from pricing_core.american.contracts.fields import AMOUNT
 from pricing_core.american.contracts.schedule import NEGLIGIBLE, SAME_TIME
 from pricing_core.arrays import BoolVector, Vector
 
 
 def read_dividend_rows(
-    cells: Sequence[object], rows: Rows, arrays: Mapping[str, NDArray[Any]]
+    column: Column, rows: Rows, arrays: Mapping[str, NDArray[Any]]
 ) -> tuple[Rows, Book] | None:
     """Return which of the rows could be read, and their contracts; None where none could.
 
     Parameters
     ----------
-    cells : sequence of object
-        The table's column of cash dividends.
+    column : Column
+        The table's cash dividends.
     rows : int array
         Rows of the table that may have this event alone, and whose numbers are sound.
     arrays : mapping of str to array
         The columns of numbers by name, and is_put and is_american.
     """
-    found = [_plain_dividends(cells[row]) for row in rows.tolist()]
-    plain = np.array([len(numbers) > 0 for numbers in found], dtype=bool)
+    counts, time, amount = column.plain_dividends(rows)
+    plain = counts > 0
     if not plain.any():
         return None
     rows = rows[plain]
-    part = {name: column[rows] for name, column in arrays.items()}
-    dividends = np.array([len(numbers) // 2 for numbers in found], dtype=np.int64)[plain]
-    time, amount = np.fromiter(chain.from_iterable(found), np.float64).reshape(-1, 2).T
-    book, sound = _book(part, dividends, time, amount)
+    part = {name: numbers[rows] for name, numbers in arrays.items()}
+    book, sound = _book(part, counts[plain], time, amount)
     kept = np.flatnonzero(sound)
     return rows[kept], book.take(kept)
 
@@ -71,17 +68,3 @@ def _book(
     apart = end - start > SAME_TIME * expiry
     counted = ~pays | ((due > NEGLIGIBLE * strike) & (due <= AMOUNT.most))
     return book, np.logical_and.reduceat(apart & counted, first[:-1])
-
-
-def _plain_dividends(cell: object) -> list[float]:
-    """Return time, amount, time, amount, ...; nothing where the cell is not as plain as that."""
-    try:
-        entries = DECODER.decode(cell) if type(cell) is str else cell
-        if type(entries) is not list or len(entries) > CASH_DIVIDENDS.most_entries:
-            return []
-        if set(map(type, entries)) != {dict} or set(map(len, entries)) != {2}:
-            return []
-        numbers = [number for entry in entries for number in (entry["time"], entry["amount"])]
-        return [float(number) for number in numbers] if set(map(type, numbers)) <= {float, int} else []
-    except (ValueError, RecursionError, KeyError, OverflowError):
-        return []

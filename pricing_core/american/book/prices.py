@@ -188,9 +188,7 @@ def concatenated(parts: Sequence[Prices]) -> Prices:
     for name in Prices.__slots__:
         pieces = [getattr(part, name) for part in parts]
         if name in LISTS:
-            counts = np.concatenate([piece.counts() for piece in pieces])
-            first = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(counts)])
-            columns[name] = Ragged(first, np.concatenate([piece.values for piece in pieces]))
+            columns[name] = Ragged.concatenated(pieces)
         else:
             columns[name] = np.concatenate(pieces)
     return Prices(**columns)

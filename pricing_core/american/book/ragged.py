@@ -44,6 +44,12 @@ class Ragged:
         """Return a column of empty lists."""
         return cls(np.zeros(count + 1, dtype=np.int64), NOTHING)
 
+    @classmethod
+    def concatenated(cls, parts: "Sequence[Ragged]") -> "Ragged":
+        """Return the rows of several columns, one behind the other."""
+        counts = np.concatenate([part.counts() for part in parts])
+        return cls(starts(counts), np.concatenate([part.values for part in parts]))
+
     def counts(self) -> NDArray[np.int64]:
         """Return the length of each list, shape (n,)."""
         return np.diff(self.first)
@@ -60,6 +66,15 @@ class Ragged:
         """Return the list of one row; the empty one where a number is missing."""
         numbers = self.row(row)
         return () if any(map(math.isnan, numbers)) else numbers
+
+    def known(self) -> "Ragged":
+        """Return the column with the empty list in the place of those that lack a number."""
+        missing = np.isnan(self.values)
+        if not missing.any():
+            return self
+        counts = self.counts()
+        counts[self.owner()[missing]] = 0
+        return Ragged(starts(counts), self.values[np.repeat(counts > 0, self.counts())])
 
     def take(self, rows: NDArray[np.intp]) -> "Ragged":
         """Return some of the rows, in the order asked for."""

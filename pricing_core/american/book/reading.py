@@ -1,7 +1,5 @@
 """A table of contracts, one per row, read into a book; a row that cannot be read costs itself alone."""
 
-import datetime as dt
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,8 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pricing_core.american.book.array_column import ArrayColumn
 from pricing_core.american.book.book import Book, Listed, Rows, Segments
-from pricing_core.american.book.columns import as_numbers, broadcast_columns, equals, plain
+from pricing_core.american.book.column import MISSING, Column
+from pricing_core.american.book.columns import broadcast_columns
 from pricing_core.american.book.dividend_rows import read_dividend_rows
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
@@ -19,7 +19,7 @@ from pricing_core.american.contracts.fields import COLUMN_FIELDS, TOLERANCE
 from pricing_core.american.contracts.market import NEGLIGIBLE_RATE, Market
 from pricing_core.american.contracts.schedule import make_schedule
 from pricing_core.american.contracts.tolerances import LARGEST_RATIO, check_moneyness
-from pricing_core.american.contracts.vocabulary import DATES, DEFAULTS, contract_from, is_missing
+from pricing_core.american.contracts.vocabulary import DATES, DEFAULTS, contract_from
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import InvalidInputError
 
@@ -59,7 +59,7 @@ class ReadBook:
 
 
 def read_book(columns: Mapping[str, Any], tolerance: float) -> ReadBook:
-    """Return the contracts of a table.
+    """Return the contracts of a table of arrays.
 
     Parameters
     ----------
@@ -75,15 +75,33 @@ def read_book(columns: Mapping[str, Any], tolerance: float) -> ReadBook:
     """
     check_kind("columns", columns, Mapping, "a mapping of names to columns")
     _check_names(columns)
-    table = broadcast_columns({**DEFAULTS, "tolerance": tolerance, **columns})
-    numbers = {name: as_numbers(table[name]) for name in LIMITS if name in table}
-    count = table["spot"].size
+    arrays = broadcast_columns({**DEFAULTS, "tolerance": tolerance, **columns})
+    return read_columns({name: ArrayColumn(array) for name, array in arrays.items()}, arrays["spot"].size)
+
+
+def read_columns(
+    table: Mapping[str, Column], count: int, refused: Mapping[int, InvalidInputError] | None = None
+) -> ReadBook:
+    """Return the contracts of a table of columns.
+
+    Parameters
+    ----------
+    table : mapping of str to Column
+        Every column that is required, exercise, dividend_yield and tolerance among them.
+    count : int
+        Number of rows.
+    refused : mapping of int to InvalidInputError, optional
+        Rows that are at fault already, and why.
+    """
+    numbers = {name: table[name].numbers() for name in LIMITS if name in table}
     expiry = numbers.setdefault("expiry", np.full(count, np.nan))
     if any(name in table for name in DATES):
         _read_dates(table, expiry)
     types, exercises = table["option_type"], table["exercise"]
-    is_put, is_american = equals(types, "put"), equals(exercises, "american")
-    sound = (is_put | equals(types, "call")) & (is_american | equals(exercises, "european"))
+    is_put, is_american = types.is_word("put"), exercises.is_word("american")
+    sound = (is_put | types.is_word("call")) & (is_american | exercises.is_word("european"))
+    refused = refused or {}
+    sound[list(refused)] = False
     with np.errstate(all="ignore"):
         for name, (least, most) in LIMITS.items():
             column = numbers[name]
@@ -95,7 +113,7 @@ def read_book(columns: Mapping[str, Any], tolerance: float) -> ReadBook:
     for name in ("rate", "dividend_yield"):
         numbers[name][np.abs(numbers[name]) < NEGLIGIBLE_RATE] = 0.0
     arrays = {"is_put": is_put, "is_american": is_american, **numbers}
-    return _joined(table, arrays, sound)
+    return _joined(table, arrays, sound, refused)
 
 
 def checked_contract(cells: Mapping[str, Any]) -> tuple[Option, Market]:
@@ -114,23 +132,31 @@ def checked_contract(cells: Mapping[str, Any]) -> tuple[Option, Market]:
 
 
 def _joined(
-    table: Mapping[str, NDArray[Any]], arrays: Mapping[str, NDArray[Any]], sound: BoolVector
+    table: Mapping[str, Column],
+    arrays: Mapping[str, NDArray[Any]],
+    sound: BoolVector,
+    refused: Mapping[int, InvalidInputError],
 ) -> ReadBook:
     """Return the rows without events, those with plain cash dividends, and the others, read one by one."""
-    without = sound & np.logical_and.reduce([_is_empty(table, *column) for column in OTHER_EVENTS.items()])
-    unpaid = _is_empty(table, DIVIDENDS, "[]")
+    without = sound.copy()
+    for name, default in OTHER_EVENTS.items():
+        if name in table:
+            without &= table[name].is_empty(default)
+    unpaid = table[DIVIDENDS].is_empty("[]") if DIVIDENDS in table else np.ones(sound.size, dtype=bool)
     rest = ~(without & unpaid)
     if not rest.any():
         return ReadBook(sound.size, _without_events(arrays), np.arange(sound.size), arrays["tolerance"], {})
     rows = np.flatnonzero(~rest)
     books, places = [_without_events({name: column[rows] for name, column in arrays.items()})], [rows]
     if DIVIDENDS in table:
-        paid = read_dividend_rows(table[DIVIDENDS].tolist(), np.flatnonzero(without & ~unpaid), arrays)
+        paid = read_dividend_rows(table[DIVIDENDS], np.flatnonzero(without & ~unpaid), arrays)
         if paid is not None:
             places.append(paid[0])
             books.append(paid[1])
             rest[paid[0]] = False
+    rest[list(refused)] = False
     contracts, faults = _read_singly(np.flatnonzero(rest).tolist(), table, arrays["tolerance"])
+    faults |= refused
     places.append(np.array([*contracts], dtype=np.intp))
     books.append(Book.of([*contracts.values()]))
     book = books[0]
@@ -161,16 +187,15 @@ def _without_events(arrays: Mapping[str, NDArray[Any]]) -> Book:
 
 
 def _read_singly(
-    rows: list[int], table: Mapping[str, NDArray[Any]], tolerance: Vector
+    rows: list[int], table: Mapping[str, Column], tolerance: Vector
 ) -> tuple[dict[int, tuple[Option, Market]], dict[int, InvalidInputError]]:
     """Return the contracts by row, and what is wrong with others; write the rows' tolerances."""
     contracts: dict[int, tuple[Option, Market]] = {}
     faults: dict[int, InvalidInputError] = {}
     for row in rows:
         try:
-            contract = checked_contract({name: plain(column[row]) for name, column in table.items()})
-            cell = plain(table["tolerance"][row])
-            tolerance[row] = TOLERANCE.check(cell)
+            contract = checked_contract({name: column.cell(row) for name, column in table.items()})
+            tolerance[row] = TOLERANCE.check(table["tolerance"].cell(row))
         except InvalidInputError as fault:
             faults[row] = fault
         else:
@@ -190,39 +215,27 @@ def _check_names(columns: Mapping[str, Any]) -> None:
             raise InvalidInputError("columns", name, "named " + ", ".join(allowed))
 
 
-def _read_dates(table: Mapping[str, NDArray[Any]], expiry: Vector) -> None:
+def _read_dates(table: Mapping[str, Column], expiry: Vector) -> None:
     """Write the expiries of the rows that have dates, NaN where there is a fault."""
-    known: dict[tuple[object, object], float] = {}  # many rows have the same few dates
-    absent = np.broadcast_to(np.array(None), expiry.shape)
-    starts, ends = (table.get(name, absent).tolist() for name in DATES)
-    for row, dates in enumerate(zip(starts, ends, strict=True)):
-        if is_missing(dates[0]) and is_missing(dates[1]):
-            continue
-        if all(isinstance(date, str | dt.date | np.datetime64) for date in dates) and math.isnan(expiry[row]):
-            if dates not in known:
-                known[dates] = _years(*dates)
-            expiry[row] = known[dates]
-        else:
-            expiry[row] = math.nan
-
-
-def _is_empty(table: Mapping[str, NDArray[Any]], name: str, default: object) -> BoolVector:
-    """Return which rows hold nothing in a column of events."""
-    if name not in table:
-        return np.ones(table["spot"].size, dtype=bool)
-    return np.array([_is_default(cell, default) for cell in table[name].tolist()], dtype=bool)
-
-
-def _is_default(cell: object, default: object) -> bool:
-    if isinstance(cell, list | tuple | np.ndarray):
-        return len(cell) == 0
-    if isinstance(cell, bool | np.bool_):
-        return False
-    return is_missing(cell) or (isinstance(cell, str | int | float) and cell == default)
+    absent = np.full(expiry.size, MISSING)
+    codes, moments = [], []
+    for name in DATES:
+        dates = table[name].dates() if name in table else (absent, ())
+        codes.append(dates[0])
+        moments.append(dates[1])
+    start, end = codes
+    dated = (start >= 0) & (end >= 0) & np.isnan(expiry)
+    expiry[~dated & ~((start == MISSING) & (end == MISSING))] = np.nan
+    # Many rows have the same few pairs of dates.
+    pairs, place = np.unique(start[dated] * len(moments[1]) + end[dated], return_inverse=True)
+    years = [
+        _years(moments[0][pair // len(moments[1])], moments[1][pair % len(moments[1])]) for pair in pairs
+    ]
+    expiry[dated] = np.array(years)[place]
 
 
 def _years(start: object, end: object) -> float:
     try:
         return expiry_from_dates(start, end)
     except InvalidInputError:
-        return math.nan
+        return np.nan

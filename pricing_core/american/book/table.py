@@ -1,20 +1,20 @@
 """The table that `price_many` returns, and what fills its rows."""
 
-from collections.abc import Container
-from typing import Any, TypeAlias
+from collections.abc import Container, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.american.book.book import Rows
-from pricing_core.american.book.prices import LISTS, NUMBERS, Prices
+from pricing_core.american.book.prices import NUMBERS, Prices
+from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.book.valuation import DAYS_PER_YEAR
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.contracts.result_fields import price_fields
 from pricing_core.arrays import Vector
+from pricing_core.errors import InvalidInputError
 from pricing_core.version import ENGINE_VERSION
-
-Table: TypeAlias = dict[str, NDArray[Any]]
 
 # Greeks in another unit: the Greek and what it is divided by.
 IN_OTHER_UNITS = {
@@ -24,55 +24,87 @@ IN_OTHER_UNITS = {
 }
 
 
-def empty_table(count: int, greeks: Greeks, columns: Container[str], *, greek_errors: bool) -> Table:
-    """Return a table of so many rows that nothing is known of, with the columns of `price_many`.
+class Table:
+    """The results of n rows by the names of their fields, which are filled part by part, from any thread.
 
     Parameters
     ----------
+    count : int
+        Number of rows.
+    greeks : {"none", "standard", "extended"}
     columns : container of str
         Those of the table of contracts.
-    """
-    table: Table = {}
-    for field in price_fields(greeks, columns, greek_errors=greek_errors):
-        if field.kind == "number":
-            table[field.name] = np.full(count, np.nan)
-        elif field.kind == "flag":
-            table[field.name] = np.zeros(count, dtype=bool)
-        else:
-            table[field.name] = np.full(count, "", dtype=object)
-            if field.kind == "list":
-                table[field.name].fill(())
-    return table | {"message": np.full(count, "", dtype=object)}
+    greek_errors : bool
 
-
-def fill(table: Table, rows: Rows | slice, payoff: Vector, prices: Prices) -> None:
-    """Write prices to rows of the table.
-
-    Parameters
+    Attributes
     ----------
-    payoff : Vector
-        What exercise brings now, money.
+    names : tuple of str
+        Those of all columns in their order.
+    columns : dict of str to array, shape (n,)
+        Numbers, NaN where there is none, flags and texts; the message as well.
     """
-    numbers = {
-        "price": prices.value,
-        "european_price": prices.european,
-        "early_exercise_premium": prices.value - prices.european,
-        "intrinsic_value": payoff,
-        "exercise_boundary": prices.boundary,
-        "error_estimate": prices.error,
-    }
-    numbers |= {name: getattr(prices, name) for name in NUMBERS if name in table}
-    for name, (greek, share) in IN_OTHER_UNITS.items():
-        if name in table:
-            numbers[name] = numbers[greek] / share
-    for name, column in numbers.items():
-        table[name][rows] = column + 0.0  # no -0.0
-    table["exercise_now"][rows] = prices.exercised
-    for name in ("status", "method", "message"):
-        table[name][rows] = getattr(prices, name)
-    table["engine_version"][rows] = ENGINE_VERSION
-    places = np.arange(next(iter(table.values())).size)[rows]
-    for name in [name for name in LISTS if name in table]:
-        column = getattr(prices, name)
-        for row in np.flatnonzero(column.counts()).tolist():
-            table[name][places[row]] = column.known_row(row)
+
+    def __init__(self, count: int, greeks: Greeks, columns: Container[str], *, greek_errors: bool) -> None:
+        self.count = count
+        self.columns: dict[str, NDArray[Any]] = {}
+        self._lists: dict[str, list[tuple[Rows, Ragged]]] = {}
+        fields = price_fields(greeks, columns, greek_errors=greek_errors)
+        self.names = (*(field.name for field in fields), "message")
+        for field in fields:
+            if field.kind == "number":
+                self.columns[field.name] = np.full(count, np.nan)
+            elif field.kind == "flag":
+                self.columns[field.name] = np.zeros(count, dtype=bool)
+            elif field.kind == "text":
+                self.columns[field.name] = np.full(count, "", dtype=object)
+            else:
+                self._lists[field.name] = []
+        self.columns["message"] = np.full(count, "", dtype=object)
+
+    def fill(self, rows: Rows | slice, payoff: Vector, prices: Prices) -> None:
+        """Write prices to some rows.
+
+        Parameters
+        ----------
+        payoff : Vector
+            What exercise brings now, money.
+        """
+        numbers = {
+            "price": prices.value,
+            "european_price": prices.european,
+            "early_exercise_premium": prices.value - prices.european,
+            "intrinsic_value": payoff,
+            "exercise_boundary": prices.boundary,
+            "error_estimate": prices.error,
+        }
+        numbers |= {name: getattr(prices, name) for name in NUMBERS if name in self.columns}
+        for name, (greek, share) in IN_OTHER_UNITS.items():
+            if name in self.columns:
+                numbers[name] = numbers[greek] / share
+        for name, column in numbers.items():
+            self.columns[name][rows] = column + 0.0  # no -0.0
+        self.columns["exercise_now"][rows] = prices.exercised
+        for name in ("status", "method", "message"):
+            self.columns[name][rows] = getattr(prices, name)
+        self.columns["engine_version"][rows] = ENGINE_VERSION
+        for name, parts in self._lists.items():
+            lists = getattr(prices, name)
+            if lists.values.size:
+                parts.append((np.arange(self.count)[rows], lists))
+
+    def refuse(self, faults: Mapping[int, InvalidInputError]) -> None:
+        """Write why some rows are no contracts."""
+        for row, fault in faults.items():
+            self.columns["status"][row], self.columns["message"][row] = "invalid_input", str(fault)
+
+    def lists(self) -> dict[str, Ragged]:
+        """Return the lists of all rows; empty where a number is missing."""
+        found = {}
+        for name, parts in self._lists.items():
+            found[name] = Ragged.empty(self.count)
+            if parts:
+                rows = np.concatenate([rows for rows, _ in parts])
+                found[name] = found[name].replaced(
+                    rows, Ragged.concatenated([part for _, part in parts]).known()
+                )
+        return found

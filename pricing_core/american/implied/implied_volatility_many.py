@@ -19,7 +19,7 @@ from pricing_core.american.implied.volatility_search import (
     FoundVolatilities,
     nothing_found,
 )
-from pricing_core.american.price_many import checked_threads
+from pricing_core.american.price_book import checked_threads
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError
 

@@ -5,7 +5,9 @@ import pytest
 
 from pricing_core.american import contract_from
 from pricing_core.american.book import reading
+from pricing_core.american.book.array_column import ArrayColumn
 from pricing_core.american.book.book import Book, Segments
+from pricing_core.american.book.columns import as_objects
 from pricing_core.american.book.dividend_rows import read_dividend_rows
 from pricing_core.american.book.reading import checked_contract, read_book
 
@@ -50,7 +52,7 @@ NOT_PLAIN = [
 
 def rows_read(cells):
     arrays = {name: np.repeat(column, len(cells)) for name, column in ARRAYS.items()}
-    found = read_dividend_rows(cells, np.arange(len(cells)), arrays)
+    found = read_dividend_rows(ArrayColumn(as_objects(cells)), np.arange(len(cells)), arrays)
     if found is None:
         return []
     rows, book = found
