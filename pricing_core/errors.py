@@ -12,6 +12,7 @@ PricingCoreError
     ├── NonUniqueError                 a state has several continuations, and none was chosen
     └── ZenoError                      infinitely many events accumulate, and nothing goes on from their limit
 
+UnusualColumnWarning (UserWarning)     a column of a table looks like days, percent or cents
 KernelMissingWarning (UserWarning)     the compiled kernel was not built: options are priced 500 to 2,000 times slower
 """
 
@@ -106,6 +107,10 @@ class ZenoError(NumericalError):
 
 class MissingExtraError(PricingCoreError, ImportError):
     """A module that an extra of the distribution installs is not there."""
+
+
+class UnusualColumnWarning(UserWarning):
+    """A column of a table looks as if it were in another unit: days, percent or cents."""
 
 
 class KernelMissingWarning(UserWarning):

@@ -7,8 +7,8 @@ import numpy as np
 from pricing_core.american.book.prices import Prices
 from pricing_core.american.book.reading import ReadBook
 from pricing_core.american.book.table import Table
+from pricing_core.american.engines.chunks import solve_in_chunks
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.solve import solve_in_chunks
 from pricing_core.american.method import engines_of
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.errors import InvalidInputError
@@ -42,7 +42,13 @@ def price_book(
         places = rows if in_order else read.rows[rows]  # a slice is copied to faster
         table.fill(places, payoff[rows], prices)
 
-    request = Request(read.tolerance, settings.greeks, settings.share_solves)
+    deadline = settings.deadlines(read.count)
+    request = Request(
+        read.tolerance,
+        settings.greeks,
+        settings.share_solves,
+        deadline=None if deadline is None else deadline[read.rows],
+    )
     solve_in_chunks(read.book, request, keep, engines=engines_of(settings.method), workers=workers)
     table.refuse(read.faults)
     return table

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.book.reading import read_book
@@ -13,6 +13,7 @@ from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
 from pricing_core.american.method import Method
 from pricing_core.american.price_book import checked_threads, price_book
 from pricing_core.american.pricing_settings import PricingSettings
+from pricing_core.extras import needs_extra
 
 
 def price_many(
@@ -24,12 +25,13 @@ def price_many(
     greek_errors: bool = False,
     threads: int | None = None,
     share_solves: bool = False,
-) -> dict[str, NDArray[Any]]:
+    deadline: ArrayLike | None = None,
+) -> Any:
     """Price one option per row; a bad row gets a status and a message, never an exception.
 
     Parameters
     ----------
-    columns : mapping of str to array_like, shape (n,), or scalar
+    columns : mapping of str to array_like, shape (n,), or scalar, or a frame
         option_type, spot, strike, expiry, rate, volatility, and optionally exercise, dividend_yield, tolerance, and
         those of contracts with events: exercise_times, exercise_start, cash_dividends, proportional_dividends,
         dividend_model; valuation_date and expiration_date in the place of expiry, or beside it where each row has
@@ -49,10 +51,12 @@ def price_many(
     share_solves : bool
         Serve rows that differ in spot and strike alone from one solve: chains and ladders are priced many times
         faster, to the same tolerance. The method of lines solves every row on its own all the same.
+    deadline : float or array_like, shape (n,), optional
+        Seconds that a row may take; one that takes longer has the status "deadline".
 
     Returns
     -------
-    dict of str to array, shape (n,)
+    dict of str to array, shape (n,), or the frame with these columns
         The fields of `Valuation` by name, missing numbers NaN, and "message", the reason where status is
         "invalid_input" or "out_of_domain"; Greeks as asked for. "dividend_sensitivities", where there are
         cash_dividends, and the buckets of curves hold a tuple per row. Without `share_solves` a row's numbers do not
@@ -70,8 +74,12 @@ def price_many(
     >>> table["status"].tolist(), table["message"][1]
     (['ok', 'invalid_input'], 'spot = -1.0: must be a number from 0 to 1e+30')
     """
-    settings = PricingSettings(tolerance, greeks, greek_errors, share_solves, method)
+    settings = PricingSettings(tolerance, greeks, greek_errors, share_solves, method, deadline)
     checked_threads(threads)
+    if hasattr(columns, "__arrow_c_stream__"):
+        with needs_extra("batch"):
+            from pricing_core.american.arrow.frames import price_frame  # noqa: PLC0415
+        return price_frame(columns, settings, threads)
     read = read_book(columns, tolerance)
     return as_arrays(price_book(read, columns, settings, threads))
 

@@ -12,8 +12,8 @@ from types import TracebackType
 
 import pyarrow as pa
 
+from pricing_core.american.arrow.schema import check_names
 from pricing_core.batch.chunk import Chunk
-from pricing_core.batch.schema import check_names
 from pricing_core.errors import InvalidInputError
 
 BYTES_PER_READ = 1 << 20

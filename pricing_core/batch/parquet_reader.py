@@ -7,8 +7,8 @@ from types import TracebackType
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pricing_core.american.arrow.schema import check_names, check_types
 from pricing_core.batch.chunk import Chunk
-from pricing_core.batch.schema import check_names, check_types
 from pricing_core.errors import InvalidInputError
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from pricing_core.american.arrow.schema import check_results, result_schema, unread_columns
 from pricing_core.american.contracts.fields import (
     COLUMN_FIELDS,
     DEFAULT_TOLERANCE,
@@ -17,7 +18,6 @@ from pricing_core.american.contracts.vocabulary import DATES
 from pricing_core.batch.chunk import Chunk
 from pricing_core.batch.reader import TableReader, open_table
 from pricing_core.batch.results import Reasons, price_chunk
-from pricing_core.batch.schema import check_results, result_schema, unread_columns
 from pricing_core.batch.settings import PricingSettings
 from pricing_core.batch.writer import RejectsWriter, check_ending, table_writer
 from pricing_core.errors import InvalidInputError

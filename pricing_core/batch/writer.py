@@ -1,5 +1,6 @@
 """Tables written chunk by chunk: missing cells are empty in CSV and null in Parquet."""
 
+import json
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -131,11 +132,15 @@ def _column_text(column: pa.Array) -> list[str]:
     """Return the cells as CSV text; a missing value or a NaN is empty."""
     if pa.types.is_floating(column.type):
         return [number_text(x) for x in column.to_pylist()]
+    if pa.types.is_list(column.type) and pa.types.is_floating(column.type.value_type):
+        return ["" if numbers is None else json.dumps(numbers) for numbers in column.to_pylist()]
     return [text or "" for text in pc.cast(column, pa.string()).to_pylist()]
 
 
 def _has_text_form(found: pa.DataType) -> bool:
     """Tell text, numbers, flags and times from lists, structures and bytes."""
+    if pa.types.is_list(found) and pa.types.is_floating(found.value_type):  # as JSON
+        return True
     values = found.value_type if pa.types.is_dictionary(found) else found
     if "binary" in str(values):  # binary of any width; only some cells are text by chance
         return False

@@ -13,10 +13,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from pricing_core.american import price_many
+from pricing_core.american.arrow.price_batch import price_batch
+from pricing_core.american.arrow.schema import result_schema
 from pricing_core.american.contracts.result_fields import price_fields
 from pricing_core.batch import BatchSummary, Progress, run_batch
 from pricing_core.batch.runner import ROWS_PER_CHUNK
-from pricing_core.batch.schema import result_schema
 from pricing_core.errors import InvalidInputError
 
 Row = Callable[..., list[str]]
@@ -429,10 +430,10 @@ def test_the_whole_file_is_never_held(
 ) -> None:
     sizes: list[int] = []
 
-    def counted(columns: dict[str, object], **options: object) -> object:
-        sizes.append(len(columns["spot"]))  # type: ignore[arg-type]
-        return price_many(columns, **options)  # type: ignore[arg-type]
+    def counted(batch: pa.RecordBatch, *options: object) -> object:
+        sizes.append(batch.num_rows)
+        return price_batch(batch, *options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("pricing_core.batch.results.price_many", counted)
+    monkeypatch.setattr("pricing_core.batch.results.price_batch", counted)
     run_batch(write_table([row(expiry="0")] * (ROWS_PER_CHUNK + 1)), target, tolerance=COARSE)
     assert sizes == [ROWS_PER_CHUNK, 1]

@@ -1,8 +1,8 @@
 import pyarrow as pa
 import pytest
 
+from pricing_core.american.arrow.schema import check_names, check_results, check_types, result_schema
 from pricing_core.american.contracts.fields import COLUMN_FIELDS
-from pricing_core.batch.schema import check_names, check_results, check_types, result_schema
 from pricing_core.errors import InvalidInputError
 
 REQUIRED = [column.name for column in COLUMN_FIELDS if column.required]

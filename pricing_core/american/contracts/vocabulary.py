@@ -103,7 +103,7 @@ def _life(given: Mapping[str, Any], values: Mapping[str, Any]) -> tuple[Any, dt.
     """Return the expiry, and the valuation date if there is one."""
     dated = [name for name in DATES if name in given]
     if not dated:
-        if "expiry" not in values:
+        if values.get("expiry") is None:
             raise InvalidInputError("expiry", "missing", "given, or valuation_date and expiration_date")
         return values["expiry"], None
     if "expiry" in given:

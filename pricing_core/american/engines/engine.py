@@ -28,6 +28,8 @@ class Request:
         How many an engine may use for one call of the kernel.
     interrupt : callable, optional
         True ends the work.
+    deadline : Vector, shape (n,), optional
+        Seconds that each contract may take, for whoever prices a book in parts.
     """
 
     tolerance: Vector
@@ -35,12 +37,14 @@ class Request:
     share_solves: bool = False
     threads: int = 1
     interrupt: Callable[[], bool] | None = None
+    deadline: Vector | None = None
 
     def take(self, rows: Rows | slice) -> "Request":
         """Return the request for some of the contracts."""
         if isinstance(rows, np.ndarray) and rows.size == self.tolerance.size:
             return self
-        return replace(self, tolerance=self.tolerance[rows])
+        deadline = None if self.deadline is None else self.deadline[rows]
+        return replace(self, tolerance=self.tolerance[rows], deadline=deadline)
 
     def is_interrupted(self) -> bool:
         """Ask the interrupt, if there is one."""

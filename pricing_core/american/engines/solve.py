@@ -1,10 +1,8 @@
 """From a book to its prices: each contract goes to the first engine that serves it, and on where that is not enough."""
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -24,13 +22,7 @@ CLOSED_FORM, PREMIUM_MARCH = ClosedForm(), PremiumMarch()
 ENGINES: tuple[Engine, ...] = (CLOSED_FORM, PREMIUM_MARCH, MultiplierCollocation(), MethodOfLines())
 # Those whose vega costs no more than a few prices: the search for a volatility asks them first.
 FAST_ENGINES = (CLOSED_FORM, PREMIUM_MARCH)
-# Number of segments priced at a time, so that their columns stay in the cache; measured.
-LARGEST_CHUNK = 16384
 NO_PRICE = "the estimated error of the price is as large as the range of prices without arbitrage"
-SMALLEST_CHUNK = 256  # Number of segments: fewer are not worth a thread; measured.
-
-T = TypeVar("T")
-R = TypeVar("R")
 
 
 def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) -> Prices:
@@ -94,33 +86,6 @@ def _remembered(interrupt: Callable[[], bool]) -> Callable[[], bool]:
     return asked
 
 
-def solve_in_chunks(
-    book: Book,
-    request: Request,
-    take: Callable[[slice, Prices], None],
-    *,
-    engines: Sequence[Engine] = ENGINES,
-    workers: int = 1,
-) -> None:
-    """Price a book some rows at a time, and hand the prices on as they come, from any of the threads.
-
-    Parameters
-    ----------
-    take : callable
-        Is given the rows and their prices.
-    workers : int
-        Number of threads; the prices do not depend on it.
-    """
-    if request.share_solves:  # contracts that share a solve stay together
-        take(slice(0, book.count), solve(book, replace(request, threads=workers), engines=engines))
-        return
-
-    def price(rows: slice) -> None:
-        take(rows, solve(book.part(rows), request.take(rows), engines=engines))
-
-    mapped(price, _chunks(book, workers), workers)
-
-
 def boundary_of(
     book: Book, times: Vector, request: Request, engines: Sequence[Engine] = ENGINES
 ) -> Boundaries:
@@ -143,23 +108,6 @@ def boundary_of(
     running = np.fmin if book.is_put[0] else np.fmax
     monotone = running.accumulate(best.near[::-1])[::-1]
     return best._replace(near=np.where(np.isnan(best.near), best.near, monotone))
-
-
-def mapped(do: Callable[[T], R], tasks: Sequence[T], workers: int) -> list[R]:
-    """Return the results of the tasks in their order, done by so many threads."""
-    if workers == 1 or len(tasks) < 2:
-        return [do(task) for task in tasks]
-    with ThreadPoolExecutor(workers) as pool:  # the kernel and NumPy release the interpreter
-        return list(pool.map(do, tasks))
-
-
-def _chunks(book: Book, workers: int) -> list[slice]:
-    """Cut the book into consecutive rows with about as many segments each."""
-    segments = int(book.first[-1])
-    size = min(LARGEST_CHUNK, max(SMALLEST_CHUNK, -(-segments // workers)))
-    cuts = np.unique(np.searchsorted(book.first, np.arange(0, segments + size, size)))
-    cuts = np.minimum(cuts, book.count)
-    return [slice(int(a), int(b)) for a, b in pairwise(cuts) if a < b]
 
 
 def _is_worthwhile(engine: Engine, before: Prices, book: Book) -> BoolVector:

@@ -10,7 +10,7 @@ from pricing_core.american.book.columns import as_numbers, broadcast_columns, pl
 from pricing_core.american.book.reading import ReadBook, read_book
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE, input_field
-from pricing_core.american.engines.solve import mapped
+from pricing_core.american.engines.chunks import mapped
 from pricing_core.american.implied.volatility_bounds import ANY_VOLATILITY
 from pricing_core.american.implied.volatility_pricers import find_volatilities
 from pricing_core.american.implied.volatility_search import (

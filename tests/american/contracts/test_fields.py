@@ -32,6 +32,7 @@ from pricing_core.american import (
     price_many,
     value_surface,
 )
+from pricing_core.american.arrow.schema import ARROW_TYPES, TYPES, check_names, result_schema
 from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, error_of
 from pricing_core.american.contracts import fields
 from pricing_core.american.contracts.fields import CONTRACT_FIELDS, INPUT_FIELDS, input_field
@@ -43,7 +44,6 @@ from pricing_core.american.contracts.result_fields import (
     price_fields,
 )
 from pricing_core.batch import run_batch
-from pricing_core.batch.schema import ARROW_TYPES, TYPES, check_names, result_schema
 from pricing_core.errors import InvalidInputError
 
 README = Path(__file__).parents[3] / "README.md"

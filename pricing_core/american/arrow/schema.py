@@ -7,13 +7,19 @@ from difflib import get_close_matches
 
 import pyarrow as pa
 
+from pricing_core.american.arrow.arrow_column import is_list, is_number, is_text
 from pricing_core.american.contracts.fields import COLUMN_FIELDS, EXPIRY, Greeks
 from pricing_core.american.contracts.result_fields import price_fields
 from pricing_core.american.contracts.vocabulary import DATES
 from pricing_core.errors import InvalidInputError
 
-# By the kind of an output: the type of its column; a list is JSON text.
-ARROW_TYPES = {"number": pa.float64(), "flag": pa.bool_(), "text": pa.string(), "list": pa.string()}
+# By the kind of an output: the type of its column.
+ARROW_TYPES = {
+    "number": pa.float64(),
+    "flag": pa.bool_(),
+    "text": pa.string(),
+    "list": pa.list_(pa.float64()),
+}
 
 
 def _letters(name: str) -> str:
@@ -126,36 +132,18 @@ def check_types(schema: pa.Schema) -> None:
             raise InvalidInputError(f"column {column.name}", str(found), f"a column of {allowed}")
 
 
-def _is_number(found: pa.DataType) -> bool:
-    return bool(pa.types.is_integer(found) or pa.types.is_floating(found) or pa.types.is_decimal(found))
-
-
-def _is_text(found: pa.DataType) -> bool:
-    if pa.types.is_dictionary(found):
-        found = found.value_type
-    return bool(
-        pa.types.is_string(found) or pa.types.is_large_string(found) or pa.types.is_string_view(found)
-    )
-
-
-def _is_list(found: pa.DataType) -> bool:
-    return bool(
-        pa.types.is_list(found) or pa.types.is_large_list(found) or pa.types.is_fixed_size_list(found)
-    )
-
-
 # By the kind of a column: what its type may be, any of them, and that in words.
 TYPES: Mapping[str, tuple[Sequence[Callable[[pa.DataType], bool]], str]] = {
-    "number": ((_is_number,), "numbers (double)"),
-    "choice": ((_is_text,), "text (string)"),
+    "number": ((is_number,), "numbers (double)"),
+    "choice": ((is_text,), "text (string)"),
     "curve": (
-        (_is_number, _is_text, pa.types.is_struct),
+        (is_number, is_text, pa.types.is_struct),
         "numbers (double), or of text or structures for curves",
     ),
     "time": (
-        (_is_number, _is_text, pa.types.is_date, pa.types.is_timestamp),
+        (is_number, is_text, pa.types.is_date, pa.types.is_timestamp),
         "numbers (double), or of dates, timestamps or text (string)",
     ),
-    "list": ((_is_text, _is_list), "lists, or of text (string)"),
-    "date": ((_is_text, pa.types.is_date, pa.types.is_timestamp), "dates, timestamps or text (string)"),
+    "list": ((is_text, is_list), "lists, or of text (string)"),
+    "date": ((is_text, pa.types.is_date, pa.types.is_timestamp), "dates, timestamps or text (string)"),
 }

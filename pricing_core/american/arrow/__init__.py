@@ -1,0 +1,1 @@
+"""Tables of contracts held by Apache Arrow, and frames that pass their columns as Arrow does."""
