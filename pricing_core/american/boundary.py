@@ -132,7 +132,7 @@ def _times_around(events: Vector) -> Vector:
 
 
 def _checked_times(option: Option, times: ArrayLike) -> Vector:
-    chosen = as_vector("times", times)
+    chosen = as_vector("times", np.atleast_1d(times))
     if np.any(chosen < 0.0) or np.any(chosen > option.expiry) or np.any(np.diff(chosen) <= 0.0):
         raise InvalidInputError("times", times, "increasing, from 0 to the expiry")
     return chosen

@@ -6,9 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pricing_core.american.book.book import Book
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.book.reading import read_book
 from pricing_core.american.book.table import Table
+from pricing_core.american.book.unusual import unusual_columns, warn_of
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
 from pricing_core.american.method import Method
 from pricing_core.american.price_book import checked_threads, price_book
@@ -81,7 +83,16 @@ def price_many(
             from pricing_core.american.arrow.frames import price_frame  # noqa: PLC0415
         return price_frame(columns, settings, threads)
     read = read_book(columns, tolerance)
+    warn_of(unusual_contracts(read.book))
     return as_arrays(price_book(read, columns, settings, threads))
+
+
+def unusual_contracts(book: Book) -> list[str]:
+    """Return one sentence for each column that looks as if it were in another unit."""
+    now = book.first_segments()
+    names = ("rate", "dividend_yield", "volatility")
+    columns = {name: getattr(now, name) for name in names}
+    return unusual_columns(columns | {"expiry": book.expiry, "spot": book.spot, "strike": book.strike})
 
 
 def as_arrays(table: Table) -> dict[str, NDArray[Any]]:

@@ -87,7 +87,7 @@ def value_surface(
     check_kind("option", option, Option, "an Option")
     check_kind("market", market, Market, "a Market")
     tolerance = TOLERANCE.check(tolerance)
-    time, spot = as_vector("times", times), as_vector("spots", spots)
+    time, spot = as_vector("times", np.atleast_1d(times)), as_vector("spots", np.atleast_1d(spots))
     if np.any(time < 0.0) or np.any(time > option.expiry):
         raise InvalidInputError("times", times, "from 0 to the expiry")
     workers = checked_threads(threads)

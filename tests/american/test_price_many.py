@@ -7,7 +7,7 @@ import pytest
 from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, price, price_many
 from pricing_core.american.contracts.result_fields import GREEK_ERROR_FIELDS
 from pricing_core.american.contracts.vocabulary import contract_from
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, UnusualColumnWarning
 from tests.problems.engine_with_errors import ERRORS
 from tests.problems.needs_kernel import needs_kernel
 
@@ -583,3 +583,18 @@ def test_a_method_asked_for_by_name_gives_what_price_gives(method):
 def test_an_unknown_method_is_refused():
     with pytest.raises(InvalidInputError, match=r'method = .*one of "auto", "lcs", "crank-nicolson"'):
         price_many(COLUMNS, method="finite-differences")
+
+
+@pytest.mark.parametrize("dividends", [[(0.5, 1.0)], [[0.5, 1.0], [0.7, 1.0], [0.9, 1.0]]])
+def test_dividends_as_pairs_of_numbers_are_refused_by_their_name(dividends):
+    book = {"option_type": "put", "spot": [90.0, 100.0], "strike": 100.0, "expiry": 1.0, "rate": 0.05}
+    with pytest.raises(
+        InvalidInputError, match=r'cash_dividends\[0\] = .*a list of {"time": ..., "amount": ...}'
+    ):
+        price_many({**book, "volatility": 0.2, "cash_dividends": dividends})
+
+
+def test_a_book_in_days_is_warned_about():
+    book = {"option_type": "put", "spot": [90.0, 100.0], "strike": 100.0, "expiry": 90.0, "rate": 0.05}
+    with pytest.warns(UnusualColumnWarning, match="column expiry looks like days: its median is 90"):
+        price_many({**book, "volatility": 0.2}, tolerance=1e-2, greeks="none")

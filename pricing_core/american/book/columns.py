@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.american.contracts.checks import real_number
+from pricing_core.american.contracts.fields import CASH_DIVIDENDS, PROPORTIONAL_DIVIDENDS
 from pricing_core.american.contracts.vocabulary import DATES, LISTS, is_missing
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, Told
@@ -29,9 +30,20 @@ def broadcast_columns(columns: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     arrays = {name: _as_array(name, values) for name, values in columns.items()}
     lengths = {array.size for array in arrays.values() if array.ndim == 1}
     if any(array.ndim > 1 for array in arrays.values()) or len(lengths) > 1:
-        raise _ragged(arrays)
+        raise _unlisted(arrays) or _ragged(arrays)
     length = lengths.pop() if lengths else 1
     return {name: np.broadcast_to(array, (length,)) for name, array in arrays.items()}
+
+
+def _unlisted(arrays: Mapping[str, NDArray[Any]]) -> InvalidInputError | None:
+    """Return the fault of dividends that are given as pairs of numbers; None if there are none."""
+    for field in (CASH_DIVIDENDS, PROPORTIONAL_DIVIDENDS):
+        cells = arrays[field.name] if field.name in arrays else np.empty(0)
+        first = cells[0] if cells.ndim == 1 and cells.size else None
+        if isinstance(first, list | tuple | np.ndarray) and len(first) and not isinstance(first[0], Mapping):
+            allowed = f"{field.allowed}, one for all rows, or one list for each row"
+            return InvalidInputError(f"{field.name}[0]", first, allowed)
+    return None
 
 
 def _ragged(arrays: Mapping[str, NDArray[Any]]) -> InvalidInputError:

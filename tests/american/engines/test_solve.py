@@ -10,17 +10,9 @@ from pricing_core.american import CashDividend, Market, Option, price, price_man
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, error_of, prices
 from pricing_core.american.book.ragged import Ragged
+from pricing_core.american.engines.chunks import SMALLEST_CHUNK, mapped, solve_in_chunks
 from pricing_core.american.engines.engine import Boundaries, Request
-from pricing_core.american.engines.solve import (
-    ENGINES,
-    FAST_ENGINES,
-    NO_PRICE,
-    SMALLEST_CHUNK,
-    boundary_of,
-    mapped,
-    solve,
-    solve_in_chunks,
-)
+from pricing_core.american.engines.solve import ENGINES, FAST_ENGINES, NO_PRICE, boundary_of, solve
 from tests.problems.needs_kernel import needs_kernel
 from tests.problems.random_events import random_contracts
 from tests.problems.schedules import CONTRACTS
