@@ -1,7 +1,7 @@
 """Price a table of options, one status per row."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,9 +17,40 @@ from pricing_core.american.price_book import checked_threads, price_book
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.extras import needs_extra
 
+if TYPE_CHECKING:
+    from pricing_core.american.arrow.frames import AnyFrame
 
+
+@overload
 def price_many(
     columns: Mapping[str, Any],
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    method: Method = "auto",
+    greeks: Greeks = "standard",
+    greek_errors: bool = False,
+    threads: int | None = None,
+    share_solves: bool = False,
+    deadline: ArrayLike | None = None,
+) -> dict[str, NDArray[Any]]: ...
+
+
+@overload
+def price_many(
+    columns: "AnyFrame",
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    method: Method = "auto",
+    greeks: Greeks = "standard",
+    greek_errors: bool = False,
+    threads: int | None = None,
+    share_solves: bool = False,
+    deadline: ArrayLike | None = None,
+) -> "AnyFrame": ...
+
+
+def price_many(
+    columns: Any,
     *,
     tolerance: float = DEFAULT_TOLERANCE,
     method: Method = "auto",
@@ -83,7 +114,7 @@ def price_many(
             from pricing_core.american.arrow.frames import price_frame  # noqa: PLC0415
         return price_frame(columns, settings, threads)
     read = read_book(columns, tolerance)
-    warn_of(unusual_contracts(read.book))
+    warn_of(unusual_contracts(read.book), callers=2)
     return as_arrays(price_book(read, columns, settings, threads))
 
 

@@ -327,12 +327,12 @@ def test_a_rate_next_to_nothing_is_nothing():
         "expiry": 0.1,
         "volatility": 1.0,
     }
-    tiny = price_many({**contract, "rate": [2.0, -1e-300], "dividend_yield": [1e-300, 0.1]})
-    none = price_many({**contract, "rate": [2.0, 0.0], "dividend_yield": [0.0, 0.1]})
+    tiny = price_many({**contract, "rate": [0.3, -1e-300], "dividend_yield": [1e-300, 0.1]})
+    none = price_many({**contract, "rate": [0.3, 0.0], "dividend_yield": [0.0, 0.1]})
     assert tiny["status"].tolist() == ["ok", "ok"]
     for name in ("price", "delta", "rho"):
         np.testing.assert_array_equal(tiny[name], none[name])
-    alone = price(Option("call", 100.0, 0.1), Market(100.0, 2.0, 1.0, 1e-300))
+    alone = price(Option("call", 100.0, 0.1), Market(100.0, 0.3, 1.0, 1e-300))
     assert alone.price == pytest.approx(tiny["price"][0], rel=1e-12)
 
 

@@ -45,7 +45,7 @@ def price_frame(frame: AnyFrame, settings: PricingSettings, threads: int | None)
     added = result_schema(names, settings.greeks, greek_errors=settings.greek_errors)
     check_results(names, [*added.names, "message"])
     if contracts.num_rows:
-        warn_of(unusual(contracts.combine_chunks().to_batches()[0], settings))
+        warn_of(unusual(contracts.combine_chunks().to_batches()[0], settings), callers=3)
     results = _results(contracts, added, settings, threads)
     if kind == "pandas":
         return _with_columns_of_pandas(table, results)  # type: ignore[no-any-return]

@@ -53,10 +53,10 @@ def unusual_columns(numbers: Mapping[str, Vector]) -> list[str]:
     return found
 
 
-def warn_of(sentences: Sequence[str]) -> None:
-    """Warn of what was found, a warning for each."""
+def warn_of(sentences: Sequence[str], callers: int) -> None:
+    """Warn of what was found, a warning for each, at the place that so many callers up is the user's."""
     for sentence in sentences:
-        warnings.warn(sentence, UnusualColumnWarning, stacklevel=4)
+        warnings.warn(sentence, UnusualColumnWarning, stacklevel=callers + 1)
 
 
 def _median(column: Vector | None) -> float:
