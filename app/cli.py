@@ -3,7 +3,6 @@
 import io
 import json
 import sys
-from contextlib import suppress
 from math import isnan
 from pathlib import Path
 from typing import Annotated, Any
@@ -191,40 +190,70 @@ def implied_volatility_command(
 
 @app.command("batch")
 def batch_command(
-    source: Annotated[Path, typer.Argument(metavar="INPUT", help=".csv or .parquet")],
-    target: Annotated[Path, typer.Argument(metavar="OUTPUT", help=".csv or .parquet")],
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="INPUT",
+            help=".csv, .csv.gz, .csv.zst or .parquet, a folder of Parquet files, a URL, or - with --input-format",
+        ),
+    ],
+    target: Annotated[
+        str,
+        typer.Argument(
+            metavar="OUTPUT", help="likewise; a folder where INPUT is one; - with --output-format"
+        ),
+    ],
     tolerance: ToleranceArgument = 1e-6,
     greeks: GreeksArgument = "standard",
     greek_errors: GreekErrorsArgument = False,
-    threads: Annotated[int | None, typer.Option("--threads", min=1, help="rows priced at a time")] = None,
+    share_solves: Annotated[
+        bool, typer.Option("--share-solves", help="one solve for rows that differ in spot and strike alone")
+    ] = False,
+    threads: Annotated[
+        int | None, typer.Option("--threads", min=1, help="rows priced at a time; default: all processors")
+    ] = None,
     rejects: Annotated[
-        Path | None,
-        typer.Option("--rejects", metavar="FILE", help="default: beside OUTPUT, NAME.rejects.csv"),
+        str | None,
+        typer.Option("--rejects", metavar="FILE", help="default: OUTPUT.rejects.csv"),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="go on with what an ended run of the same work has left")
+    ] = False,
+    input_format: Annotated[
+        str | None, typer.Option("--input-format", metavar="FORMAT", help="csv or parquet")
+    ] = None,
+    output_format: Annotated[
+        str | None, typer.Option("--output-format", metavar="FORMAT", help="csv or parquet")
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="no progress, no summary")] = False,
+    log_json: Annotated[
+        bool, typer.Option("--log-json", help="one JSON object per unit of work, on standard error")
+    ] = False,
 ) -> None:
     """Price every row of a table; rows that cannot be priced are explained in the rejects file."""
     with one_line_errors():
-        from app.progress import shown_progress  # noqa: PLC0415
-        from app.tables import print_summary  # noqa: PLC0415
-        from pricing_core.batch import rejects_path, run_batch  # noqa: PLC0415
+        from app.batch_command import end_interrupted, price_table_of  # noqa: PLC0415
 
-        explained = rejects_path(target) if rejects is None else rejects
-        with interrupted_by_signals(), shown_progress(quiet) as progress:
-            summary = run_batch(
-                source,
-                target,
-                rejects=explained,
-                tolerance=tolerance,
-                greeks=greeks,
-                greek_errors=greek_errors,
-                threads=threads,
-                progress=progress,
-            )
-        if not quiet:
-            with suppress(typer.Exit, OSError), standard_output():  # the files are there, whoever reads this
-                print_summary(summary, target, explained)
-        raise typer.Exit(SOME_REJECTED if summary.rejected else 0)
+        try:
+            with interrupted_by_signals():
+                summary = price_table_of(
+                    source,
+                    target,
+                    rejects,
+                    tolerance=tolerance,
+                    greeks=greeks,
+                    greek_errors=greek_errors,
+                    share_solves=share_solves,
+                    threads=threads,
+                    resume=resume,
+                    input_format=input_format,
+                    output_format=output_format,
+                    quiet=quiet,
+                    log_json=log_json,
+                )
+        except KeyboardInterrupt as error:
+            end_interrupted(error, by_pipe="-" in (source, target))
+        raise typer.Exit(SOME_REJECTED if summary.rejected and not summary.done_before else 0)
 
 
 @app.command("simulate")

@@ -68,7 +68,7 @@ def one_line_errors() -> Iterator[None]:
         raise typer.Exit(INTERRUPTED) from None
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        print_failure(f"{where}{error.strerror or error}")
+        print_failure("; ".join([f"{where}{error.strerror or error}", *getattr(error, "__notes__", ())]))
         raise typer.Exit(FAILED) from None
     except (ValueError, ArithmeticError, ImportError) as error:
         print_failure(str(error))

@@ -1,9 +1,9 @@
 """Results in print: small tables with units for people, JSON for programs."""
 
 import json
+import sys
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from rich.console import Console
 from rich.markup import escape
@@ -69,18 +69,20 @@ def boundary_json(found: ExerciseBoundary) -> str:
     return _json(BOUNDARY_FIELDS, found)
 
 
-def print_summary(summary: "BatchSummary", target: Path, rejects: Path) -> None:
-    """Print what became of the rows of a batch and where to look."""
-    rows = [("read", f"{summary.rows:,}", ""), ("priced", f"{summary.priced:,}", str(target))]
+def print_summary(
+    summary: "BatchSummary", target: str, rejects: str | None, *, to_errors: bool = False
+) -> None:
+    """Print what became of the rows of a batch and where to look; on standard error where output is the table."""
+    rows = [("read", f"{summary.rows:,}", ""), ("priced", f"{summary.priced:,}", target)]
     if summary.below_tolerance:
         rows.append(
             ("  of them, tolerance not met", f"{summary.below_tolerance:,}", "status tolerance_not_met")
         )
-    rows.append(("rejected", f"{summary.rejected:,}", str(rejects) if summary.rejected else ""))
+    rows.append(("rejected", f"{summary.rejected:,}", (rejects or "") if summary.rejected else ""))
     if summary.unread:
         names = ", ".join(name if name.isprintable() else repr(name) for name in summary.unread)
         rows.append(("columns not read", f"{len(summary.unread):,}", names))
-    print_table(("batch", "rows", "in"), rows)
+    print_table(("batch", "rows", "in"), rows, sys.stderr if to_errors else None)
 
 
 def _json(outputs: Iterable[ResultField], found: object) -> str:
@@ -112,12 +114,14 @@ def _shown(value: object) -> str:
     return f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
-def print_table(names: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
-    """Print rows of texts under their headings, in columns."""
+def print_table(names: Iterable[str], rows: Iterable[Iterable[str]], file: TextIO | None = None) -> None:
+    """Print rows of texts under their headings, in columns; on standard output unless a file is given."""
     table = Table(*names, box=None, pad_edge=False)
     for row in rows:
         table.add_row(*map(escape, row))
     console = Console(highlight=False, width=WIDEST)
     with console.capture() as text:
         console.print(table)
-    print(text.get(), end="", flush=True)  # rich itself would meet a closed pipe with an exit of its own
+    print(
+        text.get(), end="", flush=True, file=file
+    )  # rich itself would meet a closed pipe with an exit of its own

@@ -38,6 +38,11 @@ def kernel_name() -> str:
     return "numpy" if _compiled is None else "rust"
 
 
+def instruction_set() -> str:
+    """Return the instructions that the compiled kernel uses here; answers differ between them by rounding."""
+    return "numpy" if _compiled is None else str(_compiled.instruction_set())
+
+
 @cache
 def warn_where_missing() -> None:
     """Warn, once, where the compiled kernel was not built."""

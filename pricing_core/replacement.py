@@ -2,6 +2,7 @@
 
 import errno
 import os
+import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -50,7 +51,34 @@ def replacement(path: Path) -> Iterator[BinaryIO]:
         with suppress(OSError):
             temporary.unlink()
         raise
-    _sync_folder(target.parent)
+    sync_folder(target.parent)
+
+
+def publish(finished: Path, target: Path) -> None:
+    """Give a finished file its name, as `replacement` does; it is copied where it lies on another device.
+
+    Raises
+    ------
+    OSError
+        As `replacement`.
+    """
+    check_replaceable(target)
+    place = Path(os.path.realpath(target))
+    if not place.exists() or place.is_file():
+        _sync(finished)
+        if place.exists():
+            finished.chmod(stat.S_IMODE(place.stat().st_mode))
+        try:
+            finished.replace(place)
+        except OSError as error:
+            if error.errno != errno.EXDEV:
+                raise
+        else:
+            sync_folder(place.parent)
+            return
+    with finished.open("rb") as source, replacement(target) as file:
+        shutil.copyfileobj(source, file)
+    finished.unlink()
 
 
 def check_replaceable(path: Path) -> None:
@@ -75,11 +103,15 @@ def _os_error(number: int, path: Path) -> OSError:
     return OSError(number, os.strerror(number), str(path))
 
 
-def _sync_folder(folder: Path) -> None:
-    """Make the rename itself survive a power cut."""
+def sync_folder(folder: Path) -> None:
+    """Make the renames in a folder survive a power cut."""
     with suppress(OSError):  # some file systems cannot open a folder
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+        _sync(folder)
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -28,6 +28,10 @@ class Chunk:
     table: pa.RecordBatch
     malformed: Mapping[int, InvalidInputError] = field(default_factory=dict)
 
+    def read(self) -> "Chunk":
+        """Return the rows, which are here already."""
+        return self
+
     def cell(self, index: int, name: str) -> str | None:
         """Return a cell as text, "" if it is empty; None where there is no such column."""
         if name not in self.table.schema.names:

@@ -1,71 +1,146 @@
-"""CSV tables, read as text: each cell is checked by itself, so a bad one rejects its own row and no other.
+"""CSV tables, cut into blocks of whole records; each cell is checked by itself, as text.
 
-The standard library's reader rather than a columnar one: it knows on which physical line every record starts,
-blank lines and quoted newlines included, and it goes on behind a malformed line.
+A block without quotes is parsed by Arrow. Where there is a quote, or a line that does not fit the header, the standard
+library's reader takes over for that block: it knows on which physical line every record starts, blank lines and
+quoted newlines included, and it goes on behind a malformed line.
 """
 
-import codecs
 import csv
-from collections.abc import Iterator
-from pathlib import Path
+import io
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from types import TracebackType
 
 import pyarrow as pa
+import pyarrow.csv as pa_csv
 
 from pricing_core.american.arrow.schema import check_names
 from pricing_core.batch.chunk import Chunk
+from pricing_core.batch.csv_check import LONGEST_LINE, CsvCheck, no_line, plain_bytes
+from pricing_core.batch.tables import TableFile, check_width
 from pricing_core.errors import InvalidInputError
 
-BYTES_PER_READ = 1 << 20
-# Key that every curve has, its quotes doubled inside a quoted cell or not.
-CURVE_KEY = b'"times"'
-LONGEST_CELL = (
-    1 << 24
-)  # characters; a bound, because a quote left open makes one cell of the rest of the file
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+# Characters; a bound, because a quote left open makes one cell of the rest of the file.
+LONGEST_CELL = 1 << 24
+# Bytes of a block, about: at most, and at least where the input has so many.
+LARGEST_BLOCK, SMALLEST_BLOCK = 1 << 22, 1 << 16
+BLOCKS = 16  # in a small input, so that its blocks keep some threads busy
 
 
-class CsvReader:
-    """A CSV file: UTF-8 with or without a byte order mark, any line ending, quoted cells as in RFC 4180.
+@dataclass(frozen=True, slots=True)
+class CsvBlock:
+    """Whole lines without a quote, not parsed yet; picklable."""
 
-    Raises
-    ------
-    InvalidInputError
-        The file is not UTF-8, has no header, or its columns are refused by name.
+    first_line: int
+    content: bytes
+    names: tuple[str, ...]
+
+    def read(self) -> Chunk:
+        """Return the rows."""
+        lines = self.content.count(b"\n") + (not self.content.endswith(b"\n"))
+        keys = [str(place) for place in range(len(self.names))]
+        try:
+            table = pa_csv.read_csv(
+                pa.py_buffer(self.content),
+                pa_csv.ReadOptions(use_threads=False, block_size=len(self.content) + 1, column_names=keys),
+                pa_csv.ParseOptions(quote_char=False),
+                pa_csv.ConvertOptions(
+                    column_types=dict.fromkeys(keys, pa.string()), strings_can_be_null=False, check_utf8=False
+                ),
+            )
+        except pa.ArrowInvalid:  # a line of more or fewer cells
+            return self._checked_line_by_line()
+        if table.num_rows != lines:  # blank ones
+            return self._checked_line_by_line()
+        columns = [column.combine_chunks() for column in table.columns]
+        batch = pa.RecordBatch.from_arrays(columns, schema=text_schema(self.names))
+        return Chunk(range(self.first_line, self.first_line + lines), batch)
+
+    def _checked_line_by_line(self) -> Chunk:
+        return Records(Lines(self.content), self.first_line, "input").chunk(self.names)
+
+
+class Lines:
+    """The lines of a block of text, and those behind it that are asked for.
+
+    Parameters
+    ----------
+    block : bytes
+        Whole lines.
+    more : callable
+        Returns the line behind them, b"" at the end of the file.
     """
 
-    def __init__(self, path: Path) -> None:
-        check_text(path)
-        self.may_hold_curves = mentions(path, CURVE_KEY)
-        self._name = path.name
-        self._size = path.stat().st_size
-        self._bytes_read = 0
-        self._last_line = ""
-        self._file = path.open(encoding="utf-8-sig", newline="")
+    def __init__(self, block: bytes, more: Callable[[], bytes] = bytes) -> None:
+        self._left = deque(_lines(block))
+        self._more = more
+        self.last = ""
+
+    @property
+    def left(self) -> str:
+        """What has been read from the file and not been asked for."""
+        return "".join(self._left)
+
+    def __bool__(self) -> bool:
+        """Tell whether there is more of what has been read."""
+        return bool(self._left)
+
+    def __iter__(self) -> Iterator[str]:
+        while self._left or self._extended():
+            self.last = self._left.popleft()
+            yield self.last
+
+    def _extended(self) -> bool:
+        self._left.extend(_lines(self._more()))
+        return bool(self._left)
+
+
+def _lines(block: bytes) -> Iterator[str]:
+    """Return the lines of a text with their endings, which may be carriage returns alone."""
+    return iter(io.StringIO(block.decode(), newline=""))
+
+
+class Records:
+    """The records of some lines, by the standard library's reader.
+
+    Parameters
+    ----------
+    lines : Lines
+    first_line : int
+        The number of the first of them.
+    name : str
+        What messages call the file.
+    """
+
+    def __init__(self, lines: Lines, first_line: int, name: str) -> None:
+        self._lines, self._first_line, self._name = lines, first_line, name
         # The limit is that of the whole process: there is no other.
         csv.field_size_limit(max(LONGEST_CELL, csv.field_size_limit()))
         # Strict: text after a closing quote is an error of its line rather than a silent guess.
-        self._rows = csv.reader(self._remembered_lines(), strict=True)
-        try:
-            self.schema = self._read_header()
-        except InvalidInputError:
-            self._file.close()
-            raise
-
-    def __enter__(self) -> "CsvReader":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._file.close()
+        self._rows = csv.reader(lines, strict=True)
 
     @property
-    def fraction_read(self) -> float:
-        """How much of the file has been read, 0 to 1."""
-        return min(self._bytes_read / self._size, 1.0) if self._size else 1.0
+    def line(self) -> int:
+        """The number of the line behind the records read so far."""
+        return self._first_line + self._rows.line_num
 
-    def chunks(self, rows: int) -> Iterator[Chunk]:
-        """Yield chunks of at most `rows` rows, in order.
+    def header(self) -> list[str] | None:
+        """Return the first record with a cell, None if there is none.
+
+        Raises
+        ------
+        InvalidInputError
+            It is not CSV.
+        """
+        try:
+            return next((row for row in self._rows if row), None)
+        except csv.Error as error:
+            raise InvalidInputError("input", self._name, f"a CSV file; in its header: {error}") from None
+
+    def chunk(self, names: tuple[str, ...]) -> Chunk:
+        """Return the records of the block; the last one may end behind it.
 
         Raises
         ------
@@ -75,98 +150,112 @@ class CsvReader:
         lines: list[int] = []
         cells: list[list[str]] = []
         malformed: dict[int, InvalidInputError] = {}
-        for line, row, fault in self._records():
-            if fault is not None:
-                malformed[len(lines)] = fault
-            lines.append(line)
-            cells.append(row)
-            if len(lines) == rows:
-                yield Chunk(lines, self._table(cells), malformed)
-                lines, cells, malformed = [], [], {}
-        if lines:
-            yield Chunk(lines, self._table(cells), malformed)
-
-    def _read_header(self) -> pa.Schema:
-        try:
-            header = next((row for row in self._rows if row), None)
-        except csv.Error as error:
-            raise InvalidInputError("input", self._name, f"a CSV file; in its header: {error}") from None
-        if header is None:
-            raise InvalidInputError("input", self._name, "a CSV file that names its columns; it is empty")
-        names = [name.strip() for name in header]
-        if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
-            raise InvalidInputError("input", self._name, "separated by commas")
-        check_names(names)
-        return pa.schema([(name, pa.string()) for name in names])
-
-    def _records(self) -> Iterator[tuple[int, list[str], InvalidInputError | None]]:
-        """Yield (line, cells, fault), blank lines left out, every row with as many cells as the header."""
-        width = len(self.schema)
-        while True:
-            line = self._rows.line_num + 1
+        while self._lines:
+            line = self.line
             try:
                 row = next(self._rows)
-            except StopIteration:
-                return
             except csv.Error as error:
-                yield line, _fitted(self._last_line.strip().split(","), width), self._malformed(line, error)
-                continue
-            if len(row) == width:
-                yield line, row, None
-            elif row:
-                allowed = f"a line of {width} cells, as the header; it has {len(row)}"
-                yield line, _fitted(row, width), InvalidInputError("", ",".join(row), allowed)
+                malformed[len(lines)] = self._fault(line, error)
+                row = self._lines.last.strip().split(",")
+            else:
+                if not row:  # a blank line
+                    continue
+                if len(row) != len(names):
+                    allowed = f"a line of {len(names)} cells, as the header; it has {len(row)}"
+                    malformed[len(lines)] = InvalidInputError("", ",".join(row), allowed)
+            lines.append(line)
+            # Cut or filled up, so that the record keeps its place in the output.
+            cells.append((row + [""] * (len(names) - len(row)))[: len(names)])
+        columns = [[row[place] for row in cells] for place in range(len(names))]
+        arrays = [pa.array(column, pa.string()) for column in columns]
+        return Chunk(lines, pa.RecordBatch.from_arrays(arrays, schema=text_schema(names)), malformed)
 
-    def _malformed(self, line: int, error: csv.Error) -> InvalidInputError:
+    def _fault(self, line: int, error: csv.Error) -> InvalidInputError:
         """Return the fault of a line, or raise where the record has run over its end."""
-        if self._rows.line_num > line:
+        if self.line > line + 1:
             allowed = f"a CSV file; a quoted cell that starts in line {line} is not closed properly"
             raise InvalidInputError("input", self._name, allowed)
-        return InvalidInputError("", self._last_line.strip(), f"a line of CSV: {error}")
-
-    def _remembered_lines(self) -> Iterator[str]:
-        for line in self._file:
-            self._last_line = line
-            self._bytes_read += len(line)  # exact for ASCII, and only a progress bar depends on it
-            yield line
-
-    def _table(self, cells: list[list[str]]) -> pa.RecordBatch:
-        columns = [pa.array(column, pa.string()) for column in zip(*cells, strict=True)]
-        return pa.RecordBatch.from_arrays(columns, schema=self.schema)
+        return InvalidInputError("", self._lines.last.strip(), f"a line of CSV: {error}")
 
 
-def _fitted(row: list[str], width: int) -> list[str]:
-    """Return the row cut or filled up to `width` cells, so that it keeps its place in the output."""
-    return (row + [""] * width)[:width]
+def text_schema(names: tuple[str, ...]) -> pa.Schema:
+    """Return columns of text."""
+    return pa.schema([(name, pa.string()) for name in names])
 
 
-def check_text(path: Path) -> None:
-    """Read the file once as UTF-8, so that a bad byte at its end is found before an hour of pricing.
+class CsvReader:
+    """A CSV file: UTF-8 with or without a byte order mark, any line ending, quoted cells as in RFC 4180.
 
     Raises
     ------
     InvalidInputError
-        It is not UTF-8.
+        The file has no header, or its columns are refused by name.
     """
-    decoder = codecs.getincrementaldecoder("utf-8")()
-    line = 1
-    with path.open("rb") as file:
+
+    def __init__(self, table: TableFile, check: CsvCheck) -> None:
+        self.digest = check.digest
+        self.may_hold_curves = check.mentions_curves
+        self.rows = max(check.lines - 1, 0)
+        size = max(SMALLEST_BLOCK, min(LARGEST_BLOCK, check.size // BLOCKS))
+        self._name, self._block_size = table.name, size
+        self._file = plain_bytes(table)
+        self._begun = b""  # read, but not used yet
+        self._line = 1
         try:
-            while block := file.read(BYTES_PER_READ):
-                decoder.decode(block)
-                line += block.count(b"\n")
-            decoder.decode(b"", final=True)
-        except UnicodeDecodeError as error:
-            line += bytes(error.object[: error.start]).count(b"\n")
-            raise InvalidInputError("input", path.name, f"UTF-8 text; line {line} is not") from None
+            self._names = self._read_header()
+        except InvalidInputError:
+            self._file.close()
+            raise
+        self.schema = text_schema(self._names)
 
+    def __enter__(self) -> "CsvReader":
+        return self
 
-def mentions(path: Path, word: bytes) -> bool:
-    """Tell whether a file holds a word."""
-    before = b""
-    with path.open("rb") as file:
-        while block := file.read(BYTES_PER_READ):
-            if word in before + block:
-                return True
-            before = block[1 - len(word) :]
-    return False
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._file.close()
+
+    def blocks(self, size: int | None = None) -> Iterator[CsvBlock | Chunk]:
+        """Yield the rows in order, in blocks of about `size` bytes.
+
+        Raises
+        ------
+        InvalidInputError
+            A quote is left open: the lines behind it cannot be told apart.
+        """
+        size = size or self._block_size
+        while content := self._next_lines(size):
+            if b'"' in content or content.count(b"\r") != content.count(b"\r\n"):
+                records = Records(Lines(content, self._next_line), self._line, self._name)
+                yield records.chunk(self._names)
+                self._line = records.line
+            else:
+                yield CsvBlock(self._line, content, self._names)
+                self._line += content.count(b"\n")
+
+    def _next_lines(self, size: int) -> bytes:
+        begun, self._begun = self._begun, b""
+        content = begun + self._file.read(size)
+        return content if content.endswith(b"\n") or not content else content + self._next_line()
+
+    def _next_line(self) -> bytes:
+        line = self._file.readline(LONGEST_LINE)
+        if len(line) == LONGEST_LINE and not line.endswith(b"\n"):
+            raise no_line(self._name, self._line)
+        return line
+
+    def _read_header(self) -> tuple[str, ...]:
+        first = self._next_line().removeprefix(BYTE_ORDER_MARK)
+        lines = Lines(first, self._next_line)
+        records = Records(lines, self._line, self._name)
+        header = records.header()
+        if header is None:
+            raise InvalidInputError("input", self._name, "a CSV file that names its columns; it is empty")
+        self._line, self._begun = records.line, lines.left.encode()
+        names = tuple(name.strip() for name in header)
+        if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
+            raise InvalidInputError("input", self._name, "separated by commas")
+        check_width(len(names))
+        check_names(names)
+        return names

@@ -1,24 +1,37 @@
-"""Tables read in chunks of rows, never as a whole, by the reader of CSV or of Parquet files."""
+"""Tables read in blocks of rows, never as a whole, by the reader of CSV or of Parquet files."""
 
-import stat
 from collections.abc import Iterator
-from pathlib import Path
 from types import TracebackType
 from typing import Protocol
 
 import pyarrow as pa
 
 from pricing_core.batch.chunk import Chunk
+from pricing_core.batch.csv_check import CsvCheck, check_csv
 from pricing_core.batch.csv_reader import CsvReader
 from pricing_core.batch.parquet_reader import ParquetReader
-from pricing_core.errors import InvalidInputError
+from pricing_core.batch.tables import TableFile
+
+
+class Block(Protocol):
+    """Consecutive rows, read already or not; picklable, so that another process may read them."""
+
+    def read(self) -> Chunk:
+        """Return the rows."""
+        ...
 
 
 class TableReader(Protocol):
     """A table open for reading, to be used as a context manager."""
 
-    schema: pa.Schema
+    schema: pa.Schema  # without the columns of its partition
     may_hold_curves: bool  # whether a rate, a yield or a volatility may be something else than a number
+    rows: int  # in a CSV file at most
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the file."""
+        ...
 
     def __enter__(self) -> "TableReader": ...
 
@@ -26,31 +39,29 @@ class TableReader(Protocol):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None: ...
 
-    def chunks(self, rows: int) -> Iterator[Chunk]:
-        """Yield chunks of at most `rows` rows, in order."""
+    def blocks(self, size: int | None = None) -> Iterator[Block]:
+        """Yield all rows in order; the size of a block, in bytes of CSV and rows of Parquet, is chosen unless stated.
+
+        The blocks depend on the file and the size alone.
+        """
         ...
 
-    @property
-    def fraction_read(self) -> float:
-        """How much of the file has been read, 0 to 1."""
-        ...
 
+def open_table(table: TableFile, check: CsvCheck | None = None) -> TableReader:
+    """Open a table and check its columns.
 
-def open_table(path: Path) -> TableReader:
-    """Open a table by the ending of its name and check its columns.
+    Parameters
+    ----------
+    check : CsvCheck, optional
+        Of a CSV file that has been looked through.
 
     Raises
     ------
     InvalidInputError
-        Another ending, not a regular file, a file that is not of its kind, or columns that the schema refuses.
+        A file that is not of its kind, or columns that the schema refuses.
     OSError
         The file cannot be read.
     """
-    if not stat.S_ISREG(path.stat().st_mode):  # a pipe cannot be read twice, nor a Parquet file backwards
-        raise InvalidInputError("input", path.name, "a regular file")
-    kind = path.suffix.lower()
-    if kind == ".csv":
-        return CsvReader(path)
-    if kind == ".parquet":
-        return ParquetReader(path)
-    raise InvalidInputError("input", path.name, "a .csv or .parquet file")
+    if table.format.kind == "parquet":
+        return ParquetReader(table)
+    return CsvReader(table, check or check_csv(table))

@@ -1,24 +1,23 @@
-"""Tables written chunk by chunk: missing cells are empty in CSV and null in Parquet."""
+"""Tables written part by part: lines of CSV as they are, rows in row groups of Parquet."""
 
-import json
-from contextlib import suppress
-from pathlib import Path
+import gzip
+from contextlib import ExitStack, suppress
 from types import TracebackType
-from typing import BinaryIO, Protocol
+from typing import Any, BinaryIO, Protocol
 
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from pricing_core.csv_text import CsvText, number_text
-from pricing_core.errors import SHOWN_CHARACTERS, InvalidInputError
+from pricing_core.batch.csv_lines import header_line
+from pricing_core.batch.formats import FileFormat
 
 # Rows in a row group of a Parquet file; smaller groups cost space and reading time.
 ROWS_PER_GROUP = 65_536
+GZIP_LEVEL = 1  # Numbers of sixteen digits gain little from more.
 
 
 class TableWriter(Protocol):
-    """Appends chunks to a table; leaving the `with` block completes it, the file itself stays open."""
+    """Appends parts to a table; leaving the `with` block completes it, the file itself stays open."""
 
     def __enter__(self) -> "TableWriter": ...
 
@@ -26,45 +25,31 @@ class TableWriter(Protocol):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None: ...
 
-    def write(self, table: pa.RecordBatch) -> None:
-        """Append the rows of `table`."""
+    def write(self, content: Any) -> None:
+        """Append the content of a part."""
         ...
 
 
-def check_ending(path: Path) -> None:
-    """Accept a name that ends in .csv or .parquet.
-
-    Raises
-    ------
-    InvalidInputError
-        Any other ending.
-    """
-    if path.suffix.lower() not in (".csv", ".parquet"):
-        raise InvalidInputError("output", path.name, "a .csv or .parquet file")
-
-
-def table_writer(path: Path, file: BinaryIO, schema: pa.Schema) -> TableWriter:
-    """Return the writer for the ending of `path`, writing rows of `schema` to `file`.
-
-    Raises
-    ------
-    InvalidInputError
-        A CSV file cannot hold a column.
-    """
-    if path.suffix.lower() != ".csv":
-        return ParquetWriter(file, schema)
-    for field in schema:
-        if not _has_text_form(field.type):
-            allowed = "left out, or written to a .parquet file: a CSV cell cannot hold it"
-            raise InvalidInputError(f"column {field.name}", str(field.type), allowed)
-    return CsvWriter(file, schema.names)
+def table_writer(file: BinaryIO, format_: FileFormat, schema: pa.Schema) -> TableWriter:
+    """Return the writer of a table of these columns."""
+    return (
+        ParquetWriter(file, schema) if format_.kind == "parquet" else CsvWriter(file, format_, schema.names)
+    )
 
 
 class CsvWriter:
-    """Writes chunks as CSV."""
+    """Writes a header and lines of CSV, compressed or not."""
 
-    def __init__(self, file: BinaryIO, names: list[str]) -> None:
-        self._text = CsvText(file, names)
+    def __init__(self, file: BinaryIO, format_: FileFormat, names: list[str]) -> None:
+        self._stack = ExitStack()
+        self._file: Any = file
+        if format_.compression == "gzip":  # Arrow's is at the slowest level
+            stream = gzip.GzipFile(filename="", mode="wb", compresslevel=GZIP_LEVEL, fileobj=file, mtime=0)
+            self._file = self._stack.enter_context(stream)
+        elif format_.compression == "zstd":
+            stream = pa.CompressedOutputStream(pa.PythonFile(file, mode="w"), "zstd")
+            self._file = self._stack.enter_context(stream)
+        self._file.write(header_line(names))
 
     def __enter__(self) -> "CsvWriter":
         return self
@@ -72,19 +57,20 @@ class CsvWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._text.__exit__(kind, error, trace)
+        self._stack.close()
 
-    def write(self, table: pa.RecordBatch) -> None:
-        """Append the rows of `table`."""
-        self._text.write(zip(*map(_column_text, table.columns), strict=True))
+    def write(self, content: pa.Buffer) -> None:
+        """Append lines."""
+        self._file.write(content)
 
 
 class ParquetWriter:
-    """Writes Parquet in row groups of 65,536 rows."""
+    """Writes Parquet in row groups of 65,536 rows, columns of text by dictionary."""
 
     def __init__(self, file: BinaryIO, schema: pa.Schema) -> None:
         self._schema = schema
-        self._writer = pq.ParquetWriter(file, schema)
+        texts = [field.name for field in schema if _is_text(field.type)]
+        self._writer = pq.ParquetWriter(file, schema, use_dictionary=texts, compression="snappy")
         self._held: list[pa.RecordBatch] = []
         self._held_rows = 0
 
@@ -101,51 +87,20 @@ class ParquetWriter:
         with suppress(Exception):  # the first error is the one to report
             self._writer.close()
 
-    def write(self, table: pa.RecordBatch) -> None:
-        """Append the rows of `table`."""
-        self._held.append(table)
-        self._held_rows += table.num_rows
+    def write(self, content: pa.RecordBatch) -> None:
+        """Append rows."""
+        self._held.append(content)
+        self._held_rows += content.num_rows
         if self._held_rows >= ROWS_PER_GROUP:
             self._flush()
 
     def _flush(self) -> None:
         if self._held_rows:
-            self._writer.write_table(
-                pa.Table.from_batches(self._held, self._schema), row_group_size=ROWS_PER_GROUP
-            )
+            table = pa.Table.from_batches(self._held, self._schema)
+            self._writer.write_table(table, row_group_size=ROWS_PER_GROUP)
         self._held, self._held_rows = [], 0
 
 
-class RejectsWriter(CsvText):
-    """Writes one line per rejected row: line, field, value (cut at 40 characters), reason."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        super().__init__(file, ["line", "field", "value", "reason"])
-
-    def reject(self, line: int, field: str, value: str, reason: str) -> None:
-        """Append one rejected row."""
-        shown = value if len(value) <= SHOWN_CHARACTERS else value[: SHOWN_CHARACTERS - 3] + "..."
-        self.write([[str(line), field, shown, reason]])
-
-
-def _column_text(column: pa.Array) -> list[str]:
-    """Return the cells as CSV text; a missing value or a NaN is empty."""
-    if pa.types.is_floating(column.type):
-        return [number_text(x) for x in column.to_pylist()]
-    if pa.types.is_list(column.type) and pa.types.is_floating(column.type.value_type):
-        return ["" if numbers is None else json.dumps(numbers) for numbers in column.to_pylist()]
-    return [text or "" for text in pc.cast(column, pa.string()).to_pylist()]
-
-
-def _has_text_form(found: pa.DataType) -> bool:
-    """Tell text, numbers, flags and times from lists, structures and bytes."""
-    if pa.types.is_list(found) and pa.types.is_floating(found.value_type):  # as JSON
-        return True
+def _is_text(found: pa.DataType) -> bool:
     values = found.value_type if pa.types.is_dictionary(found) else found
-    if "binary" in str(values):  # binary of any width; only some cells are text by chance
-        return False
-    try:
-        pc.cast(pa.nulls(0, found), pa.string())
-    except pa.ArrowNotImplementedError:
-        return False
-    return True
+    return bool(pa.types.is_string(values) or pa.types.is_large_string(values))

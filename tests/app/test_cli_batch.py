@@ -50,7 +50,7 @@ def test_all_priced_is_status_0_and_a_summary(tmp_path: Path) -> None:
         ("0", "A, B", "ok"),
         ("1", "A, B", "ok"),
     ]
-    assert read(tmp_path / "out.rejects.csv") == []
+    assert read(tmp_path / "out.csv.rejects.csv") == []
 
 
 def test_a_file_without_greeks_is_made_where_none_are_asked_for(tmp_path: Path) -> None:

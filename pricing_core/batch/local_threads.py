@@ -1,0 +1,42 @@
+"""Units priced by threads of this process: the kernel, NumPy and Arrow release the interpreter."""
+
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from functools import partial
+from threading import BoundedSemaphore
+from typing import Protocol
+
+from pricing_core.batch.unit import Counts, Unit, price_unit
+from pricing_core.batch.work_folder import WorkFolder
+
+
+class Executor(Protocol):
+    """Prices units, by threads here or by processes elsewhere."""
+
+    def price(self, units: Iterator[Unit], folder: WorkFolder) -> Iterator[tuple[int, Counts]]:
+        """Yield the index of each unit that has its part, in any order, taking few more units than are being priced."""
+        ...
+
+
+class LocalThreads:
+    """So many units priced at a time; one more thread waits for the disk."""
+
+    def __init__(self, threads: int) -> None:
+        self._threads = threads
+
+    def price(self, units: Iterator[Unit], folder: WorkFolder) -> Iterator[tuple[int, Counts]]:
+        """Yield what has been priced. A unit that is being priced is not waited for where the others are given up."""
+        price = partial(price_unit, folder=folder, turn=BoundedSemaphore(self._threads))
+        pool = ThreadPoolExecutor(self._threads + 1, "pricing")
+        running: set[Future[tuple[int, Counts]]] = set()
+        try:
+            for unit in units:
+                running.add(pool.submit(price, unit))
+                if len(running) > self._threads + 1:
+                    done, running = wait(running, return_when=FIRST_COMPLETED)
+                    yield from (future.result() for future in done)
+            while running:
+                done, running = wait(running, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in done)
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
