@@ -1,0 +1,85 @@
+"""Runs that are killed, and what the next run makes of what they leave."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from benchmarks.problems.portfolios import everyday
+from pricing_core.batch import parts_path, run_batch
+from pricing_core.errors import InvalidInputError
+
+COARSE = 1e-3
+ROWS, BLOCK = 6_000, 300
+# Imports once, then lets children run the batch and kills each at a random moment.
+KILLER = """
+import os, random, signal, sys, time
+from pathlib import Path
+from pricing_core.batch import run_batch
+from pricing_core.batch.runner import manifest_path
+source, target, seed, block = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
+random.seed(seed)
+kept = []
+for _ in range(20):
+    child = os.fork()
+    if child == 0:
+        run_batch(source, target, tolerance=1e-3, resume=True, block_size=block, threads=2)
+        os._exit(0)
+    time.sleep(random.uniform(0.0, 0.12))
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    parts = Path(target + ".parts")
+    kept.append(len(list(parts.glob("*.arrow"))) if parts.exists() else -1)
+    if not os.path.exists(manifest_path(target)):
+        continue
+    for path in Path(target).parent.glob(Path(target).name + "*"):  # complete: begin anew
+        path.unlink() if path.is_file() else None
+print(kept)
+"""
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    path = tmp_path / "in.parquet"
+    pq.write_table(
+        pa.table({name: pa.array(cells) for name, cells in everyday(ROWS).columns().items()}), path
+    )
+    return path
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_run_killed_twenty_times_and_resumed_gives_the_table_of_an_undisturbed_one(
+    source: Path, tmp_path: Path, ending: str
+) -> None:
+    undisturbed, target = tmp_path / f"whole.{ending}", tmp_path / f"killed.{ending}"
+    run_batch(source, undisturbed, tolerance=COARSE, block_size=BLOCK)
+    command = [sys.executable, "-W", "ignore", "-c", KILLER, str(source), str(target), "7", str(BLOCK)]
+    found = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    kept = json.loads(found.stdout)
+    assert max(kept) > 0  # some were killed at work
+    run_batch(source, target, tolerance=COARSE, block_size=BLOCK, resume=True)
+    assert target.read_bytes() == undisturbed.read_bytes()
+    left = {path.name for path in tmp_path.glob(f"{target.name}*")}
+    assert left == {target.name, f"{target.name}.rejects.csv", f"{target.name}.manifest.json"}
+
+
+def test_what_differs_from_the_run_before_is_said_and_its_parts_stay(source: Path, tmp_path: Path) -> None:
+    target = tmp_path / "out.csv"
+
+    def stop(_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt) as raised:
+        run_batch(source, target, tolerance=COARSE, block_size=BLOCK, progress=stop)
+    assert "--resume" in raised.value.__notes__[0]
+    with pytest.raises(InvalidInputError, match=r"tolerance was 0\.001 and is 0\.01: without it .* afresh"):
+        run_batch(source, target, tolerance=1e-2, block_size=BLOCK, resume=True)
+    assert list(Path(parts_path(target)).glob("*.arrow"))
+    told: list[object] = []
+    run_batch(source, target, tolerance=COARSE, block_size=BLOCK, resume=True, progress=told.append)
+    assert len(told) < ROWS // BLOCK
+    assert run_batch(source, target, tolerance=COARSE, block_size=BLOCK, resume=True).done_before
