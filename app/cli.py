@@ -219,6 +219,15 @@ def batch_command(
     resume: Annotated[
         bool, typer.Option("--resume", help="go on with what an ended run of the same work has left")
     ] = False,
+    engine: Annotated[
+        str, typer.Option("--engine", metavar="NAME", help="local: threads here; dask: worker processes")
+    ] = "local",
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler", metavar="ADDRESS", help="of a Dask cluster; default: workers started here"
+        ),
+    ] = None,
     input_format: Annotated[
         str | None, typer.Option("--input-format", metavar="FORMAT", help="csv or parquet")
     ] = None,
@@ -245,6 +254,8 @@ def batch_command(
                     greek_errors=greek_errors,
                     share_solves=share_solves,
                     threads=threads,
+                    engine=engine,
+                    scheduler=scheduler,
                     resume=resume,
                     input_format=input_format,
                     output_format=output_format,

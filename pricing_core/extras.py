@@ -8,6 +8,7 @@ from pricing_core.errors import MissingExtraError
 # The modules that each extra installs, as `pyproject.toml` has them.
 EXTRAS = {
     "batch": ("fsspec", "pyarrow"),
+    "cluster": ("dask", "distributed"),
     "cli": ("rich", "typer"),
     "plot": ("matplotlib",),
     "service": ("fastapi", "pydantic", "pydantic_settings", "starlette", "uvicorn"),

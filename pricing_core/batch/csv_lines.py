@@ -10,7 +10,7 @@ NEEDS_QUOTES = '[",\r\n]'
 
 
 def check_text_form(schema: pa.Schema) -> None:
-    """Accept columns that cells of CSV can hold: text, numbers, flags, times and lists of numbers, not bytes and others.
+    """Accept columns that cells of CSV can hold: text, numbers, flags, times, lists of numbers; not bytes and others.
 
     Raises
     ------

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from pricing_core.american.contracts.checks import alternatives
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
 from pricing_core.american.price_book import checked_threads
 from pricing_core.american.pricing_settings import PricingSettings
@@ -29,6 +30,7 @@ from pricing_core.batch.unit import Counts, Unit, read_part, sum_of
 from pricing_core.batch.work_folder import LocalFolder, WorkFolder, claimed, work_folder
 from pricing_core.errors import InvalidInputError
 
+ENGINES = ("local", "dask")
 PathLike = str | os.PathLike[str]
 
 
@@ -92,6 +94,8 @@ def run_batch(
     greek_errors: bool = False,
     share_solves: bool = False,
     threads: int | None = None,
+    engine: str = "local",
+    scheduler: str | None = None,
     resume: bool = False,
     input_format: str | None = None,
     output_format: str | None = None,
@@ -123,6 +127,11 @@ def run_batch(
     threads : int, optional
         How many rows are priced at a time; as many as the process has processors unless stated. The results do not
         depend on it.
+    engine : {"local", "dask"}
+        Who prices: threads of this process, or the worker processes of a Dask cluster, which must reach the input and
+        the folder TARGET.parts under the same names.
+    scheduler : str, optional
+        Address of the cluster's scheduler; without one, so many processes as `threads` says are started here.
     resume : bool
         Whether what an ended run with the same input, parameters and versions has left is used. The output is the
         same, value for value. Where nothing is left the work starts afresh; where all is done nothing is done.
@@ -144,7 +153,7 @@ def run_batch(
     source, target = as_location(source), as_location(target)
     rejects = rejects_path(target) if rejects is None else as_location(rejects)
     settings = PricingSettings(tolerance, greeks, greek_errors, share_solves)
-    executor = LocalThreads(_processors() if threads is None else checked_threads(threads))
+    executor = _executor(engine, scheduler, _processors() if threads is None else checked_threads(threads))
     _check_distinct(source, target, rejects)
     plan = plan_of(
         source,
@@ -313,6 +322,18 @@ def _done_already(plan: Plan, target: str) -> BatchSummary | None:
     if any(size_of(f"{target}/{name}" if name else target) != size for name, size in found.sizes.items()):
         return None
     return replace(BatchSummary.of(sum_of(found.units), plan.unread), done_before=True)
+
+
+def _executor(engine: str, scheduler: str | None, threads: int) -> Executor:
+    if engine not in ENGINES:
+        raise InvalidInputError("engine", engine, alternatives([f'"{name}"' for name in ENGINES]))
+    if engine == "local":
+        if scheduler is not None:
+            raise InvalidInputError("scheduler", scheduler, 'left out where the engine is not "dask"')
+        return LocalThreads(threads)
+    from pricing_core.batch.cluster import DaskCluster  # noqa: PLC0415
+
+    return DaskCluster(scheduler, threads)
 
 
 def _processors() -> int:
