@@ -61,7 +61,11 @@ def test_a_method_of_the_library_is_imported_when_it_is_asked_for() -> None:
 
 def test_the_library_but_for_its_tables_does_without_plots_the_service_and_the_command() -> None:
     paths = [path.relative_to(LIBRARY.parent).with_suffix("") for path in LIBRARY.rglob("*.py")]
-    names = {".".join(path.parts).removesuffix(".__init__") for path in paths if not {"batch", "arrow"} & {*path.parts}}
+    names = {
+        ".".join(path.parts).removesuffix(".__init__")
+        for path in paths
+        if not {"batch", "arrow"} & {*path.parts}
+    }
     imported = imported_by("import " + ", ".join(sorted(names)))
     assert names <= imported
     assert imported.isdisjoint(LIBRARY_NEEDS_NONE)

@@ -17,8 +17,10 @@ COARSE = 1e-3
 ROWS, BLOCK = 6_000, 300
 # Imports once, then lets children run the batch and kills each at a random moment.
 KILLER = """
-import os, random, signal, sys, time
+import contextlib, os, random, signal, sys, time
 from pathlib import Path
+with contextlib.suppress(ImportError):
+    import pandas  # which pyarrow would import in each child, at its first conversion
 from pricing_core.batch import run_batch
 from pricing_core.batch.runner import manifest_path
 source, target, seed, block = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
