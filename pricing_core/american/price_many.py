@@ -118,6 +118,13 @@ def price_many(
     return as_arrays(price_book(read, columns, settings, threads))
 
 
+def price_columns(
+    columns: Mapping[str, Any], settings: PricingSettings, threads: int | None
+) -> dict[str, NDArray[Any]]:
+    """Price a table of arrays as `price_many` does, without a word about its units."""
+    return as_arrays(price_book(read_book(columns, settings.tolerance), columns, settings, threads))
+
+
 def unusual_contracts(book: Book) -> list[str]:
     """Return one sentence for each column that looks as if it were in another unit."""
     now = book.first_segments()

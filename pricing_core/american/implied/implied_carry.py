@@ -12,7 +12,8 @@ from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, DIVIDEND_Y
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.implied.carry_pairs import DIVIDENDS, Chain, Pairs, read_chain
 from pricing_core.american.implied.implied_volatility_many import implied_volatility_many
-from pricing_core.american.price_many import price_many
+from pricing_core.american.price_many import price_columns
+from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.arrays import BoolVector, Vector
 
 PAIRS = 8  # Number of pairs of an expiry that are used, those nearest the money; chosen.
@@ -105,6 +106,7 @@ def implied_carry(
 
     Examples
     --------
+    >>> from pricing_core.american import price_many
     >>> chain = {"option_type": ["call", "put"], "strike": 100.0, "expiry": 1.0, "spot": 100.0, "rate": 0.05}
     >>> prices = price_many({**chain, "volatility": 0.2, "dividend_yield": 0.03})["price"]
     >>> carry = implied_carry({**chain, "option_price": prices})
@@ -210,7 +212,7 @@ def _premiums(
     volatility = implied["volatility"].reshape(2, count).mean(axis=0)
     identified = np.isfinite(volatility)
     columns["volatility"] = np.tile(np.where(identified, volatility, np.nan), 2)
-    table = price_many(columns, tolerance=tolerance, greeks="none", threads=threads)
+    table = price_columns(columns, PricingSettings(tolerance, "none"), threads)
     call, put = table["early_exercise_premium"].reshape(2, count)
     return identified & np.isfinite(call) & np.isfinite(put), call - put
 

@@ -9,6 +9,7 @@ import pytest
 
 from pricing_core.american import implied_carry, implied_volatility_many, price_many
 from pricing_core.american.implied import implied_carry as module
+from pricing_core.american.price_many import price_columns
 from pricing_core.errors import InvalidInputError
 from tests.problems.needs_kernel import needs_kernel
 
@@ -61,11 +62,11 @@ def test_the_first_passes_are_coarse_and_the_yield_does_not_depend_on_that():
     chain, prices = synthetic_chain({0.5: 0.02, 2.0: 0.0}, cash_dividends=dividends)
     asked = []
 
-    def priced(columns, **options):
-        asked.append(options["tolerance"])
-        return price_many(columns, **options)
+    def priced(columns, settings, threads):
+        asked.append(settings.tolerance)
+        return price_columns(columns, settings, threads)
 
-    with patch.object(module, "price_many", priced):
+    with patch.object(module, "price_columns", priced):
         carry = implied_carry({**chain, "option_price": prices})
     assert asked.count(1e-6) == 2 < len(asked)  # once for each expiry
     assert np.max(np.abs(carry.dividend_yield - [0.02, 0.0]) * carry.expiry) <= 1e-5
