@@ -1,12 +1,14 @@
 """CSV tables, cut into blocks of whole records; each cell is checked by itself, as text.
 
-A block without quotes is parsed by Arrow. Where there is a quote, or a line that does not fit the header, the standard
-library's reader takes over for that block: it knows on which physical line every record starts, blank lines and
-quoted newlines included, and it goes on behind a malformed line.
+A block is parsed by Arrow where each of its quotes is one of two around a whole cell, within a line. Where there is any
+other quote, or a line that does not fit the header, the standard library's reader takes over for that block: it knows
+on which physical line every record starts, blank lines and quoted newlines included, and it goes on behind a malformed
+line.
 """
 
 import csv
 import io
+import re
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -24,6 +26,7 @@ from pricing_core.errors import InvalidInputError
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 # Characters; a bound, because a quote left open makes one cell of the rest of the file.
 LONGEST_CELL = 1 << 24
+QUOTED_CELL = re.compile(rb'(?<![^,\n])"[^"\r\n]*"(?![^,\r\n])')
 # Bytes of a block, about: at most, and at least where the input has so many.
 LARGEST_BLOCK, SMALLEST_BLOCK = 1 << 22, 1 << 16
 BLOCKS = 16  # in a small input, so that its blocks keep some threads busy
@@ -31,7 +34,7 @@ BLOCKS = 16  # in a small input, so that its blocks keep some threads busy
 
 @dataclass(frozen=True, slots=True)
 class CsvBlock:
-    """Whole lines without a quote, not parsed yet; picklable."""
+    """Whole lines without a quote but those around whole cells, not parsed yet; picklable."""
 
     first_line: int
     content: bytes
@@ -45,7 +48,7 @@ class CsvBlock:
             table = pa_csv.read_csv(
                 pa.py_buffer(self.content),
                 pa_csv.ReadOptions(use_threads=False, block_size=len(self.content) + 1, column_names=keys),
-                pa_csv.ParseOptions(quote_char=False),
+                pa_csv.ParseOptions(quote_char='"' if b'"' in self.content else False, double_quote=False),
                 pa_csv.ConvertOptions(
                     column_types=dict.fromkeys(keys, pa.string()), strings_can_be_null=False, check_utf8=False
                 ),
@@ -60,6 +63,13 @@ class CsvBlock:
 
     def _checked_line_by_line(self) -> Chunk:
         return Records(Lines(self.content), self.first_line, "input").chunk(self.names)
+
+
+def _needs_records(content: bytes) -> bool:
+    """Tell whether a quote is anything else than one of two around a whole cell, or such a cell may be too long."""
+    if b'"' not in content:
+        return False
+    return len(content) > LONGEST_CELL or b'"' in QUOTED_CELL.sub(b"", content)
 
 
 class Lines:
@@ -226,7 +236,7 @@ class CsvReader:
         """
         size = size or self._block_size
         while content := self._next_lines(size):
-            if b'"' in content or content.count(b"\r") != content.count(b"\r\n"):
+            if _needs_records(content) or content.count(b"\r") != content.count(b"\r\n"):
                 records = Records(Lines(content, self._next_line), self._line, self._name)
                 yield records.chunk(self._names)
                 self._line = records.line

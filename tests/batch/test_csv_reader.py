@@ -2,6 +2,7 @@ import csv
 import io
 import tracemalloc
 from pathlib import Path
+from random import Random
 
 import numpy as np
 import pyarrow as pa
@@ -204,3 +205,21 @@ def test_compressed_text_is_read_and_damage_is_one_clear_answer(tmp_path: Path, 
     for damaged in (packed[:-9], packed[: len(packed) // 2], packed[:20] + b"\xff" * 9 + packed[29:], plain):
         with pytest.raises(InvalidInputError, match=r"in\.csv\.\w+': must be an undamaged (gzip|zstd) file"):
             read(path, damaged)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_quoted_cells_are_read_as_the_standard_library_reads_them(path: Path, seed: int) -> None:
+    random = Random(seed)
+    width = len(HEADER.split(b","))
+    pieces = ['"a"', '"a,b"', '""', "a", "", '"a""b"', 'a"b', '"a"b', '","', '"a\nb"', "1.5", '" "']
+    weights = [9, 3, 1, 9, 3, *([0.02] * 5), 9, 1]
+    rows = [random.choices(pieces, weights, k=width) for _ in range(40)]
+    text = "\n".join(",".join(row) for row in rows).encode()
+    chunks = read(path, HEADER + b"\n" + text + b"\n")
+    if not any(chunk.malformed for chunk in chunks):
+        found = [
+            [*row]
+            for chunk in chunks
+            for row in zip(*(c.to_pylist() for c in chunk.table.columns), strict=True)
+        ]
+        assert found == list(csv.reader(io.StringIO(text.decode(), newline=""), strict=True))

@@ -80,6 +80,12 @@ class ArrowColumn:
         if is_number(self.array.type):
             numbers = pc.cast(self.array, pa.float64(), safe=False).to_numpy(zero_copy_only=False)
             return np.asarray(np.isnan(numbers) | (numbers == default))
+        if is_text(self.array.type):
+            text = pc.fill_null(self._text(), "")
+            given = pc.not_equal(text, "")
+            if isinstance(default, str):
+                given = pc.and_(given, pc.not_equal(text, default))
+            return ~np.asarray(given.to_numpy(zero_copy_only=False))
         codes, cells = self._distinct()
         return np.array([*(is_empty(cell) or cell == default for cell in cells), True])[codes]
 
@@ -125,7 +131,7 @@ class ArrowColumn:
 
     def _numbers_of_text(self) -> Vector:
         """Return the numbers that cells are the text of, by Arrow's reading where it understands every cell."""
-        text = pc.utf8_trim(pc.cast(self.array, pa.large_string()), BLANKS)
+        text = self._text()
         text = pc.if_else(pc.or_(pc.equal(text, ""), pc.starts_with(text, "{")), None, text)
         try:
             numbers = np.array(pc.cast(text, pa.float64()).to_numpy(zero_copy_only=False))
@@ -133,6 +139,10 @@ class ArrowColumn:
             numbers = np.array([_number_or_nan(cell) for cell in text.to_pylist()])
         numbers[np.isinf(numbers)] = np.nan
         return numbers
+
+    def _text(self) -> pa.Array:
+        """Return texts without the blanks around them."""
+        return pc.utf8_trim(pc.cast(self.array, pa.large_string()), BLANKS)
 
     def _distinct(self) -> tuple[NDArray[np.int64], list[Any]]:
         """Return the different cells, and which of them each row holds; -1, which is the last, where it is null."""
