@@ -70,7 +70,7 @@ def solve_schedules(
     walks: int,
     threads: int,
     interrupt: Callable[[], bool] | None,
-) -> tuple[Matrix, Vector, BoolVector, Vector, NDArray[np.float64]]: ...
+) -> tuple[Matrix, Vector, BoolVector, NDArray[np.float64]]: ...
 def sweep_schedule(
     nodes: Vector,  # (N + 2,), s = S/K, increasing
     # (M, 8), from now to expiry: rate, yield, volatility, amount and escrow in strikes, fraction, may exercise, at end

@@ -12,7 +12,7 @@
 
 use super::boundary::Boundary;
 use super::boundary_adjoint::see_boundary;
-use super::contact_adjoint::{see_contact_sets, third_derivative};
+use super::contact_adjoint::see_contact_sets;
 use super::gauss_legendre::legendre;
 use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
 use super::points_seen::{see_from_points, PointsSeen};
@@ -48,13 +48,12 @@ enum Degrees {
 }
 
 /// The derivatives of the value now and of its slope by the numbers of each segment: from the boundaries' own degrees and, with
-/// two walks, from the other ones. The last result is the third derivative of the value by x. `parts` are in the order of the
+/// two walks, from the other ones. `parts` are in the order of the
 /// recursion.
 pub fn differentiate<const WALKS: usize>(
     parts: &[SolvedPart],
     schedule: &Schedule,
-) -> Result<([Vec<SegmentGradient>; WALKS], f64), Unsettled> {
-    let mut third = 0.0;
+) -> Result<[Vec<SegmentGradient>; WALKS], Unsettled> {
     let mut walks: [Walk; WALKS] =
         std::array::from_fn(|k| Walk::new([Degrees::Own, Degrees::Other][k], schedule));
     for k in (0..parts.len()).rev() {
@@ -75,14 +74,14 @@ pub fn differentiate<const WALKS: usize>(
             }
         } else {
             for (walk, passage) in walks.iter().zip(&mut passages) {
-                third = walk.see_from_now(passage, now);
+                walk.see_from_now(passage, now);
             }
         }
         for (walk, passage) in walks.iter_mut().zip(passages) {
             walk.leave(passage, part, later);
         }
     }
-    Ok((walks.map(|walk| walk.gradients), third))
+    Ok(walks.map(|walk| walk.gradients))
 }
 
 /// What the functionals count the value at the beginning of a part for.
@@ -160,14 +159,10 @@ impl Walk {
         Ok(passage)
     }
 
-    /// See the profile of the first part from now, and return the third derivative of the value by x.
-    fn see_from_now(&self, passage: &mut Passage, now: &SegmentValue) -> f64 {
-        let (segment, gradient) = (&now.segment, &mut passage.gradient);
-        let seen = see_profile(&now.profile, &segment.dynamics, &self.points, gradient);
-        passage.densities = seen.densities;
-        let blocks = now.boundary.as_ref().map(|own| &own.contact_blocks[..]);
-        let (blocks, x) = (blocks.unwrap_or_default(), self.points[0].x);
-        seen.values[0][3] + third_derivative(segment.sign, &segment.dynamics, blocks, x)
+    /// See the profile of the first part from now.
+    fn see_from_now(&self, passage: &mut Passage, now: &SegmentValue) {
+        let (dynamics, gradient) = (&now.segment.dynamics, &mut passage.gradient);
+        passage.densities = see_profile(&now.profile, dynamics, &self.points, gradient);
     }
 
     /// Take in what the viewpoints at the beginning see of the profile; `before` and `here` are the segments of the part that
@@ -194,7 +189,7 @@ impl Walk {
         if !views.is_empty() {
             let dynamics = &now.segment.dynamics;
             let seen = see_profile(&now.profile, dynamics, &views, &mut gradient);
-            for (total, part) in densities.iter_mut().zip(&seen.densities) {
+            for (total, part) in densities.iter_mut().zip(&seen) {
                 for (total, part) in total.iter_mut().zip(part) {
                     *total += part;
                 }

@@ -79,8 +79,6 @@ pub struct Derivatives {
     pub by_segment: Vec<SegmentGradient>,
     /// The same with other degrees of the boundaries; None where only one walk was wanted.
     pub by_segment_otherwise: Option<Vec<SegmentGradient>>,
-    /// The third derivative of the value by x.
-    pub third: f64,
 }
 
 /// The derivatives from the solved parts of a schedule, by one walk or two.
@@ -90,18 +88,17 @@ fn derivatives(
     walks: usize,
 ) -> Result<Derivatives, Unsettled> {
     let has_boundary = parts.iter().any(|part| part.value.boundary.is_some());
-    let (by_segment, by_segment_otherwise, third) = if walks > 1 && has_boundary {
-        let ([own, other], third) = differentiate(parts, schedule)?;
-        (own, Some(other), third)
+    let (by_segment, by_segment_otherwise) = if walks > 1 && has_boundary {
+        let [own, other] = differentiate(parts, schedule)?;
+        (own, Some(other))
     } else {
-        let ([own], third) = differentiate(parts, schedule)?;
+        let [own] = differentiate(parts, schedule)?;
         let same = (walks > 1).then(|| own.clone());
-        (own, same, third)
+        (own, same)
     };
     Ok(Derivatives {
         by_segment,
         by_segment_otherwise,
-        third,
     })
 }
 

@@ -143,34 +143,3 @@ impl Work for Seeing<'_> {
         (weights, by_amount.map(sum_of_lanes))
     }
 }
-
-/// The third derivative by x of what the contact sets contribute at x.
-pub fn third_derivative(sign: f64, dynamics: &Dynamics, blocks: &[ContactBlock], x: f64) -> f64 {
-    dispatch(Third {
-        sign,
-        dynamics,
-        blocks,
-        x,
-    })
-}
-
-struct Third<'a> {
-    sign: f64,
-    dynamics: &'a Dynamics,
-    blocks: &'a [ContactBlock],
-    x: f64,
-}
-
-impl Work for Third<'_> {
-    type Result = f64;
-
-    #[inline(always)]
-    fn run<V: Vector>(self) -> f64 {
-        let (x, spot) = (V::all(self.x), V::all(self.x.exp()));
-        let mut total = V::zero();
-        for block in self.blocks {
-            total = total + see(self.sign, self.dynamics, block, x, spot).derivatives[3];
-        }
-        sum_of_lanes(total)
-    }
-}

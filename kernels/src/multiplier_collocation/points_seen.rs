@@ -7,13 +7,11 @@ use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
 use super::profile::{PieceEnd, Profile};
 use super::propagation::{load, Transition};
 use super::segment::Segment;
-use super::viewpoint::Viewpoint;
+use super::viewpoint::{Densities, Viewpoint};
 use crate::lanes::dispatch::{dispatch, Work};
 use crate::lanes::normal::{exp, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{sum_of_lanes, Vector, LANES};
 
-/// The derivative of each functional by the profile's value at its nodes, per unit of x.
-type Densities = [Vec<f64>; FUNCTIONALS];
 /// What the functionals count the value at the viewpoints for, its first two derivatives by x, and the first over the spot.
 type Sums<T> = [[T; FUNCTIONALS]; 4];
 

@@ -45,8 +45,6 @@ pub struct Solved {
     pub numbers: Vec<f64>,
     /// ln(S*/K) at each of the times, just before what happens then, NaN without one, (t,).
     pub boundary: Vec<f64>,
-    /// The third derivative of each value by x, in strikes, (n,); NaN where the derivatives are not wanted or not found.
-    pub third: Vec<f64>,
     /// The derivatives of value and slope by the numbers of each segment, and how far they change with the boundaries' degrees,
     /// (m,); none where they are not wanted, NaN what is not found or not wanted.
     pub gradient: Vec<[Gradient; 2]>,
@@ -61,7 +59,6 @@ pub fn solve_schedules(schedules: Schedules, threads: usize, interrupt: Interrup
     let mut rows = vec![[f64::NAN; RESULTS]; count];
     let mut settled = vec![false; count];
     let mut boundary = vec![f64::NAN; schedules.times.len()];
-    let mut third = vec![f64::NAN; count];
     let wanted = if schedules.walks > 0 {
         schedules.first[count]
     } else {
@@ -73,11 +70,8 @@ pub fn solve_schedules(schedules: Schedules, threads: usize, interrupt: Interrup
     std::thread::scope(|scope| {
         let mut left = boundary.as_mut_slice();
         let mut segments_left = gradient.as_mut_slice();
-        let parts = rows
-            .chunks_mut(share)
-            .zip(settled.chunks_mut(share))
-            .zip(third.chunks_mut(share));
-        for (part, ((rows, settled), third)) in parts.enumerate() {
+        let parts = rows.chunks_mut(share).zip(settled.chunks_mut(share));
+        for (part, (rows, settled)) in parts.enumerate() {
             let start = part * share;
             let end = start + rows.len();
             let times = schedules.first_time[end] - schedules.first_time[start];
@@ -91,7 +85,6 @@ pub fn solve_schedules(schedules: Schedules, threads: usize, interrupt: Interrup
                 rows,
                 settled,
                 boundary: mine,
-                third,
                 gradient,
             };
             let mut work = move || solve_rows(schedules, start, &mut output, interrupt);
@@ -111,7 +104,6 @@ pub fn solve_schedules(schedules: Schedules, threads: usize, interrupt: Interrup
     Solved {
         numbers,
         boundary,
-        third,
         gradient,
         settled,
     }
@@ -122,7 +114,6 @@ struct Output<'a> {
     rows: &'a mut [[f64; RESULTS]],
     settled: &'a mut [bool],
     boundary: &'a mut [f64],
-    third: &'a mut [f64],
     gradient: &'a mut [[Gradient; 2]],
 }
 
@@ -155,7 +146,6 @@ fn solve_rows(schedules: Schedules, start: usize, output: &mut Output, interrupt
         };
         output.settled[k] = true;
         if let Some(found) = found {
-            output.third[k] = found.third;
             let place = schedules.first[row] - schedules.first[start];
             let own = &mut output.gradient[place..place + segments.len()];
             for (out, gradient) in own.iter_mut().zip(&found.by_segment) {

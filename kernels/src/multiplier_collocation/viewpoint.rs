@@ -58,42 +58,33 @@ impl Viewpoint {
     }
 }
 
-/// What the viewpoints see of a profile.
-pub struct SeenProfile {
-    /// The propagated value at each viewpoint and its first three derivatives by x.
-    pub values: Vec<[f64; 4]>,
-    /// The derivative of each functional by the profile's value at its nodes, per unit of x; filled up as the nodes are.
-    pub densities: [Vec<f64>; FUNCTIONALS],
-}
+/// The derivative of each functional by a profile's value at its nodes, per unit of x; filled up as the nodes are.
+pub type Densities = [Vec<f64>; FUNCTIONALS];
 
-/// See a profile from the viewpoints; their derivatives by the parameters are added to `gradient`.
+/// See a profile from the viewpoints; what the functionals change by the parameters is added to `gradient`.
 pub fn see_profile(
     profile: &Profile,
     dynamics: &Dynamics,
     views: &[Viewpoint],
     gradient: &mut SegmentGradient,
-) -> SeenProfile {
-    let mut seen = SeenProfile {
-        values: vec![[0.0; 4]; views.len()],
-        densities: std::array::from_fn(|_| vec![0.0; profile.nodes.len()]),
-    };
+) -> Densities {
+    let mut densities = std::array::from_fn(|_| vec![0.0; profile.nodes.len()]);
     dispatch(Seeing {
         profile,
         dynamics,
         views,
-        seen: &mut seen,
+        densities: &mut densities,
+        gradient,
     });
-    for (view, values) in views.iter().zip(&seen.values) {
-        view.add_to(gradient, dynamics, values);
-    }
-    seen
+    densities
 }
 
 struct Seeing<'a> {
     profile: &'a Profile,
     dynamics: &'a Dynamics,
     views: &'a [Viewpoint],
-    seen: &'a mut SeenProfile,
+    densities: &'a mut Densities,
+    gradient: &'a mut SegmentGradient,
 }
 
 impl Work for Seeing<'_> {
@@ -104,7 +95,7 @@ impl Work for Seeing<'_> {
         let profile = self.profile;
         let mut transition = Transition::new(self.dynamics, self.views[0].s);
         let mut s = self.views[0].s;
-        for (view, values) in self.views.iter().zip(&mut self.seen.values) {
+        for view in self.views {
             if view.s.to_bits() != s.to_bits() {
                 s = view.s;
                 transition = Transition::new(self.dynamics, s);
@@ -129,7 +120,7 @@ impl Work for Seeing<'_> {
                     mass = mass * z;
                 }
                 for k in 0..FUNCTIONALS {
-                    let there = &mut self.seen.densities[k][start..start + LANES];
+                    let there = &mut self.densities[k][start..start + LANES];
                     let weight = z.times(view.slope[k] * inverse).plus(view.value[k]);
                     let total = weight.times_plus(density, load::<V>(there));
                     there.copy_from_slice(&total.lanes());
@@ -143,9 +134,8 @@ impl Work for Seeing<'_> {
                 (third - 3.0 * first) * inverse * inverse * inverse,
             ];
             let pieces = see_pieces::<V>(profile, &transition, view.x);
-            for (value, (panels, pieces)) in values.iter_mut().zip(panels.into_iter().zip(pieces)) {
-                *value = panels + pieces;
-            }
+            let seen = std::array::from_fn(|order| panels[order] + pieces[order]);
+            view.add_to(self.gradient, self.dynamics, &seen);
         }
     }
 }

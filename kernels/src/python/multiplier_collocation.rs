@@ -23,7 +23,7 @@ use crate::multiplier_collocation::{
 ///
 /// Returns numbers, (6, n): value in strikes, its first and second derivative by x, ln(S*/K) now (NaN without one), the
 /// largest violation of complementarity seen and the error estimate of the boundaries, both in strikes; ln(S*/K) at the
-/// times, (t,); settled, (n,); the third derivative by x, (n,), and the derivatives of value and slope by rate, yield,
+/// times, (t,); settled, (n,); and the derivatives of value and slope by rate, yield,
 /// volatility, amount and escrow of each segment, and what exercise on it contributes, with their changes from one degree of
 /// the boundaries to another, (m, 2, 2, 6). With 0 `walks` these are NaN and (0, 2, 2, 6), with 1 the changes are NaN.
 /// Nothing of a schedule that is not settled may be used. `interrupt`, a function or None, is asked every few milliseconds
@@ -52,7 +52,6 @@ pub fn solve_schedules<'py>(
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<bool>>,
-    Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray4<f64>>,
 )> {
     let (sign, x, times) = (numbers(&sign), numbers(&x), numbers(&times));
@@ -94,7 +93,6 @@ pub fn solve_schedules<'py>(
         PyArray1::from_vec(py, solved.numbers).reshape([RESULTS, x.len()])?,
         PyArray1::from_vec(py, solved.boundary),
         PyArray1::from_vec(py, solved.settled),
-        PyArray1::from_vec(py, solved.third),
         PyArray1::from_slice(py, gradient).reshape([count, 2, FUNCTIONALS, PARAMETERS])?,
     ))
 }

@@ -17,7 +17,6 @@ from pricing_core.american.book.prices import error_of
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.contracts.schedule import SAME_TIME
 from pricing_core.american.engines.differences import BUCKETS, DIVIDENDS, PARALLEL
-from pricing_core.american.engines.held import charm_weights
 from pricing_core.american.engines.multiplier_collocation.levels import Solved
 from pricing_core.arrays import BoolVector, Vector
 
@@ -39,14 +38,18 @@ ELSEWHERE_SHARE = 0.1
 # slope, in standard deviations of ln S; measured.
 BY_PANELS = np.array([1e-4, 4e-6, 1e-9, 4e-11, 4e-11, 4e-11, 4e-11])
 SLOPE_BY_PANELS = np.array([1e-4, 2e-6, 1e-10, 2e-11, 2e-11, 2e-11, 2e-11])
-# Errors of the second and the third derivative by x over that of the slope, in standard deviations of ln S.
-GAMMA_SHARE, CHARM_SHARE = 3.0, 60.0
+# Error of the second derivative by x over that of the slope, in standard deviations of ln S; calibrated.
+GAMMA_SHARE = 3.0
+# Error of charm over the change of the first segment's derivatives, over that of the slope in variances of ln S, and
+# over what the panels leave of the slope in variances over the first segment; calibrated.
+CHARM_BY_FIRST, CHARM_BY_SLOPE, CHARM_BY_PANELS = 1.0, 6.0, 3.0
 # What the panels leave of a further derivative by x over what they leave of the one before, in the same unit.
 PANEL_ROUGHNESS = 20.0
 Derivatives = NDArray[np.float64]  # (m, 2, 2, 6), or a part of it
+Columns = dict[str, Any]
 
 
-def greeks_of(book: Book, solved: Solved, *, extended: bool) -> dict[str, Any]:
+def greeks_of(book: Book, solved: Solved, *, extended: bool) -> Columns:
     """Return the Greeks that the solution gave, and their errors, as columns of `Prices`; volga is not among them.
 
     Parameters
@@ -67,7 +70,7 @@ def greeks_of(book: Book, solved: Solved, *, extended: bool) -> dict[str, Any]:
     by_exercise, left = error[:, 1, EXERCISE], SLOPE_BY_PANELS[solved.level] / deviation
     by_slope = by_exercise + left
     by_curvature = (GAMMA_SHARE * by_exercise + PANEL_ROUGHNESS * left) / deviation
-    columns: dict[str, Any] = by_spot(book, solved) | {
+    columns: Columns = by_spot(book, solved) | {
         error_of("delta"): K / S * by_slope,
         error_of("gamma"): K / S**2 * (by_slope + by_curvature),
     }
@@ -82,15 +85,13 @@ def greeks_of(book: Book, solved: Solved, *, extended: bool) -> dict[str, Any]:
         columns["vanna"] = K / S * total[:, OWN, 1, VOLATILITY]
         slope_by_panels = PANEL_ROUGHNESS * by_panels / deviation
         columns[error_of("vanna")] = K / S * (error[:, 1, VOLATILITY] + slope_by_panels)
-        columns["charm"] = _charm(book, solved, S)
-        half_variance_rate = 0.5 * book.first_segments().volatility ** 2
-        columns[error_of("charm")] = K / S * half_variance_rate * CHARM_SHARE * by_slope / deviation**2
+        columns |= _charm(book, solved, S, total[:, CHANGE, 1, EXERCISE] / deviation**2)
         for name in CURVES:
             columns |= _by_pieces(book, name, gradient, left_out)
     return columns
 
 
-def by_spot(book: Book, solved: Solved) -> dict[str, Any]:
+def by_spot(book: Book, solved: Solved) -> Columns:
     """Return delta and gamma as columns of `Prices`."""
     K, S = book.strike, book.spot - book.escrow_now()
     return {"delta": K / S * solved.slope, "gamma": K / S * ((solved.curvature - solved.slope) / S)}
@@ -129,13 +130,22 @@ def _entries(book: Book, *, extended: bool) -> list[Ragged]:
     return [getattr(book.listed, name) for name in ("cash_dividends", *(CURVES if extended else ()))]
 
 
-def _charm(book: Book, solved: Solved, S: Vector) -> Vector:
-    """Return d delta/dt in calendar time, 1/year."""
-    found = by_spot(book, solved)
-    speed = book.strike / S**3 * (solved.third - 3.0 * solved.curvature + 2.0 * solved.slope)
-    by_delta, by_gamma, by_speed = charm_weights(book)
-    charm: Vector = by_delta * found["delta"] + by_gamma * found["gamma"] + by_speed * speed
-    return charm
+def _charm(book: Book, solved: Solved, S: Vector, by_slope: Vector) -> Columns:
+    """Return d delta/dt in calendar time, 1/year, and its error.
+
+    A segment that is longer by a share is one with variance, rate and yield larger by that share. So the derivatives
+    by the first segment's numbers give that by its duration; an escrow grows with the rate besides. `by_slope` is how
+    far the slope changes with the degrees of the boundaries, over the variance of ln S.
+    """
+    now, first = book.first_segments(), solved.gradient[book.first[:-1], :, 1, :AMOUNT]
+    per_year = np.stack([now.rate, now.dividend_yield, 0.5 * now.volatility], axis=1) / now.duration[:, None]
+    charm = -(first[:, OWN] * per_year).sum(axis=1) * book.strike / S
+    charm -= now.rate * book.escrow_now() * by_spot(book, solved)["gamma"]
+    changes = CHARM_BY_FIRST * (first[:, CHANGE] * np.abs(per_year)).sum(axis=1)
+    spread = now.volatility * np.sqrt(now.duration)
+    elsewhere = CHARM_BY_SLOPE * by_slope + CHARM_BY_PANELS * SLOPE_BY_PANELS[solved.level] / spread**3
+    error = book.strike / S * (changes + 0.5 * now.volatility**2 * elsewhere)
+    return {"charm": charm, error_of("charm"): error}
 
 
 def _through_escrow(book: Book, solved: Solved) -> Derivatives:

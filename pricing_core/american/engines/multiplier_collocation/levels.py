@@ -96,8 +96,6 @@ class Solved:
         Whether the collocation found every boundary; nothing in the other columns may be used where it did not.
     level : int array
         The level at which the value was found.
-    third : Vector
-        The third derivative of the value by x; NaN where derivatives were not asked for, or not found.
     gradient : array, shape (m, 2, 2, 6), or (0, 2, 2, 6) where derivatives were not asked for
         The derivatives of value and slope (third axis) by the rate, yield, volatility, amount and escrow of each
         segment, what exercise on it contributes, and (second axis) how far all that changes with the degrees of the
@@ -111,7 +109,6 @@ class Solved:
     error: Vector
     settled: BoolVector
     level: NDArray[np.int64]
-    third: Vector
     gradient: NDArray[np.float64]
 
     def take(self, rows: Rows, book: Book) -> "Solved":
@@ -142,11 +139,11 @@ def solve_to_tolerance(
     """
     packed, count = pack(book), book.count
     level = _first_levels(tolerance)
-    value, slope, curvature, boundary, third = np.full((5, count), np.nan)
+    value, slope, curvature, boundary = np.full((4, count), np.nan)
     gradient = np.full((book.segments.end.size if walks else 0, 2, 2, 6), np.nan)
     solved = Solved(
         value, slope, curvature, boundary,
-        np.full(count, np.inf), np.zeros(count, dtype=bool), level.copy(), third, gradient,
+        np.full(count, np.inf), np.zeros(count, dtype=bool), level.copy(), gradient,
     )  # fmt: skip
     rows = np.arange(count)
     while rows.size and not (interrupt is not None and interrupt()):
@@ -192,7 +189,7 @@ def _keep(
     for column, numbers in zip(columns, found.numbers[:4], strict=True):
         column[kept] = numbers[better]
     solved.error[kept], solved.level[kept] = error[better], level[better]
-    solved.settled[kept], solved.third[kept] = True, found.third[better]
+    solved.settled[kept] = True
     if found.gradient.size:
         first, _ = gather(book.first, rows)
         solved.gradient[gather(book.first, kept)[1]] = found.gradient[
@@ -205,7 +202,6 @@ class KernelValues(NamedTuple):
 
     numbers: Matrix
     settled: BoolVector
-    third: Vector
     gradient: NDArray[np.float64]
 
 
@@ -231,11 +227,11 @@ def _kernel_values(
 ) -> KernelValues:
     assert kernel.solve_schedules is not None
     nothing, none = np.zeros(0), np.zeros(packed.x.size + 1, dtype=np.int64)
-    numbers, _, settled, third, gradient = kernel.solve_schedules(
+    numbers, _, settled, gradient = kernel.solve_schedules(
         packed.sign, packed.x, packed.first, packed.segments, level, tolerance, nothing, none,
         walks, threads, interrupt,
     )  # fmt: skip
-    return KernelValues(numbers, settled, third, gradient)
+    return KernelValues(numbers, settled, gradient)
 
 
 def boundaries_at(
@@ -258,5 +254,5 @@ def boundaries_at(
         np.array([level], dtype=np.int64),
         np.zeros(1),
     )
-    _, boundary, settled, _, _ = kernel.solve_schedules(*numbers, times, ends, 0, 1, interrupt)
+    _, boundary, settled, _ = kernel.solve_schedules(*numbers, times, ends, 0, 1, interrupt)
     return boundary, bool(settled[0])

@@ -45,6 +45,18 @@ def bumped_value(book, name):
     return value
 
 
+def dividend_payers(random, count):
+    """Yield contracts with two cash dividends, half of them in escrow."""
+    for k in range(count):
+        expiry = random.uniform(0.3, 2.0)
+        paid = [{"time": share * expiry, "amount": random.uniform(0.2, 2.0)} for share in (0.35, 0.8)]
+        rate, dividend_yield = random.uniform(0.01, 0.06, 2)
+        model = ("spot", "escrowed")[k % 2]
+        option = Option(("put", "call")[k // 2 % 2], 100.0, expiry)
+        volatility = random.uniform(0.15, 0.45)
+        yield option, Market(100.0, rate, volatility, dividend_yield, paid, dividend_model=model)
+
+
 @pytest.mark.parametrize(
     ("name", "greek", "step"),
     [("volatility", "vega", 2e-3), ("rate", "rho", 5e-4), ("dividend_yield", "dividend_rho", 5e-4)],
@@ -102,6 +114,34 @@ def test_charm_is_the_derivative_of_delta_by_the_time_that_passes():
             continue
         wanted, doubt = difference(delta, step)
         assert found.charm[0] == pytest.approx(wanted[0], abs=1e-4 + 5.0 * doubt[0])
+
+
+@pytest.mark.parametrize("seed", [31, 32])
+def test_charm_is_accurate_next_to_the_boundary(seed):
+    """At distances of 0.2 to 5 % from the boundary now, against differences of delta."""
+    step, distances = 2e-4, []  # years
+    random = np.random.default_rng(seed)
+    for k, (option, market) in enumerate(dividend_payers(random, 40)):
+        at_boundary = solved(Book.of([(option, market)]), 1e-9, "none").boundary[0]
+        side = 1.0 if option.is_put else -1.0
+        spot = at_boundary * np.exp(side * random.uniform(0.002, 0.05))
+        if not 50.0 < spot < 200.0:
+            continue
+
+        def delta(by, option=option, market=market, spot=spot):
+            dividends = tuple(replace(d, time=d.time - by) for d in market.cash_dividends)
+            moved = replace(market, spot=spot, cash_dividends=dividends)
+            return solved(Book.of([(replace(option, expiry=option.expiry - by), moved)]), 1e-10, "none").delta
+
+        found = solved(Book.of([(option, replace(market, spot=spot))]))
+        wanted, doubt = difference(delta, step)
+        if found.exercised[0] or not found.complete[0] or doubt[0] > 1e-4:
+            continue
+        distances.append(abs(found.charm[0] - wanted[0]) - doubt[0])
+        assert distances[-1] <= 1e-5 + 2.0 * found.charm_error[0], k
+    assert len(distances) > 12
+    assert np.median(distances) < 5e-5
+    assert max(distances) < 5e-3
 
 
 def test_the_errors_are_honest():

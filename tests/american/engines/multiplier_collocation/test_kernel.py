@@ -27,7 +27,7 @@ def arguments(contracts, level, times=NO_TIMES, tolerance=0.0):
 def solve(contracts, level, times=NO_TIMES, threads=1, tolerance=0.0):
     """Return numbers, boundaries and what settled."""
     given = arguments(contracts, level, times, tolerance)
-    numbers, boundary, settled, _, _ = kernel.solve_schedules(*given, 0, threads, None)
+    numbers, boundary, settled, _ = kernel.solve_schedules(*given, 0, threads, None)
     return numbers, boundary, settled
 
 
@@ -87,7 +87,7 @@ def test_an_interrupt_ends_the_work_within_milliseconds():
         asked.append(True)
         return len(asked) >= 3
 
-    _, _, settled, _, gradient = kernel.solve_schedules(*given, 2, 2, interrupt)
+    _, _, settled, gradient = kernel.solve_schedules(*given, 2, 2, interrupt)
     assert len(asked) == 3
     assert 0 < settled.sum() < settled.size
     assert np.isnan(gradient[given[2][:-1][~settled]]).all()
