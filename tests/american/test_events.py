@@ -258,11 +258,16 @@ def test_extended_greeks_of_a_flat_market():
 
 
 @needs_kernel
-def test_the_boundary_of_a_put_vanishes_before_a_dividend():
+def test_the_boundary_of_a_put_falls_to_zero_before_a_dividend():
     market = Market(100.0, 0.05, 0.25, cash_dividends=cash(1.0, (0.5,)))
     found = exercise_boundary(PUT, market, times=[0.0, 0.1, 0.25, 0.4, 0.499, 0.5, 0.501, 0.8, 1.0])
     held = np.isnan(found.boundary)
-    assert held.tolist() == [False, False, False, True, True, True, False, False, False]
+    assert held.tolist() == [False, False, False, False, False, True, False, False, False]
+    interest = 100.0 * np.expm1(
+        0.05 * (0.5 - found.time[3:5])
+    )  # more than that the dividend pays at larger spots
+    np.testing.assert_array_less(found.boundary[3:5], 1.2 * interest)
+    np.testing.assert_array_less(interest, 1.2 * found.boundary[3:5])
     assert found.boundary[0] == pytest.approx(price(PUT, market).exercise_boundary, abs=1e-2)
     assert found.boundary[-1] == 100.0
     alone = exercise_boundary(PUT, Market(100.0, 0.05, 0.25), times=[0.501, 0.8])

@@ -12,6 +12,7 @@ from pricing_core.american.contracts.tolerances import BOUNDARY_ACCURACY
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.held import priced
+from pricing_core.american.engines.multiplier_collocation.far_boundary import begun_at, far_boundaries
 from pricing_core.american.engines.multiplier_collocation.greeks import by_spot
 from pricing_core.american.engines.multiplier_collocation.greeks_to_tolerance import greeks_to_tolerance
 from pricing_core.american.engines.multiplier_collocation.levels import (
@@ -19,6 +20,7 @@ from pricing_core.american.engines.multiplier_collocation.levels import (
     Solved,
     boundaries_at,
     european_values,
+    pack,
     solve_to_tolerance,
 )
 from pricing_core.american.engines.multiplier_collocation.served import is_served, log_moneyness
@@ -56,6 +58,7 @@ class MultiplierCollocation:
         )
         believed = solved.settled & (solved.error <= np.maximum(request.tolerance, ROUGHEST))
         exercised = book.sign * (solved.boundary - log_moneyness(book)) >= 0.0
+        boundary = _with_far_boundaries(book, solved, request)
         # Before the Greeks: what ends these leaves the price whole.
         european = european_values(book, request.tolerance, request.threads, request.interrupt)
         columns: dict[str, Any] = by_spot(book, solved) | {
@@ -67,7 +70,7 @@ class MultiplierCollocation:
             greeks, late = greeks_to_tolerance(book, solved, exercised, believed, request)
             columns |= greeks
             ended[late] = "deadline"
-        return _in_money(book, solved, exercised, settled=believed, status=ended, **columns)
+        return _in_money(book, solved, boundary, exercised, settled=believed, status=ended, **columns)
 
     def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
         """Return the boundary from two levels that are close enough, or from the closest two."""
@@ -89,24 +92,47 @@ class MultiplierCollocation:
         if best is None:
             return Boundaries(nothing, nothing, nothing, np.zeros(times.size, dtype=bool))
         near, error = best[0], CAUTION * best[1]
+        far = np.flatnonzero(np.isnan(near) & (times < schedule.segments[-1].end))
+        if far.size and book.is_put[0]:
+            near[far], error[far] = _far_at(book, times[far], escrow[far], request)
         last = schedule.segments[-1]
         if last.due == last.fraction == 0.0 and times[-1] == last.end:
             near[-1], error[-1] = region_at_expiry(schedule).boundaries(schedule)[0], 0.0
         return Boundaries(near, nothing, error, np.ones(times.size, dtype=bool))
 
 
-def _in_money(book: Book, solved: Solved, exercised: BoolVector, **columns: Any) -> Prices:
+def _in_money(book: Book, solved: Solved, boundary: Vector, exercised: BoolVector, **columns: Any) -> Prices:
     K = book.strike
     return priced(
         book,
         value=K * solved.value,
         error=np.where(solved.settled, K * solved.error, math.nan),
-        boundary=K * np.exp(solved.boundary) + book.escrow_now(),
+        boundary=K * np.exp(boundary) + book.escrow_now(),
         exercised=exercised,
         method="multiplier-collocation",
         solves=1 + solved.level,
         **columns,
     )
+
+
+def _with_far_boundaries(book: Book, solved: Solved, request: Request) -> Vector:
+    """Return ln(S*/K) now, of puts also where that is too far from the spot to matter to the price."""
+    rows = np.flatnonzero(solved.settled & np.isnan(solved.boundary) & book.is_put)
+    if rows.size == 0 or request.is_interrupted():
+        return solved.boundary
+    boundary, level = solved.boundary.copy(), solved.level[rows]
+    boundary[rows] = far_boundaries(pack(book.take(rows)), level, request.threads, request.interrupt)
+    return boundary
+
+
+def _far_at(book: Book, times: Vector, escrow: Vector, request: Request) -> tuple[Vector, Vector]:
+    """Return a put's boundaries at times at which they do not matter at its spot, and their errors, money."""
+    begun = begun_at(pack(book), times)
+    rough, near = (
+        book.strike * np.exp(far_boundaries(begun, np.full(times.size, level), 1, request.interrupt)) + escrow
+        for level in (FIRST_LEVEL, TIGHT_LEVEL)
+    )
+    return near, CAUTION * np.abs(near - rough)
 
 
 def _escrow_at(book: Book, time: float) -> float:

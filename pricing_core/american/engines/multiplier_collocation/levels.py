@@ -149,9 +149,7 @@ def solve_to_tolerance(
     while rows.size and not (interrupt is not None and interrupt()):
         beyond = np.array(NEGLECTED)[level[rows]] + ROUNDING
         left = np.maximum(tolerance[rows] - beyond, SMALLEST_SHARE * tolerance[rows])
-        found = _kernel_values(
-            packed.take(rows), level[rows], threads, left, walks=walks, interrupt=interrupt
-        )
+        found = kernel_values(packed.take(rows), level[rows], threads, left, walks=walks, interrupt=interrupt)
         before, error = solved.error[rows], found.numbers[5] + beyond
         _keep(solved, book, rows, level[rows], found, error)
         met = solved.error[rows] <= tolerance[rows]
@@ -166,7 +164,7 @@ def european_values(
 ) -> Vector:
     """Return V/K without early exercise at the levels of the tolerances, shape (n,)."""
     nothing = np.zeros(book.count)
-    found = _kernel_values(
+    found = kernel_values(
         pack(book).european(), _first_levels(tolerance), threads, nothing, interrupt=interrupt
     )
     value: Vector = found.numbers[0]
@@ -212,11 +210,11 @@ def solve_at_level(
 
     Every boundary has its level's own degree, so that contracts that differ little are solved alike.
     """
-    found = _kernel_values(pack(book), level, threads, np.zeros(level.size), interrupt=interrupt)
+    found = kernel_values(pack(book), level, threads, np.zeros(level.size), interrupt=interrupt)
     return np.where(found.settled, found.numbers[0], np.nan), found.settled
 
 
-def _kernel_values(
+def kernel_values(
     packed: Packed,
     level: NDArray[np.int64],
     threads: int,
@@ -225,6 +223,7 @@ def _kernel_values(
     walks: int = 0,
     interrupt: Callable[[], bool] | None = None,
 ) -> KernelValues:
+    """Return what the kernel says of the contracts at these levels; a tolerance of 0 takes the level's own degree."""
     assert kernel.solve_schedules is not None
     nothing, none = np.zeros(0), np.zeros(packed.x.size + 1, dtype=np.int64)
     numbers, _, settled, gradient = kernel.solve_schedules(

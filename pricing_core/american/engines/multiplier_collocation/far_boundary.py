@@ -1,0 +1,182 @@
+"""Exercise boundaries of puts far below the spot, where the price does not depend on them.
+
+Before a dividend a put is worth exercising only where the interest until then, K (e^{rt} - 1), is more than the spot
+will pay: below that small a spot. There the spot is next to certain, which tells about where the boundary is. It is
+then solved for as seen from that place, in most contracts up to the dividend that is waited for alone: what it leaves
+of so small a spot is exercised at once.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pricing_core.american.book.ragged import starts
+from pricing_core.american.engines.multiplier_collocation.levels import (
+    AMOUNT,
+    ESCROW,
+    FINEST,
+    Packed,
+    kernel_values,
+)
+from pricing_core.arrays import BoolVector, Vector
+
+DURATION, RATE, YIELD, VOLATILITY, EXERCISABLE, _, FRACTION = range(7)  # columns of a segment
+FIRST_LEVEL = 2  # Coarsest level at which such a boundary is found to a thousandth of itself; measured.
+# Smallest spot, in strikes, of a boundary that each level of the kernel sees: some times its own smallest spot.
+SMALLEST_SPOTS = 5.0 * np.array([1e-3, 4e-4, 5e-5, 1e-5, 2e-6, 4e-7, 1e-7])
+# Largest move of ln S, in standard deviations, after which the rest of a spot must still be exercised; chosen.
+FURTHEST_MOVE = 4.0
+# Largest rest of a spot over the smallest one at which waiting would go on if it were certain; measured.
+LARGEST_REST = 0.5
+# Where the boundary of a whole life is looked for, in standard deviations of ln S below that spot; chosen.
+SEEN_FROM = 1.5
+SAME_TIME = 1e-12  # Distance within which two times are the same, years; chosen.
+SMALLEST_REST = (
+    1e-3  # Share of a spot that a dividend leaves at least, so that its logarithm is finite; chosen.
+)
+
+
+class _Waiting(NamedTuple):
+    """The smallest spot, in strikes, at which n puts are held if it is certain, and until the end of which segment.
+
+    The spot is NaN where they are held at any, `last` the place of the segment in the schedule; both have shape (n,).
+    """
+
+    spot: Vector
+    last: NDArray[np.int64]
+
+
+def far_boundaries(
+    packed: Packed, level: NDArray[np.int64], threads: int, interrupt: Callable[[], bool] | None = None
+) -> Vector:
+    """Return ln(S*/K) now of puts that may be exercised, shape (n,); NaN of others, and where it is not found.
+
+    Parameters
+    ----------
+    packed : Packed
+        n contracts; where the spot is now does not count.
+    level : int array, shape (n,)
+        The coarsest level of the kernel that counts.
+    """
+    found = np.full(packed.x.size, np.nan)
+    rows = np.flatnonzero(_may_be_exercised(packed))
+    if rows.size:
+        waiting = _waiting(packed.take(rows))
+        seen = waiting.spot > SMALLEST_SPOTS[FINEST]
+        rows, waiting = rows[seen], _Waiting(waiting.spot[seen], waiting.last[seen])
+    if rows.size == 0:
+        return found
+    part, spot, last = packed.take(rows), waiting.spot, waiting.last
+    is_over = _leaves_nothing(part, spot, last)
+    lower = np.where(is_over, 0.0, SEEN_FROM * np.sqrt(_variance(part)))
+    seen = _until(replace(part, x=np.log(spot) - lower), np.where(is_over, last, np.diff(part.first) - 1))
+    needed = np.argmax(spot[:, None] > SMALLEST_SPOTS, axis=1)
+    level = np.maximum(np.maximum(level[rows], needed), FIRST_LEVEL)
+    solved = kernel_values(seen, level, threads, np.zeros(rows.size), interrupt=interrupt)
+    found[rows] = np.where(solved.settled, solved.numbers[3], np.nan)
+    return found
+
+
+def begun_at(packed: Packed, times: Vector) -> Packed:
+    """Return one contract as it is just after each of these times before expiry, spots left out.
+
+    Where the spot drops then, the contract may not be exercised: just before, no put is exercised far below.
+    """
+    ends = np.cumsum(packed.segments[:, DURATION])
+    places = np.searchsorted(ends - SAME_TIME, times, side="right")
+    counts = ends.size - places
+    segments = np.concatenate([packed.segments[place:] for place in places])
+    first = starts(counts)
+    segments[first[:-1], DURATION] = ends[places] - times
+    before = np.maximum(places - 1, 0)
+    drops = (packed.segments[before, FRACTION] > 0.0) | (packed.segments[before, AMOUNT] > 0.0)
+    at_drop = (np.abs(ends[before] - times) <= SAME_TIME) & drops
+    segments[first[:-1], EXERCISABLE] *= ~at_drop
+    return Packed(np.repeat(packed.sign, times.size), np.zeros(times.size), first, segments)
+
+
+def _may_be_exercised(packed: Packed) -> BoolVector:
+    """Tell for which contracts waiting costs something now, and they may be exercised, at a spot of zero."""
+    now = packed.segments[packed.first[:-1]]
+    exercised: BoolVector = (packed.sign > 0.0) & (now[:, EXERCISABLE] > 0.0) & (now[:, RATE] > 0.0)
+    return exercised
+
+
+def _waiting(packed: Packed) -> _Waiting:
+    """Return until when the puts are held at the smallest spot, if spots are certain, at which that is worth it.
+
+    Waiting until t costs K (e^{rt} - 1), less what the strike rises by as escrow is paid, and brings what the spot
+    pays: a share of it and an amount, but no more than all of it.
+    """
+    first, segments = packed.first[:-1], packed.segments
+    counts = np.diff(packed.first)
+    growth = np.exp(_running(segments[:, RATE] * segments[:, DURATION], packed))
+    at_start = segments[:, ESCROW] * np.exp(-segments[:, RATE] * segments[:, DURATION])
+    escrow_after = np.append(at_start[1:], 0.0)
+    escrow_after[packed.first[1:] - 1] = 0.0
+    cost = growth * (1.0 - np.repeat(at_start[first], counts)) - (1.0 - escrow_after)
+    kept = np.log(np.maximum(1.0 - segments[:, FRACTION], SMALLEST_REST))
+    share = -np.expm1(_running(kept - segments[:, YIELD] * segments[:, DURATION], packed))
+    amount = _running(segments[:, AMOUNT], packed)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        by_share = np.where(share > 0.0, (cost - amount) / share, np.where(cost > amount, np.inf, 0.0))
+    spot = np.minimum(np.maximum(cost, by_share), 1.0)
+    smallest = np.minimum.reduceat(spot, first)
+    is_smallest = spot <= np.repeat(smallest, counts)
+    last = np.minimum.reduceat(np.where(is_smallest, _places(packed), spot.size), first)
+    return _Waiting(np.where(smallest > 0.0, smallest, np.nan), last)
+
+
+def _leaves_nothing(packed: Packed, spot: Vector, last: NDArray[np.int64]) -> BoolVector:
+    """Tell for which puts the spot has paid so much until `last`, before expiry, that they are exercised then."""
+    counts = np.diff(packed.first)
+    until = _until(packed, last)
+    kept = _total(np.log(np.maximum(1.0 - until.segments[:, FRACTION], SMALLEST_REST)), until)
+    left = spot * np.exp(FURTHEST_MOVE * np.sqrt(_variance(until)) + kept) - _total(
+        until.segments[:, AMOUNT], until
+    )
+    nothing = np.zeros(spot.size, dtype=bool)
+    later = np.flatnonzero(last < counts - 1)
+    if later.size:
+        rest = packed.take(later)
+        rest = _chosen(rest, _places(rest) > np.repeat(last[later], counts[later]))
+        begun = rest.segments[rest.first[:-1]]
+        may = (begun[:, EXERCISABLE] > 0.0) & (begun[:, ESCROW] == 0.0)
+        nothing[later] = may & (left[later] <= LARGEST_REST * np.nan_to_num(_waiting(rest).spot))
+    return nothing
+
+
+def _places(packed: Packed) -> NDArray[np.int64]:
+    """Return the place of every segment in its schedule."""
+    return np.arange(len(packed.segments)) - np.repeat(packed.first[:-1], np.diff(packed.first))
+
+
+def _until(packed: Packed, last: NDArray[np.int64]) -> Packed:
+    """Return the contracts with the segment at the place `last` as their last one."""
+    return _chosen(packed, _places(packed) <= np.repeat(last, np.diff(packed.first)))
+
+
+def _chosen(packed: Packed, chosen: BoolVector) -> Packed:
+    """Return the contracts with these segments alone, of each one at least."""
+    first = starts(np.add.reduceat(chosen.astype(np.int64), packed.first[:-1]))
+    return replace(packed, first=first, segments=packed.segments[chosen])
+
+
+def _variance(packed: Packed) -> Vector:
+    """Return the variance of ln S at the end, shape (n,)."""
+    return _total(packed.segments[:, VOLATILITY] ** 2 * packed.segments[:, DURATION], packed)
+
+
+def _total(column: Vector, packed: Packed) -> Vector:
+    total: Vector = np.add.reduceat(column, packed.first[:-1])
+    return total
+
+
+def _running(column: Vector, packed: Packed) -> Vector:
+    """Return the sum over the segments of each schedule up to each of them."""
+    total = np.cumsum(column)
+    before: Vector = (total - column)[packed.first[:-1]]
+    return total - np.repeat(before, np.diff(packed.first))
