@@ -177,6 +177,8 @@ def _total(column: Vector, packed: Packed) -> Vector:
 
 def _running(column: Vector, packed: Packed) -> Vector:
     """Return the sum over the segments of each schedule up to each of them."""
-    total = np.cumsum(column)
-    before: Vector = (total - column)[packed.first[:-1]]
-    return total - np.repeat(before, np.diff(packed.first))
+    total, places = column.copy(), _places(packed)
+    for place in range(1, int(places.max(initial=0)) + 1):  # of its own numbers alone, to the last bit
+        at = np.flatnonzero(places == place)
+        total[at] += total[at - 1]
+    return total
