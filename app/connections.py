@@ -12,7 +12,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from app.envelope import SECURITY_HEADERS
 from app.errors import ConnectionLimitError, ProtocolError, problem_response
 from app.settings import Settings
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told
 
 log = logging.getLogger("pricing.connections")
 
@@ -30,6 +30,11 @@ def reserve_descriptors(connections: int) -> None:
     """
     needed = connections + SPARE_DESCRIPTORS
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and hard <= SPARE_DESCRIPTORS:
+        least = SPARE_DESCRIPTORS + 1
+        raise InvalidInputError(
+            "limit of open files", Told(str(hard)), f"at least {least} (ulimit -n), for one connection"
+        )
     if hard != resource.RLIM_INFINITY and needed > hard:
         allowed = f"at most {hard - SPARE_DESCRIPTORS}, as the process may open {hard} files"
         raise InvalidInputError("PRICING_MAX_CONNECTIONS", connections, allowed)

@@ -10,7 +10,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.errors import problem_response
+from app.errors import ProtocolError, problem_response
 
 log = logging.getLogger("pricing.requests")
 
@@ -60,7 +60,11 @@ class Envelope:
             await send(message)
 
         try:
+            if _is_ambiguous(scope):
+                raise ProtocolError("Transfer-Encoding and Content-Length must not be given together")
             await self.app(scope, receive, send_dressed)
+        except ProtocolError as error:
+            await problem_response(error, request_id, self.retry_after)(scope, receive, send_dressed)
         except ClientDisconnect:
             status = 499  # the client is gone: nobody to answer
         except Exception as error:
@@ -70,6 +74,12 @@ class Envelope:
             await problem_response(error, request_id, self.retry_after)(scope, receive, send_dressed)
         finally:
             log.info("request", extra={"fields": _log_fields(scope, request_id, status, started)})
+
+
+def _is_ambiguous(scope: Scope) -> bool:
+    """Tell whether a proxy may see another end of the body than the server does (RFC 9112, section 6.3)."""
+    names = {name for name, _ in scope["headers"]}
+    return b"transfer-encoding" in names and b"content-length" in names
 
 
 def request_id_of(headers: Headers) -> str:

@@ -1,4 +1,4 @@
-"""The answer to each exception: a problem document (RFC 9457), which repeats of the input only keys and numbers."""
+"""The answer to each exception: a problem document (RFC 9457), which repeats nothing of the input."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -120,7 +120,7 @@ def problem_response(error: Exception, request_id: str, retry_after: int) -> Res
     headers = dict(error.headers or {}) if isinstance(error, HTTPException) else {}
     if kind.status == 503:
         headers["Retry-After"] = str(retry_after)
-    if kind.status in (408, 413):
+    if kind.status in (400, 408, 413):
         headers["Connection"] = "close"  # the rest of the body is not read
     return Response(
         problem.model_dump_json(),

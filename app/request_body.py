@@ -128,13 +128,11 @@ def schema_at(schema: dict[str, Any], location: Location) -> dict[str, Any]:
 
 
 def _unknown_key(location: Location, names: list[str]) -> InvalidInputError:
-    """Name an unknown key, cut short, and the ones that are known, the nearest once more."""
+    """Name the keys that are known, the nearest to an unknown one once more, and not that key itself."""
     *place, last = location
-    key = str(last)
     if place:
         names = list(KEYS[str(place[0])])
-    nearest = difflib.get_close_matches(key[:LONGEST_NAME], names, n=1)
+    nearest = difflib.get_close_matches(str(last)[:LONGEST_NAME], names, n=1)
     hint = f"; did you mean {nearest[0]}?" if nearest else ""
-    short = key if len(key) <= LONGEST_NAME else key[: LONGEST_NAME - 3] + "..."
-    where = f"{_path(tuple(place))}.{short}".removeprefix(".")
+    where = f"key of {_path(tuple(place)) or 'the body'}"
     return InvalidInputError(where, None, f"one of the names {', '.join(names)}{hint}")

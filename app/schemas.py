@@ -94,11 +94,11 @@ class FieldError(Strict):
 
 
 class Problem(Strict):
-    """RFC 9457 problem details; of the input they repeat the names of keys, and numbers."""
+    """RFC 9457 problem details, which repeat nothing of the input."""
 
     type: str = Field(examples=["/docs#invalid-input"])
     title: str = Field(examples=["A field is not what it must be"])
     status: int = Field(examples=[422])
-    detail: str = Field(examples=["volatility = -0.2: must be a number from 0 to 15"])
+    detail: str = Field(examples=["volatility must be a number from 0 to 15"])
     errors: list[FieldError] = Field(default_factory=list)
     request_id: str = Field(examples=["5f0c..."], description="Also in the X-Request-ID header and the log.")

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from pricing_core.american.contracts.json_text import JSONTextError, parse_json
+from pricing_core.american.contracts.json_text import DuplicateKeyError, JSONTextError, parse_json
 
 
 class InvalidJsonError(ValueError):
-    """The body is not one JSON object; the message repeats no more of it than a key."""
+    """The body is not one JSON object; the message repeats nothing of it."""
 
 
 def parse_object(raw: bytes) -> dict[str, Any]:
@@ -28,6 +28,8 @@ def parse_object(raw: bytes) -> dict[str, Any]:
     """
     try:
         value = parse_json(raw.decode("utf-8"))
+    except DuplicateKeyError:
+        raise InvalidJsonError("the body holds an object with a key twice") from None
     except JSONTextError as fault:
         raise InvalidJsonError(f"the body {fault}") from None
     except UnicodeError:

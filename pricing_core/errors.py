@@ -66,9 +66,8 @@ class InvalidInputError(PricingCoreError, ValueError):
 
     @property
     def message_for_strangers(self) -> str:
-        """The sentence that is safe to send: the value is in it where that is a number, or in our own words."""
-        safe = isinstance(self.value, int | float | Told) and not isinstance(self.value, bool)
-        return str(self) if safe else self.message_without_value
+        """The sentence that is safe to send: the value is in it where that is in our own words."""
+        return str(self) if isinstance(self.value, Told) else self.message_without_value
 
     def __reduce__(self) -> tuple[type["InvalidInputError"], tuple[str, object, str]]:
         return type(self), (self.field, self.value, self.allowed)

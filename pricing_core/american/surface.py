@@ -1,5 +1,6 @@
 """The value of one option over spots and times."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.solve import solve
 from pricing_core.american.price_book import checked_threads
 from pricing_core.arrays import Matrix, Vector, as_vector
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, NumericalError
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,6 +54,7 @@ def value_surface(
     times: ArrayLike,
     tolerance: float = DEFAULT_TOLERANCE,
     threads: int | None = None,
+    interrupt: Callable[[], bool] | None = None,
 ) -> ValueSurface:
     """Value the option at every pair of a time and a spot, just after what happens at that time.
 
@@ -71,11 +73,15 @@ def value_surface(
         As in `price`.
     threads : int, optional
         As in `price_many`.
+    interrupt : callable, optional
+        Asked between steps of the work; True ends it.
 
     Raises
     ------
     InvalidInputError
         An argument lies outside what is allowed.
+    NumericalError
+        The interrupt came before the end.
 
     Examples
     --------
@@ -95,7 +101,10 @@ def value_surface(
     book = Book.of([])
     for part in books:
         book = book.joined(part)
-    found = _priced(book, tolerance, workers)
+    request = Request(
+        np.full(book.count, tolerance), "none", share_solves=True, threads=workers, interrupt=interrupt
+    )
+    found = _priced(book, request)
     shape = (time.size, spot.size)
     return ValueSurface(
         time,
@@ -120,10 +129,11 @@ def _seen_from_spots(option: Option, market: Market, spot: Vector) -> Book:
     return replace(book.take(np.zeros(spot.size, dtype=np.intp)), spot=spot)
 
 
-def _priced(book: Book, tolerance: float, workers: int) -> Prices:
+def _priced(book: Book, request: Request) -> Prices:
     """Return the prices; contracts without events that differ in the spot alone share their solves."""
-    request = Request(np.full(book.count, tolerance), "none", threads=workers, share_solves=True)
     prices = solve(book, request)
+    if "deadline" in prices.status:
+        raise NumericalError("interrupted before all values were found: allow more time")
     for row in np.flatnonzero(np.isnan(prices.value)).tolist():
         raise InvalidInputError("spots", book.spot.item(row), str(prices.message[row]))
     return prices

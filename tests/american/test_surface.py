@@ -5,7 +5,7 @@ import pytest
 
 from pricing_core.american import Market, Option, price, value_surface
 from pricing_core.american.book.prices import prices
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, NumericalError
 from tests.problems.needs_kernel import needs_kernel
 
 MARKET = Market(100.0, rate=0.05, volatility=0.2)
@@ -86,6 +86,28 @@ def test_spots_that_the_escrow_exceeds_are_refused():
     market = Market(100.0, 0.05, 0.2, cash_dividends=dividends, dividend_model="escrowed")
     with pytest.raises(InvalidInputError, match=r"^spots = 15.0: must be above what the escrowed dividends"):
         value_surface(Option("put", 100.0, 1.0), market, spots=[100.0, 15.0], times=[0.0])
+
+
+@pytest.mark.parametrize("answers", [1, 4])
+def test_an_interrupt_ends_the_work(answers):
+    asked = []
+
+    def interrupt():
+        asked.append(True)
+        return len(asked) >= answers
+
+    dividends = ({"time": 0.5, "amount": 1.0},)
+    market = Market(100.0, 0.05, 0.2, cash_dividends=dividends)
+    spots = np.linspace(50.0, 150.0, 400)
+    with pytest.raises(NumericalError, match="interrupted"):
+        value_surface(
+            Option("put", 100.0, 1.0),
+            market,
+            spots=spots,
+            times=[0.0, 0.2],
+            tolerance=1e-8,
+            interrupt=interrupt,
+        )
 
 
 def test_no_times_give_an_empty_surface():

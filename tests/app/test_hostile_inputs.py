@@ -1,4 +1,4 @@
-"""What a stranger may send, one row each: always a problem document, short, and without texts of theirs but keys."""
+"""What a stranger may send, one row each: always a problem document, short, and without anything of theirs."""
 
 import json
 from typing import Any
@@ -164,7 +164,7 @@ SOUND = '{"time": 0.5, "amount": 1}'
         ("cash_dividends", "[[0.5, 1]]", "cash_dividends[0]"),
         ("cash_dividends", '[{"ex_date": 20260101, "amount": 1}]', "cash_dividends[0].ex_date"),
         ("cash_dividends", f'[{{"ex_date": "{CANARY}", "amount": 1}}]', "cash_dividends[0].ex_date"),
-        ("cash_dividends", f'[{{"time": 1, "amount": 1, "foo": "{CANARY}"}}]', "cash_dividends[0].foo"),
+        ("cash_dividends", f'[{{"time": 1, "amount": 1, "foo": "{CANARY}"}}]', "key of cash_dividends[0]"),
         ("proportional_dividends", '[{"time": 0.5, "fraction": 1.1}]', "proportional_dividends[0].fraction"),
         ("proportional_dividends", f"[{SOUND}]", "proportional_dividends[0].fraction"),
         ("rate", '{"times": [1], "values": [2.1]}', "rate.values[0]"),
@@ -176,7 +176,7 @@ SOUND = '{"time": 0.5, "amount": 1}'
         ("rate", '{"times": [1], "values": [[0.05]]}', "rate.values[0]"),
         ("rate", '{"times": [2, 1], "values": [0.05, 0.06]}', "rate.times"),
         ("rate", '{"times": [1, 2], "values": [0.05]}', "rate.values"),
-        ("rate", f'{{"times": [1], "values": [0], "curve": ["{CANARY}"]}}', "rate.curve"),
+        ("rate", f'{{"times": [1], "values": [0], "curve": ["{CANARY}"]}}', "key of rate"),
         ("volatility", '{"times": [1], "values": [15.1]}', "volatility.values[0]"),
         ("volatility", f'{{"times": {[*range(1, 102)]}, "values": [0.2]}}', "volatility.times"),
         ("dividend_yield", '{"times": [1], "values": [null]}', "dividend_yield.values[0]"),
@@ -214,19 +214,19 @@ def test_a_number_that_is_none_is_told_that_a_curve_would_do(
 @pytest.mark.parametrize(
     ("field", "literal", "detail"),
     [
-        ("volatility", "-0.2", "volatility = -0.2: must be a number from 0 to 15 or {curve}"),
-        ("expiry", "201", "expiry = 201: must be a number from 0 to 200"),
-        ("strike", "1e999", "strike = inf: must be a number from 1e-30 to 1e+30"),
+        ("volatility", "-0.2", "volatility must be a number from 0 to 15 or {curve}"),
+        ("expiry", "201", "expiry must be a number from 0 to 200"),
+        ("strike", "1e999", "strike must be a number from 1e-30 to 1e+30"),
         ("strike", '"100"', "strike must be a number from 1e-30 to 1e+30"),
         (
             "rate",
             '{"times": [1], "values": [2.5]}',
-            "rate.values[0] = 2.5: must be a number from -0.5 to 2",
+            "rate.values[0] must be a number from -0.5 to 2",
         ),
         (
             "cash_dividends",
             '[{"time": 1, "amount": -1}]',
-            "cash_dividends[0].amount = -1: must be a number from 0 to 1e+30",
+            "cash_dividends[0].amount must be a number from 0 to 1e+30",
         ),
         ("exercise_times", "[]", "exercise_times = 0 times: must be 1 to 1000 times"),
         (
@@ -296,25 +296,27 @@ def test_an_unknown_key_is_refused_with_the_keys_that_are_known(
     problem = assert_problem(
         client.post("/v1/price", json=question | {"volatilty": 0.3}), 422, "invalid-input"
     )
-    assert [error["field"] for error in problem["errors"]] == ["volatilty"]
-    assert problem["detail"].startswith("volatilty must be one of the names option_type, strike, expiry, ")
+    assert [error["field"] for error in problem["errors"]] == ["key of the body"]
+    assert problem["detail"].startswith(
+        "key of the body must be one of the names option_type, strike, expiry, "
+    )
     assert "dividend_yield" in problem["detail"]
     assert "did you mean volatility?" in problem["detail"]
 
 
-@pytest.mark.parametrize("key", ["number", "k" * 5_000, "a\x00b<script>", "\u202e"], ids=lambda key: key[:9])
-def test_an_unknown_key_is_named_whatever_it_is(
+@pytest.mark.parametrize("key", ["Xq7", "k" * 5_000, "a\x00b<script>", "\u202e"], ids=lambda key: key[:9])
+def test_an_unknown_key_is_refused_and_not_repeated(
     client: TestClient, question: dict[str, Any], key: str
 ) -> None:
     problem = assert_problem(client.post("/v1/price", json=question | {key: CANARY}), 422, "invalid-input")
-    shown = key if len(key) <= 40 else "k" * 37 + "..."
-    assert [error["field"] for error in problem["errors"]] == [shown]
+    assert [error["field"] for error in problem["errors"]] == ["key of the body"]
+    assert key not in problem["detail"]
 
 
-def test_a_key_that_is_there_twice_is_named(client: TestClient) -> None:
+def test_a_key_that_is_there_twice_is_refused_and_not_repeated(client: TestClient) -> None:
     body = b'{"spot": 100, "cash_dividends": [{"time": 1, "amount": 1, "time": 2}]}'
     problem = assert_problem(client.post("/v1/price", content=body, headers=JSON), 422, "invalid-json")
-    assert problem["detail"] == "the body holds the key 'time' twice"
+    assert problem["detail"] == "the body holds an object with a key twice"
 
 
 def test_many_wrong_fields_are_answered_in_short(client: TestClient) -> None:

@@ -11,6 +11,10 @@ class JSONTextError(ValueError):
     """The text is not JSON; the message completes "it ...", and repeats no more of it than a key."""
 
 
+class DuplicateKeyError(JSONTextError):
+    """An object has a key twice, which the message names."""
+
+
 def parse_json(text: str) -> Any:
     """Parse one JSON value with distinct keys, finite number literals and well-formed Unicode.
 
@@ -74,7 +78,7 @@ def _distinct_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     distinct = dict(pairs)
     if len(distinct) < len(pairs):
         (twice, _), *_ = Counter(key for key, _ in pairs).most_common(1)
-        raise JSONTextError(f"holds the key {shown(twice)} twice")
+        raise DuplicateKeyError(f"holds the key {shown(twice)} twice")
     return distinct
 
 
