@@ -3,7 +3,7 @@
 PricingCoreError
 ├── InvalidInputError (ValueError)     the question is wrong: field, value, what is allowed
 ├── MissingExtraError (ImportError)    a module of an extra is not installed: the message says which extra
-├── ClusterError (RuntimeError)         workers are missing, lost, or of another version
+├── ClusterError (ConnectionError)      workers are missing, lost, or of another version
 └── NumericalError (ArithmeticError)   the question stands, the method could not answer it
     ├── InfeasibleError                proved: there is no solution
     ├── RayTerminationError            Lemke's method stopped on a ray: nothing is proved
@@ -73,7 +73,7 @@ class InvalidInputError(PricingCoreError, ValueError):
         return type(self), (self.field, self.value, self.allowed)
 
 
-class ClusterError(PricingCoreError, RuntimeError):
+class ClusterError(PricingCoreError, ConnectionError):
     """The scheduler or the workers of a cluster cannot do the work, and the work itself is not why."""
 
 

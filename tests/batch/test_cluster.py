@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from app.cli import app
 from pricing_core.batch import Progress, run_batch
 from pricing_core.batch.runner import parts_path
 from pricing_core.errors import ClusterError, InvalidInputError
@@ -176,3 +177,22 @@ def test_no_scheduler_and_no_engine_are_refused_in_one_sentence(book: Path, tmp_
         run_batch(book, target, engine="spark")
     with pytest.raises(InvalidInputError, match=r"scheduler = .*: must be left out where the engine is not"):
         run_batch(book, target, scheduler="tcp://127.0.0.1:8786")
+
+
+def test_a_scheduler_that_is_not_there_is_named(
+    book: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("pricing_core.batch.cluster.SECONDS_TO_CONNECT", 0.3)
+    words = [
+        "batch",
+        str(book),
+        str(tmp_path / "out.parquet"),
+        "--engine",
+        "dask",
+        "--scheduler",
+        "tcp://127.0.0.1:1",
+    ]
+    assert app(words, standalone_mode=False) == 2
+    message = capsys.readouterr().err
+    assert message.startswith("pricing: no cluster with a worker at tcp://127.0.0.1:1: ")
+    assert message.count("\n") == 1
