@@ -48,20 +48,15 @@ class DaskCluster:
             There is no such scheduler, it is lost, its workers are of another version or do not see the folder, or
             units have killed their workers.
         """
-        given_up: list[Unit] = []
+        killers: list[Unit] = []
         with self._client() as client, _lost_scheduler_told():
-            for unit, future in _completed(client, units, folder):
-                try:
-                    index, counts = future.result()
-                except distributed.KilledWorker:
-                    given_up.append(unit)
-                    continue
-                if unit.part not in folder.names():
-                    raise ClusterError(f"a worker has priced unit {index}, but its part is not in {folder}")
-                yield index, counts
-        if given_up:
-            units_named = ", ".join(f"unit {unit.index}" for unit in given_up)
-            raise ClusterError(f"{units_named}: killed each worker that priced it; the others are priced")
+            suspects: list[Unit] = []
+            yield from _priced(client, units, folder, suspects)
+            for unit in suspects:  # each alone, as what a worker had beside it may have killed it
+                yield from _priced(client, iter([unit]), folder, killers)
+        if killers:
+            named = ", ".join(f"unit {unit.index}" for unit in killers)
+            raise ClusterError(f"{named}: killed each worker that priced it; the others are priced")
 
     @contextmanager
     def _client(self) -> Iterator[Any]:
@@ -126,6 +121,21 @@ def check_versions(wanted: Mapping[str, str]) -> None:
     ]
     if different:
         raise ClusterError(f"a worker on {platform.node()} has {', '.join(different)}")
+
+
+def _priced(
+    client: Any, units: Iterator[Unit], folder: WorkFolder, killers: list[Unit]
+) -> Iterator[tuple[int, Counts]]:
+    """Yield what has been priced, and put aside the units whose workers were killed."""
+    for unit, future in _completed(client, units, folder):
+        try:
+            index, counts = future.result()
+        except distributed.KilledWorker:
+            killers.append(unit)
+            continue
+        if unit.part not in folder.names():
+            raise ClusterError(f"a worker has priced unit {index}, but its part is not in {folder}")
+        yield index, counts
 
 
 def _completed(client: Any, units: Iterator[Unit], folder: WorkFolder) -> Iterator[tuple[Unit, Any]]:
