@@ -6,6 +6,7 @@ PricingCoreError
 ├── ClusterError (ConnectionError)      workers are missing, lost, or of another version
 └── NumericalError (ArithmeticError)   the question stands, the method could not answer it
     ├── InfeasibleError                proved: there is no solution
+    ├── NotFoundError                  no solution was found: nothing is proved
     ├── RayTerminationError            Lemke's method stopped on a ray: nothing is proved
     ├── IterationLimitError            an iteration did not converge within its limit
     ├── RelativeDegreeError            the time-stepping scheme cannot converge for this system
@@ -83,6 +84,10 @@ class NumericalError(PricingCoreError, ArithmeticError):
 
 class InfeasibleError(NumericalError):
     """The problem is proved to have no solution."""
+
+
+class NotFoundError(NumericalError):
+    """No solution was found; the problem may still have one."""
 
 
 class RayTerminationError(NumericalError):

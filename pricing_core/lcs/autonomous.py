@@ -48,7 +48,7 @@ class AutonomousForm:
 
     def state_after(self, x: Vector, t: float) -> Vector:
         """Return z with the inputs as they are just after t, shape (n + p,)."""
-        return np.concatenate([x, *(signal.state_after(t) for signal in self.inputs)])
+        return whole_state(x, self.inputs, t)
 
     def knots(self, t0: float, t1: float) -> list[float]:
         """Return the times strictly inside at which an input starts anew."""
@@ -74,6 +74,19 @@ def autonomous_form(system: LCS) -> AutonomousForm:
     >>> form.state_after(np.array([2.0]), 0.0)
     array([2., 1.])
     """
+    n = system.shape[0]
+    combined, inputs = with_inputs_as_states(system)
+    A_seen, C_seen = combined.A.copy(), combined.C.copy()
+    for part in (A_seen[:n, n:], C_seen[:, n:]):  # an offset of rounding size sets no unit
+        part[np.abs(part) <= NOTHING * np.abs(part).max(axis=0, initial=0.0)] = 0.0
+    units = balancing_units(A_seen, combined.B, C_seen, combined.D)
+    _check_reach(combined, units)
+    is_exact = sum(combined.shape) <= EXACT_SIZE and has_short_numbers(combined)
+    return AutonomousForm(_balanced(combined, units, is_exact), units, n, inputs, is_exact, system)
+
+
+def with_inputs_as_states(system: LCS) -> tuple[LCS, tuple[Exosystem, ...]]:
+    """Return the system of (x, w) in the units given, and the exosystems whose states w are."""
     n, k = system.shape
     f, g = (as_exosystem(signal) for signal in (system.f, system.g))
     inputs = (f,) if _share_states(system.f, system.g) else (f, g)
@@ -83,19 +96,18 @@ def autonomous_form(system: LCS) -> AutonomousForm:
     to_f[:, : f.output.shape[1]] = f.output
     to_g[:, size - g.output.shape[1] :] = g.output
     generator = block_diag(*(signal.generator for signal in inputs))
-    combined = LCS(
+    whole = LCS(
         np.vstack([np.hstack([A, to_f]), np.hstack([np.zeros((size, n)), generator])]),
         np.vstack([B, np.zeros((size, k))]),
         np.hstack([C, to_g]),
         D,
     )
-    A_seen, C_seen = combined.A.copy(), combined.C.copy()
-    for part in (A_seen[:n, n:], C_seen[:, n:]):  # an offset of rounding size sets no unit
-        part[np.abs(part) <= NOTHING * np.abs(part).max(axis=0, initial=0.0)] = 0.0
-    units = balancing_units(A_seen, combined.B, C_seen, combined.D)
-    _check_reach(combined, units)
-    is_exact = sum(combined.shape) <= EXACT_SIZE and has_short_numbers(combined)
-    return AutonomousForm(_balanced(combined, units, is_exact), units, n, inputs, is_exact, system)
+    return whole, inputs
+
+
+def whole_state(x: Vector, inputs: tuple[Exosystem, ...], t: float) -> Vector:
+    """Return (x, w) with the inputs as they are just after t."""
+    return np.concatenate([x, *(signal.state_after(t) for signal in inputs)])
 
 
 def _check_reach(system: LCS, units: Units) -> None:

@@ -8,7 +8,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from pricing_core.arrays import IndexSet, Matrix, Vector
-from pricing_core.errors import IterationLimitError, NonUniqueError, NumericalError, ZenoError
+from pricing_core.errors import (
+    IterationLimitError,
+    NonUniqueError,
+    NumericalError,
+    ZenoError,
+)
 from pricing_core.lcs.autonomous import AutonomousForm, autonomous_form
 from pricing_core.lcs.contact_order import depends_on_order
 from pricing_core.lcs.event_location import Crossing, bernstein, first_crossing, touching_places
@@ -77,7 +82,7 @@ def drive_by_events(
         accepted=sum(len(flow.times) for flow in flows),
         rejected=0,
         forced=0,
-        unique=True if selector.is_unique else None,
+        system=system if method.rebound is None else None,
         flows=flows,
     )
 

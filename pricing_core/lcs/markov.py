@@ -1,5 +1,6 @@
 """The Markov parameters of a transfer matrix: D, CB, CAB, ..."""
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -58,14 +59,16 @@ def markov_parameters(system: LCS, count: int) -> NDArray[np.float64]:
     return np.array(parameters[:count]).reshape(count, k, k)
 
 
-def exact_markov_parameters(system: RationalSystem, count: int) -> list[RationalMatrix]:
-    """Return `count` Markov parameters as arrays of rationals, each of shape (k, k)."""
+def exact_markov_parameters(system: RationalSystem, count: int) -> Iterator[RationalMatrix]:
+    """Yield `count` Markov parameters as arrays of rationals, each of shape (k, k)."""
     A, response, C = to_flint(system.A), to_flint(system.B), to_flint(system.C)
-    parameters = [system.D]
-    for _ in range(1, count):
-        parameters.append(from_flint(C * response))
-        response = A * response
-    return parameters[:count]
+    for power in range(count):
+        if power == 0:
+            yield system.D
+            continue
+        yield from_flint(C * response)
+        if power + 1 < count:
+            response = A * response
 
 
 def leading_markov_parameter(system: LCS) -> LeadingMarkovParameter | None:

@@ -8,13 +8,14 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from pricing_core.arrays import IndexSet, Vector
-from pricing_core.errors import InfeasibleError, NonUniqueError, NumericalError
+from pricing_core.errors import NonUniqueError, NotFoundError, NumericalError
 from pricing_core.lcp import LCP, solve
 from pricing_core.lcs.autonomous import AutonomousForm
 from pricing_core.lcs.closed_form import ClosedForm, closed_form
 from pricing_core.lcs.free_inputs import free_input_moves_state
 from pricing_core.lcs.mode_dynamics import LADDER, ModeDynamics, Shares, State, mode_dynamics
 from pricing_core.lcs.slow_part import SlowPart, slow_part
+from pricing_core.lcs.uniqueness import has_unique_state
 
 OnNonUnique: TypeAlias = Literal["raise", "first"] | Callable[[float, Vector, tuple[IndexSet, ...]], IndexSet]
 
@@ -85,10 +86,8 @@ class ModeSelector:
 
         Raises
         ------
-        InfeasibleError
-            There is no admissible mode: all were looked at.
-        NumericalError
-            None was found.
+        NotFoundError
+            No admissible mode was found: nothing is proved, for signs are told in floating point.
         NonUniqueError
             There are several, with different futures.
         """
@@ -210,11 +209,12 @@ class ModeSelector:
                 if self.dynamics(mode) is None and free_input_moves_state(self.form, mode, held, rising):
                     x = (z * self.form.units.state)[: self.form.states]
                     raise NonUniqueError(
-                        f"several continuations from x = {_shown(x)} at t = {t:.12g}, with y = 0 and inputs that no "
-                        f'output sees in the pairs {mode}: on_nonunique="first" leaves these inputs zero'
+                        f"several continuations from x = {shown_state(x)} at t = {t:.12g}, with y = 0 and inputs that "
+                        f'no output sees in the pairs {mode}: on_nonunique="first" leaves these inputs zero'
                     )
 
     def _chosen(self, every: list[ModeDynamics], z: Vector, t: float) -> ModeDynamics:
+        """Return the mode that goes on where several do, with states that differ."""
         modes = tuple(dynamics.mode for dynamics in every)
         x = (z * self.form.units.state)[: self.form.states]
         if callable(self.on_nonunique):
@@ -224,17 +224,20 @@ class ModeSelector:
                     f"on_nonunique chose the mode {wanted} at t = {t:.12g}: not one of {modes}"
                 )
             return every[modes.index(wanted)]
+        if has_unique_state(self.form.given):  # what differs is rounding
+            return every[0]
         raise NonUniqueError(
-            f"several continuations from x = {_shown(x)} at t = {t:.12g}, in the modes {modes}: "
+            f"several continuations from x = {shown_state(x)} at t = {t:.12g}, in the modes {modes}: "
             'choose with on_nonunique="first" or a function of (t, x, modes)'
         )
 
-    def _no_mode(self, z: Vector, t: float) -> NumericalError:
+    def _no_mode(self, z: Vector, t: float) -> NotFoundError:
         x = (z * self.form.units.state)[: self.form.states]
-        start = f"x = {_shown(x)} at t = {t:.12g}"
-        if self.form.system.shape[1] > LARGEST_COMPLETE:
-            return NumericalError(f"no mode that goes on was found from {start}: nothing is proved")
-        return InfeasibleError(f"no mode goes on from {start}: each one with a unique input was looked at")
+        looked = "every one" if self.form.system.shape[1] <= LARGEST_COMPLETE else "the likely ones"
+        return NotFoundError(
+            f"no mode that goes on was found from x = {shown_state(x)} at t = {t:.12g}: {looked} with a unique input "
+            "looked at in floating point, nothing proved"
+        )
 
 
 def implicit_step(form: AutonomousForm, state: State, h: float) -> tuple[State, IndexSet] | None:
@@ -254,5 +257,6 @@ def implicit_step(form: AutonomousForm, state: State, h: float) -> tuple[State, 
     return State(z, np.maximum(state.sizes, np.abs(z))), mode
 
 
-def _shown(x: Vector) -> str:
+def shown_state(x: Vector) -> str:
+    """Return x as messages show it."""
     return np.array2string(x, precision=6, threshold=8)

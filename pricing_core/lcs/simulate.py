@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core.arrays import as_vector, check_callable
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InfeasibleError, InvalidInputError, NotFoundError, Told
 from pricing_core.lcs.event_driven import drive_by_events
-from pricing_core.lcs.simulation_method import SimulationMethod, TimeStepping, as_method
+from pricing_core.lcs.infeasible_start import nothing_goes_on
+from pricing_core.lcs.mode_selection import shown_state
+from pricing_core.lcs.simulation_method import EventDriven, SimulationMethod, TimeStepping, as_method
 from pricing_core.lcs.simulation_times import checked_span, checked_times
 from pricing_core.lcs.stepped_simulation import simulate_by_steps
 from pricing_core.lcs.system import LCS
@@ -44,7 +46,9 @@ def simulate(
     InvalidInputError
         An argument lies outside what is allowed; a law of rebound for a system with D other than zero.
     InfeasibleError
-        No mode goes on from a state, or a step has no solution.
+        Proved: no mode goes on from x0.
+    NotFoundError
+        No mode that goes on from a state, or no solution of a step, was found: nothing is proved.
     NonUniqueError
         A state has several continuations, and none was chosen.
     ZenoError
@@ -52,7 +56,7 @@ def simulate(
     IterationLimitError
         More than max_events events, or endless reinitialisations at one instant.
     NumericalError
-        The state or an input overflows; with more than ten pairs, no mode that goes on was found.
+        The state or an input overflows.
     RelativeDegreeError
         The stepping scheme cannot converge: relative degree 3 or more, or 2 with "sdirk2" or "theta".
     RayTerminationError, StepSizeError
@@ -77,8 +81,14 @@ def simulate(
     chosen = as_method(method)
     if interrupt is not None:
         check_callable("interrupt", interrupt, "nothing")
-    if isinstance(chosen, TimeStepping):
-        return simulate_by_steps(system, start, span, reported, chosen, interrupt)
-    if chosen.rebound is not None and np.any(system.D):
+    if isinstance(chosen, EventDriven) and chosen.rebound is not None and np.any(system.D):
         raise InvalidInputError("rebound", Told("a law"), "left out for a system with D other than zero")
-    return drive_by_events(system, start, span, reported, chosen, interrupt)
+    try:
+        if isinstance(chosen, TimeStepping):
+            return simulate_by_steps(system, start, span, reported, chosen, interrupt)
+        return drive_by_events(system, start, span, reported, chosen, interrupt)
+    except NotFoundError as error:
+        if nothing_goes_on(system, start, span[0]):
+            text = f"no mode goes on from x = {shown_state(start)} at t = {span[0]:.12g}: proved"
+            raise InfeasibleError(text) from error
+        raise

@@ -6,9 +6,9 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from pricing_core.arrays import Vector
-from pricing_core.errors import InfeasibleError, NumericalError
-from pricing_core.lcp import LCP, Method, least_norm_solution, solve
+from pricing_core.arrays import BoolVector, Vector
+from pricing_core.errors import InfeasibleError, NotFoundError, NumericalError
+from pricing_core.lcp import LCP, LCPSolution, Method, least_norm_solution, solve
 from pricing_core.lcs.one_step_problem import OneStepProblem, one_step_problem
 from pricing_core.lcs.overflow import check_size
 from pricing_core.lcs.system import LCS
@@ -45,8 +45,8 @@ class LCSStage:
 
         Raises
         ------
-        InfeasibleError, RayTerminationError, IterationLimitError
-            The LCP of the step has no solution, or its solver found none.
+        NotFoundError, RayTerminationError, IterationLimitError
+            The LCP of the step has no solution as it is rounded, or its solver found none.
         NumericalError
             The state overflows.
         """
@@ -60,7 +60,7 @@ class LCSStage:
             if found is not None:
                 return LCSState(free + problem.response @ found[0], *found)
         posed = problem.lcp(free, t)
-        solution = solve(posed, method=self.lcp_method, start=mode)
+        solution = solved_at(t, posed, self.lcp_method, mode)
         u = solution.z
         if self.multipliers == "least-norm":
             u = least_norm_solution(posed, u)
@@ -77,6 +77,24 @@ class LCSStage:
                 del self._problems[next(iter(self._problems))]
             self._problems[h] = one_step_problem(self.system, h)
         return self._problems[h]
+
+
+def solved_at(
+    t: float, problem: LCP, method: Method = "auto", start: BoolVector | None = None
+) -> LCPSolution:
+    """Return a solution of the problem of the step to t.
+
+    Raises
+    ------
+    NotFoundError
+        The problem has none: that is proved of its rounded numbers, not of the system.
+    """
+    try:
+        return solve(problem, method=method, start=start)
+    except InfeasibleError as error:
+        raise NotFoundError(
+            f"the step to t = {t:.12g} has no solution, as its numbers are rounded: {error}"
+        ) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,13 +142,16 @@ def continue_from(system: LCS, x: Vector, t: float, tolerance: float) -> LCSStat
 
 
 def jump(system: LCS, x: Vector, t: float, h: float) -> LCSState:
-    """Return the state after the jump at t, one implicit Euler step of a very small h: u is impulse / h."""
+    """Return the state after the jump at t, one implicit Euler step of a very small h: u is impulse / h.
+
+    Raises
+    ------
+    NotFoundError
+        The step has no solution, as its numbers are rounded.
+    """
     problem = one_step_problem(system, h)
     base = x + h * (system.f.after(t) - system.f.before(t))
     free = problem.free_state(base, t)
     q = system.C @ free + system.g.after(t)
-    try:
-        solution = solve(LCP(problem.M, q))
-    except InfeasibleError as error:
-        raise InfeasibleError(f"no admissible jump at t = {t:g} from this state: {error}") from error
+    solution = solved_at(t, LCP(problem.M, q))
     return LCSState(free + problem.response @ solution.z, solution.z, solution.w)

@@ -11,6 +11,8 @@ from pricing_core.arrays import IndexSet, Matrix, Vector, as_real_array, as_whol
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs.flow import Flow, evaluate
 from pricing_core.lcs.multipliers import least_norm_multipliers
+from pricing_core.lcs.system import LCS
+from pricing_core.lcs.uniqueness import has_unique_state
 
 MOST_POINTS = 10_000_000
 EventKind = Literal["switch", "jump", "input", "grazing", "zeno"]
@@ -73,9 +75,8 @@ class Trajectory:
         "event-driven", or the one-step method that was used.
     accepted, rejected, forced : int
         Step counters, see `pricing_core.stepping.Integration`.
-    unique : True or None
-        True where the implicit steps of the system show that its state has no other continuation from anywhere; None
-        where that is not known: this may be one of several.
+    system : LCS or None
+        Whose solution this is to rounding; None where the run stepped, or went by another law of impact.
     """
 
     t: Vector
@@ -88,8 +89,16 @@ class Trajectory:
     accepted: int
     rejected: int
     forced: int
-    unique: Literal[True] | None = None
+    system: LCS | None = field(default=None, repr=False)
     flows: tuple[Flow, ...] = field(default=(), repr=False)
+
+    @property
+    def unique(self) -> Literal[True] | None:
+        """True where it is proved, for the system as given, that no state has another continuation; else None.
+
+        Exact, see `has_unique_state`: some milliseconds when it is asked for first. None where `system` is.
+        """
+        return None if self.system is None else has_unique_state(self.system)
 
     def __call__(self, t: ArrayLike) -> Matrix:
         """Return x(t), shape (n,) for a scalar, (len(t), n) for a vector.

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from pricing_core.lcs import LCS, Exosystem, rational_complementarity, sine, well_posedness
+from pricing_core.lcs import LCS, Exosystem, rational_complementarity, simulate, sine, well_posedness
 from pricing_core.lcs.ill_posedness import ambiguous_pairs
 from pricing_core.lcs.parts import independent_parts, strongly_connected_parts
 from pricing_core.lcs.pole_shifted_passivity import is_passive_after_pole_shift
@@ -9,6 +9,7 @@ from pricing_core.lcs.rational_system import rational_system
 from pricing_core.lcs.total_invertibility import transfer_minors
 from pricing_core.lcs.uniqueness import has_unique_state
 from pricing_core.linalg.principal_minors import all_positive
+from pricing_core.models import MechanicalSystem
 from tests.problems.lcs_systems import oscillator, random_system, two_integrators
 
 
@@ -140,3 +141,29 @@ def test_an_offset_that_varies_is_not_taken_for_its_first_value():
     assert well_posedness(LCS([[-1]], [[0]], [[0]], g=sine(1.0, 1.0))).verdict == "unknown"
     assert well_posedness(LCS([[-1]], [[1]], [[1]], g=sine(1.0, 1.0))).verdict == "well-posed"
     assert well_posedness(LCS([[-1]], [[0]], [[0]], [[0]], g=[0])).verdict == "well-posed"
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_independent_constraints_of_any_number_leave_one_motion(seed):
+    """F M^-1 F^T > 0: with up to 30 contacts, and not where a constraint is stated twice with another sign."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 31))
+    k = int(rng.integers(1, n + 1))
+    H = rng.normal(size=(n, n))
+    F = rng.normal(size=(k, n)) * 10.0 ** rng.uniform(-6.0, 6.0, (k, 1))
+    body = MechanicalSystem(H @ H.T + np.eye(n), rng.normal(size=(n, n)), rng.normal(size=(n, n)), F)
+    system = body.to_lcs()
+    assert has_unique_state(system)
+    assert not has_unique_state(LCS(system.A, -system.B, system.C))
+
+
+def test_what_is_proved_of_a_run_is_proved_of_its_system():
+    """Relays with u = sgn y have several ways on from 0; under another law of impact nothing is known."""
+    body = MechanicalSystem([[1.0]], [[0.0]], [[1.0]], [[1.0]], offset=[0.5])
+    assert body.simulate([1.0], [0.0], (0.0, 5.0)).unique
+    elastic = MechanicalSystem([[1.0]], [[0.0]], [[1.0]], [[1.0]], offset=[0.5], restitution=0.5)
+    assert elastic.simulate([1.0], [0.0], (0.0, 5.0)).unique is None
+    several = two_integrators([[1, 2], [2, 1]])
+    assert simulate(several, [1.0, 1.0], (0.0, 1.0)).unique is None
+    nearly = LCS(several.A, [[1.0, 1.0 - 2.0**-53], [1.0 + 2.0**-52, 1.0]], several.C)
+    assert (simulate(nearly, [1.0, 1.0], (0.0, 1.0)).unique is True) == all_positive(transfer_minors(nearly))

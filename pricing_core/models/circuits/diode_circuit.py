@@ -5,7 +5,7 @@ from typing import Self
 
 from numpy.typing import ArrayLike
 
-from pricing_core.errors import InfeasibleError, InvalidInputError
+from pricing_core.errors import InfeasibleError, InvalidInputError, NotFoundError
 from pricing_core.lcs import simulate
 from pricing_core.lcs.simulation_method import SimulationMethod
 from pricing_core.lcs.simulation_times import checked_span
@@ -228,7 +228,7 @@ class DiodeCircuit:
         ------
         InvalidInputError
             See `to_lcs`; or t_span is so long that there is no end to the periods of a source.
-        InfeasibleError
+        InfeasibleError, NotFoundError
             Diodes close a loop of voltage sources or open a cut-set of current sources; the message names them.
         NumericalError
             See `pricing_core.lcs.simulate`.
@@ -255,9 +255,9 @@ class DiodeCircuit:
                 t_eval=t_eval,
                 interrupt=interrupt,
             )
-        except InfeasibleError as error:
+        except (InfeasibleError, NotFoundError) as error:
             advice = unlimited(self.elements)
             if advice is None:
                 raise
-            raise InfeasibleError(f"{advice}: {error}") from error
+            raise type(error)(f"{advice}: {error}") from error
         return read_run(circuit, trajectory, span[0], from_elements=x0 is None)
