@@ -1,16 +1,17 @@
 """Stiff modes: what is left of the flow once its fast part has died out."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from flint import arb_mat, ctx
+from flint import arb_mat, ctx, fmpq
 from numpy.typing import NDArray
 from scipy.linalg import schur, solve_sylvester
 
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs.mode_dynamics import ModeDynamics, longest_step
-from pricing_core.lcs.mode_maps import ExactMaps, coordinate_rows, without_rounding
-from pricing_core.linalg.rational import to_flint
+from pricing_core.lcs.mode_maps import ExactMaps, ModeMaps, coordinate_rows, without_rounding
+from pricing_core.linalg.rational import RationalMatrix, rounded, to_flint
 
 GAP = 4.0  # between the sizes of fast and slow eigenvalues
 DAMPED = 1e-6  # damping of the fast ones, at the least
@@ -83,18 +84,21 @@ def slow_part(dynamics: ModeDynamics) -> SlowPart | None:
         without_rounding(take @ dynamics.rate @ basis, np.abs(take) @ np.abs(dynamics.rate) @ np.abs(basis)),
         without_rounding(dynamics.outputs @ basis, dynamics.output_sizes @ np.abs(basis)),
     )
-    exact = None if dynamics.maps is None else dynamics.maps.exact
+    exact, precise = None if dynamics.maps is None else dynamics.maps.exact, None
     largest = float(np.abs(dynamics.rate).max(initial=0.0))
-    if exact is not None and rows and largest > PRECISE * float(np.abs(slow_block).max(initial=0.0)):
-        take, basis, whole = _refined(exact, take, basis, rows, threshold, largest)
+    slowest = float(np.abs(np.linalg.eigvals(slow_block)).min(initial=math.inf))
+    if exact is not None and largest > PRECISE * slowest:
+        take, basis, precise = _refined(exact, take, basis, rows, threshold, largest)
+        whole = rounded(precise.basis), rounded(precise.rate), rounded(precise.outputs)
+    maps = ModeMaps(whole[0], take @ dynamics.coordinates, whole[1], whole[2], dynamics.impulses, precise)
     slow = replace(
         dynamics,
-        basis=whole[0],
-        coordinates=take @ dynamics.coordinates,
-        rate=whole[1],
-        outputs=whole[2],
-        step=longest_step(whole[1]),
-        maps=None,
+        basis=maps.basis,
+        coordinates=maps.coordinates,
+        rate=maps.rate,
+        outputs=maps.outputs,
+        step=longest_step(maps.rate),
+        maps=maps,
     )
     left = float(np.linalg.norm(dynamics.rate @ basis - basis @ whole[1]))
     least = float(np.abs(np.linalg.eigvals(triangular[:fast, :fast])).min())
@@ -103,10 +107,11 @@ def slow_part(dynamics: ModeDynamics) -> SlowPart | None:
 
 def _refined(
     exact: ExactMaps, rough: Matrix, back: Matrix, rows: list[int], threshold: float, largest: float
-) -> tuple[Matrix, Matrix, tuple[Matrix, Matrix, Matrix]]:
-    """Return the maps of the slow subspace to full precision, by inverse iteration with many digits.
+) -> tuple[Matrix, Matrix, ExactMaps]:
+    """Return the maps of the slow subspace by inverse iteration with many digits, far more than a float has.
 
-    In floating point the slow eigenvalues carry the rounding of the fast ones.
+    In floating point the slow eigenvalues carry the rounding of the fast ones: also where what is fast consists of
+    several groups, that are split off one after the other.
     """
     with ctx.workprec(DIGITS):
         rate, basis, outputs = (arb_mat(to_flint(part)) for part in exact)
@@ -120,17 +125,21 @@ def _refined(
             left = shifted.transpose().solve(left).mid()
             left = (left * (right.transpose() * left).inv()).mid()
         take = left.transpose()
-        whole = _floats(basis * right), _floats(take * rate * right), _floats(outputs * right)
-        return _floats(take), _floats(right), whole
+        parts = (_rationals(part) for part in (take * rate * right, basis * right, outputs * right))
+        return rounded(_rationals(take)), rounded(_rationals(right)), ExactMaps(*parts)
 
 
 def _part(M: arb_mat, rows: list[int]) -> arb_mat:
     return arb_mat([[M[i, j] for j in range(M.ncols())] for i in rows])
 
 
-def _floats(M: arb_mat) -> Matrix:
-    entries = [float(entry.mid()) for entry in M.entries()]
-    return np.array(entries, dtype=np.float64).reshape(M.nrows(), M.ncols())
+def _rationals(M: arb_mat) -> RationalMatrix:
+    """Return the middles of the entries."""
+    found = np.empty((M.nrows(), M.ncols()), dtype=object)
+    for place, entry in enumerate(M.entries()):
+        mantissa, exponent = entry.mid().man_exp()
+        found.flat[place] = fmpq(mantissa) * fmpq(2) ** int(exponent)
+    return found
 
 
 def _threshold(eigenvalues: NDArray[np.complex128]) -> float | None:
