@@ -55,11 +55,15 @@ CLOSE = 1e-8  # Tolerance, in strikes, of values whose differences are taken; ch
 # Error of a derivative by a parameter, in strikes, from which on differences are tried; chosen: they take many solves.
 BY_DIFFERENCES = 1e-2
 DIFFERENCE_SHARES = (1.0, 0.5)  # Steps of differences, in the usual ones; chosen.
-# Step of the volatility for volga, as a share of the contract's smallest one, and how many levels finer than the price
-# the values for it are held; the second pair where the error is too large; calibrated on random contracts.
-VOLGA_STEPS_AND_LEVELS = ((0.02, 1), (0.005, 3))
-# The values that volga needs, in steps from the contract's own volatility.
-VOLGA_PLACES = (-1.0, 0.0, 1.0, -2.0, 2.0)
+# Steps of the volatility for volga, as shares of the contract's smallest one; how many levels finer than the price the
+# values for it are held; and its error over that of vega, in these smallest volatilities. The second ones where the
+# error is too large; calibrated on random contracts.
+VOLGA_TRIES = ((0.005, 1, 1.0), (0.0025, 3, 0.2))
+# Error of a second difference by its step, in squared shares of that, over volga and vega over the volatility, and over
+# what it is if the value falls with the square of its distance from the strike; calibrated likewise.
+VOLGA_TRUNCATION, FAR_TRUNCATION = 3.0, 0.3
+# Error of a second difference over that of the first difference, which vega is known for, over the step; calibrated.
+VOLGA_NOISE = 0.2
 Columns = dict[str, Any]
 
 
@@ -120,7 +124,8 @@ def _first_or_finer(book: Book, first: Solved, request: Request, *, lacking: boo
         missed[rows[better]] = still[better]
         found = stored(found, rows[better], {name: taken(column, better) for name, column in finer.items()})
     if extended:
-        found |= _volga_to_tolerance(book, first.level, request)
+        vega = {name: found[name] for name in ("vega", error_of("vega"))}
+        found |= _volga_to_tolerance(book, first.level, vega, request)
         missed = np.where(np.isnan(found["volga"]), np.inf, missed)
     return found, missed
 
@@ -210,35 +215,50 @@ def _better(value: Vector, error: Vector, far: Vector, near: Vector, noise: Vect
     return np.where(closer, near + (near - far) / 3.0, value), np.where(closer, distance, error)
 
 
-def _volga_to_tolerance(book: Book, level: NDArray[np.int64], request: Request) -> Columns:
-    """Return volga and its error: from values that are held finer where the error is too large."""
+def _volga_to_tolerance(book: Book, level: NDArray[np.int64], vega: Columns, request: Request) -> Columns:
+    """Return volga and its error: from values that are held finer where the error is too large.
+
+    Parameters
+    ----------
+    vega : dict
+        Vega and its error.
+    """
     found = dict.fromkeys(("volga", error_of("volga")), np.full(book.count, np.nan))
+    smallest = np.minimum.reduceat(book.segments.volatility, book.first[:-1])
+    per_volatility = np.abs(vega["vega"]) / smallest
     rows = np.arange(book.count)
-    for share, finer in VOLGA_STEPS_AND_LEVELS:
+    for share, finer, noise_share in VOLGA_TRIES:
         if rows.size == 0 or request.is_interrupted():
             break
-        fresh = _volga(book.take(rows), np.minimum(level[rows] + finer, FINEST), share, request)
-        better = ~(fresh[error_of("volga")] >= found[error_of("volga")][rows])
-        found = stored(found, rows[better], {name: column[better] for name, column in fresh.items()})
+        step, levels = share * smallest[rows], np.minimum(level[rows] + finer, FINEST)
+        slope, volga = _differences(book.take(rows), step, levels, request)
+        curved = np.abs(volga) + per_volatility[rows]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            far = np.nan_to_num((volga / per_volatility[rows]) ** 2, posinf=0.0)
+        truncation = share**2 * (VOLGA_TRUNCATION * curved + FAR_TRUNCATION * far * np.abs(volga))
+        noise = noise_share * vega[error_of("vega")][rows] / smallest[rows]
+        error = truncation + noise + VOLGA_NOISE * np.abs(slope - vega["vega"][rows]) / step
+        better = ~(error >= found[error_of("volga")][rows])
+        fresh = {"volga": volga[better], error_of("volga"): error[better]}
+        found = stored(found, rows[better], fresh)
         rows = np.flatnonzero(~(_largest_error(book, found, request.tolerance) <= PESSIMISM))
     return found
 
 
-def _volga(book: Book, level: NDArray[np.int64], share: float, request: Request) -> Columns:
-    """Return second differences of values that are solved alike, extrapolated from two steps.
+def _differences(
+    book: Book, step: Vector, level: NDArray[np.int64], request: Request
+) -> tuple[Vector, Vector]:
+    """Return first and second differences by the volatility, money, of values that are solved alike.
 
     All boundaries have a fixed degree; where one of them is not found so, the values are solved to a small tolerance.
     """
-    threads, interrupt = request.threads, request.interrupt
-    step = share * np.minimum.reduceat(book.segments.volatility, book.first[:-1])
-    bumped = Bump(book, "volatility")
-    books = [bumped(by * step) for by in VOLGA_PLACES]
+    threads, interrupt, bumped = request.threads, request.interrupt, Bump(book, "volatility")
+    books = [bumped(by * step) for by in (-1.0, 0.0, 1.0)]
     values = np.stack([solve_at_level(moved, level, threads, interrupt)[0] for moved in books])
     rows = np.flatnonzero(np.isnan(values).any(axis=0))
     if rows.size:
         tolerance = np.full(rows.size, CLOSE)
         for value, moved in zip(values, books, strict=True):
             value[rows] = solve_to_tolerance(moved.take(rows), tolerance, threads, interrupt=interrupt).value
-    near = book.strike * (values[0] - 2.0 * values[1] + values[2]) / step**2
-    far = book.strike * (values[3] - 2.0 * values[1] + values[4]) / (2.0 * step) ** 2
-    return {"volga": near + (near - far) / 3.0, error_of("volga"): np.abs(near - far)}
+    down, same, up = book.strike * values
+    return (up - down) / (2.0 * step), (up - 2.0 * same + down) / step**2
