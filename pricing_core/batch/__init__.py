@@ -6,5 +6,19 @@ with needs_extra("batch"):
     from pricing_core.batch.csv_check import TextCheck
     from pricing_core.batch.price_table import price_table
     from pricing_core.batch.runner import BatchSummary, Progress, parts_path, rejects_path, run_batch
+    from pricing_core.batch.scenario import Scenario, read_scenarios, scenarios_of
+    from pricing_core.batch.scenarios import value_scenarios
 
-__all__ = ["BatchSummary", "Progress", "TextCheck", "parts_path", "price_table", "rejects_path", "run_batch"]
+__all__ = [
+    "BatchSummary",
+    "Progress",
+    "Scenario",
+    "TextCheck",
+    "parts_path",
+    "price_table",
+    "read_scenarios",
+    "rejects_path",
+    "run_batch",
+    "scenarios_of",
+    "value_scenarios",
+]
