@@ -4,6 +4,7 @@ from pricing_core.extras import needs_extra
 
 with needs_extra("batch"):
     from pricing_core.batch.csv_check import TextCheck
+    from pricing_core.batch.explain import explain_profit_and_loss
     from pricing_core.batch.price_table import price_table
     from pricing_core.batch.runner import BatchSummary, Progress, parts_path, rejects_path, run_batch
     from pricing_core.batch.scenario import Scenario, read_scenarios, scenarios_of
@@ -14,6 +15,7 @@ __all__ = [
     "Progress",
     "Scenario",
     "TextCheck",
+    "explain_profit_and_loss",
     "parts_path",
     "price_table",
     "read_scenarios",
