@@ -41,8 +41,8 @@ def price_table_of(
     """
     explained = rejects or (None if target == STANDARD else rejects_path(target))
     with (
-        _input(source, options["input_format"]) as read,
-        _output(target, options["output_format"]) as written,
+        input_file(source, options["input_format"]) as read,
+        output_file(target, options["output_format"]) as written,
     ):
         if resume and (read, written) != (source, target):
             raise InvalidInputError("resume", Told("True"), "left out where a table comes or goes by a pipe")
@@ -85,7 +85,7 @@ def _log_end(summary: BatchSummary, target: str) -> None:
 
 
 @contextmanager
-def _input(source: str, stated: str | None) -> Iterator[str]:
+def input_file(source: str, stated: str | None) -> Iterator[str]:
     """Yield a file; standard input is copied into one, so that it can be read twice."""
     if source != STANDARD:
         yield source
@@ -106,7 +106,7 @@ def _input(source: str, stated: str | None) -> Iterator[str]:
 
 
 @contextmanager
-def _output(target: str, stated: str | None) -> Iterator[str]:
+def output_file(target: str, stated: str | None) -> Iterator[str]:
     """Yield a file; what is in it goes to standard output once it is complete."""
     if target != STANDARD:
         yield target

@@ -18,7 +18,7 @@ from app.command_failures import (
     print_failure,
     standard_output,
 )
-from app.contract_arguments import Contract, number, takes_contract
+from app.contract_arguments import Contract, names, number, numbers, takes_contract
 
 app = typer.Typer(
     help="American options solved as linear complementarity systems, and the systems themselves.",
@@ -51,6 +51,18 @@ GreekErrorsArgument = Annotated[
 ]
 JsonArgument = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 CsvArgument = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="write a CSV table")]
+ShareSolvesArgument = Annotated[
+    bool, typer.Option("--share-solves", help="one solve for rows that differ in spot and strike alone")
+]
+ThreadsArgument = Annotated[
+    int | None, typer.Option("--threads", min=1, help="rows priced at a time; default: all processors")
+]
+InputFormatArgument = Annotated[
+    str | None, typer.Option("--input-format", metavar="FORMAT", help="csv or parquet")
+]
+OutputFormatArgument = Annotated[
+    str | None, typer.Option("--output-format", metavar="FORMAT", help="csv or parquet")
+]
 PlotArgument = Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="draw a picture")]
 
 
@@ -206,12 +218,8 @@ def batch_command(
     tolerance: ToleranceArgument = 1e-6,
     greeks: GreeksArgument = "standard",
     greek_errors: GreekErrorsArgument = False,
-    share_solves: Annotated[
-        bool, typer.Option("--share-solves", help="one solve for rows that differ in spot and strike alone")
-    ] = False,
-    threads: Annotated[
-        int | None, typer.Option("--threads", min=1, help="rows priced at a time; default: all processors")
-    ] = None,
+    share_solves: ShareSolvesArgument = False,
+    threads: ThreadsArgument = None,
     rejects: Annotated[
         str | None,
         typer.Option("--rejects", metavar="FILE", help="default: OUTPUT.rejects.csv"),
@@ -228,12 +236,8 @@ def batch_command(
             "--scheduler", metavar="ADDRESS", help="of a Dask cluster; default: workers started here"
         ),
     ] = None,
-    input_format: Annotated[
-        str | None, typer.Option("--input-format", metavar="FORMAT", help="csv or parquet")
-    ] = None,
-    output_format: Annotated[
-        str | None, typer.Option("--output-format", metavar="FORMAT", help="csv or parquet")
-    ] = None,
+    input_format: InputFormatArgument = None,
+    output_format: OutputFormatArgument = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="no progress, no summary")] = False,
     log_json: Annotated[
         bool, typer.Option("--log-json", help="one JSON object per unit of work, on standard error")
@@ -265,6 +269,105 @@ def batch_command(
         except KeyboardInterrupt as error:
             end_interrupted(error, by_pipe="-" in (source, target))
         raise typer.Exit(SOME_REJECTED if summary.rejected and not summary.done_before else 0)
+
+
+@app.command("scenarios")
+def scenarios_command(
+    source: Annotated[str, typer.Argument(metavar="INPUT", help="as of `pricing batch`")],
+    target: Annotated[
+        str, typer.Argument(metavar="OUTPUT", help="a file; - with --output-format for standard output")
+    ],
+    spot_shifts: Annotated[
+        Any,
+        typer.Option("--spot-shifts", parser=numbers, metavar="X,...", help="relative: -0.1 is 10 % down"),
+    ] = None,
+    volatility_shifts: Annotated[
+        Any, typer.Option("--volatility-shifts", parser=numbers, metavar="X,...", help="0.01 is one point")
+    ] = None,
+    rate_shifts: Annotated[
+        Any, typer.Option("--rate-shifts", parser=numbers, metavar="X,...", help="0.01 is one point")
+    ] = None,
+    days_forward: Annotated[
+        Any, typer.Option("--days-forward", parser=numbers, metavar="X,...", help="days that pass")
+    ] = None,
+    scenarios: Annotated[
+        str | None,
+        typer.Option(
+            "--scenarios", metavar="FILE", help="named combinations in the place of lists: CSV or JSON"
+        ),
+    ] = None,
+    matrix: Annotated[
+        bool, typer.Option("--matrix", help="a row per contract, a column of profits and losses per scenario")
+    ] = False,
+    group_by: Annotated[
+        Any,
+        typer.Option(
+            "--group-by", parser=names, metavar="COLUMN,...", help="sums by the values of these columns"
+        ),
+    ] = None,
+    tolerance: ToleranceArgument = 1e-6,
+    greeks: Annotated[
+        Any,
+        typer.Option("--greeks", parser=str, metavar="TEXT", help="default: none; standard with --group-by"),
+    ] = None,
+    share_solves: ShareSolvesArgument = False,
+    threads: ThreadsArgument = None,
+    input_format: InputFormatArgument = None,
+    output_format: OutputFormatArgument = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="no summary")] = False,
+) -> None:
+    """Value every contract of a table under every combination of shifts of its market, or after some days."""
+    with one_line_errors(), interrupted_by_signals():
+        from app.scenario_commands import value_file  # noqa: PLC0415
+
+        incomplete = value_file(
+            source,
+            target,
+            scenarios,
+            (spot_shifts, volatility_shifts, rate_shifts, days_forward),
+            quiet=quiet,
+            matrix=matrix,
+            group_by=group_by or (),
+            tolerance=tolerance,
+            greeks=greeks or ("standard" if group_by else "none"),
+            share_solves=share_solves,
+            threads=threads,
+            input_format=input_format,
+            output_format=output_format,
+        )
+        raise typer.Exit(SOME_REJECTED if incomplete else 0)
+
+
+@app.command("explain")
+def explain_command(
+    before: Annotated[str, typer.Argument(metavar="BEFORE", help="a table of contracts")],
+    after: Annotated[
+        str, typer.Argument(metavar="AFTER", help="the same contracts later, or in another market")
+    ],
+    target: Annotated[str, typer.Argument(metavar="OUTPUT", help="a file; - with --output-format")],
+    key: Annotated[
+        Any, typer.Option("--key", parser=names, metavar="COLUMN,...", help="what tells contracts apart")
+    ] = "id",
+    tolerance: ToleranceArgument = 1e-6,
+    threads: ThreadsArgument = None,
+    output_format: OutputFormatArgument = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="no summary")] = False,
+) -> None:
+    """Explain what contracts have gained or lost between two tables: by spot, volatility, time, rate and so on."""
+    with one_line_errors(), interrupted_by_signals():
+        from app.scenario_commands import explain_files  # noqa: PLC0415
+
+        incomplete = explain_files(
+            before,
+            after,
+            target,
+            quiet=quiet,
+            key=key,
+            tolerance=tolerance,
+            threads=threads,
+            output_format=output_format,
+        )
+        raise typer.Exit(SOME_REJECTED if incomplete else 0)
 
 
 @app.command("simulate")

@@ -26,6 +26,16 @@ def number(text: str | float) -> float:
         raise typer.BadParameter(f"{fault.value!r} must be {fault.allowed}") from None
 
 
+def numbers(text: str) -> tuple[float, ...]:
+    """Read numbers with commas between them."""
+    return tuple(number(part.strip()) for part in text.split(","))
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Read names with commas between them."""
+    return tuple(part.strip() for part in text.split(","))
+
+
 def number_or_curve(text: str | float) -> float | str:
     """Read a number; the JSON of a curve stays for the contract to read."""
     return text if isinstance(text, str) and text.lstrip().startswith("{") else number(text)

@@ -8,12 +8,14 @@ with needs_extra("batch"):
     from pricing_core.batch.price_table import price_table
     from pricing_core.batch.runner import BatchSummary, Progress, parts_path, rejects_path, run_batch
     from pricing_core.batch.scenario import Scenario, read_scenarios, scenarios_of
+    from pricing_core.batch.scenario_files import ScenarioSummary, run_explain, run_scenarios
     from pricing_core.batch.scenarios import value_scenarios
 
 __all__ = [
     "BatchSummary",
     "Progress",
     "Scenario",
+    "ScenarioSummary",
     "TextCheck",
     "explain_profit_and_loss",
     "parts_path",
@@ -21,6 +23,8 @@ __all__ = [
     "read_scenarios",
     "rejects_path",
     "run_batch",
+    "run_explain",
+    "run_scenarios",
     "scenarios_of",
     "value_scenarios",
 ]

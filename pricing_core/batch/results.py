@@ -26,12 +26,12 @@ def price_chunk(
     """
     results, reasons = price_batch(chunk.table, settings, threads, chunk.malformed)
     results = results.select(results.schema.names[:-1])  # the reasons say more than the messages
-    table = _typed_table(chunk.table, settings, numbers)
+    table = typed_table(chunk.table, settings, numbers)
     schema = pa.schema([*table.schema, *results.schema])
     return pa.RecordBatch.from_arrays([*table.columns, *results.columns], schema=schema), reasons
 
 
-def _typed_table(table: pa.RecordBatch, settings: PricingSettings, numbers: Sequence[str]) -> pa.RecordBatch:
+def typed_table(table: pa.RecordBatch, settings: PricingSettings, numbers: Sequence[str]) -> pa.RecordBatch:
     """Return the table with some texts as the numbers that they are; null where there is none."""
     columns = dict(zip(table.schema.names, table.columns, strict=True))
     read = contract_columns(table, settings) if numbers else {}

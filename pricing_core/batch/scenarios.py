@@ -18,6 +18,7 @@ from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.arrays import Vector
 from pricing_core.batch.chunk import Chunk
 from pricing_core.batch.groups import Groups
+from pricing_core.batch.results import typed_table
 from pricing_core.batch.scenario import SHIFTS, Scenario, checked_scenarios, scenarios_of
 from pricing_core.batch.shifts import ShiftedContracts
 from pricing_core.batch.valued import Valued
@@ -51,12 +52,15 @@ class ScenarioRules:
     named : bool
         Whether the rows tell the names of their scenarios.
     threads : int, optional
+    numbers : sequence of str
+        Columns of text that pass through as the numbers that they are.
     """
 
     scenarios: tuple[Scenario, ...]
     settings: PricingSettings
     named: bool = False
     threads: int | None = None
+    numbers: Sequence[str] = ()
 
 
 def value_scenarios(
@@ -218,7 +222,7 @@ def value_batch(
     base = (len(rules.scenarios) if unshifted is None else unshifted) * count
     spots = stacked.column("spot").to_numpy(zero_copy_only=False)[: len(rules.scenarios) * count]
     return Valued(
-        batch,
+        typed_table(batch, settings, rules.numbers),
         rules.scenarios,
         results.slice(0, len(rules.scenarios) * count),
         results.slice(base, count),

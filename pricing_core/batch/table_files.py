@@ -1,0 +1,141 @@
+"""Tables of contracts read from files part by part, and tables of results written likewise, complete or not at all."""
+
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyarrow as pa
+
+from pricing_core.batch.assembling import check_publishable, publish_file
+from pricing_core.batch.chunk import Chunk
+from pricing_core.batch.csv_lines import check_text_form, csv_lines
+from pricing_core.batch.formats import FileFormat, format_of
+from pricing_core.batch.locations import is_remote, same_place
+from pricing_core.batch.plan import numbers_as_text
+from pricing_core.batch.reader import open_table
+from pricing_core.batch.tables import TableFile, tables_of
+from pricing_core.batch.writer import table_writer
+from pricing_core.errors import InvalidInputError
+from pricing_core.replacement import replacement
+
+Write = Callable[[pa.RecordBatch], None]
+
+
+@dataclass(frozen=True, slots=True)
+class InputTable:
+    """One table in one file, or in the files of a folder.
+
+    Parameters
+    ----------
+    files : tuple of TableFile
+    schema : pyarrow.Schema
+        Of all of them, the columns of their partitions included.
+    numbers : tuple of str
+        Columns of text that hold numbers alone.
+    """
+
+    files: tuple[TableFile, ...]
+    schema: pa.Schema
+    numbers: tuple[str, ...]
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Yield all rows in order."""
+        for file in self.files:
+            with open_table(file) as reader:
+                for block in reader.blocks():
+                    yield block.read()
+
+
+def input_table(location: str, stated: str | None = None) -> InputTable:
+    """Look through an input.
+
+    Raises
+    ------
+    InvalidInputError
+        It cannot be read as a table of contracts, or the files of a folder have different columns.
+    OSError
+        It cannot be read.
+    """
+    files = tables_of(location, stated)
+    found: list[tuple[pa.Schema, tuple[str, ...]]] = []
+    for file in files:
+        with open_table(file) as reader:
+            schema = reader.schema.remove_metadata()
+            for name, value in file.partition:
+                schema = schema.append(
+                    pa.field(name, pa.float64() if isinstance(value, float) else pa.string())
+                )
+            found.append((schema, numbers_as_text(reader)))
+        if not schema.equals(found[0][0]):
+            raise InvalidInputError("input", file.name, f"a table with the columns of {files[0].name}")
+    return InputTable(files, *found[0])
+
+
+def check_distinct(names: dict[str, str]) -> None:
+    """Accept the places of files by their roles, the output the last.
+
+    Raises
+    ------
+    InvalidInputError
+        The output is one of the others.
+    """
+    *inputs, (role, output) = names.items()
+    for other, location in inputs:
+        if same_place(location) == same_place(output):
+            raise InvalidInputError(role, output, f"another file than the {other}")
+
+
+@contextmanager
+def written_table(location: str, stated: str | None, schema: pa.Schema) -> Iterator[Write]:
+    """Yield what appends rows to a table that appears under its name once the block has ended without an exception.
+
+    Raises
+    ------
+    InvalidInputError
+        The name has another ending, or CSV cannot hold a column.
+    OSError
+        It cannot be written.
+    """
+    format_ = output_format(location, stated, schema)
+    if not is_remote(location):
+        with replacement(Path(location)) as file, table_writer(file, format_, schema) as writer:
+            yield _writing(writer.write, format_)
+        return
+    with tempfile.TemporaryDirectory(prefix="pricing-") as folder:
+        path = Path(folder) / "output"
+        with path.open("wb") as file, table_writer(file, format_, schema) as writer:
+            yield _writing(writer.write, format_)
+        publish_file(path, location)
+
+
+def output_format(location: str, stated: str | None, schema: pa.Schema) -> FileFormat:
+    """Return the format of an output of these columns, after a look at whether it can be written there.
+
+    Raises
+    ------
+    InvalidInputError
+        The name has another ending, or CSV cannot hold a column.
+    OSError
+        It cannot be written there.
+    """
+    format_ = format_of("output", location, stated)
+    if format_.kind == "csv":
+        check_text_form(schema)
+    check_publishable(location, folder=False)
+    return format_
+
+
+def typed_schema_of(table: InputTable, kept_as_text: bool) -> tuple[pa.Schema, Sequence[str]]:
+    """Return the columns as they pass through, and those that become numbers on the way to a Parquet file."""
+    if kept_as_text:
+        return table.schema, ()
+    fields = [pa.field(f.name, pa.float64()) if f.name in table.numbers else f for f in table.schema]
+    return pa.schema(fields), table.numbers
+
+
+def _writing(write: Callable[..., None], format_: FileFormat) -> Write:
+    if format_.kind == "parquet":
+        return write
+    return lambda batch: write(csv_lines(batch))
