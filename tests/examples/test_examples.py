@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp, trapezoid
 
+from pricing_core.american import price_many
 from tests.problems.control_problems import lowered_cart
 
 ROOT = Path(__file__).parents[2]
@@ -103,3 +104,33 @@ def test_the_rectifier_prints_its_output_and_ripple(
     assert ripple == pytest.approx(np.ptp(settled), abs=1e-4)
     assert mean == pytest.approx(trapezoid(settled, t) / PERIOD, abs=1e-4)
     assert (tmp_path / "rectifier.png").stat().st_size > 10_000
+
+
+def test_the_scenarios_of_a_book_and_its_day_have_their_headlines(capsys: pytest.CaptureFixture[str]) -> None:
+    example = runpy.run_path(str(EXAMPLES / "scenarios.py"))
+    crash, day = example["main"](300)
+    assert crash == pytest.approx(497_000.0, abs=500.0)
+    assert day["profit_and_loss"] == pytest.approx(15_420.0, abs=20.0)
+    assert sum(day[name] for name in example["PARTS"]) == pytest.approx(day["profit_and_loss"], rel=1e-9)
+    assert abs(day["residual"]) < 0.01 * sum(abs(day[name]) for name in example["PARTS"])
+    assert "1500 rows" in capsys.readouterr().out
+    # The same by hand.
+    book, _ = example["book_of"](300)
+    terms = (
+        "option_type",
+        "strike",
+        "dividend_yield",
+        "spot",
+        "expiry",
+        "rate",
+        "volatility",
+        "cash_dividends",
+    )
+    columns = {name: book[name].to_pylist() for name in terms}
+    moved = columns | {
+        "spot": np.multiply(columns["spot"], 0.8),
+        "volatility": np.add(columns["volatility"], 0.15),
+        "rate": np.subtract(columns["rate"], 0.005),
+    }
+    profit = price_many(moved, tolerance=1e-5)["price"] - price_many(columns, tolerance=1e-5)["price"]
+    assert crash == pytest.approx(100.0 * profit @ np.array(book["quantity"]), rel=1e-9)
