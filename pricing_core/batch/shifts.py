@@ -14,6 +14,7 @@ from pricing_core.american.arrow.arrow_column import ArrowColumn, is_number, is_
 from pricing_core.american.arrow.cells import is_empty
 from pricing_core.american.contracts.dates import is_meant_as_date, read_moment, year_fraction
 from pricing_core.american.contracts.json_text import parse_json
+from pricing_core.american.contracts.vocabulary import DATES
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.batch.scenario import Scenario
 
@@ -112,13 +113,11 @@ class ShiftedContracts:
         """Return the date on which each row is valued, at most its last, and the years left; nothing for no date."""
         moments: list[dt.datetime | None] = [None] * self._sound.size
         left = np.full(self._sound.size, np.inf)
-        if "valuation_date" not in self._columns:
+        if not all(name in self._columns for name in DATES):
             return moments, left
         passed = dt.timedelta(days=scenario.days_forward)
         known: dict[Any, tuple[dt.datetime, float]] = {}
-        starts, ends = (
-            self._columns[name].array.to_pylist() for name in ("valuation_date", "expiration_date")
-        )
+        starts, ends = (self._columns[name].array.to_pylist() for name in DATES)
         for row in np.flatnonzero(self._sound).tolist():
             pair = starts[row], ends[row]
             if is_empty(pair[0]):

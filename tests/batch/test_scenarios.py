@@ -1,5 +1,7 @@
+import datetime as dt
 import json
 import math
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -7,7 +9,7 @@ import pyarrow as pa
 import pytest
 
 from pricing_core.american import price_many
-from pricing_core.batch import Scenario, read_scenarios, value_scenarios
+from pricing_core.batch import Scenario, explain_profit_and_loss, price_table, read_scenarios, value_scenarios
 from pricing_core.batch.scenario import SHIFTS
 from pricing_core.errors import InvalidInputError
 
@@ -375,3 +377,130 @@ def test_a_file_of_anything_else_is_refused(tmp_path: Any, name: str, text: str)
     (tmp_path / name).write_bytes(text.encode("utf-8", "surrogateescape"))
     with pytest.raises(InvalidInputError):
         read_scenarios(str(tmp_path / name))
+
+
+def test_columns_of_every_type_that_a_table_may_have() -> None:
+    moment = dt.datetime(2026, 1, 15, 12, tzinfo=dt.UTC)
+    dividend = pa.struct([("ex_date", pa.date32()), ("time", pa.float64()), ("amount", pa.decimal128(8, 2))])
+    plain: dict[str, Any] = {
+        "option_type": pa.array(["put", "C"]).dictionary_encode(),
+        "spot": pa.array([100.0, 90.0], pa.float32()),
+        "strike": pa.array([Decimal("100.00"), Decimal("95.50")]),
+        "rate": pa.array([0, 0], pa.int64()),
+        "volatility": pa.array(["0.2", " 0.3 "], pa.large_string()).dictionary_encode(),
+        "exercise": pa.array(["bermudan", None]).dictionary_encode(),
+        "exercise_times": pa.array([[moment + dt.timedelta(days=5), moment + dt.timedelta(days=50)], None]),
+        "exercise_start": pa.array([None, moment + dt.timedelta(days=2)], pa.timestamp("ns", "UTC")),
+        "valuation_date": pa.array([moment] * 2, pa.timestamp("ns", "Europe/Berlin")),
+        "expiration_date": pa.array([moment + dt.timedelta(days=100)] * 2, pa.timestamp("s", "UTC")),
+        "proportional_dividends": pa.nulls(2),
+    }
+    due = [None, [{"ex_date": None, "time": 20 / 365, "amount": Decimal("1.50")}]]
+    table = pa.table(plain | {"cash_dividends": pa.array(due, pa.list_(dividend))})
+    found = value_scenarios(table, days_forward=[0, 10, 60, 200], spot_shifts=[0.1], tolerance=1e-5)
+    assert found["status"].to_pylist() == ["ok"] * 8
+    assert found.select(table.schema.names).slice(0, 1).equals(table.slice(0, 1))
+    wanted: dict[str, Any] = {
+        "option_type": ["put"] * 4 + ["call"] * 4,
+        "spot": [110.00000000000001] * 4 + [99.00000000000001] * 4,
+        "strike": [100.0] * 4 + [95.5] * 4,
+        "expiry": [days / 365 for days in (100, 90, 40, 0)] * 2,
+        "rate": 0.0,
+        "volatility": [0.2] * 4 + [0.3] * 4,
+        "exercise": ["bermudan", "bermudan", "european", "european"] + ["american"] * 4,
+        "exercise_times": [[5 / 365, 50 / 365], [40 / 365], None, None] + [None] * 4,
+        "exercise_start": [0.0] * 4 + [2 / 365, 0.0, 0.0, 0.0],
+        "cash_dividends": [[]] * 4
+        + [[{"time": 20 / 365, "amount": 1.5}], [{"time": 10 / 365, "amount": 1.5}], [], []],
+    }
+    prices = price_many(as_columns_of(wanted), tolerance=1e-5)["price"]
+    np.testing.assert_allclose(found["price"].to_numpy(), prices, rtol=1e-9, atol=1e-8)
+
+
+def as_columns_of(columns: dict[str, Any]) -> dict[str, Any]:
+    """Return columns whose lists stay lists."""
+    found = dict(columns)
+    for name, cells in columns.items():
+        if isinstance(cells, list):
+            found[name] = np.empty(len(cells), dtype=object)
+            found[name][:] = cells
+    return found
+
+
+ODD = {
+    "option_type": ["put", "C", " P ", "x", None, ""],
+    "exercise": ["american", "european", "bermudan", None, "AMERICAN", "zz"],
+    "rate": [
+        "0.05",
+        '{"times": [0.01, 1], "values": [0.01, 0.02]}',
+        '{"times": [], "values": []}',
+        "{",
+        None,
+        "1e999",
+    ],
+    "volatility": [
+        "0.2",
+        '{"times": [0.01, 0.5], "values": [0.05, 0.2]}',
+        None,
+        " ",
+        "-1",
+        "[1]",
+        '{"times": 1}',
+    ],
+    "dividend_yield": ["0.01", None, "", '{"times": [1e-300], "values": [0.01]}'],
+    "cash_dividends": [
+        *(
+            "[]",
+            None,
+            '[{"time": 0.01, "amount": 1}]',
+            '[{"ex_date": "2026-02-01", "amount": 1}]',
+            "[1]",
+            "{}",
+        ),
+        *('[{"time": "x", "amount": 1}]', '[{"time": null, "amount": 1}]', '[{"time": 1e-320, "amount": 1}]'),
+    ],
+    "proportional_dividends": [
+        "[]",
+        None,
+        '[{"time": 0.01, "fraction": 0.5}]',
+        '[{"time": 0.3, "fraction": 2}]',
+    ],
+    "exercise_times": [None, "[]", "[0.01, 0.5]", '["2026-02-01"]', "[-1]", "x"],
+    "exercise_start": [None, "0", "0.01", "2026-02-01", "9", "2030-01-01"],
+    "dividend_model": ["spot", "escrowed", None, "q"],
+    "valuation_date": [None, "2026-01-15", "2026-01-15T12:00Z", "x"],
+    "expiration_date": [None, "2027-01-15", "2026-01-25", "2026-01-15", "2027-01-15T00:00Z", "9999-12-31"],
+}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_odd_cells_cost_their_own_rows_alone_and_never_raise(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns: dict[str, Any] = {"spot": [100.0, 0.0, math.nan, -1.0] + [90.0] * 16, "strike": [100.0] * 20}
+    for name, cells in ODD.items():
+        if name in BOOK or rng.random() < 0.5:
+            columns[name] = [
+                cells[0] if rng.random() < 0.7 else cells[rng.integers(len(cells))] for _ in range(20)
+            ]
+    dated = [bool(start or end) for start, end in zip(
+        columns.get("valuation_date", [None] * 20), columns.get("expiration_date", [None] * 20), strict=True
+    )]  # fmt: skip
+    columns["expiry"] = pa.array([None if has_dates else 1.0 for has_dates in dated], pa.float64())
+    columns |= {name: pa.array(columns[name], pa.string()) for name in ODD if name in columns}
+    table = pa.table(columns | {"id": [str(row) for row in range(20)]})
+    plain = price_table(table, tolerance=1e-3, greeks="none").to_pylist()
+    found = value_scenarios(
+        table, spot_shifts=[0.0, 0.1], volatility_shifts=[0.0, -0.1], days_forward=[0, 8, 300], tolerance=1e-3
+    ).to_pylist()
+    for row, wanted in enumerate(plain):
+        scenarios = found[12 * row : 12 * row + 12]
+        assert scenarios[0]["price"] == wanted["price"]
+        if wanted["status"] == "invalid_input":
+            assert {(row["status"], row["message"]) for row in scenarios} == {
+                ("invalid_input", wanted["message"])
+            }
+        else:
+            sound = [row for row in scenarios if row["volatility_shift"] == 0.0]
+            assert all(row["price"] is not None and row["profit_and_loss"] is not None for row in sound)
+    explained = explain_profit_and_loss(table, table, tolerance=1e-3).to_pylist()
+    assert [row["residual"] for row in explained] == [None if row["price"] is None else 0.0 for row in plain]
