@@ -46,6 +46,10 @@ class OverloadedError(ServiceError):
     """Every thread is busy and the queue is full."""
 
 
+class ClientLimitError(ServiceError):
+    """One client asks for more at a time than it may."""
+
+
 class ConnectionLimitError(ServiceError):
     """As many connections are open as the service holds."""
 
@@ -77,6 +81,7 @@ PROBLEM_TYPES: Mapping[type[Exception], ProblemType] = {
     ProtocolError: ProblemType(400, "bad-request", "The request is not well-formed HTTP"),
     BodyTooLargeError: ProblemType(413, "body-too-large", "The body is too large"),
     BodyTimeoutError: ProblemType(408, "body-timeout", "The body did not arrive in time"),
+    ClientLimitError: ProblemType(429, "client-limit", "This client asks for more at a time than it may"),
     OverloadedError: ProblemType(503, "overloaded", "The service is at its capacity"),
     ConnectionLimitError: ProblemType(503, "too-many-connections", "The service is at its capacity"),
     DeadlineError: ProblemType(503, "deadline", "The deadline passed without an estimate"),
@@ -106,7 +111,7 @@ def problem_response(error: Exception, request_id: str, retry_after: int) -> Res
     request_id : str
         Under which the log holds what the answer does not say.
     retry_after : int
-        Seconds, sent with status 503.
+        Seconds, sent with statuses 429 and 503.
     """
     kind = problem_type(error)
     problem = Problem(
@@ -118,7 +123,7 @@ def problem_response(error: Exception, request_id: str, retry_after: int) -> Res
         request_id=request_id,
     )
     headers = dict(error.headers or {}) if isinstance(error, HTTPException) else {}
-    if kind.status == 503:
+    if kind.status in (429, 503):
         headers["Retry-After"] = str(retry_after)
     if kind.status in (400, 408, 413):
         headers["Connection"] = "close"  # the rest of the body is not read

@@ -11,10 +11,11 @@ with needs_extra("service"):
     from fastapi import FastAPI
 
     from app import docs_page
+    from app.cheap_lane import CheapLane
     from app.envelope import Envelope
     from app.errors import install_handlers
     from app.head_requests import HeadAsGet
-    from app.pool import PricingPool
+    from app.lanes import ExpensiveLane
     from app.routes import boundary, health, implied_volatility, price
     from app.settings import Settings, settings_from_environment
 
@@ -54,9 +55,10 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
-    app.state.pool = PricingPool(app.state.settings)
+    app.state.cheap_lane = CheapLane()
+    app.state.expensive_lane = ExpensiveLane(app.state.settings)
     try:
         yield
     finally:
         app.state.draining.set()
-        app.state.pool.close()
+        app.state.expensive_lane.close()

@@ -10,6 +10,7 @@ MEANINGS = {
     413: "The body is too large.",
     415: "The body is not declared as application/json.",
     422: "The body is not one JSON object, a field is not what it must be, or the method does not reach.",
+    429: "This client has as many expensive questions in work as it may; see Retry-After.",
     500: "Something is wrong on our side; the log holds the reason under the request id.",
     503: "At capacity, shutting down, or out of time without an estimate; see Retry-After.",
 }

@@ -1,4 +1,4 @@
-"""The service's limits, from the environment: PRICING_WORKERS=4 sets `workers`."""
+"""The service's limits, from the environment: PRICING_SLOTS=4 sets `slots`."""
 
 import os
 import re
@@ -17,8 +17,11 @@ class Settings(BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, allow_inf_nan=False)
 
-    workers: int = Field(default_factory=lambda: os.cpu_count() or 1, ge=1, le=256)  # pricing threads
-    queue: int = Field(default=16, ge=0, le=100_000)  # requests that may wait for a thread
+    slots: int = Field(
+        default_factory=lambda: max(2, os.cpu_count() or 1), ge=1, le=256
+    )  # expensive ones at a time
+    queue: int = Field(default=64, ge=0, le=100_000)  # expensive requests that may wait for a slot
+    client_queue: int = Field(default=8, ge=1, le=100_000)  # of them, and of those in work, one client's
     deadline_seconds: float = Field(default=10.0, gt=0.0, le=3600.0)  # per request, waiting included
     max_body_bytes: int = Field(default=65_536, ge=256, le=1 << 30)
     body_seconds: float = Field(default=10.0, gt=0.0, le=3600.0)  # to receive a request's body

@@ -4,9 +4,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 
+from app.admission import answer
 from app.contract_schema import Strict
+from app.cost_model import seconds_of_boundary
 from app.errors import DeadlineError
-from app.pool import Interrupt
+from app.lanes import Interrupt
 from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
 from app.result_values import by_name
@@ -22,7 +24,7 @@ router = APIRouter(tags=["pricing"])
     "/v1/boundary",
     response_model=BoundaryResponse,
     openapi_extra=request_body(BoundaryRequest),
-    responses=problem_responses(408, 413, 415, 422, 500, 503),
+    responses=problem_responses(408, 413, 415, 422, 429, 500, 503),
 )
 async def post_boundary(
     question: Annotated[BoundaryRequest, Depends(json_body(BoundaryRequest))], request: Request
@@ -43,5 +45,5 @@ async def post_boundary(
                 raise DeadlineError("the deadline passed first; a wider tolerance is faster") from None
             raise
 
-    found = await request.app.state.pool.run(work)
+    found = await answer(request, work, seconds_of_boundary(option, market, question.tolerance))
     return BoundaryResponse(**by_name(BOUNDARY_FIELDS, found))

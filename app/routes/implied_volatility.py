@@ -4,9 +4,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 
+from app.admission import answer
 from app.contract_schema import Strict
+from app.cost_model import seconds_of_search
 from app.errors import DeadlineError
-from app.pool import Interrupt
+from app.lanes import Interrupt
 from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
 from app.result_values import by_name
@@ -21,7 +23,7 @@ router = APIRouter(tags=["pricing"])
     "/v1/implied-volatility",
     response_model=ImpliedVolatilityResponse,
     openapi_extra=request_body(ImpliedVolatilityRequest),
-    responses=problem_responses(408, 413, 415, 422, 500, 503),
+    responses=problem_responses(408, 413, 415, 422, 429, 500, 503),
 )
 async def post_implied_volatility(
     question: Annotated[ImpliedVolatilityRequest, Depends(json_body(ImpliedVolatilityRequest))],
@@ -48,5 +50,5 @@ async def post_implied_volatility(
             raise DeadlineError("the deadline passed first; a wider tolerance is faster")
         return found
 
-    found = await request.app.state.pool.run(work)
+    found = await answer(request, work, seconds_of_search(option, market, question.tolerance))
     return ImpliedVolatilityResponse(**by_name(IMPLIED_VOLATILITY_FIELDS, found))

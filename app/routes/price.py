@@ -4,9 +4,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 
+from app.admission import answer_expensive
 from app.contract_schema import Strict
+from app.cost_model import CHEAP_SECONDS, seconds_of_price
 from app.errors import DeadlineError
-from app.pool import Interrupt
+from app.lanes import Interrupt
 from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
 from app.result_values import price_by_name
@@ -21,7 +23,7 @@ router = APIRouter(tags=["pricing"])
     response_model=PriceResponse,
     response_model_exclude_unset=True,
     openapi_extra=request_body(PriceRequest),
-    responses=problem_responses(408, 413, 415, 422, 500, 503),
+    responses=problem_responses(408, 413, 415, 422, 429, 500, 503),
 )
 async def post_price(
     question: Annotated[PriceRequest, Depends(json_body(PriceRequest))], request: Request
@@ -39,7 +41,12 @@ async def post_price(
             option, market, tolerance=question.tolerance, greeks=question.greeks, interrupt=interrupt
         )
 
-    valuation = await request.app.state.pool.run(work)
+    state, tolerance, greeks = request.app.state, question.tolerance, question.greeks
+    valuation: Valuation | None = None
+    if seconds_of_price(option, market, tolerance, greeks) < CHEAP_SECONDS:
+        valuation = await state.cheap_lane.price(option, market, tolerance, greeks)
+    if valuation is None:
+        valuation = await answer_expensive(request, work)
     if valuation.status == "deadline" and valuation.price is None:
         raise DeadlineError("the deadline passed before there was an estimate; a wider tolerance is faster")
     return PriceResponse(**price_by_name(valuation, greek_errors=question.greek_errors))

@@ -29,7 +29,7 @@ def question() -> dict[str, Any]:
 
 @pytest.fixture
 def client() -> Iterator[TestClient]:
-    with TestClient(create_app(Settings(workers=2))) as client:
+    with TestClient(create_app(Settings(slots=2))) as client:
         yield client
 
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from typing import Any
 
 QUESTION = {"option_type": "put", "spot": 100, "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
-SETTINGS = {"PRICING_BODY_SECONDS": "1", "PRICING_DRAIN_SECONDS": "1", "PRICING_WORKERS": "2"}
+SETTINGS = {"PRICING_BODY_SECONDS": "1", "PRICING_DRAIN_SECONDS": "1", "PRICING_SLOTS": "2"}
 
 
 class Server:

@@ -172,11 +172,11 @@ def test_what_cannot_be_done_is_one_line_and_status_2(
 
 
 def test_a_bad_setting_is_one_line_and_status_2(pricing: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PRICING_WORKERS", "none")
+    monkeypatch.setenv("PRICING_SLOTS", "none")
     status, _, errors = pricing("serve", "--port", "0")
     assert status == 2
     assert len(errors.splitlines()) == 1
-    assert errors == "pricing: PRICING_WORKERS = 'none': must be a valid integer\n"
+    assert errors == "pricing: PRICING_SLOTS = 'none': must be a valid integer\n"
 
 
 @pytest.mark.parametrize("files", [["--plot", "boundary.svg"], ["--csv", "/nowhere/at/all.csv"]])

@@ -5,17 +5,17 @@ from pricing_core.errors import InvalidInputError
 
 
 def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PRICING_WORKERS", "3")
+    monkeypatch.setenv("PRICING_SLOTS", "3")
     monkeypatch.setenv("PRICING_DEADLINE_SECONDS", "2.5")
     settings = settings_from_environment()
-    assert (settings.workers, settings.deadline_seconds) == (3, 2.5)
+    assert (settings.slots, settings.deadline_seconds) == (3, 2.5)
 
 
 @pytest.mark.parametrize(
     ("name", "value", "allowed"),
     [
-        ("WORKERS", "0", "greater than or equal to 1"),
-        ("WORKERS", "", "a valid integer"),
+        ("SLOTS", "0", "greater than or equal to 1"),
+        ("SLOTS", "", "a valid integer"),
         ("QUEUE", "many", "a valid integer"),
         ("DEADLINE_SECONDS", "nan", "a finite number"),
         ("LOG_LEVEL", "LOUD", "'DEBUG', 'INFO', 'WARNING' or 'ERROR'"),
@@ -31,8 +31,8 @@ def test_a_setting_out_of_range_is_refused_by_variable_value_and_what_is_allowed
 
 
 def test_a_variable_that_is_no_setting_is_refused_without_its_value(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PRICING_WORKER", "3-secret")
-    with pytest.raises(InvalidInputError, match="PRICING_WORKER") as caught:
+    monkeypatch.setenv("PRICING_SLOT", "3-secret")
+    with pytest.raises(InvalidInputError, match="PRICING_SLOT") as caught:
         settings_from_environment()
     assert all(f"PRICING_{name.upper()}" in str(caught.value) for name in Settings.model_fields)
     assert "secret" not in str(caught.value)

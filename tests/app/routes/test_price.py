@@ -1,10 +1,13 @@
 import json
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
+from app.schemas import PriceRequest
 from pricing_core.american import (
     CashDividend,
     Market,
@@ -71,7 +74,13 @@ def with_price(valuation: Valuation, number: float | None, status: str) -> Any:
 
 
 @pytest.fixture
-def answers(monkeypatch: pytest.MonkeyPatch) -> Any:
+def without_cheap_lane(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every question be asked by the route's own call of `price`."""
+    monkeypatch.setattr("app.routes.price.CHEAP_SECONDS", 0.0)
+
+
+@pytest.fixture
+def answers(monkeypatch: pytest.MonkeyPatch, without_cheap_lane: None) -> Any:
     """Make the engine answer with a given price and status."""
     sound = price(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2), tolerance=1e-3)
 
@@ -117,7 +126,7 @@ def test_greeks_that_were_not_asked_for_are_null(client: TestClient, question: d
 
 
 def test_errors_of_greeks_are_keys_where_they_are_asked_for(
-    client: TestClient, question: dict[str, Any], engine_with_errors: None
+    client: TestClient, question: dict[str, Any], engine_with_errors: None, without_cheap_lane: None
 ) -> None:
     question |= {"greeks": "extended", "cash_dividends": [{"time": 0.5, "amount": 1.0}]}
     assert client.post("/v1/price", json=question | {"greek_errors": False}).json().keys() == VOCABULARY
@@ -170,6 +179,7 @@ CONTRACT = (
 def test_events_reach_the_engine_and_extended_greeks_come_back(
     client: TestClient,
     question: dict[str, Any],
+    without_cheap_lane: None,
     monkeypatch: pytest.MonkeyPatch,
     greeks: str,
 ) -> None:
@@ -227,3 +237,29 @@ def test_a_contract_with_events_is_valued_as_the_library_does(
     assert answer.json() == {name: getattr(valuation, name) for name in VOCABULARY} | {
         "dividend_sensitivities": list(valuation.dividend_sensitivities or ())
     }
+
+
+def test_what_waits_together_is_priced_as_alone(client: TestClient) -> None:
+    rng = np.random.default_rng(7)
+    bodies = [
+        {
+            "option_type": str(rng.choice(["put", "call"])),
+            "spot": float(rng.uniform(60.0, 150.0)),
+            "strike": 100.0,
+            "expiry": float(rng.uniform(0.05, 3.0)),
+            "rate": float(rng.uniform(-0.02, 0.1)),
+            "dividend_yield": float(rng.uniform(0.0, 0.1)),
+            "volatility": float(rng.uniform(0.05, 0.8)),
+            "tolerance": float(rng.choice([1e-4, 1e-6])),
+            "greeks": str(rng.choice(["none", "standard"])),
+        }
+        for _ in range(60)
+    ]
+    with ThreadPoolExecutor(20) as many:
+        together = list(many.map(lambda body: client.post("/v1/price", json=body).json(), bodies))
+    for body, answer in zip(bodies, together, strict=True):
+        option, market = PriceRequest.model_validate(body).contract()
+        alone = price(option, market, tolerance=body["tolerance"], greeks=body["greeks"])
+        assert answer["price"] == alone.price
+        assert answer["vega"] == alone.vega
+        assert answer["status"] == alone.status

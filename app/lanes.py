@@ -1,0 +1,228 @@
+"""Who is priced when: cheap questions at once, expensive ones by few threads, in turn by client."""
+
+import asyncio
+import contextlib
+import os
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Coroutine
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from starlette.requests import ClientDisconnect
+
+from app.cost_model import CHEAP_SECONDS
+from app.errors import ClientLimitError, DeadlineError, OverloadedError
+from app.settings import Settings
+
+Answer = TypeVar("Answer")
+Interrupt = Callable[[], bool]
+INLINE_SECONDS = (
+    2.5 * CHEAP_SECONDS
+)  # after which a question that was thought cheap is an expensive one; chosen
+NICENESS = 10  # of the threads for expensive questions: the event loop goes first; chosen
+LATE_SHARE = 0.03  # share of the deadline after which work that does not end is no longer waited for; chosen
+
+
+class Interruption:
+    """Tells work when it shall end: at its deadline, or when nobody waits for it any more."""
+
+    def __init__(self, expires: float) -> None:
+        self._expires = expires
+
+    def __call__(self) -> bool:
+        """Return whether the work shall end."""
+        return time.monotonic() > self._expires
+
+    def end_by(self, when: float) -> None:
+        """Bring the end forward to this reading of the monotonic clock."""
+        self._expires = min(self._expires, when)
+
+
+def inline(work: Callable[[Interrupt], Answer]) -> Answer | None:
+    """Return what becomes of work that is thought cheap, done at once; None where it turns out not to be."""
+    end, interrupted = time.monotonic() + INLINE_SECONDS, False
+
+    def interrupt() -> bool:
+        nonlocal interrupted
+        interrupted = interrupted or time.monotonic() > end
+        return interrupted
+
+    try:
+        answer = work(interrupt)
+    except Exception:
+        if interrupted:
+            return None
+        raise
+    return None if interrupted else answer
+
+
+@dataclass(eq=False)
+class _Job:
+    work: Callable[[Interrupt], Any]
+    client: str
+    interruption: Interruption
+    answer: asyncio.Future[Any] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
+    begun: bool = False
+
+
+class ExpensiveLane:
+    """`slots` threads; the next question is that of the client with the fewest in work, the longest waiting first.
+
+    A client has at most `client_queue` questions here, and all slots but one, so that another finds one free. Only
+    the event loop's thread may call the methods.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._executor = ThreadPoolExecutor(settings.slots, "expensive", initializer=_give_way)
+        self._free = settings.slots
+        self._share = max(1, settings.slots - 1)
+        self._waiting: dict[str, deque[_Job]] = {}
+        self._running: Counter[str] = Counter()
+        self._admitted: Counter[str] = Counter()
+        self._jobs: set[_Job] = set()
+        self._ends_by = float("inf")
+
+    async def run(
+        self, work: Callable[[Interrupt], Answer], client: str, gone: Coroutine[Any, Any, None]
+    ) -> Answer:
+        """Do `work` in a thread; it is given the interrupt that tells when to end.
+
+        Parameters
+        ----------
+        client : str
+            Whose question it is.
+        gone : coroutine
+            Ends when the client has gone; so does the work then.
+
+        Raises
+        ------
+        ClientLimitError, OverloadedError
+            The client, or all together, have as many questions here as they may.
+        DeadlineError
+            The deadline passed without an answer.
+        ClientDisconnect
+            The client has gone.
+        """
+        left = asyncio.ensure_future(gone)
+        try:
+            job = self._admit(work, client)
+        except BaseException:
+            left.cancel()
+            raise
+        try:
+            waited_for: set[asyncio.Future[Any]] = {job.answer, left}
+            await asyncio.wait(
+                waited_for, timeout=self._settings.deadline_seconds, return_when="FIRST_COMPLETED"
+            )
+            if job.begun and not job.answer.done() and not left.done():
+                late = LATE_SHARE * self._settings.deadline_seconds
+                await asyncio.wait(waited_for, timeout=late, return_when="FIRST_COMPLETED")
+            if job.answer.done():
+                return job.answer.result()  # type: ignore[no-any-return]
+            if left.done():
+                raise ClientDisconnect
+            raise DeadlineError("no thread for expensive questions became free, or none was done, in time")
+        finally:
+            left.cancel()
+            self._leave(job)
+
+    def end_by(self, when: float) -> None:
+        """End what is in work, and what will come, by this reading of the monotonic clock."""
+        self._ends_by = when
+        for job in self._jobs:
+            job.interruption.end_by(when)
+
+    def close(self) -> None:
+        """Interrupt what still runs and wait for it."""
+        self.end_by(-float("inf"))
+        self._executor.shutdown(wait=True, cancel_futures=True)
+
+    @property
+    def in_work(self) -> int:
+        """The number of threads at work."""
+        return self._running.total()
+
+    @property
+    def waiting(self) -> int:
+        """The number of questions that wait for a thread."""
+        return sum(map(len, self._waiting.values()))
+
+    def _admit(self, work: Callable[[Interrupt], Any], client: str) -> _Job:
+        if self._ends_by < time.monotonic():
+            raise OverloadedError("the service is shutting down")
+        if self._admitted[client] >= self._settings.client_queue:
+            raise ClientLimitError(
+                f"this client has {self._settings.client_queue} expensive questions waiting or in work already"
+            )
+        if self.waiting >= self._settings.queue and not self._has_room(client):
+            raise OverloadedError("every thread for expensive questions is busy and the queue is full")
+        expires = min(time.monotonic() + self._settings.deadline_seconds, self._ends_by)
+        job = _Job(work, client, Interruption(expires))
+        self._jobs.add(job)
+        self._admitted[client] += 1
+        self._waiting.setdefault(client, deque()).append(job)
+        self._start()
+        return job
+
+    def _has_room(self, client: str) -> bool:
+        return self._free > 0 and self._running[client] < self._share
+
+    def _start(self) -> None:
+        """Begin what may begin."""
+        while clients := [client for client in self._waiting if self._has_room(client)]:
+            client = min(clients, key=self._running.__getitem__)
+            line = self._waiting.pop(client)
+            job = line.popleft()
+            if line:
+                self._waiting[client] = line  # behind the other clients
+            self._free -= 1
+            self._running[client] += 1
+            job.begun = True
+            done = asyncio.get_running_loop().run_in_executor(self._executor, job.work, job.interruption)
+            done.add_done_callback(lambda done, job=job: self._done(job, done))  # type: ignore[misc]
+
+    def _done(self, job: _Job, done: asyncio.Future[Any]) -> None:
+        """Free the slot: when the thread is done, not when the client has gone."""
+        self._free += 1
+        _count_down(self._running, job.client)
+        self._forget(job)
+        error = None if done.cancelled() else done.exception()
+        if not job.answer.done():
+            if done.cancelled():
+                job.answer.set_exception(OverloadedError("the service is shutting down"))
+            elif error is not None:
+                job.answer.set_exception(error)
+            else:
+                job.answer.set_result(done.result())
+        self._start()
+
+    def _leave(self, job: _Job) -> None:
+        """Nobody waits for this answer any more."""
+        job.interruption.end_by(-float("inf"))
+        job.answer.cancel()
+        if not job.begun:
+            line = self._waiting[job.client]
+            line.remove(job)
+            if not line:
+                del self._waiting[job.client]
+            self._forget(job)
+
+    def _forget(self, job: _Job) -> None:
+        self._jobs.discard(job)
+        _count_down(self._admitted, job.client)
+
+
+def _count_down(counter: Counter[str], client: str) -> None:
+    counter[client] -= 1
+    if not counter[client]:
+        del counter[client]
+
+
+def _give_way() -> None:
+    """Let the event loop's thread go first, where the system has priorities of threads."""
+    with contextlib.suppress(AttributeError, OSError):
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
