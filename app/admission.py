@@ -1,5 +1,6 @@
 """The way of a question to its answer: at once where it should be cheap, else by the expensive lane."""
 
+import time
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -12,28 +13,57 @@ from app.lanes import ExpensiveLane, Interrupt, inline
 Answer = TypeVar("Answer")
 
 
-async def answer(request: Request, work: Callable[[Interrupt], Answer], seconds: float) -> Answer:
-    """Do the work of a question that is expected to take so many seconds.
+LONGEST_CHEAP_BODY = 4_096  # bytes: those of a longer one take milliseconds to read; measured
 
-    Parameters
-    ----------
-    work : callable
-        Is given the interrupt, which tells it when to end; may be called twice.
+
+async def read_body(request: Request, body: bytes, parse: Callable[[bytes], Answer]) -> Answer:
+    """Return a parsed body; a long one is an expensive question already, whatever it asks.
 
     Raises
     ------
     ClientLimitError, OverloadedError, DeadlineError, ClientDisconnect
         As `ExpensiveLane.run`.
     """
-    if seconds < CHEAP_SECONDS and (found := inline(work)) is not None:
+    request.state.is_long = len(body) > LONGEST_CHEAP_BODY
+    if not request.state.is_long:
+        return parse(body)
+    return await answer_expensive(request, lambda _: parse(body))
+
+
+async def answer(
+    request: Request, work: Callable[[Interrupt], Answer], expected: Callable[[], float]
+) -> Answer:
+    """Do the work of a question whose body has been read.
+
+    Parameters
+    ----------
+    work : callable
+        Is given the interrupt, which tells it when to end; may be called twice.
+    expected : callable
+        Returns how many seconds it is expected to take.
+
+    Raises
+    ------
+    ClientLimitError, OverloadedError, DeadlineError, ClientDisconnect
+        As `ExpensiveLane.run`.
+    """
+    if is_cheap(request, expected) and (found := inline(work)) is not None:
         return found
     return await answer_expensive(request, work)
 
 
+def is_cheap(request: Request, expected: Callable[[], float]) -> bool:
+    """Tell whether a question whose body has been read is expected to be answered in less than `CHEAP_SECONDS`."""
+    return not request.state.is_long and expected() < CHEAP_SECONDS
+
+
 async def answer_expensive(request: Request, work: Callable[[Interrupt], Answer]) -> Answer:
-    """Do the work of a question in a thread for expensive ones; raises what `ExpensiveLane.run` does."""
+    """Do work in a thread for expensive questions; all work of one request has the same deadline."""
+    state = request.state
+    if not hasattr(state, "expires"):
+        state.expires = time.monotonic() + request.app.state.settings.deadline_seconds
     lane: ExpensiveLane = request.app.state.expensive_lane
-    return await lane.run(work, client_of(request), _disconnected(request))
+    return await lane.run(work, client_of(request), _disconnected(request), state.expires)
 
 
 async def _disconnected(request: Request) -> None:

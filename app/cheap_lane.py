@@ -1,22 +1,26 @@
 """Cheap prices, on the event loop itself: those that wait at the same time go into one call of the engines."""
 
 import asyncio
-import time
-from collections import defaultdict
+from collections import defaultdict, deque
 from typing import NamedTuple
 
-from app.lanes import INLINE_SECONDS
+from app.cost_model import CHEAP_SECONDS
+from app.lanes import INLINE_SECONDS, processor_limit
 from pricing_core.american import Market, Option, Valuation
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.price_together import price_together
 
 MOST_TOGETHER = 32  # prices in one call, after which the loop sees to its connections again; chosen
+MOST_SECONDS = (
+    10.0 * CHEAP_SECONDS
+)  # that they would take one by one: together they are several times as fast; chosen
 
 
 class _Asked(NamedTuple):
     option: Option
     market: Market
     tolerance: float
+    seconds: float
     answer: asyncio.Future[Valuation | None]
 
 
@@ -24,36 +28,39 @@ class CheapLane:
     """Prices what came in during one turn of the event loop in the next. Only its thread may call the methods."""
 
     def __init__(self) -> None:
-        self._waiting: defaultdict[Greeks, list[_Asked]] = defaultdict(list)
+        self._waiting: defaultdict[Greeks, deque[_Asked]] = defaultdict(deque)
 
     async def price(
-        self, option: Option, market: Market, tolerance: float, greeks: Greeks
+        self, option: Option, market: Market, tolerance: float, greeks: Greeks, seconds: float
     ) -> Valuation | None:
-        """Return the price, None where it is not to be had in a few milliseconds."""
+        """Return the price that is expected to take so many seconds, None where it takes much longer."""
         loop = asyncio.get_running_loop()
-        asked = _Asked(option, market, tolerance, loop.create_future())
+        asked = _Asked(option, market, tolerance, seconds, loop.create_future())
         waiting = self._waiting[greeks]
-        if not waiting:
-            loop.call_soon(self._price_all, greeks)
         waiting.append(asked)
+        if len(waiting) == 1:
+            loop.call_soon(self._price_some, greeks)
         return await asked.answer
 
-    def _price_all(self, greeks: Greeks) -> None:
+    def _price_some(self, greeks: Greeks) -> None:
+        """Price the first of those that wait, and leave the others to the next turn."""
         waiting = self._waiting[greeks]
-        now, later = waiting[:MOST_TOGETHER], waiting[MOST_TOGETHER:]
-        self._waiting[greeks] = later
-        if later:
-            asyncio.get_running_loop().call_soon(self._price_all, greeks)
-        for asked, valuation in zip(now, _priced(now, greeks), strict=True):
+        now = [waiting.popleft()]
+        seconds = now[0].seconds
+        while waiting and len(now) < MOST_TOGETHER and seconds + waiting[0].seconds <= MOST_SECONDS:
+            now.append(waiting.popleft())
+            seconds += now[-1].seconds
+        if waiting:
+            asyncio.get_running_loop().call_soon(self._price_some, greeks)
+        for asked, valuation in zip(now, _priced(now, greeks, INLINE_SECONDS + seconds), strict=True):
             if not asked.answer.done():
                 asked.answer.set_result(valuation)
 
 
-def _priced(now: list[_Asked], greeks: Greeks) -> list[Valuation | None]:
-    end = time.monotonic() + INLINE_SECONDS
+def _priced(now: list[_Asked], greeks: Greeks, seconds: float) -> list[Valuation | None]:
     contracts = [(asked.option, asked.market) for asked in now]
     tolerances = [asked.tolerance for asked in now]
     try:
-        return price_together(contracts, tolerances, greeks, lambda: time.monotonic() > end)
+        return price_together(contracts, tolerances, greeks, processor_limit(seconds))
     except Exception:  # one of them is to blame: each is asked again, alone and in a thread
         return [None] * len(now)

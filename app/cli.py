@@ -445,9 +445,10 @@ def benchmark_command(
 def serve_command(
     host: Annotated[str, typer.Option("--host")] = "127.0.0.1",
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0 takes a free one")] = 8000,
+    workers: Annotated[int, typer.Option("--workers", min=1, max=64, help="processes on that port")] = 1,
 ) -> None:
     """Serve the HTTP interface until SIGTERM; its limits are PRICING_... environment variables."""
     with one_line_errors():
         from app.server import serve  # noqa: PLC0415
 
-        serve(host, port)
+        serve(host, port, workers)

@@ -9,8 +9,9 @@ from typing import Any
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from app.connection_ledger import ConnectionLedger
 from app.envelope import SECURITY_HEADERS
-from app.errors import ConnectionLimitError, ProtocolError, problem_response
+from app.errors import ClientLimitError, ProtocolError, problem_response
 from app.settings import Settings
 from pricing_core.errors import InvalidInputError, Told
 
@@ -45,34 +46,64 @@ def reserve_descriptors(connections: int) -> None:
 class BoundedConnection(H11Protocol):
     """One client; what never becomes a request is refused or dropped here, as a problem where one fits.
 
-    A connection beyond `max_connections` is told so and closed. One without a request in work is dropped
+    Where there are too many the ledger says which one is closed. One without a request in work is dropped
     `head_seconds` after it was opened, or after the answer before: half a head keeps nothing open, nor does
     an answer that nobody reads.
     """
 
     _head_timer: asyncio.TimerHandle | None = None
+    _has_answered = False
+    _last = 0.0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a connection up."""
         super().connection_made(transport)
         self._restart_head_timer()
-        if len(self.connections) > self._settings.max_connections:
-            self._refuse(ConnectionLimitError("the service has as many connections open as it may"))
+        self._ledger.enter(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Let a connection go."""
         if self._head_timer is not None:
             self._head_timer.cancel()
+        self._ledger.leave(self)
         super().connection_lost(exc)
 
     def on_response_complete(self) -> None:
         """Wait for the next request."""
+        self._has_answered = True
         self._restart_head_timer()
         super().on_response_complete()
 
     def send_400_response(self, msg: str) -> None:
         """Answer what is not HTTP."""
         self._refuse(ProtocolError("the request is not well-formed HTTP/1.1, or its head is too long"))
+
+    @property
+    def address(self) -> str:
+        """The client's address."""
+        return self.client[0] if self.client else ""
+
+    @property
+    def worth(self) -> tuple[bool, bool, float]:
+        """Whether a request is in work, whether one was ever answered, and when the last one was, or it was opened."""
+        return not self._is_idle(), self._has_answered, self._last
+
+    def make_room(self) -> None:
+        """Close the connection for another one; who waits for an answer is told."""
+        if self._is_idle():
+            self.transport.abort()
+        else:
+            self._refuse(ClientLimitError("this client has more connections open than it may"))
+            self.cycle.disconnected = True  # ends the work, and keeps its answer from what is closed
+            self.cycle.message_event.set()
+
+    @property
+    def _ledger(self) -> ConnectionLedger:
+        ledger: ConnectionLedger = self.config.app.state.ledger  # type: ignore[union-attr]
+        return ledger
+
+    def _is_idle(self) -> bool:
+        return self.cycle is None or self.cycle.response_complete
 
     @property
     def _settings(self) -> Settings:
@@ -82,10 +113,11 @@ class BoundedConnection(H11Protocol):
     def _restart_head_timer(self) -> None:
         if self._head_timer is not None:
             self._head_timer.cancel()
+        self._last = self.loop.time()
         self._head_timer = self.loop.call_later(self._settings.head_seconds, self._drop_if_idle)
 
     def _drop_if_idle(self) -> None:
-        if self.cycle is None or self.cycle.response_complete:
+        if self._is_idle():
             self.transport.abort()  # unlike close(), without waiting for the client to read what is left
 
     def _refuse(self, error: Exception) -> None:

@@ -1,5 +1,6 @@
 """What every answer carries: a request id, security headers, one log line, and never a traceback."""
 
+import asyncio
 import logging
 import re
 import time
@@ -10,7 +11,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.errors import ProtocolError, problem_response
+from app.errors import NotReadyError, ProtocolError, problem_response
 
 log = logging.getLogger("pricing.requests")
 
@@ -63,8 +64,13 @@ class Envelope:
             if _is_ambiguous(scope):
                 raise ProtocolError("Transfer-Encoding and Content-Length must not be given together")
             await self.app(scope, receive, send_dressed)
-        except ProtocolError as error:
-            await problem_response(error, request_id, self.retry_after)(scope, receive, send_dressed)
+        except ProtocolError as refused:
+            await problem_response(refused, request_id, self.retry_after)(scope, receive, send_dressed)
+        except asyncio.CancelledError:  # the grace period is over
+            if status:
+                raise
+            closing = NotReadyError("the service is shutting down")
+            await problem_response(closing, request_id, self.retry_after)(scope, receive, send_dressed)
         except ClientDisconnect:
             status = 499  # the client is gone: nobody to answer
         except Exception as error:

@@ -50,10 +50,6 @@ class ClientLimitError(ServiceError):
     """One client asks for more at a time than it may."""
 
 
-class ConnectionLimitError(ServiceError):
-    """As many connections are open as the service holds."""
-
-
 class DeadlineError(ServiceError):
     """The deadline passed before there was anything to answer."""
 
@@ -83,7 +79,6 @@ PROBLEM_TYPES: Mapping[type[Exception], ProblemType] = {
     BodyTimeoutError: ProblemType(408, "body-timeout", "The body did not arrive in time"),
     ClientLimitError: ProblemType(429, "client-limit", "This client asks for more at a time than it may"),
     OverloadedError: ProblemType(503, "overloaded", "The service is at its capacity"),
-    ConnectionLimitError: ProblemType(503, "too-many-connections", "The service is at its capacity"),
     DeadlineError: ProblemType(503, "deadline", "The deadline passed without an estimate"),
     NotReadyError: ProblemType(503, "not-ready", "The service is not taking requests"),
     NumericalError: ProblemType(422, "out-of-domain", "The method cannot answer this question"),

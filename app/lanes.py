@@ -30,24 +30,30 @@ class Interruption:
     """Tells work when it shall end: at its deadline, or when nobody waits for it any more."""
 
     def __init__(self, expires: float) -> None:
-        self._expires = expires
+        self.expires = expires
 
     def __call__(self) -> bool:
         """Return whether the work shall end."""
-        return time.monotonic() > self._expires
+        return time.monotonic() > self.expires
 
     def end_by(self, when: float) -> None:
         """Bring the end forward to this reading of the monotonic clock."""
-        self._expires = min(self._expires, when)
+        self.expires = min(self.expires, when)
+
+
+def processor_limit(seconds: float) -> Interrupt:
+    """Return the interrupt that comes when this thread has worked so long, however busy the machine is."""
+    end = time.thread_time() + seconds
+    return lambda: time.thread_time() > end
 
 
 def inline(work: Callable[[Interrupt], Answer]) -> Answer | None:
     """Return what becomes of work that is thought cheap, done at once; None where it turns out not to be."""
-    end, interrupted = time.monotonic() + INLINE_SECONDS, False
+    limit, interrupted = processor_limit(INLINE_SECONDS), False
 
     def interrupt() -> bool:
         nonlocal interrupted
-        interrupted = interrupted or time.monotonic() > end
+        interrupted = interrupted or limit()
         return interrupted
 
     try:
@@ -66,6 +72,11 @@ class _Job:
     interruption: Interruption
     answer: asyncio.Future[Any] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
     begun: bool = False
+
+    @property
+    def seconds_left(self) -> float:
+        """The seconds until the work is interrupted."""
+        return max(0.0, self.interruption.expires - time.monotonic())
 
 
 class ExpensiveLane:
@@ -87,7 +98,11 @@ class ExpensiveLane:
         self._ends_by = float("inf")
 
     async def run(
-        self, work: Callable[[Interrupt], Answer], client: str, gone: Coroutine[Any, Any, None]
+        self,
+        work: Callable[[Interrupt], Answer],
+        client: str,
+        gone: Coroutine[Any, Any, None],
+        expires: float | None = None,
     ) -> Answer:
         """Do `work` in a thread; it is given the interrupt that tells when to end.
 
@@ -97,6 +112,8 @@ class ExpensiveLane:
             Whose question it is.
         gone : coroutine
             Ends when the client has gone; so does the work then.
+        expires : float, optional
+            Reading of the monotonic clock by which the work shall end; by default `deadline_seconds` from now.
 
         Raises
         ------
@@ -109,15 +126,13 @@ class ExpensiveLane:
         """
         left = asyncio.ensure_future(gone)
         try:
-            job = self._admit(work, client)
+            job = self._admit(work, client, expires)
         except BaseException:
             left.cancel()
             raise
         try:
             waited_for: set[asyncio.Future[Any]] = {job.answer, left}
-            await asyncio.wait(
-                waited_for, timeout=self._settings.deadline_seconds, return_when="FIRST_COMPLETED"
-            )
+            await asyncio.wait(waited_for, timeout=job.seconds_left, return_when="FIRST_COMPLETED")
             if job.begun and not job.answer.done() and not left.done():
                 late = LATE_SHARE * self._settings.deadline_seconds
                 await asyncio.wait(waited_for, timeout=late, return_when="FIRST_COMPLETED")
@@ -151,7 +166,7 @@ class ExpensiveLane:
         """The number of questions that wait for a thread."""
         return sum(map(len, self._waiting.values()))
 
-    def _admit(self, work: Callable[[Interrupt], Any], client: str) -> _Job:
+    def _admit(self, work: Callable[[Interrupt], Any], client: str, expires: float | None) -> _Job:
         if self._ends_by < time.monotonic():
             raise OverloadedError("the service is shutting down")
         if self._admitted[client] >= self._settings.client_queue:
@@ -160,8 +175,9 @@ class ExpensiveLane:
             )
         if self.waiting >= self._settings.queue and not self._has_room(client):
             raise OverloadedError("every thread for expensive questions is busy and the queue is full")
-        expires = min(time.monotonic() + self._settings.deadline_seconds, self._ends_by)
-        job = _Job(work, client, Interruption(expires))
+        if expires is None:
+            expires = time.monotonic() + self._settings.deadline_seconds
+        job = _Job(work, client, Interruption(min(expires, self._ends_by)))
         self._jobs.add(job)
         self._admitted[client] += 1
         self._waiting.setdefault(client, deque()).append(job)

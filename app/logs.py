@@ -1,9 +1,17 @@
-"""One JSON object per log line, on standard error."""
+"""One JSON object per log line, on standard error, which a reader that stands still does not hold up."""
 
+import contextlib
 import json
 import logging
+import os
+import queue
 import sys
+import threading
+import time
 from datetime import UTC, datetime
+
+MOST_LINES = 10_000  # that wait to be written; those beyond are counted and left out; chosen
+FLUSH_SECONDS = 1.0  # for what waits when the process ends; chosen
 
 
 class JsonFormatter(logging.Formatter):
@@ -23,9 +31,60 @@ class JsonFormatter(logging.Formatter):
         return json.dumps(line)
 
 
-def configure_logging(level: str) -> None:
-    """Send every logger of the process, and Python's warnings, to standard error as JSON."""
-    handler = logging.StreamHandler(sys.stderr)
+class BackgroundHandler(logging.Handler):
+    """Writes in a thread of its own: a pipe that nobody empties blocks that alone.
+
+    Once it is emptied again, a line says how many were left out.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        super().__init__()
+        self._descriptor = descriptor
+        self._waiting: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
+        self._taken = self._written = self._left_out = 0
+        threading.Thread(target=self._write_all, name="log", daemon=True).start()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Leave a record to the thread, or count it."""
+        if self._taken - self._written >= MOST_LINES:
+            self._left_out += 1
+        else:
+            self._taken += 1
+            self._waiting.put(record)
+
+    def flush(self) -> None:
+        """Wait a little for what has not been written yet."""
+        end = time.monotonic() + FLUSH_SECONDS
+        while self._written < self._taken and time.monotonic() < end:
+            time.sleep(0.005)
+
+    def _write_all(self) -> None:
+        while True:
+            record = self._waiting.get()
+            if self._left_out:
+                words = f"{self._left_out} lines were left out: nobody read them in time"
+                self._left_out = 0
+                self._write(logging.LogRecord("pricing.logs", logging.WARNING, "", 0, words, None, None))
+            self._write(record)
+            self._written += 1
+
+    def _write(self, record: logging.LogRecord) -> None:
+        line = (self.format(record) + "\n").encode()
+        with contextlib.suppress(OSError):  # the reader has gone
+            while line:
+                line = line[os.write(self._descriptor, line) :]
+
+
+def configure_logging(level: str, *, in_background: bool = True) -> None:
+    """Send every logger of the process, and Python's warnings, to standard error as JSON.
+
+    Parameters
+    ----------
+    in_background : bool
+        Whether a thread writes, which a process that still forks must not have.
+    """
+    stream = sys.stderr
+    handler = BackgroundHandler(stream.fileno()) if in_background else logging.StreamHandler(stream)
     handler.setFormatter(JsonFormatter())
     logging.basicConfig(level=level, handlers=[handler], force=True)
     logging.captureWarnings(True)

@@ -12,6 +12,7 @@ with needs_extra("service"):
 
     from app import docs_page
     from app.cheap_lane import CheapLane
+    from app.connection_ledger import ConnectionLedger
     from app.envelope import Envelope
     from app.errors import install_handlers
     from app.head_requests import HeadAsGet
@@ -45,6 +46,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.state.settings = settings
     app.state.draining = threading.Event()
+    app.state.ledger = ConnectionLedger(settings)
     for module in (price, boundary, implied_volatility, health, docs_page):
         app.include_router(module.router)
     install_handlers(app, settings.retry_after_seconds)

@@ -10,6 +10,7 @@ from fastapi import Request
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from app.admission import read_body
 from app.contract_schema import CURVE, DATE, DATE_IN_WORDS, KEYS, NUMBER
 from app.errors import BodyTimeoutError, BodyTooLargeError, InvalidRequestError, UnsupportedMediaTypeError
 from app.json_schema import inline_schema
@@ -35,6 +36,9 @@ def json_body(model: type[Model]) -> Callable[[Request], Awaitable[Model]]:
         settings: Settings = request.app.state.settings
         _check_media_type(request)
         raw = await _read_bytes(request, settings)
+        return await read_body(request, raw, parse)
+
+    def parse(raw: bytes) -> Model:
         try:
             return model.model_validate(parse_object(raw))
         except ValidationError as error:

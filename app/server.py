@@ -1,8 +1,10 @@
 """The server process: one uvicorn server that drains before it closes."""
 
 import logging
+import os
 import signal
 import socket
+import sys
 import threading
 import time
 from types import FrameType
@@ -11,32 +13,42 @@ from pricing_core.extras import needs_extra
 
 with needs_extra("service"):
     import uvicorn
+    from fastapi import FastAPI
 
     from app.connections import BACKLOG, BoundedConnection, reserve_descriptors
     from app.logs import configure_logging
     from app.main import create_app
-    from app.settings import settings_from_environment
+    from app.settings import Settings, settings_from_environment
+    from app.worker_processes import supervise
 
 log = logging.getLogger("pricing.server")
+
+# Seconds after which a thread that computes lets the event loop's thread have the interpreter; Python's own are five
+# times as many; chosen.
+SWITCH_SECONDS = 1e-3
+# Share of the grace period after which what is still being priced is ended, so that it can be answered; chosen.
+WORK_SHARE = 0.8
 
 
 class DrainingServer(uvicorn.Server):
     """On SIGTERM readiness turns 503 first; connections are refused only `drain_seconds` later.
 
     Requests in flight are finished and the process ends with status 0. A second signal, or SIGINT, closes
-    at once.
+    at once. A worker whose parent has died drains likewise.
     """
 
-    def __init__(self, config: uvicorn.Config, draining: threading.Event, drain_seconds: float) -> None:
+    def __init__(self, config: uvicorn.Config, application: FastAPI) -> None:
         super().__init__(config)
-        self._draining = draining
-        self._drain_seconds = drain_seconds
+        self._application = application
+        self._draining: threading.Event = application.state.draining
+        self._settings: Settings = application.state.settings
         self._closes_at = float("inf")
+        self._parent = os.getppid()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Take a signal; unlike the base class, do not raise it again once the server has closed."""
         if sig == signal.SIGTERM and not self._draining.is_set():
-            self._closes_at = time.monotonic() + self._drain_seconds
+            self._closes_at = time.monotonic() + self._settings.drain_seconds
         else:
             self.force_exit = self.should_exit and sig == signal.SIGINT
             self.should_exit = True
@@ -44,9 +56,17 @@ class DrainingServer(uvicorn.Server):
 
     async def on_tick(self, counter: int) -> bool:
         """Close once the drain is over; called ten times a second."""
+        if os.getppid() != self._parent and not self._draining.is_set():
+            self.handle_exit(signal.SIGTERM, None)
         if time.monotonic() >= self._closes_at:
             self.should_exit = True
         return await super().on_tick(counter)
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Refuse connections, answer what is in work, with what there is of it by then, and close."""
+        end = time.monotonic() + WORK_SHARE * self._settings.grace_seconds
+        self._application.state.expensive_lane.end_by(end)
+        await super().shutdown(sockets)
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -75,8 +95,13 @@ def listen(host: str, port: int) -> socket.socket:
     return listener
 
 
-def serve(host: str, port: int) -> None:
+def serve(host: str, port: int, workers: int = 1) -> None:
     """Serve until SIGTERM or SIGINT; port 0 takes a free one, which the first log line names.
+
+    Parameters
+    ----------
+    workers : int
+        Processes that share the port; each has the limits of the settings to itself.
 
     Raises
     ------
@@ -88,18 +113,40 @@ def serve(host: str, port: int) -> None:
     settings = settings_from_environment()
     reserve_descriptors(settings.max_connections)
     with listen(host, port) as listener:
-        configure_logging(settings.log_level)
-        app = create_app(settings)
-        config = uvicorn.Config(
-            app,
-            http=BoundedConnection,
-            ws="none",
-            backlog=BACKLOG,
-            log_config=None,
-            access_log=False,
-            server_header=False,
-            timeout_graceful_shutdown=settings.grace_seconds,
-        )
-        bound_host, bound_port = listener.getsockname()[:2]
-        log.info("listening", extra={"fields": {"host": bound_host, "port": bound_port}})
-        DrainingServer(config, app.state.draining, settings.drain_seconds).run(sockets=[listener])
+        if workers == 1:
+            configure_logging(settings.log_level)
+            _say_where(listener)
+            _serve_here(listener, settings)
+        else:
+            stop_seconds = settings.drain_seconds + settings.grace_seconds
+            configure_logging(settings.log_level, in_background=False)
+            _say_where(listener)
+            supervise(lambda: _work(listener, settings), workers, stop_seconds)
+
+
+def _say_where(listener: socket.socket) -> None:
+    host, port = listener.getsockname()[:2]
+    log.info("listening", extra={"fields": {"host": host, "port": port}})
+
+
+def _work(listener: socket.socket, settings: Settings) -> None:
+    configure_logging(settings.log_level)
+    _serve_here(listener, settings)
+
+
+def _serve_here(listener: socket.socket, settings: Settings) -> None:
+    sys.setswitchinterval(SWITCH_SECONDS)
+    app = create_app(settings)
+    config = uvicorn.Config(
+        app,
+        http=BoundedConnection,
+        ws="none",
+        backlog=BACKLOG,
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        proxy_headers=bool(settings.trusted_proxies),
+        forwarded_allow_ips=settings.trusted_proxies,
+        timeout_graceful_shutdown=settings.grace_seconds,
+    )
+    DrainingServer(config, app).run(sockets=[listener])

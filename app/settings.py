@@ -28,7 +28,11 @@ class Settings(BaseSettings):
     retry_after_seconds: int = Field(default=1, ge=1, le=3600)  # told to clients when overloaded
     drain_seconds: float = Field(default=1.0, ge=0.0, le=300.0)  # from SIGTERM to no new connections
     grace_seconds: int = Field(default=30, ge=1, le=3600)  # for requests in flight after that
-    max_connections: int = Field(default=500, ge=1, le=100_000)  # open at a time; beyond it they are refused
+    max_connections: int = Field(
+        default=500, ge=1, le=100_000
+    )  # open at a time; beyond it the idlest is closed
+    client_connections: int = Field(default=100, ge=1, le=100_000)  # of them, one address's
+    trusted_proxies: str = ""  # addresses, with commas, whose X-Forwarded-For is believed
     head_seconds: float = Field(default=10.0, gt=0.0, le=3600.0)  # to receive a request's first lines
     log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "INFO"
 

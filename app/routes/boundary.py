@@ -1,5 +1,6 @@
 """POST /v1/boundary: the spot at which to exercise, over the life of the option."""
 
+import functools
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
@@ -13,7 +14,7 @@ from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
 from app.result_values import by_name
 from app.schemas import BoundaryRequest, BoundaryResponse
-from pricing_core.american import ExerciseBoundary, exercise_boundary
+from pricing_core.american import ExerciseBoundary, Market, Option, exercise_boundary
 from pricing_core.american.contracts.result_fields import BOUNDARY_FIELDS
 from pricing_core.errors import NumericalError
 
@@ -33,17 +34,23 @@ async def post_boundary(
 
     Where the deadline passes first, the answer is 503 with Retry-After. Unknown keys are refused.
     """
-    option, market = question.contract({"spot": question.strike})
+
+    @functools.cache
+    def contract() -> tuple[Option, Market]:
+        return question.contract({"spot": question.strike})
+
+    def expected() -> float:
+        return seconds_of_boundary(*contract(), question.tolerance)
 
     def work(interrupt: Interrupt) -> ExerciseBoundary:
         try:
             return exercise_boundary(
-                option, market, question.times, tolerance=question.tolerance, interrupt=interrupt
+                *contract(), question.times, tolerance=question.tolerance, interrupt=interrupt
             )
         except NumericalError:
             if interrupt():
                 raise DeadlineError("the deadline passed first; a wider tolerance is faster") from None
             raise
 
-    found = await answer(request, work, seconds_of_boundary(option, market, question.tolerance))
+    found = await answer(request, work, expected)
     return BoundaryResponse(**by_name(BOUNDARY_FIELDS, found))

@@ -1,5 +1,6 @@
 """POST /v1/implied-volatility: the volatility at which an option is worth its price."""
 
+import functools
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
@@ -13,7 +14,7 @@ from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
 from app.result_values import by_name
 from app.schemas import ImpliedVolatilityRequest, ImpliedVolatilityResponse
-from pricing_core.american import ImpliedVolatility, implied_volatility
+from pricing_core.american import ImpliedVolatility, Market, Option, implied_volatility
 from pricing_core.american.contracts.result_fields import IMPLIED_VOLATILITY_FIELDS
 
 router = APIRouter(tags=["pricing"])
@@ -34,12 +35,17 @@ async def post_implied_volatility(
     Where there is none, the answer is 200 with a status that says why, and volatility null; where the deadline passes
     first, 503 with Retry-After. Unknown keys are refused.
     """
-    option, market = question.contract({"volatility": 1.0})
+
+    @functools.cache
+    def contract() -> tuple[Option, Market]:
+        return question.contract({"volatility": 1.0})
+
+    def expected() -> float:
+        return seconds_of_search(*contract(), question.tolerance)
 
     def work(interrupt: Interrupt) -> ImpliedVolatility:
         found = implied_volatility(
-            option,
-            market,
+            *contract(),
             question.option_price,
             bid=question.bid,
             ask=question.ask,
@@ -50,5 +56,5 @@ async def post_implied_volatility(
             raise DeadlineError("the deadline passed first; a wider tolerance is faster")
         return found
 
-    found = await answer(request, work, seconds_of_search(option, market, question.tolerance))
+    found = await answer(request, work, expected)
     return ImpliedVolatilityResponse(**by_name(IMPLIED_VOLATILITY_FIELDS, found))

@@ -1,12 +1,14 @@
 """POST /v1/price: one option in one market."""
 
+import functools
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request
 
-from app.admission import answer_expensive
+from app.admission import answer_expensive, is_cheap
+from app.cheap_lane import CheapLane
 from app.contract_schema import Strict
-from app.cost_model import CHEAP_SECONDS, seconds_of_price
+from app.cost_model import seconds_of_price
 from app.errors import DeadlineError
 from app.lanes import Interrupt
 from app.problem_responses import problem_responses
@@ -34,17 +36,22 @@ async def post_price(
     price, else 503 with Retry-After. Where the method does not reach, the answer is 422 with type
     out-of-domain. Unknown keys are refused.
     """
-    option, market = question.contract()
+    contract = functools.cache(
+        question.contract
+    )  # of a short body on the event loop, of a long one in a thread
+    tolerance, greeks = question.tolerance, question.greeks
+
+    @functools.cache
+    def expected() -> float:
+        return seconds_of_price(*contract(), tolerance, greeks)
 
     def work(interrupt: Interrupt) -> Valuation:
-        return price(
-            option, market, tolerance=question.tolerance, greeks=question.greeks, interrupt=interrupt
-        )
+        return price(*contract(), tolerance=tolerance, greeks=greeks, interrupt=interrupt)
 
-    state, tolerance, greeks = request.app.state, question.tolerance, question.greeks
     valuation: Valuation | None = None
-    if seconds_of_price(option, market, tolerance, greeks) < CHEAP_SECONDS:
-        valuation = await state.cheap_lane.price(option, market, tolerance, greeks)
+    if is_cheap(request, expected):
+        lane: CheapLane = request.app.state.cheap_lane
+        valuation = await lane.price(*contract(), tolerance, greeks, expected())
     if valuation is None:
         valuation = await answer_expensive(request, work)
     if valuation.status == "deadline" and valuation.price is None:

@@ -30,12 +30,24 @@ class Server:
         assert self.process.stderr is not None
         self.log: list[dict[str, Any]] = [json.loads(self.process.stderr.readline())]
         self.port: int = self.log[0]["port"]
+        self._reads = threading.Event()
+        self._reads.set()
         self._reader = threading.Thread(target=self._read_log, daemon=True)
         self._reader.start()
 
     def _read_log(self) -> None:
         assert self.process.stderr is not None
-        self.log.extend(json.loads(line) for line in self.process.stderr)
+        for line in self.process.stderr:
+            self._reads.wait()
+            self.log.append(json.loads(line))
+
+    def pause_log(self) -> None:
+        """Leave the pipe of the log to fill up."""
+        self._reads.clear()
+
+    def resume_log(self) -> None:
+        """Empty it again."""
+        self._reads.set()
 
     def request(self, method: str, path: str, body: object = None, **headers: str) -> tuple[int, Any, Any]:
         """Return status, headers and parsed body of one request on a connection of its own."""

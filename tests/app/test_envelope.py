@@ -58,6 +58,7 @@ def raising(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> Callable[[Ex
             raise error
 
         monkeypatch.setattr("app.routes.price.price", price)
+        monkeypatch.setattr("app.admission.CHEAP_SECONDS", 0.0)
         return client
 
     return install

@@ -178,16 +178,18 @@ def test_a_question_that_is_given_up_keeps_its_slot_until_its_thread_is_done() -
 
 
 def test_an_end_brought_forward_holds_for_what_runs_and_what_comes() -> None:
-    async def scenario(lane: ExpensiveLane) -> list[str]:
+    async def scenario(lane: ExpensiveLane) -> str:
         task = asyncio.create_task(lane.run(until_interrupted, "a", never()))
         await asyncio.sleep(0.05)
         lane.end_by(time.monotonic() + 0.1)
-        answers = list(await asyncio.gather(task, lane.run(until_interrupted, "a", never())))
+        with pytest.raises(DeadlineError):
+            await lane.run(until_interrupted, "a", never())
+        answer = await task
         with pytest.raises(OverloadedError):
             await lane.run(until_interrupted, "a", never())
-        return answers
+        return answer
 
-    assert in_a_lane(scenario, slots=1) == ["interrupted", "interrupted"]
+    assert in_a_lane(scenario, slots=1) == "interrupted"
 
 
 def test_an_error_of_the_work_is_the_answer() -> None:
@@ -200,14 +202,19 @@ def test_an_error_of_the_work_is_the_answer() -> None:
 
 
 def test_work_that_is_not_cheap_after_all_is_given_up_and_nothing_else_is() -> None:
-    assert inline(until_interrupted) is None
-    assert inline(lambda interrupt: interrupt()) is False
+    def busy(interrupt: Interrupt) -> str:
+        until = time.monotonic() + 10.0
+        while not interrupt() and time.monotonic() < until:
+            pass
+        return "interrupted"
 
     def failing(interrupt: Interrupt) -> None:
-        until_interrupted(interrupt)
-        raise ValueError("interrupted")
+        raise ValueError(busy(interrupt))
 
+    assert inline(busy) is None
     assert inline(failing) is None
+    assert inline(lambda interrupt: interrupt()) is False
+    assert inline(lambda interrupt: (time.sleep(0.05), interrupt())[1]) is False  # others had the processor
     with pytest.raises(ZeroDivisionError):
         inline(lambda _: 1 // 0)
 

@@ -19,11 +19,12 @@ def _logging_as_before() -> Iterator[None]:
     root.setLevel(before[1])
 
 
-def test_a_warning_is_a_json_line_like_any_other(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_warning_is_a_json_line_like_any_other(capfd: pytest.CaptureFixture[str]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         configure_logging("INFO")
         np.exp(np.float64(1e4))
-    (line,) = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    logging.getLogger().handlers[0].flush()
+    (line,) = [json.loads(line) for line in capfd.readouterr().err.splitlines()]
     assert (line["logger"], line["level"]) == ("py.warnings", "WARNING")
     assert "overflow encountered in exp" in line["message"]

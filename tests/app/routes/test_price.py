@@ -76,7 +76,7 @@ def with_price(valuation: Valuation, number: float | None, status: str) -> Any:
 @pytest.fixture
 def without_cheap_lane(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let every question be asked by the route's own call of `price`."""
-    monkeypatch.setattr("app.routes.price.CHEAP_SECONDS", 0.0)
+    monkeypatch.setattr("app.admission.CHEAP_SECONDS", 0.0)
 
 
 @pytest.fixture
