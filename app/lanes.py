@@ -19,9 +19,8 @@ from app.settings import Settings
 
 Answer = TypeVar("Answer")
 Interrupt = Callable[[], bool]
-INLINE_SECONDS = (
-    2.5 * CHEAP_SECONDS
-)  # after which a question that was thought cheap is an expensive one; chosen
+# Processor time on the event loop after which a question that was thought cheap is an expensive one; chosen.
+INLINE_SECONDS = 2.5 * CHEAP_SECONDS
 NICENESS = 10  # of the threads for expensive questions: the event loop goes first; chosen
 LATE_SHARE = 0.03  # share of the deadline after which work that does not end is no longer waited for; chosen
 

@@ -37,6 +37,11 @@ class PriceBounds:
         return PriceBounds(*(getattr(self, name)[rows] for name in self.__slots__))
 
 
+def range_of(book: Book) -> tuple[Vector, Vector]:
+    """Return the least that exercise now, or never, brings, and the largest price without arbitrage, shape (n,)."""
+    return np.where(book.first_segments().exercisable, book.payoff(), 0.0), bounds_of(book).upper
+
+
 def bounds_of(book: Book) -> PriceBounds:
     """Return the bounds of the contracts, whose volatilities are ignored.
 

@@ -14,7 +14,7 @@ from pricing_core.american.engines.engine import Boundaries, Engine, Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
 from pricing_core.american.engines.premium_march import PremiumMarch
-from pricing_core.american.engines.price_bounds import bounds_of
+from pricing_core.american.engines.price_bounds import range_of
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.kernel import warn_where_missing
 
@@ -153,7 +153,7 @@ def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
     if rows.size == 0:
         return best
     found, part = best.take(rows), book.take(rows)
-    least, most = np.where(part.first_segments().exercisable, part.payoff(), 0.0), bounds_of(part).upper
+    least, most = range_of(part)
     lost = found.error >= most - least
     inside = replace(found, value=np.clip(found.value, least, most))
     nothing = prices(int(lost.sum()), status="out_of_domain", message=NO_PRICE)

@@ -26,6 +26,7 @@ from pricing_core.american.engines.method_of_lines.refinement import (
 )
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
 from pricing_core.american.engines.method_of_lines.tangents import Direction, directions_of
+from pricing_core.american.engines.price_bounds import range_of
 from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.errors import PricingCoreError
 
@@ -108,12 +109,13 @@ class MethodOfLines:
             columns = _derivatives(book, solver, estimate, request)
         late = estimate.interrupted or (not columns["complete"] and request.is_interrupted())
         strike, value, errors = book.strike, estimate.american[0], estimate.errors[0]
+        least, most = range_of(book)
         if extended:
             columns |= _charm(book, value, errors)
         return priced(
             book,
-            value=strike * value[0],
-            european=np.maximum(strike * estimate.european[0, 0], 0.0),
+            value=np.clip(strike * value[0], least, most),
+            european=np.clip(strike * estimate.european[0, 0], 0.0, most),
             error=strike * errors[0],
             delta=value[1:2],
             gamma=value[2:3] / strike,
