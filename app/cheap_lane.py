@@ -22,6 +22,7 @@ class _Asked(NamedTuple):
     tolerance: float
     seconds: float
     answer: asyncio.Future[Valuation | None]
+    alone: bool = False
 
 
 class CheapLane:
@@ -47,14 +48,18 @@ class CheapLane:
         waiting = self._waiting[greeks]
         now = [waiting.popleft()]
         seconds = now[0].seconds
-        while waiting and len(now) < MOST_TOGETHER and seconds + waiting[0].seconds <= MOST_SECONDS:
+        while waiting and not (now[0].alone or waiting[0].alone or len(now) == MOST_TOGETHER):
+            seconds += waiting[0].seconds
+            if seconds > MOST_SECONDS:
+                break
             now.append(waiting.popleft())
-            seconds += now[-1].seconds
+        for asked, valuation in zip(now, _priced(now, greeks, INLINE_SECONDS + seconds), strict=True):
+            if valuation is None and len(now) > 1:  # perhaps for what another one took
+                waiting.append(asked._replace(alone=True))
+            elif not asked.answer.done():
+                asked.answer.set_result(valuation)
         if waiting:
             asyncio.get_running_loop().call_soon(self._price_some, greeks)
-        for asked, valuation in zip(now, _priced(now, greeks, INLINE_SECONDS + seconds), strict=True):
-            if not asked.answer.done():
-                asked.answer.set_result(valuation)
 
 
 def _priced(now: list[_Asked], greeks: Greeks, seconds: float) -> list[Valuation | None]:
@@ -62,5 +67,5 @@ def _priced(now: list[_Asked], greeks: Greeks, seconds: float) -> list[Valuation
     tolerances = [asked.tolerance for asked in now]
     try:
         return price_together(contracts, tolerances, greeks, processor_limit(seconds))
-    except Exception:  # one of them is to blame: each is asked again, alone and in a thread
+    except Exception:  # one of them is to blame: each is asked again, alone
         return [None] * len(now)

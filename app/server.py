@@ -1,5 +1,6 @@
 """The server process: one uvicorn server that drains before it closes."""
 
+import gc
 import logging
 import os
 import signal
@@ -137,6 +138,8 @@ def _work(listener: socket.socket, settings: Settings) -> None:
 def _serve_here(listener: socket.socket, settings: Settings) -> None:
     sys.setswitchinterval(SWITCH_SECONDS)
     app = create_app(settings)
+    gc.collect()
+    gc.freeze()  # what is here now stays, and collections need not look at it, which stops everybody
     config = uvicorn.Config(
         app,
         http=BoundedConnection,

@@ -34,6 +34,6 @@ def price_together(
     prices = solve(Book.of(contracts), request, engines=ENGINES[:-1])
     ready = (prices.status == "ok") & prices.complete
     return [
-        valuation(option, market.spot, prices.take(np.array([row])), greeks=greeks != "none") if there else None
+        valuation(option, market.spot, prices, greeks=greeks != "none", row=row) if there else None
         for row, ((option, market), there) in enumerate(zip(contracts, ready.tolist(), strict=True))
     ]

@@ -112,21 +112,23 @@ class Valuation:
     diagnostics: Diagnostics
 
 
-def valuation(option: Option, spot: float, prices: Prices, *, greeks: bool) -> Valuation:
-    """Return the valuation of a book of one contract; NaN becomes None.
+def valuation(option: Option, spot: float, prices: Prices, *, greeks: bool, row: int = 0) -> Valuation:
+    """Return the valuation of one contract of a book; NaN becomes None.
 
     Parameters
     ----------
     greeks : bool
         Whether Greeks are wanted at all.
+    row : int
+        Which of the contracts it is.
     """
-    value, european = prices.value.item(), prices.european.item()
+    value, european = prices.value.item(row), prices.european.item(row)
 
     def greek(column: Vector, share: float = 1.0) -> float | None:
-        return _present(column.item() / share) if greeks else None
+        return _present(column.item(row) / share) if greeks else None
 
     def greek_list(column: Ragged) -> tuple[float, ...] | None:
-        return (column.known_row(0) or None) if greeks and column.values.size else None
+        return (column.known_row(row) or None) if greeks and column.values.size else None
 
     return Valuation(
         price=_present(value),
@@ -149,33 +151,33 @@ def valuation(option: Option, spot: float, prices: Prices, *, greeks: bool) -> V
         rate_buckets=greek_list(prices.rate_buckets),
         dividend_yield_buckets=greek_list(prices.dividend_yield_buckets),
         volatility_buckets=greek_list(prices.volatility_buckets),
-        exercise_now=bool(prices.exercised[0]),
-        exercise_boundary=_present(prices.boundary.item()),
-        error_estimate=_present(prices.error.item()),
-        greek_errors=_greek_errors(prices) if greeks else {},
-        status=prices.status[0],
-        method=prices.method[0] or "none",
+        exercise_now=bool(prices.exercised[row]),
+        exercise_boundary=_present(prices.boundary.item(row)),
+        error_estimate=_present(prices.error.item(row)),
+        greek_errors=_greek_errors(prices, row) if greeks else {},
+        status=prices.status[row],
+        method=prices.method[row] or "none",
         engine_version=ENGINE_VERSION,
         diagnostics=Diagnostics(
-            solves=prices.solves.item(),
-            steps_taken=prices.steps.item(),
-            resolution=prices.resolution[0],
-            lcp_residual=prices.residual.item(),
-            fitted=bool(prices.fitted[0]),
+            solves=prices.solves.item(row),
+            steps_taken=prices.steps.item(row),
+            resolution=prices.resolution[row],
+            lcp_residual=prices.residual.item(row),
+            fitted=bool(prices.fitted[row]),
         ),
     )
 
 
-def _greek_errors(prices: Prices) -> dict[str, float | tuple[float, ...]]:
+def _greek_errors(prices: Prices, row: int) -> dict[str, float | tuple[float, ...]]:
     """Return the errors that there is an estimate of, by Greek."""
     found: dict[str, float | tuple[float, ...]] = {}
     for name, column in NUMBER_ERRORS:
-        error = getattr(prices, column).item()
+        error = getattr(prices, column).item(row)
         if not math.isnan(error):
             found[name] = error
     for name, column in LIST_ERRORS:
         errors: Ragged = getattr(prices, column)
-        if errors.values.size and (known := errors.known_row(0)):
+        if errors.values.size and (known := errors.known_row(row)):
             found[name] = known
     return found
 

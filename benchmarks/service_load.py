@@ -1,0 +1,295 @@
+"""How many prices a second does the service answer, how long does each take, and what do hostile clients change?
+
+Random American puts without dividends, tolerance 1e-6, all Greeks, by `POST /v1/price` over connections that are kept:
+
+- a number of clients, each of which asks again when it has its answer, against the no-op: the same server, middleware,
+  models and log line with a constant answer;
+- arrivals at fixed rates, whether or not the service keeps up, with latencies from the time at which each was due: at
+  half of the largest rate and at twice that;
+- one client beside twenty hostile ones of the same address, which ask for implied volatilities with 600 dividends at
+  the tolerance 1e-8 without a pause, or hold idle connections.
+
+Clients and server share the machine. What the clients cost is shown by a server in the same language that answers a
+constant without reading the request. Run from the root of the project, with --quick in a minute:
+.venv/bin/python -m benchmarks.service_load
+"""
+
+import asyncio
+import contextlib
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import AsyncIterator, Awaitable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import pricing_core
+from benchmarks.measuring.machine import cpu_model
+from benchmarks.problems.hostile_questions import SEARCH
+
+HOST = "127.0.0.1"
+CLIENTS = (1, 8, 32)
+HOSTILE = 20
+IDLE = 500
+CONNECTIONS = 64  # that arrivals at a fixed rate use; fewer than the service lets one address have
+SERVE = "import sys; from app.cli import main; sys.argv = ['pricing', 'serve', '--port', '0']; main()"
+# The same service, but for what a price costs: neither the cost model nor the engines are asked.
+NO_OP = """
+import app.routes.price as route
+from app.cheap_lane import CheapLane
+from pricing_core.american import Market, Option, price
+constant = price(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2))
+async def answer(*_):
+    return constant
+CheapLane.price = answer
+route.is_cheap = lambda *_: True
+route.seconds_of_price = lambda *_: 0.0
+"""
+CONSTANT = """
+import asyncio, json, sys
+answer = b"HTTP/1.1 200 OK\\r\\nContent-Length: 600\\r\\n\\r\\n" + 600 * b"x"
+class Constant(asyncio.Protocol):
+    def connection_made(self, transport):
+        self.transport = transport
+    def data_received(self, data):
+        self.transport.write(answer)
+async def main():
+    server = await asyncio.get_running_loop().create_server(Constant, "127.0.0.1", 0)
+    print(json.dumps({"port": server.sockets[0].getsockname()[1]}), file=sys.stderr, flush=True)
+    await server.serve_forever()
+asyncio.run(main())
+"""
+
+
+@contextlib.contextmanager
+def server(program: str) -> Iterator[int]:
+    """Run a program that says its port in a JSON line on standard error; its log goes to a file."""
+    with (
+        tempfile.NamedTemporaryFile("r", suffix=".log") as log,
+        open(log.name, "w") as written,
+        subprocess.Popen([sys.executable, "-c", program], stderr=written) as process,
+    ):
+        try:
+            while not (line := log.readline()).endswith("\n"):
+                time.sleep(0.05)
+            yield json.loads(line)["port"]
+        finally:
+            process.terminate()
+            process.wait(60)
+
+
+class Connection(asyncio.Protocol):
+    """One connection, one request at a time: as little work as will do."""
+
+    def __init__(self) -> None:
+        self._received = b""
+        self._answer: asyncio.Future[int] | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Keep the transport."""
+        self.transport: asyncio.Transport = transport  # type: ignore[assignment]
+
+    def data_received(self, data: bytes) -> None:
+        """Collect one answer."""
+        self._received += data
+        head, end, body = self._received.partition(b"\r\n\r\n")
+        if end and len(body) >= int(head.lower().partition(b"content-length: ")[2].split(b"\r\n")[0]):
+            self._received = b""
+            self._settle(int(head[9:12]))
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Tell whoever waits; 0 stands for no answer."""
+        self._settle(0)
+
+    def _settle(self, status: int) -> None:
+        if self._answer is not None and not self._answer.done():
+            self._answer.set_result(status)
+
+    async def ask(self, request: bytes) -> int:
+        """Send a request and return the status of its answer."""
+        self._answer = asyncio.get_running_loop().create_future()
+        self.transport.write(request)
+        return await self._answer
+
+
+@contextlib.asynccontextmanager
+async def connection(port: int) -> AsyncIterator[Connection]:
+    """Open a connection and close it again."""
+    transport, protocol = await asyncio.get_running_loop().create_connection(Connection, HOST, port)
+    try:
+        yield protocol
+    finally:
+        transport.abort()
+
+
+@dataclass
+class Measured:
+    """Latencies in seconds, statuses, and how long it took in all."""
+
+    latencies: list[float] = field(default_factory=list)
+    statuses: Counter[int] = field(default_factory=Counter)
+    seconds: float = 0.0
+
+    @property
+    def rate(self) -> float:
+        """Answers with status 200 in a second."""
+        return self.statuses[200] / self.seconds
+
+    def milliseconds(self, percentile: float) -> float:
+        """Return a percentile of the latencies."""
+        return 1e3 * float(np.percentile(self.latencies, percentile))
+
+    def __str__(self) -> str:
+        """Return one line."""
+        percentiles = "  ".join(f"p{p:g} {self.milliseconds(p):7.2f} ms" for p in (50, 99))
+        others = {status: count for status, count in self.statuses.items() if status != 200}
+        return f"{self.rate:7.0f}/s  {percentiles}" + (f"  other answers {others}" if others else "")
+
+
+def price_requests(count: int) -> list[bytes]:
+    """Return random puts, all Greeks, as HTTP."""
+    rng = np.random.default_rng(29)
+    bodies = [
+        {
+            "option_type": "put",
+            "strike": 100.0,
+            "spot": round(float(rng.uniform(70.0, 130.0)), 4),
+            "expiry": round(float(rng.uniform(0.1, 3.0)), 4),
+            "rate": round(float(rng.uniform(0.0, 0.1)), 4),
+            "volatility": round(float(rng.uniform(0.1, 0.6)), 4),
+        }
+        for _ in range(count)
+    ]
+    return [as_http("/v1/price", body) for body in bodies]
+
+
+def as_http(path: str, body: object) -> bytes:
+    """Return a POST request."""
+    raw = json.dumps(body).encode()
+    head = f"POST {path} HTTP/1.1\r\nHost: {HOST}\r\nContent-Type: application/json\r\nContent-Length: {len(raw)}"
+    return head.encode() + b"\r\n\r\n" + raw
+
+
+async def closed_loop(port: int, clients: int, seconds: float, requests: list[bytes]) -> Measured:
+    """Let each client ask again when it has its answer."""
+    measured, begun = Measured(), time.perf_counter()
+    end = begun + seconds
+
+    async def client(number: int) -> None:
+        async with connection(port) as asked:
+            place = number * 37
+            while (at := time.perf_counter()) < end:
+                place = (place + 1) % len(requests)
+                measured.statuses[await asked.ask(requests[place])] += 1
+                measured.latencies.append(time.perf_counter() - at)
+
+    await asyncio.gather(*map(client, range(clients)))
+    measured.seconds = time.perf_counter() - begun
+    return measured
+
+
+async def open_loop(port: int, rate: float, seconds: float, requests: list[bytes]) -> Measured:
+    """Ask at a fixed rate, on the connection that is free first; latencies count from the time that was due."""
+    measured = Measured()
+    free: asyncio.LifoQueue[Connection] = asyncio.LifoQueue()
+
+    async def ask(due: float, request: bytes) -> None:
+        asked = await free.get()
+        measured.statuses[await asked.ask(request)] += 1
+        measured.latencies.append(time.perf_counter() - due)
+        free.put_nowait(asked)
+
+    async with contextlib.AsyncExitStack() as opened, asyncio.TaskGroup() as group:
+        for _ in range(min(CONNECTIONS, int(rate))):
+            free.put_nowait(await opened.enter_async_context(connection(port)))
+        begun = time.perf_counter()
+        for number in range(int(rate * seconds)):
+            due = begun + number / rate
+            if (early := due - time.perf_counter()) > 0.0:
+                await asyncio.sleep(early)
+            group.create_task(ask(due, requests[number % len(requests)]))
+    measured.seconds = time.perf_counter() - begun
+    return measured
+
+
+async def beside_hostile(port: int, seconds: float, requests: list[bytes]) -> tuple[Measured, Counter[int]]:
+    """Let one client ask 20 times a second beside hostile ones; return what it sees, and what they are answered."""
+    statuses: Counter[int] = Counter()
+    hostile = as_http("/v1/implied-volatility", SEARCH)
+
+    async def attack() -> None:
+        while True:
+            with contextlib.suppress(OSError):
+                async with connection(port) as asked:
+                    while status := await asked.ask(hostile):
+                        statuses[status] += 1
+
+    tasks = [asyncio.create_task(attack()) for _ in range(HOSTILE)]
+    await asyncio.sleep(1.0)
+    measured = await open_loop(port, 20.0, seconds, requests)
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+    return measured, statuses
+
+
+async def beside_idle(port: int, seconds: float, requests: list[bytes]) -> Measured:
+    """Let one client ask 20 times a second beside idle connections."""
+    async with contextlib.AsyncExitStack() as idle:
+        for _ in range(IDLE):
+            await idle.enter_async_context(connection(port))
+        return await open_loop(port, 20.0, seconds, requests)
+
+
+def run(awaited: Awaitable[Measured]) -> Measured:
+    """Run one measurement."""
+
+    async def measure() -> Measured:
+        return await awaited
+
+    return asyncio.run(measure())
+
+
+def main(*, quick: bool) -> None:
+    """Print the tables."""
+    seconds, requests = 2.0 if quick else 10.0, price_requests(500)
+    print(f"pricing-core {pricing_core.__version__}, {pricing_core.kernel_name()}, {cpu_model()}")
+    with server(CONSTANT) as port:
+        print("\nThe clients alone: a server that answers a constant without reading")
+        for clients in CLIENTS:
+            print(f"  {clients:3} clients {run(closed_loop(port, clients, seconds, requests))}")
+    print("\nClients that ask again when they have their answer")
+    peak = 0.0
+    with server(NO_OP + SERVE) as empty, server(SERVE) as port:
+        for measured in (empty, port):
+            run(closed_loop(measured, 8, 1.0, requests))  # to warm up
+        for clients in CLIENTS:
+            nothing = run(closed_loop(empty, clients, seconds, requests))
+            found = run(closed_loop(port, clients, seconds, requests))
+            peak = max(peak, found.rate)
+            more = found.milliseconds(50) - nothing.milliseconds(50)
+            print(f"  {clients:3} clients no-op {nothing}")
+            print(
+                f"              price {found}  {found.rate / nothing.rate:.2f} of the no-op's rate, {more:+.2f} ms"
+            )
+    with server(SERVE) as port:
+        run(closed_loop(port, 8, 1.0, requests))
+        print("\nArrivals at a fixed rate")
+        for share in (0.5, 2.0):
+            found = run(open_loop(port, share * peak, seconds, requests))
+            print(f"  {share} of the largest rate, {share * peak:.0f}/s: {found}")
+        print(
+            f"\n20 a second, beside {HOSTILE} hostile clients of the same address, and {IDLE} idle connections"
+        )
+        print(f"  alone    {run(open_loop(port, 20.0, seconds, requests))}")
+        found, statuses = asyncio.run(beside_hostile(port, seconds, requests))
+        print(f"  hostile  {found}; the hostile ones were answered {dict(statuses)}")
+        print(f"  idle     {run(beside_idle(port, seconds, requests))}")
+
+
+if __name__ == "__main__":
+    main(quick="--quick" in sys.argv[1:])
