@@ -1,6 +1,5 @@
 """The way of a question to its answer: at once where it should be cheap, else by the expensive lane."""
 
-import time
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -22,7 +21,7 @@ async def read_body(request: Request, body: bytes, parse: Callable[[bytes], Answ
     Raises
     ------
     ClientLimitError, OverloadedError, DeadlineError, ClientDisconnect
-        As `ExpensiveLane.run`.
+        As `ExpensiveLane.enter` and `run`.
     """
     request.state.is_long = len(body) > LONGEST_CHEAP_BODY
     if not request.state.is_long:
@@ -45,7 +44,7 @@ async def answer(
     Raises
     ------
     ClientLimitError, OverloadedError, DeadlineError, ClientDisconnect
-        As `ExpensiveLane.run`.
+        As `ExpensiveLane.enter` and `run`.
     """
     if is_cheap(request, expected) and (found := inline(work)) is not None:
         return found
@@ -58,12 +57,18 @@ def is_cheap(request: Request, expected: Callable[[], float]) -> bool:
 
 
 async def answer_expensive(request: Request, work: Callable[[Interrupt], Answer]) -> Answer:
-    """Do work in a thread for expensive questions; all work of one request has the same deadline."""
-    state = request.state
-    if not hasattr(state, "expires"):
-        state.expires = time.monotonic() + request.app.state.settings.deadline_seconds
+    """Do work in a thread for expensive questions; a request keeps its place and deadline until it is answered."""
+    lane, state = expensive_lane(request), request.state
+    if not hasattr(state, "place"):
+        state.place = lane.enter(client_of(request))
+        state.at_end.append(lambda: lane.leave(state.place))
+    return await lane.run(work, state.place, _disconnected(request))
+
+
+def expensive_lane(request: Request) -> ExpensiveLane:
+    """Return the application's lane."""
     lane: ExpensiveLane = request.app.state.expensive_lane
-    return await lane.run(work, client_of(request), _disconnected(request), state.expires)
+    return lane
 
 
 async def _disconnected(request: Request) -> None:

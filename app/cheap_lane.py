@@ -26,7 +26,7 @@ class _Asked(NamedTuple):
 
 
 class CheapLane:
-    """Prices what came in during one turn of the event loop in the next. Only its thread may call the methods."""
+    """Prices together what came in during two turns of the event loop. Only its thread may call the methods."""
 
     def __init__(self) -> None:
         self._waiting: defaultdict[Greeks, deque[_Asked]] = defaultdict(deque)
@@ -40,7 +40,7 @@ class CheapLane:
         waiting = self._waiting[greeks]
         waiting.append(asked)
         if len(waiting) == 1:
-            loop.call_soon(self._price_some, greeks)
+            loop.call_soon(loop.call_soon, self._price_some, greeks)  # two turns on: more are there by then
         return await asked.answer
 
     def _price_some(self, greeks: Greeks) -> None:

@@ -5,6 +5,7 @@ import logging
 import re
 import time
 import uuid
+from collections.abc import Callable
 from typing import Any
 
 from starlette.datastructures import Headers, MutableHeaders
@@ -46,7 +47,8 @@ class Envelope:
             await self.app(scope, receive, send)
             return
         request_id = request_id_of(Headers(scope=scope))
-        scope.setdefault("state", {})["request_id"] = request_id
+        at_end: list[Callable[[], None]] = []
+        scope.setdefault("state", {}).update(request_id=request_id, at_end=at_end)
         started = time.monotonic()
         status = 0
 
@@ -79,6 +81,8 @@ class Envelope:
                 raise
             await problem_response(error, request_id, self.retry_after)(scope, receive, send_dressed)
         finally:
+            for do in at_end:
+                do()
             log.info("request", extra={"fields": _log_fields(scope, request_id, status, started)})
 
 

@@ -64,6 +64,22 @@ def inline(work: Callable[[Interrupt], Answer]) -> Answer | None:
     return None if interrupted else answer
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """What a request holds in the expensive lane until it is answered.
+
+    Parameters
+    ----------
+    client : str
+        Whose request it is.
+    expires : float
+        Reading of the monotonic clock by which its work ends.
+    """
+
+    client: str
+    expires: float
+
+
 @dataclass(eq=False)
 class _Job:
     work: Callable[[Interrupt], Any]
@@ -81,7 +97,7 @@ class _Job:
 class ExpensiveLane:
     """`slots` threads; the next question is that of the client with the fewest in work, the longest waiting first.
 
-    A client has at most `client_queue` questions here, and all slots but one, so that another finds one free. Only
+    A client has at most `client_queue` requests here, and all slots but one, so that another finds one free. Only
     the event loop's thread may call the methods.
     """
 
@@ -92,43 +108,53 @@ class ExpensiveLane:
         self._share = max(1, settings.slots - 1)
         self._waiting: dict[str, deque[_Job]] = {}
         self._running: Counter[str] = Counter()
-        self._admitted: Counter[str] = Counter()
+        self._places: Counter[str] = Counter()
         self._jobs: set[_Job] = set()
         self._ends_by = float("inf")
 
+    def enter(self, client: str) -> Place:
+        """Return a place for a request of a client, to be left again.
+
+        Raises
+        ------
+        ClientLimitError, OverloadedError
+            The client, or all together, have as many requests here as they may.
+        """
+        if self._ends_by < time.monotonic():
+            raise OverloadedError("the service is shutting down")
+        most = self._settings.client_queue
+        if self._places[client] >= most:
+            raise ClientLimitError(f"this client has {most} expensive questions waiting or in work already")
+        if self._places.total() >= self._settings.slots + self._settings.queue:
+            raise OverloadedError("every thread for expensive questions is busy and the queue is full")
+        self._places[client] += 1
+        return Place(client, time.monotonic() + self._settings.deadline_seconds)
+
+    def leave(self, place: Place) -> None:
+        """Give a place back."""
+        _count_down(self._places, place.client)
+
     async def run(
-        self,
-        work: Callable[[Interrupt], Answer],
-        client: str,
-        gone: Coroutine[Any, Any, None],
-        expires: float | None = None,
+        self, work: Callable[[Interrupt], Answer], place: Place, gone: Coroutine[Any, Any, None]
     ) -> Answer:
         """Do `work` in a thread; it is given the interrupt that tells when to end.
 
         Parameters
         ----------
-        client : str
-            Whose question it is.
         gone : coroutine
             Ends when the client has gone; so does the work then.
-        expires : float, optional
-            Reading of the monotonic clock by which the work shall end; by default `deadline_seconds` from now.
 
         Raises
         ------
-        ClientLimitError, OverloadedError
-            The client, or all together, have as many questions here as they may.
+        OverloadedError
+            The service is shutting down.
         DeadlineError
             The deadline passed without an answer.
         ClientDisconnect
             The client has gone.
         """
         left = asyncio.ensure_future(gone)
-        try:
-            job = self._admit(work, client, expires)
-        except BaseException:
-            left.cancel()
-            raise
+        job = self._put(work, place)
         try:
             waited_for: set[asyncio.Future[Any]] = {job.answer, left}
             await asyncio.wait(waited_for, timeout=job.seconds_left, return_when="FIRST_COMPLETED")
@@ -142,7 +168,7 @@ class ExpensiveLane:
             raise DeadlineError("no thread for expensive questions became free, or none was done, in time")
         finally:
             left.cancel()
-            self._leave(job)
+            self._give_up(job)
 
     def end_by(self, when: float) -> None:
         """End what is in work, and what will come, by this reading of the monotonic clock."""
@@ -165,21 +191,10 @@ class ExpensiveLane:
         """The number of questions that wait for a thread."""
         return sum(map(len, self._waiting.values()))
 
-    def _admit(self, work: Callable[[Interrupt], Any], client: str, expires: float | None) -> _Job:
-        if self._ends_by < time.monotonic():
-            raise OverloadedError("the service is shutting down")
-        if self._admitted[client] >= self._settings.client_queue:
-            raise ClientLimitError(
-                f"this client has {self._settings.client_queue} expensive questions waiting or in work already"
-            )
-        if self.waiting >= self._settings.queue and not self._has_room(client):
-            raise OverloadedError("every thread for expensive questions is busy and the queue is full")
-        if expires is None:
-            expires = time.monotonic() + self._settings.deadline_seconds
-        job = _Job(work, client, Interruption(min(expires, self._ends_by)))
+    def _put(self, work: Callable[[Interrupt], Any], place: Place) -> _Job:
+        job = _Job(work, place.client, Interruption(min(place.expires, self._ends_by)))
         self._jobs.add(job)
-        self._admitted[client] += 1
-        self._waiting.setdefault(client, deque()).append(job)
+        self._waiting.setdefault(place.client, deque()).append(job)
         self._start()
         return job
 
@@ -204,7 +219,7 @@ class ExpensiveLane:
         """Free the slot: when the thread is done, not when the client has gone."""
         self._free += 1
         _count_down(self._running, job.client)
-        self._forget(job)
+        self._jobs.discard(job)
         error = None if done.cancelled() else done.exception()
         if not job.answer.done():
             if done.cancelled():
@@ -215,7 +230,7 @@ class ExpensiveLane:
                 job.answer.set_result(done.result())
         self._start()
 
-    def _leave(self, job: _Job) -> None:
+    def _give_up(self, job: _Job) -> None:
         """Nobody waits for this answer any more."""
         job.interruption.end_by(-float("inf"))
         job.answer.cancel()
@@ -224,11 +239,7 @@ class ExpensiveLane:
             line.remove(job)
             if not line:
                 del self._waiting[job.client]
-            self._forget(job)
-
-    def _forget(self, job: _Job) -> None:
-        self._jobs.discard(job)
-        _count_down(self._admitted, job.client)
+            self._jobs.discard(job)
 
 
 def _count_down(counter: Counter[str], client: str) -> None:

@@ -2,7 +2,7 @@ import asyncio
 import os
 import threading
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -17,6 +17,21 @@ from app.settings import Settings
 from pricing_core.american import price
 
 EXPENSIVE = {"tolerance": 1e-8, "greeks": "extended"}
+
+
+async def run(
+    lane: ExpensiveLane, work: Callable[[Interrupt], Any], client: str, gone: Coroutine[Any, Any, None]
+) -> Any:
+    """Enter, work and leave as a request does."""
+    try:
+        place = lane.enter(client)
+    except BaseException:
+        gone.close()
+        raise
+    try:
+        return await lane.run(work, place, gone)
+    finally:
+        lane.leave(place)
 
 
 async def never() -> None:
@@ -50,13 +65,13 @@ def test_questions_beyond_slots_and_queue_are_refused_and_the_others_answered() 
             gate.wait(10.0)
             return "done"
 
-        admitted = [asyncio.create_task(lane.run(work, name, never())) for name in "ab"]
+        admitted = [asyncio.create_task(run(lane, work, name, never())) for name in "ab"]
         await asyncio.sleep(0.05)
         with pytest.raises(OverloadedError):
-            await lane.run(work, "c", never())
+            await run(lane, work, "c", never())
         gate.set()
         answers = await asyncio.gather(*admitted)
-        return [*answers, await lane.run(work, "c", never())]
+        return [*answers, await run(lane, work, "c", never())]
 
     assert in_a_lane(scenario, slots=1, queue=1) == ["done", "done", "done"]
 
@@ -65,12 +80,12 @@ def test_a_client_at_its_own_limit_is_refused_and_others_are_not() -> None:
     async def scenario(lane: ExpensiveLane) -> str:
         gate = threading.Event()
         greedy = [
-            asyncio.create_task(lane.run(lambda _: gate.wait(10.0), "greedy", never())) for _ in range(3)
+            asyncio.create_task(run(lane, lambda _: gate.wait(10.0), "greedy", never())) for _ in range(3)
         ]
         await asyncio.sleep(0.05)
         with pytest.raises(ClientLimitError):
-            await lane.run(lambda _: None, "greedy", never())
-        answer = await lane.run(lambda _: "at once", "other", never())  # one slot is never one client's
+            await run(lane, lambda _: None, "greedy", never())
+        answer = await run(lane, lambda _: "at once", "other", never())  # one slot is never one client's
         gate.set()
         await asyncio.gather(*greedy)
         return answer
@@ -86,7 +101,7 @@ def test_clients_take_turns_however_many_questions_each_has() -> None:
             return lambda _: (begun.append(name), time.sleep(0.01))[1]
 
         names = ["a"] * 5 + ["b"] * 2 + ["c"]
-        await asyncio.gather(*(lane.run(work(name), name, never()) for name in names))
+        await asyncio.gather(*(run(lane, work(name), name, never()) for name in names))
 
     in_a_lane(scenario, slots=1, client_queue=5)
     assert begun == list("aabcabaa")
@@ -95,7 +110,7 @@ def test_clients_take_turns_however_many_questions_each_has() -> None:
 def test_the_interrupt_tells_when_the_deadline_has_passed() -> None:
     async def scenario(lane: ExpensiveLane) -> tuple[str, float]:
         asked = time.monotonic()
-        return await lane.run(until_interrupted, "a", never()), time.monotonic() - asked
+        return await run(lane, until_interrupted, "a", never()), time.monotonic() - asked
 
     answer, seconds = in_a_lane(scenario, slots=1, deadline_seconds=0.5)
     assert answer == "interrupted"
@@ -106,7 +121,7 @@ def test_work_that_does_not_end_is_not_waited_for() -> None:
     async def scenario(lane: ExpensiveLane) -> float:
         gate, asked = threading.Event(), time.monotonic()
         with pytest.raises(DeadlineError):
-            await lane.run(lambda _: gate.wait(10.0), "a", never())
+            await run(lane, lambda _: gate.wait(10.0), "a", never())
         gate.set()
         return time.monotonic() - asked
 
@@ -118,17 +133,17 @@ def test_work_still_waiting_at_its_deadline_is_refused_at_once_and_never_begun()
 
     async def scenario(lane: ExpensiveLane) -> float:
         gate = threading.Event()
-        busy = asyncio.create_task(lane.run(lambda _: gate.wait(10.0), "a", never()))
+        busy = asyncio.create_task(run(lane, lambda _: gate.wait(10.0), "a", never()))
         await asyncio.sleep(0.05)
         asked = time.monotonic()
-        waiting = [lane.run(lambda _: begun.append("late"), "b", never()) for _ in range(3)]
+        waiting = [run(lane, lambda _: begun.append("late"), "b", never()) for _ in range(3)]
         answers = await asyncio.gather(*waiting, return_exceptions=True)
         waited = time.monotonic() - asked
         assert [type(answer) for answer in answers] == [DeadlineError] * 3
         gate.set()
         await asyncio.gather(busy, return_exceptions=True)
         await asyncio.sleep(0.05)
-        await lane.run(lambda _: begun.append("in time"), "b", never())
+        await run(lane, lambda _: begun.append("in time"), "b", never())
         return waited
 
     assert in_a_lane(scenario, slots=1, deadline_seconds=0.2) < 5.0  # the thread was busy for longer
@@ -146,13 +161,13 @@ def test_a_client_that_goes_ends_its_work_and_frees_its_slot_and_its_place() -> 
         def work(interrupt: Interrupt) -> None:
             ends.append(until_interrupted(interrupt))
 
-        tasks = [asyncio.create_task(lane.run(work, "a", gone())) for _ in range(3)]
+        tasks = [asyncio.create_task(run(lane, work, "a", gone())) for _ in range(3)]
         await asyncio.sleep(0.05)
         assert (lane.in_work, lane.waiting) == (1, 2)
         leaves.set()
         for answer in await asyncio.gather(*tasks, return_exceptions=True):
             assert isinstance(answer, ClientDisconnect)
-        answer = await lane.run(lambda _: "free again", "b", never())
+        answer = await run(lane, lambda _: "free again", "b", never())
         assert (lane.in_work, lane.waiting) == (0, 0)
         return answer, ends
 
@@ -162,31 +177,30 @@ def test_a_client_that_goes_ends_its_work_and_frees_its_slot_and_its_place() -> 
 def test_a_question_that_is_given_up_keeps_its_slot_until_its_thread_is_done() -> None:
     async def scenario(lane: ExpensiveLane) -> None:
         gate = threading.Event()
-        task = asyncio.create_task(lane.run(lambda _: gate.wait(10.0), "a", never()))
+        task = asyncio.create_task(run(lane, lambda _: gate.wait(10.0), "a", never()))
         await asyncio.sleep(0.05)
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
             await task
-        with pytest.raises(OverloadedError):
-            await lane.run(lambda _: None, "b", never())
+        next_one = asyncio.create_task(run(lane, lambda _: None, "b", never()))
+        await asyncio.sleep(0.1)
+        assert (lane.in_work, lane.waiting) == (1, 1)
         gate.set()
-        while lane.in_work:
-            await asyncio.sleep(0.01)
-        await lane.run(lambda _: None, "b", never())
+        await next_one
 
     in_a_lane(scenario, slots=1, queue=0)
 
 
 def test_an_end_brought_forward_holds_for_what_runs_and_what_comes() -> None:
     async def scenario(lane: ExpensiveLane) -> str:
-        task = asyncio.create_task(lane.run(until_interrupted, "a", never()))
+        task = asyncio.create_task(run(lane, until_interrupted, "a", never()))
         await asyncio.sleep(0.05)
         lane.end_by(time.monotonic() + 0.1)
         with pytest.raises(DeadlineError):
-            await lane.run(until_interrupted, "a", never())
+            await run(lane, until_interrupted, "a", never())
         answer = await task
         with pytest.raises(OverloadedError):
-            await lane.run(until_interrupted, "a", never())
+            await run(lane, until_interrupted, "a", never())
         return answer
 
     assert in_a_lane(scenario, slots=1) == "interrupted"
@@ -195,8 +209,8 @@ def test_an_end_brought_forward_holds_for_what_runs_and_what_comes() -> None:
 def test_an_error_of_the_work_is_the_answer() -> None:
     async def scenario(lane: ExpensiveLane) -> None:
         with pytest.raises(ZeroDivisionError):
-            await lane.run(lambda _: 1 // 0, "a", never())
-        await lane.run(lambda _: None, "a", never())
+            await run(lane, lambda _: 1 // 0, "a", never())
+        await run(lane, lambda _: None, "a", never())
 
     in_a_lane(scenario, slots=1)
 
@@ -222,8 +236,8 @@ def test_work_that_is_not_cheap_after_all_is_given_up_and_nothing_else_is() -> N
 @pytest.mark.skipif(not hasattr(os, "setpriority"), reason="no priorities of threads here")
 def test_the_threads_give_way() -> None:
     async def scenario(lane: ExpensiveLane) -> int:
-        return await lane.run(
-            lambda _: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()), "a", never()
+        return await run(
+            lane, lambda _: os.getpriority(os.PRIO_PROCESS, threading.get_native_id()), "a", never()
         )
 
     assert in_a_lane(scenario) > os.getpriority(os.PRIO_PROCESS, 0) or os.getpriority(os.PRIO_PROCESS, 0) > 9
