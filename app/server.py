@@ -36,15 +36,20 @@ class DrainingServer(uvicorn.Server):
 
     Requests in flight are finished and the process ends with status 0. A second signal, or SIGINT, closes
     at once. A worker whose parent has died drains likewise.
+
+    Parameters
+    ----------
+    parent : int, optional
+        The process that supervises this one.
     """
 
-    def __init__(self, config: uvicorn.Config, application: FastAPI) -> None:
+    def __init__(self, config: uvicorn.Config, application: FastAPI, parent: int | None) -> None:
         super().__init__(config)
         self._application = application
         self._draining: threading.Event = application.state.draining
         self._settings: Settings = application.state.settings
         self._closes_at = float("inf")
-        self._parent = os.getppid()
+        self._parent = parent
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Take a signal; unlike the base class, do not raise it again once the server has closed."""
@@ -57,7 +62,7 @@ class DrainingServer(uvicorn.Server):
 
     async def on_tick(self, counter: int) -> bool:
         """Close once the drain is over; called ten times a second."""
-        if os.getppid() != self._parent and not self._draining.is_set():
+        if self._parent not in (None, os.getppid()) and not self._draining.is_set():
             self.handle_exit(signal.SIGTERM, None)
         if time.monotonic() >= self._closes_at:
             self.should_exit = True
@@ -117,12 +122,13 @@ def serve(host: str, port: int, workers: int = 1) -> None:
         if workers == 1:
             configure_logging(settings.log_level)
             _say_where(listener)
-            _serve_here(listener, settings)
+            _serve_here(listener, settings, parent=None)
         else:
             stop_seconds = settings.drain_seconds + settings.grace_seconds
             configure_logging(settings.log_level, in_background=False)
             _say_where(listener)
-            supervise(lambda: _work(listener, settings), workers, stop_seconds)
+            parent = os.getpid()  # known before the fork: it may have died before a worker looks
+            supervise(lambda: _work(listener, settings, parent), workers, stop_seconds)
 
 
 def _say_where(listener: socket.socket) -> None:
@@ -130,12 +136,12 @@ def _say_where(listener: socket.socket) -> None:
     log.info("listening", extra={"fields": {"host": host, "port": port}})
 
 
-def _work(listener: socket.socket, settings: Settings) -> None:
+def _work(listener: socket.socket, settings: Settings, parent: int) -> None:
     configure_logging(settings.log_level)
-    _serve_here(listener, settings)
+    _serve_here(listener, settings, parent)
 
 
-def _serve_here(listener: socket.socket, settings: Settings) -> None:
+def _serve_here(listener: socket.socket, settings: Settings, parent: int | None) -> None:
     sys.setswitchinterval(SWITCH_SECONDS)
     app = create_app(settings)
     gc.collect()
@@ -152,4 +158,4 @@ def _serve_here(listener: socket.socket, settings: Settings) -> None:
         forwarded_allow_ips=settings.trusted_proxies,
         timeout_graceful_shutdown=settings.grace_seconds,
     )
-    DrainingServer(config, app).run(sockets=[listener])
+    DrainingServer(config, app, parent).run(sockets=[listener])

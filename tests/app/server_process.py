@@ -66,6 +66,7 @@ class Server:
             self.process.send_signal(signal.SIGTERM)
         status = self.process.wait(30)
         self._reader.join(10)
+        assert not self._reader.is_alive(), "another process holds the log open"
         assert self.process.stderr is not None
         self.process.stderr.close()
         return status

@@ -250,11 +250,12 @@ def children(process: int) -> list[int]:
         return [int(word) for word in file.read().split()]
 
 
-def test_workers_end_when_their_parent_is_killed() -> None:
+@pytest.mark.parametrize("ready", [False, True])
+def test_workers_end_when_their_parent_is_killed(ready: bool) -> None:
     with running("--workers", "2", PRICING_DRAIN_SECONDS="0") as server:
         assert eventually(lambda: len(children(server.process.pid)) == 2)
         workers = children(server.process.pid)
-        assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
+        assert not ready or eventually(lambda: server.request("GET", "/readyz")[0] == 200)
         server.process.kill()
         server.process.wait(10)
         assert eventually(lambda: not any(os.path.exists(f"/proc/{worker}") for worker in workers))
