@@ -1,6 +1,6 @@
 import numpy as np
 
-from pricing_core.american import Market, Option, price
+from pricing_core.american import CashDividend, Market, Option, price
 from pricing_core.american.book.book import Book
 from pricing_core.american.expected_cost import expected_seconds, first_engine
 from pricing_core.american.price_together import price_together
@@ -19,7 +19,7 @@ def random_contracts(count):
             rng.uniform(-0.02, 0.1),
             rng.uniform(0.05, 0.6),
             rng.uniform(-0.03, 0.1),
-            cash_dividends=[(time, 1.0) for time in times],
+            cash_dividends=[CashDividend(time, 1.0) for time in times],
         )
         contracts.append((Option(str(rng.choice(["put", "call"])), 100.0, 1.0), market))
     return contracts
@@ -45,7 +45,7 @@ def test_an_interrupt_leaves_nothing_half_done():
 
 @needs_kernel
 def test_the_expected_cost_grows_with_what_makes_a_price_expensive():
-    dividends = [(k / 51, 0.1) for k in range(1, 51)]
+    dividends = [CashDividend(k / 51, 0.1) for k in range(1, 51)]
     flat, many = Market(100.0, 0.05, 0.2), Market(100.0, 0.05, 0.2, cash_dividends=dividends)
     two_boundaries = Market(100.0, -0.01, 0.1, -0.03)
     books = [Book.of([(YEAR, market)]) for market in (flat, many, two_boundaries)]
