@@ -1,6 +1,6 @@
 import numpy as np
 
-from pricing_core.american import CashDividend, Market, Option, price
+from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, price
 from pricing_core.american.book.book import Book
 from pricing_core.american.expected_cost import expected_seconds, first_engine
 from pricing_core.american.price_together import price_together
@@ -47,8 +47,8 @@ def test_an_interrupt_leaves_nothing_half_done():
 def test_the_expected_cost_grows_with_what_makes_a_price_expensive():
     dividends = [CashDividend(k / 51, 0.1) for k in range(1, 51)]
     flat, many = Market(100.0, 0.05, 0.2), Market(100.0, 0.05, 0.2, cash_dividends=dividends)
-    two_boundaries = Market(100.0, -0.01, 0.1, -0.03)
-    books = [Book.of([(YEAR, market)]) for market in (flat, many, two_boundaries)]
+    certain_first = Market(100.0, 0.05, PiecewiseConstant([0.5, 1.0], [0.0, 0.2]))
+    books = [Book.of([(YEAR, market)]) for market in (flat, many, certain_first)]
     engines = ["premium march", "multiplier collocation", "method of lines"]
     assert [first_engine(book) for book in books] == engines
     costs = [expected_seconds(book, 1e-6, "standard") for book in books]
