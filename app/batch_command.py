@@ -1,6 +1,5 @@
 """What `pricing batch` does around a batch: standard input and output, what it prints, and how it ends."""
 
-import json
 import os
 import shlex
 import shutil
@@ -14,7 +13,7 @@ from typing import Any
 import typer
 
 from app.command_failures import INTERRUPTED, print_failure, standard_output
-from app.progress import json_progress, shown_progress
+from app.progress import json_progress, print_json, shown_progress
 from app.tables import print_summary
 from pricing_core.batch import BatchSummary, TextCheck, rejects_path, run_batch
 from pricing_core.errors import InvalidInputError, Told
@@ -80,8 +79,7 @@ def _progress(*, quiet: bool, log_json: bool) -> Any:
 
 def _log_end(summary: BatchSummary, target: str) -> None:
     counts = {name: getattr(summary, name) for name in ("rows", "priced", "rejected", "below_tolerance")}
-    line = {"event": "end", **counts, "unread": list(summary.unread), "output": target}
-    print(json.dumps(line), file=sys.stderr, flush=True)
+    print_json({"event": "end", **counts, "unread": list(summary.unread), "output": target})
 
 
 @contextmanager

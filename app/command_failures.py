@@ -3,7 +3,8 @@
 import os
 import signal
 import sys
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import typer
@@ -59,10 +60,19 @@ def standard_output() -> Iterator[None]:
 
 
 @contextmanager
+def warnings_told(tell: Callable[[str], None]) -> Iterator[None]:
+    """Hand each warning to a function as one sentence, without its place in the code."""
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: tell(str(message))
+        yield
+
+
+@contextmanager
 def one_line_errors() -> Iterator[None]:
     """Turn bad input, an answer out of reach, a bad setting or a missing extra into one line and a status."""
     try:
-        yield
+        with warnings_told(lambda sentence: print_failure(f"warning: {sentence}")):
+            yield
     except KeyboardInterrupt:
         print_failure("interrupted; nothing was written")
         raise typer.Exit(INTERRUPTED) from None

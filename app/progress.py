@@ -3,13 +3,15 @@
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
+from app.command_failures import warnings_told
 from pricing_core.batch import Progress
 
 
@@ -50,9 +52,15 @@ def json_progress() -> Iterator[Callable[[Progress], None]]:
             "fraction": round(progress.fraction, 6),
             "rows_per_second": round(rate.after(progress), 1),
         }
-        print(json.dumps(line), file=sys.stderr, flush=True)
+        print_json(line)
 
-    yield log
+    with warnings_told(lambda sentence: print_json({"event": "warning", "message": sentence})):
+        yield log
+
+
+def print_json(line: Mapping[str, Any]) -> None:
+    """Print an object as one line on standard error."""
+    print(json.dumps(line), file=sys.stderr, flush=True)
 
 
 class _Rate:

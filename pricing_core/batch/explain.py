@@ -16,9 +16,10 @@ from pricing_core.american.book.book import Rows
 from pricing_core.american.book.unusual import warn_of
 from pricing_core.american.contracts.dates import read_moment
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
+from pricing_core.american.contracts.seen_later import seen_later
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.arrays import BoolVector
-from pricing_core.batch.effects import EFFECTS, SAME_TIME, Side, effects_of, numbers, priced_side
+from pricing_core.batch.effects import EFFECTS, SAME_TIME, Contract, Side, effects_of, numbers, priced_side
 from pricing_core.errors import InvalidInputError
 
 PAIRS_AT_A_TIME = 32_768
@@ -93,8 +94,9 @@ def explain_profit_and_loss(
         A row for each of `before` in its order, then for those of `after` that have no partner: the key, the columns
         of `before` that do not describe contracts, "price_before", "price_after", "profit_and_loss", its parts,
         "status" and "message". The status is one of a price, or "only_before", "only_after", "missing_key",
-        "duplicate_key", or "changed_contract" where option_type, strike, exercise, dividend_model or the expiration
-        differ, or there is more time to expiry afterwards. Then there is no profit or loss, but prices there may be.
+        "duplicate_key", or "changed_contract" where option_type, strike, exercise, its times or start, dividend_model
+        or the expiration differ, or there is more time to expiry afterwards. Then there is no profit or loss, but
+        prices there may be.
 
     Raises
     ------
@@ -309,6 +311,8 @@ def _changes(before: Side, after: Side) -> list[str]:
     changes = [""] * before.expiry.size
     for name in ("option_type", "exercise", "dividend_model"):
         for row, cells in _different_words(name, before, after):
+            if cells[0] == "bermudan":  # it is European once its times have passed
+                continue
             changes[row] = f"{name} was {cells[0]} and is {cells[1]}"
     strikes = before.numbers("strike"), after.numbers("strike")
     for row in np.flatnonzero(strikes[0] != strikes[1]).tolist():
@@ -322,7 +326,33 @@ def _changes(before: Side, after: Side) -> list[str]:
             old, new = (side.columns["expiration_date"].cell(row) for side in (before, after))
             if None not in (old, new) and _moment(old) != _moment(new):
                 changes[row] = f"expiration_date was {old} and is {new}"
+    for row in np.flatnonzero(_is_restricted(before) | _is_restricted(after)).tolist():
+        if not changes[row] and not np.isnan(before.expiry[row] + after.expiry[row]):
+            changes[row] = _other_exercise(before.contract(row), after.contract(row))
     return changes
+
+
+def _is_restricted(side: Side) -> BoolVector:
+    """Tell which contracts state when they may be exercised."""
+    stated = np.zeros(side.expiry.size, dtype=bool)
+    for name in ("exercise_times", "exercise_start"):
+        if name in side.columns:
+            stated |= ~side.columns[name].is_empty(None)
+    return stated
+
+
+def _other_exercise(before: Contract, after: Contract) -> str:
+    """Return in words how the times of exercise differ from those that were left, "" if they do not."""
+    elapsed = min(max(before[0].expiry - after[0].expiry, 0.0), before[0].expiry)
+    if after[0].expiry == 0.0:
+        return ""
+    left, found = seen_later(*before, elapsed)[0], after[0]
+    if left.exercise != found.exercise:
+        return f"exercise was {before[0].exercise} and is {found.exercise}"
+    old, new = (*left.exercise_times, left.exercise_start), (*found.exercise_times, found.exercise_start)
+    if len(old) == len(new) and np.allclose(old, new, rtol=0.0, atol=SAME_TIME):
+        return ""
+    return f"exercise_times or exercise_start are not those of before, {elapsed:.12g} years later"
 
 
 def _different_words(name: str, before: Side, after: Side) -> Iterable[tuple[int, tuple[object, object]]]:

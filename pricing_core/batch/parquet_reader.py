@@ -1,11 +1,11 @@
 """Parquet tables, read block by block."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from pricing_core.american.arrow.schema import check_names, check_types
@@ -22,27 +22,7 @@ ROWS_PER_READ = 4_096
 MOST_BYTES = 1 << 28  # of a block in memory
 # A column of a row group that grows so much, to so many bytes, is no table of contracts.
 LARGEST_COLUMN, LARGEST_GROWTH = 1 << 28, 1_000
-
-
-@dataclass(frozen=True, slots=True)
-class ParquetBlock:
-    """Consecutive rows of a Parquet file, not read yet; picklable.
-
-    Parameters
-    ----------
-    first : int
-        Number of the first row, from 0.
-    """
-
-    table: TableFile
-    first: int
-    rows: int
-
-    def read(self) -> Chunk:
-        """Return the rows, whichever row groups they lie in."""
-        with opened(self.table) as file:
-            (chunk,) = _blocks(self.table, file, self.rows, self.first, self.first + self.rows)
-        return chunk
+MOST_VALUES = 1 << 26  # in a column of a row group, those in lists counted one by one
 
 
 class ParquetReader:
@@ -58,18 +38,14 @@ class ParquetReader:
 
     def __init__(self, table: TableFile) -> None:
         self._table = table
-        self._file = opened(table)
+        self._file, self.schema = _opened(table)
         try:
-            self.schema: pa.Schema = self._file.schema_arrow
             names: list[str] = self.schema.names
             self.rows: int = self._file.metadata.num_rows
             check_width(len(names))
             check_names([*names, *(name for name, _ in table.partition)])
             check_types(self.schema)
             _check_growth(table, self._file.metadata)
-        except (pa.ArrowException, UnicodeDecodeError):
-            self._file.close()
-            raise _damaged(table) from None
         except InvalidInputError:
             self._file.close()
             raise
@@ -90,7 +66,57 @@ class ParquetReader:
         InvalidInputError
             A row group is damaged, or its rows need more memory than rows of contracts do.
         """
-        return _blocks(self._table, self._file, size or self.block_rows, 0, self.rows)
+        size = size or self.block_rows
+        held: list[pa.RecordBatch] = []
+        held_rows = held_bytes = 0
+        first = 0
+        for batch in self._batches():
+            start = 0
+            while start < batch.num_rows:
+                taken = batch.slice(start, size - held_rows)
+                start += taken.num_rows
+                held.append(taken)
+                held_rows += taken.num_rows
+                held_bytes += taken.nbytes + _text_bytes(taken)
+                if held_rows == size:
+                    yield self._chunk(held, first)
+                    first += held_rows
+                    held, held_rows, held_bytes = [], 0, 0
+                elif held_bytes > MOST_BYTES:
+                    raise self._too_large(size, first)
+        if held:
+            yield self._chunk(held, first)
+
+    def _batches(self) -> Iterator[pa.RecordBatch]:
+        """Yield all rows, few at a time, text as the file has it."""
+        left = self.rows
+        batches = self._file.iter_batches(batch_size=ROWS_PER_READ, use_threads=False)
+        while left:
+            try:
+                batch = next(batches)
+                batch.validate(full=True)  # text that is not UTF-8 would fail only when it is looked at
+            except (pa.ArrowException, OSError, StopIteration) as error:
+                if isinstance(error, OSError) and error.errno is not None:
+                    raise
+                allowed = f"an undamaged Parquet file; it cannot be read after row {self.rows - left}"
+                raise InvalidInputError("input", self._table.name, allowed) from None
+            if _text_bytes(batch) > MOST_BYTES:
+                raise self._too_large(batch.num_rows, self.rows - left)
+            left -= batch.num_rows
+            yield batch.cast(self.schema)
+
+    def _chunk(self, held: list[pa.RecordBatch], first: int) -> Chunk:
+        batch = pa.concat_batches(held)
+        for name, value in self._table.partition:
+            kind = pa.float64() if isinstance(value, float) else pa.string()
+            batch = batch.append_column(name, pa.repeat(pa.scalar(value, kind), batch.num_rows))
+        return Chunk(range(first + 1, first + 1 + batch.num_rows), batch)
+
+    def _too_large(self, size: int, first: int) -> InvalidInputError:
+        allowed = (
+            f"a table of which {size} rows fit in {MOST_BYTES >> 20} MiB; from row {first + 1} on they do not"
+        )
+        return InvalidInputError("input", self._table.name, allowed)
 
     @property
     def digest(self) -> str:
@@ -103,8 +129,11 @@ class ParquetReader:
         return max(SMALLEST_BLOCK, min(LARGEST_BLOCK, -(-self.rows // BLOCKS)))
 
 
-def opened(table: TableFile) -> Any:
-    """Open a Parquet file so that a row group is never held as a whole.
+def _opened(table: TableFile) -> tuple[Any, pa.Schema]:
+    """Open a Parquet file so that a row group is never held as a whole, and return it with its columns.
+
+    Text is read as numbers of the values in a dictionary, and no longer than the file has it: a long value that stands
+    in many rows is there once until its size is known.
 
     Raises
     ------
@@ -113,87 +142,51 @@ def opened(table: TableFile) -> Any:
     """
     place = open_binary(table.location) if is_remote(table.location) else table.location
     try:
-        return pq.ParquetFile(place, pre_buffer=False, buffer_size=1 << 20)
+        with pq.ParquetFile(place, pre_buffer=False) as plain:
+            metadata, schema = plain.metadata, plain.schema_arrow
+            leaves = [plain.schema.column(k) for k in range(len(plain.schema))]
+        texts = [leaf.path for leaf in leaves if _is_text(leaf)]
+        file = pq.ParquetFile(
+            place, metadata=metadata, read_dictionary=texts, pre_buffer=False, buffer_size=1 << 20
+        )
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         if isinstance(error, OSError) and error.errno is not None:  # the system's, which names the file
             raise
-        raise _damaged(table) from None
+        raise InvalidInputError("input", table.name, "an undamaged Parquet file") from None
+    return file, schema
 
 
-def _blocks(table: TableFile, file: Any, size: int, start: int, end: int) -> Iterator[Chunk]:
-    held: list[pa.RecordBatch] = []
-    held_rows = held_bytes = 0
-    first = start
-    for batch in _batches(table, file, start, end):
-        rest = batch
-        while rest.num_rows:
-            taken = rest.slice(0, size - held_rows)
-            rest = rest.slice(taken.num_rows)
-            held.append(taken)
-            held_rows += taken.num_rows
-            held_bytes += taken.nbytes
-            if held_rows == size:
-                yield _chunk(table, held, first)
-                first += held_rows
-                held, held_rows, held_bytes = [], 0, 0
-            elif held_bytes > MOST_BYTES:
-                least = f"of which {size} rows fit in {MOST_BYTES >> 20} MiB"
-                allowed = f"a table {least}; from row {first + 1} on they do not"
-                raise InvalidInputError("input", table.name, allowed)
-    if held:
-        yield _chunk(table, held, first)
+def _is_text(leaf: Any) -> bool:
+    return bool(leaf.physical_type == "BYTE_ARRAY" and leaf.logical_type.type != "DECIMAL")
 
 
-def _chunk(table: TableFile, held: list[pa.RecordBatch], first: int) -> Chunk:
-    batch = pa.concat_batches(held)
-    for name, value in table.partition:
-        kind = pa.float64() if isinstance(value, float) else pa.string()
-        batch = batch.append_column(name, pa.repeat(pa.scalar(value, kind), batch.num_rows))
-    return Chunk(range(first + 1, first + 1 + batch.num_rows), batch)
-
-
-def _batches(table: TableFile, file: Any, start: int, end: int) -> Iterator[pa.RecordBatch]:
-    """Yield the rows from `start` to `end` in batches; row groups before and behind them are not touched."""
-    groups: list[int] = []
-    row = skipped = 0
-    for group in range(file.metadata.num_row_groups):
-        rows = file.metadata.row_group(group).num_rows
-        if row < end and row + rows > start:
-            skipped = skipped if groups else start - row
-            groups.append(group)
-        row += rows
-    left = end - start
-    batches = file.iter_batches(batch_size=ROWS_PER_READ, row_groups=groups, use_threads=False)
-    while left:
-        try:
-            batch = next(batches)
-            batch.validate(full=True)  # text that is not UTF-8 would fail only when it is looked at
-        except (pa.ArrowException, OSError, StopIteration) as error:
-            if isinstance(error, OSError) and error.errno is not None:
-                raise
-            allowed = f"an undamaged Parquet file; it cannot be read after row {end - left}"
-            raise InvalidInputError("input", table.name, allowed) from None
-        passed = min(skipped, batch.num_rows)
-        skipped -= passed
-        wanted = batch.slice(passed, left)
-        left -= wanted.num_rows
-        yield wanted
+def _text_bytes(found: pa.RecordBatch | pa.Array) -> int:
+    """Return how many bytes the values of dictionaries take when each row has its own."""
+    if isinstance(found, pa.RecordBatch):
+        return sum(_text_bytes(column) for column in found.columns)
+    if isinstance(found, pa.DictionaryArray):
+        lengths = pc.binary_length(found.dictionary)
+        return pc.sum(pc.cast(lengths, pa.int64()).take(found.indices)).as_py() or 0
+    if isinstance(found, pa.StructArray):
+        return sum(_text_bytes(column) for column in found.flatten())
+    return _text_bytes(found.flatten()) if isinstance(found, pa.ListArray | pa.LargeListArray) else 0
 
 
 def _check_growth(table: TableFile, metadata: Any) -> None:
+    """Refuse what its sizes tell to be no table of contracts.
+
+    Raises
+    ------
+    InvalidInputError
+        A column of a row group grows to too many bytes, or has too many values in its lists.
+    """
     for number in range(metadata.num_row_groups):
         group = metadata.row_group(number)
-        if group.total_byte_size <= LARGEST_COLUMN:
-            continue
         for column in range(metadata.num_columns):
             found = group.column(column)
             size = found.total_uncompressed_size
-            if size > LARGEST_COLUMN and size > LARGEST_GROWTH * found.total_compressed_size:
-                allowed = (
-                    f"a table of contracts; {found.path_in_schema} grows to {size >> 20} MiB in one row group"
-                )
+            grows = size > LARGEST_COLUMN and size > LARGEST_GROWTH * found.total_compressed_size
+            if grows or found.num_values > MOST_VALUES:
+                amount = f"{size >> 20} MiB" if grows else f"{found.num_values} values"
+                allowed = f"a table of contracts; {found.path_in_schema} grows to {amount} in one row group"
                 raise InvalidInputError("input", table.name, allowed)
-
-
-def _damaged(table: TableFile) -> InvalidInputError:
-    return InvalidInputError("input", table.name, "an undamaged Parquet file")

@@ -13,7 +13,7 @@ from pricing_core.batch.csv_check import CsvCheck, check_csv
 from pricing_core.batch.csv_lines import check_text_form
 from pricing_core.batch.formats import FileFormat, format_of
 from pricing_core.batch.manifest import Identity, identity_of, part_names
-from pricing_core.batch.reader import TableReader, open_table
+from pricing_core.batch.reader import TableReader, open_table, unusual_columns_of
 from pricing_core.batch.tables import PARQUET, TableFile, is_folder, tables_of
 from pricing_core.batch.unit import Unit, UnitRules
 
@@ -53,6 +53,8 @@ class Plan:
         Whether the output is a folder, as the input then is.
     unread : tuple of str
         Columns that pass through without being read, in their order.
+    unusual : tuple of str
+        What is to be warned of.
     identity : Identity
     block_size : int or None
         Of every block, in bytes of CSV and rows of Parquet; None: as the readers choose.
@@ -62,6 +64,7 @@ class Plan:
     output: FileFormat
     is_folder: bool
     unread: tuple[str, ...]
+    unusual: tuple[str, ...]
     identity: Identity
     block_size: int | None
 
@@ -101,15 +104,16 @@ def plan_of(
     """
     folder = is_folder(source)
     output = PARQUET if folder else format_of("output", target, output_format)
-    tables, digests, unread = [], {}, {}
+    tables, digests, unread, warnings = [], {}, {}, {}
     for table in tables_of(source, input_format):
         check = check_csv(table) if table.format.kind == "csv" else None
         with open_table(table, check) as reader:
             tables.append(_planned(table, check, reader, settings, output, named=folder))
             digests[table.name if folder else ""] = reader.digest
             unread.update(dict.fromkeys(unread_columns(reader.schema.names)))
+            warnings.update(dict.fromkeys(unusual_columns_of(reader, settings)))
     identity = identity_of(digests, settings, str(output), block_size)
-    return Plan(tables, output, folder, tuple(unread), identity, block_size)
+    return Plan(tables, output, folder, tuple(unread), tuple(warnings), identity, block_size)
 
 
 def _planned(

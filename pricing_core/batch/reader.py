@@ -6,6 +6,8 @@ from typing import Protocol
 
 import pyarrow as pa
 
+from pricing_core.american.arrow.price_batch import unusual
+from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.batch.chunk import Chunk
 from pricing_core.batch.csv_check import CsvCheck, check_csv
 from pricing_core.batch.csv_reader import CsvReader
@@ -45,6 +47,13 @@ class TableReader(Protocol):
         The blocks depend on the file and the size alone.
         """
         ...
+
+
+def unusual_columns_of(reader: TableReader, settings: PricingSettings) -> list[str]:
+    """Return one sentence for each column whose first rows look as if they were in another unit; it reads a block."""
+    for block in reader.blocks():
+        return unusual(block.read().table, settings)
+    return []
 
 
 def open_table(table: TableFile, check: CsvCheck | None = None) -> TableReader:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from pricing_core.american.book.unusual import warn_of
 from pricing_core.american.contracts.checks import alternatives
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
 from pricing_core.american.price_book import checked_threads
@@ -142,6 +143,11 @@ def run_batch(
     progress : callable, optional
         Called whenever a unit has been priced.
 
+    Warns
+    -----
+    UnusualColumnWarning
+        The first rows of a column look like days, percent or cents.
+
     Raises
     ------
     InvalidInputError
@@ -163,6 +169,7 @@ def run_batch(
         output_format=output_format,
         block_size=block_size,
     )
+    warn_of(plan.unusual, callers=2)
     check_publishable(target, folder=plan.is_folder)
     check_publishable(rejects, folder=False)
     if resume and (done := _done_already(plan, target)) is not None:
@@ -280,11 +287,11 @@ class _Run:
 
     def _leave(self, folder: WorkFolder, error: BaseException) -> None:
         """Keep what another run can go on from, and say so; remove what none can."""
-        if self._counts and not isinstance(error, InvalidInputError) and not _is_device(self._target):
+        if isinstance(error, InvalidInputError) or _is_device(self._target):
+            folder.remove()
+        elif kept := len(self._counts) or len(folder.names().intersection(self._parts)):
             place = parts_path(self._target)
-            error.add_note(
-                f"{len(self._counts)} units of the work are kept in {place}: --resume goes on from there"
-            )
+            error.add_note(f"{kept} units of the work are kept in {place}: --resume goes on from there")
         else:
             folder.remove()
 

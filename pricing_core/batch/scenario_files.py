@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
+from pricing_core.american.book.unusual import warn_of
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
 from pricing_core.american.price_book import checked_threads
 from pricing_core.american.pricing_settings import PricingSettings
@@ -15,7 +16,13 @@ from pricing_core.batch.formats import format_of
 from pricing_core.batch.locations import as_location
 from pricing_core.batch.scenario import Scenario, checked_scenarios
 from pricing_core.batch.scenarios import Form, ScenarioRules, form_of, scenario_rows
-from pricing_core.batch.table_files import check_distinct, input_table, typed_schema_of, written_table
+from pricing_core.batch.table_files import (
+    InputTable,
+    check_distinct,
+    input_table,
+    typed_schema_of,
+    written_table,
+)
 from pricing_core.batch.valued import Valued
 
 PathLike = str | os.PathLike[str]
@@ -86,7 +93,8 @@ def run_scenarios(
     check_distinct({"input": read, "output": written})
     settings = PricingSettings(tolerance, greeks, share_solves=share_solves)
     as_text = format_of("output", written, output_format).kind == "csv"
-    table = input_table(read, input_format)
+    table = input_table(read, settings, input_format)
+    warn_of(table.unusual, callers=2)
     schema, numbers = typed_schema_of(table, kept_as_text=as_text)
     rules = ScenarioRules(checked_scenarios(scenarios), settings, named, _threads(threads), numbers)
     counted = _Counted(form_of(schema, rules, matrix=matrix, group_by=group_by))
@@ -132,7 +140,9 @@ def run_explain(
     check_distinct(dict(zip(("table before", "table after", "output"), places, strict=True)))
     settings = PricingSettings(tolerance)
     format_of("output", places[2], output_format)
-    explanation = Explanation(_book(places[0]), _book(places[1]), key, settings, _threads(threads))
+    tables = [input_table(place, settings) for place in places[:2]]
+    warn_of([sentence for table in tables for sentence in table.unusual], callers=2)
+    explanation = Explanation(_book(tables[0]), _book(tables[1]), key, settings, _threads(threads))
     rows = incomplete = 0
     with written_table(places[2], output_format, explanation.schema) as write:
         for batch in explanation.rows():
@@ -160,8 +170,7 @@ class _Counted:
         return self._form.last_rows()
 
 
-def _book(location: str) -> Book:
-    table = input_table(location)
+def _book(table: InputTable) -> Book:
     batches, malformed, rows = [], {}, 0
     for chunk in table.chunks():
         malformed.update({rows + row: fault for row, fault in chunk.malformed.items()})

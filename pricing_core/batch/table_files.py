@@ -8,13 +8,14 @@ from pathlib import Path
 
 import pyarrow as pa
 
+from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.batch.assembling import check_publishable, publish_file
 from pricing_core.batch.chunk import Chunk
 from pricing_core.batch.csv_lines import check_text_form, csv_lines
 from pricing_core.batch.formats import FileFormat, format_of
 from pricing_core.batch.locations import is_remote, same_place
 from pricing_core.batch.plan import numbers_as_text
-from pricing_core.batch.reader import open_table
+from pricing_core.batch.reader import open_table, unusual_columns_of
 from pricing_core.batch.tables import TableFile, tables_of
 from pricing_core.batch.writer import table_writer
 from pricing_core.errors import InvalidInputError
@@ -34,11 +35,14 @@ class InputTable:
         Of all of them, the columns of their partitions included.
     numbers : tuple of str
         Columns of text that hold numbers alone.
+    unusual : tuple of str
+        What is to be warned of.
     """
 
     files: tuple[TableFile, ...]
     schema: pa.Schema
     numbers: tuple[str, ...]
+    unusual: tuple[str, ...]
 
     def chunks(self) -> Iterator[Chunk]:
         """Yield all rows in order."""
@@ -48,7 +52,7 @@ class InputTable:
                     yield block.read()
 
 
-def input_table(location: str, stated: str | None = None) -> InputTable:
+def input_table(location: str, settings: PricingSettings, stated: str | None = None) -> InputTable:
     """Look through an input.
 
     Raises
@@ -60,6 +64,7 @@ def input_table(location: str, stated: str | None = None) -> InputTable:
     """
     files = tables_of(location, stated)
     found: list[tuple[pa.Schema, tuple[str, ...]]] = []
+    unusual: dict[str, None] = {}
     for file in files:
         with open_table(file) as reader:
             schema = reader.schema.remove_metadata()
@@ -68,9 +73,10 @@ def input_table(location: str, stated: str | None = None) -> InputTable:
                     pa.field(name, pa.float64() if isinstance(value, float) else pa.string())
                 )
             found.append((schema, numbers_as_text(reader)))
+            unusual.update(dict.fromkeys(unusual_columns_of(reader, settings)))
         if not schema.equals(found[0][0]):
             raise InvalidInputError("input", file.name, f"a table with the columns of {files[0].name}")
-    return InputTable(files, *found[0])
+    return InputTable(files, *found[0], tuple(unusual))
 
 
 def check_distinct(names: dict[str, str]) -> None:

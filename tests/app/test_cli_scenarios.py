@@ -189,3 +189,23 @@ def test_a_run_that_fails_leaves_nothing(tmp_path: Path) -> None:
     assert found.returncode == 2
     assert target.read_text() == "before"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.csv", "out.csv"]
+
+
+@pytest.mark.parametrize("command", ["batch", "scenarios", "explain"])
+def test_columns_in_other_units_are_warned_of_in_one_line_each(tmp_path: Path, command: str) -> None:
+    source = write(tmp_path / "in.csv", 90, 100, volatility=20, expiry=30)
+    options = {"batch": (), "scenarios": ("--spot-shifts", "0"), "explain": ()}[command]
+    inputs = [source, source] if command == "explain" else [source]
+    found = pricing(command, *inputs, tmp_path / "out.csv", *options, "--tolerance", "1e-3")
+    warned = ["column expiry looks like days", "column volatility looks like percent"]
+    lines = [line for line in found.stderr.splitlines() if line.startswith("pricing: warning: ")]
+    assert [line.removeprefix("pricing: warning: ").split(":")[0] for line in lines] == warned
+    assert (tmp_path / "out.csv").exists()
+
+
+def test_warnings_are_json_where_progress_is(tmp_path: Path) -> None:
+    source = write(tmp_path / "in.csv", 90, volatility=20)
+    found = pricing("batch", source, tmp_path / "out.csv", "--log-json", "--tolerance", "1e-3")
+    first, *_, last = (json.loads(line) for line in found.stderr.splitlines())
+    assert (first["event"], last["event"]) == ("warning", "end")
+    assert first["message"].startswith("column volatility looks like percent: its median is 20;")

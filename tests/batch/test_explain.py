@@ -254,6 +254,35 @@ def test_rows_that_do_not_match_are_listed_with_a_status() -> None:
     assert rows[0]["price_before"] == rows[8]["price_after"] == rows[5]["price_before"]
 
 
+def test_times_of_exercise_are_those_left_of_before() -> None:
+    terms = {name: value for name, value in PUT.items() if name != "expiry"}
+    two, changed = {"exercise": "bermudan", "exercise_times": [0.25, 0.5]}, "changed_contract"
+    cases: list[tuple[dict[str, Any], dict[str, Any], str]] = [
+        (two, {"exercise": "bermudan", "exercise_times": [0.25]}, "ok"),
+        (two, {"exercise": "bermudan", "exercise_times": [0.5]}, changed),
+        (two, two, changed),
+        ({"exercise": "bermudan", "exercise_times": [0.125, 0.25]}, {"exercise": "european"}, "ok"),
+        (two, {"exercise": "european"}, changed),
+        ({"exercise": "bermudan", "exercise_times": [0.125]}, {"exercise": "american"}, changed),
+        ({"exercise_start": 0.5}, {"exercise_start": 0.25}, "ok"),
+        ({"exercise_start": 0.125}, {}, "ok"),
+        ({"exercise_start": 0.5}, {}, changed),
+        ({}, {"exercise_start": 0.5}, changed),
+    ]
+    rows: dict[str, list[dict[str, Any]]] = {"before": [], "after": []}
+    for place, (old, new, _) in enumerate(cases):
+        usual = {**terms, "id": place, "exercise": "american", "exercise_times": None, "exercise_start": None}
+        rows["before"].append({**usual, "expiry": 1.0, **old})
+        rows["after"].append({**usual, "expiry": 0.75, **new})
+    before, after = (pa.Table.from_pylist(rows[side]) for side in ("before", "after"))
+    found = explain_profit_and_loss(before, after, tolerance=1e-3)
+    assert found["status"].to_pylist() == [status for _, _, status in cases]
+    assert (
+        found["message"][1].as_py()
+        == "exercise_times or exercise_start are not those of before, 0.25 years later"
+    )
+
+
 def test_keys_of_several_columns_and_of_two_types() -> None:
     before = pa.table(
         {name: [value] * 2 for name, value in PUT.items()} | {"desk": ["x", "y"], "number": [1, 1]}
