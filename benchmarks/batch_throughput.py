@@ -16,7 +16,7 @@ from benchmarks.problems.portfolios import everyday
 
 TOLERANCE = 1e-5
 CHILD = """
-import json, resource, sys, time
+import json, sys, time
 arguments = json.loads(sys.argv[1])
 if arguments["kind"] == "price_many":
     import numpy as np
@@ -32,7 +32,8 @@ else:
     run_batch(arguments["source"], arguments["target"], tolerance=arguments["tolerance"],
               greeks=arguments["greeks"], threads=arguments["threads"])
 seconds = time.perf_counter() - start
-print(json.dumps([seconds, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024]))
+(peak,) = [line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM")]
+print(json.dumps([seconds, int(peak) / 1024]))
 """
 
 
@@ -46,14 +47,15 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="batch-") as name:
         folder = Path(name)
-        _write_books(folder, options.rows, dividends=options.dividends)
+        write_books(folder, options.rows, dividends=options.dividends)
         print(f"{options.rows:,} contracts, tolerance {TOLERANCE:g}")
         print(f"{'':12}{'threads':>8}{'seconds':>9}{'rows/s':>10}{'price_many x':>14}{'peak MB':>9}")
         for threads in (1, 2):
             _measure(folder, options.rows, threads, "none" if options.dividends else "standard")
 
 
-def _write_books(folder: Path, rows: int, *, dividends: bool) -> None:
+def write_books(folder: Path, rows: int, *, dividends: bool) -> None:
+    """Write a random book as book.parquet and book.csv."""
     import pyarrow as pa  # noqa: PLC0415
     import pyarrow.csv as pa_csv  # noqa: PLC0415
     import pyarrow.parquet as pq  # noqa: PLC0415

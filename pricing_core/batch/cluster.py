@@ -25,7 +25,7 @@ UNITS_PER_THREAD = 2  # on their way to or with a worker, so that no worker wait
 class DaskCluster:
     """The workers of a scheduler, or processes of this machine.
 
-    Every worker must reach the input and the folder of the parts under the names that they have here.
+    Every worker must reach the folder of the parts under the name that it has here.
 
     Parameters
     ----------

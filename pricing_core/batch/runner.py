@@ -129,8 +129,8 @@ def run_batch(
         How many rows are priced at a time; as many as the process has processors unless stated. The results do not
         depend on it.
     engine : {"local", "dask"}
-        Who prices: threads of this process, or the worker processes of a Dask cluster, which must reach the input and
-        the folder TARGET.parts under the same names.
+        Who prices: threads of this process, or the worker processes of a Dask cluster, which must reach the folder
+        TARGET.parts under the same name.
     scheduler : str, optional
         Address of the cluster's scheduler; without one, so many processes as `threads` says are started here.
     resume : bool
