@@ -287,7 +287,9 @@ class _Run:
 
     def _leave(self, folder: WorkFolder, error: BaseException) -> None:
         """Keep what another run can go on from, and say so; remove what none can."""
-        if isinstance(error, OSError) and error.errno is not None and error.filename is None:  # as of a full disk
+        if (
+            isinstance(error, OSError) and error.errno is not None and error.filename is None
+        ):  # as of a full disk
             error.filename = parts_path(self._target)
         if isinstance(error, InvalidInputError) or _is_device(self._target):
             folder.remove()

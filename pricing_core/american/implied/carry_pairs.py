@@ -59,15 +59,12 @@ class Chain:
     pairs : Pairs
     market : Market
         Without dividend yield and volatility.
-    rate : float
-        1/year.
     exercise : {"american", "european"}
     """
 
     expiries: Vector
     pairs: Pairs
     market: Market
-    rate: float
     exercise: str
 
 
@@ -87,9 +84,8 @@ def read_chain(chain: Mapping[str, Any]) -> Chain:
         ANY_VOLATILITY,
         **{name: chain[name] for name in DIVIDENDS if chain.get(name) is not None},
     )
-    if not isinstance(market.rate, float) or market.spot == 0.0:
-        name = "spot" if market.spot == 0.0 else "rate"
-        raise InvalidInputError(name, chain[name], "a number above 0" if name == "spot" else "a number")
+    if market.spot == 0.0:
+        raise InvalidInputError("spot", chain["spot"], "a number above 0")
     exercise = chain.get("exercise", "american")
     if exercise not in ("american", "european"):
         raise InvalidInputError("exercise", exercise, '"american" or "european", for the whole chain')
@@ -100,7 +96,7 @@ def read_chain(chain: Mapping[str, Any]) -> Chain:
     expiry = numbers["expiry"]
     expiries = np.unique(expiry[(expiry > 0.0) & (expiry <= EXPIRY.most)])
     sides = [np.flatnonzero(sound & (table["option_type"] == side)) for side in ("call", "put")]
-    return Chain(expiries, _match(sides, numbers, price, width, expiries), market, market.rate, exercise)
+    return Chain(expiries, _match(sides, numbers, price, width, expiries), market, exercise)
 
 
 def _check_names(chain: Mapping[str, Any]) -> None:

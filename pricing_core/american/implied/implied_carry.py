@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pricing_core.american.contracts.curves import Curve
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, DIVIDEND_YIELD, TOLERANCE
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.implied.carry_pairs import DIVIDENDS, Chain, Pairs, read_chain
@@ -87,7 +88,7 @@ def implied_carry(
     ----------
     chain : mapping of str
         Quotes of one underlying: columns option_type, strike, expiry, and bid and ask or option_price, shape (n,) or
-        scalar; spot and rate, numbers; exercise, "american" (default) or "european", for all; cash_dividends,
+        scalar; spot, a number; rate, a number or a curve; exercise, "american" (default) or "european", for all; cash_dividends,
         proportional_dividends and dividend_model as in `Market`, where they are known. Rows without a bid above 0 and
         an ask at least as high take no part.
     tolerance : float
@@ -130,7 +131,13 @@ def implied_carry(
     )
 
 
-def stock_value(market: Market, rate: float, dividend_yield: float, expiry: float) -> float:
+def discount(rate: Curve, time: float) -> float:
+    """Return what a unit of money due at `time` is worth now."""
+    integral = rate * time if isinstance(rate, float) else rate.integral(0.0, time)
+    return math.exp(-integral)
+
+
+def stock_value(market: Market, dividend_yield: float, expiry: float) -> float:
     """Return what the underlying to be had at expiry is worth now: its forward, discounted.
 
     That is S e^{-qT} less the dividends before, each with the yield that it would have paid. A spot that falls below
@@ -140,23 +147,23 @@ def stock_value(market: Market, rate: float, dividend_yield: float, expiry: floa
     drops = [(d.time, 0, d.fraction) for d in market.proportional_dividends if 0.0 < d.time <= expiry]
     value, last = market.spot, 0.0
     if market.dividend_model == "escrowed":
-        value -= math.fsum(d.amount * math.exp(-rate * d.time) for d in due)
+        value -= math.fsum(d.amount * discount(market.rate, d.time) for d in due)
     else:
         drops += [(d.time, 1, d.amount) for d in due]
     for time, kind, size in sorted(drops):  # on one date the proportional one comes first
         value *= math.exp(-dividend_yield * (time - last))
-        value -= size * (math.exp(-rate * time) if kind else value)
+        value -= size * (discount(market.rate, time) if kind else value)
         last = time
     return value * math.exp(-dividend_yield * (expiry - last))
 
 
 def _carry(chain: Chain, pairs: Pairs, expiry: float, tolerance: float, threads: int | None) -> _Carry:
     """Iterate on the yield of one expiry, from that of European parity."""
-    market, discount = chain.market, math.exp(-chain.rate * expiry)
-    middle = stock_value(market, chain.rate, 0.0, expiry) / discount
+    market, discounted = chain.market, discount(chain.market.rate, expiry)
+    middle = stock_value(market, 0.0, expiry) / discounted
     nearest = np.argsort(np.abs(pairs.strike - middle), kind="stable")[:PAIRS]
     pairs = pairs.take(nearest)
-    parity = pairs.call - pairs.put + pairs.strike * discount
+    parity = pairs.call - pairs.put + pairs.strike * discounted
     everywhere = np.ones(parity.size, dtype=bool)
     estimate = _estimate(chain, parity, pairs.width, everywhere, expiry)
     if chain.exercise == "european" or estimate.status != "ok":
@@ -168,7 +175,7 @@ def _carry(chain: Chain, pairs: Pairs, expiry: float, tolerance: float, threads:
         if estimate.status != "ok":
             return estimate
         found = estimate.dividend_yield
-        change = estimate.forward * discount - stock_value(market, chain.rate, here, expiry)
+        change = estimate.forward * discounted - stock_value(market, here, expiry)
         if now <= tolerance and abs(change) <= SETTLED * tolerance * market.spot:
             return _inside(estimate)
         now = max(min(COARSE_SHARE * abs(change) / market.spot, now), tolerance)
@@ -228,8 +235,8 @@ def _estimate(chain: Chain, stock: Vector, width: Vector, identified: BoolVector
     weight = 1.0 / width[used] ** 2
     mean = float(np.average(stock[used], weights=weight))
     residual = math.sqrt(float(np.average((stock[used] - mean) ** 2, weights=weight)))
-    found = _yield_of(chain.market, chain.rate, mean, expiry)
-    return _Carry(mean * math.exp(chain.rate * expiry), found, residual, int(used.sum()), "ok")
+    found = _yield_of(chain.market, mean, expiry)
+    return _Carry(mean / discount(chain.market.rate, expiry), found, residual, int(used.sum()), "ok")
 
 
 def _weighted_median(values: Vector, weights: Vector) -> float:
@@ -238,11 +245,11 @@ def _weighted_median(values: Vector, weights: Vector) -> float:
     return float(values[order[np.searchsorted(shares, 0.5 * shares[-1])]])
 
 
-def _yield_of(market: Market, rate: float, stock: float, expiry: float) -> float:
+def _yield_of(market: Market, stock: float, expiry: float) -> float:
     """Return the yield at which `stock_value` is `stock`; infinite where there is none."""
     found = 0.0
     for _ in range(MOST_PASSES):
-        value = stock_value(market, rate, found, expiry)
+        value = stock_value(market, found, expiry)
         if not (value > 0.0 and stock > 0.0):
             return math.inf
         change = math.log(value / stock) / expiry

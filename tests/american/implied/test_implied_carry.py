@@ -7,7 +7,13 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from pricing_core.american import implied_carry, implied_volatility_many, price_many
+from pricing_core.american import (
+    CashDividend,
+    PiecewiseConstant,
+    implied_carry,
+    implied_volatility_many,
+    price_many,
+)
 from pricing_core.american.implied import implied_carry as module
 from pricing_core.american.price_many import price_columns
 from pricing_core.errors import InvalidInputError
@@ -54,6 +60,31 @@ def test_the_yield_of_an_american_chain_is_recovered():
     assert np.max(np.abs(carry.dividend_yield - list(YIELDS.values())) * carry.expiry) <= 1e-5
     assert np.max(carry.residual) <= 1e-3
     assert (carry.pairs_used >= 5).all()
+
+
+@needs_kernel
+@pytest.mark.parametrize("model", ["spot", "escrowed"])
+def test_the_yield_of_a_chain_with_a_curve_of_rates_and_dividends_is_recovered(model):
+    rate = PiecewiseConstant([0.25, 0.75, 2.0], [0.01, 0.08, -0.02])
+    dividends = [CashDividend(0.2, 1.0), CashDividend(0.7, 2.0)]
+    yields = {0.5: 0.02, 1.5: 0.0}
+    shared = {"rate": rate, "cash_dividends": dividends, "dividend_model": model}
+    chain, prices = synthetic_chain(yields, **shared)
+    carry = implied_carry({**chain, "option_price": prices})
+    assert carry.status.tolist() == ["ok"] * 2
+    assert np.max(np.abs(carry.dividend_yield - list(yields.values())) * carry.expiry) <= 1e-5
+    for place, (T, q) in enumerate(yields.items()):
+        forward, last = SPOT, 0.0
+        if model == "escrowed":
+            due = math.fsum(
+                d.amount * math.exp(-rate.integral(0.0, d.time)) for d in dividends if d.time <= T
+            )
+            forward = (SPOT - due) * math.exp(rate.integral(0.0, T) - q * T)
+        else:
+            for d in [*(d for d in dividends if d.time <= T), CashDividend(T, 0.0)]:
+                forward = forward * math.exp(rate.integral(last, d.time) - q * (d.time - last)) - d.amount
+                last = d.time
+        assert carry.forward[place] == pytest.approx(forward, abs=1e-3)
 
 
 @needs_kernel
@@ -161,7 +192,7 @@ def test_an_empty_chain_has_no_expiries():
     "change",
     [
         {"spot": 0.0},
-        {"rate": {"times": [1.0, 2.0], "values": [0.1, 0.2]}},
+        {"rate": {"times": [1.0, 2.0], "values": [0.1, 20.0]}},
         {"exercise": "bermudan"},
         {"option_price": 1.0, "bid": 1.0},
         {"volatility": 0.2},
