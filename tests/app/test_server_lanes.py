@@ -11,20 +11,10 @@ from typing import Any
 
 import pytest
 
+from benchmarks.problems.hostile_questions import SEARCH
 from tests.app.server_process import QUESTION, Server, answer_to, everything, running
 from tests.problems.needs_kernel import needs_kernel
 
-SEARCH = {
-    "option_type": "call",
-    "spot": 60,
-    "strike": 60,
-    "expiry": 1.0,
-    "rate": 0.02,
-    "tolerance": 1e-8,
-    "option_price": 5.0,
-    "cash_dividends": [{"time": (k + 1) / 301, "amount": 0.01} for k in range(300)],
-    "proportional_dividends": [{"time": (k + 1.5) / 301.5, "fraction": 0.0001} for k in range(300)],
-}
 BODIES: dict[str, tuple[str, dict[str, Any]]] = {
     "a spot of 1e30": (
         "/v1/price",
