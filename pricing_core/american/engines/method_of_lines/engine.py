@@ -69,7 +69,9 @@ class MethodOfLines:
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Price one contract after the other; what fails numerically has the status "out_of_domain"."""
-        return concatenated([self._row(book, request, row) for row in range(book.count)])
+        least, most = range_of(book)
+        ranges = zip(least.tolist(), most.tolist(), strict=True)
+        return concatenated([self._row(book, request, row, within) for row, within in enumerate(ranges)])
 
     def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
         """Return both boundaries from one solve, without an error estimate."""
@@ -78,16 +80,16 @@ class MethodOfLines:
         found = np.ones(times.size, dtype=bool)
         return Boundaries(ends[:, 0], ends[:, 1], np.full(times.size, math.nan), found)
 
-    def _row(self, book: Book, request: Request, row: int) -> Prices:
+    def _row(self, book: Book, request: Request, row: int, within: tuple[float, float]) -> Prices:
         if request.is_interrupted():
             return prices(1, status="deadline", method="none")
         try:
-            return self._priced(book.part(slice(row, row + 1)), request.take(slice(row, row + 1)))
+            return self._priced(book.part(slice(row, row + 1)), request.take(slice(row, row + 1)), within)
         except (PricingCoreError, ArithmeticError, np.linalg.LinAlgError) as error:
             return prices(1, status="out_of_domain", method="none", message=str(error))
 
-    def _priced(self, book: Book, request: Request) -> Prices:
-        """Price a book of one contract."""
+    def _priced(self, book: Book, request: Request, within: tuple[float, float]) -> Prices:
+        """Price a book of one contract, `within` its bounds of no arbitrage."""
         extended, tolerance = request.greeks == "extended", request.tolerance.item(0)
         solver = make_solver(book.schedule(0), tolerance, self.lcp_method, request.interrupt)
         if request.greeks != "none":
@@ -109,13 +111,12 @@ class MethodOfLines:
             columns = _derivatives(book, solver, estimate, request)
         late = estimate.interrupted or (not columns["complete"] and request.is_interrupted())
         strike, value, errors = book.strike, estimate.american[0], estimate.errors[0]
-        least, most = range_of(book)
         if extended:
             columns |= _charm(book, value, errors)
         return priced(
             book,
-            value=np.clip(strike * value[0], least, most),
-            european=np.clip(strike * estimate.european[0, 0], 0.0, most),
+            value=np.clip(strike * value[0], *within),
+            european=np.clip(strike * estimate.european[0, 0], 0.0, within[1]),
             error=strike * errors[0],
             delta=value[1:2],
             gamma=value[2:3] / strike,

@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 from pricing_core.american.contracts.schedule import Schedule, Segment
 from pricing_core.american.engines.exercise_region import ExerciseRegion, earning_region, region_at_expiry
 
 
+@lru_cache(maxsize=64)  # asked at every resolution
 def without_exercise(schedule: Schedule) -> Schedule:
     """Return the European option with the same events."""
     held = (replace(segment, exercisable=False, exercise_at_end=False) for segment in schedule.segments)
