@@ -88,9 +88,9 @@ def implied_carry(
     ----------
     chain : mapping of str
         Quotes of one underlying: columns option_type, strike, expiry, and bid and ask or option_price, shape (n,) or
-        scalar; spot, a number; rate, a number or a curve; exercise, "american" (default) or "european", for all; cash_dividends,
-        proportional_dividends and dividend_model as in `Market`, where they are known. Rows without a bid above 0 and
-        an ask at least as high take no part.
+        scalar; spot, a number; rate, a number or a curve; exercise, "american" (default) or "european", for all;
+        cash_dividends, proportional_dividends and dividend_model as in `Market`, where they are known. Rows without a
+        bid above 0 and an ask at least as high take no part.
     tolerance : float
         Tolerance of the prices, as a fraction of the strike, 1e-8 to 1e-2.
     threads : int, optional
