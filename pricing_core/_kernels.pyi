@@ -50,6 +50,7 @@ def solve_puts(
     first: NDArray[np.int64],
     tolerance: Vector,
     limits: Matrix | None,
+    spread_step: float | None,
     fewest: int,
     most: int,
     threads: int,

@@ -22,6 +22,8 @@ pub struct Puts<'a> {
     /// The largest error allowed in each of the `VALUES` numbers of a spot, (spots x `VALUES`,); None leaves out the
     /// derivatives by the parameters.
     pub limits: Option<&'a [f64]>,
+    /// The step of the spread, as a share of it, for the second derivative of V/K by the spread; None leaves that out.
+    pub spread_step: Option<f64>,
     /// The smallest and the largest level of the finest march of a put; places in `STEPS`.
     pub levels: (usize, usize),
     /// Ends the work; asked within every march.
@@ -53,6 +55,15 @@ impl<V: Vector> Contracts<V> {
             rate: gather(puts.rate, runs),
             dividend: gather(puts.dividend, runs),
             spread: gather(puts.spread, runs),
+        }
+    }
+
+    /// The contracts with another spread.
+    #[inline(always)]
+    pub fn with_spread_times(self, factor: f64) -> Self {
+        Self {
+            spread: self.spread.times(factor),
+            ..self
         }
     }
 

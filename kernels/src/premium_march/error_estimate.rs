@@ -70,12 +70,10 @@ impl<V: Vector> Comparison<'_, V> {
             quarter,
             ..
         } = self;
-        let mut by = whole.tangents;
-        for (tangent, before) in by.iter_mut().zip(half.tangents) {
-            *tangent = *tangent - before;
-        }
+        let less = |newest: [V; 3], before: [V; 3]| std::array::from_fn(|j| newest[j] - before[j]);
         SpotEvaluation {
-            tangents: by,
+            tangents: less(whole.tangents, half.tangents),
+            tangent_slopes: less(whole.tangent_slopes, half.tangent_slopes),
             u: whole.u - half.u,
             slope: whole.slope - half.slope,
             curvature: whole.curvature - half.curvature,
@@ -88,12 +86,12 @@ impl<V: Vector> Comparison<'_, V> {
     #[inline(always)]
     pub fn extrapolant(&self, difference: &SpotEvaluation<V>) -> SpotEvaluation<V> {
         let (whole, gain) = (self.whole, self.gain());
-        let mut by = difference.tangents;
-        for (tangent, newest) in by.iter_mut().zip(whole.tangents) {
-            *tangent = extrapolated(newest, *tangent, gain);
-        }
+        let limits = |newest: [V; 3], difference: [V; 3]| {
+            std::array::from_fn(|j| extrapolated(newest[j], difference[j], gain))
+        };
         SpotEvaluation {
-            tangents: by,
+            tangents: limits(whole.tangents, difference.tangents),
+            tangent_slopes: limits(whole.tangent_slopes, difference.tangent_slopes),
             u: extrapolated(whole.u, difference.u, gain),
             slope: extrapolated(whole.slope, difference.slope, gain),
             curvature: extrapolated(whole.curvature, difference.curvature, gain),

@@ -6,7 +6,7 @@ use super::grid_values::Workspace;
 use super::march::{march, Marched};
 use super::mesh::Mesh;
 use super::mesh_class::MeshClass;
-use super::spot_evaluation::{SpotEvaluation, Spots, VALUES};
+use super::spot_evaluation::{SpotEvaluation, Spots, CROSS, VALUES};
 use super::work_items::Item;
 use crate::lanes::vector::{Vector, LANES};
 
@@ -15,9 +15,14 @@ pub const DERIVATIVES: [usize; 5] = [1, 2, 4, 5, 6];
 /// The number of numbers found for each spot: its `VALUES`, the error estimate of V/K, ln(S*/K), and how far the derivatives
 /// of the last two marches are apart.
 pub const COLUMNS: usize = VALUES + 2 + DERIVATIVES.len();
+/// The number of second derivatives found for each spot where they are wanted: by x and each of rate, dividend and
+/// spread, and by spread twice.
+pub const SECOND: usize = CROSS + 1;
+/// Those, and how far each is apart in the last two marches.
+pub const SECOND_COLUMNS: usize = 2 * SECOND;
 
 /// The numbers of `EarlierMarches`.
-const KEPT: usize = 10;
+const KEPT: usize = 13;
 
 /// What the next level needs of the marches of a spot: the last evaluation without its tangents, u and `settled` of the
 /// one before, and the last tangents.
@@ -46,6 +51,12 @@ pub struct Refinement {
 pub struct Outcome {
     /// The `VALUES`, the error estimate of V/K, ln(S*/K), the differences of the derivatives.
     pub numbers: [f64; COLUMNS],
+    /// The derivatives by x and each parameter, and how far they are apart in the last two marches.
+    pub cross: [[f64; CROSS]; 2],
+    /// The early exercise premium over K, and how far it is apart in the last two marches.
+    pub premium: [f64; 2],
+    /// The second derivative by the spread of the European V/K.
+    pub european_by_spread_twice: f64,
     /// Whether the spot lies in the exercise region.
     pub exercised: bool,
     /// Whether no march lost the boundary.
@@ -74,8 +85,15 @@ struct Chunk<'a, V> {
 
 impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
     /// The group of items of at most sixteen runs, those of one run next to each other.
+    ///
+    /// With a factor on the spreads the evaluations continue u smoothly into the exercise region, for differences.
     #[inline(always)]
-    pub fn new(puts: Puts<'a>, items: &'a [Item], work: &'w mut Workspace<V>) -> Self {
+    pub fn new(
+        puts: Puts<'a>,
+        items: &'a [Item],
+        factor: Option<f64>,
+        work: &'w mut Workspace<V>,
+    ) -> Self {
         let mut runs = [items[0].run; LANES];
         let mut lane = 0;
         let mut chunks = Vec::with_capacity(items.len().div_ceil(LANES));
@@ -94,17 +112,17 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
                 let item = items[l.min(items.len() - 1)];
                 (own[l], x[l]) = (item.run, puts.x[item.spot]);
             }
-            let contracts = Contracts::gather(puts, &own);
+            let contracts = Contracts::gather(puts, &own).with_spread_times(factor.unwrap_or(1.0));
             let x = V::from_lanes(x);
             chunks.push(Chunk {
                 items,
-                spots: Spots::new(contracts, x, lanes),
+                spots: Spots::new(contracts, x, lanes, factor.is_some()),
                 evaluations: [SpotEvaluation::zero(); 3],
             });
         }
         Self {
             puts,
-            contracts: Contracts::gather(puts, &runs),
+            contracts: Contracts::gather(puts, &runs).with_spread_times(factor.unwrap_or(1.0)),
             chunks,
             work,
         }
@@ -152,6 +170,21 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
         Some(marched.first_boundary)
     }
 
+    /// The early exercise premium over K of each of the items, and how far it is apart in the last two marches.
+    #[inline(always)]
+    pub fn premiums(&self, level: usize) -> Vec<[f64; 2]> {
+        let mut found = Vec::new();
+        for chunk in &self.chunks {
+            let comparison = chunk.comparison(level);
+            let difference = comparison.difference();
+            let premium = comparison.extrapolant(&difference).u;
+            let premium = chunk.spots.discounted(premium).lanes();
+            let apart = chunk.spots.discounted(difference.u).lanes();
+            found.extend((0..chunk.items.len()).map(|l| [premium[l], apart[l]]));
+        }
+        found
+    }
+
     /// Extrapolate, estimate the error, and say of each spot what is found and whether it needs a finer march.
     #[inline(always)]
     pub fn report(&self, refinement: Refinement, mut store: impl FnMut(Item, Outcome)) {
@@ -190,6 +223,11 @@ impl<V: Vector> Chunk<'_, V> {
                 V::from_lanes(columns[8]),
                 V::from_lanes(columns[9]),
             ],
+            tangent_slopes: [
+                V::from_lanes(columns[10]),
+                V::from_lanes(columns[11]),
+                V::from_lanes(columns[12]),
+            ],
         };
         self.evaluations[1] = SpotEvaluation {
             u: V::from_lanes(columns[5]),
@@ -203,6 +241,7 @@ impl<V: Vector> Chunk<'_, V> {
     fn keep(&self) -> [[f64; LANES]; KEPT] {
         let [whole, half, _] = &self.evaluations;
         let [rate, dividend, spread] = whole.tangents;
+        let [slope_by_rate, slope_by_dividend, slope_by_spread] = whole.tangent_slopes;
         lanes_of(&[
             whole.u,
             whole.slope,
@@ -214,30 +253,41 @@ impl<V: Vector> Chunk<'_, V> {
             rate,
             dividend,
             spread,
+            slope_by_rate,
+            slope_by_dividend,
+            slope_by_spread,
         ])
+    }
+
+    /// The last three marches, the newest at this level.
+    #[inline(always)]
+    fn comparison(&self, level: usize) -> Comparison<'_, V> {
+        let [whole, half, quarter] = &self.evaluations;
+        Comparison {
+            spots: &self.spots,
+            level,
+            whole,
+            half,
+            quarter,
+        }
     }
 
     #[inline(always)]
     fn report(&self, puts: Puts, refinement: Refinement, store: &mut impl FnMut(Item, Outcome)) {
-        let [whole, half, quarter] = &self.evaluations;
-        let comparison = Comparison {
-            spots: &self.spots,
-            level: refinement.level,
-            whole,
-            half,
-            quarter,
-        };
+        let comparison = self.comparison(refinement.level);
         let difference = comparison.difference();
         let differences = self.spots.value_differences(&difference);
         let error = comparison.error(&difference, differences[0]);
         let extrapolant = comparison.extrapolant(&difference);
         let depth = extrapolant.boundary - self.spots.x;
-        let values = self.spots.values(&extrapolant, depth);
-
-        let values = lanes_of(&values);
+        let values = lanes_of(&self.spots.values(&extrapolant, depth));
+        let cross = lanes_of(&self.spots.cross_derivatives(&extrapolant, depth));
+        let premium = self.spots.discounted(extrapolant.u).lanes();
+        let european = self.spots.european_by_spread_twice().lanes();
+        let cross_apart = lanes_of(&self.spots.cross_differences(&difference));
         let (error, boundary) = (error.lanes(), extrapolant.boundary.lanes());
         let (depth, settled) = (depth.lanes(), difference.settled.lanes());
-        let newest_settled = whole.settled.lanes();
+        let newest_settled = self.evaluations[0].settled.lanes();
         let cost_at_turn = self.spots.cost_at_turn().lanes();
         let differences = lanes_of(&differences);
         let mut kept = None;
@@ -248,7 +298,7 @@ impl<V: Vector> Chunk<'_, V> {
             }
             (numbers[VALUES], numbers[VALUES + 1]) = (error[l], boundary[l]);
             for (number, of) in numbers[VALUES + 2..].iter_mut().zip(DERIVATIVES) {
-                *number = differences[of][l].abs();
+                *number = differences[of][l];
             }
             let limits = puts.limits.map(|limits| &limits[item.spot * VALUES..]);
             let valued = settled[l] > 0.0 && error[l] <= puts.tolerance[item.spot];
@@ -262,6 +312,9 @@ impl<V: Vector> Chunk<'_, V> {
             });
             let outcome = Outcome {
                 numbers,
+                premium: [premium[l], differences[0][l]],
+                european_by_spread_twice: european[l],
+                cross: [cross.map(|of| of[l]), cross_apart.map(|of| of[l])],
                 exercised: depth[l] >= 0.0,
                 settled: settled[l] > 0.0,
                 valued,

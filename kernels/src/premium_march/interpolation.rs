@@ -55,17 +55,6 @@ impl<V: Vector> Interpolation<V> {
         self.beyond
     }
 
-    /// The value.
-    #[inline(always)]
-    pub fn value(&self, state: &[V]) -> V {
-        let differences = self.differences(state);
-        let mut value = differences[0];
-        for (difference, binomial) in differences[1..].iter().zip(&self.binomials[1..]) {
-            value = binomial.times_plus(*difference, value);
-        }
-        value
-    }
-
     /// The value and its first and second derivative by the cell.
     #[inline(always)]
     #[allow(clippy::cast_precision_loss)]

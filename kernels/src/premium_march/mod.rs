@@ -46,7 +46,9 @@
 //! # Derivatives
 //!
 //! The derivatives by rate, dividend and spread are marched beside u with the same factors: the equations of the solved
-//! stages are differentiated (`cell_tangents`, `stages`), the motion of the nodes with the parameters included.
+//! stages are differentiated (`cell_tangents`, `stages`), the motion of the nodes with the parameters included. Their slopes
+//! at the spot are the derivatives by x and a parameter. The second derivative by spread is a difference of second order of
+//! the premium, from two more marches on the same mesh (`refinement`): there the discrete premium is smooth in spread.
 //!
 //! # Error
 //!
@@ -91,5 +93,5 @@ pub use boundaries::march_boundaries;
 pub use contracts::Puts;
 pub use group::COLUMNS;
 pub use mesh::STEPS;
-pub use solve::{solve_puts, Solved};
+pub use solve::{columns, solve_puts, Solved};
 pub use spot_evaluation::VALUES;

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::contracts::{Contracts, Puts};
 use super::grid_values::Workspace;
-use super::group::{EarlierMarches, Group, Outcome, Refinement, DERIVATIVES};
+use super::group::{EarlierMarches, Group, Outcome, Refinement, COLUMNS, DERIVATIVES, SECOND};
 use super::mesh::STEPS;
 use super::mesh_class::classify;
 use super::spot_evaluation::VALUES;
@@ -22,11 +22,18 @@ pub struct Task<'a> {
     pub runs: Range<usize>,
     /// The first spot.
     pub start: usize,
-    /// `COLUMNS` columns of the spots of these runs.
+    /// `COLUMNS` columns of the spots of these runs, and `SECOND_COLUMNS` more where there is a step of the spread.
     pub numbers: Vec<&'a mut [f64]>,
     pub exercised: &'a mut [bool],
     pub settled: &'a mut [bool],
     pub steps: &'a mut [i64],
+}
+
+/// A spot that needs no finer march; the numbers are those of `Outcome`.
+struct Finished {
+    item: Item,
+    premium: [f64; 2],
+    european_by_spread_twice: f64,
 }
 
 impl Work for Task<'_> {
@@ -44,6 +51,7 @@ impl Work for Task<'_> {
         let mut work = Workspace::<V>::new();
         let mut marched = 0_usize;
         for level in 0..STEPS.len() {
+            let mut finished = Vec::new();
             let refinement = Refinement {
                 level,
                 may_continue: level + 2 <= puts.levels.1,
@@ -56,7 +64,7 @@ impl Work for Task<'_> {
                 };
                 for items in by_class(items).chunk_by(|a, b| a.class == b.class) {
                     for items in groups(items) {
-                        let mut group = Group::new(puts, items, &mut work);
+                        let mut group = Group::new(puts, items, None, &mut work);
                         let known = continues.then_some(&earlier[..]);
                         let told =
                             marched.is_multiple_of(GROUPS_BETWEEN_QUESTIONS) && (puts.interrupt)();
@@ -66,6 +74,13 @@ impl Work for Task<'_> {
                         marched += 1;
                         group.report(refinement, |item, outcome| {
                             self.store(item, level, &outcome);
+                            if outcome.earlier.is_none() && outcome.settled && !outcome.exercised {
+                                finished.push(Finished {
+                                    item,
+                                    premium: outcome.premium,
+                                    european_by_spread_twice: outcome.european_by_spread_twice,
+                                });
+                            }
                             if let Some(kept) = outcome.earlier {
                                 let place = if continues {
                                     earlier[item.earlier] = kept;
@@ -82,6 +97,14 @@ impl Work for Task<'_> {
                             }
                         });
                     }
+                }
+            }
+            if let Some(step) = puts.spread_step {
+                if self
+                    .second_by_spread(level, &finished, step, &mut work)
+                    .is_none()
+                {
+                    return;
                 }
             }
         }
@@ -126,6 +149,52 @@ impl Task<'_> {
         }
     }
 
+    /// Find the second derivative by the spread of spots whose last march was at this level: that of the European value,
+    /// and the premium's difference of second order, from two more marches of each on the same mesh. None where the work
+    /// is told to end.
+    #[inline(always)]
+    fn second_by_spread<V: Vector>(
+        &mut self,
+        level: usize,
+        finished: &[Finished],
+        step: f64,
+        work: &mut Workspace<V>,
+    ) -> Option<()> {
+        let puts = Puts {
+            limits: None,
+            ..self.puts
+        };
+        let items = finished.iter().enumerate().map(|(place, of)| Item {
+            earlier: place,
+            ..of.item
+        });
+        for items in by_class(items.collect()).chunk_by(|a, b| a.class == b.class) {
+            for items in groups(items) {
+                let mut sides = [const { Vec::new() }; 2];
+                for (side, factor) in sides.iter_mut().zip([1.0 + step, 1.0 - step]) {
+                    let mut group = Group::new(puts, items, Some(factor), work);
+                    if (puts.interrupt)() {
+                        return None;
+                    }
+                    group.march(level, items[0].class, None)?;
+                    *side = group.premiums(level);
+                }
+                for (item, (up, down)) in items.iter().zip(sides[0].iter().zip(&sides[1])) {
+                    let here = &finished[item.earlier];
+                    let apart = step * puts.spread[item.run];
+                    let known = [here.european_by_spread_twice, 0.0];
+                    for k in 0..2 {
+                        let column = COLUMNS + SECOND - 1 + k * SECOND;
+                        let premium = (up[k] - here.premium[k]) + (down[k] - here.premium[k]);
+                        let number = known[k] + premium / (apart * apart);
+                        self.numbers[column][item.spot - self.start] = number;
+                    }
+                }
+            }
+        }
+        Some(())
+    }
+
     /// Keep what was found; the value that met its tolerance stays, whatever derivatives are asked for.
     #[inline(always)]
     fn store(&mut self, item: Item, level: usize, found: &Outcome) {
@@ -137,14 +206,26 @@ impl Task<'_> {
                         self.numbers[column][at] = found.numbers[column];
                     }
                 }
+                self.store_cross(at, found);
             }
             return;
         }
         for (column, number) in self.numbers.iter_mut().zip(found.numbers) {
             column[at] = number;
         }
+        self.store_cross(at, found);
         self.exercised[at] = found.exercised;
         self.settled[at] = found.settled;
         self.steps[at] = i64::try_from(STEPS[level]).unwrap_or(i64::MAX);
+    }
+
+    #[inline(always)]
+    fn store_cross(&mut self, at: usize, found: &Outcome) {
+        for (k, numbers) in found.cross.iter().enumerate() {
+            let columns = self.numbers.iter_mut().skip(COLUMNS + k * SECOND);
+            for (column, number) in columns.zip(numbers) {
+                column[at] = *number;
+            }
+        }
     }
 }

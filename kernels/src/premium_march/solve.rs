@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 
 use super::contracts::Puts;
-use super::group::COLUMNS;
+use super::group::{COLUMNS, SECOND_COLUMNS};
 use super::refinement::Task;
 use crate::lanes::dispatch::dispatch;
 
@@ -14,7 +14,9 @@ const SMALLEST_SHARE: usize = 256;
 
 /// The results, by spot; nothing of a spot that is not settled may be used.
 pub struct Solved {
-    /// `COLUMNS` columns: the `VALUES`, the error estimate of V/K, ln(S*/K), the differences of the derivatives.
+    /// `COLUMNS` columns: the `VALUES`, the error estimate of V/K, ln(S*/K), the differences of the derivatives. Where
+    /// there is a step of the spread `SECOND_COLUMNS` follow, not a number in the exercise region: the derivatives by x and
+    /// each of rate, dividend and spread, and by spread twice, and how far each is apart in the last two marches.
     pub numbers: Vec<f64>,
     /// Whether the spot is in the exercise region.
     pub exercised: Vec<bool>,
@@ -24,13 +26,20 @@ pub struct Solved {
     pub steps: Vec<i64>,
 }
 
+/// The number of columns of `Solved::numbers`.
+#[must_use]
+pub fn columns(puts: Puts) -> usize {
+    COLUMNS + puts.spread_step.map_or(0, |_| SECOND_COLUMNS)
+}
+
 /// Refine every put until its error estimate meets its tolerance, or to the finest mesh, or until an interrupt ends it all:
 /// what has not been marched then is not settled.
 #[must_use]
 pub fn solve_puts(puts: Puts, threads: usize) -> Solved {
     let count = puts.x.len();
+    let columns = columns(puts);
     let mut solved = Solved {
-        numbers: vec![f64::NAN; COLUMNS * count],
+        numbers: vec![f64::NAN; columns * count],
         exercised: vec![false; count],
         settled: vec![false; count],
         steps: vec![0; count],
@@ -75,7 +84,7 @@ fn tasks<'a>(puts: Puts<'a>, threads: usize, solved: &'a mut Solved) -> Vec<Task
             .find(|&r| puts.first[r] - start >= size)
             .unwrap_or(runs);
         let spots = puts.first[end] - start;
-        let mut numbers = Vec::with_capacity(COLUMNS);
+        let mut numbers = Vec::with_capacity(columns.len());
         for column in &mut columns {
             numbers.push(split_off(column, spots));
         }

@@ -11,8 +11,10 @@ use crate::lanes::vector::{Vector, LANES};
 /// The number of values of each spot: V/K, its first and second derivative by x = ln(S/K), the European V/K, and the
 /// derivatives of V/K by rate, dividend and spread.
 pub const VALUES: usize = 7;
+/// The number of second derivatives of V/K that one march gives: by x and each of rate, dividend and spread.
+pub const CROSS: usize = 3;
 
-/// What one march says at sixteen spots; in the exercise region u is the obstacle G.
+/// What one march says at sixteen spots; in the exercise region u is the obstacle G, unless it is continued.
 #[derive(Clone, Copy)]
 pub struct SpotEvaluation<V> {
     /// u, `u_xi` and `u_xixi`.
@@ -21,6 +23,8 @@ pub struct SpotEvaluation<V> {
     pub curvature: V,
     /// The derivatives of u by rate, dividend and spread at fixed xi.
     pub tangents: [V; 3],
+    /// The derivatives of these by xi.
+    pub tangent_slopes: [V; 3],
     /// ln(S*/K).
     pub boundary: V,
     /// 1, or -1 where the march lost the boundary.
@@ -37,6 +41,7 @@ impl<V: Vector> SpotEvaluation<V> {
             slope: zero,
             curvature: zero,
             tangents: [zero; 3],
+            tangent_slopes: [zero; 3],
             boundary: zero,
             settled: V::all(1.0),
         }
@@ -48,6 +53,8 @@ pub struct Spots<V> {
     /// The lane of the march that each spot belongs to.
     lanes: [usize; LANES],
     contracts: Contracts<V>,
+    /// Whether evaluations continue u from the free nodes into the exercise region.
+    is_continued: bool,
     /// ln(S/K).
     pub x: V,
     xi: V,
@@ -65,7 +72,7 @@ pub struct Spots<V> {
 impl<V: Vector> Spots<V> {
     /// The spots x = ln(S/K) of these contracts; `lanes` says which lane of the march each belongs to.
     #[inline(always)]
-    pub fn new(contracts: Contracts<V>, x: V, lanes: [usize; LANES]) -> Self {
+    pub fn new(contracts: Contracts<V>, x: V, lanes: [usize; LANES], is_continued: bool) -> Self {
         let Contracts {
             rate,
             dividend,
@@ -82,6 +89,7 @@ impl<V: Vector> Spots<V> {
         Self {
             lanes,
             contracts,
+            is_continued,
             x,
             xi,
             bond,
@@ -113,7 +121,11 @@ impl<V: Vector> Spots<V> {
     ) -> SpotEvaluation<V> {
         let waiting = self.interpolate::<D>(mesh, marched, work);
         let boundary = self.of_lanes(marched.boundary);
-        let depth = boundary - self.x; // negative where the option is not exercised
+        let depth = if self.is_continued {
+            V::all(-1.0)
+        } else {
+            boundary - self.x // negative where the option is not exercised
+        };
         let mut settled = [1.0; LANES];
         for (own, &lane) in settled.iter_mut().zip(&self.lanes) {
             *own = if marched.settled[lane] { 1.0 } else { -1.0 };
@@ -127,6 +139,7 @@ impl<V: Vector> Spots<V> {
             slope: depth.negative(waiting.slope, self.exercised.slope),
             curvature: depth.negative(waiting.curvature, self.exercised.curvature),
             tangents,
+            tangent_slopes: waiting.tangent_slopes,
             boundary,
             settled: V::from_lanes(settled),
         }
@@ -146,20 +159,23 @@ impl<V: Vector> Spots<V> {
         let inside = at.inside();
         let (value, slope, curvature) = at.with_derivatives(&work.premium.state);
         let zero = V::zero();
-        let slope = slope.times(per_cell);
-        let mut tangents = [zero; 3];
+        let (slope, curvature) = (slope.times(per_cell), curvature.times(per_cell * per_cell));
+        let (mut tangents, mut tangent_slopes) = ([zero; 3], [zero; 3]);
         if D {
-            for (j, tangent) in tangents.iter_mut().enumerate() {
-                let along = at.value(&work.tangents[j].state);
-                let at_fixed_xi = along - slope * self.of_lanes(marched.node_by[j]);
-                *tangent = inside.negative(at_fixed_xi, zero);
+            for j in 0..3 {
+                let (along, along_slope, _) = at.with_derivatives(&work.tangents[j].state);
+                let node_by = self.of_lanes(marched.node_by[j]);
+                tangents[j] = inside.negative(along - slope * node_by, zero);
+                let slope_by = along_slope.times(per_cell) - curvature * node_by;
+                tangent_slopes[j] = inside.negative(slope_by, zero);
             }
         }
         SpotEvaluation {
             u: inside.negative(value, zero),
             slope: inside.negative(slope, zero),
-            curvature: inside.negative(curvature.times(per_cell * per_cell), zero),
+            curvature: inside.negative(curvature, zero),
             tangents,
+            tangent_slopes,
             ..SpotEvaluation::zero()
         }
     }
@@ -264,5 +280,45 @@ impl<V: Vector> Spots<V> {
             depth.negative(self.bond * by[1] - by_x + self.in_stock, zero),
             depth.negative(self.bond * (by[2] - slope_by_spread) + density, zero),
         ]
+    }
+
+    /// The `CROSS` second derivatives from u and its derivatives; zero where `depth`, ln(S*/S), is not negative.
+    #[inline(always)]
+    pub fn cross_derivatives(&self, premium: &SpotEvaluation<V>, depth: V) -> [V; CROSS] {
+        let inverse = V::all(1.0) / self.contracts.spread;
+        let premium_scale = self.bond * inverse;
+        let density = self.bond * self.density;
+        let along = (self.xi * inverse).plus(1.0);
+        let [by_rate, by_dividend, by_spread] = premium.tangent_slopes;
+        let curvature = premium.curvature * inverse;
+        let by_spread = by_spread - premium.curvature * along - premium.slope * inverse;
+        let zero = V::zero();
+        [
+            depth.negative(
+                premium_scale * (by_rate + curvature - premium.slope) + density * inverse,
+                zero,
+            ),
+            depth.negative(
+                premium_scale * (by_dividend - curvature) + self.in_stock - density * inverse,
+                zero,
+            ),
+            depth.negative(
+                premium_scale * by_spread - density * self.xi * inverse,
+                zero,
+            ),
+        ]
+    }
+
+    /// The second derivative by the spread of the European V/K.
+    #[inline(always)]
+    pub fn european_by_spread_twice(&self) -> V {
+        self.bond * self.density * self.xi * (self.xi / self.contracts.spread).plus(1.0)
+    }
+
+    /// The differences of the `CROSS` second derivatives from those of u and its derivatives.
+    #[inline(always)]
+    pub fn cross_differences(&self, difference: &SpotEvaluation<V>) -> [V; CROSS] {
+        let scale = self.bond / self.contracts.spread;
+        difference.tangent_slopes.map(|by| scale * by)
     }
 }

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use super::arguments::{check_lengths, nonempty_group_starts, numbers};
 use super::interrupt::Question;
-use crate::premium_march::{self, Puts, COLUMNS, STEPS, VALUES};
+use crate::premium_march::{self, Puts, STEPS, VALUES};
 
 /// The place of a number of time steps in `STEPS`.
 fn level(steps: usize) -> PyResult<usize> {
@@ -25,11 +25,12 @@ fn level(steps: usize) -> PyResult<usize> {
 ///
 /// Returns numbers, (14, n): V/K, its first and second derivative by x, the European V/K, the derivatives of V/K by rate,
 /// dividend and spread at fixed x, the error estimate of V/K, ln(S*/K), and how far the five derivatives are apart in the
-/// last two marches; exercised, settled and steps, each (n,). Nothing of a spot that is not settled may be used. `interrupt`,
+/// last two marches. With `spread_step`, a share of the spread, (22, n): its derivatives by x and each of rate, dividend
+/// and spread, and by spread twice, and how far these four are apart, NaN where exercised. Then exercised, settled and steps, each (n,). Nothing of a spot that is not settled may be used. `interrupt`,
 /// a function or None, is asked every few milliseconds whether the work shall end; what has not been marched then is not
 /// settled, and what has been keeps its error estimate.
 #[pyfunction]
-#[pyo3(signature = (x, rate, dividend, spread, first, tolerance, limits, fewest, most, threads, interrupt))]
+#[pyo3(signature = (x, rate, dividend, spread, first, tolerance, limits, spread_step, fewest, most, threads, interrupt))]
 #[allow(
     clippy::needless_pass_by_value,
     clippy::too_many_arguments,
@@ -44,6 +45,7 @@ pub fn solve_puts<'py>(
     first: PyReadonlyArray1<'py, i64>,
     tolerance: PyReadonlyArray1<'py, f64>,
     limits: Option<PyReadonlyArray2<'py, f64>>,
+    spread_step: Option<f64>,
     fewest: usize,
     most: usize,
     threads: usize,
@@ -85,13 +87,15 @@ pub fn solve_puts<'py>(
         x: &x,
         tolerance: &tolerance,
         limits: limits.as_deref(),
+        spread_step,
         levels,
         interrupt: &|| question.is_ended(),
     };
+    let columns = premium_march::columns(puts);
     let found = py.detach(|| premium_march::solve_puts(puts, threads));
     question.result()?;
     Ok((
-        PyArray1::from_vec(py, found.numbers).reshape([COLUMNS, x.len()])?,
+        PyArray1::from_vec(py, found.numbers).reshape([columns, x.len()])?,
         PyArray1::from_vec(py, found.exercised),
         PyArray1::from_vec(py, found.settled),
         PyArray1::from_vec(py, found.steps),
@@ -124,6 +128,7 @@ pub fn march_boundaries<'py>(
         x: &[],
         tolerance: &[],
         limits: None,
+        spread_step: None,
         levels: (level, level),
         interrupt: &|| question.is_ended(),
     };

@@ -10,28 +10,28 @@ from pricing_core import kernel
 from pricing_core.american.book.book import CURVES, Book, Rows
 from pricing_core.american.book.prices import Prices, error_of
 from pricing_core.american.book.ragged import Ragged
+from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.contracts.tolerances import BOUNDARY_ACCURACY
 from pricing_core.american.engines.differences import BUCKETS, DIVIDENDS, PARALLEL, of_dividends_not_due
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
-from pricing_core.american.engines.held import priced
+from pricing_core.american.engines.held import priced, theta_weights
 from pricing_core.american.engines.premium_march.puts import Puts, PutValues, solve_boundaries, solve_puts
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
 GREEKS_SHARE = 10.0  # Error allowed to Greeks, in tolerances; chosen.
 ROUNDING = 1e-14  # Rounding error of a marched value, in strikes of its put; measured.
 SMALLEST_SPREAD = 1e-7  # Smallest standard deviation of ln S at expiry that the kernel marches.
-# Step of the differences for vanna and volga as a share of the volatility; calibrated.
-VOLATILITY_SHARE = 0.002
-TIME_SHARE = 0.001  # Step of the difference for charm as a share of the time to expiry; calibrated.
+SPREAD_STEP = 0.002  # Step of the difference for volga as a share of the volatility; calibrated.
 # Errors of the derivatives by x, once and twice, rate, yield and spread: shares of their changes from one march to the
 # next, and of the value's error over the spread (ONCE) or its square (TWICE); calibrated on random puts.
 CHANGE_SHARES = np.array([[0.5], [0.5], [0.8], [0.8], [0.5]])
-VALUE_SHARES = np.array([[0.4], [1.0], [1.5], [1.5], [1.5]])
+VALUE_SHARES = np.array([[0.4], [1.0], [1.5], [1.5], [0.5]])
 ONCE, TWICE = slice(0, 5, 4), slice(1, 4)
-# Errors of differences of two Greeks over the sum of their errors, by the volatility and by the time; calibrated.
-NOISE_SHARE, CHARM_NOISE_SHARE = 0.04, 0.005
-TRUNCATION = 2e-5  # Error of these differences by their steps, as a share of them; calibrated.
+# The same for theta, over the time, for vanna and charm, and for volga; calibrated.
+TIME_VALUE_SHARE = 0.35
+CROSS_SHARE, VANNA_VALUE_SHARE, CHARM_VALUE_SHARE = 0.5, 1.0, 0.4
+VOLGA_SHARE, VOLGA_VALUE_SHARE = 0.5, 1.0
 
 
 class PremiumMarch:
@@ -51,10 +51,7 @@ class PremiumMarch:
     def solve(self, book: Book, request: Request) -> Prices:
         """March the premiums of all contracts."""
         with np.errstate(all="ignore"):
-            found = _march(book, request, greeks=request.greeks != "none")
-            if request.greeks != "extended":
-                return found
-            return replace(found, **_extended(book, request, found))
+            return _march(book, request)
 
     def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
         """Return the boundary of marches to each of the times, refined until two agree."""
@@ -90,7 +87,7 @@ def _as_puts(book: Book) -> Puts:
     )
 
 
-def _march(book: Book, request: Request, *, greeks: bool) -> Prices:
+def _march(book: Book, request: Request) -> Prices:
     puts = _as_puts(book)
     scale = np.where(book.is_put, book.strike, book.spot)
     # A spot that even the option without expiry would be exercised at needs the boundary alone.
@@ -98,16 +95,17 @@ def _march(book: Book, request: Request, *, greeks: bool) -> Prices:
     if certain.any():
         certain &= puts.x <= -np.log1p(puts.spread / puts.decay())
     tolerance = request.tolerance * np.where(book.is_put | certain, 1.0, book.strike / scale)
-    limits = _limits(book, request.tolerance, scale) if greeks else None
+    limits = None if request.greeks == "none" else _limits(book, request.tolerance, scale)
     solved = solve_puts(
         puts,
         tolerance,
         limits=limits,
+        spread_step=SPREAD_STEP if request.greeks == "extended" else None,
         threads=request.threads,
         shared=request.share_solves,
         interrupt=request.interrupt,
     )
-    return _in_money(book, scale, solved, greeks)
+    return _in_money(book, scale, solved, request.greeks)
 
 
 def _limits(book: Book, tolerance: Vector, scale: Vector) -> Matrix:
@@ -126,19 +124,21 @@ def _limits(book: Book, tolerance: Vector, scale: Vector) -> Matrix:
     return limits
 
 
-def _in_money(book: Book, scale: Vector, solved: PutValues, greeks: bool) -> Prices:
+def _in_money(book: Book, scale: Vector, solved: PutValues, greeks: Greeks) -> Prices:
     """Return money for the puts' dimensionless values; a call is S times the put with spot and strike exchanged."""
     is_put, spot, expiry, settled = book.is_put, book.spot, book.segments.end, solved.settled
     known = scale if settled.all() else np.where(settled, scale, math.nan)
     value, by_x, by_xx, european = known * solved.values[:4]
-    columns: dict[str, Any] = {}
-    if greeks:
+    columns: dict[str, Any] = {"complete": True}
+    if greeks != "none":
         columns |= _errors(book, scale, solved)
         columns[DIVIDENDS] = of_dividends_not_due(book)
         by_rate, by_dividend, by_spread = known * solved.values[4:]
         columns["vega"] = np.sqrt(expiry) * by_spread
         columns["rho"] = expiry * np.where(is_put, by_rate, by_dividend)
         columns["dividend_rho"] = expiry * np.where(is_put, by_dividend, by_rate)
+    if greeks == "extended":
+        columns |= _second_order(book, scale, solved) | _buckets(book, columns)
     return priced(
         book,
         value=value,
@@ -149,7 +149,6 @@ def _in_money(book: Book, scale: Vector, solved: PutValues, greeks: bool) -> Pri
         boundary=book.strike * np.exp(np.where(is_put, solved.boundary, -solved.boundary)),
         exercised=solved.exercised,
         settled=settled,
-        complete=True,
         method="premium-march",
         solves=1,
         steps=solved.steps,
@@ -160,52 +159,82 @@ def _in_money(book: Book, scale: Vector, solved: PutValues, greeks: bool) -> Pri
 def _errors(book: Book, scale: Vector, solved: PutValues) -> dict[str, Vector]:
     """Return the error estimates of the Greeks that the marches give, money."""
     is_put, spot, expiry = book.is_put, book.spot, book.segments.end
-    root = np.sqrt(expiry)
-    by_spread_once = 1.0 / (book.segments.volatility * root)
+    by_spread_once = 1.0 / (book.segments.volatility * np.sqrt(expiry))
     value = scale * (solved.error + ROUNDING)
     once = value * by_spread_once
-    errors = CHANGE_SHARES * scale * solved.changes
+    changes = scale * solved.changes
+    errors = CHANGE_SHARES * np.abs(changes)
     errors[ONCE] += VALUE_SHARES[ONCE] * once
     errors[TWICE] += VALUE_SHARES[TWICE] * (once * by_spread_once)
     by_x, by_xx, by_rate, by_dividend, by_spread = errors
+    _, by_delta, by_gamma = theta_weights(book)
+    theta = np.where(is_put, by_delta, -by_delta) * changes[0] / spot
+    theta += by_gamma * (changes[1] - changes[0]) / spot**2
     return {
         error_of("delta"): np.where(is_put, by_x, value + by_x) / spot,
         error_of("gamma"): (by_xx + by_x) / spot / spot,
-        error_of("vega"): root * by_spread,
+        error_of("theta"): CHANGE_SHARES[1] * np.abs(theta) + TIME_VALUE_SHARE * value / expiry,
+        error_of("vega"): np.sqrt(expiry) * by_spread,
         error_of("rho"): expiry * np.where(is_put, by_rate, by_dividend),
         error_of("dividend_rho"): expiry * np.where(is_put, by_dividend, by_rate),
     }
 
 
-def _extended(book: Book, request: Request, found: Prices) -> dict[str, Any]:
-    """Return vanna, volga and charm, and the buckets of curves that do not change any more, with their errors.
+def _second_order(book: Book, scale: Vector, solved: PutValues) -> dict[str, Vector]:
+    """Return vanna, volga and charm, money, and their errors; zero where a contract is exercised.
 
-    Vanna and volga are differences by the volatility, charm one by the time to expiry.
+    A call's delta is v - v_x, v being the put with spot and strike exchanged, and x its ln(K/S).
     """
-    volatility, expiry = book.segments.volatility, book.segments.end
-    step, wait = VOLATILITY_SHARE * volatility, TIME_SHARE * expiry
-    up, down = (_march(book.with_volatility(volatility + by), request, greeks=True) for by in (step, -step))
-    later, sooner = (_march(_with_lives(book, expiry + by), request, greeks=True) for by in (wait, -wait))
-    sound = up.settled & down.settled & later.settled & sooner.settled
-    columns: dict[str, Any] = {"complete": sound | found.exercised}
-    for name, of, (high, low), by, share in (
-        ("vanna", "delta", (up, down), step, NOISE_SHARE),
-        ("volga", "vega", (up, down), step, NOISE_SHARE),
-        ("charm", "delta", (sooner, later), wait, CHARM_NOISE_SHARE),
-    ):
-        difference = (getattr(high, of) - getattr(low, of)) / (2.0 * by)
-        noise = share * (getattr(high, error_of(of)) + getattr(low, error_of(of))) / (2.0 * by)
-        error = noise + TRUNCATION * np.abs(difference)
-        for column, number in ((name, difference), (error_of(name), error)):
-            columns[column] = np.where(found.exercised, 0.0, np.where(sound, number, math.nan))
+    expiry, spread = book.segments.end, book.segments.volatility * np.sqrt(book.segments.end)
+    root, aging, value = np.sqrt(expiry), _aging(book), solved.error + ROUNDING
+
+    def of_delta(weights: Matrix, by: Matrix, by_x: Matrix) -> Vector:
+        total: Vector = np.sum(weights * np.where(book.is_put, by_x, by - by_x), axis=0)
+        return total / book.spot
+
+    by_spread = np.stack([0.0 * root, 0.0 * root, root])
+    over_spread, over_square = value / spread, value / spread**2
+    columns = {
+        "vanna": of_delta(by_spread, solved.values[4:], solved.seconds[:3]),
+        "volga": expiry * solved.seconds[3],
+        "charm": -of_delta(aging, solved.values[4:], solved.seconds[:3]),
+        error_of("vanna"): CROSS_SHARE
+        * np.abs(of_delta(by_spread, solved.changes[2:], solved.second_changes[:3]))
+        + VANNA_VALUE_SHARE * root * over_square / book.spot,
+        error_of("volga"): expiry * VOLGA_SHARE * np.abs(solved.second_changes[3])
+        + expiry * (VOLGA_VALUE_SHARE * over_square + ROUNDING / (SPREAD_STEP * spread) ** 2),
+        error_of("charm"): CROSS_SHARE
+        * np.abs(of_delta(aging, solved.changes[2:], solved.second_changes[:3]))
+        + CHARM_VALUE_SHARE * over_spread / (expiry * book.spot),
+    }
+    known = np.where(solved.settled, scale, math.nan)
+    return {name: np.where(solved.exercised, 0.0, known * column) for name, column in columns.items()}
+
+
+def _aging(book: Book) -> Matrix:
+    """Return how fast r T, q T and sigma sqrt(T) of the put grow with the time to expiry, shape (3, n)."""
+    segments, is_put = book.segments, book.is_put
+    return np.stack(
+        [
+            np.where(is_put, segments.rate, segments.dividend_yield),
+            np.where(is_put, segments.dividend_yield, segments.rate),
+            0.5 * segments.volatility / np.sqrt(segments.end),
+        ]
+    )
+
+
+def _buckets(book: Book, found: dict[str, Vector]) -> dict[str, Any]:
+    """Return the buckets of curves that do not change any more, with their errors; `complete` tells where all are."""
+    expiry = book.segments.end
+    columns: dict[str, Any] = {"complete": np.ones(book.count, dtype=bool)}
     for name in CURVES:
         times = getattr(book.listed, name)
         for bucket, parallel in (
             (BUCKETS[name], PARALLEL[name]),
             (error_of(BUCKETS[name]), error_of(PARALLEL[name])),
         ):
-            columns[bucket], whole = _whole_in_one_piece(times, expiry, getattr(found, parallel))
-        columns["complete"] = columns["complete"] & whole
+            columns[bucket], whole = _whole_in_one_piece(times, expiry, found[parallel])
+        columns["complete"] &= whole
     return columns
 
 

@@ -58,7 +58,12 @@ class PutValues:
     error : Vector, shape (n,)
         Error estimate of v, rounding left out.
     changes : Matrix, shape (5, n)
-        How far the derivatives of v (v_x, v_xx, and by r T, q T and sigma sqrt(T)) are apart in the last two marches.
+        The derivatives of v (v_x, v_xx, and by r T, q T and sigma sqrt(T)) in the last march less those in the one
+        before.
+    seconds, second_changes : Matrix, shape (4, n)
+        The second derivatives of v by x and each of r T, q T and sigma sqrt(T), and by sigma sqrt(T) twice, and what
+        each is more in the last march than in the one before; no rows where they were not asked for, volga's
+        NaN in the exercise region.
     boundary : Vector, shape (n,)
         ln(S*/K).
     exercised : bool array, shape (n,)
@@ -72,6 +77,8 @@ class PutValues:
     values: Matrix
     error: Vector
     changes: Matrix
+    seconds: Matrix
+    second_changes: Matrix
     boundary: Vector
     exercised: BoolVector
     settled: BoolVector
@@ -83,6 +90,7 @@ def solve_puts(
     tolerance: Vector,
     *,
     limits: Matrix | None,
+    spread_step: float | None = None,
     threads: int = 1,
     shared: bool = False,
     fewest: int = FEWEST_STEPS,
@@ -99,6 +107,9 @@ def solve_puts(
     limits : Matrix, shape (n, 7), or None
         What each of the values may be off by; puts that miss are refined, too, up to 96 steps. None leaves out the
         derivatives by the parameters.
+    spread_step : float, optional
+        Step of the spread, as a share of it, of the difference for the second derivative by it; None leaves out the
+        second derivatives. It needs the limits.
     threads : int
     shared : bool
         Whether rows that differ in x alone share their marches.
@@ -116,7 +127,7 @@ def solve_puts(
         runs = ordered.take(first)
         numbers, exercised, settled, steps = kernel.solve_puts(
             ordered.x, runs.rate, runs.dividend, runs.spread, np.append(first, order.size), tolerance[order],
-            None if limits is None else limits[order], fewest, most, threads, interrupt,
+            None if limits is None else limits[order], spread_step, fewest, most, threads, interrupt,
         )  # fmt: skip
         place = np.empty_like(order)
         place[order] = np.arange(order.size)
@@ -125,9 +136,12 @@ def solve_puts(
     else:
         numbers, exercised, settled, steps = kernel.solve_puts(
             puts.x, puts.rate, puts.dividend, puts.spread, np.arange(puts.x.size + 1), tolerance, limits,
-            fewest, most, threads, interrupt,
+            spread_step, fewest, most, threads, interrupt,
         )  # fmt: skip
-    return PutValues(numbers[:7], numbers[7], numbers[9:], numbers[8], exercised, settled, steps)
+    seconds, second_changes = numbers[14:18], numbers[18:]
+    return PutValues(
+        numbers[:7], numbers[7], numbers[9:14], seconds, second_changes, numbers[8], exercised, settled, steps
+    )
 
 
 def solve_boundaries(

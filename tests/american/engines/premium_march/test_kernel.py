@@ -61,9 +61,9 @@ def solve(
     """Solve each put by itself, or the runs of spots that begin at `first`."""
     if first is None:
         first = np.arange(book.rate.size + 1)
-    limits = np.full((book.x.size, 7), 1e-5) if greeks else None
+    limits, step = (np.full((book.x.size, 7), 1e-5), 0.002) if greeks else (None, None)
     return kernel.solve_puts(
-        book.x, *book.puts, first, book.tolerance, limits, fewest, most, threads, interrupt
+        book.x, *book.puts, first, book.tolerance, limits, step, fewest, most, threads, interrupt
     )
 
 
@@ -152,7 +152,9 @@ def test_numbers_of_steps_out_of_range_are_refused(fewest: int, most: int) -> No
 def test_limits_of_another_shape_are_refused() -> None:
     book = random_book(3, seed=18)
     with pytest.raises(ValueError, match="length"):
-        kernel.solve_puts(book.x, *book.puts, np.arange(4), book.tolerance, np.zeros((2, 7)), 4, 384, 1, None)
+        kernel.solve_puts(
+            book.x, *book.puts, np.arange(4), book.tolerance, np.zeros((2, 7)), None, 4, 384, 1, None
+        )
 
 
 @pytest.mark.parametrize("greeks", [False, True])
@@ -228,3 +230,32 @@ def test_a_signal_ends_the_work() -> None:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+
+
+def test_second_derivatives_are_those_of_the_first_ones() -> None:
+    book = random_book(300, seed=18)
+    book = replace(book, tolerance=np.full(300, 1e-6))
+    numbers, exercised, settled, _ = solve(book, greeks=True)
+    exact = replace(book, tolerance=np.full(300, 1e-9))
+
+    def difference(name: str, of: int) -> Vector:
+        number = getattr(book, name)
+        h = 0.01 * (number if name == "spread" else np.maximum(np.abs(number), 0.05))
+        ups, downs = (
+            [solve(replace(exact, **{name: number + k * h}), greeks=True)[0][of] for k in (s, 2 * s)]
+            for s in (1, -1)
+        )
+        return (8.0 * (ups[0] - downs[0]) - (ups[1] - downs[1])) / (12.0 * h)
+
+    # Away from the boundary: there differences would straddle it.
+    held = settled & ~exercised & (book.x > numbers[8] + 0.2 * book.spread) & (book.rate > 0.02)
+    assert held.sum() > 100
+    for row, name, of, unit in (
+        (14, "rate", 1, book.spread),
+        (15, "dividend", 1, book.spread),
+        (16, "spread", 1, np.ones(300)),
+        (17, "spread", 6, np.ones(300)),
+    ):
+        off = unit * np.abs(numbers[row] - difference(name, of))
+        assert np.quantile(off[held], 0.9) < 1e-4
+        assert np.median(off[held]) < 5e-6
