@@ -7,7 +7,7 @@ import warnings
 from functools import cache
 from types import ModuleType
 
-from pricing_core import dense_twin, kernel_twin
+from pricing_core import dense_twin, kernel_twin, mode_twin
 from pricing_core.errors import KernelMissingWarning
 
 # A kernel that is there but does not load raises: only a missing one is replaced.
@@ -20,13 +20,18 @@ except ImportError as _error:
 
 _small: ModuleType = kernel_twin if _compiled is None else _compiled
 _dense: ModuleType = dense_twin if _compiled is None else _compiled
+_mode: ModuleType = mode_twin if _compiled is None else _compiled
 
 brennan_schwartz = _small.brennan_schwartz
+enter_mode = _mode.enter_mode
 equilibrate = _dense.equilibrate
 growing_basic_set = _small.growing_basic_set
+initial_signs = _mode.initial_signs
+leading_signs = _mode.leading_signs
 lemke = _dense.lemke
 policy_iteration = _small.policy_iteration
 projected_sor = _small.projected_sor
+taylor_step = _mode.taylor_step
 solve_puts = None if _compiled is None else _compiled.solve_puts
 march_boundaries = None if _compiled is None else _compiled.march_boundaries
 solve_schedules = None if _compiled is None else _compiled.solve_schedules

@@ -3,6 +3,8 @@
 //!
 //! - Solvers of 0 <= z, 0 <= w = M z + q, z w = 0 with a tridiagonal M: `brennan_schwartz`, `growing_basic_set`,
 //!   `policy_iteration`, `projected_sor`; with a dense one: `equilibrate`, `lemke`.
+//! - The flow of a mode of a linear complementarity system up to its first event, and the signs that select the next:
+//!   `taylor_step`, `enter`, `initial_signs`, `leading_signs`.
 //! - `segment_march`: the method of lines over a schedule of segments, with a tridiagonal problem per stage.
 //! - `premium_march`: American puts in a flat market, by a march of their early exercise premium.
 //! - `multiplier_collocation`: American and Bermudan options with dividends, curves and exercise dates, by collocation of
@@ -14,12 +16,15 @@
 mod brennan_schwartz;
 mod equilibration;
 mod error;
+mod first_crossing;
 mod growing_basic_set;
 #[cfg(test)]
 mod instruction_set_tests;
 pub mod interrupt;
 mod lanes;
 mod lemke;
+mod mode_flow;
+mod mode_signs;
 pub mod multiplier_collocation;
 mod policy_iteration;
 pub mod premium_march;
@@ -34,6 +39,8 @@ pub use equilibration::equilibrate;
 pub use error::KernelError;
 pub use growing_basic_set::growing_basic_set;
 pub use lemke::{lemke, Path, PathEnd};
+pub use mode_flow::{taylor_step, StepEnd};
+pub use mode_signs::{enter, initial_signs, leading_signs, SignShares};
 pub use policy_iteration::{policy_iteration, Settling};
 pub use psor::{projected_sor, Sweeping};
 pub use tridiagonal::Tridiagonal;

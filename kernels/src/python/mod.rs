@@ -3,6 +3,7 @@
 mod arguments;
 mod dense;
 mod interrupt;
+mod mode;
 mod multiplier_collocation;
 mod premium_march;
 mod segment_march;
@@ -25,6 +26,8 @@ mod _kernels {
     use super::dense::{equilibrate, lemke};
     #[pymodule_export]
     use super::instruction_set;
+    #[pymodule_export]
+    use super::mode::{enter_mode, initial_signs, leading_signs, taylor_step};
     #[pymodule_export]
     use super::multiplier_collocation::solve_schedules;
     #[pymodule_export]
