@@ -1,14 +1,17 @@
 """The flow in one mode between two events, as a chain of Taylor polynomials."""
 
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from pricing_core.arrays import IndexSet, Matrix, Vector
 from pricing_core.lcs.autonomous import AutonomousForm
 from pricing_core.lcs.closed_form import ClosedForm
-from pricing_core.lcs.mode_dynamics import POWERS, ModeDynamics
+from pricing_core.lcs.mode_dynamics import ModeDynamics
 
 NEGATIVE = 1e-9  # share of an output's terms by which it may be below zero from rounding: it is zero there
 LEFT = 1e-14  # the same, of the largest term: what is left of terms that have cancelled
@@ -45,33 +48,72 @@ class Flow:
         return self.dynamics.mode
 
     def at(self, t: Vector) -> tuple[Matrix, Matrix, Matrix]:
-        """Return x, u and y at increasing times of this flow, shapes (m, n), (m, k), (m, k)."""
-        form, dynamics = self.form, self.dynamics
-        c = self.coordinates_at(t)
-        z, (C, D) = c @ dynamics.basis.T, (form.system.C, form.system.D)
-        u = np.where(dynamics.active, c @ dynamics.outputs.T, 0.0)
-        u = _without_negative_rounding(u, c, dynamics.outputs)
-        y = np.where(dynamics.active, 0.0, z @ C.T + u @ D.T)
-        y = _without_negative_rounding(y, np.hstack([z, u]), np.hstack([C, D]))
-        return (z * form.units.state)[:, : form.states], u * form.units.pair, y / form.units.pair
+        """Return x, u and y at times of this flow, shapes (m, n), (m, k), (m, k)."""
+        return evaluate((self,), t)
 
-    def coordinates_at(self, t: Vector) -> Matrix:
-        """Return the coordinates at increasing times of this flow, shape (m, d)."""
-        rate, dynamics = self.form.units.rate, self.dynamics
-        steps = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, len(self.times) - 1)
-        c = np.empty((t.size, dynamics.rate.shape[0]))
-        for step in np.unique(steps):
-            rows, start = np.flatnonzero(steps == step), self.coordinates[step]
-            elapsed = (t[rows] - self.times[step]) * rate
-            near = elapsed <= LONGER * dynamics.step
-            powers = (elapsed[near] / dynamics.step)[:, None] ** POWERS
-            c[rows[near]] = powers @ dynamics.expansion(start)
-            far = rows[~near]
-            if far.size and self.closed is not None:
-                c[far] = self.closed.states(start, elapsed[~near])
-            elif far.size:
-                c[far] = [expm(dynamics.rate * length) @ start for length in elapsed[~near]]
-        return c
+    def coordinates_at(self, t: float) -> Vector:
+        """Return the coordinates at a time of this flow, shape (d,)."""
+        step = max(bisect_right(self.times, t) - 1, 0)
+        elapsed = (t - self.times[step]) * self.form.units.rate
+        start = self.coordinates[step][None]
+        return np.asarray(_flowed(self.dynamics, self.closed, start, np.array([elapsed]))[0])
+
+
+def evaluate(flows: Sequence[Flow], t: Vector) -> tuple[Matrix, Matrix, Matrix]:
+    """Return x, u and y at times in any order, right-continuous, shapes (m, n), (m, k), (m, k)."""
+    begins = np.concatenate([flow.times for flow in flows])
+    return _in_steps(flows, np.maximum(np.searchsorted(begins, t, side="right") - 1, 0), t)
+
+
+def evaluate_each(flows: Sequence[Flow], times: Sequence[Vector]) -> tuple[Vector, Matrix, Matrix, Matrix]:
+    """Return the times, one after the other, and x, u and y at those of each flow: at an event before and after it."""
+    steps, first = [], 0
+    for flow, t in zip(flows, times, strict=True):
+        steps.append(first + np.maximum(np.searchsorted(flow.times, t, side="right") - 1, 0))
+        first += len(flow.times)
+    together = np.concatenate(times)
+    return together, *_in_steps(flows, np.concatenate(steps), together)
+
+
+def _in_steps(flows: Sequence[Flow], steps: NDArray[np.intp], t: Vector) -> tuple[Matrix, Matrix, Matrix]:
+    """Return x, u and y at times of these steps, counted over all flows: all rows of a mode at once."""
+    form = flows[0].form
+    starts = [
+        (flow, begin, c) for flow in flows for begin, c in zip(flow.times, flow.coordinates, strict=True)
+    ]
+    rows_of: dict[tuple[int, int], list[int]] = {}
+    for row, step in enumerate(steps.tolist()):
+        flow = starts[step][0]
+        rows_of.setdefault((id(flow.dynamics), id(flow.closed)), []).append(row)
+    x, u, y = (np.empty((t.size, size)) for size in (form.states, *[form.system.shape[1]] * 2))
+    for rows in rows_of.values():
+        held = [starts[step] for step in steps[rows].tolist()]
+        elapsed = (t[rows] - np.array([begin for _, begin, _ in held])) * form.units.rate
+        flow = held[0][0]
+        c = _flowed(flow.dynamics, flow.closed, np.array([c for _, _, c in held]), elapsed)
+        x[rows], u[rows], y[rows] = _values(form, flow.dynamics, c)
+    return x, u, y
+
+
+def _flowed(dynamics: ModeDynamics, closed: ClosedForm | None, starts: Matrix, elapsed: Vector) -> Matrix:
+    """Return the coordinates so long after these starts, in the form's units of time, shape (m, d)."""
+    c = dynamics.flowed(starts, np.minimum(elapsed / dynamics.step, LONGER))
+    for row in np.flatnonzero(elapsed > LONGER * dynamics.step):
+        if closed is not None:
+            c[row] = closed.states(starts[row], elapsed[row : row + 1])[0]
+        else:
+            c[row] = expm(dynamics.rate * elapsed[row]) @ starts[row]
+    return c
+
+
+def _values(form: AutonomousForm, dynamics: ModeDynamics, c: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """Return x, u and y at these coordinates, in the units given."""
+    z, (C, D) = c @ dynamics.basis.T, (form.system.C, form.system.D)
+    u = np.where(dynamics.active, c @ dynamics.outputs.T, 0.0)
+    u = _without_negative_rounding(u, c, dynamics.outputs)
+    y = np.where(dynamics.active, 0.0, z @ C.T + u @ D.T)
+    y = _without_negative_rounding(y, np.hstack([z, u]), np.hstack([C, D]))
+    return (z * form.units.state)[:, : form.states], u * form.units.pair, y / form.units.pair
 
 
 def _without_negative_rounding(values: Matrix, terms: Matrix, gains: Matrix) -> Matrix:
@@ -79,14 +121,3 @@ def _without_negative_rounding(values: Matrix, terms: Matrix, gains: Matrix) -> 
     sizes, largest = np.abs(terms), np.abs(terms).max(axis=1, initial=0.0)[:, None]
     rounding = (NEGATIVE * sizes + LEFT * largest) @ np.abs(gains).T
     return np.where((values < 0.0) & (values >= -rounding), 0.0, values)
-
-
-def evaluate(flows: tuple[Flow, ...], t: Vector) -> tuple[Matrix, Matrix, Matrix]:
-    """Return x, u and y at times in any order, right-continuous, shapes (m, n), (m, k), (m, k)."""
-    which = np.clip(np.searchsorted([flow.start for flow in flows], t, side="right") - 1, 0, len(flows) - 1)
-    n, k = flows[0].form.states, flows[0].dynamics.outputs.shape[0]
-    x, u, y = np.empty((t.size, n)), np.empty((t.size, k)), np.empty((t.size, k))
-    for index in np.unique(which):
-        rows = which == index
-        x[rows], u[rows], y[rows] = flows[index].at(t[rows])
-    return x, u, y

@@ -8,16 +8,15 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgebal
 
 from pricing_core.arrays import IndexSet, Matrix, Vector
+from pricing_core.kernel import enter_mode, initial_signs, leading_signs
 from pricing_core.lcs.autonomous import AutonomousForm
-from pricing_core.lcs.mode_maps import ROUNDING, ModeMaps, exact_maps, floating_maps, without_rounding
+from pricing_core.lcs.mode_maps import ModeMaps, exact_maps, floating_maps
 
 Table: TypeAlias = NDArray[np.float64]
 
 REACH = 2.0  # time that one Taylor polynomial reaches, in units of 1/|rate|
-DEGREE = 26  # degree of that polynomial: REACH**27/27! is 1e-20
+DEGREE = 26  # degree of that polynomial, as in the kernel: REACH**27/27! is 1e-20
 LONGEST = 1e308  # any interval of finite numbers
-MOST_TABULATED = 40  # coordinates up to which the Taylor polynomials' coefficients are tabulated
-POWERS = np.arange(DEGREE + 1)
 LEAST_SHARE = 0.1  # of the balanced rates' norm that sets the step, where they only push each other on
 MOST_ORDERS = 4  # derivatives of the outputs that are tabulated
 
@@ -38,7 +37,7 @@ LADDER = (
     Shares(1e-11, 1e-9, 1e-7),
     Shares(1e-13, 1e-12, 1e-13),
     Shares(1e-15, 1e-14, 1e-15),
-    Shares(0, 0, 0),
+    Shares(0.0, 0.0, 0.0),
 )
 
 
@@ -84,145 +83,95 @@ class ModeDynamics:
     impulses: Table
     step: float
     maps: ModeMaps | None = None
-    _tables: list[Table] = field(
-        init=False, repr=False
-    )  # (DEGREE + 1, d, d) and (DEGREE + 1, k, d), once asked for
-    derivatives: Table = field(init=False, repr=False)  # (orders, k, d), in time/step
-    derivative_sizes: Table = field(init=False, repr=False)  # (2, orders, k, d): of entries, of their terms
+    scaled_rate: Matrix = field(init=False, repr=False)  # in time/step
+    derivatives: Table = field(init=False, repr=False)  # (orders, k, d): the outputs and on, in time/step
     output_sizes: Matrix = field(init=False, repr=False)  # (k, d)
     active: NDArray[np.bool_] = field(init=False, repr=False)  # (k,)
 
     def __post_init__(self) -> None:
         k, d = self.outputs.shape
-        scaled = self._scaled_rate()
-        rows, sizes, both = self.outputs, np.abs(self.outputs), np.abs(scaled)
-        orders = min(d, MOST_ORDERS) + 1
-        derivatives, terms = np.empty((orders, k, d)), np.empty((orders, k, d))
-        for order in range(orders):
-            derivatives[order], terms[order] = rows, sizes
-            rows, sizes = rows @ scaled, sizes @ both
+        scaled = self.rate * self.step if self.step < LONGEST else np.zeros_like(self.rate)
+        derivatives = np.empty((min(d, MOST_ORDERS) + 1, k, d))
+        derivatives[0] = self.outputs
+        for order in range(1, len(derivatives)):
+            derivatives[order] = derivatives[order - 1] @ scaled
         active = np.zeros(k, dtype=bool)
         active[list(self.mode)] = True
         values = {
-            "_tables": [],
+            "scaled_rate": scaled,
             "derivatives": derivatives,
-            "derivative_sizes": np.stack([np.abs(derivatives), terms]),
             "output_sizes": np.abs(self.outputs),
             "active": active,
+            **{
+                name: np.ascontiguousarray(getattr(self, name))
+                for name in ("outputs", "coordinates", "impulses")
+            },
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
-    def expansion(self, c: Vector) -> Table:
-        """Return the Taylor coefficients of the coordinates in time/step, shape (DEGREE + 1, d)."""
-        if c.size <= MOST_TABULATED:
-            return np.asarray(self._tabulated()[0] @ c)
-        terms = np.empty((DEGREE + 1, c.size))
-        terms[0] = c
-        scaled = self._scaled_rate()
-        for j in range(DEGREE):
-            terms[j + 1] = scaled @ terms[j] / (j + 1)
-        return terms
-
-    def output_expansion(self, c: Vector, terms: Table) -> Table:
-        """Return the Taylor coefficients of the outputs, given those of the coordinates, shape (DEGREE + 1, k)."""
-        return terms @ self.outputs.T if c.size > MOST_TABULATED else np.asarray(self._tabulated()[1] @ c)
-
-    def _scaled_rate(self) -> Matrix:
-        return self.rate * self.step if self.step < LONGEST else np.zeros_like(self.rate)
-
-    def _tabulated(self) -> list[Table]:
-        if not self._tables:
-            scaled = self._scaled_rate()
-            taylor = np.empty((DEGREE + 1, *scaled.shape))
-            taylor[0] = np.eye(scaled.shape[0])
-            for j in range(DEGREE):
-                taylor[j + 1] = scaled @ taylor[j] / (j + 1)
-            self._tables.extend([taylor, self.outputs @ taylor])
-        return self._tables
-
-    def coordinates_of(self, z: Vector) -> Vector:
-        """Return W z, zero where that is no more than rounding."""
-        return np.asarray(without_rounding(self.coordinates @ z, np.abs(self.coordinates) @ np.abs(z)))
+    def flowed(self, starts: Matrix, places: Vector) -> Matrix:
+        """Return the coordinates at these places in a step, at most 1, from starts of shape (m, d): shape (m, d)."""
+        total, term, shares = starts.copy(), starts, places[:, None]
+        for j in range(1, DEGREE + 1):
+            term = (term @ self.scaled_rate.T) * (shares / j)
+            if not term.any():
+                break
+            total += term
+        return total
 
     def enter(self, state: State) -> State:
-        """Return the coordinates after the jump, and the sizes of their terms."""
-        return State(self.coordinates_of(state.z), np.abs(self.coordinates) @ state.sizes)
+        """Return the coordinates after the jump, zero where they are rounding, and the sizes of their terms."""
+        return State(*enter_mode(self.coordinates, state.z, state.sizes))
 
     def leave(self, coordinates: State) -> State:
         """Return z at these coordinates, and the sizes of its terms."""
         return State(self.basis @ coordinates.z, np.abs(self.basis) @ coordinates.sizes)
 
-    def is_consistent(self, z: Vector) -> bool:
-        """Tell whether z is in V_I, to rounding: no jump."""
+    def jumps_from(self, z: Vector, c: Vector) -> bool:
+        """Tell whether z is not in V_I, by more than rounding: z jumps to the coordinates c."""
         if self.basis.shape[0] == self.basis.shape[1]:
-            return True
-        left = np.abs(z - self.basis @ self.coordinates_of(z))
-        return float(left.max(initial=0.0)) <= CAREFUL.value * max(float(np.abs(z).max(initial=0.0)), 1e-300)
-
-    def leading_impulses(self, state: State, share: float = CAREFUL.impulse) -> Vector:
-        """Return each output's sign of its leading impulse, 0 without one.
-
-        `share` is that of its terms' sizes below which an impulse counts as none.
-        """
-        values = self.impulses @ state.z
-        found = _signs(values, share * (np.abs(self.impulses) @ state.sizes))
-        return _first_nonzero(found) if found.shape[0] else np.zeros(self.outputs.shape[0])
+            return False
+        left = np.abs(z - self.basis @ c)
+        return float(left.max(initial=0.0)) > CAREFUL.value * max(float(np.abs(z).max(initial=0.0)), 1e-300)
 
     def initial_signs(self, coordinates: State, shares: Shares = CAREFUL) -> Vector:
         """Return each output's sign just after the coordinates are c: of its first derivative that is not zero."""
-        values = self.derivatives @ coordinates.z
-        sizes, terms = self.derivative_sizes @ coordinates.sizes
-        # What is tangential leaves a slope of the order of the root of rounding.
-        least = np.maximum(shares.derivative * sizes[0], min(ROUNDING, shares.derivative) * terms)
-        least[0] = shares.value * sizes[0]
-        signs = _first_nonzero(_signs(values, least))
-        if self.derivatives.shape[0] <= self.rate.shape[0] and not signs.all():
-            return self._later_signs(signs, coordinates, shares)
-        return signs
-
-    def _later_signs(self, signs: Vector, coordinates: State, shares: Shares) -> Vector:
-        """Return the signs with those that derivatives beyond the tabulated ones decide."""
-        scaled = self._scaled_rate()
-        both = np.abs(scaled)
-        vector, sizes = coordinates
-        levels = shares.derivative * (self.output_sizes @ sizes)
-        tabulated = self.derivatives.shape[0]
-        for order in range(1, self.rate.shape[0] + 1):
-            vector, sizes = scaled @ vector, both @ sizes
-            if not vector.any():
-                break
-            if order >= tabulated:
-                least = np.maximum(levels, min(ROUNDING, shares.derivative) * (self.output_sizes @ sizes))
-                signs = np.where(signs == 0.0, _signs(self.outputs @ vector, least), signs)
-                if signs.all():
-                    break
-        return signs
-
-    def is_slow(self, coordinates: State, outputs: tuple[int, ...]) -> bool:
-        """Tell whether the first derivatives of these outputs are next to nothing beside the terms they consist of."""
-        if self.derivatives.shape[0] < 2:
-            return True
-        pairs = list(outputs)
-        slopes = np.abs(self.derivatives[1, pairs] @ coordinates.z)
-        levels = self.derivative_sizes[0, 1, pairs] @ coordinates.sizes
-        return bool((slopes <= CAREFUL.derivative * levels).all())
+        return np.asarray(
+            initial_signs(self.derivatives, self.scaled_rate, *coordinates, shares.value, shares.derivative)
+        )
 
     def signs(self, state: State, shares: Shares = CAREFUL) -> Vector:
         """Return each output's sign from z on: of its leading impulse, else just after the jump."""
-        after = self.initial_signs(self.enter(state), shares)
+        return self._signs_after(state, self.initial_signs(self.enter(state), shares), shares)
+
+    def _signs_after(self, state: State, after: Vector, shares: Shares) -> Vector:
         if self.impulses.shape[0] == 0:
             return after
-        leading = self.leading_impulses(state, shares.impulse)
+        leading = leading_signs(self.impulses, *state, shares.impulse)
         return np.where(leading != 0.0, leading, after)
 
-    def admits(self, state: State, shares: Shares = CAREFUL) -> bool:
-        """Tell whether I is in S(z) (11.77): every output is initially nonnegative (Definition 11.1)."""
-        return bool((self.signs(state, shares) >= 0.0).all())
+    def entered(self, state: State, shares: Shares = CAREFUL) -> "Entry | None":
+        """Return how z goes on in the mode if I is in S(z) (11.77): every output is initially nonnegative."""
+        c = self.enter(state)
+        after = self.initial_signs(c, shares)
+        if (self._signs_after(state, after, shares) < 0.0).any():
+            return None
+        continues = self.impulses.shape[0] == 0 or not (after < 0.0).any()
+        return Entry(self, c, shares, continues)
 
     def continues(self, coordinates: State, shares: Shares = CAREFUL) -> bool:
         """Tell whether the mode can go on from these coordinates."""
-        return bool((self.initial_signs(coordinates, shares) >= 0.0).all())
+        return not (self.initial_signs(coordinates, shares) < 0.0).any()
+
+
+class Entry(NamedTuple):
+    """How a state goes on in a mode, and the shares with which its signs were told."""
+
+    dynamics: ModeDynamics
+    c: State  # after the jump
+    shares: Shares
+    continues: bool  # whether the mode goes on after its impulses
 
 
 def mode_dynamics(form: AutonomousForm, mode: IndexSet) -> ModeDynamics | None:
@@ -262,13 +211,3 @@ def longest_step(rate: Matrix) -> float:
     )
     norm = float(max(min(norms), LEAST_SHARE * norms[0]))
     return REACH / norm if norm > REACH / LONGEST else LONGEST
-
-
-def _first_nonzero(signs: Table) -> Vector:
-    """Return the first entry of each column that is not zero, 0 without one."""
-    first = np.argmax(signs != 0.0, axis=0)
-    return np.asarray(signs[first, np.arange(signs.shape[1])])
-
-
-def _signs(values: Table, tolerances: Table) -> Table:
-    return np.where(np.abs(values) <= tolerances, 0.0, np.sign(values))

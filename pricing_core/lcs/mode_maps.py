@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lu_factor, lu_solve, qr
+from scipy.linalg import qr
 
 from pricing_core.arrays import IndexSet, Matrix
 from pricing_core.lcs.autonomous import AutonomousForm
@@ -216,7 +216,7 @@ def _graph(constraints: Matrix, rows: list[int]) -> Matrix:
     rest = [i for i in range(N) if i not in set(rows)]
     basis = np.zeros((N, len(rows)))
     basis[rows] = np.eye(len(rows))
-    X = lu_solve(lu_factor(constraints[:, rest]), constraints[:, rows])
+    X = np.linalg.solve(constraints[:, rest], constraints[:, rows])
     basis[rest] = -without_rounding(X, float(np.abs(X).max(initial=0.0)))
     return basis
 

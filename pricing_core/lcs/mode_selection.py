@@ -13,7 +13,7 @@ from pricing_core.lcp import LCP, solve
 from pricing_core.lcs.autonomous import AutonomousForm
 from pricing_core.lcs.closed_form import ClosedForm, closed_form
 from pricing_core.lcs.free_inputs import free_input_moves_state
-from pricing_core.lcs.mode_dynamics import LADDER, ModeDynamics, Shares, State, mode_dynamics
+from pricing_core.lcs.mode_dynamics import LADDER, Entry, ModeDynamics, Shares, State, mode_dynamics
 from pricing_core.lcs.slow_part import SlowPart, slow_part
 from pricing_core.lcs.uniqueness import has_unique_state
 
@@ -70,10 +70,8 @@ class ModeSelector:
             self._closed[key] = closed_form(dynamics.rate)
         return self._closed[key]
 
-    def select(
-        self, state: State, t: float, near: IndexSet, without: IndexSet | None = None
-    ) -> tuple[ModeDynamics, Shares]:
-        """Return the dynamics of the mode in which z goes on, and the shares with which its signs were told.
+    def select(self, state: State, t: float, near: IndexSet, without: IndexSet | None = None) -> Entry:
+        """Return the mode in which z goes on, and how.
 
         Parameters
         ----------
@@ -96,8 +94,8 @@ class ModeSelector:
                 found = next(self._admitting(state, near, without, shares), None)
                 if found is not None:
                     if self.one_is_enough:
-                        self._taken[near, without] = found.mode
-                    return found, shares
+                        self._taken[near, without] = found.dynamics.mode
+                    return found
             raise self._no_mode(state.z, t)
         for shares in LADDER:
             every = list(self._admitting(state, near, without, shares))
@@ -106,10 +104,10 @@ class ModeSelector:
         else:
             raise self._no_mode(state.z, t)
         if any(not self._same_future(every[0], other, state.z) for other in every[1:]):
-            return self._chosen(every, state.z, t), shares
+            return self._chosen(every, state.z, t)
         if self.on_nonunique == "raise":
-            self._check_free_inputs(every[0], state, t)
-        return every[0], shares
+            self._check_free_inputs(every[0].dynamics, state, t)
+        return every[0]
 
     @property
     def one_is_enough(self) -> bool:
@@ -118,12 +116,13 @@ class ModeSelector:
 
     def _admitting(
         self, state: State, near: IndexSet, without: IndexSet | None, shares: Shares
-    ) -> Iterator[ModeDynamics]:
+    ) -> Iterator[Entry]:
         """Yield the modes that go on from z."""
         for mode in self._candidates(state, near, self._taken.get((near, without), near), shares):
             dynamics = None if mode == without else self.dynamics(mode)
-            if dynamics is not None and dynamics.admits(state, shares):
-                yield dynamics
+            entry = None if dynamics is None else dynamics.entered(state, shares)
+            if entry is not None:
+                yield entry
 
     def _candidates(self, state: State, near: IndexSet, last: IndexSet, shares: Shares) -> Iterator[IndexSet]:
         """Yield the mode taken last time, the nearest, those that signs lead to, what large s suggests.
@@ -184,13 +183,13 @@ class ModeSelector:
                 continue
             yield tuple(np.flatnonzero(solution.z > solution.w).tolist())
 
-    def _same_future(self, one: ModeDynamics, other: ModeDynamics, z: Vector) -> bool:
+    def _same_future(self, one: Entry, other: Entry, z: Vector) -> bool:
         """Tell whether the states after the jump and all their derivatives agree."""
-        a, b = one.coordinates_of(z), other.coordinates_of(z)
-        rates = one.rate, other.rate
-        step = min(one.step, other.step, 1.0)
+        a, b = one.c.z, other.c.z
+        rates = one.dynamics.rate, other.dynamics.rate
+        step = min(one.dynamics.step, other.dynamics.step, 1.0)
         for _ in range(z.size + 1):
-            here, there = one.basis @ a, other.basis @ b
+            here, there = one.dynamics.basis @ a, other.dynamics.basis @ b
             size = max(float(np.max(np.abs(here), initial=0.0)), float(np.max(np.abs(z), initial=0.0)))
             if np.any(np.abs(here - there) > SAME_STATE * size):
                 return False
@@ -213,9 +212,9 @@ class ModeSelector:
                         f'no output sees in the pairs {mode}: on_nonunique="first" leaves these inputs zero'
                     )
 
-    def _chosen(self, every: list[ModeDynamics], z: Vector, t: float) -> ModeDynamics:
+    def _chosen(self, every: list[Entry], z: Vector, t: float) -> Entry:
         """Return the mode that goes on where several do, with states that differ."""
-        modes = tuple(dynamics.mode for dynamics in every)
+        modes = tuple(entry.dynamics.mode for entry in every)
         x = (z * self.form.units.state)[: self.form.states]
         if callable(self.on_nonunique):
             wanted = tuple(self.on_nonunique(t, x, modes))

@@ -60,7 +60,7 @@ class EventDriven:
 
     Notes
     -----
-    Cost of an event: about 0.4 ms for few pairs and 1.3 ms for twelve, and once for every mode that is met about 2 ms
+    Cost of an event: about 0.1 ms for few pairs and 0.2 ms for twelve, and once for every mode that is met about 2 ms
     for short numbers and n + k <= 24, where ranks are exact, otherwise some tenths of a millisecond.
     """
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from pricing_core.arrays import IndexSet, Matrix, Vector, as_real_array, as_whole_number
 from pricing_core.errors import InvalidInputError
-from pricing_core.lcs.flow import Flow, evaluate
+from pricing_core.lcs.flow import Flow, evaluate, evaluate_each
 from pricing_core.lcs.multipliers import least_norm_multipliers
 from pricing_core.lcs.system import LCS
 from pricing_core.lcs.uniqueness import has_unique_state
@@ -138,7 +138,6 @@ class Trajectory:
             np.linspace(flow.start, flow.end, math.ceil((flow.end - flow.start) / spacing) + 1)
             for flow in self.flows
         ]
-        parts = [flow.at(t) for flow, t in zip(self.flows, times, strict=True)]
-        x, u, y = (np.concatenate(part) for part in zip(*parts, strict=True))
+        t, x, u, y = evaluate_each(self.flows, times)
         u, y = least_norm_multipliers(self.flows[0].form.given, u, y)
-        return replace(self, t=np.concatenate(times), x=x, u=u, y=y)
+        return replace(self, t=t, x=x, u=u, y=y)

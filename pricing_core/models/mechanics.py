@@ -17,8 +17,8 @@ from pricing_core.lcs import (
     PiecewiseConstant,
     TimeStepping,
     Trajectory,
-    simulate,
 )
+from pricing_core.lcs.simulate import simulate_without_energy
 from pricing_core.lcs.simulation_method import SimulationMethod, as_method
 from pricing_core.lcs.simulation_times import checked_span, checked_times
 from pricing_core.models.moreau import simulate_by_impulses
@@ -168,7 +168,7 @@ class MechanicalSystem:
             span = checked_span(t_span)
             reported = None if t_eval is None else checked_times(t_eval, span)
             return simulate_by_impulses(self, x0, span, reported, chosen, interrupt)
-        trajectory = simulate(
+        trajectory = simulate_without_energy(
             self.to_lcs(),
             x0,
             t_span,

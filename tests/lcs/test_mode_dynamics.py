@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from pricing_core.lcs import initial_solution, mode_geometry, rational_complementarity
 from pricing_core.lcs.autonomous import autonomous_form
-from pricing_core.lcs.mode_dynamics import DEGREE, State, mode_dynamics
+from pricing_core.lcs.mode_dynamics import State, mode_dynamics
 from pricing_core.lcs.modes import all_modes
 from tests.problems.lcs_systems import bridge, integrators, random_system, two_carts
 
@@ -22,7 +22,8 @@ def test_the_modes_that_admit_a_state_are_those_of_the_exact_problem(seed, n, k,
     for mode in all_modes(k):
         dynamics = mode_dynamics(form, mode)
         if dynamics is not None:
-            assert dynamics.admits(State(z, np.full(z.size, np.abs(z).max(initial=0.0)))) == (mode in exact)
+            entry = dynamics.entered(State(z, np.full(z.size, np.abs(z).max(initial=0.0))))
+            assert (entry is not None) == (mode in exact)
 
 
 def test_a_mode_in_which_the_input_is_open_has_no_dynamics():
@@ -37,13 +38,14 @@ def test_flow_and_jump_are_those_of_the_geometry(mode):
     form, geometry = autonomous_form(system), mode_geometry(system, mode)
     dynamics = mode_dynamics(form, mode)
     x = np.array([0.3, -0.2, -2.0, 1.0])
-    c = dynamics.coordinates_of(x / form.units.state)
+    z = x / form.units.state
+    c = dynamics.enter(State(z, np.abs(z))).z
     landed = dynamics.basis @ c * form.units.state
     assert landed == pytest.approx(geometry.projection @ x, abs=1e-13)
     t = min(0.8 * dynamics.step / form.units.rate, 1.0)
     place = t * form.units.rate / dynamics.step
     closed = system.A + system.B[:, list(mode)] @ geometry.feedback
-    flown = place ** np.arange(DEGREE + 1) @ dynamics.expansion(c)
+    flown = dynamics.flowed(c[None], np.array([place]))[0]
     assert dynamics.basis @ flown * form.units.state == pytest.approx(expm(closed * t) @ landed, abs=1e-12)
 
 

@@ -209,7 +209,7 @@ def test_an_empty_polyhedron_is_refused():
 def test_a_motion_without_bound_overflows_at_a_time(method):
     """x' = 4 x from 1: 1e140 at t = 80.6, with loose steps somewhat later."""
     system = ProjectedSystem((-4.0 * np.eye(1), [0.0]), np.eye(1), [0.0])
-    with pytest.raises(NumericalError, match=r"the state overflows at t = (79|8[0-2])\."):
+    with pytest.raises(NumericalError, match=r"the state overflows at t = (79|8[0-2])[.:]"):
         system.simulate([1.0], (0.0, 200.0), method=method)
 
 

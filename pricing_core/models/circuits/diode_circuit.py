@@ -6,7 +6,7 @@ from typing import Self
 from numpy.typing import ArrayLike
 
 from pricing_core.errors import InfeasibleError, InvalidInputError, NotFoundError
-from pricing_core.lcs import simulate
+from pricing_core.lcs.simulate import simulate_without_energy
 from pricing_core.lcs.simulation_method import SimulationMethod
 from pricing_core.lcs.simulation_times import checked_span
 from pricing_core.models.circuits.assembly import assemble
@@ -247,7 +247,7 @@ class DiodeCircuit:
             if isinstance(element, VoltageSource | CurrentSource):
                 check_periods(element.name, element.value, span)
         try:
-            trajectory = simulate(
+            trajectory = simulate_without_energy(
                 circuit.system,
                 circuit.x0 if x0 is None else x0,
                 span,
