@@ -5,13 +5,16 @@ from typing import TypeVar
 
 from fastapi import Request
 
+from app.api_keys import KeyLimits
 from app.clients import client_of
 from app.cost_model import CHEAP_SECONDS
-from app.lanes import ExpensiveLane, Interrupt, inline
+from app.lanes import ExpensiveLane, Interrupt, Place, inline
+from app.metrics import Metrics
+from app.request_record import record_of
 
 Answer = TypeVar("Answer")
 
-
+NO_LIMITS = KeyLimits()
 LONGEST_CHEAP_BODY = 4_096  # bytes: those of a longer one take milliseconds to read; measured
 
 
@@ -53,16 +56,36 @@ async def answer(
 
 def is_cheap(request: Request, expected: Callable[[], float]) -> bool:
     """Tell whether a question whose body has been read is expected to be answered in less than `CHEAP_SECONDS`."""
-    return not request.state.is_long and expected() < CHEAP_SECONDS
+    if request.state.is_long:
+        return False
+    cost = record_of(request).cost = expected()
+    return cost < CHEAP_SECONDS
 
 
 async def answer_expensive(request: Request, work: Callable[[Interrupt], Answer]) -> Answer:
     """Do work in a thread for expensive questions; a request keeps its place and deadline until it is answered."""
     lane, state = expensive_lane(request), request.state
     if not hasattr(state, "place"):
-        state.place = lane.enter(client_of(request))
-        state.at_end.append(lambda: lane.leave(state.place))
+        state.place = _enter(request, lane)
     return await lane.run(work, state.place, _disconnected(request))
+
+
+def _enter(request: Request, lane: ExpensiveLane) -> Place:
+    """Return a place in the lane, which is given back when the request has been answered."""
+    limits: KeyLimits = getattr(request.state, "key_limits", NO_LIMITS)
+    place = lane.enter(
+        client_of(request), most=limits.client_queue, seconds_per_minute=limits.seconds_per_minute
+    )
+    metrics: Metrics = request.app.state.metrics
+    metrics.expensive.inc()
+
+    def leave() -> None:
+        metrics.expensive.dec()
+        record_of(request).waited = place.waited
+        lane.leave(place)
+
+    request.state.at_end.append(leave)
+    return place
 
 
 def expensive_lane(request: Request) -> ExpensiveLane:

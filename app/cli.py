@@ -441,6 +441,19 @@ def benchmark_command(
             raise typer.Exit(INTERRUPTED) from None
 
 
+@app.command("key")
+def key_command(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="whose key it is, as logs and limits have it")],
+) -> None:
+    """Print a new API key, and below it the line that lets it in: append that to PRICING_API_KEYS_FILE."""
+    with one_line_errors():
+        from app.api_keys import new_key  # noqa: PLC0415
+
+        lines = new_key(name)
+        with standard_output():
+            print(*lines, sep="\n")
+
+
 @app.command("serve")
 def serve_command(
     host: Annotated[str, typer.Option("--host")] = "127.0.0.1",

@@ -5,8 +5,8 @@ import time
 from collections import defaultdict
 from typing import Protocol
 
-from app.clients import network_of
-from app.settings import Settings
+from app.clients import NamedNetworks, network_of
+from app.settings import Settings, parts
 
 log = logging.getLogger("pricing.connections")
 LEAST_SECONDS = 1.0  # between two lines of the log; chosen
@@ -39,7 +39,7 @@ class ConnectionLedger:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._trusted = {network_of(name.strip()) for name in settings.trusted_proxies.split(",")}
+        self._trusted = NamedNetworks(parts(settings.trusted_proxies))
         self._open: defaultdict[str, set[Closable]] = defaultdict(set)
         self._count = self._closed = 0
         self._told = -LEAST_SECONDS
@@ -49,7 +49,8 @@ class ConnectionLedger:
         client = network_of(connection.address)
         self._open[client].add(connection)
         self._count += 1
-        if len(self._open[client]) > self._settings.client_connections and client not in self._trusted:
+        too_many = len(self._open[client]) > self._settings.client_connections
+        if too_many and connection.address not in self._trusted:
             self._close_one(client, connection)
         elif self._count > self._settings.max_connections:
             self._close_one(max(self._open, key=lambda client: len(self._open[client])), connection)

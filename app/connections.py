@@ -9,9 +9,11 @@ from typing import Any
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from app.clients import network_of
 from app.connection_ledger import ConnectionLedger
 from app.envelope import SECURITY_HEADERS
-from app.errors import ClientLimitError, ProtocolError, problem_response
+from app.errors import ClientLimitError, ProtocolError, problem_response, problem_type
+from app.metrics import Metrics
 from app.settings import Settings
 from pricing_core.errors import InvalidInputError, Told
 
@@ -52,6 +54,7 @@ class BoundedConnection(H11Protocol):
     """
 
     _head_timer: asyncio.TimerHandle | None = None
+    _stall_timer: asyncio.TimerHandle | None = None
     _has_answered = False
     _last = 0.0
 
@@ -59,14 +62,28 @@ class BoundedConnection(H11Protocol):
         """Take a connection up."""
         super().connection_made(transport)
         self._restart_head_timer()
+        self._metrics.connections.inc()
         self._ledger.enter(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Let a connection go."""
-        if self._head_timer is not None:
-            self._head_timer.cancel()
+        for timer in (self._head_timer, self._stall_timer):
+            if timer is not None:
+                timer.cancel()
+        self._metrics.connections.dec()
         self._ledger.leave(self)
         super().connection_lost(exc)
+
+    def pause_writing(self) -> None:
+        """Wait until the client has read some of what is to be sent, but not for ever."""
+        self._stall_timer = self.loop.call_later(self._settings.stall_seconds, self._drop_stalled)
+        super().pause_writing()
+
+    def resume_writing(self) -> None:
+        """Go on sending."""
+        if self._stall_timer is not None:
+            self._stall_timer.cancel()
+        super().resume_writing()
 
     def on_response_complete(self) -> None:
         """Wait for the next request."""
@@ -90,6 +107,7 @@ class BoundedConnection(H11Protocol):
 
     def make_room(self) -> None:
         """Close the connection for another one; who waits for an answer is told."""
+        self._metrics.connections_closed.inc()
         if self._is_idle():
             self.transport.abort()
         else:
@@ -101,6 +119,11 @@ class BoundedConnection(H11Protocol):
     def _ledger(self) -> ConnectionLedger:
         ledger: ConnectionLedger = self.config.app.state.ledger  # type: ignore[union-attr]
         return ledger
+
+    @property
+    def _metrics(self) -> Metrics:
+        metrics: Metrics = self.config.app.state.metrics  # type: ignore[union-attr]
+        return metrics
 
     def _is_idle(self) -> bool:
         return self.cycle is None or self.cycle.response_complete
@@ -120,10 +143,16 @@ class BoundedConnection(H11Protocol):
         if self._is_idle():
             self.transport.abort()  # unlike close(), without waiting for the client to read what is left
 
+    def _drop_stalled(self) -> None:
+        words = "a client was dropped that did not read its answer"
+        log.warning(words, extra={"fields": {"client": network_of(self.address)}})
+        self.transport.abort()
+
     def _refuse(self, error: Exception) -> None:
         """Answer outside the application, unless an answer has begun, and close."""
         request_id = uuid.uuid4().hex
         response = problem_response(error, request_id, self._settings.retry_after_seconds)
+        self._metrics.refused(problem_type(error).name)
         log.warning(str(error), extra={"fields": {"request_id": request_id, "status": response.status_code}})
         if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
             extra = {"Connection": "close", "X-Request-ID": request_id, **SECURITY_HEADERS}

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import re
+import threading
 import time
 import uuid
 from collections.abc import Callable
@@ -12,11 +13,15 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.errors import NotReadyError, ProtocolError, problem_response
+from app.clients import network_of
+from app.errors import NotReadyError, ProtocolError, problem_response, problem_type
+from app.metrics import Metrics
+from app.request_record import RequestRecord
 
 log = logging.getLogger("pricing.requests")
 
 REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
+TRACE_PARENT = re.compile(r"00-(?!0{32})[0-9a-f]{32}-(?!0{16})[0-9a-f]{16}-[0-9a-f]{2}")  # W3C Trace Context
 LONGEST_PATH = 200
 SECURITY_HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -35,20 +40,28 @@ class Envelope:
     ----------
     retry_after : int
         Seconds; for answers with status 503.
+    metrics : Metrics
+        Where requests are counted.
+    draining : threading.Event
+        Set once the process shuts down: each answer is its connection's last then.
     """
 
-    def __init__(self, app: ASGIApp, retry_after: int) -> None:
+    def __init__(self, app: ASGIApp, retry_after: int, metrics: Metrics, draining: threading.Event) -> None:
         self.app = app
         self.retry_after = retry_after
+        self.metrics = metrics
+        self.draining = draining
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
         if scope["type"] != "http":
             await self.app(scope, receive, send)
             return
-        request_id = request_id_of(Headers(scope=scope))
+        given = Headers(scope=scope)
+        request_id = request_id_of(given)
+        record = RequestRecord(_client(scope), _trace_parent(given))
         at_end: list[Callable[[], None]] = []
-        scope.setdefault("state", {}).update(request_id=request_id, at_end=at_end)
+        scope.setdefault("state", {}).update(request_id=request_id, record=record, at_end=at_end)
         started = time.monotonic()
         status = 0
 
@@ -60,30 +73,40 @@ class Envelope:
                 headers["X-Request-ID"] = request_id
                 for name, value in SECURITY_HEADERS.items():
                     headers.setdefault(name, value)
+                if self.draining.is_set():
+                    headers["Connection"] = "close"
             await send(message)
 
+        async def refuse(error: Exception) -> None:
+            record.problem = problem_type(error).name
+            await problem_response(error, request_id, self.retry_after)(scope, receive, send_dressed)
+
+        self.metrics.in_flight.inc()
         try:
             if _is_ambiguous(scope):
                 raise ProtocolError("Transfer-Encoding and Content-Length must not be given together")
             await self.app(scope, receive, send_dressed)
         except ProtocolError as refused:
-            await problem_response(refused, request_id, self.retry_after)(scope, receive, send_dressed)
+            await refuse(refused)
         except asyncio.CancelledError:  # the grace period is over
             if status:
                 raise
-            closing = NotReadyError("the service is shutting down")
-            await problem_response(closing, request_id, self.retry_after)(scope, receive, send_dressed)
+            await refuse(NotReadyError("the service is shutting down"))
         except ClientDisconnect:
             status = 499  # the client is gone: nobody to answer
         except Exception as error:
             log.exception("unexpected error", extra={"fields": {"request_id": request_id}})
             if status:  # the answer has begun: all that is left is to break it off
                 raise
-            await problem_response(error, request_id, self.retry_after)(scope, receive, send_dressed)
+            await refuse(error)
         finally:
+            self.metrics.in_flight.dec()
             for do in at_end:
                 do()
-            log.info("request", extra={"fields": _log_fields(scope, request_id, status, started)})
+            seconds = time.monotonic() - started
+            route = getattr(scope.get("route"), "path", None)
+            self.metrics.request_ended(route, status, seconds, record)
+            log.info("request", extra={"fields": _log_fields(scope, request_id, route, status, seconds)})
 
 
 def _is_ambiguous(scope: Scope) -> bool:
@@ -98,11 +121,25 @@ def request_id_of(headers: Headers) -> str:
     return given if REQUEST_ID.fullmatch(given) else uuid.uuid4().hex
 
 
-def _log_fields(scope: Scope, request_id: str, status: int, started: float) -> dict[str, Any]:
+def _trace_parent(headers: Headers) -> str | None:
+    given = headers.get("traceparent", "")
+    return given if TRACE_PARENT.fullmatch(given) else None
+
+
+def _client(scope: Scope) -> str:
+    return network_of(scope["client"][0]) if scope.get("client") else ""
+
+
+def _log_fields(
+    scope: Scope, request_id: str, route: str | None, status: int, seconds: float
+) -> dict[str, Any]:
+    """Return the line: of a request that no route takes it holds the path."""
+    place = {"route": route} if route else {"path": scope["path"][:LONGEST_PATH]}
     return {
         "request_id": request_id,
         "method": scope["method"],
-        "path": scope["path"][:LONGEST_PATH],
+        **place,
         "status": status,
-        "milliseconds": round(1e3 * (time.monotonic() - started), 3),
+        "seconds": round(seconds, 6),
+        **scope["state"]["record"].fields(),
     }

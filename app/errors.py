@@ -7,6 +7,7 @@ from fastapi import FastAPI, Request
 from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 
+from app.request_record import record_of
 from app.schemas import FieldError, Problem
 from app.strict_json import InvalidJsonError
 from pricing_core.errors import InvalidInputError, NumericalError
@@ -15,7 +16,17 @@ SHOWN_ERRORS = 10
 
 
 class ServiceError(Exception):
-    """A request that the service does not answer; the message is safe to send."""
+    """A request that the service does not answer; the message is safe to send.
+
+    Parameters
+    ----------
+    retry_after : int, optional
+        Seconds after which it may be asked again, where that is known better than by the settings.
+    """
+
+    def __init__(self, message: str, *, retry_after: int | None = None) -> None:
+        self.retry_after = retry_after
+        super().__init__(message)
 
 
 class InvalidRequestError(ServiceError):
@@ -24,6 +35,14 @@ class InvalidRequestError(ServiceError):
     def __init__(self, faults: Sequence[InvalidInputError]) -> None:
         self.faults = tuple(faults[:SHOWN_ERRORS])
         super().__init__("; ".join(fault.message_for_strangers for fault in self.faults))
+
+
+class UnauthorizedError(ServiceError):
+    """The request has no key that is known; `error` is the word that RFC 6750 has for what is wrong with it."""
+
+    def __init__(self, message: str, error: str = "") -> None:
+        self.challenge = 'Bearer realm="pricing"' + (f', error="{error}"' if error else "")
+        super().__init__(message)
 
 
 class UnsupportedMediaTypeError(ServiceError):
@@ -74,6 +93,7 @@ PROBLEM_TYPES: Mapping[type[Exception], ProblemType] = {
     UnsupportedMediaTypeError: ProblemType(
         415, "unsupported-media-type", "The body must be application/json"
     ),
+    UnauthorizedError: ProblemType(401, "unauthorized", "A key is wanted"),
     ProtocolError: ProblemType(400, "bad-request", "The request is not well-formed HTTP"),
     BodyTooLargeError: ProblemType(413, "body-too-large", "The body is too large"),
     BodyTimeoutError: ProblemType(408, "body-timeout", "The body did not arrive in time"),
@@ -117,23 +137,31 @@ def problem_response(error: Exception, request_id: str, retry_after: int) -> Res
         errors=_field_errors(error),
         request_id=request_id,
     )
-    headers = dict(error.headers or {}) if isinstance(error, HTTPException) else {}
-    if kind.status in (429, 503):
-        headers["Retry-After"] = str(retry_after)
-    if kind.status in (400, 408, 413):
-        headers["Connection"] = "close"  # the rest of the body is not read
     return Response(
         problem.model_dump_json(),
         status_code=kind.status,
-        headers=headers,
+        headers=_headers(error, kind.status, retry_after),
         media_type="application/problem+json",
     )
+
+
+def _headers(error: Exception, status: int, retry_after: int) -> dict[str, str]:
+    headers = dict(error.headers or {}) if isinstance(error, HTTPException) else {}
+    if isinstance(error, UnauthorizedError):
+        headers["WWW-Authenticate"] = error.challenge
+    if status in (429, 503):
+        known = error.retry_after if isinstance(error, ServiceError) else None
+        headers["Retry-After"] = str(known or retry_after)
+    if status in (400, 401, 408, 413):
+        headers["Connection"] = "close"  # the rest of the body is not read
+    return headers
 
 
 def install_handlers(app: FastAPI, retry_after: int) -> None:
     """Answer every exception of the table; the envelope around the application answers the others."""
 
     async def answer(request: Request, error: Exception) -> Response:
+        record_of(request).problem = problem_type(error).name
         return problem_response(error, request.state.request_id, retry_after)
 
     for kind in (*PROBLEM_TYPES, HTTPException):

@@ -16,6 +16,7 @@ from starlette.requests import ClientDisconnect
 from app.cost_model import CHEAP_SECONDS
 from app.errors import ClientLimitError, DeadlineError, OverloadedError
 from app.settings import Settings
+from app.work_budgets import WorkBudgets
 
 Answer = TypeVar("Answer")
 Interrupt = Callable[[], bool]
@@ -64,7 +65,7 @@ def inline(work: Callable[[Interrupt], Answer]) -> Answer | None:
     return None if interrupted else answer
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class Place:
     """What a request holds in the expensive lane until it is answered.
 
@@ -74,19 +75,39 @@ class Place:
         Whose request it is.
     expires : float
         Reading of the monotonic clock by which its work ends.
+    seconds_per_minute : float or None
+        What its client may take of the threads.
+    waited : float
+        Seconds that it has waited for a thread so far.
     """
 
     client: str
     expires: float
+    seconds_per_minute: float | None = None
+    waited: float = 0.0
 
 
 @dataclass(eq=False)
 class _Job:
     work: Callable[[Interrupt], Any]
-    client: str
+    place: Place
     interruption: Interruption
     answer: asyncio.Future[Any] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
+    asked: float = field(default_factory=time.monotonic)
     begun: bool = False
+    worked: float = 0.0  # seconds of a processor
+
+    def __call__(self) -> Any:
+        """Do the work, in a thread."""
+        begun = time.thread_time()
+        try:
+            return self.work(self.interruption)
+        finally:
+            self.worked = time.thread_time() - begun
+
+    def waits_no_more(self) -> None:
+        """Add the time since it was asked to that which its place has waited."""
+        self.place.waited += time.monotonic() - self.asked
 
     @property
     def seconds_left(self) -> float:
@@ -110,10 +131,20 @@ class ExpensiveLane:
         self._running: Counter[str] = Counter()
         self._places: Counter[str] = Counter()
         self._jobs: set[_Job] = set()
+        self._budgets = WorkBudgets()
         self._ends_by = float("inf")
 
-    def enter(self, client: str) -> Place:
+    def enter(
+        self, client: str, *, most: int | None = None, seconds_per_minute: float | None = None
+    ) -> Place:
         """Return a place for a request of a client, to be left again.
+
+        Parameters
+        ----------
+        most : int, optional
+            Requests that the client may have here; that of the settings unless given.
+        seconds_per_minute : float, optional
+            Seconds that its work may take of the threads in a minute; no limit unless given.
 
         Raises
         ------
@@ -122,13 +153,15 @@ class ExpensiveLane:
         """
         if self._ends_by < time.monotonic():
             raise OverloadedError("the service is shutting down")
-        most = self._settings.client_queue
+        most = most or self._settings.client_queue
         if self._places[client] >= most:
             raise ClientLimitError(f"this client has {most} expensive questions waiting or in work already")
         if self._places.total() >= self._settings.slots + self._settings.queue:
             raise OverloadedError("every thread for expensive questions is busy and the queue is full")
+        if seconds_per_minute is not None:
+            self._budgets.check(client, seconds_per_minute)
         self._places[client] += 1
-        return Place(client, time.monotonic() + self._settings.deadline_seconds)
+        return Place(client, time.monotonic() + self._settings.deadline_seconds, seconds_per_minute)
 
     def leave(self, place: Place) -> None:
         """Give a place back."""
@@ -192,7 +225,7 @@ class ExpensiveLane:
         return sum(map(len, self._waiting.values()))
 
     def _put(self, work: Callable[[Interrupt], Any], place: Place) -> _Job:
-        job = _Job(work, place.client, Interruption(min(place.expires, self._ends_by)))
+        job = _Job(work, place, Interruption(min(place.expires, self._ends_by)))
         self._jobs.add(job)
         self._waiting.setdefault(place.client, deque()).append(job)
         self._start()
@@ -212,14 +245,18 @@ class ExpensiveLane:
             self._free -= 1
             self._running[client] += 1
             job.begun = True
-            done = asyncio.get_running_loop().run_in_executor(self._executor, job.work, job.interruption)
+            job.waits_no_more()
+            done = asyncio.get_running_loop().run_in_executor(self._executor, job)
             done.add_done_callback(lambda done, job=job: self._done(job, done))  # type: ignore[misc]
 
     def _done(self, job: _Job, done: asyncio.Future[Any]) -> None:
         """Free the slot: when the thread is done, not when the client has gone."""
         self._free += 1
-        _count_down(self._running, job.client)
+        place = job.place
+        _count_down(self._running, place.client)
         self._jobs.discard(job)
+        if place.seconds_per_minute is not None:
+            self._budgets.spend(place.client, place.seconds_per_minute, job.worked)
         error = None if done.cancelled() else done.exception()
         if not job.answer.done():
             if done.cancelled():
@@ -235,10 +272,11 @@ class ExpensiveLane:
         job.interruption.end_by(-float("inf"))
         job.answer.cancel()
         if not job.begun:
-            line = self._waiting[job.client]
+            job.waits_no_more()
+            line = self._waiting[job.place.client]
             line.remove(job)
             if not line:
-                del self._waiting[job.client]
+                del self._waiting[job.place.client]
             self._jobs.discard(job)
 
 

@@ -1,24 +1,35 @@
 """The application: routes, handlers, limits, put together."""
 
+import asyncio
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
+from typing import Any
 
 from pricing_core import __version__
+from pricing_core.american import Market, Option
+from pricing_core.american import price as price_option
 from pricing_core.extras import needs_extra
 
 with needs_extra("service"):
-    from fastapi import FastAPI
+    from fastapi import FastAPI, Security
 
     from app import docs_page
+    from app.api_keys import ApiKey, KeyCheck, read_keys
     from app.cheap_lane import CheapLane
     from app.connection_ledger import ConnectionLedger
+    from app.cross_origin import CrossOrigin
     from app.envelope import Envelope
     from app.errors import install_handlers
     from app.head_requests import HeadAsGet
     from app.lanes import ExpensiveLane
-    from app.routes import boundary, health, implied_volatility, price
-    from app.settings import Settings, settings_from_environment
+    from app.metrics import Metrics
+    from app.problem_responses import problem_responses
+    from app.routes import boundary, health, implied_volatility, metrics, price
+    from app.settings import Settings, parts, settings_from_environment
+
+# What is priced before the service is ready.
+WARM_UP = Option("put", strike=100.0, expiry=1.0), Market(spot=100.0, rate=0.05, volatility=0.2)
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
@@ -32,7 +43,9 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     Raises
     ------
     InvalidInputError
-        Read from the environment, a setting is not what it must be.
+        Read from the environment, a setting is not what it must be; or the file of keys is not.
+    OSError
+        The file of keys cannot be read.
     """
     settings = settings_from_environment() if settings is None else settings
     app = FastAPI(
@@ -46,17 +59,37 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     )
     app.state.settings = settings
     app.state.draining = threading.Event()
+    app.state.metrics = Metrics()
     app.state.ledger = ConnectionLedger(settings)
-    for module in (price, boundary, implied_volatility, health, docs_page):
+    keys = read_keys(settings.api_keys_file) if settings.api_keys_file else ()
+    for module in (price, boundary, implied_volatility):
+        app.include_router(module.router, **_with_keys(keys))
+    for module in (health, metrics, docs_page):
         app.include_router(module.router)
     install_handlers(app, settings.retry_after_seconds)
     app.add_middleware(HeadAsGet)
-    app.add_middleware(Envelope, retry_after=settings.retry_after_seconds)
+    if settings.cors_origins:
+        app.add_middleware(CrossOrigin, origins=parts(settings.cors_origins))
+    app.add_middleware(
+        Envelope,
+        retry_after=settings.retry_after_seconds,
+        metrics=app.state.metrics,
+        draining=app.state.draining,
+    )
     return app
+
+
+def _with_keys(keys: Iterable[ApiKey]) -> dict[str, Any]:
+    """Return what is told of routes that want a key, if there are keys."""
+    return {"dependencies": [Security(KeyCheck(keys))], "responses": problem_responses(401)} if keys else {}
 
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    """Price once before the first request is answered: who is told that the service is ready can rely on it."""
+    found = await asyncio.to_thread(price_option, *WARM_UP, tolerance=1e-4)
+    if found.status != "ok":
+        raise RuntimeError(f"the first price has the status {found.status}")
     app.state.cheap_lane = CheapLane()
     app.state.expensive_lane = ExpensiveLane(app.state.settings)
     try:

@@ -6,6 +6,7 @@ from app.json_schema import inline_schema
 from app.schemas import Problem
 
 MEANINGS = {
+    401: "The key is missing or not known.",
     408: "The body did not arrive in time.",
     413: "The body is too large.",
     415: "The body is not declared as application/json.",

@@ -8,6 +8,7 @@ import socket
 import sys
 import threading
 import time
+from dataclasses import dataclass
 from types import FrameType
 
 from pricing_core.extras import needs_extra
@@ -16,10 +17,13 @@ with needs_extra("service"):
     import uvicorn
     from fastapi import FastAPI
 
+    from app.api_keys import read_keys
+    from app.command_failures import FAILED
     from app.connections import BACKLOG, BoundedConnection, reserve_descriptors
     from app.logs import configure_logging
     from app.main import create_app
-    from app.settings import Settings, settings_from_environment
+    from app.metrics import forget_process, share_as, shared_folder
+    from app.settings import Settings, parts, settings_from_environment
     from app.worker_processes import supervise
 
 log = logging.getLogger("pricing.server")
@@ -117,6 +121,8 @@ def serve(host: str, port: int, workers: int = 1) -> None:
         An environment variable does not hold what its setting must be.
     """
     settings = settings_from_environment()
+    if settings.api_keys_file:
+        read_keys(settings.api_keys_file)  # here too, where what is wrong is said in one line
     reserve_descriptors(settings.max_connections)
     with listen(host, port) as listener:
         if workers == 1:
@@ -124,11 +130,10 @@ def serve(host: str, port: int, workers: int = 1) -> None:
             _say_where(listener)
             _serve_here(listener, settings, parent=None)
         else:
-            stop_seconds = settings.drain_seconds + settings.grace_seconds
             configure_logging(settings.log_level, in_background=False)
             _say_where(listener)
-            parent = os.getpid()  # known before the fork: it may have died before a worker looks
-            supervise(lambda: _work(listener, settings, parent), workers, stop_seconds)
+            with shared_folder():
+                supervise(_Workers(listener, settings, parent=os.getpid()), workers)
 
 
 def _say_where(listener: socket.socket) -> None:
@@ -136,9 +141,28 @@ def _say_where(listener: socket.socket) -> None:
     log.info("listening", extra={"fields": {"host": host, "port": port}})
 
 
-def _work(listener: socket.socket, settings: Settings, parent: int) -> None:
-    configure_logging(settings.log_level)
-    _serve_here(listener, settings, parent)
+@dataclass(frozen=True)
+class _Workers:
+    """What each of several server processes does, and what their parent does when they stop or die."""
+
+    listener: socket.socket
+    settings: Settings
+    parent: int  # known before the fork: it may have died before a worker looks
+
+    @property
+    def stop_seconds(self) -> float:
+        return self.settings.drain_seconds + self.settings.grace_seconds
+
+    def work(self, number: int) -> None:
+        configure_logging(self.settings.log_level)
+        share_as(number)
+        _serve_here(self.listener, self.settings, self.parent)
+
+    def died(self, number: int) -> None:
+        forget_process(number)
+
+    def stopping(self) -> None:
+        self.listener.close()  # else clients would wait in its queue once the workers have closed theirs
 
 
 def _serve_here(listener: socket.socket, settings: Settings, parent: int | None) -> None:
@@ -155,7 +179,10 @@ def _serve_here(listener: socket.socket, settings: Settings, parent: int | None)
         access_log=False,
         server_header=False,
         proxy_headers=bool(settings.trusted_proxies),
-        forwarded_allow_ips=settings.trusted_proxies,
+        forwarded_allow_ips=parts(settings.trusted_proxies),
         timeout_graceful_shutdown=settings.grace_seconds,
     )
-    DrainingServer(config, app, parent).run(sockets=[listener])
+    server = DrainingServer(config, app, parent)
+    server.run(sockets=[listener])
+    if not server.started:
+        sys.exit(FAILED)

@@ -1,15 +1,63 @@
 """The service's limits, from the environment: PRICING_SLOTS=4 sets `slots`."""
 
+import ipaddress
 import os
 import re
-from typing import Literal
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+from urllib.parse import urlsplit
 
-from pydantic import Field, ValidationError
+from annotated_types import Ge, Gt, Le
+from pydantic import AfterValidator, Field, ValidationError
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from pricing_core.errors import InvalidInputError
 
 PREFIX = "PRICING_"
+
+
+def named_networks(names: str) -> str:
+    """Return the names if each is an address or a network.
+
+    Raises
+    ------
+    ValueError
+        One is neither.
+    """
+    for name in parts(names):
+        ipaddress.ip_network(name, strict=False)
+    return names
+
+
+def named_origins(names: str) -> str:
+    """Return the names if each is an origin, or `*`.
+
+    Raises
+    ------
+    ValueError
+        One is neither.
+    """
+    for name in parts(names):
+        found = urlsplit(name)
+        if name != "*" and not (
+            found.scheme in ("http", "https") and found.netloc and name.endswith(found.netloc)
+        ):
+            raise ValueError("no origin")
+    return names
+
+
+def parts(names: str) -> list[str]:
+    """Return what stands between the commas."""
+    return [name.strip() for name in names.split(",") if name.strip()]
+
+
+Networks = Annotated[str, AfterValidator(named_networks)]
+Origins = Annotated[str, AfterValidator(named_origins)]
+# What completes "must be ..." for the types of this module.
+IN_WORDS = {
+    "trusted_proxies": "addresses or networks, with commas between them",
+    "cors_origins": "origins such as https://desk.example, with commas between them, or *",
+}
 
 
 class Settings(BaseSettings):
@@ -18,23 +66,63 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, allow_inf_nan=False)
 
     slots: int = Field(
-        default_factory=lambda: max(2, os.cpu_count() or 1), ge=1, le=256
-    )  # expensive ones at a time
-    queue: int = Field(default=64, ge=0, le=100_000)  # expensive requests that may wait for a slot
-    client_queue: int = Field(default=8, ge=1, le=100_000)  # of them, and of those in work, one client's
-    deadline_seconds: float = Field(default=10.0, gt=0.0, le=3600.0)  # per request, waiting included
-    max_body_bytes: int = Field(default=65_536, ge=256, le=1 << 30)
-    body_seconds: float = Field(default=10.0, gt=0.0, le=3600.0)  # to receive a request's body
-    retry_after_seconds: int = Field(default=1, ge=1, le=3600)  # told to clients when overloaded
-    drain_seconds: float = Field(default=1.0, ge=0.0, le=300.0)  # from SIGTERM to no new connections
-    grace_seconds: int = Field(default=30, ge=1, le=3600)  # for requests in flight after that
+        default_factory=lambda: max(2, os.cpu_count() or 1),
+        ge=1,
+        le=256,
+        description="Threads for expensive questions; the default is the number of processors, and at least 2.",
+    )
+    queue: int = Field(
+        default=64, ge=0, le=100_000, description="Expensive questions that may wait for a thread."
+    )
+    client_queue: int = Field(
+        default=8, ge=1, le=100_000, description="Of those that wait or are in work, one client's."
+    )
+    deadline_seconds: float = Field(
+        default=10.0, gt=0.0, le=3600.0, description="For a question, waiting included."
+    )
+    max_body_bytes: int = Field(default=65_536, ge=256, le=1 << 30, description="Of a request.")
+    body_seconds: float = Field(
+        default=10.0, gt=0.0, le=3600.0, description="To receive the body of a request."
+    )
+    head_seconds: float = Field(
+        default=10.0,
+        gt=0.0,
+        le=3600.0,
+        description="To receive the first lines of a request; a connection that is idle for so long is closed.",
+    )
+    stall_seconds: float = Field(
+        default=10.0,
+        gt=0.0,
+        le=3600.0,
+        description="That a client may read nothing while an answer waits to be sent.",
+    )
+    retry_after_seconds: int = Field(
+        default=1, ge=1, le=3600, description="Told to clients that are answered 429 or 503."
+    )
+    drain_seconds: float = Field(
+        default=1.0, ge=0.0, le=300.0, description="From SIGTERM until connections are refused."
+    )
+    grace_seconds: int = Field(
+        default=30, ge=1, le=3600, description="For what is in work after that; then the process ends."
+    )
     max_connections: int = Field(
-        default=500, ge=1, le=100_000
-    )  # open at a time; beyond it the idlest is closed
-    client_connections: int = Field(default=100, ge=1, le=100_000)  # of them, one address's
-    trusted_proxies: str = ""  # addresses, with commas, whose X-Forwarded-For is believed
-    head_seconds: float = Field(default=10.0, gt=0.0, le=3600.0)  # to receive a request's first lines
-    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = "INFO"
+        default=500, ge=1, le=100_000, description="Open at a time; for one more the idlest is closed."
+    )
+    client_connections: int = Field(default=100, ge=1, le=100_000, description="Of them, one address's.")
+    trusted_proxies: Networks = Field(
+        default="",
+        description="Addresses or networks, with commas, whose X-Forwarded-For and X-Forwarded-Proto are believed.",
+    )
+    cors_origins: Origins = Field(
+        default="",
+        description="Origins, with commas, whose pages may ask; * is every one. Without any CORS is off.",
+    )
+    api_keys_file: str = Field(
+        default="", description="File of API keys; where it is set every /v1 route wants one."
+    )
+    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field(
+        default="INFO", description="Of the lines on standard error; that of each request is INFO."
+    )
 
 
 # What Kubernetes sets for a service that is called "pricing".
@@ -59,5 +147,33 @@ def settings_from_environment() -> Settings:
         return Settings()
     except ValidationError as error:
         found = error.errors(include_url=False)[0]
-        allowed = found["msg"].removeprefix("Input should be ").partition(", unable")[0]
-        raise InvalidInputError(PREFIX + str(found["loc"][0]).upper(), found["input"], allowed) from None
+        name = str(found["loc"][0])
+        allowed = IN_WORDS.get(name) or found["msg"].removeprefix("Input should be ").partition(", unable")[0]
+        raise InvalidInputError(PREFIX + name.upper(), found["input"], allowed) from None
+
+
+def settings_table() -> str:
+    """Return the settings as a table in Markdown: variable, default, what is allowed, meaning."""
+    return "\n".join(
+        ["| variable | default | allowed | meaning |", "|---|---|---|---|", *map(_row, Settings.model_fields)]
+    )
+
+
+def _row(name: str) -> str:
+    field = Settings.model_fields[name]
+    default = "" if field.default_factory is not None or field.default == "" else f"`{field.default}`"
+    cells = (f"`{PREFIX}{name.upper()}`", default, " ".join(_allowed(field)), str(field.description))
+    return "| " + " | ".join(cells) + " |"
+
+
+def _allowed(field: Any) -> Iterator[str]:
+    choices = getattr(field.annotation, "__args__", ())
+    if choices:
+        yield " or ".join(f"`{choice}`" for choice in choices)
+    for limit in field.metadata:
+        if isinstance(limit, Gt):
+            yield f"above {limit.gt:g}"
+        elif isinstance(limit, Ge):
+            yield f"from {limit.ge:,g}"
+        elif isinstance(limit, Le):
+            yield f"to {limit.le:,.0f}"

@@ -4,7 +4,7 @@ import logging
 import os
 import signal
 import time
-from collections.abc import Callable
+from typing import NamedTuple, Protocol
 
 log = logging.getLogger("pricing.workers")
 
@@ -15,45 +15,65 @@ SHORTEST_LIFE = (
 EXTRA_SECONDS = 5.0  # Beyond what a worker may take to stop; then it is killed; chosen.
 
 
-def supervise(work: Callable[[], None], count: int, stop_seconds: float) -> None:
-    """Keep `count` processes at `work` until SIGTERM or SIGINT, which they are sent too; return when all have ended.
+class Workers(Protocol):
+    """What several processes do."""
 
-    Parameters
-    ----------
-    work : callable
-        What each process does; it returns on SIGTERM.
-    stop_seconds : float
-        How long it may take to.
-    """
+    @property
+    def stop_seconds(self) -> float:
+        """Seconds that a process may take to stop."""
+        ...
+
+    def work(self, number: int) -> None:
+        """Do the work of the process that has this number, from 0 on; return on SIGTERM."""
+        ...
+
+    def died(self, number: int) -> None:
+        """Clear up after a process, in the parent, before another one takes its number."""
+        ...
+
+    def stopping(self) -> None:
+        """Clear up in the parent when the processes are told to stop."""
+        ...
+
+
+class _Worker(NamedTuple):
+    number: int
+    started: float
+
+
+def supervise(workers: Workers, count: int) -> None:
+    """Keep `count` processes at work until SIGTERM or SIGINT, which they are sent too; return when all have ended."""
     signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-    workers = {_start(work): time.monotonic() for _ in range(count)}
+    running = dict(_start(workers, number) for number in range(count))
     stops_by = None
-    while workers:
+    while running:
         left = None if stops_by is None else max(0.0, stops_by - time.monotonic())
         told = signal.sigwaitinfo(SIGNALS) if left is None else signal.sigtimedwait(SIGNALS, left)
         if told is None:
-            _send(workers, signal.SIGKILL)
+            _send(running, signal.SIGKILL)
             stops_by = time.monotonic() + EXTRA_SECONDS
         elif told.si_signo != signal.SIGCHLD:
-            _send(workers, told.si_signo)
-            stops_by = time.monotonic() + stop_seconds + EXTRA_SECONDS
-        for process, status in _ended(list(workers)):
-            started = workers.pop(process)
+            _send(running, told.si_signo)
+            workers.stopping()
+            stops_by = time.monotonic() + workers.stop_seconds + EXTRA_SECONDS
+        for process, status in _ended(list(running)):
+            number, started = running.pop(process)
+            workers.died(number)
             if stops_by is None:
                 log.error("a worker has died", extra={"fields": {"process": process, "status": status}})
                 time.sleep(max(0.0, started + SHORTEST_LIFE - time.monotonic()))
-                workers[_start(work)] = time.monotonic()
+                running.update([_start(workers, number)])
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
 
 
-def _start(work: Callable[[], None]) -> int:
+def _start(workers: Workers, number: int) -> tuple[int, _Worker]:
     process = os.fork()
     if process:
-        return process
+        return process, _Worker(number, time.monotonic())
     status = 1
     try:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
-        work()
+        workers.work(number)
         status = 0
     except Exception:
         log.exception("a worker cannot go on")
@@ -62,12 +82,12 @@ def _start(work: Callable[[], None]) -> int:
         os._exit(status)
 
 
-def _send(workers: dict[int, float], number: int) -> None:
-    for process in workers:
+def _send(running: dict[int, _Worker], number: int) -> None:
+    for process in running:
         os.kill(process, number)
 
 
-def _ended(workers: list[int]) -> list[tuple[int, int]]:
+def _ended(running: list[int]) -> list[tuple[int, int]]:
     """Return the processes that have ended, and how: minus the number of the signal that killed one."""
-    found = [(process, os.waitpid(process, os.WNOHANG)) for process in workers]
+    found = [(process, os.waitpid(process, os.WNOHANG)) for process in running]
     return [(process, os.waitstatus_to_exitcode(status)) for process, (ended, status) in found if ended]

@@ -12,6 +12,7 @@ from app.errors import DeadlineError
 from app.lanes import Interrupt
 from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
+from app.request_record import record_of
 from app.result_values import by_name
 from app.schemas import BoundaryRequest, BoundaryResponse
 from pricing_core.american import ExerciseBoundary, Market, Option, exercise_boundary
@@ -53,4 +54,5 @@ async def post_boundary(
             raise
 
     found = await answer(request, work, expected)
+    record_of(request).answered("ok")
     return BoundaryResponse(**by_name(BOUNDARY_FIELDS, found))

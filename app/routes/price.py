@@ -13,6 +13,7 @@ from app.errors import DeadlineError
 from app.lanes import Interrupt
 from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
+from app.request_record import record_of
 from app.result_values import price_by_name
 from app.schemas import PriceRequest, PriceResponse
 from pricing_core.american import Valuation, price
@@ -54,6 +55,7 @@ async def post_price(
         valuation = await lane.price(*contract(), tolerance, greeks, expected())
     if valuation is None:
         valuation = await answer_expensive(request, work)
+    record_of(request).answered(valuation.status, valuation.method)
     if valuation.status == "deadline" and valuation.price is None:
         raise DeadlineError("the deadline passed before there was an estimate; a wider tolerance is faster")
     return PriceResponse(**price_by_name(valuation, greek_errors=question.greek_errors))
