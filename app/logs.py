@@ -5,6 +5,7 @@ import json
 import logging
 import os
 import queue
+import select
 import sys
 import threading
 import time
@@ -75,6 +76,20 @@ class BackgroundHandler(logging.Handler):
                 line = line[os.write(self._descriptor, line) :]
 
 
+class UnblockedHandler(logging.Handler):
+    """Writes at once, and leaves a line out where the pipe is full: for a process that may have no thread."""
+
+    def __init__(self, descriptor: int) -> None:
+        super().__init__()
+        self._descriptor = descriptor
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a record, or leave it out."""
+        with contextlib.suppress(OSError):  # the reader has gone
+            if select.select([], [self._descriptor], [], 0.0)[1]:
+                os.write(self._descriptor, (self.format(record) + "\n").encode())
+
+
 def configure_logging(level: str, *, in_background: bool = True) -> None:
     """Send every logger of the process, and Python's warnings, to standard error as JSON.
 
@@ -83,8 +98,7 @@ def configure_logging(level: str, *, in_background: bool = True) -> None:
     in_background : bool
         Whether a thread writes, which a process that still forks must not have.
     """
-    stream = sys.stderr
-    handler = BackgroundHandler(stream.fileno()) if in_background else logging.StreamHandler(stream)
+    handler = (BackgroundHandler if in_background else UnblockedHandler)(sys.stderr.fileno())
     handler.setFormatter(JsonFormatter())
     logging.basicConfig(level=level, handlers=[handler], force=True)
     logging.captureWarnings(True)

@@ -1,5 +1,7 @@
 """The server process: one uvicorn server that drains before it closes."""
 
+import asyncio
+import contextlib
 import gc
 import logging
 import os
@@ -33,6 +35,8 @@ log = logging.getLogger("pricing.server")
 SWITCH_SECONDS = 1e-3
 # Share of the grace period after which what is still being priced is ended, so that it can be answered; chosen.
 WORK_SHARE = 0.8
+# Seconds for the first request of a connection that was made just before the next ones are refused; chosen.
+LAST_SECONDS = 0.5
 
 
 class DrainingServer(uvicorn.Server):
@@ -76,7 +80,25 @@ class DrainingServer(uvicorn.Server):
         """Refuse connections, answer what is in work, with what there is of it by then, and close."""
         end = time.monotonic() + WORK_SHARE * self._settings.grace_seconds
         self._application.state.expensive_lane.end_by(end)
+        await self._refuse_connections(sockets or [])
         await super().shutdown(sockets)
+
+    async def _refuse_connections(self, listeners: list[socket.socket]) -> None:
+        """Take up what has connected already, no more, and leave it a moment for a last request."""
+        loop, arrived = asyncio.get_running_loop(), []
+        for listener in listeners:
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    arrived.append(listener.accept()[0])
+        for server in self.servers:
+            server.close()
+        for connection in arrived:
+            connection.setblocking(False)
+            await loop.connect_accepted_socket(self._connection, connection)
+        await asyncio.sleep(LAST_SECONDS)
+
+    def _connection(self) -> asyncio.Protocol:
+        return BoundedConnection(self.config, self.server_state, self.lifespan.state)
 
 
 def listen(host: str, port: int) -> socket.socket:

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -113,3 +113,23 @@ JSON = "Content-Type: application/json"
 
 def head(length: str) -> bytes:
     return f"POST /v1/price HTTP/1.1\r\nHost: x\r\nConnection: close\r\n{length}\r\n{JSON}\r\n\r\n".encode()
+
+
+def raw(path: str, body: object) -> bytes:
+    text = json.dumps(body).encode()
+    length = f"Content-Length: {len(text)}\r\nContent-Type: application/json\r\n"
+    return f"POST {path} HTTP/1.1\r\nHost: x\r\n{length}\r\n".encode() + text
+
+
+def eventually(holds: Callable[[], bool], seconds: float = 10.0) -> bool:
+    end = time.monotonic() + seconds
+    while not holds():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def children(process: int) -> list[int]:
+    with open(f"/proc/{process}/task/{process}/children", encoding="ascii") as file:
+        return [int(word) for word in file.read().split()]

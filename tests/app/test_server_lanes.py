@@ -1,18 +1,26 @@
 """Expensive and hostile questions to a real server: deadlines, clients that leave, limits, shutdown, workers."""
 
-import json
 import os
 import signal
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
 from benchmarks.problems.hostile_questions import SEARCH
-from tests.app.server_process import QUESTION, Server, answer_to, everything, running
+from tests.app.server_process import (
+    QUESTION,
+    Server,
+    answer_to,
+    children,
+    eventually,
+    everything,
+    raw,
+    running,
+)
 from tests.problems.needs_kernel import needs_kernel
 
 BODIES: dict[str, tuple[str, dict[str, Any]]] = {
@@ -62,26 +70,11 @@ def server() -> Iterator[Server]:
         yield server
 
 
-def raw(path: str, body: object) -> bytes:
-    text = json.dumps(body).encode()
-    length = f"Content-Length: {len(text)}\r\nContent-Type: application/json\r\n"
-    return f"POST {path} HTTP/1.1\r\nHost: x\r\n{length}\r\n".encode() + text
-
-
 def asked(server: Server, path: str, body: object) -> socket.socket:
     """Return a connection on which a question has been asked."""
     connection = socket.create_connection(("127.0.0.1", server.port), timeout=30)
     connection.sendall(raw(path, body))
     return connection
-
-
-def eventually(holds: Callable[[], bool], seconds: float = 10.0) -> bool:
-    end = time.monotonic() + seconds
-    while not holds():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.02)
-    return True
 
 
 def resident_megabytes(process: int) -> float:
@@ -233,11 +226,6 @@ def test_a_killed_worker_is_replaced_and_the_others_go_on() -> None:
         assert server.stop() == 0
     died = [line for line in server.log if line["message"] == "a worker has died"]
     assert [(line["process"], line["status"]) for line in died] == [(killed, -signal.SIGKILL)]
-
-
-def children(process: int) -> list[int]:
-    with open(f"/proc/{process}/task/{process}/children", encoding="ascii") as file:
-        return [int(word) for word in file.read().split()]
 
 
 @pytest.mark.parametrize("ready", [False, True])
