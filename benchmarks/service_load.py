@@ -7,7 +7,7 @@ Random American puts without dividends, tolerance 1e-6, all Greeks, by `POST /v1
 - arrivals at fixed rates, whether or not the service keeps up, with latencies from the time at which each was due: at
   half of the largest rate and at twice that;
 - one client beside twenty hostile ones of the same address, which ask for implied volatilities with 600 dividends at
-  the tolerance 1e-8 without a pause, or hold idle connections.
+  the tolerance 1e-8 without a pause, or hold idle connections; and the memory of two workers beside them.
 
 Clients and server share the machine. What the clients cost is shown by a server in the same language that answers a
 constant without reading the request. Run from the root of the project, with --quick in a minute:
@@ -24,6 +24,7 @@ import time
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -67,7 +68,14 @@ asyncio.run(main())
 
 @contextlib.contextmanager
 def server(program: str) -> Iterator[int]:
-    """Run a program that says its port in a JSON line on standard error; its log goes to a file."""
+    """Run a program that says its port in a JSON line on standard error, and return that."""
+    with server_process(program) as (port, _):
+        yield port
+
+
+@contextlib.contextmanager
+def server_process(program: str) -> Iterator[tuple[int, int]]:
+    """Run a program as `server` does, and return its port and the number of its process; its log goes to a file."""
     with (
         tempfile.NamedTemporaryFile("r", suffix=".log") as log,
         open(log.name, "w") as written,
@@ -76,10 +84,20 @@ def server(program: str) -> Iterator[int]:
         try:
             while not (line := log.readline()).endswith("\n"):
                 time.sleep(0.05)
-            yield json.loads(line)["port"]
+            yield json.loads(line)["port"], process.pid
         finally:
             process.terminate()
             process.wait(60)
+
+
+def megabytes(process: int) -> float:
+    """Return the memory of a process and its children, pages that they share counted once."""
+    children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
+    kilobytes = 0
+    for one in (str(process), *children):
+        lines = Path(f"/proc/{one}/smaps_rollup").read_text().splitlines()
+        kilobytes += next(int(line.split()[1]) for line in lines if line.startswith("Pss:"))
+    return kilobytes / 1e3
 
 
 class Connection(asyncio.Protocol):
@@ -289,6 +307,14 @@ def main(*, quick: bool) -> None:
         found, statuses = asyncio.run(beside_hostile(port, seconds, requests))
         print(f"  hostile  {found}; the hostile ones were answered {dict(statuses)}")
         print(f"  idle     {run(beside_idle(port, seconds, requests))}")
+    with server_process(SERVE.replace("'0']", "'0', '--workers', '2']")) as (port, process):
+        run(closed_loop(port, 8, 1.0, requests))
+        before = megabytes(process)
+        found, statuses = asyncio.run(beside_hostile(port, seconds, requests))
+        print(
+            f"\nTwo workers beside {HOSTILE} hostile clients: {before:.0f} MB before, {megabytes(process):.0f} MB after"
+        )
+        print(f"  hostile  {found}; the hostile ones were answered {dict(statuses)}")
 
 
 if __name__ == "__main__":
