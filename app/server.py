@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import gc
 import logging
+import math
 import os
 import signal
 import socket
@@ -202,6 +203,7 @@ def _serve_here(listener: socket.socket, settings: Settings, parent: int | None)
         server_header=False,
         proxy_headers=bool(settings.trusted_proxies),
         forwarded_allow_ips=parts(settings.trusted_proxies),
+        timeout_keep_alive=math.ceil(settings.head_seconds),
         timeout_graceful_shutdown=settings.grace_seconds,
     )
     server = DrainingServer(config, app, parent)
