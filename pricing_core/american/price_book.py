@@ -1,6 +1,6 @@
 """The contracts that were read of a table, priced into the table of their results."""
 
-from collections.abc import Container
+from collections.abc import Callable, Container
 
 import numpy as np
 
@@ -17,7 +17,11 @@ MOST_THREADS = 1024
 
 
 def price_book(
-    read: ReadBook, columns: Container[str], settings: PricingSettings, threads: int | None
+    read: ReadBook,
+    columns: Container[str],
+    settings: PricingSettings,
+    threads: int | None,
+    interrupt: Callable[[], bool] | None = None,
 ) -> Table:
     """Price every contract.
 
@@ -27,6 +31,8 @@ def price_book(
         Names of the columns that the contracts were read from: a table without curves has no buckets.
     threads : int, optional
         How many to use, >= 1; one by default.
+    interrupt : callable, optional
+        Asked between steps of the work; True ends it, and what is not ready then has the status "deadline".
 
     Raises
     ------
@@ -47,6 +53,7 @@ def price_book(
         read.tolerance,
         settings.greeks,
         settings.share_solves,
+        interrupt=interrupt,
         deadline=None if deadline is None else deadline[read.rows],
     )
     solve_in_chunks(read.book, request, keep, engines=engines_of(settings.method), workers=workers)

@@ -1,6 +1,6 @@
 """The rows of an Arrow table priced into columns of Arrow."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import pyarrow.compute as pc
 from pricing_core.american.arrow.arrow_column import ArrowColumn
 from pricing_core.american.arrow.schema import result_schema
 from pricing_core.american.book.ragged import Ragged
-from pricing_core.american.book.reading import read_columns
+from pricing_core.american.book.reading import ReadBook, read_columns
 from pricing_core.american.book.table import Table
 from pricing_core.american.book.unusual import EXAMINED, unusual_columns
 from pricing_core.american.contracts.fields import COLUMN_FIELDS, EXPIRY
@@ -25,6 +25,7 @@ def price_batch(
     settings: PricingSettings,
     threads: int | None = None,
     refused: Mapping[int, InvalidInputError] | None = None,
+    interrupt: Callable[[], bool] | None = None,
 ) -> tuple[pa.RecordBatch, Mapping[int, InvalidInputError]]:
     """Return the results of every row with its message, and by row why one has no price.
 
@@ -37,11 +38,22 @@ def price_batch(
         As in `price_many`.
     refused : mapping of int to InvalidInputError, optional
         Rows that are not to be read, and why.
+    interrupt : callable, optional
+        As in `price_book`.
     """
-    columns = contract_columns(batch, settings)
-    read = read_columns(columns, batch.num_rows, refused)
-    names = batch.schema.names
-    table = price_book(read, names, settings, threads)
+    read = read_columns(contract_columns(batch, settings), batch.num_rows, refused)
+    return price_read(read, batch.schema.names, settings, threads, interrupt)
+
+
+def price_read(
+    read: ReadBook,
+    names: Sequence[str],
+    settings: PricingSettings,
+    threads: int | None = None,
+    interrupt: Callable[[], bool] | None = None,
+) -> tuple[pa.RecordBatch, Mapping[int, InvalidInputError]]:
+    """Return the results of contracts that were read from columns of these names, as `price_batch` does."""
+    table = price_book(read, names, settings, threads, interrupt)
     faults = {**read.faults, **_unpriced(table, read.faults)}
     schema = result_schema(names, settings.greeks, greek_errors=settings.greek_errors)
     schema = schema.append(pa.field("message", pa.string()))
@@ -52,7 +64,7 @@ def price_batch(
         else:
             arrays.append(_array(table.columns[field.name], field.type))
     if faults:
-        unknown = np.zeros(batch.num_rows, dtype=bool)
+        unknown = np.zeros(read.count, dtype=bool)
         unknown[list(faults)] = True
         place = schema.get_field_index("exercise_now")
         arrays[place] = pc.if_else(pa.array(unknown), None, arrays[place])

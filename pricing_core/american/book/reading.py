@@ -58,7 +58,9 @@ class ReadBook:
     faults: dict[int, InvalidInputError]
 
 
-def read_book(columns: Mapping[str, Any], tolerance: float) -> ReadBook:
+def read_book(
+    columns: Mapping[str, Any], tolerance: float, refused: Mapping[int, InvalidInputError] | None = None
+) -> ReadBook:
     """Return the contracts of a table of arrays.
 
     Parameters
@@ -67,6 +69,8 @@ def read_book(columns: Mapping[str, Any], tolerance: float) -> ReadBook:
         Those of `contract_from`, and tolerance.
     tolerance : float
         For rows without one of their own.
+    refused : mapping of int to InvalidInputError, optional
+        Rows that are at fault already, and why.
 
     Raises
     ------
@@ -76,7 +80,8 @@ def read_book(columns: Mapping[str, Any], tolerance: float) -> ReadBook:
     check_kind("columns", columns, Mapping, "a mapping of names to columns")
     _check_names(columns)
     arrays = broadcast_columns({**DEFAULTS, "tolerance": tolerance, **columns})
-    return read_columns({name: ArrayColumn(array) for name, array in arrays.items()}, arrays["spot"].size)
+    table = {name: ArrayColumn(array) for name, array in arrays.items()}
+    return read_columns(table, arrays["spot"].size, refused)
 
 
 def read_columns(

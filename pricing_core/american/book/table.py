@@ -14,6 +14,7 @@ from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.contracts.result_fields import price_fields
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError
+from pricing_core.kernel import instruction_set
 from pricing_core.version import ENGINE_VERSION
 
 # Greeks in another unit: the Greek and what it is divided by.
@@ -87,6 +88,7 @@ class Table:
         for name in ("status", "method", "message"):
             self.columns[name][rows] = getattr(prices, name)
         self.columns["engine_version"][rows] = ENGINE_VERSION
+        self.columns["instruction_set"][rows] = instruction_set()
         for name, parts in self._lists.items():
             lists = getattr(prices, name)
             if lists.values.size:

@@ -9,6 +9,7 @@ from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.book.resolution import Resolution
 from pricing_core.american.contracts.contract import Option
 from pricing_core.arrays import Vector
+from pricing_core.kernel import instruction_set
 from pricing_core.version import ENGINE_VERSION
 
 DAYS_PER_YEAR = 365.0
@@ -79,6 +80,8 @@ class Valuation:
         "premium-march"; "multiplier-collocation" with events; the time stepping of the method of lines; or what took
         their place: "closed-form", "zero-volatility", "worthless-underlying", "expired", "none".
     engine_version : str
+    instruction_set : str
+        "avx512", "avx2" or "portable", or "numpy" without the compiled kernel: the last digits depend on it.
     diagnostics : Diagnostics
     """
 
@@ -109,6 +112,7 @@ class Valuation:
     status: Status
     method: str
     engine_version: str
+    instruction_set: str
     diagnostics: Diagnostics
 
 
@@ -158,6 +162,7 @@ def valuation(option: Option, spot: float, prices: Prices, *, greeks: bool, row:
         status=prices.status[row],
         method=prices.method[row] or "none",
         engine_version=ENGINE_VERSION,
+        instruction_set=instruction_set(),
         diagnostics=Diagnostics(
             solves=prices.solves.item(row),
             steps_taken=prices.steps.item(row),

@@ -96,6 +96,14 @@ PRICE_FIELDS = (
     ResultField("method", "text", "", "How the price was computed", "premium-march"),
     ResultField("engine_version", "text", "", "Version of the pricing engine", "0.1.0"),
     ResultField(
+        "instruction_set",
+        "text",
+        "",
+        "What the processor was asked in, on which the last digits depend: avx512, avx2, portable, or numpy without "
+        "the compiled kernel",
+        "avx512",
+    ),
+    ResultField(
         "dividend_sensitivities",
         "list",
         "money per 1.00 of an amount",

@@ -21,7 +21,7 @@ from pricing_core.american.contracts.result_fields import GREEK_ERROR_FIELDS, PR
 from tests.problems.engine_with_errors import ERRORS
 
 VOCABULARY = {field.name for field in PRICE_FIELDS}
-TEXTS = ("status", "method", "engine_version")
+TEXTS = ("status", "method", "engine_version", "instruction_set")
 
 
 def test_the_answer_is_the_library_s_valuation_key_by_key(
