@@ -67,7 +67,7 @@ pub fn lemke(
         tableau.follow(max_pivots, interrupt)
     };
     if end == PathEnd::Solved {
-        tableau.correct();
+        tableau.correct(interrupt);
     }
     let (z, basic_set) = tableau.point();
     Ok(Path {
@@ -149,7 +149,7 @@ impl<'a> Tableau<'a> {
                 return (PathEnd::Interrupted, pivot);
             }
             if pivot % CHECKED_AFTER == 0 && self.refine() > LARGEST_DRIFT {
-                self.refactor();
+                self.refactor(interrupt);
             }
             entering = if leaving < n {
                 leaving + n
@@ -326,8 +326,10 @@ impl<'a> Tableau<'a> {
         (residual, sizes)
     }
 
-    /// Make the tableau of this basis afresh from the data, with the largest pivots; leave it where one is zero.
-    fn refactor(&mut self) {
+    /// Make the tableau of this basis afresh from the data, with the largest pivots.
+    ///
+    /// It stays as it was where a pivot is zero, or where the work shall end: there are up to n exchanges.
+    fn refactor(&mut self, interrupt: Interrupt<'_>) {
         let n = self.n;
         let kept = (
             self.a.clone(),
@@ -346,7 +348,7 @@ impl<'a> Tableau<'a> {
             let size = |r: usize| self.a[r * (n + 1) + c].abs();
             let free = (0..n).filter(|&r| !wanted[self.basic[r]]);
             match free.max_by(|&r, &s| size(r).total_cmp(&size(s))) {
-                Some(r) if size(r) > 1e-300 => self.exchange(r, c),
+                Some(r) if size(r) > 1e-300 && !interrupt() => self.exchange(r, c),
                 _ => {
                     (self.a, self.b, self.basic, self.nonbasic, self.column_of) = kept;
                     return;
@@ -357,10 +359,10 @@ impl<'a> Tableau<'a> {
     }
 
     /// Bring the last values to rounding level, and set to zero what is rounding alone.
-    fn correct(&mut self) {
+    fn correct(&mut self, interrupt: Interrupt<'_>) {
         for round in 0..REFINEMENTS {
             if self.refine() > LARGEST_DRIFT && round == 0 {
-                self.refactor();
+                self.refactor(interrupt);
             }
         }
         let (_, sizes) = self.residual();
@@ -400,7 +402,7 @@ impl<'a> Tableau<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::{lemke, PathEnd};
+    use super::{lemke, Data, PathEnd, Tableau};
     use crate::interrupt::never;
 
     fn path(entries: &[f64], q: &[f64]) -> super::Path {
@@ -423,6 +425,25 @@ mod tests {
         let found = path(&[-1.0], &[0.0]);
         assert_eq!((found.end, found.pivots), (PathEnd::Solved, 0));
         assert_eq!(path(&[], &[]).end, PathEnd::Solved);
+    }
+
+    #[test]
+    fn a_tableau_made_afresh_has_the_same_values_and_an_interrupted_one_is_left_alone() {
+        let data = Data {
+            entries: &[2.0, 1.0, 1.0, 2.0],
+            q: &[-4.0, -5.0],
+            covering: &[1.0, 1.0],
+        };
+        let mut tableau = Tableau::new(data);
+        tableau.follow(10, &never);
+        tableau.a[0] += 0.5;
+        let spoilt = tableau.a.clone();
+        tableau.refactor(&|| true);
+        assert_eq!(tableau.a, spoilt);
+        tableau.refactor(&never);
+        assert_ne!(tableau.a, spoilt);
+        let (z, _) = tableau.point();
+        assert!((z[0] - 1.0).abs() + (z[1] - 2.0).abs() < 1e-15);
     }
 
     #[test]

@@ -1,9 +1,7 @@
 """What takes long ends soon after its time limit, or after an interrupt of the keyboard, wherever it is."""
 
-import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -22,6 +20,7 @@ from pricing_core.lcp import (
     solve_psor,
 )
 from pricing_core.linalg import Tridiagonal
+from tests.problems.interrupted import interrupted_after
 from tests.problems.lcp_problems import fathi, murty_exponential
 from tests.problems.needs_kernel import needs_kernel
 
@@ -43,22 +42,6 @@ LONG: dict[str, Callable[..., object]] = {
     ),
     "front door": partial(solve, obstacle(100_000), method="psor"),
 }
-
-
-@contextmanager
-def interrupted_after(seconds: float) -> Iterator[None]:
-    """Let this thread be interrupted as by Ctrl-C."""
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGALRM, interrupt)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
 
 
 @needs_kernel
