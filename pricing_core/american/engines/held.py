@@ -50,8 +50,10 @@ def priced(
         "theta": by_value * value + by_delta * delta + by_gamma * gamma,
     }
     if "gamma_error" in others and "theta_error" not in others:
-        by_others = np.abs(by_delta) * others["delta_error"] + np.abs(by_gamma) * others["gamma_error"]
-        others["theta_error"] = np.abs(by_value) * columns["error"] + by_others
+        by_others = np.maximum(
+            np.abs(by_delta) * others["delta_error"], np.abs(by_gamma) * others["gamma_error"]
+        )
+        others["theta_error"] = np.maximum(np.abs(by_value) * columns["error"], by_others)
     if exercised.any():
         columns |= {name: others.pop(name) for name in BY_PARAMETERS if name in others}
         paid = {"value": payoff, "error": error, "delta": -book.sign}

@@ -25,24 +25,23 @@ NUMBERS = ("rate", "dividend_yield", "volatility", "amount", "escrow", "exercise
 RATE, _, VOLATILITY, AMOUNT, ESCROW, EXERCISE = range(len(NUMBERS))
 # Amount of a dividend, in strikes, that changes no value by more than a billionth; chosen.
 NEXT_TO_NOTHING = 1e-9
-OWN, CHANGE = (
-    0,
-    1,
-)  # The derivatives, and their changes with the degrees of the boundaries.
-# Error of each derivative over the sum of its changes with the degrees; calibrated on random contracts.
-CHANGE_SHARES = np.array([2.0, 3.0, 2.0, 2.0, 2.0, 1.5])
-# Error of a derivative by one dividend or piece of a curve over the sum of all changes by rate, yield and volatility;
-# calibrated likewise.
-ELSEWHERE_SHARE = 0.1
+OWN, CHANGE = range(2)  # The derivatives, and their changes with the degrees of the boundaries.
+# Error of each derivative over the sum of its changes with the degrees, and over the value's error (times the years for
+# those by rate, yield and volatility), for two degrees may agree by accident; calibrated on random contracts, as is all
+# that follows.
+CHANGE_SHARES = np.array([2.2, 2.1, 1.6, 2.6, 2.6, 0.64])
+VALUE_SHARES = np.array([3.0, 2.1, 1.6, 2.6])
+# The same of a derivative by one piece of a curve, with the years over the standard deviation of ln S.
+PIECE_CHANGE_SHARE, PIECE_VALUE_SHARE = 3.0, 0.05
+# The same of the slope, of the second derivative by x (with the years over the variance) and of vanna.
+SLOPE_VALUE_SHARE, GAMMA_SHARE, GAMMA_VALUE_SHARE, VANNA_SHARE, VANNA_VALUE_SHARE = 0.32, 1.6, 0.3, 1.5, 7.5
 # Errors that the panels leave at each level, in strikes: of a derivative by a parameter, per 1.00 and year, and of the
 # slope, in standard deviations of ln S; measured.
 BY_PANELS = np.array([1e-4, 4e-6, 1e-9, 4e-11, 4e-11, 4e-11, 4e-11])
 SLOPE_BY_PANELS = np.array([1e-4, 2e-6, 1e-10, 2e-11, 2e-11, 2e-11, 2e-11])
-# Error of the second derivative by x over that of the slope, in standard deviations of ln S; calibrated.
-GAMMA_SHARE = 3.0
 # Error of charm over the change of the first segment's derivatives, over that of the slope in variances of ln S, and
 # over what the panels leave of the slope in variances over the first segment; calibrated.
-CHARM_BY_FIRST, CHARM_BY_SLOPE, CHARM_BY_PANELS = 1.0, 6.0, 3.0
+CHARM_BY_FIRST, CHARM_BY_SLOPE, CHARM_BY_PANELS = 1.0, 1.0, 3.0
 # What the panels leave of a further derivative by x over what they leave of the one before, in the same unit.
 PANEL_ROUGHNESS = 20.0
 Derivatives = NDArray[np.float64]  # (m, 2, 2, 6), or a part of it
@@ -64,12 +63,15 @@ def greeks_of(book: Book, solved: Solved, *, extended: bool) -> Columns:
     K, starts = book.strike, book.first[:-1]
     S = book.spot - book.escrow_now()
     total = np.add.reduceat(gradient, starts, axis=0)
-    error = CHANGE_SHARES * total[:, CHANGE]
+    change, error = total[:, CHANGE], CHANGE_SHARES * total[:, CHANGE, 0]
     deviation = np.sqrt(np.add.reduceat(book.segments.volatility**2 * book.segments.duration, starts))
     by_panels = BY_PANELS[solved.level] * (1.0 + book.expiry)
-    by_exercise, left = error[:, 1, EXERCISE], SLOPE_BY_PANELS[solved.level] / deviation
-    by_slope = by_exercise + left
-    by_curvature = (GAMMA_SHARE * by_exercise + PANEL_ROUGHNESS * left) / deviation
+    by_value = solved.error * book.expiry / deviation
+    error[:, :AMOUNT] += (solved.error * book.expiry)[:, None] * VALUE_SHARES[:AMOUNT]
+    left = SLOPE_BY_PANELS[solved.level] / deviation
+    by_slope = CHANGE_SHARES[EXERCISE] * change[:, 1, EXERCISE] + SLOPE_VALUE_SHARE * by_value + left
+    by_curvature = GAMMA_SHARE * change[:, 1, EXERCISE] + GAMMA_VALUE_SHARE * by_value
+    by_curvature = (by_curvature + PANEL_ROUGHNESS * left) / deviation
     columns: Columns = by_spot(book, solved) | {
         error_of("delta"): K / S * by_slope,
         error_of("gamma"): K / S**2 * (by_slope + by_curvature),
@@ -77,17 +79,17 @@ def greeks_of(book: Book, solved: Solved, *, extended: bool) -> Columns:
     for name, greek in PARALLEL.items():
         k = NUMBERS.index(name)
         columns[greek] = K * total[:, OWN, 0, k]
-        columns[error_of(greek)] = K * (error[:, 0, k] + by_panels)
-    elsewhere = ELSEWHERE_SHARE * total[:, CHANGE, 0, :AMOUNT].sum(axis=1)
-    left_out = by_panels + elsewhere
-    columns |= _by_dividends(book, gradient, left_out)
+        columns[error_of(greek)] = K * (error[:, k] + by_panels)
+    columns |= _by_dividends(book, gradient, by_panels + VALUE_SHARES[AMOUNT] * solved.error)
     if extended:
         columns["vanna"] = K / S * total[:, OWN, 1, VOLATILITY]
         slope_by_panels = PANEL_ROUGHNESS * by_panels / deviation
-        columns[error_of("vanna")] = K / S * (error[:, 1, VOLATILITY] + slope_by_panels)
-        columns |= _charm(book, solved, S, total[:, CHANGE, 1, EXERCISE] / deviation**2)
+        columns[error_of("vanna")] = (
+            K / S * (VANNA_SHARE * change[:, 1, VOLATILITY] + VANNA_VALUE_SHARE * by_value + slope_by_panels)
+        )
+        columns |= _charm(book, solved, S, change[:, 1, EXERCISE] / deviation**2)
         for name in CURVES:
-            columns |= _by_pieces(book, name, gradient, left_out)
+            columns |= _by_pieces(book, name, gradient, by_panels + PIECE_VALUE_SHARE * by_value)
     return columns
 
 
@@ -197,7 +199,7 @@ def _by_pieces(book: Book, name: str, gradient: Derivatives, left_out: Vector) -
         piece = np.minimum(np.searchsorted(ends, middle), listed.first[owner + 1] - 1)
         strike = book.strike[owner]
         value += np.bincount(piece, strike * gradient[chosen, OWN, 0, k], value.size)
-        change = strike * CHANGE_SHARES[k] * gradient[chosen, CHANGE, 0, k]
+        change = strike * PIECE_CHANGE_SHARE * gradient[chosen, CHANGE, 0, k]
         error += np.bincount(piece, change, error.size) + (book.strike * left_out)[listed.owner()]
     return {BUCKETS[name]: Ragged(listed.first, value), error_of(BUCKETS[name]): Ragged(listed.first, error)}
 

@@ -61,9 +61,9 @@ DIFFERENCE_SHARES = (1.0, 0.5)  # Steps of differences, in the usual ones; chose
 VOLGA_TRIES = ((0.005, 1, 1.0), (0.0025, 3, 0.2))
 # Error of a second difference by its step, in squared shares of that, over volga and vega over the volatility, and over
 # what it is if the value falls with the square of its distance from the strike; calibrated likewise.
-VOLGA_TRUNCATION, FAR_TRUNCATION = 3.0, 0.3
+VOLGA_TRUNCATION, FAR_TRUNCATION = 1.5, 0.3
 # Error of a second difference over that of the first difference, which vega is known for, over the step; calibrated.
-VOLGA_NOISE = 0.2
+VOLGA_NOISE = 0.1
 Columns = dict[str, Any]
 
 
