@@ -36,12 +36,12 @@ def priced(
         Whether the spot lies in the closed exercise region.
     others
         Further columns of `Prices` by name. Derivatives by the parameters are not read in the exercise region; theta's
-        error follows from those of the price, delta and gamma where they are given and it is not.
+        error follows from those of the price, delta and gamma where they are given.
     """
     payoff, now = book.payoff(), book.first_segments().exercisable
     least = np.maximum(np.where(now, payoff, 0.0), european)
     value, missing = np.maximum(value, least), least - value
-    by_value, by_delta, by_gamma = theta_weights(book)
+    by_value, by_delta, by_gamma = _theta_weights(book)
     columns = {
         "value": value,
         "error": np.maximum(error, missing),
@@ -49,7 +49,7 @@ def priced(
         "gamma": gamma,
         "theta": by_value * value + by_delta * delta + by_gamma * gamma,
     }
-    if "gamma_error" in others and "theta_error" not in others:
+    if "gamma_error" in others:
         by_others = np.maximum(
             np.abs(by_delta) * others["delta_error"], np.abs(by_gamma) * others["gamma_error"]
         )
@@ -75,12 +75,12 @@ def held_theta(book: Book, value: Vector, delta: Vector, gamma: Vector) -> Vecto
     In the escrowed model the present value A of the dividends due grows like a bond while the spot less A diffuses:
     r V - ((r - q) (S - A) + r A) V_S - sigma**2/2 (S - A)**2 V_SS.
     """
-    by_value, by_delta, by_gamma = theta_weights(book)
+    by_value, by_delta, by_gamma = _theta_weights(book)
     theta: Vector = by_value * value + by_delta * delta + by_gamma * gamma
     return theta
 
 
-def theta_weights(book: Book) -> tuple[Vector, Vector, Vector]:
+def _theta_weights(book: Book) -> tuple[Vector, Vector, Vector]:
     """Return what theta is linear in value, delta and gamma with, each of shape (n,)."""
     spot, drift = _diffusing(book)
     now = book.first_segments()

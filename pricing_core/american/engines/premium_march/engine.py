@@ -15,7 +15,7 @@ from pricing_core.american.contracts.tolerances import BOUNDARY_ACCURACY
 from pricing_core.american.engines.differences import BUCKETS, DIVIDENDS, PARALLEL, of_dividends_not_due
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
-from pricing_core.american.engines.held import priced, theta_weights
+from pricing_core.american.engines.held import priced
 from pricing_core.american.engines.premium_march.puts import Puts, PutValues, solve_boundaries, solve_puts
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
@@ -26,10 +26,9 @@ SPREAD_STEP = 0.002  # Step of the difference for volga as a share of the volati
 # Errors of the derivatives by x, once and twice, rate, yield and spread: shares of their changes from one march to the
 # next, and of the value's error over the spread (ONCE) or its square (TWICE); calibrated on random puts.
 CHANGE_SHARES = np.array([[0.5], [0.5], [0.8], [0.8], [0.5]])
-VALUE_SHARES = np.array([[0.4], [1.0], [1.5], [1.5], [0.5]])
+VALUE_SHARES = np.array([[0.4], [0.6], [1.5], [1.5], [0.5]])
 ONCE, TWICE = slice(0, 5, 4), slice(1, 4)
-# The same for theta, over the time, for vanna and charm, and for volga; calibrated.
-TIME_VALUE_SHARE = 0.35
+# The same for vanna and charm, and for volga; calibrated.
 CROSS_SHARE, VANNA_VALUE_SHARE, CHARM_VALUE_SHARE = 0.5, 1.0, 0.4
 VOLGA_SHARE, VOLGA_VALUE_SHARE = 0.5, 1.0
 
@@ -162,18 +161,13 @@ def _errors(book: Book, scale: Vector, solved: PutValues) -> dict[str, Vector]:
     by_spread_once = 1.0 / (book.segments.volatility * np.sqrt(expiry))
     value = scale * (solved.error + ROUNDING)
     once = value * by_spread_once
-    changes = scale * solved.changes
-    errors = CHANGE_SHARES * np.abs(changes)
+    errors = CHANGE_SHARES * scale * np.abs(solved.changes)
     errors[ONCE] += VALUE_SHARES[ONCE] * once
     errors[TWICE] += VALUE_SHARES[TWICE] * (once * by_spread_once)
     by_x, by_xx, by_rate, by_dividend, by_spread = errors
-    _, by_delta, by_gamma = theta_weights(book)
-    theta = np.where(is_put, by_delta, -by_delta) * changes[0] / spot
-    theta += by_gamma * (changes[1] - changes[0]) / spot**2
     return {
         error_of("delta"): np.where(is_put, by_x, value + by_x) / spot,
         error_of("gamma"): (by_xx + by_x) / spot / spot,
-        error_of("theta"): CHANGE_SHARES[1] * np.abs(theta) + TIME_VALUE_SHARE * value / expiry,
         error_of("vega"): np.sqrt(expiry) * by_spread,
         error_of("rho"): expiry * np.where(is_put, by_rate, by_dividend),
         error_of("dividend_rho"): expiry * np.where(is_put, by_dividend, by_rate),
