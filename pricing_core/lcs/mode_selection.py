@@ -14,6 +14,7 @@ from pricing_core.lcs.autonomous import AutonomousForm
 from pricing_core.lcs.closed_form import ClosedForm, closed_form
 from pricing_core.lcs.free_inputs import free_input_moves_state
 from pricing_core.lcs.mode_dynamics import LADDER, Entry, ModeDynamics, Shares, State, mode_dynamics
+from pricing_core.lcs.one_step_problem import OneStepProblem, one_step_problem
 from pricing_core.lcs.slow_part import SlowPart, slow_part
 from pricing_core.lcs.uniqueness import has_unique_state
 
@@ -46,6 +47,7 @@ class ModeSelector:
     _known: dict[IndexSet, ModeDynamics | None] = field(default_factory=dict, init=False, repr=False)
     _slow: dict[int, SlowPart | None] = field(default_factory=dict, init=False, repr=False)
     _closed: dict[int, ClosedForm | None] = field(default_factory=dict, init=False, repr=False)
+    _steps: dict[float, OneStepProblem] = field(default_factory=dict, init=False, repr=False)
     _taken: dict[tuple[IndexSet, IndexSet | None], IndexSet] = field(
         default_factory=dict, init=False, repr=False
     )
@@ -173,12 +175,13 @@ class ModeSelector:
             yield mode
 
     def _from_problems(self, z: Vector) -> Iterator[IndexSet]:
-        """Yield the modes that solve the problem (11.77) at large real s."""
-        A, B, C, D = self.form.system.A, self.form.system.B, self.form.system.C, self.form.system.D
+        """Yield the modes that solve the problem (11.77) at large real s, that of an implicit step of length 1/s."""
         for s in SEARCHED:
-            resolved = np.linalg.solve(s * np.eye(A.shape[0]) - A, np.column_stack([B, z]))
             try:
-                solution = solve(LCP(D + C @ resolved[:, :-1], s * (C @ resolved[:, -1])))
+                if s not in self._steps:
+                    self._steps[s] = one_step_problem(self.form.system, 1.0 / s)
+                step = self._steps[s]
+                solution = solve(step.lcp(step.free_state(z, 0.0), 0.0))
             except NumericalError:
                 continue
             yield tuple(np.flatnonzero(solution.z > solution.w).tolist())

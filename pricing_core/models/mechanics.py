@@ -1,7 +1,7 @@
 """Linear mechanical systems with unilateral constraints and impacts (section 11.2.2, example 11.2)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -222,15 +222,21 @@ class _NewtonsLaw:
     normals: Matrix
     response: Matrix
     restitution: float
+    _known: dict[IndexSet, tuple[Matrix, bool]] = field(default_factory=dict, init=False, repr=False)
 
     def __call__(self, before: Vector, after: Vector, contacts: IndexSet) -> tuple[Vector, Vector]:
         """Return the state after an impact, and the impulse: of least norm where that is open."""
         k, n = self.normals.shape
         index, v = list(contacts), before[n:]
         normals, response = self.normals[index], self.response[:, index]
-        problem = LCP(normals @ response, (1.0 + self.restitution) * (normals @ v))
+        if contacts not in self._known:
+            delassus = normals @ response
+            is_open = len(index) > 1 and bool(np.linalg.matrix_rank(delassus) < len(index))
+            self._known[contacts] = delassus, is_open
+        delassus, is_open = self._known[contacts]
+        problem = LCP(delassus, (1.0 + self.restitution) * (normals @ v))
         held = solve(problem).z
-        if len(index) > 1 and np.linalg.matrix_rank(problem.dense()) < len(index):
+        if is_open:
             held = least_norm_solution(problem, held)
         impulse = np.zeros(k)
         impulse[index] = held
