@@ -11,6 +11,7 @@ from app.cost_model import CHEAP_SECONDS
 from app.lanes import ExpensiveLane, Interrupt, Place, inline
 from app.metrics import Metrics
 from app.request_record import record_of
+from app.route_limits import RouteLimits
 
 Answer = TypeVar("Answer")
 
@@ -64,17 +65,33 @@ def is_cheap(request: Request, expected: Callable[[], float]) -> bool:
 
 async def answer_expensive(request: Request, work: Callable[[Interrupt], Answer]) -> Answer:
     """Do work in a thread for expensive questions; a request keeps its place and deadline until it is answered."""
+    return await expensive_lane(request).run(work, expensive_place(request), _disconnected(request))
+
+
+def expensive_place(request: Request) -> Place:
+    """Return the request's place in the expensive lane, taken when it is first asked for.
+
+    Raises
+    ------
+    ClientLimitError, OverloadedError
+        As `ExpensiveLane.enter`.
+    """
     lane, state = expensive_lane(request), request.state
     if not hasattr(state, "place"):
         state.place = _enter(request, lane)
-    return await lane.run(work, state.place, _disconnected(request))
+    place: Place = state.place
+    return place
 
 
 def _enter(request: Request, lane: ExpensiveLane) -> Place:
     """Return a place in the lane, which is given back when the request has been answered."""
     limits: KeyLimits = getattr(request.state, "key_limits", NO_LIMITS)
+    of_route: RouteLimits = request.state.limits
     place = lane.enter(
-        client_of(request), most=limits.client_queue, seconds_per_minute=limits.seconds_per_minute
+        client_of(request),
+        of_route.deadline_seconds,
+        most=limits.client_queue,
+        seconds_per_minute=limits.seconds_per_minute,
     )
     metrics: Metrics = request.app.state.metrics
     metrics.expensive.inc()

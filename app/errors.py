@@ -49,6 +49,14 @@ class UnsupportedMediaTypeError(ServiceError):
     """The body is not declared as plain JSON."""
 
 
+class InvalidArrowError(ServiceError):
+    """The body is not an Arrow stream that the service reads."""
+
+
+class NotAcceptableError(ServiceError):
+    """The answer is asked for in a form that it does not have."""
+
+
 class BodyTooLargeError(ServiceError):
     """The body is larger than the service reads."""
 
@@ -90,6 +98,8 @@ PROBLEM_TYPES: Mapping[type[Exception], ProblemType] = {
     InvalidInputError: ProblemType(422, "invalid-input", "A field is not what it must be"),
     InvalidRequestError: ProblemType(422, "invalid-input", "A field is not what it must be"),
     InvalidJsonError: ProblemType(422, "invalid-json", "The body is not one valid JSON object"),
+    InvalidArrowError: ProblemType(422, "invalid-arrow", "The body is not one valid Arrow stream"),
+    NotAcceptableError: ProblemType(406, "not-acceptable", "There is no answer of that kind"),
     UnsupportedMediaTypeError: ProblemType(
         415, "unsupported-media-type", "The body must be application/json"
     ),

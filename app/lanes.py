@@ -75,6 +75,8 @@ class Place:
         Whose request it is.
     expires : float
         Reading of the monotonic clock by which its work ends.
+    late_seconds : float
+        How long work that does not end then is waited for.
     seconds_per_minute : float or None
         What its client may take of the threads.
     waited : float
@@ -83,6 +85,7 @@ class Place:
 
     client: str
     expires: float
+    late_seconds: float
     seconds_per_minute: float | None = None
     waited: float = 0.0
 
@@ -135,12 +138,19 @@ class ExpensiveLane:
         self._ends_by = float("inf")
 
     def enter(
-        self, client: str, *, most: int | None = None, seconds_per_minute: float | None = None
+        self,
+        client: str,
+        deadline_seconds: float | None = None,
+        *,
+        most: int | None = None,
+        seconds_per_minute: float | None = None,
     ) -> Place:
         """Return a place for a request of a client, to be left again.
 
         Parameters
         ----------
+        deadline_seconds : float, optional
+            From now until its work ends; that of the settings unless given.
         most : int, optional
             Requests that the client may have here; that of the settings unless given.
         seconds_per_minute : float, optional
@@ -161,7 +171,8 @@ class ExpensiveLane:
         if seconds_per_minute is not None:
             self._budgets.check(client, seconds_per_minute)
         self._places[client] += 1
-        return Place(client, time.monotonic() + self._settings.deadline_seconds, seconds_per_minute)
+        seconds = self._settings.deadline_seconds if deadline_seconds is None else deadline_seconds
+        return Place(client, time.monotonic() + seconds, LATE_SHARE * seconds, seconds_per_minute)
 
     def leave(self, place: Place) -> None:
         """Give a place back."""
@@ -192,8 +203,7 @@ class ExpensiveLane:
             waited_for: set[asyncio.Future[Any]] = {job.answer, left}
             await asyncio.wait(waited_for, timeout=job.seconds_left, return_when="FIRST_COMPLETED")
             if job.begun and not job.answer.done() and not left.done():
-                late = LATE_SHARE * self._settings.deadline_seconds
-                await asyncio.wait(waited_for, timeout=late, return_when="FIRST_COMPLETED")
+                await asyncio.wait(waited_for, timeout=place.late_seconds, return_when="FIRST_COMPLETED")
             if job.answer.done():
                 return job.answer.result()  # type: ignore[no-any-return]
             if left.done():

@@ -22,10 +22,11 @@ with needs_extra("service"):
     from app.envelope import Envelope
     from app.errors import install_handlers
     from app.head_requests import HeadAsGet
+    from app.incoming_body import BodyMemory
     from app.lanes import ExpensiveLane
     from app.metrics import Metrics
     from app.problem_responses import problem_responses
-    from app.routes import boundary, health, implied_volatility, metrics, price
+    from app.routes import batch, boundary, health, implied_volatility, metrics, price
     from app.settings import Settings, parts, settings_from_environment
 
 # What is priced before the service is ready.
@@ -62,7 +63,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.metrics = Metrics()
     app.state.ledger = ConnectionLedger(settings)
     keys = read_keys(settings.api_keys_file) if settings.api_keys_file else ()
-    for module in (price, boundary, implied_volatility):
+    for module in (price, batch, boundary, implied_volatility):
         app.include_router(module.router, **_with_keys(keys))
     for module in (health, metrics, docs_page):
         app.include_router(module.router)
@@ -91,6 +92,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     if found.status != "ok":
         raise RuntimeError(f"the first price has the status {found.status}")
     app.state.cheap_lane = CheapLane()
+    app.state.body_memory = BodyMemory(app.state.settings.max_batch_bytes)
     app.state.expensive_lane = ExpensiveLane(app.state.settings)
     try:
         yield

@@ -7,6 +7,7 @@ from app.schemas import Problem
 
 MEANINGS = {
     401: "The key is missing or not known.",
+    406: "The answer is asked for in a form that it does not have.",
     408: "The body did not arrive in time.",
     413: "The body is too large.",
     415: "The body is not declared as application/json.",

@@ -3,7 +3,7 @@
 import asyncio
 import difflib
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, TypeAlias, TypeVar
 
 from fastapi import Request
@@ -14,7 +14,7 @@ from app.admission import read_body
 from app.contract_schema import CURVE, DATE, DATE_IN_WORDS, KEYS, NUMBER
 from app.errors import BodyTimeoutError, BodyTooLargeError, InvalidRequestError, UnsupportedMediaTypeError
 from app.json_schema import inline_schema
-from app.settings import Settings
+from app.route_limits import Limits, RouteLimits
 from app.strict_json import parse_object
 from pricing_core.american.contracts.checks import range_in_words
 from pricing_core.american.contracts.field import CURVE_IN_WORDS
@@ -29,13 +29,14 @@ LENGTHS = ("too_long", "too_short")  # kinds of fault, as pydantic calls them
 OF_NUMBERS = ("float_type", "finite_number", "greater_than_equal", "less_than_equal")
 
 
-def json_body(model: type[Model]) -> Callable[[Request], Awaitable[Model]]:
-    """Return the dependency that reads a request's body as `model`."""
+def json_body(model: type[Model], limits: Limits) -> Callable[[Request], Awaitable[Model]]:
+    """Return the dependency that reads a request's body as `model`, and holds the request to the route's limits."""
 
     async def read(request: Request) -> Model:
-        settings: Settings = request.app.state.settings
-        _check_media_type(request)
-        raw = await _read_bytes(request, settings)
+        request.state.limits = limits(request.app.state.settings)
+        check_encoding(request)
+        check_media_type(request, ("application/json",))
+        raw = await _read_bytes(request, request.state.limits)
         return await read_body(request, raw, parse)
 
     def parse(raw: bytes) -> Model:
@@ -53,30 +54,56 @@ def request_body(model: type[BaseModel]) -> dict[str, Any]:
     return {"requestBody": {"required": True, "content": content}}
 
 
-def _check_media_type(request: Request) -> None:
+def check_media_type(request: Request, allowed: Sequence[str]) -> str:
+    """Return the media type of a request's body, in UTF-8.
+
+    Raises
+    ------
+    UnsupportedMediaTypeError
+        It is not one of those that are allowed.
+    """
     media_type, _, parameters = request.headers.get("content-type", "").partition(";")
     charset = parameters.strip().lower().removeprefix("charset=").strip('"')
-    if media_type.strip().lower() != "application/json" or charset not in ("", "utf-8"):
-        raise UnsupportedMediaTypeError("Content-Type must be application/json, in UTF-8")
+    media_type = media_type.strip().lower()
+    if media_type not in allowed or charset not in ("", "utf-8"):
+        raise UnsupportedMediaTypeError(f"Content-Type must be {' or '.join(allowed)}, in UTF-8")
+    return media_type
+
+
+def check_encoding(request: Request) -> None:
+    """Refuse a body that is compressed."""
     if request.headers.get("content-encoding", "identity").strip().lower() != "identity":
         raise UnsupportedMediaTypeError("Content-Encoding must be absent: the body must not be compressed")
 
 
-async def _read_bytes(request: Request, settings: Settings) -> bytes:
-    limit = settings.max_body_bytes
-    too_large = BodyTooLargeError(f"the body must not be longer than {limit} bytes")
+def check_length(request: Request, limits: RouteLimits) -> None:
+    """Refuse a body that is declared to be too large."""
     declared = request.headers.get("content-length", "")
-    if declared.isdecimal() and (len(declared) > 18 or int(declared) > limit):
-        raise too_large
+    if declared.isdecimal() and (len(declared) > 18 or int(declared) > limits.body_bytes):
+        raise too_large(limits)
+
+
+def too_large(limits: RouteLimits) -> BodyTooLargeError:
+    """Return the error of a body that is too large."""
+    return BodyTooLargeError(f"the body must not be longer than {limits.body_bytes} bytes")
+
+
+def too_late(limits: RouteLimits) -> BodyTimeoutError:
+    """Return the error of a body that is not here in time."""
+    return BodyTimeoutError(f"the body must arrive within {limits.body_seconds:g} s")
+
+
+async def _read_bytes(request: Request, limits: RouteLimits) -> bytes:
+    check_length(request, limits)
     raw = bytearray()
     try:
-        async with asyncio.timeout(settings.body_seconds):
+        async with asyncio.timeout(limits.body_seconds):
             async for part in request.stream():
                 raw += part
-                if len(raw) > limit:
-                    raise too_large
+                if len(raw) > limits.body_bytes:
+                    raise too_large(limits)
     except TimeoutError:
-        raise BodyTimeoutError(f"the body must arrive within {settings.body_seconds:g} s") from None
+        raise too_late(limits) from None
     return bytes(raw)
 
 

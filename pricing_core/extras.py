@@ -11,7 +11,7 @@ EXTRAS = {
     "cluster": ("dask", "distributed"),
     "cli": ("rich", "typer"),
     "plot": ("matplotlib",),
-    "service": ("fastapi", "prometheus_client", "pydantic", "pydantic_settings", "starlette", "uvicorn"),
+    "service": ("fastapi", "prometheus_client", "pyarrow", "pydantic", "pydantic_settings", "starlette", "uvicorn"),
 }
 
 

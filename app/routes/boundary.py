@@ -14,6 +14,7 @@ from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
 from app.request_record import record_of
 from app.result_values import by_name
+from app.route_limits import for_contract
 from app.schemas import BoundaryRequest, BoundaryResponse
 from pricing_core.american import ExerciseBoundary, Market, Option, exercise_boundary
 from pricing_core.american.contracts.result_fields import BOUNDARY_FIELDS
@@ -29,7 +30,7 @@ router = APIRouter(tags=["pricing"])
     responses=problem_responses(408, 413, 415, 422, 429, 500, 503),
 )
 async def post_boundary(
-    question: Annotated[BoundaryRequest, Depends(json_body(BoundaryRequest))], request: Request
+    question: Annotated[BoundaryRequest, Depends(json_body(BoundaryRequest, for_contract))], request: Request
 ) -> Strict:
     """Find the exercise boundary at the asked times.
 

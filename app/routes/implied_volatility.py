@@ -14,6 +14,7 @@ from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
 from app.request_record import record_of
 from app.result_values import by_name
+from app.route_limits import for_contract
 from app.schemas import ImpliedVolatilityRequest, ImpliedVolatilityResponse
 from pricing_core.american import ImpliedVolatility, Market, Option, implied_volatility
 from pricing_core.american.contracts.result_fields import IMPLIED_VOLATILITY_FIELDS
@@ -28,7 +29,7 @@ router = APIRouter(tags=["pricing"])
     responses=problem_responses(408, 413, 415, 422, 429, 500, 503),
 )
 async def post_implied_volatility(
-    question: Annotated[ImpliedVolatilityRequest, Depends(json_body(ImpliedVolatilityRequest))],
+    question: Annotated[ImpliedVolatilityRequest, Depends(json_body(ImpliedVolatilityRequest, for_contract))],
     request: Request,
 ) -> Strict:
     """Find the volatility at which the option is worth option_price, or lies between bid and ask.

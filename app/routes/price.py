@@ -15,6 +15,7 @@ from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
 from app.request_record import record_of
 from app.result_values import price_by_name
+from app.route_limits import for_contract
 from app.schemas import PriceRequest, PriceResponse
 from pricing_core.american import Valuation, price
 
@@ -29,7 +30,7 @@ router = APIRouter(tags=["pricing"])
     responses=problem_responses(408, 413, 415, 422, 429, 500, 503),
 )
 async def post_price(
-    question: Annotated[PriceRequest, Depends(json_body(PriceRequest))], request: Request
+    question: Annotated[PriceRequest, Depends(json_body(PriceRequest, for_contract))], request: Request
 ) -> Strict:
     """Value one option and its sensitivities.
 

@@ -55,8 +55,7 @@ def price_read(
     """Return the results of contracts that were read from columns of these names, as `price_batch` does."""
     table = price_book(read, names, settings, threads, interrupt)
     faults = {**read.faults, **_unpriced(table, read.faults)}
-    schema = result_schema(names, settings.greeks, greek_errors=settings.greek_errors)
-    schema = schema.append(pa.field("message", pa.string()))
+    schema = results_schema(names, settings)
     lists, arrays = table.lists(), []
     for field in schema:
         if field.name in lists:
@@ -69,6 +68,12 @@ def price_read(
         place = schema.get_field_index("exercise_now")
         arrays[place] = pc.if_else(pa.array(unknown), None, arrays[place])
     return pa.RecordBatch.from_arrays(arrays, schema=schema), faults
+
+
+def results_schema(names: Sequence[str], settings: PricingSettings) -> pa.Schema:
+    """Return the columns of the results for columns of these names, the message the last."""
+    schema = result_schema(names, settings.greeks, greek_errors=settings.greek_errors)
+    return schema.append(pa.field("message", pa.string()))
 
 
 def contract_columns(batch: pa.RecordBatch, settings: PricingSettings) -> dict[str, ArrowColumn]:

@@ -1,0 +1,82 @@
+"""What is asked of all rows of a batch, in the query of its address."""
+
+import difflib
+from typing import Any, NamedTuple
+
+from fastapi import Request
+
+from app.errors import InvalidRequestError
+from app.greeks_units import DEFAULT_UNITS, GreeksUnits
+from app.greeks_units import MEANING as UNITS_MEANING
+from pricing_core.american.contracts.fields import GREEK_ERRORS, GREEKS, TOLERANCE
+from pricing_core.american.pricing_settings import PricingSettings
+from pricing_core.errors import InvalidInputError, Told
+from pricing_core.plain_number import read_number
+
+UNITS = ("per_year_per_unit", "per_day_per_point")
+FLAGS = {"true": True, "false": False}
+
+
+class BatchQuestion(NamedTuple):
+    """The settings of all rows, and the units of their Greeks."""
+
+    settings: PricingSettings
+    units: GreeksUnits
+
+
+def _parameter(name: str, description: str, schema: dict[str, Any]) -> dict[str, Any]:
+    return {"name": name, "in": "query", "required": False, "description": description, "schema": schema}
+
+
+PARAMETERS = [
+    _parameter(
+        "tolerance",
+        f"{TOLERANCE.description} For rows without one of their own.",
+        {
+            "type": "number",
+            "minimum": TOLERANCE.least,
+            "maximum": TOLERANCE.most,
+            "default": TOLERANCE.default,
+        },
+    ),
+    _parameter("greeks", GREEKS.description, {"enum": [*GREEKS.choices], "default": GREEKS.default}),
+    _parameter("greek_errors", GREEK_ERRORS.description, {"type": "boolean", "default": False}),
+    _parameter("greeks_units", UNITS_MEANING, {"enum": [*UNITS], "default": DEFAULT_UNITS}),
+]
+NAMES = [parameter["name"] for parameter in PARAMETERS]
+
+
+def batch_question(request: Request) -> BatchQuestion:
+    """Read the query of a request.
+
+    Raises
+    ------
+    InvalidRequestError
+        A parameter is unknown, given twice, or not what it must be.
+    """
+    given = request.query_params.multi_items()
+    found = dict(given)
+    try:
+        for name in found:
+            if name not in NAMES:
+                nearest = difflib.get_close_matches(name[:40], NAMES, n=1)
+                hint = f"; did you mean {nearest[0]}?" if nearest else ""
+                raise InvalidInputError("query", Told("unknown"), f"of the names {', '.join(NAMES)}{hint}")
+        if len(found) < len(given):
+            raise InvalidInputError("query", Told("a name twice"), "without a name twice")
+        units = _choice("greeks_units", found, UNITS, DEFAULT_UNITS)
+        settings = PricingSettings(
+            TOLERANCE.check(read_number("tolerance", found.get("tolerance", TOLERANCE.default))),
+            _choice("greeks", found, GREEKS.choices, GREEKS.default),
+            FLAGS[_choice("greek_errors", found, tuple(FLAGS), "false")],
+        )
+    except InvalidInputError as fault:
+        raise InvalidRequestError([fault]) from None
+    return BatchQuestion(settings, units)
+
+
+def _choice(name: str, given: dict[str, str], choices: tuple[str, ...], default: str) -> Any:
+    value = given.get(name, default)
+    if value not in choices:
+        raise InvalidInputError(name, value, " or ".join(choices))
+    return value

@@ -1,0 +1,116 @@
+"""The rows of a batch priced part by part, by the threads for expensive questions, while others are sent."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable, Sequence
+from typing import Protocol, TypeAlias, TypeVar
+
+import pyarrow as pa
+from fastapi import Request
+
+from app.admission import expensive_lane, expensive_place
+from app.arrow_body import table_of
+from app.batch_answers import ARROW, JSON, LINES, BatchAnswer
+from app.errors import BodyTooLargeError, DeadlineError
+from app.incoming_body import IncomingBody
+from app.json_rows import columns_of, rows_of_lines
+from app.lanes import Interrupt
+from app.row_limits import FIELDS, MOST_ROWS
+from pricing_core.american.arrow.price_batch import results_schema
+from pricing_core.american.pricing_settings import PricingSettings
+
+Found = TypeVar("Found")
+LONGEST_COLUMNS = 1 << 23  # bytes of a batch as one JSON object, which is parsed in one go; chosen
+
+
+class Rows(Protocol):
+    """Rows to be priced together."""
+
+    def price(self, settings: PricingSettings, interrupt: Interrupt) -> pa.RecordBatch:
+        """Return the results of every row; those that are not ready when the work ends have the status deadline."""
+        ...
+
+
+# Consecutive rows, read when they are to be priced.
+Part: TypeAlias = Callable[[], Rows]
+
+
+class BatchWork:
+    """One batch.
+
+    Parameters
+    ----------
+    request : Request
+    body : IncomingBody
+    form : str
+        Of the body.
+    settings : PricingSettings
+    answer : BatchAnswer
+    """
+
+    def __init__(
+        self,
+        request: Request,
+        body: IncomingBody,
+        form: str,
+        settings: PricingSettings,
+        answer: BatchAnswer,
+    ) -> None:
+        self._lane, self._place = expensive_lane(request), expensive_place(request)
+        self._body, self._form, self._settings, self._answer = body, form, settings, answer
+
+    async def answered(self) -> AsyncIterator[bytes]:
+        """Yield the answer as it becomes ready.
+
+        Raises
+        ------
+        ServiceError, InvalidInputError, InvalidJsonError, ClientDisconnect
+            The body is not what it must be, or nobody waits for the answer.
+        """
+        names, parts = await self._read()
+        yield self._answer.start(results_schema(names, self._settings))
+        count = 0
+        async for part in parts:
+            rows, encoded = await self._priced(part)
+            count += rows
+            if count > MOST_ROWS:
+                raise BodyTooLargeError(f"a batch must not have more than {MOST_ROWS} rows")
+            yield self._answer.add(encoded)
+        yield await asyncio.to_thread(self._answer.end)
+
+    async def _read(self) -> tuple[Sequence[str], AsyncIterator[Part]]:
+        """Return the names of the columns, and the rows."""
+        if self._form == LINES:
+            return [*FIELDS], self._lines()
+        body = await self._body.whole()
+        if self._form == JSON and len(body) > LONGEST_COLUMNS:
+            raise BodyTooLargeError(
+                f"one JSON object must not be longer than {LONGEST_COLUMNS} bytes: send {LINES} or {ARROW}"
+            )
+        read: Callable[[bytearray], tuple[list[str], Sequence[Rows]]]
+        read = columns_of if self._form == JSON else table_of
+        names, rows = await self._done(lambda _: read(body))
+        return names, _one_by_one(rows)
+
+    async def _lines(self) -> AsyncIterator[Part]:
+        async for lines in self._body.lines():
+            yield lambda lines=lines: rows_of_lines(lines)  # type: ignore[misc]
+
+    async def _priced(self, part: Part) -> tuple[int, object]:
+        """Return how many rows there are, and their results in the form of the answer."""
+
+        def work(interrupt: Interrupt) -> tuple[int, object]:
+            results = part().price(self._settings, interrupt)
+            return results.num_rows, self._answer.encoded(results)
+
+        try:
+            return await self._done(work)
+        except DeadlineError:  # what is left is said to be unfinished
+            return await asyncio.to_thread(work, lambda: True)
+
+    async def _done(self, work: Callable[[Interrupt], Found]) -> Found:
+        return await self._lane.run(work, self._place, self._body.gone())
+
+
+async def _one_by_one(rows: Sequence[Rows]) -> AsyncIterator[Part]:
+    for one in rows:
+        yield lambda one=one: one  # type: ignore[misc]

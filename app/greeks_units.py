@@ -1,0 +1,71 @@
+"""Greeks per year and per 1.00 of a parameter, or per day and per 0.01 of it."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal, TypeAlias
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from pricing_core.american.book.valuation import DAYS_PER_YEAR
+
+GreeksUnits: TypeAlias = Literal["per_year_per_unit", "per_day_per_point"]
+DEFAULT_UNITS: GreeksUnits = "per_year_per_unit"
+MEANING = (
+    "per_year_per_unit: theta and charm per year, what depends on a volatility, rate or yield per 1.00 of it; "
+    "per_day_per_point: per day (1/365 year) and per 0.01. Errors are in the units of their Greeks."
+)
+POINT = 0.01
+# What a Greek is multiplied by to be one per day and per point; the others have no such unit.
+PER_DAY_PER_POINT: Mapping[str, float] = {
+    "theta": 1.0 / DAYS_PER_YEAR,
+    "charm": 1.0 / DAYS_PER_YEAR,
+    **dict.fromkeys(("vega", "rho", "dividend_rho", "vanna"), POINT),
+    "volga": POINT * POINT,
+    **dict.fromkeys(("rate_buckets", "dividend_yield_buckets", "volatility_buckets"), POINT),
+}
+
+
+def factor(name: str, units: GreeksUnits) -> float:
+    """Return what an output of this name is multiplied by.
+
+    Examples
+    --------
+    >>> factor("vega_error", "per_day_per_point"), factor("delta", "per_day_per_point")
+    (0.01, 1.0)
+    """
+    return 1.0 if units == DEFAULT_UNITS else PER_DAY_PER_POINT.get(name.removesuffix("_error"), 1.0)
+
+
+def in_units(found: Mapping[str, Any], units: GreeksUnits) -> dict[str, Any]:
+    """Return outputs by name, numbers and lists of numbers, in the units asked for, which are named."""
+    if units == DEFAULT_UNITS:
+        return {**found, "greeks_units": units}
+    changed = {name: _times(value, factor(name, units)) for name, value in found.items()}
+    return {**changed, "greeks_units": units}
+
+
+def batch_in_units(batch: pa.RecordBatch, units: GreeksUnits) -> pa.RecordBatch:
+    """Return columns of results in the units asked for."""
+    if units == DEFAULT_UNITS:
+        return batch
+    columns = [
+        _column_times(column, factor(name, units))
+        for name, column in zip(batch.schema.names, batch.columns, strict=True)
+    ]
+    return pa.RecordBatch.from_arrays(columns, schema=batch.schema)
+
+
+def _times(value: Any, by: float) -> Any:
+    if by == 1.0 or value is None:
+        return value
+    if isinstance(value, Iterable):
+        return [_times(entry, by) for entry in value]
+    return by * value
+
+
+def _column_times(column: pa.Array, by: float) -> pa.Array:
+    if by == 1.0:
+        return column
+    if pa.types.is_list(column.type):
+        return pa.ListArray.from_arrays(column.offsets, pc.multiply(column.values, by), mask=column.is_null())
+    return pc.multiply(column, by)

@@ -1,0 +1,39 @@
+"""What a route lets a request have: bytes of a body, and seconds in which it is answered."""
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+from app.settings import Settings
+
+
+class RouteLimits(NamedTuple):
+    """The limits of one request.
+
+    Parameters
+    ----------
+    body_bytes : int
+    body_seconds : float
+        Until all of the body is here.
+    deadline_seconds : float
+        Until the answer, waiting included.
+    """
+
+    body_bytes: int
+    body_seconds: float
+    deadline_seconds: float
+
+
+# What a route is declared with.
+Limits: TypeAlias = Callable[[Settings], RouteLimits]
+
+
+def for_contract(settings: Settings) -> RouteLimits:
+    """Return the limits of a question about one contract."""
+    return RouteLimits(settings.max_body_bytes, settings.body_seconds, settings.deadline_seconds)
+
+
+def for_batch(settings: Settings) -> RouteLimits:
+    """Return the limits of a question about many contracts, whose rows may arrive while others are answered."""
+    return RouteLimits(
+        settings.max_batch_bytes, settings.batch_deadline_seconds, settings.batch_deadline_seconds
+    )
