@@ -455,7 +455,12 @@ def test_rows_with_events_equal_single_prices_bit_for_bit(greeks):
             if name == "message":
                 continue
             wanted = getattr(single, name)
-            if column.dtype == object and name not in ("status", "method", "engine_version", "instruction_set"):
+            if column.dtype == object and name not in (
+                "status",
+                "method",
+                "engine_version",
+                "instruction_set",
+            ):
                 assert column[row] == (wanted or ()), f"{row} {name}"
             else:
                 wanted = math.nan if wanted is None else wanted
