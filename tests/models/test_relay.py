@@ -273,3 +273,24 @@ def test_many_relays_in_symmetric_directions_have_one_state(seed):
     relays = RelaySystem(rng.integers(-2, 3, (n, n)), B, B.T, upper=rng.integers(1, 4, k))
     assert relays.has_unique_state()
     assert relays.well_posedness().verdict == "well-posed"
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_has_slid_to_rest_does_not_switch_at_the_end_of_the_interval(seed):
+    """Relays that all see one combination c x of a damped state hold c x at zero from the first time it vanishes."""
+    rng = np.random.default_rng(seed)
+    n, k = int(rng.integers(1, 4)), int(rng.integers(1, 5))
+    S, c = rng.normal(size=(n, n)), rng.normal(size=n)
+    C = np.outer(10.0 ** rng.uniform(-1.0, 1.0, k), c) if seed % 2 else np.tile(c, (k, 1))
+    system = RelaySystem(S - S.T - rng.uniform(0.1, 5.0) * np.eye(n), np.tile(c, (k, 1)).T, C)
+    x0 = rng.normal(size=n) * 10.0 ** rng.uniform(-3.0, 3.0)
+    for end in 10.0 ** rng.uniform(-1.0, 2.0, 8):
+        switches = system.simulate(x0, (0.0, end)).switches
+        assert all(switch.time < end * (1.0 - 1e-9) for switch in switches)
+
+
+def test_two_relays_at_rest_do_not_switch_at_the_end_of_the_interval():
+    system = RelaySystem([[-1.0]], [[1.0, 1.0]], [[1.0], [1.0]])
+    for end in np.linspace(0.5, 2.5, 41):
+        (switch,) = system.simulate([1.0], (0.0, end)).switches
+        assert switch.time == pytest.approx(math.log(1.5), abs=1e-14)
