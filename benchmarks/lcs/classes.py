@@ -350,7 +350,7 @@ def _rates(system: LCS, run: Trajectory) -> str:
 def _by_radau(
     rate: Callable[[float, float], float], times: Vector, size: float = 1.0, longest: float = math.inf
 ) -> Vector:
-    """Return the solution from 0, in steps no longer than what it may do in between: charge at a crest, for instance."""
+    """Return the solution from 0, in steps no longer than what happens in between takes."""
     with np.errstate(divide="ignore"):  # where nothing moves
         found = solve_ivp(
             lambda t, x: [rate(t, float(x[0]))],
