@@ -179,3 +179,23 @@ def test_greeks_belong_to_the_solution_that_gave_the_price():
     error = np.abs(found["vega"] - (4.0 * narrow - wide) / 3.0)[known]
     assert error.max() <= 0.05
     assert np.mean(error > 0.01) <= 0.02
+
+
+@pytest.mark.parametrize("option_type", ["put", "call"])
+def test_dividends_that_come_close_are_worth_what_one_dividend_is(option_type):
+    """The paths of the spot differ by the second amount times its growth between the two, within deviations of that."""
+    random = np.random.default_rng(41)
+    for _ in range(12):
+        expiry, volatility = random.uniform(0.2, 3.0), random.uniform(0.1, 0.5)
+        option = Option(option_type, 100.0, expiry)
+        first, second = random.uniform(0.1, 2.0, 2)
+        time, apart = random.uniform(0.1, 0.8) * expiry, expiry * 10.0 ** random.uniform(-7.0, -4.0)
+        market = Market(random.uniform(80.0, 120.0), random.uniform(0.01, 0.08), volatility)
+        apart_by = replace(
+            market, cash_dividends=(CashDividend(time, first), CashDividend(time + apart, second))
+        )
+        together = replace(market, cash_dividends=(CashDividend(time, first + second),))
+        found, one = (solved(ENGINE, (option, each), tolerance=1e-6) for each in (apart_by, together))
+        assert found.settled[0]
+        moved = second * volatility * np.sqrt(apart) + 10.0 * apart
+        assert abs(found.value[0] - one.value[0]) <= found.error[0] + one.error[0] + moved
