@@ -1,5 +1,6 @@
 """The answer to each exception: a problem document (RFC 9457), which repeats nothing of the input."""
 
+import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -120,6 +121,10 @@ HTTP_TYPES: Mapping[int, ProblemType] = {
 }
 
 
+# Who asks again at once, whatever Retry-After says, waits so many seconds for each of these answers; chosen.
+SLOWED_DOWN, PAUSE_SECONDS = (UnauthorizedError, ClientLimitError, OverloadedError), 0.1
+
+
 def problem_type(error: Exception) -> ProblemType:
     """Return the row of the nearest class in the table."""
     if isinstance(error, HTTPException):
@@ -172,6 +177,8 @@ def install_handlers(app: FastAPI, retry_after: int) -> None:
 
     async def answer(request: Request, error: Exception) -> Response:
         record_of(request).problem = problem_type(error).name
+        if isinstance(error, SLOWED_DOWN):
+            await asyncio.sleep(PAUSE_SECONDS)
         return problem_response(error, request.state.request_id, retry_after)
 
     for kind in (*PROBLEM_TYPES, HTTPException):

@@ -217,6 +217,8 @@ async def open_loop(port: int, rate: float, seconds: float, requests: list[bytes
 
     async def ask(due: float, request: bytes) -> None:
         asked = await free.get()
+        if asked.transport.is_closing():  # it was idle for too long
+            asked = await opened.enter_async_context(connection(port))
         measured.statuses[await asked.ask(request)] += 1
         measured.latencies.append(time.perf_counter() - due)
         free.put_nowait(asked)

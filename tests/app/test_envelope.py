@@ -1,11 +1,13 @@
 import json
 import logging
+import time
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 
+from app.errors import PAUSE_SECONDS, ClientLimitError, OverloadedError
 from app.logs import JsonFormatter
 from app.main import create_app
 from app.settings import Settings
@@ -93,6 +95,18 @@ def test_a_question_beyond_the_method_is_a_422_of_its_own_type(
     answer = raising(IterationLimitError("residual 3 after 100 sweeps")).post("/v1/price", json=question)
     assert (answer.status_code, answer.json()["type"]) == (422, "/docs#out-of-domain")
     assert "residual" not in answer.text
+
+
+@pytest.mark.parametrize(
+    ("error", "status"), [(ClientLimitError("too many"), 429), (OverloadedError("too many"), 503)]
+)
+def test_who_is_refused_waits_a_little_so_that_asking_again_at_once_is_no_use(
+    raising: Any, question: dict[str, Any], error: Exception, status: int
+) -> None:
+    client = raising(error)
+    begun = time.monotonic()
+    assert client.post("/v1/price", json=question).status_code == status
+    assert time.monotonic() - begun >= PAUSE_SECONDS
 
 
 def test_readiness_turns_503_while_draining_and_liveness_does_not() -> None:
