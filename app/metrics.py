@@ -39,8 +39,13 @@ def shared_folder() -> Iterator[None]:
     try:
         yield
     finally:
+        remove_folder()
         del os.environ[FOLDER]
-        shutil.rmtree(folder, ignore_errors=True)
+
+
+def remove_folder() -> None:
+    """Remove the folder of the shared metrics; what is open there stays open."""
+    shutil.rmtree(os.environ[FOLDER], ignore_errors=True)
 
 
 def share_as(number: int) -> None:

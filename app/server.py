@@ -25,7 +25,7 @@ with needs_extra("service"):
     from app.connections import BACKLOG, BoundedConnection, reserve_descriptors
     from app.logs import configure_logging
     from app.main import create_app
-    from app.metrics import forget_process, share_as, shared_folder
+    from app.metrics import forget_process, remove_folder, share_as, shared_folder
     from app.settings import Settings, parts, settings_from_environment
     from app.worker_processes import supervise
 
@@ -180,6 +180,8 @@ class _Workers:
         configure_logging(self.settings.log_level)
         share_as(number)
         _serve_here(self.listener, self.settings, self.parent)
+        if os.getppid() != self.parent:  # it was killed: nobody else clears up
+            remove_folder()
 
     def died(self, number: int) -> None:
         forget_process(number)

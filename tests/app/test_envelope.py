@@ -9,7 +9,7 @@ from fastapi.testclient import TestClient
 
 from app.errors import PAUSE_SECONDS, ClientLimitError, OverloadedError
 from app.logs import JsonFormatter
-from app.main import create_app
+from app.main import WARM_UP, create_app
 from app.settings import Settings
 from pricing_core import __version__, kernel_name
 from pricing_core.errors import InvalidInputError, IterationLimitError
@@ -118,6 +118,19 @@ def test_readiness_turns_503_while_draining_and_liveness_does_not() -> None:
         assert (answer.status_code, answer.headers["retry-after"]) == (503, "7")
         assert answer.json()["type"] == "/docs#not-ready"
         assert client.get("/livez").status_code == 200
+
+
+def test_the_service_answers_nothing_before_it_has_priced_something(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def failing(*contract: object, **_: object) -> Any:
+        asked.append(contract)
+        raise IterationLimitError("no price today")
+
+    monkeypatch.setattr("app.main.price_option", failing)
+    with pytest.raises(IterationLimitError), TestClient(create_app(Settings())):
+        pass
+    assert asked == [WARM_UP]
 
 
 def test_readiness_and_version_name_the_kernel(client: TestClient) -> None:

@@ -38,10 +38,11 @@ def metric(server: Server, name: str, **labels: str) -> float:
     )
 
 
-def metric_folders(server: Server) -> set[str]:
-    """Return the folders of metrics that the workers of a server have mapped into memory."""
-    maps = [Path(f"/proc/{worker}/maps").read_text() for worker in children(server.process.pid)]
-    return {os.path.dirname(path) for path in re.findall(r"/dev/shm/pricing-metrics-\S*", "".join(maps))}
+def metric_folder(server: Server) -> str:
+    """Return the folder in which the workers of a server keep their metrics."""
+    with open(f"/proc/{children(server.process.pid)[0]}/maps", encoding="utf-8") as file:
+        (folder,) = set(re.findall(r"(/\S*/pricing-metrics-[^/]*)/", file.read()))
+    return str(folder)
 
 
 def priced(server: Server) -> float:
@@ -69,8 +70,7 @@ def test_a_key_is_wanted_over_a_socket_and_the_rest_of_a_refused_body_is_not_rea
 def test_workers_share_their_metrics_and_a_killed_one_takes_none_away() -> None:
     with running("--workers", "2") as server:
         assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
-        assert eventually(lambda: len(metric_folders(server)) == 1)
-        (folder,) = metric_folders(server)
+        folder = metric_folder(server)
         for _ in range(40):
             assert server.request("POST", "/v1/price", QUESTION)[0] == 200
         assert eventually(lambda: priced(server) == 40.0)
@@ -84,8 +84,18 @@ def test_workers_share_their_metrics_and_a_killed_one_takes_none_away() -> None:
         assert eventually(lambda: priced(server) == 80.0)
         time.sleep(0.2)
         assert metric(server, "pricing_requests_in_flight") == 1.0  # the one that asks
+        assert os.path.exists(folder)
         assert server.stop() == 0
     assert not os.path.exists(folder)
+
+
+def test_the_metrics_of_workers_are_removed_when_their_parent_is_killed() -> None:
+    with running("--workers", "2", PRICING_DRAIN_SECONDS="0") as server:
+        assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
+        folder = metric_folder(server)
+        assert os.path.exists(folder)
+        server.process.kill()
+        assert eventually(lambda: not os.path.exists(folder))
 
 
 def keep_asking(server: Server, stop: threading.Event, ends: Counter[str], body: dict[str, Any]) -> None:
@@ -117,7 +127,6 @@ def test_sigterm_under_load_answers_every_request_and_ends_with_status_0(workers
     settings = {"PRICING_DRAIN_SECONDS": "1", "PRICING_GRACE_SECONDS": "4", "PRICING_DEADLINE_SECONDS": "20"}
     with running("--workers", str(workers), **settings) as server:
         assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
-        folders = metric_folders(server)
         stop, ends = threading.Event(), Counter[str]()
         hard = QUESTION | {"expiry": 200, "volatility": 15, "tolerance": 1e-8}
         bodies = [QUESTION] * 6 + [hard] * 3
@@ -135,7 +144,6 @@ def test_sigterm_under_load_answers_every_request_and_ends_with_status_0(workers
     assert ends["200"] > 20
     # Nothing was broken off: an answer, or no connection. A connection may be refused as late as in its handshake.
     assert set(ends) <= {"200", "422", "429", "503", "refused"}
-    assert not any(map(os.path.exists, folders))
 
 
 def test_after_the_drain_no_client_waits_in_the_queue_of_a_parent() -> None:
