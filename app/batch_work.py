@@ -1,6 +1,7 @@
 """The rows of a batch priced part by part, by the threads for expensive questions, while others are sent."""
 
 import asyncio
+from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
 from typing import Protocol, TypeAlias, TypeVar
 
@@ -14,6 +15,7 @@ from app.errors import BodyTooLargeError, DeadlineError
 from app.incoming_body import IncomingBody
 from app.json_rows import columns_of, rows_of_lines
 from app.lanes import Interrupt
+from app.request_record import record_of
 from app.row_limits import FIELDS, MOST_ROWS
 from pricing_core.american.arrow.price_batch import results_schema
 from pricing_core.american.pricing_settings import PricingSettings
@@ -56,6 +58,7 @@ class BatchWork:
         answer: BatchAnswer,
     ) -> None:
         self._lane, self._place = expensive_lane(request), expensive_place(request)
+        self._record = record_of(request)
         self._body, self._form, self._settings, self._answer = body, form, settings, answer
 
     async def answered(self) -> AsyncIterator[bytes]:
@@ -70,8 +73,9 @@ class BatchWork:
         yield self._answer.start(results_schema(names, self._settings))
         count = 0
         async for part in parts:
-            rows, encoded = await self._priced(part)
-            count += rows
+            statuses, encoded = await self._priced(part)
+            self._record.contracts.update(statuses)
+            count += statuses.total()
             if count > MOST_ROWS:
                 raise BodyTooLargeError(f"a batch must not have more than {MOST_ROWS} rows")
             yield self._answer.add(encoded)
@@ -95,12 +99,12 @@ class BatchWork:
         async for lines in self._body.lines():
             yield lambda lines=lines: rows_of_lines(lines)  # type: ignore[misc]
 
-    async def _priced(self, part: Part) -> tuple[int, object]:
-        """Return how many rows there are, and their results in the form of the answer."""
+    async def _priced(self, part: Part) -> tuple[Counter[str], object]:
+        """Return how many rows have which status, and their results in the form of the answer."""
 
-        def work(interrupt: Interrupt) -> tuple[int, object]:
+        def work(interrupt: Interrupt) -> tuple[Counter[str], object]:
             results = part().price(self._settings, interrupt)
-            return results.num_rows, self._answer.encoded(results)
+            return Counter(results["status"].to_pylist()), self._answer.encoded(results)
 
         try:
             return await self._done(work)

@@ -167,9 +167,9 @@ def test_a_known_key_is_let_in_and_its_owner_is_in_the_log_and_the_key_is_not(
 def test_the_limits_are_those_of_the_key(keys: Path, question: dict[str, Any], monkeypatch) -> None:
     seen = []
 
-    def enter(self, client, deadline_seconds, *, most, seconds_per_minute):
+    def enter(self, client, seconds, *, most, seconds_per_minute):
         seen.append((client, most, seconds_per_minute))
-        return real(self, client, deadline_seconds, most=most, seconds_per_minute=seconds_per_minute)
+        return real(self, client, seconds, most=most, seconds_per_minute=seconds_per_minute)
 
     real = ExpensiveLane.enter
     monkeypatch.setattr(ExpensiveLane, "enter", enter)

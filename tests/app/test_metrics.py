@@ -1,3 +1,4 @@
+import json
 import os
 import subprocess
 import sys
@@ -58,6 +59,16 @@ def test_every_request_is_counted_by_the_template_of_its_route(
     assert value(found, "pricing_requests_in_flight") == 1  # the one that asks
     assert value(found, "pricing_expensive_questions") == 0
     assert not [key for key in found if "nowhere" in str(key)]
+
+
+def test_every_row_of_a_batch_is_counted_by_its_status(client: TestClient, question: dict[str, Any]) -> None:
+    rows = [question, question | {"volatility": -1}, question, "no row"]
+    body = "".join(json.dumps(row) + "\n" for row in rows)
+    answer = client.post("/v1/batch", content=body, headers={"Content-Type": "application/x-ndjson"})
+    assert answer.status_code == 200
+    found = metrics_of(client.get("/metrics").text)
+    assert value(found, "pricing_contracts_total", route="/v1/batch", status="ok") == 2
+    assert value(found, "pricing_contracts_total", route="/v1/batch", status="invalid_input") == 2
 
 
 def test_a_deadline_is_counted(monkeypatch: pytest.MonkeyPatch, question: dict[str, Any]) -> None:

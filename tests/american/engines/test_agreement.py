@@ -120,7 +120,9 @@ def test_the_method_of_lines_agrees_without_events(engine, seed, count):
     assert np.max(np.abs(fast.delta - lines.delta)[settled]) <= 1e-4
     known = settled & np.isfinite(fast.boundary)
     np.testing.assert_array_equal(np.isnan(fast.boundary)[settled], np.isnan(lines.boundary)[settled])
-    distance = np.abs(lines.boundary / fast.boundary - 1.0)[known]  # the method of lines states no error of it
+    distance = np.abs(lines.boundary / fast.boundary - 1.0)[
+        known
+    ]  # the method of lines states no error of it
     assert np.quantile(distance, 0.98) <= 2e-3
     assert distance.max() <= 1e-2
 
