@@ -15,6 +15,8 @@ TYPES: dict[str, Any] = {
     "flag": bool | None,
     "text": str,
     "list": list[float | None] | None,
+    "matrix": list[list[float | None]] | None,
+    "flags": list[list[bool]],
 }
 
 
@@ -29,7 +31,7 @@ def answer_model(
 
 
 def _stated(output: ResultField, words: str = "", **others: Any) -> Any:
-    missing = " Null where it is missing." if output.kind in ("number", "list") else ""
+    missing = " Null where it is missing." if output.kind in ("number", "list", "matrix") else ""
     return pydantic.Field(
         description=output.description + missing + words, examples=[output.example], **others
     )

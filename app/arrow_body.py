@@ -53,6 +53,11 @@ class ArrowRows:
 
     rows: pa.RecordBatch
 
+    @property
+    def count(self) -> int:
+        """How many rows there are."""
+        return int(self.rows.num_rows)
+
     def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:
         """Return the results of every row."""
         return price_batch(self.rows, settings, interrupt=interrupt)[0]

@@ -8,8 +8,9 @@ from typing import Any, Protocol
 import pyarrow as pa
 
 from app.errors import BodyTooLargeError, NotAcceptableError
-from app.greeks_units import GreeksUnits, batch_in_units
+from app.greeks_units import batch_in_units
 from app.row_limits import MOST_JSON_ROWS
+from pricing_core.american.contracts.fields import GreeksUnits
 
 JSON, LINES, ARROW = "application/json", "application/x-ndjson", "application/vnd.apache.arrow.stream"
 FORMS = (JSON, LINES, ARROW)

@@ -3,11 +3,11 @@
 from typing import Any
 
 from app.batch_answers import ARROW, JSON, LINES
-from app.batch_question import PARAMETERS, UNITS
+from app.batch_question import PARAMETERS
 from app.json_schema import inline_schema
 from app.row_limits import FIELDS, MOST_JSON_ROWS
 from app.schemas import PriceRequest
-from pricing_core.american.contracts.result_fields import ResultField, price_fields
+from pricing_core.american.contracts.result_fields import UNITS_FIELD, ResultField, price_fields
 
 EXAMPLE = {
     "option_type": ["put", "call"],
@@ -59,7 +59,7 @@ def _columns() -> dict[str, Any]:
 
 def _results() -> dict[str, Any]:
     """Return the schema of columns of results."""
-    units = {"enum": [*UNITS], "description": "In which the Greeks are."}
+    units = {"enum": [*UNITS_FIELD.choices], "description": UNITS_FIELD.description}
     fields = (*price_fields("extended", greek_errors=True), MESSAGE)
     columns = {
         field.name: {"type": "array", "items": TYPES[field.kind], "description": field.description}

@@ -6,14 +6,17 @@ from typing import Any, NamedTuple
 from fastapi import Request
 
 from app.errors import InvalidRequestError
-from app.greeks_units import DEFAULT_UNITS, GreeksUnits
-from app.greeks_units import MEANING as UNITS_MEANING
-from pricing_core.american.contracts.fields import GREEK_ERRORS, GREEKS, TOLERANCE
+from pricing_core.american.contracts.fields import (
+    GREEK_ERRORS,
+    GREEKS,
+    GREEKS_UNITS,
+    TOLERANCE,
+    GreeksUnits,
+)
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.plain_number import read_number
 
-UNITS = ("per_year_per_unit", "per_day_per_point")
 FLAGS = {"true": True, "false": False}
 
 
@@ -41,7 +44,11 @@ PARAMETERS = [
     ),
     _parameter("greeks", GREEKS.description, {"enum": [*GREEKS.choices], "default": GREEKS.default}),
     _parameter("greek_errors", GREEK_ERRORS.description, {"type": "boolean", "default": False}),
-    _parameter("greeks_units", UNITS_MEANING, {"enum": [*UNITS], "default": DEFAULT_UNITS}),
+    _parameter(
+        "greeks_units",
+        GREEKS_UNITS.description,
+        {"enum": [*GREEKS_UNITS.choices], "default": GREEKS_UNITS.default},
+    ),
 ]
 NAMES = [parameter["name"] for parameter in PARAMETERS]
 
@@ -64,7 +71,7 @@ def batch_question(request: Request) -> BatchQuestion:
                 raise InvalidInputError("query", Told("unknown"), f"of the names {', '.join(NAMES)}{hint}")
         if len(found) < len(given):
             raise InvalidInputError("query", Told("a name twice"), "without a name twice")
-        units = _choice("greeks_units", found, UNITS, DEFAULT_UNITS)
+        units = _choice("greeks_units", found, GREEKS_UNITS.choices, GREEKS_UNITS.default)
         settings = PricingSettings(
             TOLERANCE.check(read_number("tolerance", found.get("tolerance", TOLERANCE.default))),
             _choice("greeks", found, GREEKS.choices, GREEKS.default),

@@ -3,7 +3,7 @@
 import asyncio
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
-from typing import Protocol, TypeAlias, TypeVar
+from typing import Protocol, TypeVar
 
 import pyarrow as pa
 from fastapi import Request
@@ -13,11 +13,11 @@ from app.arrow_body import table_of
 from app.batch_answers import ARROW, JSON, LINES, BatchAnswer
 from app.errors import BodyTooLargeError, DeadlineError
 from app.incoming_body import IncomingBody
-from app.json_rows import columns_of, rows_of_lines
+from app.json_rows import JsonLines, columns_of
 from app.lanes import Interrupt
 from app.request_record import record_of
 from app.row_limits import FIELDS, MOST_ROWS
-from pricing_core.american.arrow.price_batch import results_schema
+from pricing_core.american.arrow.price_batch import results_schema, unfinished_rows
 from pricing_core.american.pricing_settings import PricingSettings
 
 Found = TypeVar("Found")
@@ -27,13 +27,14 @@ LONGEST_COLUMNS = 1 << 23  # bytes of a batch as one JSON object, which is parse
 class Rows(Protocol):
     """Rows to be priced together."""
 
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        ...
+
     def price(self, settings: PricingSettings, interrupt: Interrupt) -> pa.RecordBatch:
         """Return the results of every row; those that are not ready when the work ends have the status deadline."""
         ...
-
-
-# Consecutive rows, read when they are to be priced.
-Part: TypeAlias = Callable[[], Rows]
 
 
 class BatchWork:
@@ -73,15 +74,13 @@ class BatchWork:
         yield self._answer.start(results_schema(names, self._settings))
         count = 0
         async for part in parts:
-            statuses, encoded = await self._priced(part)
-            self._record.contracts.update(statuses)
-            count += statuses.total()
+            count += part.count
             if count > MOST_ROWS:
                 raise BodyTooLargeError(f"a batch must not have more than {MOST_ROWS} rows")
-            yield self._answer.add(encoded)
+            yield self._answer.add(await self._priced(part, names))
         yield await asyncio.to_thread(self._answer.end)
 
-    async def _read(self) -> tuple[Sequence[str], AsyncIterator[Part]]:
+    async def _read(self) -> tuple[Sequence[str], AsyncIterator[Rows]]:
         """Return the names of the columns, and the rows."""
         if self._form == LINES:
             return [*FIELDS], self._lines()
@@ -95,26 +94,29 @@ class BatchWork:
         names, rows = await self._done(lambda _: read(body))
         return names, _one_by_one(rows)
 
-    async def _lines(self) -> AsyncIterator[Part]:
+    async def _lines(self) -> AsyncIterator[Rows]:
         async for lines in self._body.lines():
-            yield lambda lines=lines: rows_of_lines(lines)  # type: ignore[misc]
+            yield JsonLines(lines)
 
-    async def _priced(self, part: Part) -> tuple[Counter[str], object]:
-        """Return how many rows have which status, and their results in the form of the answer."""
-
-        def work(interrupt: Interrupt) -> tuple[Counter[str], object]:
-            results = part().price(self._settings, interrupt)
-            return Counter(results["status"].to_pylist()), self._answer.encoded(results)
-
+    async def _priced(self, rows: Rows, names: Sequence[str]) -> object:
+        """Return the results of rows in the form of the answer, and count how many have which status."""
         try:
-            return await self._done(work)
-        except DeadlineError:  # what is left is said to be unfinished
-            return await asyncio.to_thread(work, lambda: True)
+            statuses, encoded = await self._done(
+                lambda interrupt: self._encoded(rows.price(self._settings, interrupt))
+            )
+        except DeadlineError:  # what is left is not even read
+            unfinished = unfinished_rows(rows.count, names, self._settings)
+            statuses, encoded = await asyncio.to_thread(self._encoded, unfinished)
+        self._record.contracts.update(statuses)
+        return encoded
+
+    def _encoded(self, results: pa.RecordBatch) -> tuple[Counter[str], object]:
+        return Counter(results["status"].to_pylist()), self._answer.encoded(results)
 
     async def _done(self, work: Callable[[Interrupt], Found]) -> Found:
         return await self._lane.run(work, self._place, self._body.gone())
 
 
-async def _one_by_one(rows: Sequence[Rows]) -> AsyncIterator[Part]:
-    for one in rows:
-        yield lambda one=one: one  # type: ignore[misc]
+async def _one_by_one(rows: Sequence[Rows]) -> AsyncIterator[Rows]:
+    for part in rows:
+        yield part

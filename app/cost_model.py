@@ -24,6 +24,19 @@ def seconds_of_price(option: Option, market: Market, tolerance: float, greeks: G
     return expected_seconds(Book.of([(option, market)]), tolerance, greeks)
 
 
+def seconds_of_surface(
+    option: Option, market: Market, tolerance: float, greeks: Greeks, points: tuple[int, int]
+) -> float:
+    """Return what a surface at so many times and spots is expected to cost.
+
+    Without events the spots at one time share a solve.
+    """
+    times, spots = points
+    book = Book.at_strike(option, market)
+    solves = times if book.is_plain else times * spots
+    return solves * expected_seconds(book, tolerance, greeks)
+
+
 def seconds_of_boundary(option: Option, market: Market, tolerance: float) -> float:
     """Return what an exercise boundary is expected to cost."""
     return BOUNDARY_PRICES * expected_seconds(Book.at_strike(option, market), tolerance, "none")

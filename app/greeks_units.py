@@ -1,19 +1,15 @@
 """Greeks per year and per 1.00 of a parameter, or per day and per 0.01 of it."""
 
 from collections.abc import Iterable, Mapping
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from pricing_core.american.book.valuation import DAYS_PER_YEAR
+from pricing_core.american.contracts.fields import GREEKS_UNITS, GreeksUnits
 
-GreeksUnits: TypeAlias = Literal["per_year_per_unit", "per_day_per_point"]
-DEFAULT_UNITS: GreeksUnits = "per_year_per_unit"
-MEANING = (
-    "per_year_per_unit: theta and charm per year, what depends on a volatility, rate or yield per 1.00 of it; "
-    "per_day_per_point: per day (1/365 year) and per 0.01. Errors are in the units of their Greeks."
-)
+DEFAULT_UNITS: GreeksUnits = GREEKS_UNITS.default
 POINT = 0.01
 # What a Greek is multiplied by to be one per day and per point; the others have no such unit.
 PER_DAY_PER_POINT: Mapping[str, float] = {

@@ -43,6 +43,11 @@ class JsonRows:
     rows: Sequence[Row]
     names: Sequence[str]
 
+    @property
+    def count(self) -> int:
+        """How many rows there are."""
+        return len(self.rows)
+
     def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:
         """Return the results of every row."""
         rows = [{} if isinstance(row, InvalidInputError) else row for row in self.rows]
@@ -56,9 +61,23 @@ class JsonRows:
         return price_read(read, self.names, settings, interrupt=interrupt)[0]
 
 
-def rows_of_lines(lines: bytes) -> JsonRows:
-    """Return the rows of lines that hold one JSON object each; blank lines are none."""
-    return JsonRows([_row_of_line(line) for line in lines.split(b"\n") if line.strip()], [*FIELDS])
+@dataclass(frozen=True, slots=True)
+class JsonLines:
+    """Rows to be priced together, an object on each line that is not blank, read when they are priced."""
+
+    lines: bytes
+
+    @property
+    def count(self) -> int:
+        """How many rows there are."""
+        return len(self._written())
+
+    def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:
+        """Return the results of every row."""
+        return JsonRows([*map(_row_of_line, self._written())], [*FIELDS]).price(settings, interrupt)
+
+    def _written(self) -> list[bytes]:
+        return [line for line in self.lines.split(b"\n") if line.strip()]
 
 
 def columns_of(body: bytes | bytearray) -> tuple[list[str], list[JsonRows]]:

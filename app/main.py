@@ -26,7 +26,7 @@ with needs_extra("service"):
     from app.lanes import ExpensiveLane
     from app.metrics import Metrics
     from app.problem_responses import problem_responses
-    from app.routes import batch, boundary, health, implied_volatility, metrics, price
+    from app.routes import batch, boundary, health, implied_volatility, metrics, price, surface
     from app.settings import Settings, parts, settings_from_environment
 
 # What is priced before the service is ready.
@@ -63,7 +63,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.metrics = Metrics()
     app.state.ledger = ConnectionLedger(settings)
     keys = read_keys(settings.api_keys_file) if settings.api_keys_file else ()
-    for module in (price, batch, boundary, implied_volatility):
+    for module in (price, batch, boundary, surface, implied_volatility):
         app.include_router(module.router, **_with_keys(keys))
     for module in (health, metrics, docs_page):
         app.include_router(module.router)

@@ -4,8 +4,17 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from pricing_core.american import Valuation
-from pricing_core.american.contracts.result_fields import GREEK_ERROR_FIELDS, PRICE_FIELDS, ResultField
+from app.greeks_units import in_units
+from pricing_core.american import Valuation, ValueSurface
+from pricing_core.american.contracts.fields import GreeksUnits
+from pricing_core.american.contracts.result_fields import (
+    GREEK_ERROR_FIELDS,
+    PRICE_FIELDS,
+    SURFACE_FIELDS,
+    ResultField,
+)
+from pricing_core.kernel import instruction_set
+from pricing_core.version import ENGINE_VERSION
 
 
 def by_name(outputs: Iterable[ResultField], found: object) -> dict[str, Any]:
@@ -14,6 +23,16 @@ def by_name(outputs: Iterable[ResultField], found: object) -> dict[str, Any]:
     A number that is not finite stays, for the answer to refuse.
     """
     return {output.name: _plain(output, getattr(found, output.name)) for output in outputs}
+
+
+def provenance() -> dict[str, str]:
+    """Return what an answer can be reproduced with."""
+    return {"engine_version": ENGINE_VERSION, "instruction_set": instruction_set()}
+
+
+def surface_by_name(surface: ValueSurface, units: GreeksUnits) -> dict[str, Any]:
+    """Return all outputs of a surface by name, its Greeks in the units asked for."""
+    return in_units(by_name(SURFACE_FIELDS, surface), units) | provenance()
 
 
 def price_by_name(valuation: Valuation, *, greek_errors: bool) -> dict[str, Any]:
@@ -26,6 +45,10 @@ def price_by_name(valuation: Valuation, *, greek_errors: bool) -> dict[str, Any]
 
 
 def _plain(output: ResultField, value: Any) -> Any:
-    if output.kind != "list" or value is None:
+    if output.kind not in ("list", "matrix", "flags") or value is None:
         return value
+    if output.kind == "flags":
+        return value.tolist()
+    if output.kind == "matrix":
+        return [[None if math.isnan(number) else number for number in row] for row in value.tolist()]
     return [None if math.isnan(number) else float(number) for number in value]

@@ -12,9 +12,13 @@ from pricing_core.american.contracts.result_fields import (
     GREEK_ERROR_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
     PRICE_FIELDS,
+    PROVENANCE_FIELDS,
+    SURFACE_FIELDS,
+    UNITS_FIELD,
 )
+from pricing_core.american.surface import SurfaceGreeks
 
-LARGEST_TIMES = 1_000  # Largest number of times in a request for a boundary.
+LARGEST_TIMES = 1_000  # Largest number of times in a request for a boundary or a surface, and of spots.
 
 
 def _example(without: tuple[str, ...] = (), **others: JsonValue) -> ConfigDict:
@@ -32,6 +36,7 @@ class PriceRequest(Contract):
     volatility: VolatilityOrCurve = stated(fields.VOLATILITY)
     greeks: fields.Greeks = stated(fields.GREEKS)
     greek_errors: bool = stated(fields.GREEK_ERRORS)
+    greeks_units: fields.GreeksUnits = stated(fields.GREEKS_UNITS)
 
 
 class BoundaryRequest(Contract):
@@ -62,18 +67,48 @@ class ImpliedVolatilityRequest(Contract):
     ask: float | None = stated(fields.ASK)
 
 
+class SurfaceRequest(Contract):
+    """One option, and the times and spots at which it is valued."""
+
+    model_config = _example(
+        without=("spot",), spots=fields.SURFACE_SPOTS.example, times=fields.SURFACE_TIMES.example
+    )
+
+    spot: float | None = stated(
+        fields.SPOT, default=None, description="Accepted and checked; the spots stand in its place."
+    )
+    volatility: VolatilityOrCurve = stated(fields.VOLATILITY)
+    spots: list[Annotated[float, limits(fields.SURFACE_SPOTS)]] = stated(
+        fields.SURFACE_SPOTS, min_length=1, max_length=LARGEST_TIMES
+    )
+    times: list[Annotated[float, limits(fields.SURFACE_TIMES)]] = stated(
+        fields.SURFACE_TIMES, min_length=1, max_length=LARGEST_TIMES
+    )
+    greeks: SurfaceGreeks = stated(
+        fields.GREEKS, description="standard: delta, gamma, theta and vega at every point; none: no Greek."
+    )
+    greeks_units: fields.GreeksUnits = stated(fields.GREEKS_UNITS)
+
+
 PriceResponse = answer_model(
     "PriceResponse",
     "The value of the option, its sensitivities, and how far to trust them.",
-    PRICE_FIELDS,
+    (*PRICE_FIELDS, UNITS_FIELD),
     GREEK_ERROR_FIELDS,
 )
 ImpliedVolatilityResponse = answer_model(
     "ImpliedVolatilityResponse",
     "The volatility at which the option is worth its price.",
-    IMPLIED_VOLATILITY_FIELDS,
+    (*IMPLIED_VOLATILITY_FIELDS, *PROVENANCE_FIELDS),
 )
-BoundaryResponse = answer_model("BoundaryResponse", "The exercise boundary at each time.", BOUNDARY_FIELDS)
+BoundaryResponse = answer_model(
+    "BoundaryResponse", "The exercise boundary at each time.", (*BOUNDARY_FIELDS, *PROVENANCE_FIELDS)
+)
+SurfaceResponse = answer_model(
+    "SurfaceResponse",
+    "The option held to each time and seen from each spot.",
+    (*SURFACE_FIELDS, UNITS_FIELD, *PROVENANCE_FIELDS),
+)
 
 
 class HealthResponse(Strict):

@@ -13,7 +13,7 @@ from app.lanes import Interrupt
 from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
 from app.request_record import record_of
-from app.result_values import by_name
+from app.result_values import by_name, provenance
 from app.route_limits import for_contract
 from app.schemas import BoundaryRequest, BoundaryResponse
 from pricing_core.american import ExerciseBoundary, Market, Option, exercise_boundary
@@ -56,4 +56,4 @@ async def post_boundary(
 
     found = await answer(request, work, expected)
     record_of(request).answered("ok")
-    return BoundaryResponse(**by_name(BOUNDARY_FIELDS, found))
+    return BoundaryResponse(**by_name(BOUNDARY_FIELDS, found), **provenance())

@@ -13,7 +13,7 @@ from app.lanes import Interrupt
 from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
 from app.request_record import record_of
-from app.result_values import by_name
+from app.result_values import by_name, provenance
 from app.route_limits import for_contract
 from app.schemas import ImpliedVolatilityRequest, ImpliedVolatilityResponse
 from pricing_core.american import ImpliedVolatility, Market, Option, implied_volatility
@@ -60,4 +60,4 @@ async def post_implied_volatility(
 
     found = await answer(request, work, expected)
     record_of(request).answered(found.status)
-    return ImpliedVolatilityResponse(**by_name(IMPLIED_VOLATILITY_FIELDS, found))
+    return ImpliedVolatilityResponse(**by_name(IMPLIED_VOLATILITY_FIELDS, found), **provenance())

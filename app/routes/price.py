@@ -10,6 +10,7 @@ from app.cheap_lane import CheapLane
 from app.contract_schema import Strict
 from app.cost_model import seconds_of_price
 from app.errors import DeadlineError
+from app.greeks_units import in_units
 from app.lanes import Interrupt
 from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
@@ -59,4 +60,5 @@ async def post_price(
     record_of(request).answered(valuation.status, valuation.method)
     if valuation.status == "deadline" and valuation.price is None:
         raise DeadlineError("the deadline passed before there was an estimate; a wider tolerance is faster")
-    return PriceResponse(**price_by_name(valuation, greek_errors=question.greek_errors))
+    found = price_by_name(valuation, greek_errors=question.greek_errors)
+    return PriceResponse(**in_units(found, question.greeks_units))

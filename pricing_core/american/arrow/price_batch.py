@@ -76,6 +76,13 @@ def results_schema(names: Sequence[str], settings: PricingSettings) -> pa.Schema
     return schema.append(pa.field("message", pa.string()))
 
 
+def unfinished_rows(count: int, names: Sequence[str], settings: PricingSettings) -> pa.RecordBatch:
+    """Return the results of so many rows that nobody has looked at: the status deadline, and nothing else."""
+    columns = {field.name: pa.nulls(count, field.type) for field in results_schema(names, settings)}
+    columns["status"] = pa.array(["deadline"] * count, pa.string())
+    return pa.RecordBatch.from_pydict(columns)
+
+
 def contract_columns(batch: pa.RecordBatch, settings: PricingSettings) -> dict[str, ArrowColumn]:
     """Return the columns that describe contracts, those that a book must have with their defaults."""
     defaults: dict[str, Any] = {**DEFAULTS, "tolerance": settings.tolerance}

@@ -13,6 +13,7 @@ OptionType: TypeAlias = Literal["put", "call"]
 Exercise: TypeAlias = Literal["american", "european", "bermudan"]
 DividendModel: TypeAlias = Literal["spot", "escrowed"]
 Greeks: TypeAlias = Literal["none", "standard", "extended"]
+GreeksUnits: TypeAlias = Literal["per_year_per_unit", "per_day_per_point"]
 
 MONEY = (0.0, 1e30)  # Limits of an amount of money.
 OBSERVED = (0.0, math.inf)  # Limits of a price observed in the market, in money.
@@ -203,6 +204,16 @@ GREEK_ERRORS = Field(
     default=False,
     example=True,
 )
+GREEKS_UNITS = Field(
+    "greeks_units",
+    "choice",
+    "",
+    "per_year_per_unit: theta and charm per year, derivatives by a volatility, rate or yield per 1.00 of it; "
+    "per_day_per_point: per 1/365 year and per 0.01; errors as their Greeks",
+    choices=get_args(GreeksUnits),
+    default="per_year_per_unit",
+    example="per_year_per_unit",
+)
 OPTION_PRICE = Field(
     "option_price",
     "number",
@@ -223,6 +234,8 @@ BOUNDARY_TIMES = Field(
     default=None,
     example=[0.0, 0.5, 1.0],
 )
+SURFACE_SPOTS = Field("spots", "list", "money", "Spots to value at", MONEY, example=[80.0, 100.0, 120.0])
+SURFACE_TIMES = Field("times", "list", "years", "Times from now, 0 to expiry", YEARS, example=[0.0, 0.5])
 
 CONTRACT_FIELDS = (
     *(OPTION_TYPE, SPOT, STRIKE, EXPIRY, RATE, VOLATILITY, EXERCISE, EXERCISE_TIMES, EXERCISE_START),
@@ -230,7 +243,7 @@ CONTRACT_FIELDS = (
     *(VALUATION_DATE, EXPIRATION_DATE),
 )
 COLUMN_FIELDS = (*CONTRACT_FIELDS, TOLERANCE)
-INPUT_FIELDS = (*COLUMN_FIELDS, GREEKS, GREEK_ERRORS, OPTION_PRICE, BID, ASK, BOUNDARY_TIMES)
+INPUT_FIELDS = (*COLUMN_FIELDS, GREEKS, GREEK_ERRORS, GREEKS_UNITS, OPTION_PRICE, BID, ASK, BOUNDARY_TIMES)
 DEFAULT_TOLERANCE: float = TOLERANCE.default
 
 

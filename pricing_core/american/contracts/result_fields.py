@@ -8,9 +8,9 @@ from collections.abc import Container
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
-from pricing_core.american.contracts.fields import GREEKS, Greeks
+from pricing_core.american.contracts.fields import GREEKS, GREEKS_UNITS, Greeks
 
-Kind: TypeAlias = Literal["number", "count", "flag", "text", "list"]
+Kind: TypeAlias = Literal["number", "count", "flag", "text", "list", "matrix", "flags"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,8 +21,8 @@ class ResultField:
     ----------
     name : str
         The same in Python, tables and JSON.
-    kind : {"number", "count", "flag", "text", "list"}
-        A list is one of numbers.
+    kind : {"number", "count", "flag", "text", "list", "matrix", "flags"}
+        A list is one of numbers, a matrix one of lists, flags a list of lists of flags.
     unit : str
     meaning : str
         One line without the unit.
@@ -196,6 +196,70 @@ BOUNDARY_FIELDS = (
         "other_boundary", "list", "money", "The end of the exercise region farther from the strike", None
     ),
     ResultField("error_estimate", "list", "money", "Estimated absolute error of boundary", [0.0004, 0.0]),
+)
+
+SURFACE_FIELDS = (
+    ResultField("time", "list", "years", "Times from now", [0.0, 0.5]),
+    ResultField("spot", "list", "money", "Spots", [80.0, 100.0]),
+    ResultField("value", "matrix", "money", "Values by time and then by spot", [[20.0, 6.09], [20.0, 4.66]]),
+    ResultField("delta", "matrix", "", "dV/dS", [[-1.0, -0.41], [-1.0, -0.43]], "standard"),
+    ResultField("gamma", "matrix", "1/money", "d2V/dS2", [[0.0, 0.023], [0.0, 0.031]], "standard"),
+    ResultField(
+        "theta", "matrix", "money/year", "dV/dt in calendar time", [[0.0, -2.3], [0.0, -3.7]], "standard"
+    ),
+    ResultField(
+        "vega",
+        "matrix",
+        "money per 1.00 of volatility",
+        "dV/d volatility",
+        [[0.0, 37.8], [0.0, 27.4]],
+        "standard",
+    ),
+    ResultField(
+        "multiplier",
+        "matrix",
+        "money/year",
+        "What not exercising costs: r K - q S for a put, q S - r K for a call where exercise is optimal, else 0",
+        [[5.0, 0.0], [5.0, 0.0]],
+    ),
+    ResultField(
+        "exercised", "flags", "", "Whether exercise is optimal there", [[True, False], [True, False]]
+    ),
+    ResultField(
+        "error_estimate",
+        "matrix",
+        "money",
+        "Estimated absolute errors of the values",
+        [[0.0, 2e-5], [0.0, 2e-5]],
+    ),
+    ResultField(
+        "perpetual_boundary",
+        "number",
+        "money",
+        "Exercise boundary of the option without expiry, where it has one and nothing changes with time",
+        71.43,
+    ),
+    ResultField(
+        "status",
+        "text",
+        "",
+        "ok, or tolerance_not_met where a value misses the tolerance",
+        "ok",
+        choices=("ok", "tolerance_not_met"),
+    ),
+    ResultField("method", "text", "", "How the values were computed", "premium-march"),
+)
+# What an answer that is not read from a table of prices says besides, so that it can be reproduced.
+PROVENANCE_FIELDS = tuple(
+    field for field in PRICE_FIELDS if field.name in ("engine_version", "instruction_set")
+)
+UNITS_FIELD = ResultField(
+    "greeks_units",
+    "text",
+    "",
+    "The units of the Greeks, as asked for",
+    GREEKS_UNITS.default,
+    choices=GREEKS_UNITS.choices,
 )
 
 

@@ -41,6 +41,9 @@ from pricing_core.american.contracts.result_fields import (
     GREEK_ERROR_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
     PRICE_FIELDS,
+    PROVENANCE_FIELDS,
+    SURFACE_FIELDS,
+    UNITS_FIELD,
     price_fields,
 )
 from pricing_core.batch import run_batch
@@ -286,11 +289,12 @@ def test_the_limits_of_the_service_are_narrower():
 @pytest.mark.parametrize(
     ("model", "table"),
     [
-        (schemas.PriceResponse, (*PRICE_FIELDS, *GREEK_ERROR_FIELDS)),
-        (schemas.ImpliedVolatilityResponse, IMPLIED_VOLATILITY_FIELDS),
-        (schemas.BoundaryResponse, BOUNDARY_FIELDS),
+        (schemas.PriceResponse, (*PRICE_FIELDS, UNITS_FIELD, *GREEK_ERROR_FIELDS)),
+        (schemas.ImpliedVolatilityResponse, (*IMPLIED_VOLATILITY_FIELDS, *PROVENANCE_FIELDS)),
+        (schemas.BoundaryResponse, (*BOUNDARY_FIELDS, *PROVENANCE_FIELDS)),
+        (schemas.SurfaceResponse, (*SURFACE_FIELDS, UNITS_FIELD, *PROVENANCE_FIELDS)),
     ],
-    ids=["price", "implied volatility", "boundary"],
+    ids=["price", "implied volatility", "boundary", "surface"],
 )
 def test_an_answer_is_described_as_the_table_states_it(model, table):
     properties = inline_schema(model)["properties"]

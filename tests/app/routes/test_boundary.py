@@ -11,7 +11,8 @@ def test_the_boundary_of_a_put_rises_to_the_strike(client: TestClient, question:
     answer = client.post("/v1/boundary", json=question | {"times": [0.0, 0.5, 0.9, 1.0]})
     assert answer.status_code == 200
     body = answer.json()
-    assert set(body) == {"time", "time_to_expiry", "boundary", "other_boundary", "error_estimate"}
+    results = {"time", "time_to_expiry", "boundary", "other_boundary", "error_estimate"}
+    assert set(body) == results | {"engine_version", "instruction_set"}
     assert body["time"] == [0.0, 0.5, 0.9, 1.0]
     assert body["time_to_expiry"] == pytest.approx([1.0, 0.5, 0.1, 0.0])
     assert np.all(np.diff(body["boundary"]) > 0.0)

@@ -3,6 +3,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
+from app.result_values import provenance
 from app.schemas import ImpliedVolatilityResponse
 from pricing_core.american import ImpliedVolatility, Market, Option, implied_volatility
 
@@ -18,8 +19,9 @@ def test_the_answer_is_the_library_s_result_key_by_key(client: TestClient, quote
     found = implied_volatility(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2), 6.09, tolerance=1e-4)
     assert answer.status_code == 200
     assert found.volatility == pytest.approx(0.2, abs=1e-3)
-    assert answer.json() == {name: getattr(found, name) for name in ImpliedVolatility.__slots__}
-    assert set(ImpliedVolatilityResponse.model_fields) == set(ImpliedVolatility.__slots__)
+    results = {name: getattr(found, name) for name in ImpliedVolatility.__slots__}
+    assert answer.json() == results | provenance()
+    assert set(ImpliedVolatilityResponse.model_fields) == {*ImpliedVolatility.__slots__, *provenance()}
 
 
 def test_bid_and_ask_take_the_place_of_the_price(client: TestClient, quote: dict[str, Any]) -> None:

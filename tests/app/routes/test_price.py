@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
+from app.greeks_units import PER_DAY_PER_POINT
 from app.schemas import PriceRequest
 from pricing_core.american import (
     CashDividend,
@@ -21,6 +22,8 @@ from pricing_core.american.contracts.result_fields import GREEK_ERROR_FIELDS, PR
 from tests.problems.engine_with_errors import ERRORS
 
 VOCABULARY = {field.name for field in PRICE_FIELDS}
+KEYS = VOCABULARY | {"greeks_units"}
+UNITS = {"greeks_units": "per_year_per_unit"}
 TEXTS = ("status", "method", "engine_version", "instruction_set")
 
 
@@ -31,7 +34,7 @@ def test_the_answer_is_the_library_s_valuation_key_by_key(
     valuation = price(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2), tolerance=1e-4)
     assert answer.status_code == 200
     assert answer.headers["content-type"] == "application/json"
-    assert answer.json() == {name: getattr(valuation, name) for name in VOCABULARY}
+    assert answer.json() == {name: getattr(valuation, name) for name in VOCABULARY} | UNITS
 
 
 def test_the_american_put_is_worth_what_the_literature_says(
@@ -121,7 +124,7 @@ def test_a_result_that_is_not_finite_is_a_500_with_an_id_and_never_null(
 
 def test_greeks_that_were_not_asked_for_are_null(client: TestClient, question: dict[str, Any]) -> None:
     answer = client.post("/v1/price", json=question | {"greeks": "none"}).json()
-    assert answer.keys() == VOCABULARY
+    assert answer.keys() == KEYS
     assert {name for name in VOCABULARY if answer[name] is not None} == {f.name for f in price_fields("none")}
 
 
@@ -129,9 +132,9 @@ def test_errors_of_greeks_are_keys_where_they_are_asked_for(
     client: TestClient, question: dict[str, Any], engine_with_errors: None, without_cheap_lane: None
 ) -> None:
     question |= {"greeks": "extended", "cash_dividends": [{"time": 0.5, "amount": 1.0}]}
-    assert client.post("/v1/price", json=question | {"greek_errors": False}).json().keys() == VOCABULARY
+    assert client.post("/v1/price", json=question | {"greek_errors": False}).json().keys() == KEYS
     answer = client.post("/v1/price", json=question | {"greek_errors": True}).json()
-    assert answer.keys() == VOCABULARY | {field.name for field in GREEK_ERROR_FIELDS}
+    assert answer.keys() == KEYS | {field.name for field in GREEK_ERROR_FIELDS}
     expected = ERRORS | {"dividend_sensitivities": [2e-5]}
     assert {f.of: answer[f.name] for f in GREEK_ERROR_FIELDS if answer[f.name] is not None} == expected
     assert answer["charm"] == 0.5
@@ -234,7 +237,7 @@ def test_a_contract_with_events_is_valued_as_the_library_does(
     market = Market(100.0, 0.05, 0.2, cash_dividends=(CashDividend(0.5, 3.0),))
     valuation = price(option, market, tolerance=1e-3)
     assert valuation.status == "ok"
-    assert answer.json() == {name: getattr(valuation, name) for name in VOCABULARY} | {
+    assert answer.json() == {name: getattr(valuation, name) for name in VOCABULARY} | UNITS | {
         "dividend_sensitivities": list(valuation.dividend_sensitivities or ())
     }
 
@@ -263,3 +266,20 @@ def test_what_waits_together_is_priced_as_alone(client: TestClient) -> None:
         assert answer["price"] == alone.price
         assert answer["vega"] == alone.vega
         assert answer["status"] == alone.status
+
+
+def test_greeks_come_per_day_and_per_point_where_that_is_asked_for(
+    client: TestClient, question: dict[str, Any]
+) -> None:
+    question |= {"greeks": "extended", "greek_errors": True, "rate": {"times": [0.5], "values": [0.04]}}
+    plain = client.post("/v1/price", json=question).json()
+    scaled = client.post("/v1/price", json=question | {"greeks_units": "per_day_per_point"}).json()
+    assert scaled["greeks_units"] == "per_day_per_point"
+    for field in (*PRICE_FIELDS, *GREEK_ERROR_FIELDS):
+        by = PER_DAY_PER_POINT.get(field.of if field.name.endswith("_error") else field.name, 1.0)
+        before, after = plain[field.name], scaled[field.name]
+        if isinstance(before, list):
+            assert after == [None if number is None else pytest.approx(by * number) for number in before]
+        else:
+            assert after == (pytest.approx(by * before) if isinstance(before, float) else before), field.name
+    assert scaled["vega"] == pytest.approx(plain["vega_per_point"])
