@@ -52,6 +52,7 @@ def _columns() -> dict[str, Any]:
         "type": "object",
         "properties": properties,
         "required": required,
+        "anyOf": [{"required": ["expiry"]}, {"required": ["valuation_date", "expiration_date"]}],
         "additionalProperties": False,
         "examples": [EXAMPLE],
     }

@@ -28,6 +28,7 @@ with needs_extra("service"):
     from app.problem_responses import problem_responses
     from app.routes import batch, boundary, health, implied_volatility, metrics, price, surface
     from app.settings import Settings, parts, settings_from_environment
+    from app.worked_examples import install_examples
 
 # What is priced before the service is ready.
 WARM_UP = Option("put", strike=100.0, expiry=1.0), Market(spot=100.0, rate=0.05, volatility=0.2)
@@ -67,6 +68,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         app.include_router(module.router, **_with_keys(keys))
     for module in (health, metrics, docs_page):
         app.include_router(module.router)
+    install_examples(app)
     install_handlers(app, settings.retry_after_seconds)
     app.add_middleware(HeadAsGet)
     if settings.cors_origins:

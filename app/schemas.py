@@ -20,11 +20,28 @@ from pricing_core.american.surface import SurfaceGreeks
 
 LARGEST_TIMES = 1_000  # Largest number of times in a request for a boundary or a surface, and of spots.
 
+NULL: JsonValue = {"type": "null"}
+# What JSON schema cannot say of one key alone: either the expiry is given, or both dates are.
+EXPIRY_OR_DATES: list[JsonValue] = [
+    {
+        "required": ["expiry"],
+        "properties": {"expiry": {"type": "number"}, "valuation_date": NULL, "expiration_date": NULL},
+    },
+    {
+        "required": ["valuation_date", "expiration_date"],
+        "properties": {
+            "expiry": NULL,
+            "valuation_date": {"type": "string"},
+            "expiration_date": {"type": "string"},
+        },
+    },
+]
+
 
 def _example(without: tuple[str, ...] = (), **others: JsonValue) -> ConfigDict:
     required = [field for field in fields.CONTRACT_FIELDS if field.required and field.name not in without]
     examples: list[JsonValue] = [{field.name: field.example for field in required} | others]
-    return ConfigDict(json_schema_extra={"examples": examples})
+    return ConfigDict(json_schema_extra={"examples": examples, "oneOf": EXPIRY_OR_DATES})
 
 
 class PriceRequest(Contract):
