@@ -1,7 +1,6 @@
 """One implicit step of a linear complementarity system as a linear complementarity problem (11.65)."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,10 @@ from pricing_core.errors import StepSizeError
 from pricing_core.lcp import LCP
 from pricing_core.lcs.system import LCS
 
-NOTHING = 1e-13  # share of its terms below which a slack is rounding
-MOST_PAIRS, MOST_MODES = 64, 256  # for which inverses are kept
-WELL_CONDITIONED = 1e8  # block of M whose inverse is kept
+MOST_ENTRIES, MOST_MODES = 128, 64  # of (x, u), and of modes, for which matrices are kept
+WELL_CONDITIONED = (
+    1e4  # in the sense of Skeel, whatever the scales of rows: an inverse that may take the place of factors
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,53 +30,58 @@ class OneStepProblem:
     M: Matrix  # (k, k)
     response: Matrix  # (n, k): h R B
     factors: tuple[Matrix, NDArray[np.int32]]  # the LU factors of I - hA
-    _gains: dict[bytes, Matrix | None] = field(default_factory=dict, init=False, repr=False)
-
-    @cached_property
-    def sizes(self) -> Matrix:
-        """|M|, shape (k, k)."""
-        return np.abs(self.M)
+    _maps: dict[bytes, Matrix | None] = field(default_factory=dict, init=False, repr=False)
 
     def free_state(self, base: Vector, t: float) -> Vector:
         """Return R (base + h f), the state without multipliers; f is the input just before t."""
         lu, pivots = self.factors
         return np.asarray(dgetrs(lu, pivots, base + self.h * self.system.f.before(t))[0])
 
-    def multipliers_in(self, mode: NDArray[np.bool_], q: Vector) -> tuple[Vector, Vector] | None:
-        """Return u and y where y vanishes in this mode and u elsewhere, None unless both are nonnegative then.
+    def solved_in(
+        self, mode: NDArray[np.bool_], base: Vector, t: float
+    ) -> tuple[Vector, Vector, Vector] | None:
+        """Return x, u and y at t where y vanishes in this mode and u elsewhere, None unless both are nonnegative then.
 
-        That solves the problem with q, at the cost of two small products once the mode has been met.
+        Once the mode has been met that is one product: they are linear in base + h f and g. None as well where it
+        would be less exact than the problem's own solution.
         """
-        if mode.size > MOST_PAIRS:
+        n, k = self.system.shape
+        if n + k > MOST_ENTRIES:
             return None
         key = mode.tobytes()
-        if key not in self._gains:
-            if len(self._gains) == MOST_MODES:
-                self._gains.clear()
-            self._gains[key] = self._gain(mode)
-        gain = self._gains[key]
-        if gain is None:
+        if key not in self._maps:
+            if len(self._maps) == MOST_MODES:
+                self._maps.clear()
+            self._maps[key] = self._map(mode)
+        known = self._maps[key]
+        if known is None:
             return None
-        u = gain @ q
-        if (u < 0.0).any():
+        found = known @ np.concatenate([base + self.h * self.system.f.before(t), self.system.g.before(t)])
+        if k and found[n:].min() < 0.0:
             return None
-        y = self.M @ u + q
-        rounding = NOTHING * (self.sizes @ u + np.abs(q))
-        if (np.abs(y) > rounding)[mode].any():
-            return None
-        y[mode] = 0.0
-        return None if (y < 0.0).any() else (u, y)
+        return found[:n], found[n : n + k], found[n + k :]
 
-    def _gain(self, mode: NDArray[np.bool_]) -> Matrix | None:
-        """Return the matrix from q to u in a mode, None where M_II is near to singular."""
-        k = self.M.shape[0]
-        gain, index = np.zeros((k, k)), np.flatnonzero(mode)
+    def _map(self, mode: NDArray[np.bool_]) -> Matrix | None:
+        """Return the matrix from (base + h f, g) to (x, u, y), None where rounding would be felt in it."""
+        (n, k), index = self.system.shape, np.flatnonzero(mode)
+        block = self.M[np.ix_(index, index)]
+        resolvent = np.asarray(dgetrs(*self.factors, np.eye(n))[0], dtype=np.float64)
+        if not _is_well_conditioned(np.eye(n) - self.h * self.system.A, resolvent):
+            return None
+        to_u = np.zeros((k, n + k))
+        slack = np.hstack([self.system.C @ resolvent, np.eye(k)])
         if index.size:
-            block = self.M[np.ix_(index, index)]
-            if not np.linalg.cond(block) < WELL_CONDITIONED:
+            try:
+                inverse = np.asarray(np.linalg.inv(block), dtype=np.float64)
+            except np.linalg.LinAlgError:
                 return None
-            gain[np.ix_(index, index)] = -np.linalg.inv(block)
-        return gain
+            if not _is_well_conditioned(block, inverse):
+                return None
+            to_u[index] = -inverse @ slack[index]
+        to_y = slack + self.M @ to_u
+        to_y[index] = 0.0
+        to_x = np.hstack([resolvent, np.zeros((n, k))]) + self.response @ to_u
+        return np.vstack([to_x, to_u, to_y])
 
     def lcp(self, free_state: Vector, t: float) -> LCP:
         """Return the problem 0 <= y = M u + q _|_ u >= 0 at the step's end t."""
@@ -112,3 +117,9 @@ def one_step_problem(system: LCS, h: float) -> OneStepProblem:
         ) from None
     factors = lu_factor(matrix)
     return OneStepProblem(system, h, system.D + system.C @ response, response, factors)
+
+
+def _is_well_conditioned(matrix: Matrix, inverse: Matrix) -> bool:
+    """Tell whether the spectral radius of |M^-1| |M| is moderate: it is the same in all units of rows and columns."""
+    growth = np.abs(np.linalg.eigvals(np.abs(inverse) @ np.abs(matrix)))
+    return bool(growth.max(initial=0.0) < WELL_CONDITIONED)

@@ -18,5 +18,5 @@ def check_size(values: NDArray[np.float64], t: float) -> None:
     ...
     pricing_core.errors.NumericalError: the state overflows at t = 2.5: it is not below 1e+140 there
     """
-    if not float(np.max(np.abs(values), initial=0.0)) < LARGEST:
+    if values.size and not np.abs(values).max() < LARGEST:
         raise NumericalError(f"the state overflows at t = {t:.12g}: it is not below {LARGEST:g} there")

@@ -69,9 +69,9 @@ class PiecewiseConstant:
 
     def before(self, t: float) -> Vector:
         """Return the value that holds just before t, shape (n,)."""
-        moment = as_number("t", t)
         if self.times.size == 1:
             return np.asarray(self.values[0])
+        moment = as_number("t", t)
         index = min(int(np.searchsorted(self.times, moment, side="left")), self.times.size - 1)
         return np.asarray(self.values[index])
 

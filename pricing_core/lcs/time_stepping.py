@@ -51,14 +51,15 @@ class LCSStage:
             The state overflows.
         """
         problem = self._problem(h)
+        mode = near.multiplier > near.slack
+        if self.lcp_method == "auto" and self.multipliers == "any":
+            found = problem.solved_in(mode, base, t)
+            if found is not None:
+                check_size(found[0], t)
+                return LCSState(*found)
         check_size(base, t)
         free = problem.free_state(base, t)
         check_size(free, t)
-        mode = near.multiplier > near.slack
-        if self.lcp_method == "auto" and self.multipliers == "any":
-            found = problem.multipliers_in(mode, problem.slack_without_multipliers(free, t))
-            if found is not None:
-                return LCSState(free + problem.response @ found[0], *found)
         posed = problem.lcp(free, t)
         solution = solved_at(t, posed, self.lcp_method, mode)
         u = solution.z

@@ -234,10 +234,14 @@ class _NewtonsLaw:
             is_open = len(index) > 1 and bool(np.linalg.matrix_rank(delassus) < len(index))
             self._known[contacts] = delassus, is_open
         delassus, is_open = self._known[contacts]
-        problem = LCP(delassus, (1.0 + self.restitution) * (normals @ v))
-        held = solve(problem).z
-        if is_open:
-            held = least_norm_solution(problem, held)
+        q = (1.0 + self.restitution) * (normals @ v)
+        if len(index) == 1 and delassus[0, 0] > 0.0:
+            held = np.maximum(-q / delassus[0], 0.0)
+        else:
+            problem = LCP(delassus, q)
+            held = solve(problem).z
+            if is_open:
+                held = least_norm_solution(problem, held)
         impulse = np.zeros(k)
         impulse[index] = held
         return np.concatenate([after[:n], v + response @ held]), impulse
