@@ -44,7 +44,8 @@ ENGINES: dict[str, tuple[Kind, ...]] = {
 SLOW = "sdirk2"
 # Number of contracts of each kind.
 COUNTS = {"premium-march": (60, 600), "multiplier-collocation": (20, 200), SLOW: (4, 20)}
-COSTED, WEEKLY_COSTED, SLOWLY_COSTED = 40, 4, 3  # Number of contracts of each row of the table of costs.
+# Number of contracts of each row of the table of costs; those of flat ones take 10 us each.
+FLAT_COSTED, COSTED, WEEKLY_COSTED, SLOWLY_COSTED = 400, 40, 4, 3
 DIVIDENDS, WEEKLY = (0, 1, 4, 12, 60), 60  # Number of dividends; from WEEKLY on they are weekly and small.
 PAID: tuple[kinds.DividendKind, ...] = ("cash", "proportional")
 STEPS = 2.0 ** np.arange(6)  # The steps of the differences, in smallest ones.
@@ -227,7 +228,7 @@ def cost(title: str, rows: Sequence[Row], left_out: int = 0) -> None:
         Task((partial(price_many, columns, tolerance=TOLERANCE, greeks=greeks, threads=1),))
         for greeks in asked
     ]
-    price, standard, extended = least_seconds(tasks, turns=2)
+    price, standard, extended = least_seconds(tasks, turns=5)
     print(
         f"{title:22s}{len(rows):5d}{left_out:10d}{1e3 * price / len(rows):10.3f} ms"
         f"{standard / price:10.1f}{extended / price:10.1f}",
@@ -255,7 +256,8 @@ def costs(count: int, weekly: int, dividends: Sequence[int] = DIVIDENDS) -> None
     for number in dividends:
         for kind in PAID if number else PAID[:1]:
             for option_type in ("put", "call"):
-                rows, left_out = costed_rows(number, kind, option_type, weekly if number >= WEEKLY else count)
+                wanted = weekly if number >= WEEKLY else count if number else FLAT_COSTED
+                rows, left_out = costed_rows(number, kind, option_type, wanted)
                 cost(f"{number} {kind if number else ''} {option_type}s", rows, left_out)
 
 

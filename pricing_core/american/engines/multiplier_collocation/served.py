@@ -9,7 +9,7 @@ from pricing_core.arrays import BoolVector, Vector
 FURTHEST = 30.0
 LARGEST_CALL_DEVIATION = 4.0  # Largest standard deviation of ln S at expiry for a call; measured.
 LARGEST_DRIFT = 6.0  # Largest drift of ln S over one segment, in standard deviations over it; calibrated.
-WIDEST = 4000.0  # Largest standard deviation of ln S at expiry over that of one segment; measured.
+WIDEST = 2000.0  # Largest standard deviation of ln S at expiry over that of one segment; measured.
 SMALLEST_SPREAD = 1e-7  # Smallest standard deviation of ln S over one segment; measured.
 
 

@@ -189,7 +189,7 @@ def test_dividends_that_come_close_are_worth_what_one_dividend_is(option_type):
         expiry, volatility = random.uniform(0.2, 3.0), random.uniform(0.1, 0.5)
         option = Option(option_type, 100.0, expiry)
         first, second = random.uniform(0.1, 2.0, 2)
-        time, apart = random.uniform(0.1, 0.8) * expiry, expiry * 10.0 ** random.uniform(-7.0, -4.0)
+        time, apart = random.uniform(0.1, 0.8) * expiry, expiry * 10.0 ** random.uniform(-6.5, -4.0)
         market = Market(random.uniform(80.0, 120.0), random.uniform(0.01, 0.08), volatility)
         apart_by = replace(
             market, cash_dividends=(CashDividend(time, first), CashDividend(time + apart, second))
