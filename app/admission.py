@@ -87,8 +87,11 @@ def _enter(request: Request, lane: ExpensiveLane) -> Place:
     """Return a place in the lane, which is given back when the request has been answered."""
     limits: KeyLimits = getattr(request.state, "key_limits", NO_LIMITS)
     of_route: RouteLimits = request.state.limits
+    cost = record_of(request).cost
+    # What was thought cheap has an account of its own: its client's expensive questions never keep it out.
+    misjudged = cost is not None and cost < CHEAP_SECONDS
     place = lane.enter(
-        client_of(request),
+        client_of(request) + (" (cheap)" if misjudged else ""),
         of_route.deadline_seconds,
         most=limits.client_queue,
         seconds_per_minute=limits.seconds_per_minute,

@@ -25,6 +25,7 @@ with needs_extra("service"):
     from app.connections import BACKLOG, BoundedConnection, reserve_descriptors
     from app.logs import configure_logging
     from app.main import create_app
+    from app.memory import spare_memory
     from app.metrics import forget_process, remove_folder, share_as, shared_folder
     from app.settings import Settings, parts, settings_from_environment
     from app.worker_processes import supervise
@@ -192,6 +193,7 @@ class _Workers:
 
 def _serve_here(listener: socket.socket, settings: Settings, parent: int | None) -> None:
     sys.setswitchinterval(SWITCH_SECONDS)
+    spare_memory()
     app = create_app(settings)
     gc.collect()
     gc.freeze()  # what is here now stays, and collections need not look at it, which stops everybody

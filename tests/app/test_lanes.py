@@ -269,6 +269,32 @@ def test_an_overloaded_service_answers_503_and_cheap_questions_all_the_same(
     assert (alive.status_code, cheap.status_code) == (200, 200)
 
 
+def test_a_question_that_is_dearer_than_it_was_thought_is_not_refused_for_what_its_client_does(
+    question: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gate, begun = threading.Event(), threading.Event()
+
+    def slow(*arguments: Any, **options: Any) -> Any:
+        if options["tolerance"] == EXPENSIVE["tolerance"]:
+            begun.set()
+            gate.wait(30.0)
+        return price(*arguments, **options)
+
+    async def given_up(*_: Any) -> None:
+        return None
+
+    monkeypatch.setattr("app.routes.price.price", slow)
+    monkeypatch.setattr("app.cheap_lane.CheapLane.price", given_up)
+    with TestClient(create_app(Settings(slots=2, client_queue=1))) as client, ThreadPoolExecutor(1) as other:
+        first = other.submit(client.post, "/v1/price", json=question | EXPENSIVE)
+        assert begun.wait(10.0)
+        assert client.post("/v1/price", json=question | EXPENSIVE).status_code == 429
+        cheap = client.post("/v1/price", json=question)
+        gate.set()
+        assert first.result().status_code == 200
+    assert cheap.status_code == 200
+
+
 @pytest.mark.parametrize("address", ["/v1/price", "/v1/boundary"])
 def test_a_deadline_ends_the_engine_s_work_with_a_503(question: dict[str, Any], address: str) -> None:
     two_boundaries = {"rate": -0.01, "dividend_yield": -0.03, "tolerance": 1e-8}
