@@ -77,7 +77,9 @@ class BatchWork:
             count += part.count
             if count > MOST_ROWS:
                 raise BodyTooLargeError(f"a batch must not have more than {MOST_ROWS} rows")
-            yield self._answer.add(await self._priced(part, names))
+            statuses, encoded = await self._priced(part, names)
+            self._record.contracts.update(statuses)
+            yield self._answer.add(encoded)
         yield await asyncio.to_thread(self._answer.end)
 
     async def _read(self) -> tuple[Sequence[str], AsyncIterator[Rows]]:
@@ -98,20 +100,19 @@ class BatchWork:
         async for lines in self._body.lines():
             yield JsonLines(lines)
 
-    async def _priced(self, rows: Rows, names: Sequence[str]) -> object:
-        """Return the results of rows in the form of the answer, and count how many have which status."""
-        try:
-            statuses, encoded = await self._done(
-                lambda interrupt: self._encoded(rows.price(self._settings, interrupt))
-            )
-        except DeadlineError:  # what is left is not even read
-            unfinished = unfinished_rows(rows.count, names, self._settings)
-            statuses, encoded = await asyncio.to_thread(self._encoded, unfinished)
-        self._record.contracts.update(statuses)
-        return encoded
+    async def _priced(self, rows: Rows, names: Sequence[str]) -> tuple[Counter[str], object]:
+        """Return how many rows have which status, and their results in the form of the answer."""
 
-    def _encoded(self, results: pa.RecordBatch) -> tuple[Counter[str], object]:
-        return Counter(results["status"].to_pylist()), self._answer.encoded(results)
+        def work(interrupt: Interrupt) -> tuple[Counter[str], object]:
+            return told(rows.price(self._settings, interrupt))
+
+        def told(results: pa.RecordBatch) -> tuple[Counter[str], object]:
+            return Counter(results["status"].to_pylist()), self._answer.encoded(results)
+
+        try:
+            return await self._done(work)
+        except DeadlineError:  # what is left is not even read
+            return await asyncio.to_thread(told, unfinished_rows(rows.count, names, self._settings))
 
     async def _done(self, work: Callable[[Interrupt], Found]) -> Found:
         return await self._lane.run(work, self._place, self._body.gone())
