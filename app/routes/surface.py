@@ -69,5 +69,5 @@ async def post_surface(
             raise
 
     found = await answer(request, work, expected)
-    record_of(request).answered("ok")
+    record_of(request).answered(found.status, found.method)
     return SurfaceResponse(**surface_by_name(found, question.greeks_units))
