@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from app.errors import BodyTooLargeError, NotAcceptableError
-from app.greeks_units import batch_in_units
+from app.greeks_units import DEFAULT_UNITS, factor
 from app.row_limits import MOST_JSON_ROWS
 from pricing_core.american.contracts.fields import GreeksUnits
 
@@ -162,3 +163,22 @@ def _kind_and_weight(part: str) -> tuple[str, float]:
         return kind, float(weight)
     except ValueError:
         return kind, 0.0
+
+
+def batch_in_units(batch: pa.RecordBatch, units: GreeksUnits) -> pa.RecordBatch:
+    """Return columns of results in the units asked for."""
+    if units == DEFAULT_UNITS:
+        return batch
+    columns = [
+        _column_times(column, factor(name, units))
+        for name, column in zip(batch.schema.names, batch.columns, strict=True)
+    ]
+    return pa.RecordBatch.from_arrays(columns, schema=batch.schema)
+
+
+def _column_times(column: pa.Array, by: float) -> pa.Array:
+    if by == 1.0:
+        return column
+    if pa.types.is_list(column.type):
+        return pa.ListArray.from_arrays(column.offsets, pc.multiply(column.values, by), mask=column.is_null())
+    return pc.multiply(column, by)

@@ -3,9 +3,6 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.compute as pc
-
 from pricing_core.american.book.valuation import DAYS_PER_YEAR
 from pricing_core.american.contracts.fields import GREEKS_UNITS, GreeksUnits
 
@@ -40,28 +37,9 @@ def in_units(found: Mapping[str, Any], units: GreeksUnits) -> dict[str, Any]:
     return {**changed, "greeks_units": units}
 
 
-def batch_in_units(batch: pa.RecordBatch, units: GreeksUnits) -> pa.RecordBatch:
-    """Return columns of results in the units asked for."""
-    if units == DEFAULT_UNITS:
-        return batch
-    columns = [
-        _column_times(column, factor(name, units))
-        for name, column in zip(batch.schema.names, batch.columns, strict=True)
-    ]
-    return pa.RecordBatch.from_arrays(columns, schema=batch.schema)
-
-
 def _times(value: Any, by: float) -> Any:
     if by == 1.0 or value is None:
         return value
     if isinstance(value, Iterable):
         return [_times(entry, by) for entry in value]
     return by * value
-
-
-def _column_times(column: pa.Array, by: float) -> pa.Array:
-    if by == 1.0:
-        return column
-    if pa.types.is_list(column.type):
-        return pa.ListArray.from_arrays(column.offsets, pc.multiply(column.values, by), mask=column.is_null())
-    return pc.multiply(column, by)
