@@ -11,7 +11,15 @@ EXTRAS = {
     "cluster": ("dask", "distributed"),
     "cli": ("rich", "typer"),
     "plot": ("matplotlib",),
-    "service": ("fastapi", "prometheus_client", "pyarrow", "pydantic", "pydantic_settings", "starlette", "uvicorn"),
+    "service": (
+        "fastapi",
+        "prometheus_client",
+        "pyarrow",
+        "pydantic",
+        "pydantic_settings",
+        "starlette",
+        "uvicorn",
+    ),
 }
 
 
