@@ -75,7 +75,7 @@ class FlowToEvent:
             if self._is_quiet(State(values, sizes), end, flow):
                 return self._passed(State(values, sizes), end, flow)
             reach = min(1.0, (end - t) / length) if end > t else 0.0
-            start = values
+            start, known = values, sizes
             place, crossed, values, sizes, flat, is_slow, may_touch = taylor_step(
                 dynamics.scaled_rate, dynamics.outputs, start, sizes, reach, CROSSES
             )
@@ -86,7 +86,9 @@ class FlowToEvent:
             t = end if not crossed and reach < 1.0 else t + (place * length if place > 0.0 else 0.0)
             if t >= end - close and (not crossed or end < t1):
                 t = end
-                crossed = _falling(dynamics, State(values, sizes)) if end == t1 else []
+                # What is left of terms that cancel is rounding of what they were at the step's start.
+                terms = np.maximum(np.maximum(sizes, known), np.abs(dynamics.scaled_rate) @ np.abs(start))
+                crossed = _falling(dynamics, State(values, terms)) if end == t1 else []
             if crossed or t >= end or (slow is not None and slow.is_all_of(values)):
                 flow.end = t
                 return FlowEnd(t, State(values, sizes), crossed, is_low)
