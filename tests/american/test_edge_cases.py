@@ -1,8 +1,12 @@
 """Limiting cases have their exact answers, and puts with two boundaries meet the default tolerance."""
 
+import math
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from pricing_core.american import Market, Option, price
+from pricing_core.american import CashDividend, Market, Option, price
 from pricing_core.errors import NumericalError
 from tests.problems.event_values import event_values
 from tests.problems.needs_kernel import needs_kernel
@@ -40,7 +44,31 @@ RISING = {"times": [0.5, 1.0], "values": [0.01, 0.02]}
 
 def test_a_spot_without_measure_has_no_price_rather_than_an_impossible_one():
     with pytest.raises(NumericalError, match="as large as the range of prices without arbitrage"):
-        price(Option("put", 100.0, 1.0), Market(1e30, RISING, 1e-8))
+        price(Option("put", 100.0, 1.0), Market(1e30, RISING, 0.2, cash_dividends=[CashDividend(0.5, 1.0)]))
+
+
+@needs_kernel
+def test_options_out_of_reach_are_worth_nothing_to_within_their_error():
+    rng = np.random.default_rng(12)
+    boundaries = 0
+    for _ in range(60):
+        option_type, far = str(rng.choice(["put", "call"])), math.exp(rng.uniform(15.5, 60.0))
+        years, volatility = 10.0 ** rng.uniform(-9.0, 0.5), 10.0 ** rng.uniform(-8.0, -0.1)
+        rate = RISING if rng.random() < 0.3 else rng.uniform(-0.1, 0.1)
+        option = Option(option_type, 100.0, years)
+        market = Market(
+            100.0 * (far if option_type == "put" else 1.0 / far), rate, volatility, rng.uniform(-0.1, 0.1)
+        )
+        found = price(option, market, tolerance=1e-4, greeks="extended")
+        assert (found.status, found.price) == ("ok", 0.0)
+        european = price(replace(option, exercise="european"), market, greeks="none").price
+        assert european <= found.error_estimate + 1e-300
+        assert found.delta == found.vega == found.vanna == 0.0
+        at_the_money = price(option, replace(market, spot=100.0), tolerance=1e-4, greeks="none")
+        if found.exercise_boundary is not None and at_the_money.exercise_boundary is not None:
+            boundaries += 1
+            assert found.exercise_boundary == pytest.approx(at_the_money.exercise_boundary, rel=2e-3)
+    assert boundaries > 20
 
 
 @pytest.mark.parametrize("rate", [0.05, RISING])

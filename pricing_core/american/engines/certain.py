@@ -1,9 +1,12 @@
 """Contracts whose spot does not diffuse: zero volatility, or a spot of zero."""
 
 import numpy as np
+from scipy.special import ndtr
 
 from pricing_core.american.book.book import Book
-from pricing_core.arrays import Vector
+from pricing_core.arrays import BoolVector, Vector
+
+FAR = 15.0  # Smallest |ln(S/K)| of options that may never reach the strike, a ratio of three million; chosen.
 
 
 def certain_value(book: Book) -> Vector:
@@ -58,4 +61,37 @@ def uncertainty(book: Book) -> Vector:
     variance = np.add.reduceat(segments.volatility**2 * segments.duration, starts)
     growth = np.add.reduceat(np.maximum(-segments.dividend_yield, 0.0) * segments.duration, starts)
     bound = 2.0 * book.spot * np.exp(growth) * np.sqrt(np.expm1(np.minimum(variance, 1.0)))
-    return np.where((variance > 1.0) & (book.spot > 0.0), np.inf, bound)
+    bound = np.where((variance > 1.0) & (book.spot > 0.0), np.inf, bound)
+    rows = np.flatnonzero(is_far_out_of_the_money(book))
+    if rows.size:
+        bound[rows] = np.minimum(bound[rows], _out_of_reach(book.take(rows)))
+    return bound
+
+
+def is_far_out_of_the_money(book: Book) -> BoolVector:
+    """Tell contracts whose spot is millions of times the strike of a put, or a call's strike millions of times it."""
+    with np.errstate(divide="ignore"):
+        far: BoolVector = (book.spot > 0.0) & (book.sign * np.log(book.spot / book.strike) >= FAR)
+    return far
+
+
+def _out_of_reach(book: Book) -> Vector:
+    """Return bounds on the values of options out of the money, money, shape (n,); infinite where a dividend is due.
+
+    The spot reaches the strike with probability at most 2 N(-x/s), x = |ln(S/K)| - int |r - q| - s**2/2 and
+    s**2 = int sigma**2, by the reflection principle; for a call under the measure of the share, in which it earns
+    e^{-int q} S at most. A put earns e^{-int r} K.
+    """
+    segments, starts = book.segments, book.first[:-1]
+    duration, is_put = segments.duration, book.per_segment(book.is_put)
+    variance = np.add.reduceat(segments.volatility**2 * duration, starts)
+    drift = np.add.reduceat(np.abs(segments.rate - segments.dividend_yield) * duration, starts)
+    growth = np.where(is_put, -segments.rate, -segments.dividend_yield)
+    most = np.where(book.is_put, book.strike, book.spot) * np.exp(
+        np.add.reduceat(np.maximum(growth, 0.0) * duration, starts)
+    )
+    distance = np.abs(np.log(book.spot / book.strike)) - drift - 0.5 * variance
+    with np.errstate(divide="ignore", invalid="ignore"):
+        chance = np.where(variance > 0.0, 2.0 * ndtr(-distance / np.sqrt(variance)), 0.0)
+    pays = np.logical_or.reduceat((segments.due > 0.0) | (segments.fraction > 0.0), starts)
+    return np.where(pays | (distance <= 0.0), np.inf, most * chance)

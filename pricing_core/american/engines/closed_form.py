@@ -9,7 +9,7 @@ import numpy as np
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices, prices
 from pricing_core.american.engines.black_scholes import european_columns
-from pricing_core.american.engines.certain import certain_value, uncertainty
+from pricing_core.american.engines.certain import certain_value, is_far_out_of_the_money, uncertainty
 from pricing_core.american.engines.differences import plan_differences
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
@@ -40,6 +40,8 @@ class ClosedForm:
     def solve(self, book: Book, request: Request) -> Prices:
         """Price by formula; certain contracts are settled where volatility adds at most a tenth of the tolerance."""
         formula = has_formula(book) & (_deviation(book) >= SMALLEST_SPREAD) & (book.spot > 0.0)
+        far = np.flatnonzero(is_far_out_of_the_money(book))  # where the formula rounds to a part of the spot
+        formula[far] &= ~_is_certain(book.take(far))
         if formula.all():
             return _by_formula(book, request)
         rows = np.flatnonzero(formula)
@@ -119,17 +121,29 @@ def _uncertain_by(book: Book) -> Vector:
 
 def _is_certain(book: Book) -> BoolVector:
     """Tell contracts of which the certain path may be all that matters, at the largest tolerance."""
-    small = _deviation(book) <= LARGEST_UNCERTAINTY
+    small, far = _deviation(book) <= LARGEST_UNCERTAINTY, is_far_out_of_the_money(book)
     if small.any():
         rows = np.flatnonzero(small)
         part = book.take(rows)
         small[rows] = _uncertain_by(part) <= LARGEST_UNCERTAINTY * part.strike
+    if far.any():
+        rows = np.flatnonzero(far)
+        part = book.take(rows)
+        small[rows] |= uncertainty(part) <= LARGEST_UNCERTAINTY * part.strike
     return small
 
 
-def is_worthless_underlying(book: Book) -> BoolVector:
-    """Tell contracts on a spot of 0 whose exercise boundary is that of a spot that diffuses, and not known here."""
-    return _is_worthless(book) & ~has_formula(book)
+def has_boundary_elsewhere(book: Book) -> BoolVector:
+    """Tell contracts whose value is certain, but whose exercise boundary is that of a spot that diffuses.
+
+    They are those on a spot of 0, and those far out of the money.
+    """
+    diffuses: BoolVector = (book.spot == 0.0) | is_far_out_of_the_money(book)
+    if not diffuses.any():
+        return diffuses
+    at_strike = replace(book, spot=book.strike)
+    diffuses &= ~has_formula(book) & (_uncertain_by(at_strike) > LARGEST_UNCERTAINTY * book.strike)
+    return diffuses
 
 
 def _is_worthless(book: Book) -> BoolVector:
@@ -175,7 +189,8 @@ def _on_certain_path(book: Book, request: Request) -> Prices:
     certain = error <= SURE_SHARE * request.tolerance * book.strike
     worthless = _is_worthless(book)
     words = np.array(["zero-volatility", "worthless-underlying", "closed-form", "expired"], dtype=object)
-    near = np.where(worthless | (book.has_events() & ~expired), math.nan, _certain_boundary(book)[0])
+    unknown = has_boundary_elsewhere(book) | (book.has_events() & ~expired)
+    near = np.where(unknown, math.nan, _certain_boundary(book)[0])
     return prices(
         book.count,
         value=value,

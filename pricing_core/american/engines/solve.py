@@ -9,7 +9,7 @@ import numpy as np
 from pricing_core.american.book.book import Book, Rows
 from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, LISTS, Prices, error_of, prices
 from pricing_core.american.book.ragged import Ragged
-from pricing_core.american.engines.closed_form import ClosedForm, is_worthless_underlying
+from pricing_core.american.engines.closed_form import ClosedForm, has_boundary_elsewhere
 from pricing_core.american.engines.engine import Boundaries, Engine, Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
@@ -199,10 +199,10 @@ def _with_greeks_of_payoffs(book: Book, best: Prices, request: Request) -> Price
 
 
 def _with_boundaries(book: Book, best: Prices, request: Request, engines: Sequence[Engine]) -> Prices:
-    """Return the prices with the exercise boundaries of contracts on a spot of 0, which do not depend on it."""
-    if book.spot.all():
+    """Return the prices with the exercise boundaries of contracts whose spot tells nothing of them."""
+    rows = np.flatnonzero(best.settled & np.isnan(best.boundary) & has_boundary_elsewhere(book))
+    if rows.size == 0:
         return best
-    rows = np.flatnonzero(best.settled & is_worthless_underlying(book))
     boundary = best.boundary.copy()
     for row in rows.tolist():
         at_strike = book.part(slice(row, row + 1))
