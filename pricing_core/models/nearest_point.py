@@ -13,6 +13,9 @@ STEPS_PER_CONSTRAINT = 30
 SUPPORTS = 1e-14  # share of the largest multiplier from which on a constraint is taken to hold the point
 ACCEPTED = 1e-9  # the same of the complementarity problem
 NOT_FOUND = "no point that satisfies all constraints was found: they contradict each other, or nearly do"
+EPS = 4.0 * np.finfo(np.float64).eps  # the rounding of a product
+ROUNDS = 8.0  # of these by which constraints are loosened where they leave no point, besides
+ROUNDED = 1e-13  # share of the distances by which constraints are loosened where they leave no point
 VIOLATED = 1e-12  # share of the distances below which a violation is rounding
 
 
@@ -28,7 +31,8 @@ def nearest_point(H: Matrix, h: Vector, x: Vector) -> NearestPoint:
 
     The distance programme with the rows at unit length, as one problem of nonnegative least squares in the
     multipliers; the point is then put on the constraints that support it, by least squares again. Where that violates
-    another, the complementarity problem in H H^T is solved.
+    another, as it may where they leave a single point, all constraints are loosened by 1e-13 of the distances, and
+    then the complementarity problem in H H^T is solved.
 
     Raises
     ------
@@ -49,11 +53,16 @@ def nearest_point(H: Matrix, h: Vector, x: Vector) -> NearestPoint:
     G = H[rows] / lengths[rows, None]
     gap = h[rows] / lengths[rows] - G @ x
     u = np.zeros(h.size)
-    if not (gap > 0.0).any():
-        return NearestPoint(x, u)
-    size = float(gap.max())
-    shift = _least_distance(G, gap / size)
-    if shift is None:
+    size = float(gap.max(initial=0.0))
+    rounding = EPS * (np.abs(h[rows]) / lengths[rows] + np.abs(G) @ np.abs(x))
+    loosening = ROUNDS * rounding + ROUNDED * (size + float(np.abs(gap).max(initial=0.0)))
+    for left in (gap, gap - loosening):
+        if not (left > rounding).any():
+            return NearestPoint(x, u)
+        shift = _least_distance(G, left / size)
+        if shift is not None:
+            break
+    else:
         return _by_complementarity(H, h, x)
     move, weights = shift
     u[rows] = size * weights / lengths[rows]

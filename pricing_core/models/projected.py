@@ -1,5 +1,7 @@
 """Projected dynamical systems (section 11.2.6): the motion -F(x), kept inside a closed convex set."""
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -9,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core.arrays import IndexSet, Matrix, Vector, as_square_matrix, as_values, as_vector
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, NotFoundError, Told
 from pricing_core.lcs import LCS, TimeStepping, Trajectory, simulate
 from pricing_core.lcs.flow import Flow
 from pricing_core.lcs.simulation_method import SimulationMethod, as_method, check_unused
@@ -28,6 +30,8 @@ from pricing_core.models.projected_heun import ControlledHeun, ProjectedHeun
 from pricing_core.models.tangent_cone import ProjectedVelocity, project_velocity
 from pricing_core.models.trajectory import ModelTrajectory, Pieces, Switch, of_lcs
 from pricing_core.stepping import StepDoubling, integrate
+
+ROUNDING = 1e-12  # velocity, of 1, that is none
 
 AffineMap: TypeAlias = tuple[ArrayLike, ArrayLike]
 
@@ -189,7 +193,13 @@ class ProjectedSystem:
         check_unused(chosen, ("on_nonunique", "rebound"), "a projected system")
         # The state is unique (11.39), whatever the multipliers.
         chosen = replace(chosen, on_nonunique="first")
-        run = simulate(self.to_lcs(), start, t_span, method=chosen, t_eval=t_eval)
+        try:
+            run = simulate(self.to_lcs(), start, t_span, method=chosen, t_eval=t_eval)
+        except NotFoundError:
+            if not self._is_a_point(start):
+                raise
+            whole = TimeStepping(step=float(np.subtract(*checked_span(t_span)[::-1])))
+            return replace(self._simulate_by_steps(start, t_span, t_eval, whole), unique=True)
         return of_lcs(run, ActiveConstraints(run.y.shape[1]), True)
 
     def equilibrium(self, start: ArrayLike | None = None) -> Equilibrium:
@@ -228,6 +238,12 @@ class ProjectedSystem:
 
     def _rate(self, x: Vector) -> Vector:
         return as_values("F(x)", self.F(x), (x.size,))
+
+    def _is_a_point(self, x: Vector) -> bool:
+        """Tell whether K is x alone: no direction, of those along the axes and against, has a part inside K."""
+        H = self.K.gradients(x)[active_set(self.K, x)]
+        axes = np.eye(x.size)
+        return all(float(np.abs(project_velocity(H, way).v).max()) <= ROUNDING for way in (*axes, *-axes))
 
     def _simulate_by_steps(
         self, x0: Vector, t_span: tuple[float, float], t_eval: ArrayLike | None, method: TimeStepping

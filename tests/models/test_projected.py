@@ -338,3 +338,25 @@ def test_known_equilibria_and_their_absence():
     nowhere = ProjectedSystem((np.zeros((1, 1)), [-1.0]), [[1.0]], [0.0])
     with pytest.raises(InfeasibleError, match="combination of these conditions"):
         nowhere.equilibrium()
+
+
+@pytest.mark.parametrize("method", ["event-driven", "time-stepping", TimeStepping(tolerance=1e-6)])
+@pytest.mark.parametrize("seed", range(30))
+def test_a_set_of_a_single_point_holds_the_state_there(seed, method):
+    """Boxes of no width, simplices and up to ten half-spaces through one point, at every scale."""
+    rng = np.random.default_rng(seed)
+    n, size = int(rng.integers(1, 6)), 10.0 ** rng.integers(-6, 7)
+    point = size * rng.integers(-3, 4, n)
+    if seed % 3 == 0:
+        H = np.vstack([np.eye(n), -np.eye(n)])
+    elif seed % 3 == 1:
+        G = np.triu(rng.integers(-3, 4, (n, n)), 1) + np.diag(rng.integers(1, 4, n))
+        H = np.vstack([G, -G.sum(axis=0)])
+    else:
+        G = rng.normal(size=(2 * n, n))
+        H = np.vstack([G, -(rng.uniform(0.1, 1.0, 2 * n) @ G)])
+    system = ProjectedSystem((rng.normal(size=(n, n)), size * rng.normal(size=n)), H, H @ point)
+    run = system.simulate(point, (0.0, 1.0), method=method)
+    assert run(1.0) == pytest.approx(point, abs=1e-9 * size)
+    assert run.u.min() >= 0.0
+    assert H.T @ run.u[-1] == pytest.approx(system.F(point), abs=1e-7 * size)
