@@ -145,6 +145,32 @@ def check_callable(field: str, value: object, arguments: str) -> None:
         raise InvalidInputError(field, value, f"a function of {arguments}")
 
 
+def check_type(field: str, value: object, kind: type) -> None:
+    """Raise InvalidInputError unless the value is an object of this class.
+
+    Examples
+    --------
+    >>> check_type("problem", 3, Fraction)
+    Traceback (most recent call last):
+        ...
+    pricing_core.errors.InvalidInputError: problem = 3: must be an object of class Fraction
+    """
+    if not isinstance(value, kind):
+        raise InvalidInputError(field, value, f"an object of class {kind.__name__}")
+
+
+def check_list(field: str, value: object) -> None:
+    """Raise InvalidInputError unless the value is a list, a tuple or an array of several things."""
+    if not isinstance(value, list | tuple) and not (isinstance(value, np.ndarray) and value.ndim > 0):
+        raise InvalidInputError(field, value, "a list")
+
+
+def check_choice(field: str, value: object, allowed: tuple[str, ...]) -> None:
+    """Raise InvalidInputError unless the value is one of these words."""
+    if not isinstance(value, str) or value not in allowed:
+        raise InvalidInputError(field, value, "one of " + ", ".join(f'"{name}"' for name in allowed))
+
+
 def _finite(field: str, value: ArrayLike, ndim: int | None) -> NDArray[np.float64]:
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         raise InvalidInputError(field, value, "without masked entries")

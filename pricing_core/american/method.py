@@ -7,6 +7,7 @@ from pricing_core.american.book.resolution import Resolution, Scheme
 from pricing_core.american.engines.engine import Engine
 from pricing_core.american.engines.method_of_lines import LCPMethod, MethodOfLines
 from pricing_core.american.engines.solve import CLOSED_FORM, ENGINES
+from pricing_core.arrays import check_choice
 from pricing_core.errors import InvalidInputError
 
 Method: TypeAlias = Literal["auto", "lcs", "crank-nicolson"]
@@ -29,8 +30,8 @@ def engines_of(
     InvalidInputError
         A word is none of those allowed, or the method is not that of the resolution's scheme.
     """
-    _check_choice("method", method, METHODS)
-    _check_choice("lcp_method", lcp_method, LCP_METHODS)
+    check_choice("method", method, METHODS)
+    check_choice("lcp_method", lcp_method, LCP_METHODS)
     asked = None if resolution is None else resolution.scheme
     scheme: Scheme = asked or ("crank-nicolson" if method == "crank-nicolson" else "sdirk2")
     if method != "auto" and (scheme == "crank-nicolson") != (method == "crank-nicolson"):
@@ -39,8 +40,3 @@ def engines_of(
     if method == "auto" and lcp_method == "tridiagonal" and resolution is None:
         return ENGINES
     return CLOSED_FORM, MethodOfLines(scheme, lcp_method, resolution)
-
-
-def _check_choice(field: str, value: object, allowed: tuple[str, ...]) -> None:
-    if value not in allowed:
-        raise InvalidInputError(field, value, "one of " + ", ".join(f'"{choice}"' for choice in allowed))

@@ -1,10 +1,12 @@
 """Every solution of a small LCP: isolated points, and the faces on which solutions form a continuum."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
 
-from pricing_core.arrays import BoolVector, Matrix, Vector, as_whole_number
+from pricing_core.arrays import BoolVector, Matrix, Vector, as_whole_number, check_type
 from pricing_core.errors import InvalidInputError, IterationLimitError, NumericalError
 from pricing_core.lcp.basis import basic_point
 from pricing_core.lcp.exact import (
@@ -59,12 +61,12 @@ class _Cell:
     zero_z: BoolVector  # (n,)
     zero_w: BoolVector  # (n,)
 
-    def with_zero_z(self, i: int) -> "_Cell":
+    def with_zero_z(self, i: int) -> _Cell:
         zero_z = self.zero_z.copy()
         zero_z[i] = True
         return _Cell(zero_z, self.zero_w)
 
-    def with_zero_w(self, i: int) -> "_Cell":
+    def with_zero_w(self, i: int) -> _Cell:
         zero_w = self.zero_w.copy()
         zero_w[i] = True
         return _Cell(self.zero_z, zero_w)
@@ -119,6 +121,7 @@ def enumerate_solutions(
     >>> enumerate_solutions(LCP([[1.0, -1.0], [-1.0, 1.0]], [1.0, -1.0])).faces
     (Face(vertices=array([[0., 1.]]), rays=array([[1., 1.]])),)
     """
+    check_type("problem", problem, LCP)
     n = problem.size
     if n > LARGEST_ORDER:
         raise InvalidInputError(

@@ -1,5 +1,7 @@
 """Complementarity problems in rational arithmetic, for the floating-point numbers as they are given."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from fractions import Fraction
 from typing import NamedTuple
@@ -8,7 +10,7 @@ import numpy as np
 from flint import fmpz
 
 from pricing_core import kernel
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.arrays import Matrix, Vector, check_type
 from pricing_core.errors import (
     InfeasibleError,
     InvalidInputError,
@@ -111,6 +113,7 @@ def solve_exact(problem: LCP, *, time_limit: float | None = None) -> LCPSolution
     >>> solve_exact(LCP([[1.0, -1.0], [-1.0, 1.0 + 2.0**-40]], [-1.0, 0.5])).z
     array([5.49755814e+11, 5.49755814e+11])
     """
+    check_type("problem", problem, LCP)
     limit = TimeLimit(time_limit)
     if problem.size > LARGEST_EXACT_ORDER:
         allowed = f"of order at most {LARGEST_EXACT_ORDER} in exact arithmetic"

@@ -1,5 +1,7 @@
 """The extended horizontal linear complementarity problem, which every piecewise linear characteristic leads to."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -7,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Matrix, Vector, as_matrix, as_square_matrix, as_vector
+from pricing_core.arrays import Matrix, Vector, as_matrix, as_square_matrix, as_vector, check_list, check_type
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcp.horizontal import HorizontalLCP, solve_horizontal
 
@@ -37,6 +39,8 @@ class ExtendedHorizontalLCP:
     bounds: tuple[Vector, ...]
 
     def __init__(self, blocks: Sequence[ArrayLike], q: ArrayLike, bounds: Sequence[ArrayLike] = ()) -> None:
+        check_list("blocks", blocks)
+        check_list("bounds", bounds)
         if len(blocks) < 2:
             raise InvalidInputError("blocks", f"{len(blocks)} matrices", "two matrices or more")
         first = as_square_matrix("blocks[0]", blocks[0])
@@ -89,6 +93,7 @@ def solve_extended_horizontal(problem: ExtendedHorizontalLCP) -> ExtendedHorizon
     >>> solve_extended_horizontal(problem).x
     (array([0.]), array([2.]), array([3.]))
     """
+    check_type("problem", problem, ExtendedHorizontalLCP)
     n, m = problem.q.size, len(problem.blocks) - 1
     found = solve_horizontal(problem.to_horizontal())
     parts = tuple(found.z.reshape(m, n))

@@ -1,12 +1,14 @@
 """A proof that {z >= 0, M z + q >= 0} is empty, checked in exact arithmetic."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from fractions import Fraction
 from math import lcm
 
 import numpy as np
 
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.arrays import Matrix, Vector, check_type
 from pricing_core.errors import NumericalError
 from pricing_core.lcp.linear_programme import minimise
 from pricing_core.lcp.problem import LCP
@@ -34,6 +36,7 @@ def infeasibility_certificate(problem: LCP) -> Vector | None:
     >>> infeasibility_certificate(LCP([[1.0]], [-1.0])) is None
     True
     """
+    check_type("problem", problem, LCP)
     if problem.size == 0:
         return None
     scaled = equilibrate(problem)

@@ -1,12 +1,14 @@
 """The horizontal linear complementarity problem M w = N z + q, 0 <= w _|_ z >= 0."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import BoolVector, Matrix, Vector, as_matrix, as_square_matrix, as_vector
+from pricing_core.arrays import BoolVector, Matrix, Vector, as_matrix, as_square_matrix, as_vector, check_type
 from pricing_core.errors import InfeasibleError, NumericalError, RayTerminationError
 from pricing_core.lcp.exact import (
     LARGEST_EXACT_ORDER,
@@ -56,6 +58,7 @@ class HorizontalLCP:
 
     def residual(self, w: Vector, z: Vector) -> float:
         """Return the largest of |M w - N z - q| and |min(w, z)|: zero exactly at the solutions."""
+        w, z = as_vector("w", w, self.q.size), as_vector("z", z, self.q.size)
         equation = np.abs(self.M @ w - self.N @ z - self.q)
         return float(max(equation.max(initial=0.0), np.abs(np.minimum(w, z)).max(initial=0.0)))
 
@@ -105,6 +108,7 @@ def solve_horizontal(problem: HorizontalLCP, *, time_limit: float | None = None)
     >>> solution.w, solution.z
     (array([0., 3.]), array([2., 0.]))
     """
+    check_type("problem", problem, HorizontalLCP)
     limit = TimeLimit(time_limit)
     try:
         traded = complementary_basis(problem.M, problem.N)

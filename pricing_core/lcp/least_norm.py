@@ -1,9 +1,11 @@
 """The solution of least Euclidean norm of a monotone LCP."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.arrays import Matrix, Vector, as_vector, check_type
 from pricing_core.errors import NumericalError
 from pricing_core.lcp.lemke import follow_path
 from pricing_core.lcp.problem import LCP
@@ -61,8 +63,10 @@ def least_norm_solution(problem: LCP, solution: Vector, kept: Matrix | None = No
     >>> least_norm_solution(LCP([[1, 1], [1, 1]], [-2, -2]), np.array([2.0, 0.0]))
     array([1., 1.])
     """
-    if not solution.any():
+    check_type("problem", problem, LCP)
+    if not as_vector("solution", solution, problem.size).any():
         return solution
+    solution = np.asarray(solution, dtype=np.float64)
     M = dense(problem.M)
     slack = M @ solution + problem.q
     sizes = np.abs(M) @ np.abs(solution) + np.abs(problem.q)

@@ -1,10 +1,12 @@
 """Lemke's complementary pivoting with a covering vector and the lexicographic ratio test."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core import kernel
-from pricing_core.arrays import BoolVector, as_vector, as_whole_number
+from pricing_core.arrays import BoolVector, as_vector, as_whole_number, check_type
 from pricing_core.errors import (
     InfeasibleError,
     InvalidInputError,
@@ -79,6 +81,7 @@ def solve_lemke(
     >>> solve_lemke(LCP([[2.0, 1.0], [1.0, 2.0]], [-4.0, -5.0])).z
     array([1., 2.])
     """
+    check_type("problem", problem, LCP)
     try:
         return follow_path(problem, covering, max_pivots, tolerance, TimeLimit(time_limit))
     except RayTerminationError:

@@ -1,8 +1,10 @@
 """Murty's least-index principal pivoting: slow in the worst case, finite for every P-matrix."""
 
+from __future__ import annotations
+
 import numpy as np
 
-from pricing_core.arrays import BoolVector, Vector, as_whole_number
+from pricing_core.arrays import BoolVector, Vector, as_whole_number, check_type
 from pricing_core.errors import IterationLimitError
 from pricing_core.lcp.basis import basic_point
 from pricing_core.lcp.problem import DEFAULT_TOLERANCE, LCP, LCPSolution, scaled_parts, verified
@@ -50,6 +52,7 @@ def solve_murty(
     >>> solution.z
     array([1., 1., 1.])
     """
+    check_type("problem", problem, LCP)
     limit = 1000 + 50 * problem.size if max_pivots is None else as_whole_number("max_pivots", max_pivots, 0)
     clock = TimeLimit(time_limit)
     basic_set = np.zeros(problem.size, dtype=np.bool_)

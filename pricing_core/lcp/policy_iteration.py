@@ -1,12 +1,14 @@
 """Howard's policy iteration, which is Newton's method on min(z, M z + q) = 0."""
 
+from __future__ import annotations
+
 from contextlib import suppress
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core import kernel
-from pricing_core.arrays import BoolVector, Vector, as_array, as_vector, as_whole_number
+from pricing_core.arrays import BoolVector, Vector, as_array, as_vector, as_whole_number, check_type
 from pricing_core.errors import InvalidInputError, IterationLimitError, NumericalError
 from pricing_core.lcp.basis import basic_point
 from pricing_core.lcp.policies import iterate_policies
@@ -82,6 +84,7 @@ def solve_policy_iteration(
     >>> solution.z, solution.iterations
     (array([1., 2.]), 2)
     """
+    check_type("problem", problem, LCP)
     limit = (
         problem.size + 50 if max_iterations is None else as_whole_number("max_iterations", max_iterations, 1)
     )
@@ -105,6 +108,7 @@ def solve_h_plus(problem: LCP, *, time_limit: float | None = None) -> LCPSolutio
     NumericalError, IterationLimitError
         Policy iteration did not end from any of the starts, or `time_limit`, in seconds, was too short.
     """
+    check_type("problem", problem, LCP)
     clock, z = TimeLimit(time_limit), np.zeros(problem.size)
     failure = NumericalError("policy iteration was not tried")
     if problem.size <= CHEAPLY_FACTORED:

@@ -1,5 +1,7 @@
 """Vertices and extreme rays of a face of {z >= 0, M z + q >= 0}."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

@@ -1,12 +1,14 @@
 """The linear complementarity problem, its solution, and the residuals that measure its error."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
-from pricing_core.arrays import Matrix, Vector, as_number, as_vector
+from pricing_core.arrays import Matrix, Vector, as_number, as_vector, check_type
 from pricing_core.errors import InvalidInputError, NumericalError
 from pricing_core.lcp.row_scales import floored
 from pricing_core.linalg.coefficients import Coefficients, absolute, as_coefficients, dense
@@ -55,6 +57,8 @@ class LCP:
 
     def slack(self, z: Vector) -> Vector:
         """Return w = M z + q, shape (n,)."""
+        if np.shape(z) != self.q.shape or np.asarray(z).dtype.kind not in "fiu":
+            raise InvalidInputError("z", z, f"a vector of {self.q.size} numbers")
         return np.asarray(self.M @ z + self.q)
 
     def dense(self) -> Matrix:
@@ -100,6 +104,7 @@ def natural_residual(problem: LCP, z: Vector) -> float:
     >>> natural_residual(LCP([[2.0]], [-4.0]), np.array([1.0]))
     2.0
     """
+    check_type("problem", problem, LCP)
     return float(np.max(np.abs(np.minimum(z, problem.slack(z))), initial=0.0))
 
 
@@ -118,8 +123,9 @@ def scaled_residual(problem: LCP, z: Vector) -> float:
     >>> scaled_residual(LCP([[2e-12]], [-6e12]), np.array([1e24]))
     0.5
     """
-    sizes = _term_sizes(problem, z)
+    check_type("problem", problem, LCP)
     slack = problem.slack(z)
+    sizes = _term_sizes(problem, z)
     error = _largest_part(*_scaled(problem.M, z, slack, sizes))
     return (
         error

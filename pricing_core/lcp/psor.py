@@ -1,11 +1,13 @@
 """Projected successive over-relaxation: Gauss-Seidel sweeps with the projection inside."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from pricing_core import kernel
-from pricing_core.arrays import Vector, as_number, as_vector, as_whole_number
+from pricing_core.arrays import Vector, as_number, as_vector, as_whole_number, check_type
 from pricing_core.errors import InvalidInputError, IterationLimitError
 from pricing_core.lcp.problem import LCP, LCPSolution, natural_residual, solution_of
 from pricing_core.lcp.time_limit import TimeLimit
@@ -61,6 +63,7 @@ def solve_psor(
     >>> solve_psor(LCP([[2.0, 1.0], [1.0, 2.0]], [-5.0, -1.0]), relaxation=1.0).z
     array([2.5, 0. ])
     """
+    check_type("problem", problem, LCP)
     diagonal = _positive_diagonal(problem)
     relaxation, tolerance = as_number("relaxation", relaxation), as_number("tolerance", tolerance)
     if not 0.0 < relaxation < 2.0:

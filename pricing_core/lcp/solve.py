@@ -1,5 +1,7 @@
 """Solve a linear complementarity problem: choose a method, check its answer, say which method gave it."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -10,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
-from pricing_core.arrays import BoolVector, Matrix
-from pricing_core.errors import InfeasibleError, InvalidInputError, NumericalError, RayTerminationError
+from pricing_core.arrays import BoolVector, Matrix, check_choice, check_type
+from pricing_core.errors import InfeasibleError, NumericalError, RayTerminationError
 from pricing_core.lcp.basis import basic_point
 from pricing_core.lcp.enumeration import enumerate_solutions
 from pricing_core.lcp.exact import (
@@ -120,8 +122,8 @@ def solve(
         ...
     pricing_core.errors.InfeasibleError: no z >= 0 has M z + q >= 0: a combination of its rows proves it
     """
-    if method not in METHODS:
-        raise InvalidInputError("method", method, "one of " + ", ".join(METHODS))
+    check_type("problem", problem, LCP)
+    check_choice("method", method, METHODS)
     tolerance, limit = as_tolerance(tolerance), TimeLimit(time_limit)
     if problem.size == 0:
         return solution_of(problem, np.zeros(0), 0, method)

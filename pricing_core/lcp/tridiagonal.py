@@ -1,12 +1,14 @@
 """O(n) solvers for tridiagonal M-matrices: Brennan-Schwartz, the double sweep, and one for any contact set."""
 
+from __future__ import annotations
+
 from contextlib import suppress
 from typing import Literal
 
 import numpy as np
 
 from pricing_core import kernel
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import BoolVector, Vector, check_choice, check_type
 from pricing_core.errors import InvalidInputError, NumericalError
 from pricing_core.lcp.basis import basic_point
 from pricing_core.lcp.policy_iteration import solve_policy_iteration
@@ -49,8 +51,8 @@ def solve_brennan_schwartz(problem: LCP, *, contact: Literal["first", "last"] = 
     >>> solve_brennan_schwartz(problem, contact="first").z
     array([0., 1.])
     """
-    if contact not in ("first", "last"):
-        raise InvalidInputError("contact", contact, '"first" or "last"')
+    check_type("problem", problem, LCP)
+    check_choice("contact", contact, ("first", "last"))
     z = _one_sweep(problem, contact == "first")
     remedy = f"the contact set is not one run at the {contact} end, or M is no M-matrix; use the double sweep"
     return verified(problem, z, 1, "brennan-schwartz", VALID, remedy)
@@ -97,6 +99,7 @@ def solve_double_sweep(problem: LCP) -> LCPSolution:
     >>> solve_double_sweep(problem).z
     array([1., 0., 2.])
     """
+    check_type("problem", problem, LCP)
     z = np.maximum(_one_sweep(problem, True), _one_sweep(problem, False))
     remedy = "the contact set has more than one run of indices, or M is no M-matrix; use policy iteration"
     return verified(problem, z, 2, "double-sweep", VALID, remedy)
@@ -129,6 +132,7 @@ def solve_tridiagonal_m_matrix(problem: LCP, *, time_limit: float | None = None)
     >>> solve_tridiagonal_m_matrix(problem).z
     array([0., 1., 2., 0., 1.])
     """
+    check_type("problem", problem, LCP)
     banded = _tridiagonal_problem(problem)
     T = banded.M
     assert isinstance(T, Tridiagonal)

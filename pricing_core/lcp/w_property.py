@@ -1,12 +1,14 @@
 """The column W-property: when an extended horizontal LCP has one solution whatever q and the bounds."""
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import IndexSet, as_matrix, as_square_matrix
+from pricing_core.arrays import IndexSet, as_matrix, as_square_matrix, check_list
 from pricing_core.errors import InvalidInputError
 from pricing_core.linalg.determinant import determinant_sign
 
@@ -62,6 +64,7 @@ def column_w_violation(blocks: Sequence[ArrayLike]) -> IndexSet | None:
     >>> column_w_violation([np.eye(2), [[1, 2], [2, 1]]])
     (1, 1)
     """
+    check_list("blocks", blocks)
     if len(blocks) == 0:
         raise InvalidInputError("blocks", "no matrix", "one matrix or more")
     first = as_square_matrix("blocks[0]", blocks[0])

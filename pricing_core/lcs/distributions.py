@@ -1,11 +1,13 @@
 """Initial solutions: impulsive-smooth distributions that start from any state (11.79)-(11.83)."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import IndexSet, Matrix, Vector
+from pricing_core.arrays import IndexSet, Matrix, Vector, check_type
 from pricing_core.errors import InfeasibleError, InvalidInputError
 from pricing_core.lcs.modes import as_mode
 from pricing_core.lcs.polynomial_problem import (
@@ -92,6 +94,7 @@ def initial_solution(
     >>> start.mode, start.x_after, start.impulses.tolist()
     ((0,), array([0., 0., 0.]), [[0.0], [1.0]])
     """
+    check_type("system", system, LCS)
     problem = polynomial_problem(system, x0, t)
     k = system.shape[1]
     solution, unique = _chosen(problem) if mode is None else _in_mode(problem, as_mode(mode, k))

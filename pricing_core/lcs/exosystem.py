@@ -1,5 +1,7 @@
 """Inputs that a linear system of their own generates: sines, ramps, polynomials, and pieces of them."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

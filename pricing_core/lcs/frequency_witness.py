@@ -1,5 +1,7 @@
 """A complex frequency at which a system delivers energy: the proof that it is not passive."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -1,11 +1,13 @@
 """Consistent space, jump space, projection and feedback of a mode (11.73)-(11.76)."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from pricing_core.arrays import IndexSet, Matrix, Vector, as_number
+from pricing_core.arrays import IndexSet, Matrix, Vector, as_number, check_type
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs.balancing import balancing_units
 from pricing_core.lcs.mode_spaces import Arithmetic, particular_point, spaces
@@ -111,6 +113,7 @@ def mode_geometry(
     >>> mode_geometry(carts, (1,)).projection @ [0.0, 0.0, -2.0, 1.0]
     array([ 0. ,  0. , -0.5, -0.5])
     """
+    check_type("system", system, LCS)
     n, k = system.shape
     chosen = as_mode(mode, k)
     if exact if exact is not None else n + k <= EXACT_SIZE:

@@ -1,5 +1,7 @@
 """Witnesses of ill-posedness: states from which there is no solution, or more than one."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product

@@ -1,13 +1,14 @@
 """The Markov parameters of a transfer matrix: D, CB, CAB, ..."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.arrays import Matrix
-from pricing_core.errors import InvalidInputError
+from pricing_core.arrays import Matrix, as_whole_number, check_type
 from pricing_core.lcs.rational_system import EXACT_SIZE, RationalSystem, rational_system
 from pricing_core.lcs.system import LCS
 from pricing_core.linalg.rational import RationalMatrix, from_flint, rounded, to_flint
@@ -46,8 +47,8 @@ def markov_parameters(system: LCS, count: int) -> NDArray[np.float64]:
     >>> markov_parameters(LCS([[-1]], [[1]], [[1]]), 3).ravel()
     array([ 0.,  1., -1.])
     """
-    if count < 0:
-        raise InvalidInputError("count", count, "at least 0")
+    check_type("system", system, LCS)
+    count = as_whole_number("count", count, 0)
     n, k = system.shape
     if n + k <= EXACT_SIZE:
         exact = exact_markov_parameters(rational_system(system), count)
@@ -82,6 +83,7 @@ def leading_markov_parameter(system: LCS) -> LeadingMarkovParameter | None:
     >>> leading_markov_parameter(LCS([[0, 1], [0, 0]], [[0], [3]], [[1, 0]]))
     LeadingMarkovParameter(power=2, matrix=array([[3.]]))
     """
+    check_type("system", system, LCS)
     parameters = exact_markov_parameters(rational_system(system), system.shape[0] + 1)
     for power, H in enumerate(parameters):
         if H.any():

@@ -1,12 +1,14 @@
 """Simulate a nonlinear complementarity system in semi-explicit form (11.3) by implicit steps."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Vector, as_vector, check_callable
+from pricing_core.arrays import Vector, as_vector, check_callable, check_type
 from pricing_core.errors import InvalidInputError, IterationLimitError
 from pricing_core.lcs.nonlinear_stage import NonlinearStage, RetriedSmaller
 from pricing_core.lcs.semi_explicit import SemiExplicitSystem
@@ -65,6 +67,7 @@ def simulate_nonlinear(
     >>> trajectory.x.ravel().round(5), trajectory.u.ravel().round(5)
     (array([0.29341, 0.     ]), array([0., 1.]))
     """
+    check_type("system", system, SemiExplicitSystem)
     start = as_vector("x0", x0)
     t0, t1 = span = checked_span(t_span)
     reported = None if t_eval is None else checked_times(t_eval, span)

@@ -1,5 +1,7 @@
 """One implicit step of a linear complementarity system as a linear complementarity problem (11.65)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -8,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lu_factor
 from scipy.linalg.lapack import dgetrs
 
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.arrays import Matrix, Vector, as_number, check_type
 from pricing_core.errors import StepSizeError
 from pricing_core.lcp import LCP
 from pricing_core.lcs.system import LCS
@@ -114,6 +116,8 @@ def one_step_problem(system: LCS, h: float) -> OneStepProblem:
     >>> one_step_problem(LCS([[0.0]], [[1.0]], [[1.0]]), 0.25).M
     array([[0.25]])
     """
+    check_type("system", system, LCS)
+    h = as_number("h", h)
     matrix = np.eye(system.shape[0]) - h * system.A
     # lu_solve with several right-hand sides wakes BLAS threads even for 2 x 2: a millisecond on a busy machine.
     try:

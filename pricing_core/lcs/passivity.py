@@ -1,11 +1,13 @@
 """Passivity of (A, B, C, D): a verified solution Q > 0 of the linear matrix inequality (11.6), or a refutation."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
 from flint import fmpq
 
-from pricing_core.arrays import Matrix
+from pricing_core.arrays import Matrix, check_type
 from pricing_core.lcs.balancing import Units, balancing_units
 from pricing_core.lcs.frequency_witness import FrequencyWitness, frequency_witness
 from pricing_core.lcs.parts import Part, independent_parts
@@ -66,6 +68,7 @@ def passivity(system: LCS) -> Passivity:
     >>> passivity(LCS([[-0.5]], [[-0.25]], [[1]])).verdict
     False
     """
+    check_type("system", system, LCS)
     n, k = system.shape
     data = rational_system(system)
     direction = negative_vector(data.D + data.D.T)

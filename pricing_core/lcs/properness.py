@@ -1,11 +1,13 @@
 """Row and column properness of the transfer matrix, with leading coefficient matrices (11.84)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
 from flint import fmpq
 
-from pricing_core.arrays import Matrix
+from pricing_core.arrays import Matrix, check_type
 from pricing_core.lcs.markov import exact_markov_parameters
 from pricing_core.lcs.rational_system import RationalSystem, rational_system
 from pricing_core.lcs.system import LCS
@@ -49,11 +51,13 @@ def leading_row_coefficients(system: LCS) -> LeadingCoefficients:
     >>> leading.degrees, leading.matrix.tolist()
     ((-1, -1), [[1.0, 0.0], [0.0, 1.0]])
     """
+    check_type("system", system, LCS)
     return _leading_rows(rational_system(system))
 
 
 def leading_column_coefficients(system: LCS) -> LeadingCoefficients:
     """Return degrees and leading coefficients of the columns of G(s); exact, cost as for the rows."""
+    check_type("system", system, LCS)
     A, B, C, D = rational_system(system)
     rows = _leading_rows(RationalSystem(A.T, C.T, B.T, D.T))
     return LeadingCoefficients(rows.degrees, rows.matrix.T, rows.exact.T)
@@ -67,6 +71,7 @@ def is_row_proper(system: LCS) -> bool:
     >>> is_row_proper(LCS([[0]], [[1, 1]], [[1], [1]]))
     False
     """
+    check_type("system", system, LCS)
     return leading_row_coefficients(system).is_invertible
 
 
@@ -81,6 +86,7 @@ def is_column_proper(system: LCS) -> bool:
     >>> is_row_proper(G), is_column_proper(G)
     (True, False)
     """
+    check_type("system", system, LCS)
     return leading_column_coefficients(system).is_invertible
 
 

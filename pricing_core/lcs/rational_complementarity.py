@@ -1,5 +1,7 @@
 """The rational complementarity problem (11.77): which modes may follow from a state, the set S(x0)."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -8,7 +10,7 @@ import numpy as np
 from flint import fmpq, fmpq_poly, fmpz_poly
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import IndexSet
+from pricing_core.arrays import IndexSet, check_type
 from pricing_core.errors import InvalidInputError, RayTerminationError
 from pricing_core.lcp.polynomial_lemke import solve_polynomial_lemke
 from pricing_core.lcs.modes import all_modes
@@ -94,6 +96,7 @@ def rational_complementarity(
     >>> rational_complementarity(LCS([[0, 0], [0, 0]], [[1, 2], [2, 1]], [[1, 0], [0, 1]]), [-1, -1]).solution_sets
     ((0,), (1,), (0, 1))
     """
+    check_type("system", system, LCS)
     problem = polynomial_problem(system, x0, t)
     if not complete:
         solution = _one_solution(problem)

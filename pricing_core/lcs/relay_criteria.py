@@ -1,5 +1,7 @@
 """When a relay system x' = Ax + Bu, y = Cx + Du, u_i = -sgn y_i (11.89) has one solution."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

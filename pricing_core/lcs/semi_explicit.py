@@ -1,5 +1,7 @@
 """Complementarity systems in semi-explicit form (11.3), and their linearisation."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias

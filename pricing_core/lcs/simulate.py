@@ -1,12 +1,14 @@
 """Simulate a linear complementarity system: the front door to event-driven simulation and to time stepping."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import as_vector, check_callable
+from pricing_core.arrays import as_vector, check_callable, check_type
 from pricing_core.errors import InfeasibleError, InvalidInputError, NotFoundError, Told
 from pricing_core.lcs.event_driven import drive_by_events
 from pricing_core.lcs.infeasible_start import nothing_goes_on
@@ -77,6 +79,7 @@ def simulate(
     >>> simulate(system, [0.5], (0.0, 1.0), method=TimeStepping("implicit-euler", step=0.25)).x.ravel()
     array([0.5 , 0.25, 0.  , 0.  , 0.  ])
     """
+    check_type("system", system, LCS)
     run = simulate_without_energy(system, x0, t_span, method=method, t_eval=t_eval, interrupt=interrupt)
     return replace(run, events=with_energy_lost(system, run.events)) if run.flows else run
 

@@ -1,5 +1,7 @@
 """How a complementarity system is simulated: from event to event, or by implicit steps, with the choices of each."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
@@ -16,6 +18,7 @@ from pricing_core.arrays import (
     as_vector,
     as_whole_number,
     check_callable,
+    check_choice,
 )
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcp import Method
@@ -122,9 +125,9 @@ class TimeStepping:
     multipliers: Multipliers = "any"
 
     def __post_init__(self) -> None:
-        _check_choice("scheme", self.scheme, ("auto", *get_args(Scheme), "moreau"))
-        _check_choice("lcp_method", self.lcp_method, get_args(Method))
-        _check_choice("multipliers", self.multipliers, get_args(Multipliers))
+        check_choice("scheme", self.scheme, ("auto", *get_args(Scheme), "moreau"))
+        check_choice("lcp_method", self.lcp_method, get_args(Method))
+        check_choice("multipliers", self.multipliers, get_args(Multipliers))
         for name, (read, holds, allowed) in _NUMBERS.items():
             given = getattr(self, name)
             if given is not None:
@@ -193,11 +196,6 @@ def check_unused(method: EventDriven | TimeStepping, fields: Sequence[str], syst
             raise InvalidInputError(
                 name, getattr(method, name), f"left out for {system}, where it has no effect"
             )
-
-
-def _check_choice(field: str, value: object, allowed: Sequence[str]) -> None:
-    if not isinstance(value, str) or value not in allowed:
-        raise InvalidInputError(field, value, "one of " + ", ".join(f'"{name}"' for name in allowed))
 
 
 def _float_or_tuple(field: str, value: ArrayLike) -> float | tuple[float, ...]:

@@ -1,5 +1,7 @@
 """The linear complementarity system and its piecewise constant inputs."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,5 +1,7 @@
 """The theorems on well-posedness of section 11.6 as tests."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 

@@ -1,5 +1,7 @@
 """The implicit stage of a linear complementarity system, and its way onto the constraints at the start."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias

@@ -1,10 +1,12 @@
 """Total invertibility of the transfer matrix: the modes with singular G_II (Theorem 11.1)."""
 
+from __future__ import annotations
+
 import math
 
 from flint import fmpz_poly
 
-from pricing_core.arrays import IndexSet
+from pricing_core.arrays import IndexSet, check_type
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs.modes import all_modes
 from pricing_core.lcs.rational_system import rational_system
@@ -34,6 +36,7 @@ def singular_modes(system: LCS) -> tuple[IndexSet, ...]:
     >>> singular_modes(LCS([[0]], [[1, 1]], [[1], [1]]))
     ((0, 1),)
     """
+    check_type("system", system, LCS)
     return modes_of_zero_minors(transfer_minors(system))
 
 

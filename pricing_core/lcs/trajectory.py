@@ -1,5 +1,7 @@
 """A simulated trajectory: states, multipliers, slacks and events."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -125,7 +127,7 @@ class Trajectory:
         ]
         return np.asarray((1.0 - weight) * self.x[left] + weight * self.x[right])
 
-    def refined(self, count: int) -> "Trajectory":
+    def refined(self, count: int) -> Trajectory:
         """Return the run at `count` times or somewhat more, evenly over the interval, and at each event twice.
 
         Where it stepped nothing is known between the steps, and the trajectory itself is returned.

@@ -1,11 +1,13 @@
 """The transfer matrix G(s) = C (sI - A)^-1 B + D: its relative degree over the modes."""
 
+from __future__ import annotations
+
 import itertools
 import math
 
 import numpy as np
 
-from pricing_core.arrays import Matrix
+from pricing_core.arrays import Matrix, check_type
 from pricing_core.lcs.exact_degree import LARGEST_EXACT, exact_degree
 from pricing_core.lcs.system import LCS
 from pricing_core.linalg.matrix_classes import is_h_plus_matrix, is_m_matrix, is_positive_definite
@@ -41,6 +43,7 @@ def relative_degree(system: LCS) -> int:
     >>> relative_degree(LCS([[0]], [[1e6]], [[1]], [[1e-3]]))
     0
     """
+    check_type("system", system, LCS)
     k = system.shape[1]
     if k <= LARGEST_EXACT and (degree := exact_degree(system, _modes(k))) is not None:
         return degree

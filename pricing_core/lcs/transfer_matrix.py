@@ -1,5 +1,7 @@
 """The transfer matrix G(s) = C (sI - A)^-1 B + D over the rational functions."""
 
+from __future__ import annotations
+
 import cmath
 import math
 from collections.abc import Iterable
@@ -11,6 +13,7 @@ import numpy as np
 from flint import fmpq, fmpq_poly, fmpz_poly
 from numpy.typing import NDArray
 
+from pricing_core.arrays import check_type
 from pricing_core.errors import InvalidInputError, NumericalError
 from pricing_core.lcs.modes import as_mode
 from pricing_core.lcs.rational_system import RationalSystem, rational_system
@@ -66,7 +69,7 @@ class TransferMatrix:
                 values[i, j] = complex(float((a * c + b * d) / size), float((b * c - a * d) / size))
         return values if isinstance(s, complex) else values.real
 
-    def submatrix(self, mode: Iterable[int]) -> "TransferMatrix":
+    def submatrix(self, mode: Iterable[int]) -> TransferMatrix:
         """Return G_II(s) (11.83)."""
         chosen = as_mode(mode, len(self.numerators))
         return TransferMatrix(
@@ -110,6 +113,7 @@ def transfer_matrix(system: LCS) -> TransferMatrix:
     >>> print(transfer_matrix(LCS([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], [[0.5]])).numerators)
     ((1/2*x^2 + 1,),)
     """
+    check_type("system", system, LCS)
     p, N, _, row_scale = polynomial_transfer(rational_system(system))
     denominator = fmpq_poly(p)
     numerators = [

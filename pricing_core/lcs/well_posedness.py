@@ -1,5 +1,7 @@
 """Well-posedness: existence and uniqueness of the state from every x0 (section 11.6), as one report."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -8,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from flint import fmpz_poly
 
-from pricing_core.arrays import IndexSet, Vector
+from pricing_core.arrays import IndexSet, Vector, check_type
 from pricing_core.lcs.exosystem import Exosystem
 from pricing_core.lcs.ill_posedness import IllPosedness, find_ill_posedness
 from pricing_core.lcs.parts import Part, independent_parts, strongly_connected_parts
@@ -130,6 +132,7 @@ def well_posedness(system: LCS) -> WellPosedness:
     >>> report.verdict, report.counterexample.kind
     ('ill-posed', 'no solution')
     """
+    check_type("system", system, LCS)
     parts = [part for part in independent_parts(system) if part.pairs]
     if system.shape[1] > LARGEST_WHOLE and len(parts) > 1:
         return _combined(system, parts)

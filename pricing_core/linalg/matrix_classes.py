@@ -3,6 +3,8 @@
 Source of the definitions: Cottle, Pang, Stone 1992, chapter 3; Berman and Plemmons 1994, chapter 6.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import splu

@@ -1,5 +1,7 @@
 """Sum (max), product (plus) and powers of max-plus matrices."""
 
+from __future__ import annotations
+
 import numpy as np
 from scipy.sparse import csr_array
 
@@ -158,6 +160,8 @@ def identity(n: int, *, like: MaxPlusMatrix | None = None) -> MaxPlusMatrix:
            [-inf,   0.]])
     """
     n = as_whole_number("n", n, 1)
+    if not isinstance(like, np.ndarray | csr_array | None):
+        raise InvalidInputError("like", like, "a max-plus matrix")
     if isinstance(like, csr_array):
         return rows_of((n, n), np.arange(n), np.arange(n), np.zeros(n))
     eye = np.where(np.eye(n, dtype=np.bool_), 0.0, EPSILON)

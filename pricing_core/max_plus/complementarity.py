@@ -10,6 +10,8 @@ together from max, min, sums and scaling leads to such an M, since a pair hears 
 See `pricing_core.max_plus.vertical` for the other form, one row with m choices.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -214,12 +216,12 @@ class _Form:
     slack: dict[int, float]
     constant: float
 
-    def plus(self, other: "_Form", factor: float) -> "_Form":
+    def plus(self, other: _Form, factor: float) -> _Form:
         keys = self.slack.keys() | other.slack.keys()
         slack = {k: self.slack.get(k, 0.0) + factor * other.slack.get(k, 0.0) for k in keys}
         return _Form(self.state + factor * other.state, slack, self.constant + factor * other.constant)
 
-    def with_pair(self, k: int, sign: float) -> "_Form":
+    def with_pair(self, k: int, sign: float) -> _Form:
         return _Form(self.state, self.slack | {k: sign}, self.constant)
 
 

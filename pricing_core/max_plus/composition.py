@@ -1,5 +1,7 @@
 """Systems in series, in parallel and in a loop."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from pricing_core.errors import InvalidInputError, NumericalError, Told

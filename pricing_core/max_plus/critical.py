@@ -1,5 +1,7 @@
 """The critical graph: the circuits whose mean is the largest, and its cyclicity."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import lcm
 

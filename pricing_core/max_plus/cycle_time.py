@@ -1,5 +1,7 @@
 """Growth rates: the cycle-time vector, and the largest ratio of weight to holding."""
 
+from __future__ import annotations
+
 import numpy as np
 from scipy.sparse import csr_array
 

@@ -1,11 +1,13 @@
 """Eigenvectors and, for a reducible matrix, the generalised eigenmode."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from pricing_core.arrays import BoolVector
+from pricing_core.arrays import BoolVector, as_extended_number
 from pricing_core.errors import InvalidInputError, NumericalError, Told
 from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of, first_of_runs
 from pricing_core.max_plus.class_order import loudest
@@ -156,7 +158,7 @@ def _nodes_of(graph: Arcs, solution: HowardSolution, value: Scalar | None) -> Bo
     if value is None:
         largest = (solution.ratio - solution.error).max()
         return np.asarray(spectral & (solution.ratio + solution.error >= largest))
-    if value == EPSILON:
+    if as_extended_number("value", value) == EPSILON:
         raise InvalidInputError("value", value, "finite: only columns of epsilon have eigenvectors of -inf")
     ratio = np.where(spectral, solution.ratio, TOP)
     wanted = as_number("value", value)

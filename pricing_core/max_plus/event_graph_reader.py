@@ -1,5 +1,7 @@
 """Timed event graphs as text, one place to a line."""
 
+from __future__ import annotations
+
 from pricing_core.errors import InvalidInputError
 from pricing_core.max_plus.event_graphs import Place, TimedEventGraph
 

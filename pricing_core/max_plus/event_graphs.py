@@ -1,5 +1,7 @@
 """Timed event graphs: transitions that wait for tokens, and places that hold them for a time."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction

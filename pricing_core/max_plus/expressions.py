@@ -1,5 +1,7 @@
 """Expressions of max, min, plus and scaling: what a max-min-plus-scaling system is written in."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,7 +23,7 @@ class Expression:
     __slots__ = ()
 
     @property
-    def parts(self) -> tuple["Expression", ...]:
+    def parts(self) -> tuple[Expression, ...]:
         """The expressions that this one is put together from."""
         return ()
 
@@ -33,21 +35,21 @@ class Expression:
         """Return the value from those of the parts."""
         raise InvalidInputError("expression", Told(type(self).__name__), "of max, min, plus and scaling")
 
-    def __add__(self, other: "Expression | float") -> "Expression":
+    def __add__(self, other: Expression | float) -> Expression:
         return Sum((self, as_expression(other)), (1.0, 1.0))
 
-    def __sub__(self, other: "Expression | float") -> "Expression":
+    def __sub__(self, other: Expression | float) -> Expression:
         return Sum((self, as_expression(other)), (1.0, -1.0))
 
-    def __mul__(self, factor: float) -> "Expression":
+    def __mul__(self, factor: float) -> Expression:
         return Sum((self,), (_number("factor", factor),))
 
-    def __neg__(self) -> "Expression":
+    def __neg__(self) -> Expression:
         return self * -1.0
 
     __radd__, __rmul__ = __add__, __mul__
 
-    def __rsub__(self, other: float) -> "Expression":
+    def __rsub__(self, other: float) -> Expression:
         return Sum((as_expression(other), self), (1.0, -1.0))
 
 

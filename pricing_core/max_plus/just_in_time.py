@@ -1,5 +1,7 @@
 """Just-in-time control: start as late as possible, and still be done when asked."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The largest weights of paths from weighted starts: the least solution of x = A x + b, by sweeps over the arcs."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from pricing_core.max_plus.arcs import Arcs, arcs_of

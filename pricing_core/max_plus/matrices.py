@@ -1,5 +1,7 @@
 """Max-plus matrices and vectors: float arrays, exact arrays of Fractions, and sparse rows without epsilon."""
 
+from __future__ import annotations
+
 from fractions import Fraction
 from math import isinf, isnan
 from typing import Any, TypeAlias, TypeVar, cast

@@ -1,5 +1,7 @@
 """Throughput and latency of a max-plus linear system."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from pricing_core.errors import NumericalError

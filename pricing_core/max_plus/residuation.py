@@ -1,5 +1,7 @@
 """Residuation: the largest x with A x <= b, and the largest X with X A <= B."""
 
+from __future__ import annotations
+
 from fractions import Fraction
 from typing import cast
 

@@ -1,5 +1,7 @@
 """The orbit of a max-plus linear system."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Eigenvalues: the largest circuit mean, and for a reducible matrix all of them."""
 
+from __future__ import annotations
+
 from fractions import Fraction
 from typing import Literal, TypeAlias
 

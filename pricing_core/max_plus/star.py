@@ -1,5 +1,7 @@
 """The star A* = I + A + A^2 + ... and the plus A+ = A + A^2 + ..., with top where they diverge."""
 
+from __future__ import annotations
+
 import numpy as np
 from scipy.sparse import csr_array
 

@@ -1,5 +1,7 @@
 """Max-plus linear systems: x(k+1) = A x(k) + B u(k), y(k) = C x(k) + D u(k)."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

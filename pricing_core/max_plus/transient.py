@@ -1,5 +1,7 @@
 """The transient: from which power on A^(k+c) = c lambda + A^k."""
 
+from __future__ import annotations
+
 from functools import partial
 
 import numpy as np

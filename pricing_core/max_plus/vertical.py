@@ -1,12 +1,14 @@
 """The vertical LCP, in which the minimum over several rows is zero, by Howard's policy iteration."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Matrix, Vector, as_whole_number
+from pricing_core.arrays import Matrix, Vector, as_whole_number, check_type
 from pricing_core.arrays import as_matrix as as_finite_matrix
 from pricing_core.arrays import as_vector as as_finite_vector
 from pricing_core.errors import InvalidInputError, NumericalError, Told
@@ -92,6 +94,7 @@ def solve_vertical(problem: VerticalLCP, *, max_iterations: int = 200) -> Vertic
     >>> solve_vertical(VerticalLCP([[1.0], [1.0], [1.0]], [-1.0, -4.0, -2.0], [0, 0, 0])).x
     array([4.])
     """
+    check_type("problem", problem, VerticalLCP)
     limit = as_whole_number("max_iterations", max_iterations, 1)
     first = np.array([np.flatnonzero(problem.group == i)[0] for i in range(problem.N.shape[1])])
     (policy, x), iterations = iterate_policies(

@@ -1,5 +1,7 @@
 """Piecewise linear characteristics: connected polylines in the (y, u) plane, vertical parts allowed."""
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections.abc import Sequence

@@ -1,5 +1,7 @@
 """Hamiltonian systems with unilateral constraints (11.7)-(11.8), stepped from impact to impact."""
 
+from __future__ import annotations
+
 import itertools
 from dataclasses import dataclass
 

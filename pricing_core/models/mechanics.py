@@ -1,5 +1,7 @@
 """Linear mechanical systems with unilateral constraints and impacts (section 11.2.2, example 11.2)."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 

@@ -1,5 +1,7 @@
 """Characteristics with a name: saturation, dead zone, relay, friction, diode, resistor, gain schedule."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

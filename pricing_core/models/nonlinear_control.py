@@ -1,5 +1,7 @@
 """Optimal control with constraints, nonlinear in the state and affine in the control, section 11.2.3."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 

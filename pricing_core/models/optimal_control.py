@@ -1,5 +1,7 @@
 """Linear-quadratic optimal control with state constraints, section 11.2.3."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

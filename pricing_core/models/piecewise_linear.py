@@ -1,5 +1,7 @@
 """Piecewise linear systems (section 11.2.5): a linear system whose inputs and outputs lie on polylines."""
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Linear systems with relays in the loop (sections 11.2.4 and 11.7), with sliding modes."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
@@ -8,7 +10,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pricing_core.arrays import Matrix, Vector, as_array, as_vector
+from pricing_core.arrays import Matrix, Vector, as_array, as_vector, check_choice
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import LCS, WellPosedness, theorem_11_6, well_posedness
 from pricing_core.lcs.pole_shifted_passivity import CRITERION, is_passive_after_pole_shift
@@ -254,5 +256,4 @@ class RelaySystem:
 
 
 def _check_form(form: str) -> None:
-    if form not in FORMS:
-        raise InvalidInputError("form", form, '"input-output" or "dae"')
+    check_choice("form", form, FORMS)

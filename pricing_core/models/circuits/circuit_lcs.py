@@ -1,5 +1,7 @@
 """A circuit as a linear complementarity system (11.5), with what is needed to read it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The builder of circuits with ideal diodes (11.2.1)."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Self
 
@@ -100,6 +102,8 @@ class DiodeCircuit:
             There is one of that name already, or a transformer's winding, or the name is no string.
         """
         checked_words("name", getattr(element, "name", element))
+        if not hasattr(element, "branches"):
+            raise InvalidInputError("element", element, "an element of a circuit")
         names = {element.name, *(branch.name for branch in element.branches)}  # those of windings too
         for name in sorted(names & self._taken.keys()):
             raise InvalidInputError(

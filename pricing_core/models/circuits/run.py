@@ -1,5 +1,7 @@
 """A simulated circuit: its trajectory, and the voltages and currents along it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,7 +52,7 @@ class CircuitRun:
         """The events of the trajectory."""
         return self.trajectory.events
 
-    def refined(self, count: int) -> "CircuitRun":
+    def refined(self, count: int) -> CircuitRun:
         """Return the run at `count` times or somewhat more, as `pricing_core.lcs.Trajectory.refined` does."""
         fine = read_run(self.circuit, self.trajectory.refined(count), self.start, from_elements=False)
         return replace(fine, energy_lost_at_start=self.energy_lost_at_start)

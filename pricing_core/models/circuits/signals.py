@@ -1,5 +1,7 @@
 """The values of sources over time, and all of them together as the output of one exosystem."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

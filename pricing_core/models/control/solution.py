@@ -1,5 +1,7 @@
 """The answer to an optimal control problem with state constraints."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Literal
 
