@@ -41,8 +41,8 @@ class HamiltonianFlow:
         n = z.size // 2
         active = self.normals(z[:n] + 0.5 * h * self.velocity(z))[contacts]
         push = np.vstack([np.zeros((n, len(active))), active.T])
-        after, impulse = z + h * _rotated(self.slope(z)), np.zeros(len(active))
-        for _ in range(MOST_ITERATIONS):
+
+        def improve(after: Vector, impulse: Vector) -> tuple[Vector, Vector]:
             residual = after - z - h * _rotated(self._discrete_gradient(z, after)) - push @ impulse
             jacobian = self._derivative(
                 lambda end: end - h * _rotated(self._discrete_gradient(z, end)), after
@@ -54,14 +54,10 @@ class HamiltonianFlow:
                 change = by_velocity @ response
                 offset = active @ self.velocity(after) + by_velocity @ free - change @ impulse
                 found = impulse_of(change, offset, t)
-            step = free + response @ (found - impulse)
-            after, impulse = after + step, found
-            if _is_settled(step, after):
-                break
-        else:
-            raise IterationLimitError(
-                f"Newton's method does not converge in the step to t = {t:.9g}: take more steps"
-            )
+            return free + response @ (found - impulse), found
+
+        start = z + h * _rotated(self.slope(z)), np.zeros(len(active))
+        after, impulse = _iterated(improve, *start, f"the step to t = {t:.9g}: take more steps")
         every = np.zeros(self.k)
         every[contacts] = impulse
         return self._on_constraints(after, every > 0.0), every
@@ -74,19 +70,15 @@ class HamiltonianFlow:
         n = z.size // 2
         normals = self.normals(z[:n])[closed]
         wanted = restitution[closed] * (normals @ self.velocity(z))
-        after, impulse = z, np.zeros(len(normals))
-        for _ in range(MOST_ITERATIONS):
+
+        def improve(after: Vector, impulse: Vector) -> tuple[Vector, Vector]:
             by_momentum = normals @ self._derivative(self.velocity, after)[:, n:]
             change = by_momentum @ normals.T
             found = impulse_of(change, normals @ self.velocity(after) + wanted - change @ impulse, t)
-            step = normals.T @ (found - impulse)
-            after, impulse = np.concatenate([z[:n], after[n:] + step]), found
-            if _is_settled(step, after):
-                break
-        else:
-            raise IterationLimitError(
-                f"Newton's method does not converge in the impact at t = {t:.9g}: C_q or H_pp may be singular there"
-            )
+            return np.concatenate([np.zeros(n), normals.T @ (found - impulse)]), found
+
+        where = f"the impact at t = {t:.9g}: C_q or H_pp may be singular there"
+        after, impulse = _iterated(improve, z, np.zeros(len(normals)), where)
         every = np.zeros(self.k)
         every[closed] = impulse
         return after, every
@@ -152,6 +144,18 @@ class HamiltonianFlow:
         n = z.size // 2
         shift = np.linalg.lstsq(self.normals(z[:n])[held], -self.gaps(z)[held])[0]
         return np.concatenate([z[:n] + shift, z[n:]])
+
+
+def _iterated(
+    improve: Callable[[Vector, Vector], tuple[Vector, Vector]], after: Vector, impulse: Vector, where: str
+) -> tuple[Vector, Vector]:
+    """Return the state and the impulse at which Newton's steps settle; `improve` gives a step and a new impulse."""
+    for _ in range(MOST_ITERATIONS):
+        step, impulse = improve(after, impulse)
+        after = after + step
+        if _is_settled(step, after):
+            return after, impulse
+    raise IterationLimitError(f"Newton's method does not converge in {where}")
 
 
 def _solved(jacobian: Matrix, right: Matrix, t: float) -> Matrix:
