@@ -1,5 +1,7 @@
 """Array aliases and the conversion every public constructor uses."""
 
+from __future__ import annotations
+
 import math
 from fractions import Fraction
 from typing import Any, TypeAlias, TypeGuard

@@ -1,5 +1,7 @@
 """CSV as this project writes it: UTF-8, line feeds, shortest round-trip numbers, empty cells where there is none."""
 
+from __future__ import annotations
+
 import csv
 import io
 import math

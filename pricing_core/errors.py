@@ -18,6 +18,8 @@ UnusualColumnWarning (UserWarning)     a column of a table looks like days, perc
 KernelMissingWarning (UserWarning)     the compiled kernel was not built: options are priced 500 to 2,000 times slower
 """
 
+from __future__ import annotations
+
 from fractions import Fraction
 
 SHOWN_CHARACTERS = 40
@@ -70,7 +72,7 @@ class InvalidInputError(PricingCoreError, ValueError):
         """The sentence that is safe to send: the value is in it where that is in our own words."""
         return str(self) if isinstance(self.value, Told) else self.message_without_value
 
-    def __reduce__(self) -> tuple[type["InvalidInputError"], tuple[str, object, str]]:
+    def __reduce__(self) -> tuple[type[InvalidInputError], tuple[str, object, str]]:
         return type(self), (self.field, self.value, self.allowed)
 
 

@@ -1,5 +1,7 @@
 """The optional dependencies by the name of their extra, and the error of an import that lacks one."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 

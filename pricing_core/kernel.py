@@ -3,6 +3,8 @@
 The two fast engines and the general engine's sweep exist only compiled; they are None otherwise.
 """
 
+from __future__ import annotations
+
 import warnings
 from functools import cache
 from types import ModuleType

@@ -1,5 +1,7 @@
 """The kernel's solvers of tridiagonal problems in plain Python and NumPy: what takes their place, and tests them."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -5,6 +5,8 @@ a lower bound of its values: where that is not negative nothing can have happene
 until the bound or a value decides.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from functools import cache

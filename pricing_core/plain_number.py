@@ -1,5 +1,7 @@
 """A number as tables and command lines write it."""
 
+from __future__ import annotations
+
 import math
 import re
 from decimal import Decimal

@@ -1,5 +1,7 @@
 """A file that appears under its name complete or not at all."""
 
+from __future__ import annotations
+
 import errno
 import os
 import shutil

@@ -1,5 +1,7 @@
 """The zero of a function of one variable between two points where its signs differ."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 MOST_STEPS = 60

@@ -7,7 +7,7 @@ from types import FunctionType
 import numpy as np
 import pytest
 
-from pricing_core import lcp, lcs, max_plus, models
+from pricing_core import american, batch, lcp, lcs, max_plus, models
 from pricing_core.errors import PricingCoreError
 
 M = np.array([[2.0, 1.0], [1.0, 2.0]])
@@ -137,8 +137,16 @@ def test_any_arguments_give_an_answer_or_an_error_of_this_library(name):
             function(*placed, **named)
 
 
-@pytest.mark.parametrize("name", PUBLIC)
+SHOWN = PUBLIC | {
+    f"{module.__name__}.{name}": getattr(module, name)
+    for module in (american, batch)
+    for name in module.__all__
+    if callable(getattr(module, name))
+}
+
+
+@pytest.mark.parametrize("name", SHOWN)
 def test_help_shows_no_private_type_and_no_address(name):
-    shown = str(inspect.signature(PUBLIC[name]))
+    shown = str(inspect.signature(SHOWN[name]))
     for unreadable in ("numpy._", " at 0x", "<object", "pricing_core."):
         assert unreadable not in shown

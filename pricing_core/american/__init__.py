@@ -1,5 +1,7 @@
 """American and European options, priced as linear complementarity systems."""
 
+from __future__ import annotations
+
 from pricing_core.american.book.resolution import Resolution
 from pricing_core.american.book.valuation import Diagnostics, Valuation
 from pricing_core.american.boundary import ExerciseBoundary, exercise_boundary

@@ -1,5 +1,7 @@
 """The early exercise boundary as a function of time."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

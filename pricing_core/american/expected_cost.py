@@ -1,5 +1,7 @@
 """How long a price will take, told before the work begins."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 

@@ -1,5 +1,7 @@
 """Which engines the words for a method stand for."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Literal, TypeAlias
 

@@ -1,5 +1,7 @@
 """Price one option to a tolerance."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 import numpy as np

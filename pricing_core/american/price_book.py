@@ -1,5 +1,7 @@
 """The contracts that were read of a table, priced into the table of their results."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Container
 
 import numpy as np

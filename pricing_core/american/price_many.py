@@ -1,5 +1,7 @@
 """Price a table of options, one status per row."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, overload
 
@@ -37,7 +39,7 @@ def price_many(
 
 @overload
 def price_many(
-    columns: "AnyFrame",
+    columns: AnyFrame,
     *,
     tolerance: float = DEFAULT_TOLERANCE,
     method: Method = "auto",
@@ -46,7 +48,7 @@ def price_many(
     threads: int | None = None,
     share_solves: bool = False,
     deadline: ArrayLike | None = None,
-) -> "AnyFrame": ...
+) -> AnyFrame: ...
 
 
 def price_many(

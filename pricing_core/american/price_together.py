@@ -1,5 +1,7 @@
 """Prices of several contracts that wait at the same time, by one call of each of the faster engines."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 
 import numpy as np

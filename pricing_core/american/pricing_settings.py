@@ -1,5 +1,7 @@
 """What a table of contracts is priced with."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The value of one option over spots and times."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

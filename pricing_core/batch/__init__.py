@@ -1,5 +1,7 @@
 """Tables of contracts: a CSV or Parquet file in, the same rows with their values out."""
 
+from __future__ import annotations
+
 from pricing_core.extras import needs_extra
 
 with needs_extra("batch"):

@@ -1,5 +1,7 @@
 """Parts put together in order, and the finished output given its name."""
 
+from __future__ import annotations
+
 import os
 import shutil
 from contextlib import ExitStack, suppress
@@ -36,7 +38,7 @@ class Assembly:
         self._rejects = self.rejects.open("wb")
         self._rejects.write(header_line([*["file"] * plan.is_folder, *REJECT_COLUMNS]))
 
-    def __enter__(self) -> "Assembly":
+    def __enter__(self) -> Assembly:
         return self
 
     def __exit__(

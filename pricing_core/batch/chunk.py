@@ -1,5 +1,7 @@
 """Consecutive rows of a table, as they were read."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -28,7 +30,7 @@ class Chunk:
     table: pa.RecordBatch
     malformed: Mapping[int, InvalidInputError] = field(default_factory=dict)
 
-    def read(self) -> "Chunk":
+    def read(self) -> Chunk:
         """Return the rows, which are here already."""
         return self
 

@@ -1,5 +1,7 @@
 """Units priced by the worker processes of a Dask cluster."""
 
+from __future__ import annotations
+
 import logging
 import platform
 from collections.abc import Iterator, Mapping

@@ -1,5 +1,7 @@
 """One pass through a CSV file before any work: what would end an hour of pricing is found in a second."""
 
+from __future__ import annotations
+
 import codecs
 import hashlib
 import io
@@ -153,7 +155,7 @@ class _Hashed:
     def __init__(self, file: BinaryIO) -> None:
         self._file, self._hash = file, hashlib.sha256()
 
-    def __enter__(self) -> "_Hashed":
+    def __enter__(self) -> _Hashed:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -1,5 +1,7 @@
 """Rows as lines of CSV, written by Arrow: quotes where needed, numbers as their shortest text, "" for none."""
 
+from __future__ import annotations
+
 import pyarrow as pa
 import pyarrow.compute as pc
 

@@ -6,6 +6,8 @@ on which physical line every record starts, blank lines and quoted newlines incl
 line.
 """
 
+from __future__ import annotations
+
 import csv
 import io
 from collections import deque
@@ -232,7 +234,7 @@ class CsvReader:
             raise
         self.schema = text_schema(self._names)
 
-    def __enter__(self) -> "CsvReader":
+    def __enter__(self) -> CsvReader:
         return self
 
     def __exit__(

@@ -1,5 +1,7 @@
 """What a change of the market and the passing of time do to the price of a contract, by causes."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias

@@ -1,5 +1,7 @@
 """What the prices of a book have gained or lost between two tables of it, by causes."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -42,7 +44,7 @@ class Book:
     table: pa.RecordBatch
     malformed: Mapping[int, InvalidInputError] = field(default_factory=dict)
 
-    def taken(self, rows: Rows) -> "Book":
+    def taken(self, rows: Rows) -> Book:
         """Return some rows."""
         faults = {
             place: self.malformed[row] for place, row in enumerate(rows.tolist()) if row in self.malformed

@@ -1,5 +1,7 @@
 """The formats of tables, by the endings of their names."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,5 +1,7 @@
 """Values, profits and Greeks of contracts under scenarios, summed by groups."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Units priced by threads of this process: the kernel, NumPy and Arrow release the interpreter."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial

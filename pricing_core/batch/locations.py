@@ -1,5 +1,7 @@
 """Where tables lie: paths of this machine, and URLs that fsspec opens."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
 from typing import Any, BinaryIO

@@ -1,5 +1,7 @@
 """What a run is: its input, parameters and versions; with them it is decided whether its parts may be used."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
@@ -80,7 +82,7 @@ class Manifest:
         return json.dumps(content, indent=1).encode()
 
     @classmethod
-    def of_bytes(cls, content: bytes) -> "Manifest | None":
+    def of_bytes(cls, content: bytes) -> Manifest | None:
         """Return the manifest; None if it is none."""
         try:
             values = json.loads(content)

@@ -1,5 +1,7 @@
 """Parquet tables, read block by block."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from types import TracebackType
 from typing import Any
@@ -50,7 +52,7 @@ class ParquetReader:
             self._file.close()
             raise
 
-    def __enter__(self) -> "ParquetReader":
+    def __enter__(self) -> ParquetReader:
         return self
 
     def __exit__(

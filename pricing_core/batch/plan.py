@@ -1,5 +1,7 @@
 """What a run is to do, found out before any work: its tables, their columns in and out, and who it is."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,5 +1,7 @@
 """An Arrow table of contracts in, the same rows with their values out; no file is touched."""
 
+from __future__ import annotations
+
 from numpy.typing import ArrayLike
 
 from pricing_core.american.arrow.frames import AnyFrame, price_frame

@@ -1,5 +1,7 @@
 """Tables read in blocks of rows, never as a whole, by the reader of CSV or of Parquet files."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from types import TracebackType
 from typing import Protocol
@@ -35,7 +37,7 @@ class TableReader(Protocol):
         """SHA-256 of the file."""
         ...
 
-    def __enter__(self) -> "TableReader": ...
+    def __enter__(self) -> TableReader: ...
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

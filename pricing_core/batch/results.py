@@ -1,5 +1,7 @@
 """The rows of a chunk priced, and what those without a price lack."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 
 import pyarrow as pa

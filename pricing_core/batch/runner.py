@@ -1,5 +1,7 @@
 """A table of contracts priced unit by unit, with its rejects; the file is never held as a whole."""
 
+from __future__ import annotations
+
 import os
 import tempfile
 from collections.abc import Callable, Iterator
@@ -57,7 +59,7 @@ class BatchSummary:
     done_before: bool = False
 
     @classmethod
-    def of(cls, counts: Counts, unread: tuple[str, ...]) -> "BatchSummary":
+    def of(cls, counts: Counts, unread: tuple[str, ...]) -> BatchSummary:
         """Return the summary of what has been counted."""
         below = counts.statuses["tolerance_not_met"]
         return cls(counts.rows, counts.rows - counts.rejected, counts.rejected, below, unread)

@@ -1,5 +1,7 @@
 """Scenarios: by how much spot, volatility and rate move, and how many days pass."""
 
+from __future__ import annotations
+
 import csv
 import io
 import itertools

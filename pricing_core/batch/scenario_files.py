@@ -1,5 +1,7 @@
 """Scenarios and explanations of tables in files, a part at a time."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Contracts valued under scenarios: a long table, a matrix of profits and losses, or sums by groups."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol

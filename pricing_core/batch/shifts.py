@@ -1,5 +1,7 @@
 """The columns of contracts as a scenario has them: moved markets, and later dates."""
 
+from __future__ import annotations
+
 import datetime as dt
 import json
 from collections.abc import Callable, Mapping, Sequence

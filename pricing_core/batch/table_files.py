@@ -1,5 +1,7 @@
 """Tables of contracts read from files part by part, and tables of results written likewise, complete or not at all."""
 
+from __future__ import annotations
+
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

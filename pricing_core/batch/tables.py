@@ -1,5 +1,7 @@
 """The tables that an input names: one file, or the Parquet files of a folder with the values in their paths."""
 
+from __future__ import annotations
+
 import stat
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """The unit of work: some rows read, priced, and kept in a part that is there whole or not at all."""
 
+from __future__ import annotations
+
 import json
 from collections import Counter
 from collections.abc import Iterable
@@ -74,7 +76,7 @@ class Counts:
     rejected: int = 0
     statuses: Counter[str] = field(default_factory=Counter)
 
-    def plus(self, other: "Counts") -> "Counts":
+    def plus(self, other: Counts) -> Counts:
         """Return both together."""
         return Counts(self.rows + other.rows, self.rejected + other.rejected, self.statuses + other.statuses)
 
@@ -83,7 +85,7 @@ class Counts:
         return {"rows": self.rows, "rejected": self.rejected, "statuses": dict(self.statuses)}
 
     @classmethod
-    def of_json(cls, values: dict[str, Any]) -> "Counts":
+    def of_json(cls, values: dict[str, Any]) -> Counts:
         """Return the counts that `as_json` gave."""
         return cls(values["rows"], values["rejected"], Counter(values["statuses"]))
 

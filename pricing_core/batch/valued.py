@@ -1,5 +1,7 @@
 """Some contracts with their values under scenarios."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,5 +1,7 @@
 """The folder of a run's parts: each file in it is there whole or not at all, and outlives the process."""
 
+from __future__ import annotations
+
 import fcntl
 import mmap
 import os

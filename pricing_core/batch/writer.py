@@ -1,5 +1,7 @@
 """Tables written part by part: lines of CSV as they are, rows in row groups of Parquet."""
 
+from __future__ import annotations
+
 import gzip
 from contextlib import ExitStack, suppress
 from types import TracebackType
@@ -19,7 +21,7 @@ GZIP_LEVEL = 1  # Numbers of sixteen digits gain little from more.
 class TableWriter(Protocol):
     """Appends parts to a table; leaving the `with` block completes it, the file itself stays open."""
 
-    def __enter__(self) -> "TableWriter": ...
+    def __enter__(self) -> TableWriter: ...
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -51,7 +53,7 @@ class CsvWriter:
             self._file = self._stack.enter_context(stream)
         self._file.write(header_line(names))
 
-    def __enter__(self) -> "CsvWriter":
+    def __enter__(self) -> CsvWriter:
         return self
 
     def __exit__(
@@ -74,7 +76,7 @@ class ParquetWriter:
         self._held: list[pa.RecordBatch] = []
         self._held_rows = 0
 
-    def __enter__(self) -> "ParquetWriter":
+    def __enter__(self) -> ParquetWriter:
         return self
 
     def __exit__(

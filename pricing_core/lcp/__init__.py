@@ -1,5 +1,7 @@
 """Linear complementarity problems: find z with 0 <= w = M z + q _|_ z >= 0."""
 
+from __future__ import annotations
+
 from pricing_core.lcp.enumeration import SolutionSet, enumerate_solutions
 from pricing_core.lcp.exact import solve_exact
 from pricing_core.lcp.extended_horizontal import (

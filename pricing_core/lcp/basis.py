@@ -1,5 +1,7 @@
 """Basic points: z_i = 0 outside a basic set, w_i = 0 on it."""
 
+from __future__ import annotations
+
 from functools import partial
 
 import numpy as np

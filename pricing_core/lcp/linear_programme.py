@@ -1,5 +1,7 @@
 """The linear programme that the proofs and the enumeration rest on, solved by HiGHS through SciPy."""
 
+from __future__ import annotations
+
 import numpy as np
 from scipy.optimize import linprog
 

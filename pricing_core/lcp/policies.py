@@ -1,5 +1,7 @@
 """The loop of Howard's policy iteration: evaluate a policy, improve it, until it cannot be improved."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import TypeVar
 

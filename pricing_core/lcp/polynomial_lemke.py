@@ -1,5 +1,7 @@
 """Lemke's complementary pivoting over the rational numbers and the ordered field of rational functions."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from pricing_core.errors import RayTerminationError

@@ -1,5 +1,7 @@
 """The principal pivot transform: exchange z_i and w_i on a set of indices."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from pricing_core.arrays import BoolVector

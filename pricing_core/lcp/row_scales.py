@@ -1,5 +1,7 @@
 """How large the terms of each row are, where a row whose terms are all rounding is measured by what reaches it."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array

@@ -1,5 +1,7 @@
 """Equilibration: an equivalent problem whose rows and columns are of size about one."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

@@ -1,5 +1,7 @@
 """How long a solver may take: the one place in which the solvers look at a clock."""
 
+from __future__ import annotations
+
 import math
 import time
 from dataclasses import dataclass, field

@@ -1,5 +1,7 @@
 """Linear complementarity systems: modes of a linear system chosen by complementarity."""
 
+from __future__ import annotations
+
 from pricing_core.lcs.distributions import InitialSolution, initial_solution
 from pricing_core.lcs.exosystem import Exosystem, piecewise_linear, sine
 from pricing_core.lcs.frequency_witness import FrequencyWitness

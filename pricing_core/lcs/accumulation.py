@@ -1,5 +1,7 @@
 """Events that accumulate: at one instant, in crowds that rounding drives, and before the limit of infinitely many."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass

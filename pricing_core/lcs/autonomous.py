@@ -1,5 +1,7 @@
 """A system with inputs as one without: the inputs' own states follow those of the system."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

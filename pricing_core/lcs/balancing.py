@@ -1,5 +1,7 @@
 """Units in which the entries of a linear complementarity system are of order 1."""
 
+from __future__ import annotations
+
 from typing import Any, NamedTuple
 
 import numpy as np

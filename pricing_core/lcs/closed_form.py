@@ -1,5 +1,7 @@
 """The flow of a mode for any length of time, from its eigenvalues, and what its outputs cannot fall below."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

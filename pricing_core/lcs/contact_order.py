@@ -1,5 +1,7 @@
 """Whether constraints that become active together lead elsewhere when they do so one after the other (section 11.8)."""
 
+from __future__ import annotations
+
 import itertools
 
 import numpy as np

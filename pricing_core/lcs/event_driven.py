@@ -1,5 +1,7 @@
 """Simulation from event to event (11.78): exact flow in a mode, the event located, the next mode selected, the jump."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal

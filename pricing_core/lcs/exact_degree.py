@@ -1,5 +1,7 @@
 """The relative degree of a small system in exact arithmetic, whatever the scales of its data."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from itertools import chain
 

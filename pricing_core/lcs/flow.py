@@ -1,5 +1,7 @@
 """The flow in one mode between two events, as a chain of Taylor polynomials."""
 
+from __future__ import annotations
+
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, field

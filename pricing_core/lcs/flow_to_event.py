@@ -1,5 +1,7 @@
 """The flow in one mode up to the first output that becomes negative, by Taylor steps, closed form, or its slow part."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Whether inputs that no output sees move the state: modes with a unique u then do not tell all continuations."""
 
+from __future__ import annotations
+
 import numpy as np
 from scipy.linalg import null_space
 

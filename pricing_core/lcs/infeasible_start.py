@@ -1,5 +1,7 @@
 """Whether there is no way on from a state as given: proved in exact arithmetic."""
 
+from __future__ import annotations
+
 from pricing_core.arrays import Vector
 from pricing_core.lcs.autonomous import whole_state, with_inputs_as_states
 from pricing_core.lcs.exosystem import Exosystem

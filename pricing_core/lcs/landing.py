@@ -1,5 +1,7 @@
 """The modes in which a state goes on at one instant: selected, jumped into, as often as it takes."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,5 +1,7 @@
 """The flow of one mode in coordinates of its consistent space, and the jump that leads there."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from typing import NamedTuple, TypeAlias
 
@@ -151,7 +153,7 @@ class ModeDynamics:
         leading = leading_signs(self.impulses, *state, shares.impulse)
         return np.where(leading != 0.0, leading, after)
 
-    def entered(self, state: State, shares: Shares = CAREFUL) -> "Entry | None":
+    def entered(self, state: State, shares: Shares = CAREFUL) -> Entry | None:
         """Return how z goes on in the mode if I is in S(z) (11.77): every output is initially nonnegative."""
         c = self.enter(state)
         after = self.initial_signs(c, shares)

@@ -1,5 +1,7 @@
 """The matrices of a mode's flow and jump, in coordinates that are some of the states: exact or in floating point."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple

@@ -1,5 +1,7 @@
 """Which mode a state goes on in: the index sets of S(z), nearest to the current one first."""
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field

@@ -1,5 +1,7 @@
 """The geometric algorithms of a mode (11.73)-(11.76), the same in floating-point and in rational numbers."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 

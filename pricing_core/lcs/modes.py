@@ -1,5 +1,7 @@
 """The modes of a linear complementarity system: index sets and their equations (11.70)-(11.72)."""
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Iterable, Iterator
 from operator import index

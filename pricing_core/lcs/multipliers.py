@@ -1,5 +1,7 @@
 """The multipliers of least norm along a trajectory of a system whose inputs are not unique."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

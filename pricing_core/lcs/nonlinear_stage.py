@@ -1,5 +1,7 @@
 """The implicit stage of a nonlinear complementarity system: Newton's method with an LCP in every iteration."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,7 +82,7 @@ class NonlinearStage:
 
     def _length(
         self,
-        sizes: "_Sizes",
+        sizes: _Sizes,
         before: float,
         x: Vector,
         u: Vector,
@@ -111,7 +113,7 @@ class _Sizes:
     effect: Vector  # (k,): of u on y
 
     @classmethod
-    def of(cls, local: Linearisation, x: Vector, u: Vector, base: Vector, h: float, dx: Vector) -> "_Sizes":
+    def of(cls, local: Linearisation, x: Vector, u: Vector, base: Vector, h: float, dx: Vector) -> _Sizes:
         effect = np.abs(np.diag(local.h_u)) + h * np.sum(np.abs(local.h_x) @ np.abs(local.f_u), axis=1)
         effect = np.where(effect > 0.0, effect, 1.0)
         x_size = max(_largest(x), _largest(base), h * _largest(local.f), _largest(dx))

@@ -1,5 +1,7 @@
 """Whether the state of a system has at most one continuation, by the matrix of its implicit steps."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from pricing_core.arrays import Matrix

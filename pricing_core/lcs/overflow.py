@@ -1,5 +1,7 @@
 """How large a state may become before a run ends."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import NDArray
 

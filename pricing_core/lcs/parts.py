@@ -1,5 +1,7 @@
 """The parts of a linear complementarity system that do not act on each other, or in one direction only."""
 
+from __future__ import annotations
+
 from typing import Literal, NamedTuple
 
 import numpy as np

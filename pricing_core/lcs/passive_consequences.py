@@ -4,6 +4,8 @@ For s > 0, (11.6) gives v^* G(s) v >= s x^* Q x with x = (sI - A)^-1 B v. So two
 complementarity problem have the same state, and B w = 0, (D + D^T) w = 0 for w = u' - u.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 
 import numpy as np

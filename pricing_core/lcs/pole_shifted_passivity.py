@@ -1,5 +1,7 @@
 """Passivity after a shift of the poles, A -> A - rho I, which is enough for existence and uniqueness."""
 
+from __future__ import annotations
+
 from pricing_core.lcs.rational_system import RationalSystem
 from pricing_core.linalg.rational import exact_kernel, exact_product, exact_rank
 from pricing_core.linalg.rational_definite import negative_vector

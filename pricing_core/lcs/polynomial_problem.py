@@ -1,5 +1,7 @@
 """The rational complementarity problem (11.77) in polynomials, and its solution in one mode."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """A linear complementarity system with rational data."""
 
+from __future__ import annotations
+
 from decimal import Decimal
 from typing import NamedTuple
 

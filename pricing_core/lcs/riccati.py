@@ -1,5 +1,7 @@
 """Strict solutions of the passivity inequality, from Riccati and Lyapunov equations, and where there are none."""
 
+from __future__ import annotations
+
 import numpy as np
 from scipy.linalg import schur, solve_continuous_lyapunov
 

@@ -1,5 +1,7 @@
 """What a simulation from event to event has noted: its flows and its events."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, field
 

@@ -1,5 +1,7 @@
 """The interval of a simulation, and the times to report."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Stiff modes: what is left of the flow once its fast part has died out."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

@@ -1,5 +1,7 @@
 """Time stepping of a linear complementarity system with error control."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

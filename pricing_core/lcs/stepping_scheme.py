@@ -1,5 +1,7 @@
 """What time stepping is made of: the scheme for a relative degree, its method, and the trajectory in the end."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Literal
 

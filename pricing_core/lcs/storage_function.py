@@ -1,5 +1,7 @@
 """Storage functions: Q is known wherever the passivity inequality has no room, else from a Riccati equation."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 

@@ -1,5 +1,7 @@
 """The energy that jumps dissipate, where a storage function is known."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from dataclasses import replace
 

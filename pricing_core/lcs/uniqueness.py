@@ -1,5 +1,7 @@
 """Whether the state of a system is proved to have at most one continuation from every x0."""
 
+from __future__ import annotations
+
 from functools import lru_cache
 from typing import Literal
 

@@ -1,5 +1,7 @@
 """Infinitely many events before an instant: diagnosed from rounds of modes whose durations shrink geometrically."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

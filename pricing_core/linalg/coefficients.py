@@ -1,5 +1,7 @@
 """A square matrix in any of three storages: dense array, sparse rows, tridiagonal bands."""
 
+from __future__ import annotations
+
 from typing import TypeAlias, cast
 
 import numpy as np

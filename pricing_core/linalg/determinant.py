@@ -1,5 +1,7 @@
 """Signs of determinants and Schur complements of floating-point matrices, exact for the numbers as they are given."""
 
+from __future__ import annotations
+
 from fractions import Fraction
 
 import numpy as np

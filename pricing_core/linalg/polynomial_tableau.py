@@ -1,5 +1,7 @@
 """Linear programmes over the rational numbers, or the field of rational functions ordered by the sign for large s."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -31,7 +33,7 @@ class Tableau:
     basic: tuple[int, ...]
     nonbasic: tuple[int, ...]
 
-    def pivot(self, r: int, c: int) -> "Tableau":
+    def pivot(self, r: int, c: int) -> Tableau:
         """Exchange basic variable r for nonbasic variable c, a_rc != 0."""
         d, pivot, pivot_row = self.d, self.rows[r][c], self.rows[r]
         rows = []
@@ -52,7 +54,7 @@ class Tableau:
         basic[r], nonbasic[c] = nonbasic[c], basic[r]
         return Tableau(pivot, rows, tuple(basic), tuple(nonbasic))
 
-    def without_row(self, r: int) -> "Tableau":
+    def without_row(self, r: int) -> Tableau:
         """Drop a basic variable and its equation."""
         return Tableau(
             self.d,
@@ -61,12 +63,12 @@ class Tableau:
             self.nonbasic,
         )
 
-    def without_column(self, c: int) -> "Tableau":
+    def without_column(self, c: int) -> Tableau:
         """Keep a nonbasic variable at zero."""
         rows = [row[:c] + row[c + 1 :] for row in self.rows]
         return Tableau(self.d, rows, self.basic, self.nonbasic[:c] + self.nonbasic[c + 1 :])
 
-    def with_objective(self, coefficients: dict[int, Element]) -> "Tableau":
+    def with_objective(self, coefficients: dict[int, Element]) -> Tableau:
         """Return the tableau with a last row for -1, the sum of coefficients times variables."""
         zero = self.d - self.d
         row = [-self.d * coefficients.get(j, zero) for j in self.nonbasic] + [zero]

@@ -1,5 +1,7 @@
 """Polynomials and rational functions in s, ordered by their sign for all sufficiently large s."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -53,7 +55,7 @@ class RationalVector(NamedTuple):
     numerators: tuple[fmpq_poly, ...]
     denominator: fmpq_poly
 
-    def reduced(self) -> "RationalVector":
+    def reduced(self) -> RationalVector:
         """Return the same functions in lowest terms, the denominator with leading coefficient 1."""
         common = self.denominator
         for numerator in self.numerators:
@@ -98,7 +100,7 @@ class RationalVector(NamedTuple):
         """Tell whether there are no impulses."""
         return all(p.degree() < self.denominator.degree() for p in self.numerators)
 
-    def same_smooth_part(self, other: "RationalVector") -> bool:
+    def same_smooth_part(self, other: RationalVector) -> bool:
         """Tell whether the two differ by polynomials alone.
 
         Examples

@@ -1,5 +1,7 @@
 """All principal minors of a polynomial matrix, and the solutions of its principal subsystems."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from typing import NamedTuple
 

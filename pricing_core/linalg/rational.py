@@ -4,6 +4,8 @@ Matrices are NumPy arrays of `fmpq`, so that products and blocks are written as 
 eliminations are FLINT's.
 """
 
+from __future__ import annotations
+
 from decimal import Decimal
 from fractions import Fraction
 from typing import Any, TypeAlias

@@ -1,5 +1,7 @@
 """Definiteness of symmetric rational matrices, decided exactly."""
 
+from __future__ import annotations
+
 import numpy as np
 from flint import fmpq
 

@@ -1,5 +1,7 @@
 """Subspaces in floating point: kernel, image and solution, with rank decided by singular values."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from pricing_core.arrays import Matrix

@@ -1,5 +1,7 @@
 """A tridiagonal matrix: product, sum with a multiple of the identity, solve."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +48,7 @@ class Tridiagonal:
         y[:-1] += self.upper * x[1:]
         return y
 
-    def plus_identity(self, shift: float, scale: float = 1.0) -> "Tridiagonal":
+    def plus_identity(self, shift: float, scale: float = 1.0) -> Tridiagonal:
         """Return shift I + scale T."""
         return Tridiagonal(scale * self.lower, shift + scale * self.diagonal, scale * self.upper)
 

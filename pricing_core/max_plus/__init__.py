@@ -1,5 +1,7 @@
 """Max-plus algebra: arrays, spectra, residuation, systems, timed event graphs, and complementarity."""
 
+from __future__ import annotations
+
 from pricing_core.max_plus import min_plus
 from pricing_core.max_plus.algebra import add, identity, multiply, power
 from pricing_core.max_plus.complementarity import (

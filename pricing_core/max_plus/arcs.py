@@ -1,5 +1,7 @@
 """The precedence graph of a matrix: an arc from j to i of weight A_ij wherever A_ij is not epsilon."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -62,24 +64,24 @@ class Arcs:
         graph = graph_of_rows(start, self.tail)
         return connected_components(graph, directed=True, connection="strong")[1].astype(np.int64)
 
-    def inside_classes(self) -> "Arcs":
+    def inside_classes(self) -> Arcs:
         """Return the graph of those arcs that lie on some circuit."""
         label = self.classes()
         return self.only(label[self.head] == label[self.tail])
 
-    def only(self, kept: BoolVector) -> "Arcs":
+    def only(self, kept: BoolVector) -> Arcs:
         """Return the graph with all nodes and these arcs."""
         return Arcs(self.size, self.head[kept], self.tail[kept], self.weight[kept])
 
-    def among(self, nodes: BoolVector) -> "Arcs":
+    def among(self, nodes: BoolVector) -> Arcs:
         """Return the graph with all nodes and the arcs between these."""
         return self.only(nodes[self.head] & nodes[self.tail])
 
-    def weighing(self, weight: Numbers) -> "Arcs":
+    def weighing(self, weight: Numbers) -> Arcs:
         """Return the graph with other weights."""
         return replace(self, weight=weight)
 
-    def reversed(self) -> "Arcs":
+    def reversed(self) -> Arcs:
         """Return the graph with every arc turned round."""
         order = np.lexsort((self.head, self.tail))
         return Arcs(self.size, self.tail[order], self.head[order], self.weight[order])

@@ -1,5 +1,7 @@
 """Circuits with names: any circuit of a graph, and the one that its policy runs through."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

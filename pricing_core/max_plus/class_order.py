@@ -1,5 +1,7 @@
 """Sweeps over the classes of a graph, each after all those from which a path leads to it."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from pricing_core.max_plus.arcs import Arcs, IntVector

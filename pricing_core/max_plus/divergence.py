@@ -1,5 +1,7 @@
 """Circuits of positive weight: where a star diverges."""
 
+from __future__ import annotations
+
 from fractions import Fraction
 
 import numpy as np

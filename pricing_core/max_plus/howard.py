@@ -23,6 +23,8 @@ implementations go through the same policies; the tests hold them against each o
 All three run the loop of `pricing_core.lcp.policies`.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import partial
 

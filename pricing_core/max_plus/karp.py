@@ -1,5 +1,7 @@
 """Karp's algorithm for the largest cycle mean of a strongly connected graph."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from pricing_core.max_plus.arcs import Arcs, first_of_runs

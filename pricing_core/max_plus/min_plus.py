@@ -4,6 +4,8 @@ Each one is that of max-plus between two changes of sign: what is not stored in 
 and +inf absorbs.
 """
 
+from __future__ import annotations
+
 from typing import Any, cast
 
 import numpy as np

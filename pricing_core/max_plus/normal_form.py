@@ -1,5 +1,7 @@
 """A graph whose arcs weigh at most zero, and the potential that makes it so; the longest paths in it."""
 
+from __future__ import annotations
+
 from heapq import heapify, heappop, heappush
 
 import numpy as np

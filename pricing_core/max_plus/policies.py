@@ -1,5 +1,7 @@
 """Policies of one arc into each node: what they are worth, and how they get better, in all classes at once."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from math import fsum

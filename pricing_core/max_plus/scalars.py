@@ -1,5 +1,7 @@
 """Single numbers as arguments: times and weights, tolerances."""
 
+from __future__ import annotations
+
 from fractions import Fraction
 from math import isfinite
 

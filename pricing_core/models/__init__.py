@@ -1,5 +1,7 @@
 """Models as they are stated, each with its linear complementarity system."""
 
+from __future__ import annotations
+
 from pricing_core.lcs import PiecewiseConstant
 from pricing_core.models.characteristic import Characteristic
 from pricing_core.models.circuits.circuit_lcs import CircuitLCS

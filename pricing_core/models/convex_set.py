@@ -1,5 +1,7 @@
 """Closed convex sets K = {x | h_i(x) >= 0} with the projection (11.37): polyhedra, and sets of smooth functions."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias

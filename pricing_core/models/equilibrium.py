@@ -1,5 +1,7 @@
 """Variational inequalities: x in K with <F(x), z - x> >= 0 for all z in K (11.36)."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal

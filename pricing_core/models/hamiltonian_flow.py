@@ -1,5 +1,7 @@
 """Smooth motion of a Hamiltonian system with contacts that last, by the discrete gradient."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias

@@ -1,5 +1,7 @@
 """The motion of a Hamiltonian system over one step, with the impacts located in it."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

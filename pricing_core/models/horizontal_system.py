@@ -1,5 +1,7 @@
 """Linear systems with complementarity and algebraic equations: a DAE (11.31) in which no side is the input."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Moreau's time stepping of mechanical systems: velocities and impulses, whatever happens inside a step."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
@@ -53,7 +55,7 @@ class MoreauStep:
         As in `TimeStepping`.
     """
 
-    motion: "MechanicalSystem"
+    motion: MechanicalSystem
     theta: float
     lcp_method: Method
     multipliers: Multipliers
@@ -121,7 +123,7 @@ class MoreauStep:
         return np.asarray(q + by_force @ solve(LCP(delassus, gap)).z)
 
 
-def _response(motion: "MechanicalSystem", theta: float, h: float) -> _Response:
+def _response(motion: MechanicalSystem, theta: float, h: float) -> _Response:
     matrix = motion.mass + theta * h * motion.damping + (theta * h) ** 2 * motion.stiffness
     # lu_solve with several right-hand sides wakes BLAS threads even for small ones.
     by_impulse = np.asarray(np.linalg.solve(matrix, motion.F.T))
@@ -129,7 +131,7 @@ def _response(motion: "MechanicalSystem", theta: float, h: float) -> _Response:
 
 
 def simulate_by_impulses(
-    motion: "MechanicalSystem",
+    motion: MechanicalSystem,
     x0: Vector,
     t_span: tuple[float, float],
     t_eval: Vector | None,

@@ -1,5 +1,7 @@
 """The nearest point of a polyhedron, by nonnegative least squares: no ray, no cycle, however many constraints meet."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

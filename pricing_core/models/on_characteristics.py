@@ -1,5 +1,7 @@
 """The inputs and outputs of a piecewise linear system on its characteristics, and the pieces that they are on."""
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections.abc import Callable, Sequence

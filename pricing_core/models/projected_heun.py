@@ -1,5 +1,7 @@
 """A one-step method for projected dynamics x' = pi(x, -F(x)) with any F and any convex set."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 

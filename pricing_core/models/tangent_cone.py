@@ -1,5 +1,7 @@
 """The cone of admissible velocities {v | H v >= 0}, H the gradients of the active constraints (11.43)."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

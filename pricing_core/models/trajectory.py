@@ -1,5 +1,7 @@
 """What the simulation of a model reports: in the model's own variables, with the run of its LCS behind them."""
 
+from __future__ import annotations
+
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -88,7 +90,7 @@ class ModelTrajectory:
         """Return x(t), shape (n,) for a scalar, (len(t), n) for a vector."""
         return self.lcs(t)
 
-    def refined(self, count: int) -> "ModelTrajectory":
+    def refined(self, count: int) -> ModelTrajectory:
         """Return the run at `count` times or somewhat more, as `pricing_core.lcs.Trajectory.refined` does."""
         if not self.lcs.flows:
             return self

@@ -1,5 +1,7 @@
 """The run of a model's complementarity system, where the model knows more of uniqueness than its system tells."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal

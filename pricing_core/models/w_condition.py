@@ -1,5 +1,7 @@
 """When a piecewise linear system has one continuation: the W-property of its pieces for large s."""
 
+from __future__ import annotations
+
 import itertools
 import math
 from collections.abc import Sequence

@@ -1,5 +1,7 @@
 """Time stepping with error control; knows nothing of complementarity."""
 
+from __future__ import annotations
+
 from pricing_core.stepping.controller import (
     Decision,
     FixedStep,

@@ -3,6 +3,8 @@
 Source: Hairer and Wanner, Solving ODEs II, IV.2; the PI exponents are Gustafsson's, (0.7, 0.4)/(p + 1).
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,5 +1,7 @@
 """One-step methods built on one implicit stage, value = base + h F(t, value), whatever solves it."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar

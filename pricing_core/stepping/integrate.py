@@ -1,5 +1,7 @@
 """The time loop: attempt a step, accept or reject it, choose the next, stop exactly at the stop times."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

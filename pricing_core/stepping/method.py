@@ -1,5 +1,7 @@
 """One step of a time integrator, and step doubling, which gives any of them an error estimate."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 

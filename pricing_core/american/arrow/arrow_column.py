@@ -1,5 +1,7 @@
 """A column of a table as an Arrow array: no Python object per row, unless a cell must be read by itself."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

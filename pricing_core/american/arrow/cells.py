@@ -1,5 +1,7 @@
 """Single cells of Arrow tables as Python has them."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

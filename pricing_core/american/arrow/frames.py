@@ -1,5 +1,7 @@
 """Frames of contracts in, frames of the same kind out: those of Arrow, pandas, polars or any with Arrow's streams."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any, Protocol, TypeVar
 

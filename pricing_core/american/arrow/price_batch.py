@@ -1,5 +1,7 @@
 """The rows of an Arrow table priced into columns of Arrow."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

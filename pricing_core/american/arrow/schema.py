@@ -1,5 +1,7 @@
 """The columns of a table of contracts: what must be there, of what type, and which names are taken."""
 
+from __future__ import annotations
+
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence

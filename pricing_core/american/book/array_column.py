@@ -1,5 +1,7 @@
 """A column of a table as a NumPy array."""
 
+from __future__ import annotations
+
 import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Contracts in columns: every one a schedule of segments without events, with the events at their ends."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -50,11 +52,11 @@ class Segments:
         """Years."""
         return self.end - self.start
 
-    def take(self, chosen: NDArray[np.int64] | slice) -> "Segments":
+    def take(self, chosen: NDArray[np.int64] | slice) -> Segments:
         """Return some of them."""
         return Segments(*(getattr(self, name)[chosen] for name in self.__slots__))
 
-    def joined(self, other: "Segments") -> "Segments":
+    def joined(self, other: Segments) -> Segments:
         """Return these and then the others."""
         names = self.__slots__
         return Segments(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in names))
@@ -81,15 +83,15 @@ class Listed:
     volatility: Ragged
 
     @classmethod
-    def nothing(cls, count: int) -> "Listed":
+    def nothing(cls, count: int) -> Listed:
         """Return empty lists for so many contracts."""
         return cls(*[Ragged.empty(count)] * 4)
 
-    def take(self, rows: Rows) -> "Listed":
+    def take(self, rows: Rows) -> Listed:
         """Return the lists of some contracts."""
         return Listed(*(getattr(self, name).take(rows) for name in self.__slots__))
 
-    def joined(self, other: "Listed") -> "Listed":
+    def joined(self, other: Listed) -> Listed:
         """Return these lists and then the others."""
         return Listed(*(getattr(self, name).joined(getattr(other, name)) for name in self.__slots__))
 
@@ -129,7 +131,7 @@ class Book:
         object.__setattr__(self, "is_plain", plain)
 
     @classmethod
-    def of(cls, contracts: Sequence[tuple[Option, Market]]) -> "Book":
+    def of(cls, contracts: Sequence[tuple[Option, Market]]) -> Book:
         """Return the book of these contracts.
 
         Raises
@@ -160,7 +162,7 @@ class Book:
         )
 
     @classmethod
-    def at_strike(cls, option: Option, market: Market) -> "Book":
+    def at_strike(cls, option: Option, market: Market) -> Book:
         """Return the contract with the spot at the strike, above what escrowed dividends are worth.
 
         For questions that do not depend on the spot; a market whose own spot is too small for them is served.
@@ -245,12 +247,12 @@ class Book:
         due = self.segments.due
         return np.where(self.per_segment(self.escrowed), 0.0, due) if self.escrowed.any() else due
 
-    def european(self) -> "Book":
+    def european(self) -> Book:
         """Return the same contracts without early exercise."""
         never = np.zeros(self.segments.end.size, dtype=bool)
         return replace(self, segments=replace(self.segments, exercisable=never, exercise_at_end=never))
 
-    def take(self, rows: Rows) -> "Book":
+    def take(self, rows: Rows) -> Book:
         """Return some of the contracts, in the order asked for."""
         if rows.size == self.count and bool((rows == np.arange(rows.size)).all()):
             return self
@@ -265,7 +267,7 @@ class Book:
             self.listed.take(rows),
         )
 
-    def part(self, rows: slice) -> "Book":
+    def part(self, rows: slice) -> Book:
         """Return consecutive contracts; the columns of those with one segment each are not copied."""
         if not self.is_simple:
             return self.take(np.arange(self.count)[rows])
@@ -280,7 +282,7 @@ class Book:
             self.listed.take(chosen),
         )
 
-    def joined(self, other: "Book") -> "Book":
+    def joined(self, other: Book) -> Book:
         """Return these contracts and then the others."""
         return Book(
             np.concatenate([self.is_put, other.is_put]),
@@ -292,7 +294,7 @@ class Book:
             self.listed.joined(other.listed),
         )
 
-    def with_volatility(self, volatility: Vector) -> "Book":
+    def with_volatility(self, volatility: Vector) -> Book:
         """Return the contracts with constant volatilities, shape (n,)."""
         listed = replace(self.listed, volatility=Ragged.empty(self.count))
         segments = replace(self.segments, volatility=self.per_segment(volatility))

@@ -1,5 +1,7 @@
 """What a column of a table of contracts must answer, whatever holds it: NumPy arrays or Arrow's."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 

@@ -1,5 +1,7 @@
 """Columns of a table of contracts as arrays of one length."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,5 +1,7 @@
 """Segments cut at further times, which changes nothing of the contract."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -5,6 +5,8 @@ but numbers: times that increase strictly inside the option's life, amounts that
 and every fault, is for `contract_from`.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Any
 

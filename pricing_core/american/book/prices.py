@@ -1,10 +1,12 @@
 """What the engines say of contracts: the one type that carries a price from them to every reader."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,11 +99,11 @@ class Prices:
         """How many contracts there are."""
         return self.value.size
 
-    def take(self, rows: Rows) -> "Prices":
+    def take(self, rows: Rows) -> Prices:
         """Return some of the rows, in the order asked for."""
         return Prices(*(taken(getattr(self, name), rows) for name in self.__slots__))
 
-    def replaced(self, rows: Rows, found: "Prices") -> "Prices":
+    def replaced(self, rows: Rows, found: Prices) -> Prices:
         """Return these prices with some rows taken, in their order, from others."""
         if rows.size == 0:
             return self
@@ -112,8 +114,9 @@ class Prices:
         )
 
 
-NUMBERS = tuple(field.name for field in fields(Prices) if field.type is Vector and field.name != "residual")
-LISTS = tuple(field.name for field in fields(Prices) if field.type is Ragged)
+_TYPES = get_type_hints(Prices)
+NUMBERS = tuple(name for name, kind in _TYPES.items() if kind == Vector and name != "residual")
+LISTS = tuple(name for name, kind in _TYPES.items() if kind == Ragged)
 FLAGS = ("exercised", "settled", "complete", "fitted")
 TEXTS = ("method", "message")
 CACHED = 16384  # Number of rows of the shared columns of one value: those of one chunk.

@@ -1,5 +1,7 @@
 """Columns whose cells are lists of numbers."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,19 +35,19 @@ class Ragged:
     values: Vector
 
     @classmethod
-    def of(cls, rows: Sequence[Sequence[float]]) -> "Ragged":
+    def of(cls, rows: Sequence[Sequence[float]]) -> Ragged:
         """Return a column with these lists."""
         counts = np.array([len(row) for row in rows], dtype=np.int64)
         values = np.array([number for row in rows for number in row], dtype=np.float64)
         return cls(starts(counts), values)
 
     @classmethod
-    def empty(cls, count: int) -> "Ragged":
+    def empty(cls, count: int) -> Ragged:
         """Return a column of empty lists."""
         return cls(np.zeros(count + 1, dtype=np.int64), NOTHING)
 
     @classmethod
-    def concatenated(cls, parts: "Sequence[Ragged]") -> "Ragged":
+    def concatenated(cls, parts: Sequence[Ragged]) -> Ragged:
         """Return the rows of several columns, one behind the other."""
         counts = np.concatenate([part.counts() for part in parts])
         return cls(starts(counts), np.concatenate([part.values for part in parts]))
@@ -67,7 +69,7 @@ class Ragged:
         numbers = self.row(row)
         return () if any(map(math.isnan, numbers)) else numbers
 
-    def known(self) -> "Ragged":
+    def known(self) -> Ragged:
         """Return the column with the empty list in the place of those that lack a number."""
         missing = np.isnan(self.values)
         if not missing.any():
@@ -76,18 +78,18 @@ class Ragged:
         counts[self.owner()[missing]] = 0
         return Ragged(starts(counts), self.values[np.repeat(counts > 0, self.counts())])
 
-    def take(self, rows: NDArray[np.intp]) -> "Ragged":
+    def take(self, rows: NDArray[np.intp]) -> Ragged:
         """Return some of the rows, in the order asked for."""
         if self.values.size == 0:
             return Ragged.empty(rows.size)
         first, chosen = gather(self.first, rows)
         return Ragged(first, self.values[chosen])
 
-    def joined(self, other: "Ragged") -> "Ragged":
+    def joined(self, other: Ragged) -> Ragged:
         """Return these rows and then the others."""
         return Ragged(join_starts(self.first, other.first), np.concatenate([self.values, other.values]))
 
-    def replaced(self, rows: NDArray[np.intp], other: "Ragged") -> "Ragged":
+    def replaced(self, rows: NDArray[np.intp], other: Ragged) -> Ragged:
         """Return the column with the lists of some rows taken, in their order, from another."""
         if self.values.size == 0 and other.values.size == 0:
             return self

@@ -1,5 +1,7 @@
 """A table of contracts, one per row, read into a book; a row that cannot be read costs itself alone."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

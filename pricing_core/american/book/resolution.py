@@ -1,5 +1,7 @@
 """How finely a contract is solved on a grid: cells, time steps, and the method that takes them."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
@@ -55,11 +57,11 @@ class Resolution:
             if getattr(self, field) not in allowed:
                 raise InvalidInputError(field, getattr(self, field), "one of " + ", ".join(map(str, allowed)))
 
-    def refined(self) -> "Resolution":
+    def refined(self) -> Resolution:
         """Return twice the cells and twice the steps."""
         return replace(self, intervals=2 * self.intervals, steps=2 * self.steps)
 
-    def coarsened(self) -> "Resolution | None":
+    def coarsened(self) -> Resolution | None:
         """Return half the cells and half the steps, None where there are too few."""
         if self.intervals < 2 * SMALLEST_INTERVALS or self.steps < 2 * SMALLEST_STEPS:
             return None

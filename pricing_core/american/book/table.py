@@ -1,5 +1,7 @@
 """The table that `price_many` returns, and what fills its rows."""
 
+from __future__ import annotations
+
 from collections.abc import Container, Mapping
 from typing import Any
 

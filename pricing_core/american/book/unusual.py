@@ -1,5 +1,7 @@
 """Columns of numbers that look as if they were in other units than those of the library."""
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

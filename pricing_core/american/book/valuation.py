@@ -1,5 +1,7 @@
 """What `price` returns: one row of prices, with everything that follows from it."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

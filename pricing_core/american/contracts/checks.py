@@ -1,5 +1,7 @@
 """Checks of single arguments, whose messages say what is allowed."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 

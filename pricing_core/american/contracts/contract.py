@@ -1,5 +1,7 @@
 """The option contract: what the holder may do and what it pays."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

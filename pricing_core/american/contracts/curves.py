@@ -1,5 +1,7 @@
 """Rates, yields and volatilities that are constant between given times."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Dates as times in years: actual days over 365, the time of day included."""
 
+from __future__ import annotations
+
 import datetime as dt
 import re
 

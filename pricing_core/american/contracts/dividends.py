@@ -1,5 +1,7 @@
 """Dividends that are paid at known times: amounts of money, or fractions of the spot."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar

@@ -1,5 +1,7 @@
 """One input of the option engine: its name, kind, unit, limits, default, meaning and an example."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
@@ -46,7 +48,7 @@ class Field:
     meaning: str
     limits: tuple[float, float] = UNLIMITED
     choices: tuple[str, ...] = ()
-    entries: "tuple[Field, ...]" = ()
+    entries: tuple[Field, ...] = ()
     most_entries: int = 0
     default: Any = REQUIRED
     example: Any = None

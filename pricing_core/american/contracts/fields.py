@@ -4,6 +4,8 @@ Python arguments, the columns of tables and files, JSON requests and command-lin
 or describes an input takes its limits, default and words from here, or is compared with this table by a test.
 """
 
+from __future__ import annotations
+
 import math
 from typing import Literal, TypeAlias, get_args
 

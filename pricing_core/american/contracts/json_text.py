@@ -1,5 +1,7 @@
 """JSON as tables, command lines and requests write it, read strictly: RFC 8259 and nothing beyond."""
 
+from __future__ import annotations
+
 import json
 from collections import Counter
 from typing import Any

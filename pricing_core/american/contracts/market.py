@@ -1,5 +1,7 @@
 """The market the option is valued in: spot, rate, yield, volatility and dividends."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from pricing_core.american.contracts.curves import Curve, PiecewiseConstant, read_curve

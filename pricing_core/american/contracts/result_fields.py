@@ -4,6 +4,8 @@ Results in Python, the columns of tables and files, JSON answers and printed tab
 describes an output takes its unit and words from here, or is compared with this table by a test.
 """
 
+from __future__ import annotations
+
 from collections.abc import Container
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias

@@ -4,6 +4,8 @@ In the escrowed model the spot here is S* = S - A(t), A(t) the present value of 
 is lognormal and does not jump; exercise at t brings K - A(t) - S* (a put) or its negative (a call).
 """
 
+from __future__ import annotations
+
 import math
 from bisect import bisect_left
 from collections.abc import Iterable

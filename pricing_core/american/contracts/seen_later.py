@@ -1,5 +1,7 @@
 """A contract as it will be at a later time: what is left of its life, its dividends and its curves."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 from pricing_core.american.contracts.contract import Option

@@ -1,5 +1,7 @@
 """How far spot and strike may be apart, and how accurate an exercise boundary is at a tolerance of the price."""
 
+from __future__ import annotations
+
 from pricing_core.american.contracts.contract import Option
 from pricing_core.errors import InvalidInputError
 

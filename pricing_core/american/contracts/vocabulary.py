@@ -1,5 +1,7 @@
 """From the flat vocabulary, one value per name as in JSON or a row of a table, to an option and its market."""
 
+from __future__ import annotations
+
 import datetime as dt
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,5 +1,7 @@
 """Black, Scholes and Merton's formula for contracts whose spot at expiry is lognormal."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

@@ -1,5 +1,7 @@
 """Contracts whose spot does not diffuse: zero volatility, or a spot of zero."""
 
+from __future__ import annotations
+
 import numpy as np
 from scipy.special import ndtr
 

@@ -1,5 +1,7 @@
 """A book priced some rows at a time, in threads, and within the deadline of each row."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

@@ -1,5 +1,7 @@
 """The engine of the closed formulas: contracts that have expired, are certain, European, or never exercised early."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from typing import Any

@@ -3,6 +3,8 @@
 The prices must be smooth in what is bumped, so that an engine solves all of them alike.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -106,7 +108,7 @@ class _Plan:
         return np.arange(self.count - rows.size, self.count)
 
     def central(
-        self, kind: str, bumped: "Bump", rows: Rows, entry: Rows, step: Vector
+        self, kind: str, bumped: Bump, rows: Rows, entry: Rows, step: Vector
     ) -> list[NDArray[np.int64]]:
         """Add the difference of second order around the contract; return the places of up and down."""
         places = []
@@ -115,7 +117,7 @@ class _Plan:
             self.terms.append(_Term(kind, entry, side * 0.5 / step, places[-1]))
         return places
 
-    def forward(self, kind: str, bumped: "Bump", rows: Rows, entry: Rows, step: Vector) -> None:
+    def forward(self, kind: str, bumped: Bump, rows: Rows, entry: Rows, step: Vector) -> None:
         """Add the one-sided difference of second order."""
         for steps, weight in ((0.0, -1.5), (1.0, 2.0), (2.0, -0.5)):
             place = self.add(bumped(steps * step), rows)

@@ -1,5 +1,7 @@
 """What an engine is, and what it is asked for."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
@@ -39,7 +41,7 @@ class Request:
     interrupt: Callable[[], bool] | None = None
     deadline: Vector | None = None
 
-    def take(self, rows: Rows | slice) -> "Request":
+    def take(self, rows: Rows | slice) -> Request:
         """Return the request for some of the contracts."""
         if isinstance(rows, np.ndarray) and rows.size == self.tolerance.size:
             return self
@@ -64,7 +66,7 @@ class Boundaries(NamedTuple):
     error: Vector
     found: BoolVector
 
-    def completed_by(self, other: "Boundaries") -> "Boundaries":
+    def completed_by(self, other: Boundaries) -> Boundaries:
         """Return these boundaries, and at the times at which they were not found the other ones."""
         columns = (np.where(self.found, mine, its) for mine, its in zip(self, other, strict=True))
         near, far, error, found = columns

@@ -1,5 +1,7 @@
 """The interval of spots at which a contract is exercised."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

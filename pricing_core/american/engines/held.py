@@ -1,5 +1,7 @@
 """Prices from what an engine finds of contracts as if they were held: bounds, the exercise region and theta."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The exercise boundary of the option without expiry (McKean 1965; Merton 1973)."""
 
+from __future__ import annotations
+
 import math
 
 

@@ -1,5 +1,7 @@
 """What an option may cost at volatilities from zero to infinity: no price lies outside."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,7 +34,7 @@ class PriceBounds:
     out_of_the_money: Vector
     at_once: BoolVector
 
-    def take(self, rows: Rows) -> "PriceBounds":
+    def take(self, rows: Rows) -> PriceBounds:
         """Return those of some of the options."""
         return PriceBounds(*(getattr(self, name)[rows] for name in self.__slots__))
 

@@ -1,5 +1,7 @@
 """From a book to its prices: each contract goes to the first engine that serves it, and on where that is not enough."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any

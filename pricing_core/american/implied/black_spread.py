@@ -1,5 +1,7 @@
 """The inverse of Black's formula: the spread sigma sqrt(T) that a time value shows."""
 
+from __future__ import annotations
+
 import numpy as np
 from scipy.special import ndtr, ndtri
 

@@ -1,5 +1,7 @@
 """Calls and puts of one strike and expiry, read from the quotes of one underlying."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -43,7 +45,7 @@ class Pairs:
     put: Vector
     width: Vector
 
-    def take(self, rows: NDArray[Any]) -> "Pairs":
+    def take(self, rows: NDArray[Any]) -> Pairs:
         """Return some of them."""
         return Pairs(*(getattr(self, name)[rows] for name in self.__slots__))
 

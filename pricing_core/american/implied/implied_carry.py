@@ -1,5 +1,7 @@
 """The dividend yield and the forward that the prices of American calls and puts imply."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """The volatility at which an option's price is the one observed."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """The implied volatilities of a table of quotes, one status per row."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,5 +1,7 @@
 """What one option may cost at volatilities from zero to infinity."""
 
+from __future__ import annotations
+
 from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.market import Market

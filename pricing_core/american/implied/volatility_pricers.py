@@ -1,5 +1,7 @@
 """The search for volatilities with this library's engines: the fast ones first, all of them for what is left."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -5,6 +5,8 @@ their vega where that is cheap; the last ones, a coarse step away, without, and 
 bracket holds every step, and is halved where the steps take too many prices.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -83,7 +85,7 @@ class FoundVolatilities:
     volatility_error: Vector
     pricings: NDArray[np.int64]
 
-    def store(self, rows: NDArray[np.intp], part: "FoundVolatilities") -> None:
+    def store(self, rows: NDArray[np.intp], part: FoundVolatilities) -> None:
         """Put in what was found of some of the rows elsewhere."""
         for name in FoundVolatilities.__slots__:
             getattr(self, name)[rows] = getattr(part, name)

@@ -1,5 +1,7 @@
 """Prices whose volatilities are looked for, and the coordinate in which the search for them is nearly straight."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +37,7 @@ class Targets:
     expiry: Vector
     tolerance: Vector
 
-    def take(self, rows: NDArray[np.intp]) -> "Targets":
+    def take(self, rows: NDArray[np.intp]) -> Targets:
         """Return some of them."""
         columns = (self.price, self.spot, self.strike, self.expiry, self.tolerance)
         price, spot, strike, expiry, tolerance = (column[rows] for column in columns)

@@ -1,5 +1,7 @@
 """From the elements of a circuit to its linear complementarity system, all eliminations in rational numbers."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from fractions import Fraction
 

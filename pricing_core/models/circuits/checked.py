@@ -1,5 +1,7 @@
 """The names, nodes and numbers of elements: what is refused, and numbers as Python has them."""
 
+from __future__ import annotations
+
 from fractions import Fraction
 from typing import Any
 

@@ -3,6 +3,8 @@
 The current of a branch flows from its first node through the element to its second one.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 

@@ -1,5 +1,7 @@
 """The linear equations of a network: rows of named unknowns with rational coefficients."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from fractions import Fraction
 from typing import Literal, TypeAlias

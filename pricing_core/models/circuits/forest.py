@@ -1,5 +1,7 @@
 """Nodes joined by branches, and which of them are connected."""
 
+from __future__ import annotations
+
 
 class Forest:
     """Nodes in trees, joined by branches."""

@@ -4,6 +4,8 @@ s' = L a, P s + K a + R e = 0. Whatever combination of the rows has no a in it b
 derivative in time is a further equation for a. This is repeated until nothing new is found.
 """
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

@@ -1,5 +1,7 @@
 """A reader for the linear part of SPICE netlists, with ideal diodes."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from typing import TypeAlias

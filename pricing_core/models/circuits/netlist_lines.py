@@ -1,5 +1,7 @@
 """The lines of a netlist: comments, continuations, control lines, and the words of a card."""
 
+from __future__ import annotations
+
 import re
 from dataclasses import dataclass
 from fractions import Fraction

@@ -1,5 +1,7 @@
 """The hybrid representation of section 11.2.1: at each diode, current or reverse voltage as the multiplier."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from pricing_core.errors import InvalidInputError

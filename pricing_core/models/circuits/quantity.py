@@ -1,5 +1,7 @@
 """Numbers as netlists write them: 4.7k, 100n, 2MEG, 10uF."""
 
+from __future__ import annotations
+
 import re
 from fractions import Fraction
 

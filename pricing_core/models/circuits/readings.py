@@ -1,5 +1,7 @@
 """Node voltages and element currents as functions of states, multipliers and sources."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The completed equations solved: states and unknowns as functions of (x, u, e, e', ...)."""
 
+from __future__ import annotations
+
 import numpy as np
 from flint import fmpq
 

@@ -1,5 +1,7 @@
 """Independent and controlled sources, with their equations."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from pricing_core.errors import InvalidInputError

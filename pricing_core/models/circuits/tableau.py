@@ -1,5 +1,7 @@
 """The sparse tableau of a circuit: M s' = Phi a and P s + K a + R e = 0 in rational numbers."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,5 +1,7 @@
 """What the graph of a netlist must satisfy before its equations are written down."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 
 from pricing_core.errors import InvalidInputError

@@ -1,5 +1,7 @@
 """Ideal sources that ideal diodes short or cut off: nothing limits their current or voltage."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from pricing_core.models.circuits.elements import Branch, Diode, Element

@@ -1,5 +1,7 @@
 """The flow of (11.25) while a set of constraints is active."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """What a stationary point of the collocated problem is: its first-order residual, and whether it is a maximum."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Direct collocation at the midpoints: the problem (11.21)-(11.23) as a sparse quadratic programme."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import Any

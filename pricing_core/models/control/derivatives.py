@@ -1,5 +1,7 @@
 """Derivatives of a user's functions by central differences."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 import numpy as np

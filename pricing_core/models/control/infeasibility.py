@@ -1,5 +1,7 @@
 """What weights on the constraints prove about every control that satisfies them."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

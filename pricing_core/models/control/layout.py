@@ -1,5 +1,7 @@
 """The unknowns of the shooting: pieces between junctions, junction times and atoms."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Collocation of the nonlinear problem (11.9)-(11.11) at midpoints, and its quadratic models."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias

@@ -1,5 +1,7 @@
 """The data of the linear-quadratic problem (11.21)-(11.23), and its complementarity system (11.25)."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 

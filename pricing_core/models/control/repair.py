@@ -1,5 +1,7 @@
 """The signs of a shot, and the structure to try next where they are wrong."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from itertools import permutations
 

@@ -1,5 +1,7 @@
 """From a guessed structure to one whose shot has the right signs."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The values of a shot between its junctions: state, costate, multiplier, and the cost."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

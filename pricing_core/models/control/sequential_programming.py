@@ -1,5 +1,7 @@
 """Sequential quadratic programming with an exact penalty, each step by Clarabel."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import clarabel

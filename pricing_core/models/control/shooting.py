@@ -1,5 +1,7 @@
 """Multiple shooting on the complementarity system (11.25) with the junction times as unknowns."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

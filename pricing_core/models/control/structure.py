@@ -1,5 +1,7 @@
 """The structure of a solution: which constraint is in contact when; and its detection from a collocated solution."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,6 +8,8 @@ until the extrapolated price meets the tolerance. It serves every contract that 
 reference of the other engines.
 """
 
+from __future__ import annotations
+
 from pricing_core.american.book.resolution import Resolution, Scheme
 from pricing_core.american.engines.method_of_lines.engine import MethodOfLines
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod

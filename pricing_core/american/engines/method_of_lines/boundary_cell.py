@@ -8,6 +8,8 @@ with b = h l (M^-1)_mm must be J d**2/2 theta**2: a quadratic equation for theta
 depends on theta, and does not fall regularly where the boundary stands still.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 

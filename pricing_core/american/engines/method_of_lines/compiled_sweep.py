@@ -1,5 +1,7 @@
 """A solve of a schedule at one resolution by the compiled kernel, in one call."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 import numpy as np

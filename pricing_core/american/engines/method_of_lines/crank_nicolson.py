@@ -1,5 +1,7 @@
 """Crank-Nicolson with a Rannacher start and an exact LCP at every step: the common method, to compare with."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The engine of the method of lines: every contract, one at a time."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 from typing import Any

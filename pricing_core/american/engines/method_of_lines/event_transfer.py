@@ -7,6 +7,8 @@ two nodes next to k only. The error of a smooth functional of the values is then
 between them (Pooley, Vetzal, Forsyth 2003).
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -78,7 +80,7 @@ class SlopeWeights:
     weights: Matrix  # (n, 5)
 
     @classmethod
-    def of(cls, nodes: Vector) -> "SlopeWeights":
+    def of(cls, nodes: Vector) -> SlopeWeights:
         """Return the weights on `nodes`, shape (n,), n >= 5."""
         n = nodes.size
         start = np.clip(np.arange(n) - STENCIL // 2, 0, n - STENCIL)
@@ -110,7 +112,7 @@ class GridFunction:
     at_zero: float
 
     @classmethod
-    def through(cls, nodes: Vector, values: Vector, at_zero: float, weights: SlopeWeights) -> "GridFunction":
+    def through(cls, nodes: Vector, values: Vector, at_zero: float, weights: SlopeWeights) -> GridFunction:
         """Return the function through the values."""
         chords = np.diff(values) / np.diff(nodes)
         slopes = weights.slopes(values)

@@ -5,6 +5,8 @@ the value deep in the money. Nodes are equally spaced in ln(s + shift), or in th
 ln s for s >> shift, like s below.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass, replace
 
@@ -63,7 +65,7 @@ class SpotRange:
     shift: float
     spread: float
 
-    def down_to_zero(self) -> "SpotRange":
+    def down_to_zero(self) -> SpotRange:
         """Return the range with everything below it."""
         return self if self.low == 0.0 else replace(self, low=0.0, shift=SHIFT * self.low)
 

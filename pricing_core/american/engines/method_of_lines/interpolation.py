@@ -1,5 +1,7 @@
 """Value and derivatives of a grid function at one point, from nodes on one side of the exercise boundary."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from pricing_core.arrays import BoolVector, Matrix, Vector

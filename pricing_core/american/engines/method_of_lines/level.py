@@ -1,5 +1,7 @@
 """A schedule at one resolution: the grid it is solved on, and what the solve says at the spot."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """What is known of a schedule without a grid, in units of the strike."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from functools import lru_cache

@@ -1,5 +1,7 @@
 """The Black-Scholes operator (11.59) in s = S/K on a grid."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 
@@ -39,13 +41,11 @@ class ThreePointOperator:
         result: Vector = self.lower * v[:-2] + self.diagonal * v[1:-1] + self.upper * v[2:]
         return result
 
-    def scaled(self, rows: Vector) -> "ThreePointOperator":
+    def scaled(self, rows: Vector) -> ThreePointOperator:
         """Return the operator with row i multiplied by rows[i]."""
         return ThreePointOperator(rows * self.lower, rows * self.diagonal, rows * self.upper)
 
-    def combine(
-        self, weight: float, other: "ThreePointOperator", other_weight: float
-    ) -> "ThreePointOperator":
+    def combine(self, weight: float, other: ThreePointOperator, other_weight: float) -> ThreePointOperator:
         """Return weight * self + other_weight * other."""
         return ThreePointOperator(
             weight * self.lower + other_weight * other.lower,

@@ -5,6 +5,8 @@ and step of a halved in b, removes the leading term (Richardson). The European o
 a formula gives its exact value, the error that the two solves share is taken out.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -4,6 +4,8 @@ Time t runs backward from the segment's end, in years. The multiplier u is K tim
 holding what should be exercised.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -60,7 +62,7 @@ class SegmentForm:
         strike: float,
         values: Vector,
         watched: tuple[float, ...],
-    ) -> "SegmentForm":
+    ) -> SegmentForm:
         """Discretise a segment at whose end the option has `values` at the nodes, shape (N + 2,)."""
         operator, fitted = spot_operator(grid, segment, watched)
         lines = end_lines(grid.nodes, values)
@@ -107,7 +109,7 @@ class SegmentForm:
         ends = self.ends(t)
         return np.concatenate([ends[:1], value, ends[1:]])
 
-    def as_lcs(self, values: Vector) -> "tuple[LCS, Vector]":
+    def as_lcs(self, values: Vector) -> tuple[LCS, Vector]:
         """Return the linear complementarity system (11.63) of the segment and its initial state (11.64).
 
         The state is (V_1, ..., V_N, 1, e^{-rt}, e^{-qt}): the chapter's constant 1, and two exponentials that feed the

@@ -1,5 +1,7 @@
 """The march over one segment of a schedule, stage by stage in Python: any scheme, any solver, any mesh of times."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 

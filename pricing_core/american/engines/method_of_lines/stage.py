@@ -5,6 +5,8 @@ with the dense matrix h (I - hL)^-1. Exchanging u and z = v - g gives M z + q = 
 q = M g - base - h e: an M-matrix, so elimination solves it exactly.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
@@ -61,7 +63,7 @@ class StageProblem:
     obstacle: Vector
 
     @classmethod
-    def of(cls, form: SegmentForm, t: float, base: Vector, h: float) -> "StageProblem":
+    def of(cls, form: SegmentForm, t: float, base: Vector, h: float) -> StageProblem:
         """Return the problem at time t, at the end of an implicit stage of size h from `base`."""
         operator, obstacle = form.operator, form.obstacle(t, form.grid.interior)
         M = implicit_matrix(operator, h)

@@ -1,5 +1,7 @@
 """One solve of a schedule at one resolution: backward in time, by the compiled kernel or segment by segment."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 

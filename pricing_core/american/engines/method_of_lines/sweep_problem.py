@@ -1,5 +1,7 @@
 """What a solve at one resolution is asked, and what it answers."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,6 +6,8 @@ for each parameter and step. At an event they follow from the derivative of the 
 here is which parameters it is asked for.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 from pricing_core.american.book.book import Book

@@ -1,5 +1,7 @@
 """Prescribed meshes of time to expiry: uniform ones, and those that are finer near expiry."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from functools import lru_cache
 

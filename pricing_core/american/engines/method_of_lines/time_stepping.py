@@ -1,5 +1,7 @@
 """The march over one segment by the general time integration: any scheme, any solver, any mesh of times."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 
 from pricing_core.american.book.resolution import Resolution, Scheme

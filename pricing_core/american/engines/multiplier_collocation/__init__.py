@@ -4,6 +4,8 @@ Between two events the multiplier of the option's complementarity system is know
 exercise boundary alone is left to find; docs/multiplier_collocation.md tells how.
 """
 
+from __future__ import annotations
+
 from pricing_core.american.engines.multiplier_collocation.engine import MultiplierCollocation
 
 __all__ = ["MultiplierCollocation"]

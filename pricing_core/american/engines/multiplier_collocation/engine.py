@@ -1,5 +1,7 @@
 """The engine of the collocation: values and their derivatives from the kernel."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

@@ -6,6 +6,8 @@ then solved for as seen from that place, in most contracts up to the dividend th
 of so small a spot is exercised at once.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple

@@ -5,6 +5,8 @@ of its recursion). A Greek is a sum of these: over all segments, over those of o
 dividend ends.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 from typing import Any
 

@@ -1,5 +1,7 @@
 """Greeks with errors that suit the tolerance: from the solution that gave the price, or from finer ones if need be."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

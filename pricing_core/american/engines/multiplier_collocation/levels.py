@@ -6,6 +6,8 @@ last change bounds what is left. Where no degree is enough the segment is cut ne
 itself is held is the level's; calibrated on random contracts, checked in tests.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -54,14 +56,14 @@ class Packed:
     first: NDArray[np.int64]
     segments: Matrix
 
-    def take(self, rows: Rows) -> "Packed":
+    def take(self, rows: Rows) -> Packed:
         """Return some of the contracts, in the order asked for."""
         if rows.size == self.x.size:
             return self
         first, chosen = gather(self.first, rows)
         return Packed(self.sign[rows], self.x[rows], first, self.segments[chosen])
 
-    def european(self) -> "Packed":
+    def european(self) -> Packed:
         """Return the same contracts without early exercise."""
         segments = self.segments.copy()
         segments[:, EXERCISE] = 0.0
@@ -111,7 +113,7 @@ class Solved:
     level: NDArray[np.int64]
     gradient: NDArray[np.float64]
 
-    def take(self, rows: Rows, book: Book) -> "Solved":
+    def take(self, rows: Rows, book: Book) -> Solved:
         """Return some rows of what was solved of a book."""
         columns = {name: getattr(self, name)[rows] for name in self.__slots__ if name != "gradient"}
         return Solved(**columns, gradient=self.gradient[gather(book.first, rows)[1]])
@@ -178,7 +180,7 @@ def _first_levels(tolerance: Vector) -> NDArray[np.int64]:
 
 
 def _keep(
-    solved: Solved, book: Book, rows: Rows, level: NDArray[np.int64], found: "KernelValues", error: Vector
+    solved: Solved, book: Book, rows: Rows, level: NDArray[np.int64], found: KernelValues, error: Vector
 ) -> None:
     """Store what these rows found, unless what is there has the smaller error."""
     better = found.settled & ((error <= solved.error[rows]) | ~solved.settled[rows])

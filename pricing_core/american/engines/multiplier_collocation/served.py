@@ -1,5 +1,7 @@
 """Which contracts the collocation may be tried on."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from pricing_core.american.book.book import Book

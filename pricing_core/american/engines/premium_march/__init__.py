@@ -4,6 +4,8 @@ The early exercise premium solves the option's complementarity system without th
 moves with the exercise boundary; docs/premium_march.md tells how.
 """
 
+from __future__ import annotations
+
 from pricing_core.american.engines.premium_march.engine import PremiumMarch
 
 __all__ = ["PremiumMarch"]

@@ -1,5 +1,7 @@
 """The engine of the premium's march: contracts as dimensionless puts, and what the march finds in money."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from typing import Any

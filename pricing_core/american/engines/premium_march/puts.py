@@ -4,6 +4,8 @@ docs/premium_march.md tells the scheme: r T, q T and sigma sqrt(T) of a put; a c
 strike, and rate and yield, exchanged.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -37,7 +39,7 @@ class Puts:
     dividend: Vector
     spread: Vector
 
-    def take(self, rows: NDArray[np.intp]) -> "Puts":
+    def take(self, rows: NDArray[np.intp]) -> Puts:
         """Return some of them."""
         return Puts(self.x[rows], self.rate[rows], self.dividend[rows], self.spread[rows])
 
