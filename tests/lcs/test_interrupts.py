@@ -31,7 +31,7 @@ LONG: dict[str, Callable[[], object]] = {
     "a bouncing ball": lambda: BALL.simulate([1.0], [0.0], FOREVER),
     "a column of beads": lambda: column(np.random.default_rng(3), 40).run(lambda: False),
     "impulses": lambda: BALL.simulate([1.0], [0.0], FOREVER, method=TimeStepping(step=1e-3)),
-    "a tolerance": lambda: simulate(RECTIFIER, [0.0], FOREVER, method="time-stepping"),
+    "a tolerance": lambda: simulate(RECTIFIER, [0.0], (0.0, 1e3), method="time-stepping"),
     "many pairs in steps": lambda: simulate(
         many_pairs(20), np.ones(20), FOREVER, method=TimeStepping("implicit-euler", step=1e-2)
     ),
