@@ -80,6 +80,10 @@ class ClusterError(PricingCoreError, ConnectionError):
     """The scheduler or the workers of a cluster cannot do the work, and the work itself is not why."""
 
 
+class DamagedPartError(PricingCoreError, OSError):
+    """What a batch has kept of its work is not what was written."""
+
+
 class NumericalError(PricingCoreError, ArithmeticError):
     """A well-posed question that the chosen method could not answer."""
 

@@ -96,7 +96,9 @@ def check_publishable(target: str, *, folder: bool) -> None:
     if not folder:
         check_replaceable(path)
     elif path.exists() and not _is_output(path):
-        raise InvalidInputError("output", target, "a new folder, or one that a batch has written")
+        raise InvalidInputError(
+            "output", target, "a new folder, or one that holds what a batch has written and nothing else"
+        )
     elif not path.parent.is_dir():
         check_replaceable(path)
 
@@ -134,5 +136,9 @@ def publish_folder(finished: Path, target: str) -> None:
 
 
 def _is_output(path: Path) -> bool:
-    """Tell a folder that a batch has written, or that is empty, from any other."""
-    return path.is_dir() and ((path / SUCCESS).is_file() or not any(path.iterdir()))
+    """Tell a folder that holds what a batch has written and nothing else, or that is empty, from any other."""
+    files = [file for file in path.rglob("*") if not file.is_dir()]
+    written = (path / SUCCESS).is_file() and all(
+        file.suffix == ".parquet" or file.name == SUCCESS for file in files
+    )
+    return path.is_dir() and (written or not any(path.iterdir()))

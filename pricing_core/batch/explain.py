@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 
 from pricing_core.american.arrow.arrow_column import ArrowColumn, is_nested
 from pricing_core.american.arrow.frames import Frame
+from pricing_core.american.arrow.plain_types import plain_table
 from pricing_core.american.arrow.price_batch import unusual
 from pricing_core.american.arrow.schema import check_names, check_results, check_types, unread_columns
 from pricing_core.american.book.book import Rows
@@ -75,7 +76,8 @@ def explain_profit_and_loss(
     - exercise_effect: 0 unless S moves over the exercise boundary of `before`, or the contract has expired. Then the
       Taylor terms end at a kink: it is what `before` would be worth at the new S, less its price and the two terms in
       S. For an expired contract it is what exercise brings less its earlier price and the terms in S and t.
-    - residual: profit_and_loss less all these. It is not spread over them.
+    - residual: profit_and_loss less all these. It is not spread over them. An exercise just before an ex-time that
+      has passed, which would have been best, is in it.
 
     The parts add up to profit_and_loss exactly, as floating-point numbers and in any order: for that, all are rounded
     to a multiple of 2**-49 of the largest. For small moves of the spot alone the residual is of third order; terms of
@@ -117,7 +119,7 @@ def explain_profit_and_loss(
     settings = PricingSettings(tolerance)
     books = []
     for frame in (before, after):
-        table = pa.table(frame)
+        table = plain_table(frame)
         check_names(table.schema.names)
         check_types(table.schema)
         batches = table.combine_chunks().to_batches() or [pa.RecordBatch.from_pylist([], table.schema)]

@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from pricing_core.american.arrow.plain_types import plain_schema
 from pricing_core.american.arrow.schema import check_names, check_types
 from pricing_core.batch.chunk import Chunk
 from pricing_core.batch.csv_check import digest_of
@@ -155,7 +156,7 @@ def _opened(table: TableFile) -> tuple[Any, pa.Schema]:
         if isinstance(error, OSError) and error.errno is not None:  # the system's, which names the file
             raise
         raise InvalidInputError("input", table.name, "an undamaged Parquet file") from None
-    return file, schema
+    return file, plain_schema(schema)
 
 
 def _is_text(leaf: Any) -> bool:

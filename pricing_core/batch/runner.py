@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -31,7 +31,7 @@ from pricing_core.batch.plan import Plan, plan_of
 from pricing_core.batch.tables import is_folder
 from pricing_core.batch.unit import Counts, Unit, read_part, sum_of
 from pricing_core.batch.work_folder import LocalFolder, WorkFolder, claimed, work_folder
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import DamagedPartError, InvalidInputError
 
 ENGINES = ("local", "dask")
 PathLike = str | os.PathLike[str]
@@ -229,7 +229,7 @@ class _Run:
                     folder.write(MANIFEST, pa.py_buffer(Manifest(self._plan.identity).as_bytes()))
                 self._price(folder, there)
             except BaseException as error:
-                self._leave(folder, error)
+                self._leave(folder, error, there)
                 raise
             folder.remove()
         return BatchSummary.of(self._total, self._plan.unread)
@@ -264,9 +264,10 @@ class _Run:
             self._tables.append(number)
             self._parts.append(unit.part)
             if unit.part in there:
-                self._count(unit.index, read_part(folder, unit.part).counts)
-            else:
-                yield unit
+                with suppress(DamagedPartError):
+                    self._count(unit.index, read_part(folder, unit.part).counts)
+                    continue
+            yield unit
 
     def _put_together(self, assembly: Assembly, folder: WorkFolder) -> None:
         """Append the parts that are next in order."""
@@ -287,7 +288,7 @@ class _Run:
         self._counts[index] = counts
         self._total = self._total.plus(counts)
 
-    def _leave(self, folder: WorkFolder, error: BaseException) -> None:
+    def _leave(self, folder: WorkFolder, error: BaseException, there: set[str]) -> None:
         """Keep what another run can go on from, and say so; remove what none can."""
         if (
             isinstance(error, OSError) and error.errno is not None and error.filename is None
@@ -295,7 +296,7 @@ class _Run:
             error.filename = parts_path(self._target)
         if isinstance(error, InvalidInputError) or _is_device(self._target):
             folder.remove()
-        elif kept := len(self._counts) or len(folder.names().intersection(self._parts)):
+        elif kept := len(self._counts) or len(folder.names().intersection(self._parts)) or len(there):
             place = parts_path(self._target)
             error.add_note(f"{kept} units of the work are kept in {place}: --resume goes on from there")
         else:
@@ -359,6 +360,12 @@ def _check_distinct(source: str, target: str, rejects: str) -> None:
         other = seen.setdefault(same_place(location), name)
         if other != name:
             raise InvalidInputError(name, location, f"another file than the {other}")
+    kept = {same_place(manifest_path(target)), same_place(parts_path(target))}
+    place = same_place(rejects)
+    if place in kept or os.path.dirname(place) in kept:
+        raise InvalidInputError(
+            "rejects", rejects, "a file beside what the run keeps, its parts and its manifest"
+        )
     inner, outer = f"{same_place(target)}/", f"{same_place(source)}/"
     if is_folder(source) and (inner.startswith(outer) or outer.startswith(inner)):
         raise InvalidInputError("output", target, "a folder that is neither in the input nor around it")

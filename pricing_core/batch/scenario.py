@@ -171,11 +171,19 @@ def shift_columns(scenario: Scenario) -> dict[str, float]:
 
 
 def _rows_of_csv(text: str, location: str) -> list[Mapping[str, Any]]:
-    rows = csv.DictReader(io.StringIO(text, newline=""), strict=True)
     try:
-        return [{name: cell for name, cell in row.items() if cell != ""} for row in rows]
-    except csv.Error as error:
-        raise InvalidInputError("scenarios", location, f"a CSV file: {error}") from None
+        header, *rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if row]
+    except (csv.Error, ValueError) as error:
+        raise InvalidInputError("scenarios", location, f"a CSV file with a header: {error}") from None
+    names = [name.strip() for name in header]
+    if len(set(names)) < len(names):
+        raise InvalidInputError("scenarios", ", ".join(names), "columns of different names")
+    for number, row in enumerate(rows, start=1):
+        if len(row) != len(names):
+            raise InvalidInputError(
+                f"scenarios[{number}]", ",".join(row), f"a row of {len(names)} cells, as the header"
+            )
+    return [{name: cell for name, cell in zip(names, row, strict=True) if cell != ""} for row in rows]
 
 
 def _scenario(number: int, entry: Any) -> Scenario:
@@ -188,7 +196,10 @@ def _scenario(number: int, entry: Any) -> Scenario:
             raise InvalidInputError(place, name, f"described by name, {', '.join(SHIFTS)}")
         if name != "name":
             shifts[name] = read_number(f"{place}.{name}", value) if isinstance(value, str) else value
-    return Scenario(**shifts, name=str(entry.get("name", "")))
+    name = entry.get("name", "")
+    if not isinstance(name, str):
+        raise InvalidInputError(f"{place}.name", name, "a text")
+    return Scenario(**shifts, name=name)
 
 
 def _values(name: str, values: Sequence[float]) -> tuple[float, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from pricing_core.american.arrow.frames import Frame
+from pricing_core.american.arrow.plain_types import plain_table
 from pricing_core.american.arrow.price_batch import contract_columns, price_batch, unusual
 from pricing_core.american.arrow.schema import ARROW_TYPES, check_names, check_results, check_types
 from pricing_core.american.book.reading import read_columns
@@ -123,7 +124,7 @@ def value_scenarios(
     >>> [round(number, 3) for number in found["profit_and_loss"].to_pylist()]
     [5.402, 0.0]
     """
-    contracts = pa.table(table)
+    contracts = plain_table(table)
     chosen = chosen_scenarios(scenarios, spot_shifts, volatility_shifts, rate_shifts, days_forward)
     settings = PricingSettings(tolerance, greeks, share_solves=share_solves)
     rules = ScenarioRules(chosen, settings, scenarios is not None, threads)

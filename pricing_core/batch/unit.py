@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zlib
 from collections import Counter
 from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
@@ -19,11 +20,12 @@ from pricing_core.batch.csv_lines import csv_lines
 from pricing_core.batch.reader import Block
 from pricing_core.batch.results import Reasons, price_chunk
 from pricing_core.batch.work_folder import WorkFolder
-from pricing_core.errors import SHOWN_CHARACTERS, InvalidInputError
+from pricing_core.errors import SHOWN_CHARACTERS, DamagedPartError, InvalidInputError
 
 COUNTS, REJECTS = b"counts", b"rejects"
 REJECT_COLUMNS = ("line", "field", "value", "reason")
 TEXT = "text"
+CHECK_BYTES = 4  # at the end of a part, of all before them
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,8 +140,19 @@ def price_unit(
 
 
 def read_part(folder: WorkFolder, name: str) -> Part:
-    """Return a part that `price_unit` has kept."""
-    with pa.ipc.open_stream(folder.read(name)) as stream:
+    """Return a part that `price_unit` has kept.
+
+    Raises
+    ------
+    DamagedPartError
+        It is not what was written.
+    """
+    kept = folder.read(name)
+    length = max(kept.size - CHECK_BYTES, 0)
+    content = kept.slice(0, length)
+    if _check_of(content) != kept.slice(length).to_pybytes():
+        raise DamagedPartError(f"{name} in {folder} is damaged: --resume prices it again")
+    with pa.ipc.open_stream(content) as stream:
         batch = stream.read_next_batch()
         metadata = stream.schema.metadata
     content = batch if batch.schema.names != [TEXT] else batch.column(0).buffers()[2]
@@ -184,4 +197,9 @@ def _as_buffer(part: Part) -> pa.Buffer:
     sink = pa.BufferOutputStream()
     with pa.ipc.new_stream(sink, batch.schema) as stream:
         stream.write_batch(batch)
-    return sink.getvalue()
+    content = sink.getvalue()
+    return pa.py_buffer(b"".join((content, _check_of(content))))
+
+
+def _check_of(content: pa.Buffer) -> bytes:
+    return zlib.crc32(content).to_bytes(CHECK_BYTES, "little")

@@ -75,6 +75,8 @@ class LocalFolder:
     def read(self, name: str) -> pa.Buffer:
         """Map the file into memory."""
         with (self.path / name).open("rb") as file:
+            if os.fstat(file.fileno()).st_size == 0:
+                return pa.py_buffer(b"")
             return pa.py_buffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
 
     def names(self) -> set[str]:

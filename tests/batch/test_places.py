@@ -48,6 +48,17 @@ def test_a_folder_of_somebody_else_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letters.txt").write_text("dear")
     pq.write_table(TABLE, tmp_path / "in" / "book.parquet")
-    with pytest.raises(InvalidInputError, match="a new folder, or one that a batch has written"):
+    with pytest.raises(InvalidInputError, match="a new folder, or one that holds what a batch has written"):
         run_batch(tmp_path / "in", tmp_path / "mine", tolerance=COARSE)
     assert (tmp_path / "mine" / "letters.txt").read_text() == "dear"
+
+
+def test_a_file_of_somebody_else_in_an_output_is_not_removed(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    pq.write_table(TABLE, tmp_path / "in" / "book.parquet")
+    run_batch(tmp_path / "in", tmp_path / "out", tolerance=COARSE)
+    run_batch(tmp_path / "in", tmp_path / "out", tolerance=COARSE)
+    (tmp_path / "out" / "letters.txt").write_text("dear")
+    with pytest.raises(InvalidInputError, match="and nothing else"):
+        run_batch(tmp_path / "in", tmp_path / "out", tolerance=COARSE)
+    assert (tmp_path / "out" / "letters.txt").read_text() == "dear"

@@ -4,13 +4,15 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from benchmarks.problems.portfolios import everyday
-from pricing_core.batch import parts_path, run_batch
+from pricing_core.batch import Progress, parts_path, run_batch
+from pricing_core.batch.local_threads import LocalThreads
 from pricing_core.errors import InvalidInputError
 
 COARSE = 1e-3
@@ -19,6 +21,7 @@ ROWS, BLOCK = 6_000, 300
 KILLER = """
 import contextlib, os, random, signal, sys, time
 from pathlib import Path
+from unittest.mock import patch
 with contextlib.suppress(ImportError):
     import pandas  # which pyarrow would import in each child, at its first conversion
 from pricing_core.batch import run_batch
@@ -88,3 +91,46 @@ def test_what_differs_from_the_run_before_is_said_and_its_parts_stay(source: Pat
     run_batch(source, target, tolerance=COARSE, block_size=BLOCK, resume=True, progress=told.append)
     assert len(told) < ROWS // BLOCK
     assert run_batch(source, target, tolerance=COARSE, block_size=BLOCK, resume=True).done_before
+
+
+@pytest.mark.parametrize("damage", ["changed", "cut", "empty"])
+def test_a_damaged_part_is_priced_again(source: Path, tmp_path: Path, damage: str) -> None:
+    target = tmp_path / "out.csv"
+
+    def stop(progress: Progress) -> None:
+        if progress.unit >= 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(source, target, tolerance=COARSE, block_size=BLOCK, threads=1, progress=stop)
+    part = sorted(Path(parts_path(target)).glob("*.arrow"))[2]
+    content = bytearray(part.read_bytes())
+    content[len(content) // 2] ^= 1
+    part.write_bytes({"changed": bytes(content), "cut": content[:-9], "empty": b""}[damage])
+    run_batch(source, target, tolerance=COARSE, block_size=BLOCK, resume=True)
+    run_batch(source, tmp_path / "whole.csv", tolerance=COARSE, block_size=BLOCK)
+    assert target.read_bytes() == (tmp_path / "whole.csv").read_bytes()
+
+
+def test_an_interrupted_start_of_a_resumed_run_keeps_what_is_there(source: Path, tmp_path: Path) -> None:
+    target = tmp_path / "out.csv"
+
+    def stop(_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(source, target, tolerance=COARSE, block_size=BLOCK, progress=stop)
+    kept = set(Path(parts_path(target)).glob("*.arrow"))
+    with (
+        patch.object(LocalThreads, "price", side_effect=KeyboardInterrupt),
+        pytest.raises(KeyboardInterrupt) as raised,
+    ):
+        run_batch(source, target, tolerance=COARSE, block_size=BLOCK, resume=True)
+    assert "--resume" in raised.value.__notes__[0]
+    assert kept <= set(Path(parts_path(target)).glob("*.arrow"))
+
+
+@pytest.mark.parametrize("name", ["out.csv.manifest.json", "out.csv.parts", "out.csv.parts/rejects.csv"])
+def test_rejects_where_the_run_keeps_its_work_are_refused(source: Path, tmp_path: Path, name: str) -> None:
+    with pytest.raises(InvalidInputError, match=r"rejects = .*a file beside what the run keeps"):
+        run_batch(source, tmp_path / "out.csv", rejects=tmp_path / name, tolerance=COARSE)

@@ -7,6 +7,7 @@ from typing import Any, Protocol, TypeVar
 
 import pyarrow as pa
 
+from pricing_core.american.arrow.plain_types import plain_table
 from pricing_core.american.arrow.price_batch import price_batch, unusual
 from pricing_core.american.arrow.schema import check_names, check_results, check_types, result_schema
 from pricing_core.american.book.unusual import warn_of
@@ -38,7 +39,7 @@ def price_frame(frame: AnyFrame, settings: PricingSettings, threads: int | None)
         A column is missing, misspelt, named twice or as a result, or cannot hold its values.
     """
     kind = _kind(frame)
-    table: Any = frame if kind in ("pandas", "polars") else pa.table(frame)
+    table: Any = frame if kind in ("pandas", "polars") else plain_table(frame)
     names = [str(name) for name in (table.columns if kind != "arrow" else table.schema.names)]
     check_names(names)
     wanted = [field.name for field in COLUMN_FIELDS if field.name in names]
@@ -72,7 +73,7 @@ def _as_arrow(table: Any, kind: str, names: Sequence[str]) -> pa.Table:
         try:
             part = table[[name]]
             columns[name] = (
-                pa.Table.from_pandas(part, preserve_index=False) if kind == "pandas" else pa.table(part)
+                pa.Table.from_pandas(part, preserve_index=False) if kind == "pandas" else plain_table(part)
             )[name]
         except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError):
             raise InvalidInputError(
