@@ -52,7 +52,10 @@ def value_file(
             f"{summary.contracts} contracts under {len(scenarios)} scenarios: {summary.rows} rows in {target}"
         )
         if summary.incomplete:
-            _print(f"{summary.incomplete} contracts without a profit or loss in some scenario")
+            lack = "a price, or what the sums need," if options["group_by"] else "a profit or loss"
+            _print(f"{summary.incomplete} contracts without {lack} in some scenario")
+        if summary.unread:
+            _print(f"columns not read: {', '.join(summary.unread)}")
     return summary.incomplete
 
 

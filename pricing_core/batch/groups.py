@@ -96,6 +96,7 @@ class Groups:
         self._key_schema = pa.schema([schema.field(name) for name in self._by])
         self._places: dict[tuple[object, ...], int] = {}
         self._keys: list[pa.RecordBatch] = []  # a row for each group
+        self.left_out = 0
         self._totals = np.zeros((0, len(scenarios), len(COUNTS) + len(self._sums)))
 
     def rows(self, valued: Valued) -> None:
@@ -115,6 +116,7 @@ class Groups:
         amounts = np.stack(values, axis=-1) * size[:, None]  # (scenarios, contracts, sums)
         complete = np.isfinite(amounts).all(axis=-1)
         amounts[~complete] = 0.0
+        self.left_out += int((~complete).any(axis=0).sum())
         counts = np.stack([np.ones_like(complete), ~complete], axis=-1)
         both = np.concatenate([counts, amounts], axis=-1)
         np.add.at(self._totals, group, both.transpose(1, 0, 2))

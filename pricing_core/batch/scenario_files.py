@@ -9,12 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
+from pricing_core.american.arrow.schema import unread_columns
 from pricing_core.american.book.unusual import warn_of
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
 from pricing_core.american.price_book import checked_threads
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.batch.explain import Book, Explanation
 from pricing_core.batch.formats import format_of
+from pricing_core.batch.groups import SIZES
 from pricing_core.batch.locations import as_location
 from pricing_core.batch.scenario import Scenario, checked_scenarios
 from pricing_core.batch.scenarios import Form, ScenarioRules, form_of, scenario_rows
@@ -41,12 +43,15 @@ class ScenarioSummary:
     rows : int
         In the output.
     incomplete : int
-        Contracts without a profit or loss, in some scenario.
+        Contracts without a profit or loss in some scenario, or left out of its sums.
+    unread : tuple of str
+        Columns that passed through without being read, in their order: a misspelling shows here.
     """
 
     contracts: int
     rows: int
     incomplete: int
+    unread: tuple[str, ...] = ()
 
 
 def run_scenarios(
@@ -105,7 +110,9 @@ def run_scenarios(
         for batch in scenario_rows(table.chunks(), rules, counted):
             write(batch)
             rows += batch.num_rows
-    return ScenarioSummary(counted.contracts, rows, counted.incomplete)
+    read_by_sums = (*group_by, *(size.name for size in SIZES)) if group_by else ()
+    unread = [name for name in unread_columns(table.schema.names) if name not in read_by_sums]
+    return ScenarioSummary(counted.contracts, rows, counted.incomplete, tuple(unread))
 
 
 def run_explain(
@@ -159,12 +166,22 @@ class _Counted:
 
     def __init__(self, form: Form) -> None:
         self._form, self.schema = form, form.schema
-        self.contracts = self.incomplete = 0
+        self.contracts = self._without = 0
+
+    @property
+    def left_out(self) -> int:
+        """How many contracts are missing in a sum."""
+        return self._form.left_out
+
+    @property
+    def incomplete(self) -> int:
+        """How many contracts lack a profit or loss, or are left out of a sum."""
+        return max(self._without, self.left_out)
 
     def rows(self, valued: Valued) -> pa.RecordBatch | None:
         """Return the rows of some contracts."""
         self.contracts += valued.count
-        self.incomplete += int(np.isnan(valued.profit_and_loss()).any(axis=0).sum())
+        self._without += int(np.isnan(valued.profit_and_loss()).any(axis=0).sum())
         return self._form.rows(valued)
 
     def last_rows(self) -> pa.RecordBatch | None:

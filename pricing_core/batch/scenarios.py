@@ -35,6 +35,11 @@ class Form(Protocol):
 
     schema: pa.Schema
 
+    @property
+    def left_out(self) -> int:
+        """How many contracts are missing in a sum of some scenario."""
+        ...
+
     def rows(self, valued: Valued) -> pa.RecordBatch | None:
         """Return the rows of some contracts; None where they only count towards the last rows."""
         ...
@@ -236,6 +241,8 @@ def value_batch(
 class LongTable:
     """A row for each contract and scenario."""
 
+    left_out = 0
+
     def __init__(self, schema: pa.Schema, rules: ScenarioRules) -> None:
         fields = price_fields(rules.settings.greeks, schema.names)
         self._kept = [field for field in fields if field.given != "always"]
@@ -272,6 +279,8 @@ class LongTable:
 
 class Matrix:
     """A row for each contract, and its profit or loss under each scenario in a column of the scenario's label."""
+
+    left_out = 0
 
     def __init__(self, schema: pa.Schema, rules: ScenarioRules) -> None:
         labels = [scenario.label for scenario in rules.scenarios]

@@ -13,7 +13,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from pricing_core.batch import scenario_files, scenarios, value_scenarios
-from pricing_core.batch.scenario import scenarios_of
+from pricing_core.batch.scenario import read_scenarios, scenarios_of
+from pricing_core.errors import InvalidInputError
 
 HEADER = ["id", "option_type", "spot", "strike", "expiry", "rate", "volatility", "desk"]
 
@@ -49,7 +50,7 @@ def test_a_file_has_the_rows_of_the_function(tmp_path: Path) -> None:
         "scenarios", source, target, "--spot-shifts", "-0.1,0", "--days-forward", "5", "--tolerance", "1e-3"
     )
     assert (found.returncode, found.stderr) == (0, "")
-    assert found.stdout == f"2 contracts under 2 scenarios: 4 rows in {target}\n"
+    assert found.stdout == f"2 contracts under 2 scenarios: 4 rows in {target}\ncolumns not read: id, desk\n"
     book = as_floats(pa.Table.from_pylist(read(source.read_text())))
     wanted = value_scenarios(book, spot_shifts=[-0.1, 0.0], days_forward=[5], tolerance=1e-3).to_pylist()
     rows = read(target.read_text())
@@ -209,3 +210,47 @@ def test_warnings_are_json_where_progress_is(tmp_path: Path) -> None:
     first, *_, last = (json.loads(line) for line in found.stderr.splitlines())
     assert (first["event"], last["event"]) == ("warning", "end")
     assert first["message"].startswith("column volatility looks like percent: its median is 20;")
+
+
+def test_contracts_left_out_of_sums_are_told_and_change_the_status(tmp_path: Path) -> None:
+    source = tmp_path / "in.csv"
+    rows = [[*HEADER, "quantity", "qty"]]
+    rows += [[k, "put", 100, 100, 1.0, 0.05, 0.2, "a", size, 7] for k, size in enumerate(("3", "", "zz"))]
+    with source.open("w", newline="") as file:
+        csv.writer(file).writerows(rows)
+    found = pricing(
+        "scenarios",
+        source,
+        tmp_path / "o.csv",
+        "--spot-shifts",
+        "0",
+        "--group-by",
+        "desk",
+        "--tolerance",
+        "1e-3",
+    )
+    assert (found.returncode, found.stderr) == (1, "")
+    assert found.stdout.splitlines()[1:] == [
+        "2 contracts without a price, or what the sums need, in some scenario",
+        "columns not read: id, qty",
+    ]
+    (row,) = read((tmp_path / "o.csv").read_text())
+    assert (row["contracts"], row["contracts_left_out"]) == ("3", "2")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("name,spot_shift,spot_shift\na,1,2\n", "columns of different names"),
+        ("name,spot_shift\na\n", "a row of 2 cells, as the header"),
+        ("name,spot_shift\na,1,2\n", "a row of 2 cells, as the header"),
+        ("", "a CSV file with a header"),
+    ],
+)
+def test_files_of_scenarios_that_are_no_tables_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "s.csv").write_text(text)
+    with pytest.raises(InvalidInputError, match=words):
+        read_scenarios(str(tmp_path / "s.csv"))
+    (tmp_path / "s.json").write_text('[{"name": null, "spot_shift": 0.1}]')
+    with pytest.raises(InvalidInputError, match="a text"):
+        read_scenarios(str(tmp_path / "s.json"))
