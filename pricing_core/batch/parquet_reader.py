@@ -25,6 +25,7 @@ ROWS_PER_READ = 4_096
 MOST_BYTES = 1 << 28  # of a block in memory
 # A column of a row group that grows so much, to so many bytes, is no table of contracts.
 LARGEST_COLUMN, LARGEST_GROWTH = 1 << 28, 1_000
+LISTS = (pa.ListArray, pa.LargeListArray, pa.FixedSizeListArray)
 MOST_VALUES = 1 << 26  # in a column of a row group, those in lists counted one by one
 
 
@@ -170,9 +171,11 @@ def _text_bytes(found: pa.RecordBatch | pa.Array) -> int:
     if isinstance(found, pa.DictionaryArray):
         lengths = pc.binary_length(found.dictionary)
         return pc.sum(pc.cast(lengths, pa.int64()).take(found.indices)).as_py() or 0
+    if isinstance(found, pa.MapArray):
+        return _text_bytes(found.keys) + _text_bytes(found.items)
     if isinstance(found, pa.StructArray):
         return sum(_text_bytes(column) for column in found.flatten())
-    return _text_bytes(found.flatten()) if isinstance(found, pa.ListArray | pa.LargeListArray) else 0
+    return _text_bytes(found.flatten()) if isinstance(found, LISTS) else 0
 
 
 def _check_growth(table: TableFile, metadata: Any) -> None:

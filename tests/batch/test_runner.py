@@ -424,3 +424,28 @@ def test_the_whole_file_is_never_held(tmp_path: Path, sound_columns: dict[str, A
     plan = plan_of(f"{tmp_path}/in.parquet", f"{tmp_path}/out.parquet", PricingSettings())
     sizes = [len(unit.block.read().lines) for _, unit in plan.units()]
     assert sizes == [LARGEST_BLOCK] * (rows // LARGEST_BLOCK)
+
+
+@pytest.mark.parametrize(
+    "column",
+    [
+        pa.array([[("a", "p")], []], pa.map_(pa.string(), pa.string())),
+        pa.array([["a", "b"]] * 2, pa.list_(pa.string(), 2)),
+        pa.array([["a"], None], pa.large_list(pa.string())),
+        pa.array([[["a"]], []], pa.list_(pa.list_(pa.string()))),
+        pa.array([{"x": "a"}, {"x": None}]),
+        pa.array(["a", "b"]).dictionary_encode(),
+        pa.array(["a", None], pa.large_string()),
+        pa.array([b"a", None]),
+    ],
+    ids=lambda column: str(column.type),
+)
+def test_text_of_every_kind_passes_from_parquet_to_parquet(
+    tmp_path: Path, sound_columns: dict[str, Any], column: pa.Array
+) -> None:
+    columns = {name: cells[:1] * 2 for name, cells in sound_columns.items()}
+    pq.write_table(pa.table({**columns, "note": column}), tmp_path / "in.parquet")
+    run_batch(tmp_path / "in.parquet", tmp_path / "out.parquet", tolerance=COARSE)
+    found = pq.read_table(tmp_path / "out.parquet")["note"]
+    assert found.type == column.type
+    assert found.to_pylist() == column.to_pylist()
