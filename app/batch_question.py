@@ -1,11 +1,11 @@
 """What is asked of all rows of a batch, in the query of its address."""
 
-import difflib
 from typing import Any, NamedTuple
 
 from fastapi import Request
 
 from app.errors import InvalidRequestError
+from app.known_names import among
 from pricing_core.american.contracts.fields import (
     GREEK_ERRORS,
     GREEKS,
@@ -66,9 +66,7 @@ def batch_question(request: Request) -> BatchQuestion:
     try:
         for name in found:
             if name not in NAMES:
-                nearest = difflib.get_close_matches(name[:40], NAMES, n=1)
-                hint = f"; did you mean {nearest[0]}?" if nearest else ""
-                raise InvalidInputError("query", Told("unknown"), f"of the names {', '.join(NAMES)}{hint}")
+                raise InvalidInputError("query", Told("unknown"), f"of the names {among(NAMES, name)}")
         if len(found) < len(given):
             raise InvalidInputError("query", Told("a name twice"), "without a name twice")
         units = _choice("greeks_units", found, GREEKS_UNITS.choices, GREEKS_UNITS.default)

@@ -1,7 +1,8 @@
 """The answer to each exception: a problem document (RFC 9457), which repeats nothing of the input."""
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from fastapi import FastAPI, Request
@@ -28,6 +29,23 @@ class ServiceError(Exception):
     def __init__(self, message: str, *, retry_after: int | None = None) -> None:
         self.retry_after = retry_after
         super().__init__(message)
+
+
+@contextmanager
+def deadline_told(interrupt: Callable[[], bool], advice: str) -> Iterator[None]:
+    """Turn what the library raises where it was interrupted into the deadline's error; other errors pass.
+
+    Raises
+    ------
+    DeadlineError
+        The work was interrupted.
+    """
+    try:
+        yield
+    except NumericalError:
+        if interrupt():
+            raise DeadlineError(f"the deadline passed first; {advice}") from None
+        raise
 
 
 class InvalidRequestError(ServiceError):

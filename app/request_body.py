@@ -1,7 +1,6 @@
 """A request's body: bounded in size and time, declared as JSON, validated against a model."""
 
 import asyncio
-import difflib
 import math
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, TypeAlias, TypeVar
@@ -14,6 +13,7 @@ from app.admission import read_body
 from app.contract_schema import CURVE, DATE, DATE_IN_WORDS, KEYS, NUMBER
 from app.errors import BodyTimeoutError, BodyTooLargeError, InvalidRequestError, UnsupportedMediaTypeError
 from app.json_schema import inline_schema
+from app.known_names import among
 from app.route_limits import Limits, RouteLimits
 from app.strict_json import parse_object
 from pricing_core.american.contracts.checks import range_in_words
@@ -22,7 +22,6 @@ from pricing_core.errors import InvalidInputError, Told
 
 Model = TypeVar("Model", bound=BaseModel)
 Location: TypeAlias = tuple[int | str, ...]
-LONGEST_NAME = 40
 # The kinds that a rate or a time may be of, and their types in JSON.
 KINDS = {NUMBER: "number", CURVE: "object", DATE: "string"}
 LENGTHS = ("too_long", "too_short")  # kinds of fault, as pydantic calls them
@@ -163,7 +162,5 @@ def _unknown_key(location: Location, names: list[str]) -> InvalidInputError:
     *place, last = location
     if place:
         names = list(KEYS[str(place[0])])
-    nearest = difflib.get_close_matches(str(last)[:LONGEST_NAME], names, n=1)
-    hint = f"; did you mean {nearest[0]}?" if nearest else ""
     where = f"key of {_path(tuple(place)) or 'the body'}"
-    return InvalidInputError(where, None, f"one of the names {', '.join(names)}{hint}")
+    return InvalidInputError(where, None, f"one of the names {among(names, str(last))}")

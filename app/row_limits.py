@@ -1,9 +1,9 @@
 """How large the rows of a batch may be, and which columns they have."""
 
 from collections.abc import Sequence
-from difflib import get_close_matches
 
 from app.contract_schema import MOST_DIVIDENDS, MOST_PIECES
+from app.known_names import among
 from pricing_core.american.arrow.schema import check_names
 from pricing_core.american.contracts.fields import CASH_DIVIDENDS, COLUMN_FIELDS, PROPORTIONAL_DIVIDENDS
 from pricing_core.errors import InvalidInputError, Told
@@ -14,8 +14,6 @@ MOST_JSON_ROWS = (
 )
 PIECE_WEIGHT = 16_384  # rows and entries of their lists that are priced together; chosen
 LONGEST_TEXT = 16_384  # bytes of a cell of text; chosen
-
-LONGEST_NAME = 40  # characters of an unknown name that are compared with ours
 
 FIELDS = {field.name: field for field in COLUMN_FIELDS}
 
@@ -37,8 +35,6 @@ def check_columns(names: Sequence[str]) -> None:
     """
     unknown = [name for name in names if name not in FIELDS]
     if unknown:
-        nearest = get_close_matches(unknown[0][:LONGEST_NAME], FIELDS, n=1)
-        hint = f"; did you mean {nearest[0]}?" if nearest else ""
-        allowed = f"named {', '.join(FIELDS)}{hint}"
+        allowed = f"named {among(FIELDS, unknown[0])}"
         raise InvalidInputError("columns", Told(f"{len(unknown)} of unknown names"), allowed)
     check_names(names)

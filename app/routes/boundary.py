@@ -8,7 +8,7 @@ from fastapi import APIRouter, Depends, Request
 from app.admission import answer
 from app.contract_schema import Strict
 from app.cost_model import seconds_of_boundary
-from app.errors import DeadlineError
+from app.errors import deadline_told
 from app.lanes import Interrupt
 from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
@@ -18,7 +18,6 @@ from app.route_limits import for_contract
 from app.schemas import BoundaryRequest, BoundaryResponse
 from pricing_core.american import ExerciseBoundary, Market, Option, exercise_boundary
 from pricing_core.american.contracts.result_fields import BOUNDARY_FIELDS
-from pricing_core.errors import NumericalError
 
 router = APIRouter(tags=["pricing"])
 
@@ -45,14 +44,10 @@ async def post_boundary(
         return seconds_of_boundary(*contract(), question.tolerance)
 
     def work(interrupt: Interrupt) -> ExerciseBoundary:
-        try:
+        with deadline_told(interrupt, "a wider tolerance is faster"):
             return exercise_boundary(
                 *contract(), question.times, tolerance=question.tolerance, interrupt=interrupt
             )
-        except NumericalError:
-            if interrupt():
-                raise DeadlineError("the deadline passed first; a wider tolerance is faster") from None
-            raise
 
     found = await answer(request, work, expected)
     record_of(request).answered("ok")

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Depends, Request
 from app.admission import answer
 from app.contract_schema import Strict
 from app.cost_model import seconds_of_surface
-from app.errors import DeadlineError
+from app.errors import deadline_told
 from app.lanes import Interrupt
 from app.problem_responses import problem_responses
 from app.request_body import json_body, request_body
@@ -18,7 +18,7 @@ from app.route_limits import for_contract
 from app.schemas import SurfaceRequest, SurfaceResponse
 from pricing_core.american import Market, Option, ValueSurface, value_surface
 from pricing_core.american.contracts.schedule import make_schedule
-from pricing_core.errors import InvalidInputError, NumericalError, Told
+from pricing_core.errors import InvalidInputError, Told
 
 router = APIRouter(tags=["pricing"])
 # Largest product of times, spots and pieces between events: each takes memory until the answer is sent; chosen.
@@ -54,7 +54,7 @@ async def post_surface(
         return seconds_of_surface(*contract(), question.tolerance, question.greeks, points)
 
     def work(interrupt: Interrupt) -> ValueSurface:
-        try:
+        with deadline_told(interrupt, "fewer points are faster"):
             return value_surface(
                 *contract(),
                 spots=question.spots,
@@ -63,10 +63,6 @@ async def post_surface(
                 greeks=question.greeks,
                 interrupt=interrupt,
             )
-        except NumericalError:
-            if interrupt():
-                raise DeadlineError("the deadline passed first; fewer points are faster") from None
-            raise
 
     found = await answer(request, work, expected)
     record_of(request).answered(found.status, found.method)

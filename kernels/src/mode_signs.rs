@@ -8,9 +8,9 @@ const ROUNDING: f64 = 1e-13;
 /// Shares of its terms' sizes below which an output, and one of its derivatives, counts as zero.
 #[derive(Clone, Copy)]
 pub struct SignShares {
-    /// Of the output itself.
+    /// The output's own.
     pub value: f64,
-    /// Of its derivatives.
+    /// That of its derivatives.
     pub derivative: f64,
 }
 

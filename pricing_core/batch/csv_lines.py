@@ -77,7 +77,7 @@ def _may_need_quotes(text: pa.StringArray) -> bool:
     letters = text.buffers()[2]
     if letters is None:
         return False
-    # Of a slice these are more letters than its own.
+    # A slice shares the letters of the whole, which are more than its own.
     content = letters.to_pybytes()
     return any(mark in content for mark in MARKS)
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from pricing_core.american import Market, Option, PiecewiseConstant
 from pricing_core.american.arrow.arrow_column import ArrowColumn
+from pricing_core.american.arrow.cells import numbers_of
 from pricing_core.american.arrow.price_batch import contract_columns, price_batch
 from pricing_core.american.book.book import Rows
 from pricing_core.american.book.columns import as_objects
@@ -70,7 +71,7 @@ class Side:
 
     def result(self, name: str) -> Vector:
         """Return a result as numbers, NaN for null."""
-        return numbers(self.results, name)
+        return numbers_of(self.results.column(name))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -263,11 +264,6 @@ def _product(change: Vector, slopes: Sequence[float]) -> float:
     return float(change @ np.array(slopes)) if len(slopes) == change.size else np.nan
 
 
-def numbers(results: pa.RecordBatch, name: str) -> Vector:
-    """Return a column as numbers, NaN for null."""
-    return np.array(results.column(name).to_numpy(zero_copy_only=False), dtype=np.float64)
-
-
 def flags(results: pa.RecordBatch) -> BoolVector:
     """Tell which contracts are exercised now; not those without a price."""
     return np.array([bool(cell) for cell in results.column("exercise_now").to_pylist()], dtype=bool)
@@ -369,7 +365,7 @@ def _exercise(
     if rows.size:
         moved = repricing.at(rows, spot[rows])
         crossed = flags(moved) != flags(before.results)[rows]
-        effect[rows] = np.where(crossed, numbers(moved, "price") - terms[rows], 0.0)
+        effect[rows] = np.where(crossed, numbers_of(moved.column("price")) - terms[rows], 0.0)
     effect[expired] = (after.result("price") - terms - parts["theta_effect"])[expired]
     return effect
 

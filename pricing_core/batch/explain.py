@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pricing_core.american.arrow.arrow_column import ArrowColumn, is_nested
+from pricing_core.american.arrow.cells import number_array
 from pricing_core.american.arrow.frames import Frame
 from pricing_core.american.arrow.plain_types import plain_table
 from pricing_core.american.arrow.price_batch import unusual
@@ -22,7 +23,7 @@ from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
 from pricing_core.american.contracts.seen_later import seen_later
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.arrays import BoolVector
-from pricing_core.batch.effects import EFFECTS, SAME_TIME, Contract, Side, effects_of, numbers, priced_side
+from pricing_core.batch.effects import EFFECTS, SAME_TIME, Contract, Side, effects_of, priced_side
 from pricing_core.errors import InvalidInputError
 
 PAIRS_AT_A_TIME = 32_768
@@ -204,7 +205,7 @@ class Explanation:
             if alone.size:
                 columns[name][alone] = self._side(book.taken(rows[alone]), "none").result("price")
         arrays = [self._passed(name, pairs) for name in self._names]
-        arrays += [pa.array(column, pa.float64(), from_pandas=True) for column in columns.values()]
+        arrays += [number_array(column) for column in columns.values()]
         arrays += [pa.array(cells, pa.string()) for cells in (status, message)]
         return pa.RecordBatch.from_arrays(arrays, schema=self.schema)
 
@@ -290,7 +291,7 @@ def _statuses(before: Side, after: Side) -> tuple[list[str], list[str | None], B
     """Return the status and the message of pairs, and which of them can be explained."""
     words = [side.results.column("status").to_pylist() for side in (before, after)]
     reasons = [side.results.column("message").to_pylist() for side in (before, after)]
-    priced = [~np.isnan(numbers(side.results, "price")) for side in (before, after)]
+    priced = [~np.isnan(side.result("price")) for side in (before, after)]
     changed = _changes(before, after)
     status: list[str] = []
     message: list[str | None] = []

@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial
 from threading import BoundedSemaphore
 from typing import Protocol
 
+from pricing_core.american.price_book import checked_threads
 from pricing_core.batch.unit import Counts, Unit, price_unit
 from pricing_core.batch.work_folder import WorkFolder
+
+
+def threads_or_all(stated: int | None) -> int:
+    """Return how many rows are priced at a time: as stated, or as many as the process has processors.
+
+    Raises
+    ------
+    InvalidInputError
+        There are no such threads.
+    """
+    return len(os.sched_getaffinity(0)) if stated is None else checked_threads(stated)
 
 
 class Executor(Protocol):

@@ -14,10 +14,9 @@ import pyarrow as pa
 from pricing_core.american.book.unusual import warn_of
 from pricing_core.american.contracts.checks import alternatives
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
-from pricing_core.american.price_book import checked_threads
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.batch.assembling import Assembly, check_publishable, publish_file, publish_folder
-from pricing_core.batch.local_threads import Executor, LocalThreads
+from pricing_core.batch.local_threads import Executor, LocalThreads, threads_or_all
 from pricing_core.batch.locations import (
     as_location,
     is_remote,
@@ -161,7 +160,7 @@ def run_batch(
     source, target = as_location(source), as_location(target)
     rejects = rejects_path(target) if rejects is None else as_location(rejects)
     settings = PricingSettings(tolerance, greeks, greek_errors, share_solves)
-    executor = _executor(engine, scheduler, _processors() if threads is None else checked_threads(threads))
+    executor = _executor(engine, scheduler, threads_or_all(threads))
     _check_distinct(source, target, rejects)
     plan = plan_of(
         source,
@@ -294,9 +293,10 @@ class _Run:
             isinstance(error, OSError) and error.errno is not None and error.filename is None
         ):  # as of a full disk
             error.filename = parts_path(self._target)
-        if isinstance(error, InvalidInputError) or _is_device(self._target):
-            folder.remove()
-        elif kept := len(self._counts) or len(folder.names().intersection(self._parts)) or len(there):
+        kept = 0
+        if not (isinstance(error, InvalidInputError) or _is_device(self._target)):
+            kept = len(self._counts) or len(folder.names().intersection(self._parts)) or len(there)
+        if kept:
             place = parts_path(self._target)
             error.add_note(f"{kept} units of the work are kept in {place}: --resume goes on from there")
         else:
@@ -348,10 +348,6 @@ def _executor(engine: str, scheduler: str | None, threads: int) -> Executor:
     from pricing_core.batch.cluster import DaskCluster  # noqa: PLC0415
 
     return DaskCluster(scheduler, threads)
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0))
 
 
 def _check_distinct(source: str, target: str, rejects: str) -> None:

@@ -12,11 +12,11 @@ import pyarrow as pa
 from pricing_core.american.arrow.schema import unread_columns
 from pricing_core.american.book.unusual import warn_of
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
-from pricing_core.american.price_book import checked_threads
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.batch.explain import Book, Explanation
 from pricing_core.batch.formats import format_of
 from pricing_core.batch.groups import SIZES
+from pricing_core.batch.local_threads import threads_or_all
 from pricing_core.batch.locations import as_location
 from pricing_core.batch.scenario import Scenario, checked_scenarios
 from pricing_core.batch.scenarios import Form, ScenarioRules, form_of, scenario_rows
@@ -103,7 +103,7 @@ def run_scenarios(
     table = input_table(read, settings, input_format)
     warn_of(table.unusual, callers=2)
     schema, numbers = typed_schema_of(table, kept_as_text=as_text)
-    rules = ScenarioRules(checked_scenarios(scenarios), settings, named, _threads(threads), numbers)
+    rules = ScenarioRules(checked_scenarios(scenarios), settings, named, threads_or_all(threads), numbers)
     counted = _Counted(form_of(schema, rules, matrix=matrix, group_by=group_by))
     rows = 0
     with written_table(written, output_format, counted.schema) as write:
@@ -151,7 +151,7 @@ def run_explain(
     format_of("output", places[2], output_format)
     tables = [input_table(place, settings) for place in places[:2]]
     warn_of([sentence for table in tables for sentence in table.unusual], callers=2)
-    explanation = Explanation(_book(tables[0]), _book(tables[1]), key, settings, _threads(threads))
+    explanation = Explanation(_book(tables[0]), _book(tables[1]), key, settings, threads_or_all(threads))
     rows = incomplete = 0
     with written_table(places[2], output_format, explanation.schema) as write:
         for batch in explanation.rows():
@@ -198,7 +198,3 @@ def _book(table: InputTable) -> Book:
     if not batches:
         return Book(pa.RecordBatch.from_pylist([], table.schema))
     return Book(pa.concat_batches(batches), malformed)
-
-
-def _threads(stated: int | None) -> int:
-    return len(os.sched_getaffinity(0)) if stated is None else checked_threads(stated)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import pyarrow as pa
 
+from pricing_core.american.arrow.cells import number_array
 from pricing_core.american.arrow.frames import Frame
 from pricing_core.american.arrow.plain_types import plain_table
 from pricing_core.american.arrow.price_batch import contract_columns, price_batch, unusual
@@ -18,7 +19,6 @@ from pricing_core.american.book.unusual import warn_of
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
 from pricing_core.american.contracts.result_fields import price_fields
 from pricing_core.american.pricing_settings import PricingSettings
-from pricing_core.arrays import Vector
 from pricing_core.batch.chunk import Chunk
 from pricing_core.batch.groups import Groups
 from pricing_core.batch.results import typed_table
@@ -267,7 +267,10 @@ class LongTable:
         for shift in SHIFTS:
             values = pa.array([getattr(scenario, shift) for scenario in valued.scenarios])
             columns.append(values.take(valued.which()))
-        columns += [valued.results.column("price").take(order), as_array(valued.profit_and_loss().T.ravel())]
+        columns += [
+            valued.results.column("price").take(order),
+            number_array(valued.profit_and_loss().T.ravel()),
+        ]
         kept = [*(field.name for field in self._kept), "error_estimate", "status"]
         columns += [valued.results.column(name).take(order) for name in kept]
         columns.append(valued.messages().take(order))
@@ -297,7 +300,7 @@ class Matrix:
 
     def rows(self, valued: Valued) -> pa.RecordBatch:
         """Return a row for each contract; its status is that of the first scenario that is not ok."""
-        profits = [as_array(profit) for profit in valued.profit_and_loss()]
+        profits = [number_array(profit) for profit in valued.profit_and_loss()]
         worst = pa.array(valued.first_not_ok())
         ends = [valued.results.column("status").take(worst), valued.messages().take(worst)]
         columns = [*valued.contracts.columns, valued.unshifted.column("price"), *profits, *ends]
@@ -305,8 +308,3 @@ class Matrix:
 
     def last_rows(self) -> None:
         """Return nothing: every contract has its row."""
-
-
-def as_array(numbers: Vector) -> Any:
-    """Return numbers, null for NaN."""
-    return pa.array(numbers, pa.float64(), from_pandas=True)

@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pricing_core.american.arrow.arrow_column import ArrowColumn, is_number, is_text
-from pricing_core.american.arrow.cells import is_empty
+from pricing_core.american.arrow.cells import is_empty, number_array
 from pricing_core.american.contracts.dates import is_meant_as_date, read_moment, year_fraction
 from pricing_core.american.contracts.json_text import parse_json
 from pricing_core.american.contracts.vocabulary import DATES
@@ -52,7 +52,7 @@ class ShiftedContracts:
     def under(self, scenario: Scenario) -> pa.RecordBatch:
         """Return the contracts as a scenario has them."""
         arrays = {name: column.array for name, column in self._columns.items()}
-        arrays["spot"] = _as_array(self._columns["spot"].numbers() * (1.0 + scenario.spot_shift))
+        arrays["spot"] = number_array(self._columns["spot"].numbers() * (1.0 + scenario.spot_shift))
         years = scenario.years_forward
         for name, moves, shift in (
             ("volatility", self._moves_volatility, scenario.volatility_shift),
@@ -69,7 +69,7 @@ class ShiftedContracts:
         """Return numbers and curves with a shift, and the times of the curves nearer."""
         numbers = column.numbers()
         if is_number(column.array.type) or not np.isnan(numbers[self._sound]).any():
-            return _as_array(numbers + shift)
+            return number_array(numbers + shift)
         curves: dict[str, str] = {}
 
         def changed(cell: Any, number: float) -> str:
@@ -95,7 +95,7 @@ class ShiftedContracts:
             dates = [None if moment is None else moment.isoformat() for moment in moments]
             arrays["valuation_date"] = pa.array(dates, pa.string())
         if "expiry" in columns:
-            arrays["expiry"] = _as_array(np.maximum(columns["expiry"].numbers() - years, 0.0))
+            arrays["expiry"] = number_array(np.maximum(columns["expiry"].numbers() - years, 0.0))
         for name in ("cash_dividends", "proportional_dividends"):
             if name in columns:
                 cells = self._lists(columns[name], lambda entries, _: _dividends_due(entries, years))
@@ -145,7 +145,7 @@ class ShiftedContracts:
         """Return when exercise windows open; dates stay, and those that have passed are known to be open."""
         numbers = np.minimum(np.maximum(column.numbers() - years, 0.0), left)
         if is_number(column.array.type):
-            return _as_array(numbers)
+            return number_array(numbers)
         if not is_text(column.array.type):
             return column.array
         texts = pa.array(
@@ -203,11 +203,6 @@ def _times_left(entries: Cells, years: float, moment: dt.datetime | None, left: 
         elif (time := float(entry) - years) > 0.0:
             times.append(min(time, left))
     return times if left > 0.0 else []
-
-
-def _as_array(numbers: Vector) -> pa.Array:
-    """Return numbers, null for NaN."""
-    return pa.array(numbers, pa.float64(), from_pandas=True)
 
 
 def _stripped(cell: Any) -> Any:

@@ -10,7 +10,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.american.arrow.cells import numbers_of
+from pricing_core.arrays import Matrix
 from pricing_core.batch.scenario import Scenario
 
 
@@ -45,11 +46,11 @@ class Valued:
 
     def numbers(self, name: str) -> Matrix:
         """Return a result as numbers, shape (m, n), NaN for null."""
-        return _numbers(self.results.column(name)).reshape(len(self.scenarios), self.count)
+        return numbers_of(self.results.column(name)).reshape(len(self.scenarios), self.count)
 
     @cached_property
     def _profit_and_loss(self) -> Matrix:
-        return self.numbers("price") - _numbers(self.unshifted.column("price"))
+        return self.numbers("price") - numbers_of(self.unshifted.column("price"))
 
     def profit_and_loss(self) -> Matrix:
         """Return the prices less those without shifts, shape (m, n), NaN where either is missing."""
@@ -84,7 +85,3 @@ class Valued:
         rank = np.where(np.isnan(self._profit_and_loss), 0, np.where(is_ok.reshape(shape), 2, 1))
         places: NDArray[np.int64] = np.argmin(rank, axis=0) * self.count + np.arange(self.count)
         return places
-
-
-def _numbers(column: pa.Array) -> Vector:
-    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64)

@@ -1,11 +1,14 @@
-"""Single cells of Arrow tables as Python has them."""
+"""Cells and columns of numbers of Arrow tables as Python and NumPy have them."""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
+
+from pricing_core.arrays import Vector
 
 
 def python_value(cell: pa.Scalar) -> Any:
@@ -27,3 +30,13 @@ def is_empty(cell: Any) -> bool:
     if isinstance(cell, str):
         return not cell.strip(" \t")
     return cell is None or cell == [] or (isinstance(cell, float) and math.isnan(cell))
+
+
+def number_array(numbers: Vector) -> pa.Array:
+    """Return numbers as a column, null for NaN."""
+    return pa.array(numbers, pa.float64(), from_pandas=True)
+
+
+def numbers_of(column: pa.Array) -> Vector:
+    """Return a column of numbers, NaN for null; a copy."""
+    return np.array(column.to_numpy(zero_copy_only=False), dtype=np.float64)

@@ -39,7 +39,7 @@ def price_frame(frame: AnyFrame, settings: PricingSettings, threads: int | None)
         A column is missing, misspelt, named twice or as a result, or cannot hold its values.
     """
     kind = _kind(frame)
-    table: Any = frame if kind in ("pandas", "polars") else plain_table(frame)
+    table: Any = frame if kind in ("pandas", "polars") else pa.table(frame)
     names = [str(name) for name in (table.columns if kind != "arrow" else table.schema.names)]
     check_names(names)
     wanted = [field.name for field in COLUMN_FIELDS if field.name in names]
@@ -67,19 +67,19 @@ def _kind(frame: Any) -> str:
 def _as_arrow(table: Any, kind: str, names: Sequence[str]) -> pa.Table:
     """Return some columns as Arrow holds them."""
     if kind == "arrow":
-        return table.select(names)
+        return plain_table(table.select(names))
     columns = {}
     for name in names:
         try:
             part = table[[name]]
             columns[name] = (
-                pa.Table.from_pandas(part, preserve_index=False) if kind == "pandas" else plain_table(part)
+                pa.Table.from_pandas(part, preserve_index=False) if kind == "pandas" else pa.table(part)
             )[name]
         except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError):
             raise InvalidInputError(
                 f"column {name}", "values of several types", "values of one type"
             ) from None
-    return pa.table(columns)
+    return plain_table(pa.table(columns))
 
 
 def _results(

@@ -14,7 +14,8 @@ def plain_table(frame: object) -> pa.Table:
     DataType(string)
     """
     table = pa.table(frame)
-    return table.cast(plain_schema(table.schema))
+    schema = plain_schema(table.schema)
+    return table if schema.equals(table.schema) else table.cast(schema)
 
 
 def plain_schema(schema: pa.Schema) -> pa.Schema:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.special import ndtr
 
 from pricing_core.american.book.book import Book
 from pricing_core.arrays import BoolVector, Vector
 
-FAR = 15.0  # Smallest |ln(S/K)| of options that may never reach the strike, a ratio of three million; chosen.
+FAR = math.exp(15.0)  # Smallest ratio of spot and strike of options that may never reach the strike; chosen.
 
 
 def certain_value(book: Book) -> Vector:
@@ -72,8 +74,8 @@ def uncertainty(book: Book) -> Vector:
 
 def is_far_out_of_the_money(book: Book) -> BoolVector:
     """Tell contracts whose spot is millions of times the strike of a put, or a call's strike millions of times it."""
-    with np.errstate(divide="ignore"):
-        far: BoolVector = (book.spot > 0.0) & (book.sign * np.log(book.spot / book.strike) >= FAR)
+    spot, strike = book.spot, book.strike
+    far: BoolVector = np.where(book.is_put, spot >= FAR * strike, (FAR * spot <= strike) & (spot > 0.0))
     return far
 
 

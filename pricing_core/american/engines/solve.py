@@ -202,7 +202,10 @@ def _with_greeks_of_payoffs(book: Book, best: Prices, request: Request) -> Price
 
 def _with_boundaries(book: Book, best: Prices, request: Request, engines: Sequence[Engine]) -> Prices:
     """Return the prices with the exercise boundaries of contracts whose spot tells nothing of them."""
-    rows = np.flatnonzero(best.settled & np.isnan(best.boundary) & has_boundary_elsewhere(book))
+    unknown = best.settled & np.isnan(best.boundary)
+    if not unknown.any():
+        return best
+    rows = np.flatnonzero(unknown & has_boundary_elsewhere(book))
     if rows.size == 0:
         return best
     boundary = best.boundary.copy()
