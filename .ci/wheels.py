@@ -27,7 +27,7 @@ assert pricing_core.kernel_name() == "{kernel}", pricing_core.kernel_name()
 WITHOUT_EXTRAS = """
 import importlib
 from pricing_core.errors import MissingExtraError
-for module, extra in (("pricing_core.batch", "batch"), ("app.main", "service"), ("app.boundary_plot", "plot")):
+for module, extra in (("pricing_core.batch", "batch"), ("app.main", "service"), ("app.commands.boundary_plot", "plot")):
     try:
         importlib.import_module(module)
     except MissingExtraError as error:
@@ -88,7 +88,7 @@ def try_wheel(wheel: Path, python: str) -> None:
         install(own, f"{wheel}[all]")
         contract = "--option-type put --spot 100 --strike 100 --expiry 1 --rate 0.05 --volatility 0.2"
         run(command, "price", *contract.split(), cwd=folder)
-        run(own, "-I", "-c", "import app.main, app.boundary_plot, pricing_core.batch", cwd=folder)
+        run(own, "-I", "-c", "import app.main, app.commands.boundary_plot, pricing_core.batch", cwd=folder)
         refused(command, "benchmark", "--output", folder, says="make benchmark", cwd=folder)
 
 

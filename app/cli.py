@@ -18,7 +18,7 @@ from app.command_failures import (
     print_failure,
     standard_output,
 )
-from app.contract_arguments import Contract, names, number, numbers, takes_contract
+from app.commands.contract_arguments import Contract, names, number, numbers, takes_contract
 
 app = typer.Typer(
     help="American options solved as linear complementarity systems, and the systems themselves.",
@@ -111,7 +111,7 @@ def price_command(
 ) -> None:
     """Value one option and its sensitivities."""
     with one_line_errors():
-        from app.tables import print_valuation, valuation_json  # noqa: PLC0415
+        from app.commands.tables import print_valuation, valuation_json  # noqa: PLC0415
         from pricing_core.american import contract_from, price  # noqa: PLC0415
 
         option, market = contract_from(contract)
@@ -143,9 +143,9 @@ def boundary_command(
 ) -> None:
     """Find the spot at which to exercise, over the life of the option; --spot is checked, but not needed."""
     with one_line_errors():
-        from app.boundary_files import write_boundary_csv, write_boundary_plot  # noqa: PLC0415
-        from app.output_files import check_output_files  # noqa: PLC0415
-        from app.tables import boundary_json, print_boundary  # noqa: PLC0415
+        from app.commands.boundary_files import write_boundary_csv, write_boundary_plot  # noqa: PLC0415
+        from app.commands.output_files import check_output_files  # noqa: PLC0415
+        from app.commands.tables import boundary_json, print_boundary  # noqa: PLC0415
         from pricing_core.american import contract_from, exercise_boundary  # noqa: PLC0415
 
         option, market = contract_from({"spot": contract["strike"]} | contract)
@@ -182,8 +182,8 @@ def implied_volatility_command(
 ) -> None:
     """Find the volatility at which the option is worth its price, or its bid and ask."""
     with one_line_errors():
-        from app.no_volatility import why_no_volatility  # noqa: PLC0415
-        from app.tables import implied_volatility_json, print_implied_volatility  # noqa: PLC0415
+        from app.commands.no_volatility import why_no_volatility  # noqa: PLC0415
+        from app.commands.tables import implied_volatility_json, print_implied_volatility  # noqa: PLC0415
         from pricing_core.american import contract_from, implied_volatility  # noqa: PLC0415
 
         option, market = contract_from({"volatility": 1.0} | contract)
@@ -245,7 +245,7 @@ def batch_command(
 ) -> None:
     """Price every row of a table; rows that cannot be priced are explained in the rejects file."""
     with one_line_errors():
-        from app.batch_command import end_interrupted, price_table_of  # noqa: PLC0415
+        from app.commands.batch_command import end_interrupted, price_table_of  # noqa: PLC0415
 
         try:
             with interrupted_by_signals():
@@ -318,7 +318,7 @@ def scenarios_command(
 ) -> None:
     """Value every contract of a table under every combination of shifts of its market, or after some days."""
     with one_line_errors(), interrupted_by_signals():
-        from app.scenario_commands import value_file  # noqa: PLC0415
+        from app.commands.scenario_commands import value_file  # noqa: PLC0415
 
         incomplete = value_file(
             source,
@@ -355,7 +355,7 @@ def explain_command(
 ) -> None:
     """Explain what contracts have gained or lost between two tables: by spot, volatility, time, rate and so on."""
     with one_line_errors(), interrupted_by_signals():
-        from app.scenario_commands import explain_files  # noqa: PLC0415
+        from app.commands.scenario_commands import explain_files  # noqa: PLC0415
 
         incomplete = explain_files(
             before,
@@ -383,7 +383,7 @@ def simulate_command(
     """Simulate a complementarity system: where it ends, and what happens on the way."""
     with one_line_errors():
         if schema:
-            from app.model_files import schema as schema_of_models  # noqa: PLC0415
+            from app.commands.model_files import schema as schema_of_models  # noqa: PLC0415
 
             with standard_output():
                 print(json.dumps(schema_of_models(), indent=1))
@@ -392,16 +392,16 @@ def simulate_command(
             from pricing_core.errors import InvalidInputError, Told  # noqa: PLC0415
 
             raise InvalidInputError("SYSTEM.json", Told("missing"), "a model file, or --schema given")
-        from app.model_files import simulate_file  # noqa: PLC0415
-        from app.output_files import check_output_files, write_columns  # noqa: PLC0415
-        from app.simulation_tables import print_simulation, simulation_columns, simulation_json  # noqa: PLC0415
+        from app.commands.model_files import simulate_file  # noqa: PLC0415
+        from app.commands.output_files import check_output_files, write_columns  # noqa: PLC0415
+        from app.commands.simulation_tables import print_simulation, simulation_columns, simulation_json  # noqa: PLC0415
 
         check_output_files(csv, plot)
         simulation = simulate_file(source)
         if csv is not None:
             write_columns(csv, simulation_columns(simulation))
         if plot is not None:
-            from app.simulation_plots import draw_simulation  # noqa: PLC0415
+            from app.commands.simulation_plots import draw_simulation  # noqa: PLC0415
             from pricing_core.replacement import replacement  # noqa: PLC0415
 
             with replacement(plot) as file:
@@ -428,7 +428,7 @@ def benchmark_command(
 ) -> None:
     """Measure accuracy against time, beside other methods, and write reports: HTML, Markdown, JSON, PNG, CSV."""
     with one_line_errors():
-        from app.benchmark_command import check_names, run_benchmarks  # noqa: PLC0415
+        from app.commands.benchmark_command import check_names, run_benchmarks  # noqa: PLC0415
 
         chosen = check_names(names or [])
         try:
@@ -447,7 +447,7 @@ def key_command(
 ) -> None:
     """Print a new API key, and below it the line that lets it in: append that to PRICING_API_KEYS_FILE."""
     with one_line_errors():
-        from app.api_keys import new_key  # noqa: PLC0415
+        from app.service.api_keys import new_key  # noqa: PLC0415
 
         lines = new_key(name)
         with standard_output():
@@ -462,6 +462,6 @@ def serve_command(
 ) -> None:
     """Serve the HTTP interface until SIGTERM; its limits are PRICING_... environment variables."""
     with one_line_errors():
-        from app.server import serve  # noqa: PLC0415
+        from app.service.server import serve  # noqa: PLC0415
 
         serve(host, port, workers)

@@ -14,21 +14,21 @@ from pricing_core.extras import needs_extra
 with needs_extra("service"):
     from fastapi import FastAPI, Security
 
-    from app import docs_page
-    from app.api_keys import ApiKey, KeyCheck, read_keys
-    from app.cheap_lane import CheapLane
-    from app.connection_ledger import ConnectionLedger
-    from app.cross_origin import CrossOrigin
-    from app.envelope import Envelope
-    from app.errors import install_handlers
-    from app.head_requests import HeadAsGet
-    from app.incoming_body import BodyMemory
-    from app.lanes import ExpensiveLane
-    from app.metrics import Metrics
-    from app.problem_responses import problem_responses
-    from app.routes import batch, boundary, health, implied_volatility, metrics, price, surface
+    from app.service import docs_page
+    from app.service.api_keys import ApiKey, KeyCheck, read_keys
+    from app.service.connection_ledger import ConnectionLedger
+    from app.service.cross_origin import CrossOrigin
+    from app.service.envelope import Envelope
+    from app.service.errors import install_handlers
+    from app.service.head_requests import HeadAsGet
+    from app.service.incoming_body import BodyMemory
+    from app.service.metrics import Metrics
+    from app.service.problem_responses import problem_responses
+    from app.service.routes import batch, boundary, health, implied_volatility, metrics, price, surface
+    from app.service.work.cheap_lane import CheapLane
+    from app.service.work.lanes import ExpensiveLane
+    from app.service.worked_examples import install_examples
     from app.settings import Settings, parts, settings_from_environment
-    from app.worked_examples import install_examples
 
 # What is priced before the service is ready.
 WARM_UP = Option("put", strike=100.0, expiry=1.0), Market(spot=100.0, rate=0.05, volatility=0.2)

@@ -40,8 +40,8 @@ CONNECTIONS = 64  # that arrivals at a fixed rate use; fewer than the service le
 SERVE = "import sys; from app.cli import main; sys.argv = ['pricing', 'serve', '--port', '0']; main()"
 # The same service, but for what a price costs: neither the cost model nor the engines are asked.
 NO_OP = """
-import app.routes.price as route
-from app.cheap_lane import CheapLane
+import app.service.routes.price as route
+from app.service.work.cheap_lane import CheapLane
 from pricing_core.american import Market, Option, price
 constant = price(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2))
 async def answer(*_):

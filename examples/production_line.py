@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.max_plus_plots import gantt
+from app.commands.max_plus_plots import gantt
 from pricing_core import max_plus as mp
 
 PLOT = Path(__file__).parent / "out" / "production_line.png"

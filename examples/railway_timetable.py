@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.max_plus_plots import gantt
+from app.commands.max_plus_plots import gantt
 from pricing_core import max_plus as mp
 
 PERIOD = 60.0  # minutes between trains in the timetable

@@ -9,9 +9,9 @@ import pytest
 import yaml
 
 from app.main import create_app
-from app.server import LAST_SECONDS
+from app.service.server import LAST_SECONDS
+from app.service.worker_processes import EXTRA_SECONDS
 from app.settings import PREFIX, Settings
-from app.worker_processes import EXTRA_SECONDS
 from pricing_core import __version__
 
 ROOT = Path(__file__).parents[1]

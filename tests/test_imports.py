@@ -74,10 +74,10 @@ def test_the_library_but_for_its_tables_does_without_plots_the_service_and_the_c
 def test_model_files_of_every_kind_are_run_without_plots() -> None:
     code = f"""
 from pathlib import Path
-from app.model_files import simulate_file
+from app.commands.model_files import simulate_file
 for path in Path({str(MODELS)!r}).glob("*.json"):
     simulate_file(path)
 """
     imported = imported_by(code)
-    assert "app.models.max_plus" in imported
+    assert "app.commands.models.max_plus" in imported
     assert "matplotlib" not in imported

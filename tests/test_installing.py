@@ -89,9 +89,9 @@ def test_the_library_works_alone():
     [
         ("pricing_core.batch", "batch"),
         ("app.main", "service"),
-        ("app.server", "service"),
-        ("app.boundary_plot", "plot"),
-        ("app.simulation_plots", "plot"),
+        ("app.service.server", "service"),
+        ("app.commands.boundary_plot", "plot"),
+        ("app.commands.simulation_plots", "plot"),
     ],
 )
 def test_a_module_that_lacks_its_extra_says_which(module, extra):

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from app.api_keys import LIMITS
-from app.errors import HTTP_TYPES, PROBLEM_TYPES
-from app.metrics import Metrics
-from app.request_record import RequestRecord
+from app.service.api_keys import LIMITS
+from app.service.errors import HTTP_TYPES, PROBLEM_TYPES
+from app.service.metrics import Metrics
+from app.service.request_record import RequestRecord
 from app.settings import PREFIX, Settings, settings_table
 
 ROOT = Path(__file__).parents[2]

@@ -12,8 +12,8 @@ import pytest
 import typer
 
 from app import cli, schemas
-from app.contract_schema import MOST_DIVIDENDS, MOST_PIECES
-from app.json_schema import inline_schema
+from app.service.contract_schema import MOST_DIVIDENDS, MOST_PIECES
+from app.service.json_schema import inline_schema
 from pricing_core.american import (
     CashDividend,
     ExerciseBoundary,

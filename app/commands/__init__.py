@@ -1,0 +1,1 @@
+"""What the subcommands of `pricing` do: files and models in, tables and pictures out."""

@@ -1,0 +1,121 @@
+"""What `pricing batch` does around a batch: standard input and output, what it prints, and how it ends."""
+
+import os
+import shlex
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from app.command_failures import INTERRUPTED, print_failure, standard_output
+from app.commands.progress import json_progress, print_json, shown_progress
+from app.commands.tables import print_summary
+from pricing_core.batch import BatchSummary, TextCheck, rejects_path, run_batch
+from pricing_core.errors import InvalidInputError, Told
+
+STANDARD = "-"
+
+
+def price_table_of(
+    source: str,
+    target: str,
+    rejects: str | None,
+    *,
+    quiet: bool,
+    log_json: bool,
+    resume: bool,
+    **options: Any,
+) -> BatchSummary:
+    """Run the batch, and say what came of it; a name of "-" stands for standard input or output.
+
+    Raises
+    ------
+    InvalidInputError
+        As `run_batch`, or a format is missing.
+    """
+    explained = rejects or (None if target == STANDARD else rejects_path(target))
+    with (
+        input_file(source, options["input_format"]) as read,
+        output_file(target, options["output_format"]) as written,
+    ):
+        if resume and (read, written) != (source, target):
+            raise InvalidInputError("resume", Told("True"), "left out where a table comes or goes by a pipe")
+        with _progress(quiet=quiet, log_json=log_json) as progress:
+            summary = run_batch(read, written, rejects=explained, resume=resume, progress=progress, **options)
+    if log_json:
+        _log_end(summary, target)
+    elif not quiet:
+        with suppress(typer.Exit, OSError), standard_output():  # the files are there, whoever reads this
+            print_summary(summary, target, explained, to_errors=target == STANDARD)
+    return summary
+
+
+def end_interrupted(error: KeyboardInterrupt, *, by_pipe: bool) -> None:
+    """Say what is kept, and end without waiting for the rows that are being priced.
+
+    Parameters
+    ----------
+    by_pipe : bool
+        Whether a table came or went by a pipe: then nothing is kept.
+    """
+    if getattr(error, "__notes__", ()) and not by_pipe:
+        again = shlex.join(["pricing", *(word for word in sys.argv[1:] if word != "--resume"), "--resume"])
+        print_failure(f"interrupted; go on with: {again}")
+    else:
+        print_failure("interrupted; nothing was written")
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(INTERRUPTED)
+
+
+def _progress(*, quiet: bool, log_json: bool) -> Any:
+    return json_progress() if log_json else shown_progress(quiet)
+
+
+def _log_end(summary: BatchSummary, target: str) -> None:
+    counts = {name: getattr(summary, name) for name in ("rows", "priced", "rejected", "below_tolerance")}
+    print_json({"event": "end", **counts, "unread": list(summary.unread), "output": target})
+
+
+@contextmanager
+def input_file(source: str, stated: str | None) -> Iterator[str]:
+    """Yield a file; standard input is copied into one, so that it can be read twice."""
+    if source != STANDARD:
+        yield source
+        return
+    if stated not in ("csv", "parquet"):
+        raise InvalidInputError(
+            "input_format", stated or Told("missing"), '"csv" or "parquet" for standard input'
+        )
+    with tempfile.TemporaryDirectory(prefix="pricing-") as folder:
+        path = Path(folder) / f"stdin.{stated}"
+        text = TextCheck(path.name)
+        with path.open("wb") as file:
+            while block := sys.stdin.buffer.read(1 << 20):
+                if stated == "csv":  # a line without end is not to fill the disk
+                    text.feed(block)
+                file.write(block)
+        yield os.fspath(path)
+
+
+@contextmanager
+def output_file(target: str, stated: str | None) -> Iterator[str]:
+    """Yield a file; what is in it goes to standard output once it is complete."""
+    if target != STANDARD:
+        yield target
+        return
+    if stated not in ("csv", "parquet"):
+        raise InvalidInputError(
+            "output_format", stated or Told("missing"), '"csv" or "parquet" for standard output'
+        )
+    with tempfile.TemporaryDirectory(prefix="pricing-") as folder:
+        path = Path(folder) / f"stdout.{stated}"
+        yield os.fspath(path)
+        with path.open("rb") as file, standard_output():
+            shutil.copyfileobj(file, sys.stdout.buffer, 1 << 20)
+            sys.stdout.buffer.flush()

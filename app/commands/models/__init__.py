@@ -1,0 +1,1 @@
+"""One module per model that `pricing simulate` reads; see `app.commands.model_files`."""

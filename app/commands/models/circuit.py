@@ -1,0 +1,87 @@
+"""The model "circuit": resistors, capacitors, inductors, sources, transformers and ideal diodes (11.2.1)."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from app.commands.model_keys import TEXT, VECTOR, Key
+from app.commands.models.circuit_elements import ELEMENTS
+from app.commands.models.method import METHOD, method_in
+from app.commands.models.times import SPAN_AND_TIMES, times_in
+from app.commands.simulation import CURVE_POINTS, Columns, Modes, Samples, Simulation, of_samples
+from pricing_core.errors import InvalidInputError, Told
+from pricing_core.models import CircuitRun, DiodeCircuit
+from pricing_core.models.circuits.equations import GROUND
+
+CIRCUIT: Mapping[str, Key] = {
+    "netlist": TEXT.described("in a subset of SPICE's language; either this or elements"),
+    "elements": ELEMENTS.described("each with its kind, its name, the nodes that it joins and its value"),
+}
+KEYS: Mapping[str, Key] = {
+    **CIRCUIT,
+    "x0": VECTOR.described("the independent states; the elements' initial values where missing"),
+    **SPAN_AND_TIMES,
+    **METHOD,
+}
+
+
+def simulate(values: Mapping[str, Any]) -> Simulation:
+    """Simulate the circuit of a model file.
+
+    Parameters
+    ----------
+    values : mapping
+        What `KEYS` read.
+    """
+    circuit, method = circuit_of(values), method_in(values)
+    run = circuit.simulate(values["t_span"], values.get("x0"), method=method, t_eval=times_in(values))
+    simulation = of_samples(
+        run.trajectory,
+        _samples(run),
+        _samples(run.refined(CURVE_POINTS)),
+        run.circuit.state_names,
+        Modes(run.circuit.slack_names),
+    )
+    return replace(simulation, facts={**simulation.facts, "energy_lost_at_start": run.energy_lost_at_start})
+
+
+def circuit_of(values: Mapping[str, Any]) -> DiodeCircuit:
+    """Return the circuit that a model file states.
+
+    Parameters
+    ----------
+    values : mapping
+        What `CIRCUIT` read.
+
+    Raises
+    ------
+    InvalidInputError
+        It is stated twice or not at all, or is no circuit.
+    """
+    stated = [name for name in CIRCUIT if name in values]
+    if len(stated) != 1:
+        raise InvalidInputError(
+            "circuit", Told(" and ".join(stated) or "missing"), 'given either as "netlist" or as "elements"'
+        )
+    if "netlist" in values:
+        return DiodeCircuit.from_netlist(values["netlist"])
+    circuit = DiodeCircuit()
+    for element in values["elements"]:
+        add = getattr(circuit, element["kind"])
+        add(**{name: value for name, value in element.items() if name != "kind"})
+    return circuit
+
+
+def _samples(run: CircuitRun) -> Samples:
+    voltages = {f"v({node})": values for node, values in run.voltages.items() if node != GROUND}
+    currents = {f"i({branch})": values for branch, values in run.currents.items()}
+    return Samples(
+        "t",
+        run.t,
+        tuple(
+            Columns(symbol, title, tuple(columns), np.column_stack(list(columns.values())))
+            for symbol, title, columns in (("v", "voltage (V)", voltages), ("i", "current (A)", currents))
+        ),
+    )

@@ -1,0 +1,104 @@
+"""The elements of a circuit in a model file: the kinds, with their arguments by name."""
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import Any
+
+from app.commands.model_keys import (
+    TEXT,
+    Key,
+    built,
+    choice,
+    first_that_fits,
+    list_of,
+    object_schema,
+    one_of,
+    read_number,
+    read_object,
+)
+from app.commands.models.inputs import CORNERS, GENERATED, PIECES
+from pricing_core.errors import InvalidInputError, Told
+from pricing_core.lcs import Exosystem, PiecewiseConstant, piecewise_linear
+from pricing_core.models import Sine
+from pricing_core.models.circuits.quantity import quantity
+
+
+def _read_quantity(field: str, value: Any) -> float | Fraction:
+    if not isinstance(value, str):
+        return read_number(field, value)
+    numerator, slash, denominator = value.partition("/")
+    divisor = quantity(field, denominator) if slash else Fraction(1)
+    if divisor == 0:
+        raise InvalidInputError(field, value, "a number")
+    return quantity(field, numerator) / divisor
+
+
+QUANTITY = Key(_read_quantity, {"anyOf": [{"type": "number"}, {"type": "string"}]})
+WAVE: Mapping[str, Key] = {
+    "amplitude": QUANTITY.described("volts or amperes", required=True),
+    "frequency": QUANTITY.described("hertz", required=True),
+    "phase": QUANTITY.described("radians"),
+    "offset": QUANTITY.described("added to it"),
+}
+SIGNALS: Mapping[str, Key] = {
+    "sine": built(Sine, WAVE),
+    "piecewise_constant": built(PiecewiseConstant, PIECES),
+    "piecewise_linear": built(piecewise_linear, CORNERS),
+    "exosystem": built(Exosystem, GENERATED),
+}
+SIGNAL = one_of(SIGNALS, "a number, or an object with one of " + ", ".join(SIGNALS))
+VALUE = Key(
+    first_that_fits([(dict, SIGNAL.read), (object, QUANTITY.read)], ""),
+    {"anyOf": [*QUANTITY.schema["anyOf"], SIGNAL.schema]},
+)
+
+NODE = TEXT.described('a node; the ground is "0"', required=True)
+POSITIVE = QUANTITY.described('a positive number, or a text such as "4.7k" or "1/3"', required=True)
+INITIAL = QUANTITY.described("0 where missing")
+GAIN = QUANTITY.described("output over control", required=True)
+ENDS = {"plus": NODE, "minus": NODE}
+CONTROL_NODES = {"control_plus": NODE, "control_minus": NODE}
+CONTROL = {"control": TEXT.described("the element whose current controls", required=True)}
+INDUCTOR = TEXT.described("the name of an inductor", required=True)
+# The methods of `DiodeCircuit`, with their arguments beside the name.
+KINDS: Mapping[str, Mapping[str, Key]] = {
+    "resistor": {**ENDS, "ohms": POSITIVE},
+    "capacitor": {**ENDS, "farads": POSITIVE, "initial_voltage": INITIAL},
+    "inductor": {**ENDS, "henries": POSITIVE, "initial_current": INITIAL},
+    "coupling": {
+        "first": INDUCTOR,
+        "second": INDUCTOR,
+        "coefficient": QUANTITY.described("between -1 and 1, and not 0", required=True),
+    },
+    "diode": {"anode": NODE, "cathode": NODE},
+    "transformer": {
+        **dict.fromkeys(("primary_plus", "primary_minus", "secondary_plus", "secondary_minus"), NODE),
+        "ratio": QUANTITY.described("of the voltages, primary over secondary", required=True),
+    },
+    "voltage_source": {**ENDS, "value": VALUE.described("volts", required=True)},
+    "current_source": {**ENDS, "value": VALUE.described("amperes", required=True)},
+    "vcvs": {**ENDS, **CONTROL_NODES, "gain": GAIN},
+    "vccs": {**ENDS, **CONTROL_NODES, "gain": GAIN},
+    "ccvs": {**ENDS, **CONTROL, "gain": GAIN},
+    "cccs": {**ENDS, **CONTROL, "gain": GAIN},
+}
+
+
+def _keys(kind: str) -> dict[str, Key]:
+    name = TEXT.described("its own in the circuit", required=True)
+    return {"kind": choice(kind).described("what it is", required=True), "name": name, **KINDS[kind]}
+
+
+def _read_element(field: str, value: Any) -> dict[str, Any]:
+    kinds = "one of " + ", ".join(KINDS)
+    if not isinstance(value, dict):
+        raise InvalidInputError(field, value, f'an object with "kind", which is {kinds}')
+    if "kind" not in value:
+        raise InvalidInputError(f"{field}.kind", Told("missing"), kinds)
+    kind = choice(*KINDS).read(f"{field}.kind", value["kind"])
+    return read_object(field, value, _keys(kind))
+
+
+ELEMENTS = list_of(
+    Key(_read_element, {"oneOf": [object_schema(_keys(kind)) for kind in KINDS]}), "a list of elements"
+)

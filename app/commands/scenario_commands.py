@@ -1,0 +1,81 @@
+"""What `pricing scenarios` and `pricing explain` do around the work: pipes, and what they print."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any
+
+import typer
+
+from app.command_failures import standard_output
+from app.commands.batch_command import STANDARD, input_file, output_file
+from pricing_core.batch import read_scenarios, run_explain, run_scenarios, scenarios_of
+from pricing_core.errors import InvalidInputError, Told
+
+Shifts = Sequence[float] | None
+
+
+def value_file(
+    source: str,
+    target: str,
+    named: str | None,
+    shifts: tuple[Shifts, Shifts, Shifts, Shifts],
+    *,
+    quiet: bool,
+    **options: Any,
+) -> int:
+    """Value a table under scenarios, say what came of it, and return how many contracts lack a value.
+
+    Parameters
+    ----------
+    named : str, optional
+        A file of scenarios, in the place of shifts.
+    shifts : tuple
+        Those of the spot, the volatility and the rate, and days forward.
+
+    Raises
+    ------
+    InvalidInputError
+        As `run_scenarios`; there are both or neither of scenarios and shifts; or a format is missing.
+    """
+    lists = any(values is not None for values in shifts)
+    if lists == (named is not None):
+        given = Told("both given" if lists else "missing")
+        raise InvalidInputError("scenarios", given, "a file, or --spot-shifts and the like")
+    scenarios = scenarios_of(*shifts) if named is None else read_scenarios(named)
+    with (
+        input_file(source, options["input_format"]) as read,
+        output_file(target, options["output_format"]) as written,
+    ):
+        summary = run_scenarios(read, written, scenarios, named=named is not None, **options)
+    if not quiet and target != STANDARD:
+        _print(
+            f"{summary.contracts} contracts under {len(scenarios)} scenarios: {summary.rows} rows in {target}"
+        )
+        if summary.incomplete:
+            lack = "a price, or what the sums need," if options["group_by"] else "a profit or loss"
+            _print(f"{summary.incomplete} contracts without {lack} in some scenario")
+        if summary.unread:
+            _print(f"columns not read: {', '.join(summary.unread)}")
+    return summary.incomplete
+
+
+def explain_files(before: str, after: str, target: str, *, quiet: bool, **options: Any) -> int:
+    """Explain what contracts have gained or lost, say what came of it, and return how many rows have no profit or loss.
+
+    Raises
+    ------
+    InvalidInputError
+        As `run_explain`, or a format is missing.
+    """
+    with output_file(target, options["output_format"]) as written:
+        summary = run_explain(before, after, written, **options)
+    if not quiet and target != STANDARD:
+        _print(f"{summary.rows} rows in {target}")
+        if summary.incomplete:
+            _print(f"{summary.incomplete} of them without a profit or loss: their status says why")
+    return summary.incomplete
+
+
+def _print(line: str) -> None:
+    with suppress(typer.Exit, OSError), standard_output():  # the file is there, whoever reads this
+        print(line)

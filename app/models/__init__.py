@@ -1,1 +1,0 @@
-"""One module per model that `pricing simulate` reads; see `app.model_files`."""

@@ -1,0 +1,184 @@
+"""The answer to a batch, in parts, in each of the forms that it can be asked for."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from app.greeks_units import DEFAULT_UNITS, factor
+from app.service.batch.row_limits import MOST_JSON_ROWS
+from app.service.errors import BodyTooLargeError, NotAcceptableError
+from pricing_core.american.contracts.fields import GreeksUnits
+
+JSON, LINES, ARROW = "application/json", "application/x-ndjson", "application/vnd.apache.arrow.stream"
+FORMS = (JSON, LINES, ARROW)
+END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"  # a message of no length
+
+
+class BatchAnswer(Protocol):
+    """Turns the results of consecutive rows into the bytes of an answer."""
+
+    def start(self, schema: pa.Schema) -> bytes:
+        """Return how it begins."""
+        ...
+
+    def encoded(self, results: pa.RecordBatch) -> Any:
+        """Return rows in the form of the answer, from any thread, however often."""
+        ...
+
+    def add(self, encoded: Any) -> bytes:
+        """Take the next rows, and return what is to be sent now."""
+        ...
+
+    def end(self) -> bytes:
+        """Return how it ends."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ArrowAnswer:
+    """An Arrow stream; the units stand in the metadata of its schema."""
+
+    units: GreeksUnits
+
+    def start(self, schema: pa.Schema) -> bytes:
+        """Return the schema's message."""
+        return bytes(schema.with_metadata({"greeks_units": self.units}).serialize())
+
+    def encoded(self, results: pa.RecordBatch) -> bytes:
+        """Return the message of these rows."""
+        return bytes(batch_in_units(results, self.units).serialize())
+
+    def add(self, encoded: bytes) -> bytes:
+        """Return it."""
+        return encoded
+
+    def end(self) -> bytes:
+        """Return the mark of the end."""
+        return END_OF_STREAM
+
+
+@dataclass(frozen=True, slots=True)
+class LinesAnswer:
+    """A JSON object for each row, on a line of its own."""
+
+    units: GreeksUnits
+
+    def start(self, schema: pa.Schema) -> bytes:
+        """Return nothing: every line is complete."""
+        return b""
+
+    def encoded(self, results: pa.RecordBatch) -> bytes:
+        """Return the lines of these rows."""
+        changed = batch_in_units(results, self.units)
+        names = (*changed.schema.names, "greeks_units")
+        rows = zip(*(column.to_pylist() for column in changed.columns), strict=True)
+        lines = [ENCODER.encode(dict(zip(names, (*row, self.units), strict=True))) for row in rows]
+        return "".join(f"{line}\n" for line in lines).encode()
+
+    def add(self, encoded: bytes) -> bytes:
+        """Return them."""
+        return encoded
+
+    def end(self) -> bytes:
+        """Return nothing."""
+        return b""
+
+
+@dataclass(slots=True)
+class ColumnsAnswer:
+    """One JSON object with a list for each column, which is sent when all rows are there."""
+
+    units: GreeksUnits
+    _schema: pa.Schema | None = None
+    _parts: list[pa.RecordBatch] = field(default_factory=list)
+
+    def start(self, schema: pa.Schema) -> bytes:
+        """Return nothing yet."""
+        self._schema = schema
+        return b""
+
+    def encoded(self, results: pa.RecordBatch) -> pa.RecordBatch:
+        """Return the rows in the units asked for."""
+        return batch_in_units(results, self.units)
+
+    def add(self, encoded: pa.RecordBatch) -> bytes:
+        """Keep them, and return nothing yet.
+
+        Raises
+        ------
+        BodyTooLargeError
+            There are more rows than one JSON object may hold.
+        """
+        self._parts.append(encoded)
+        if sum(part.num_rows for part in self._parts) > MOST_JSON_ROWS:
+            raise BodyTooLargeError(
+                f"more than {MOST_JSON_ROWS} rows are answered as {LINES} or {ARROW} alone: see Accept"
+            )
+        return b""
+
+    def end(self) -> bytes:
+        """Return the object."""
+        table = pa.Table.from_batches(self._parts, self._schema)
+        columns = zip(table.schema.names, table.columns, strict=True)
+        written = (f', "{name}": {ENCODER.encode(column.to_pylist())}' for name, column in columns)
+        return f'{{"greeks_units": "{self.units}"{"".join(written)}}}'.encode()
+
+
+ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
+ANSWERS: Mapping[str, Any] = {JSON: ColumnsAnswer, LINES: LinesAnswer, ARROW: ArrowAnswer}
+
+
+def accepted_form(accept: Sequence[str], given: str) -> str:
+    """Return the form of the answer that Accept headers ask for; that of the question where they leave it open.
+
+    Raises
+    ------
+    NotAcceptableError
+        They ask for none that there is.
+
+    Examples
+    --------
+    >>> accepted_form(["application/x-ndjson;q=0.5, application/json"], ARROW)
+    'application/json'
+    """
+    wanted = [part for header in accept for part in header.split(",") if part.strip()]
+    for kind in sorted(map(_kind_and_weight, wanted), key=lambda found: -found[1]):
+        if kind[1] > 0.0 and kind[0] in FORMS:
+            return kind[0]
+        if kind[1] > 0.0 and kind[0] in ("*/*", "application/*"):
+            return given
+    if wanted:
+        raise NotAcceptableError(f"Accept must name {', '.join(FORMS)} or */*")
+    return given
+
+
+def _kind_and_weight(part: str) -> tuple[str, float]:
+    kind, *parameters = (word.strip().lower() for word in part.split(";"))
+    weight = next((word[2:] for word in parameters if word.startswith("q=")), "1")
+    try:
+        return kind, float(weight)
+    except ValueError:
+        return kind, 0.0
+
+
+def batch_in_units(batch: pa.RecordBatch, units: GreeksUnits) -> pa.RecordBatch:
+    """Return columns of results in the units asked for."""
+    if units == DEFAULT_UNITS:
+        return batch
+    columns = [
+        _column_times(column, factor(name, units))
+        for name, column in zip(batch.schema.names, batch.columns, strict=True)
+    ]
+    return pa.RecordBatch.from_arrays(columns, schema=batch.schema)
+
+
+def _column_times(column: pa.Array, by: float) -> pa.Array:
+    if by == 1.0:
+        return column
+    if pa.types.is_list(column.type):
+        return pa.ListArray.from_arrays(column.offsets, pc.multiply(column.values, by), mask=column.is_null())
+    return pc.multiply(column, by)

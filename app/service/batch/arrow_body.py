@@ -1,0 +1,238 @@
+"""An Arrow stream that a stranger sends: nothing in it is believed before it has been measured."""
+
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from app.service.batch.row_limits import LONGEST_TEXT, MOST_ROWS, PIECE_WEIGHT, check_columns, most_entries
+from app.service.errors import BodyTooLargeError, InvalidArrowError
+from pricing_core.american.arrow.arrow_column import is_list, is_number, is_text
+from pricing_core.american.arrow.price_batch import price_batch
+from pricing_core.american.arrow.schema import check_types
+from pricing_core.american.pricing_settings import PricingSettings
+from pricing_core.errors import InvalidInputError, Told
+
+MOST_BATCHES = 4_096  # record batches in a stream: each costs some work, whatever it holds; chosen
+# Where the tables of Arrow's messages have what is looked for (Message.fbs).
+HEADER_TYPE, HEADER = 1, 2
+DICTIONARY, RECORDS = 2, 3  # kinds of header
+DATA = 1  # the record batch in a dictionary batch
+COMPRESSION = 3  # in a record batch
+
+
+def read_stream(body: bytes | bytearray) -> tuple[list[str], list[pa.RecordBatch]]:
+    """Return the names of the columns and the batches of a stream, checked in full; they share the body's memory.
+
+    Raises
+    ------
+    InvalidArrowError
+        It is no Arrow stream, or a compressed one.
+    InvalidInputError
+        A column is missing, unknown, named twice, or cannot hold its values.
+    BodyTooLargeError
+        It stands for more rows, or more text, than the service takes.
+    """
+    try:
+        _check_messages(body)
+        with pa.ipc.open_stream(pa.BufferReader(pa.py_buffer(body))) as stream:
+            check_columns(stream.schema.names)
+            _check_schema(stream.schema)
+            return stream.schema.names, [_checked(batch) for batch in _batches(stream)]
+    except (pa.ArrowException, OSError, struct.error, IndexError, UnicodeError):
+        raise InvalidArrowError("the body is not one Arrow stream from its schema to its end") from None
+
+
+@dataclass(frozen=True, slots=True)
+class ArrowRows:
+    """Rows to be priced together, shape (n,)."""
+
+    rows: pa.RecordBatch
+
+    @property
+    def count(self) -> int:
+        """How many rows there are."""
+        return int(self.rows.num_rows)
+
+    def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:
+        """Return the results of every row."""
+        return price_batch(self.rows, settings, interrupt=interrupt)[0]
+
+
+def table_of(body: bytes | bytearray) -> tuple[list[str], list[ArrowRows]]:
+    """Return the names of the columns of a stream, and its rows in parts to be priced together.
+
+    Raises
+    ------
+    InvalidArrowError, InvalidInputError, BodyTooLargeError
+        As `read_stream`.
+    """
+    names, batches = read_stream(body)
+    return names, [ArrowRows(rows) for rows in pieces_of(batches)]
+
+
+def pieces_of(batches: Sequence[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
+    """Yield consecutive rows, few enough to be priced together."""
+    for batch in batches:
+        weight = np.ones(batch.num_rows, dtype=np.int64)
+        for column in batch.columns:
+            weight += _weight(column)
+        place = np.cumsum(weight) // PIECE_WEIGHT
+        cuts = [0, *(np.flatnonzero(np.diff(place)) + 1).tolist(), batch.num_rows]
+        for start, end in pairwise(cuts):
+            yield batch.slice(start, end - start)
+
+
+def _check_messages(body: bytes | bytearray) -> None:
+    """Refuse compressed buffers, which take whatever memory they name, before Arrow looks at them."""
+    reader = pa.ipc.MessageReader.open_stream(pa.BufferReader(pa.py_buffer(body)))
+    for count, message in enumerate(reader):
+        if count > MOST_BATCHES:
+            raise BodyTooLargeError(f"a stream must not hold more than {MOST_BATCHES} batches")
+        if _is_compressed(memoryview(message.metadata)):
+            raise InvalidArrowError("the buffers of the Arrow stream must not be compressed")
+
+
+def _is_compressed(metadata: memoryview) -> bool:
+    message = struct.unpack_from("<I", metadata)[0]
+    kind, header = _field(metadata, message, HEADER_TYPE), _field(metadata, message, HEADER)
+    if kind is None or header is None or metadata[kind] not in (DICTIONARY, RECORDS):
+        return False
+    table = _target(metadata, header)
+    if metadata[kind] == DICTIONARY:
+        data = _field(metadata, table, DATA)
+        if data is None:
+            return False
+        table = _target(metadata, data)
+    return _field(metadata, table, COMPRESSION) is not None
+
+
+def _field(buffer: memoryview, table: int, number: int) -> int | None:
+    """Return where a field of a flatbuffers table lies; None where it is absent."""
+    virtual = table - struct.unpack_from("<i", buffer, table)[0]
+    size = struct.unpack_from("<H", buffer, virtual)[0]
+    place = 4 + 2 * number
+    offset = struct.unpack_from("<H", buffer, virtual + place)[0] if place + 2 <= size else 0
+    return table + offset if offset else None
+
+
+def _target(buffer: memoryview, place: int) -> int:
+    return int(place + struct.unpack_from("<I", buffer, place)[0])
+
+
+def _check_schema(schema: pa.Schema) -> None:
+    check_types(schema)
+    for field in schema:
+        if not (_is_flat(field.type) or pa.types.is_null(field.type) or _is_nested(field.type)):
+            allowed = "a column of numbers, text, dates, or lists or structures of these"
+            raise InvalidInputError(f"column {field.name}", Told("its type"), allowed)
+
+
+def _is_flat(found: pa.DataType) -> bool:
+    if pa.types.is_dictionary(found):
+        return bool(pa.types.is_string(found.value_type) or pa.types.is_large_string(found.value_type))
+    is_plain_text = pa.types.is_string(found) or pa.types.is_large_string(found)
+    return bool(is_number(found) or is_plain_text or pa.types.is_date(found) or pa.types.is_timestamp(found))
+
+
+def _is_nested(found: pa.DataType) -> bool:
+    """Tell lists and structures of plain cells, each of which takes some bytes of the body."""
+    if pa.types.is_struct(found):
+        return _has_names(found) and all(
+            _is_plain(field.type) or (_is_plain_list(field.type) and _is_plain(field.type.value_type))
+            for field in found
+        )
+    if not _is_plain_list(found):
+        return False
+    entry = found.value_type
+    return _is_plain(entry) or (
+        pa.types.is_struct(entry) and _has_names(entry) and all(_is_plain(field.type) for field in entry)
+    )
+
+
+def _has_names(structure: pa.StructType) -> bool:
+    """Tell whether a structure has fields; their names are text, or an error is raised."""
+    return bool([field.name for field in structure])
+
+
+def _is_plain(found: pa.DataType) -> bool:
+    return _is_flat(found) and not pa.types.is_dictionary(found)
+
+
+def _is_plain_list(found: pa.DataType) -> bool:
+    return bool(pa.types.is_list(found) or pa.types.is_large_list(found))
+
+
+def _batches(stream: pa.RecordBatchReader) -> Iterator[pa.RecordBatch]:
+    rows = 0
+    for batch in stream:
+        rows += batch.num_rows
+        if rows > MOST_ROWS:
+            raise BodyTooLargeError(f"a batch must not have more than {MOST_ROWS} rows")
+        if batch.num_rows:
+            yield batch
+
+
+def _checked(batch: pa.RecordBatch) -> pa.RecordBatch:
+    """Return a batch none of whose buffers says what its others do not bear out, and whose cells are of some size."""
+    batch.validate(full=True)
+    for name, column in zip(batch.schema.names, batch.columns, strict=True):
+        for array in _leaves(column):
+            array.validate(full=True)
+            if is_text(array.type) and (_largest(pc.binary_length(_texts(array)))) > LONGEST_TEXT:
+                raise InvalidInputError(
+                    f"column {name}", Told("a longer one"), f"of texts of at most {LONGEST_TEXT} bytes"
+                )
+        for entries in _lists(column):
+            if _largest(pc.list_value_length(entries)) > most_entries(name):
+                raise InvalidInputError(
+                    f"column {name}",
+                    Told("a longer one"),
+                    f"of lists of at most {most_entries(name)} entries",
+                )
+    return batch
+
+
+def _texts(column: pa.Array) -> pa.Array:
+    return column.dictionary if pa.types.is_dictionary(column.type) else column
+
+
+def _largest(numbers: pa.Array) -> int:
+    return int(pc.max(numbers).as_py() or 0)
+
+
+def _lists(column: pa.Array) -> Iterator[pa.Array]:
+    """Yield a column that holds lists, or those in its structures."""
+    if is_list(column.type):
+        yield column
+    elif pa.types.is_struct(column.type):
+        for number in range(column.type.num_fields):
+            yield from _lists(column.field(number))
+
+
+def _leaves(column: pa.Array) -> Iterator[pa.Array]:
+    """Yield the arrays in a column that hold no others."""
+    if is_list(column.type):
+        yield from _leaves(column.values)
+    elif pa.types.is_struct(column.type):
+        for number in range(column.type.num_fields):
+            yield from _leaves(column.field(number))
+    else:
+        yield column
+
+
+def _weight(column: pa.Array) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Return how many numbers the cells of a column may hold beyond one."""
+    weight = np.zeros(len(column), dtype=np.int64)
+    for entries in _lists(column):
+        lengths = pc.fill_null(pc.list_value_length(entries), 0)
+        weight += lengths.to_numpy(zero_copy_only=False)
+    if is_text(column.type) and not pa.types.is_dictionary(column.type):
+        weight += pc.fill_null(pc.binary_length(column), 0).to_numpy(zero_copy_only=False) // 8
+    if pa.types.is_dictionary(column.type):
+        weight += _largest(pc.binary_length(column.dictionary)) // 8
+    return weight

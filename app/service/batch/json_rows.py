@@ -1,0 +1,163 @@
+"""Rows of a batch as JSON writes them, line by line or column by column."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import pyarrow as pa
+
+from app.service.batch.row_limits import FIELDS, MOST_JSON_ROWS, PIECE_WEIGHT, check_columns, most_entries
+from app.service.contract_schema import LONGEST_DATE
+from app.service.errors import BodyTooLargeError
+from app.service.strict_json import InvalidJsonError, parse_object
+from pricing_core.american.arrow.price_batch import price_read
+from pricing_core.american.book.reading import REQUIRED_COLUMNS, read_book
+from pricing_core.american.contracts.vocabulary import DEFAULTS
+from pricing_core.american.pricing_settings import PricingSettings
+from pricing_core.errors import InvalidInputError, Told
+
+# By the kind of a field: the types of the JSON values that it may have.
+TYPES: Mapping[str, tuple[type, ...]] = {
+    "number": (float, int),
+    "curve": (float, int, dict),
+    "choice": (str,),
+    "time": (float, int, str),
+    "date": (str,),
+    "list": (list,),
+}
+# A row, or why it is none.
+Row: TypeAlias = dict[str, Any] | InvalidInputError
+
+
+@dataclass(frozen=True, slots=True)
+class JsonRows:
+    """Rows to be priced together.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+    names : sequence of str
+        The columns of the batch that they belong to.
+    """
+
+    rows: Sequence[Row]
+    names: Sequence[str]
+
+    @property
+    def count(self) -> int:
+        """How many rows there are."""
+        return len(self.rows)
+
+    def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:
+        """Return the results of every row."""
+        rows = [{} if isinstance(row, InvalidInputError) else row for row in self.rows]
+        refused = {place: row for place, row in enumerate(self.rows) if isinstance(row, InvalidInputError)}
+        given = {name for row in rows for name in row}
+        defaults = {**DEFAULTS, "tolerance": settings.tolerance}
+        columns = {
+            name: [_given(row, name, defaults) for row in rows] for name in {*given, *REQUIRED_COLUMNS}
+        }
+        read = read_book(columns, settings.tolerance, refused)
+        return price_read(read, self.names, settings, interrupt=interrupt)[0]
+
+
+@dataclass(frozen=True, slots=True)
+class JsonLines:
+    """Rows to be priced together, an object on each line that is not blank, read when they are priced."""
+
+    lines: bytes
+
+    @property
+    def count(self) -> int:
+        """How many rows there are."""
+        return len(self._written())
+
+    def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:
+        """Return the results of every row."""
+        return JsonRows([*map(_row_of_line, self._written())], [*FIELDS]).price(settings, interrupt)
+
+    def _written(self) -> list[bytes]:
+        return [line for line in self.lines.split(b"\n") if line.strip()]
+
+
+def columns_of(body: bytes | bytearray) -> tuple[list[str], list[JsonRows]]:
+    """Return the names of the columns of one JSON object, and its rows in parts to be priced together.
+
+    Raises
+    ------
+    InvalidJsonError
+        The body is not one JSON object.
+    InvalidInputError
+        A column is missing or unknown, or lengths differ.
+    BodyTooLargeError
+        There are more rows than one JSON object may hold.
+    """
+    columns = parse_object(bytes(body))
+    names = [*columns]
+    check_columns(names)
+    lengths = {len(cells) for name, cells in columns.items() if _is_column(name, cells)}
+    if len(lengths) > 1:
+        shown = ", ".join(map(str, sorted(lengths)[:4]))
+        raise InvalidInputError("columns", Told(f"lengths {shown}"), "scalars and lists of one length")
+    count = lengths.pop() if lengths else 1
+    if count > MOST_JSON_ROWS:
+        raise BodyTooLargeError(
+            f"columns in JSON must not have more than {MOST_JSON_ROWS} rows: send JSON lines or an Arrow stream"
+        )
+    each = [cells if _is_column(name, cells) else [cells] * count for name, cells in columns.items()]
+    rows = (_checked(dict(zip(names, cells, strict=True))) for cells in zip(*each, strict=True))
+    return names, [JsonRows(part, names) for part in _parts(rows)]
+
+
+def _given(row: Mapping[str, Any], name: str, defaults: Mapping[str, Any]) -> Any:
+    value = row.get(name)
+    return defaults.get(name) if value is None else value
+
+
+def _row_of_line(line: bytes) -> Row:
+    try:
+        return _checked(parse_object(line))
+    except InvalidJsonError as fault:
+        return InvalidInputError("line", Told("not read"), f"one JSON object: {fault}")
+
+
+def _checked(row: dict[str, Any]) -> Row:
+    """Return a row whose values are of the right types and not too long, or what is wrong with it."""
+    for name, value in row.items():
+        field = FIELDS.get(name)
+        if field is None:
+            return InvalidInputError("key", name, f"one of the names {', '.join(FIELDS)}")
+        if value is not None and type(value) not in TYPES[field.kind]:
+            return InvalidInputError(name, value, field.allowed)
+        length = _length(value)
+        if length > (LONGEST_DATE if isinstance(value, str) else most_entries(name)):
+            return InvalidInputError(name, Told("a longer one"), f"at most {most_entries(name)} entries long")
+    return row
+
+
+def _length(value: object) -> int:
+    if isinstance(value, str | list):
+        return len(value)
+    if isinstance(value, dict):
+        return max((len(part) for part in value.values() if isinstance(part, str | list)), default=0)
+    return 0
+
+
+def _is_column(name: str, cells: object) -> bool:
+    """Tell a column from a cell that serves all rows; a list of entries is such a cell."""
+    if not isinstance(cells, list):
+        return False
+    return FIELDS[name].kind != "list" or any(cell is None or isinstance(cell, list) for cell in cells)
+
+
+def _parts(rows: Iterator[Row]) -> Iterator[list[Row]]:
+    part: list[Row] = []
+    weight = 0
+    for row in rows:
+        part.append(row)
+        weight += 1 if isinstance(row, InvalidInputError) else 1 + sum(map(_length, row.values()))
+        if weight >= PIECE_WEIGHT:
+            yield part
+            part, weight = [], 0
+    if part:
+        yield part

@@ -1,0 +1,40 @@
+"""How large the rows of a batch may be, and which columns they have."""
+
+from collections.abc import Sequence
+
+from app.known_names import among
+from app.service.contract_schema import MOST_DIVIDENDS, MOST_PIECES
+from pricing_core.american.arrow.schema import check_names
+from pricing_core.american.contracts.fields import CASH_DIVIDENDS, COLUMN_FIELDS, PROPORTIONAL_DIVIDENDS
+from pricing_core.errors import InvalidInputError, Told
+
+MOST_ROWS = 1_000_000  # of a batch; chosen
+MOST_JSON_ROWS = (
+    100_000  # of one that is asked or answered as one JSON object, which is held as a whole; chosen
+)
+PIECE_WEIGHT = 16_384  # rows and entries of their lists that are priced together; chosen
+LONGEST_TEXT = 16_384  # bytes of a cell of text; chosen
+
+FIELDS = {field.name: field for field in COLUMN_FIELDS}
+
+
+def most_entries(name: str) -> int:
+    """Return the largest length of the lists in a column."""
+    if name in (CASH_DIVIDENDS.name, PROPORTIONAL_DIVIDENDS.name):
+        return MOST_DIVIDENDS
+    return MOST_PIECES if FIELDS[name].kind == "curve" else FIELDS[name].most_entries
+
+
+def check_columns(names: Sequence[str]) -> None:
+    """Accept the names of columns.
+
+    Raises
+    ------
+    InvalidInputError
+        A name appears twice, is misspelt or unknown, or a required column is missing.
+    """
+    unknown = [name for name in names if name not in FIELDS]
+    if unknown:
+        allowed = f"named {among(FIELDS, unknown[0])}"
+        raise InvalidInputError("columns", Told(f"{len(unknown)} of unknown names"), allowed)
+    check_names(names)

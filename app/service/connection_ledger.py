@@ -1,0 +1,75 @@
+"""The open connections by client, and which of them to close where a client, or all together, have too many."""
+
+import logging
+import time
+from collections import defaultdict
+from typing import Protocol
+
+from app.service.clients import NamedNetworks, network_of
+from app.settings import Settings, parts
+
+log = logging.getLogger("pricing.connections")
+LEAST_SECONDS = 1.0  # between two lines of the log; chosen
+
+
+class Closable(Protocol):
+    """A connection, and how dispensable it is."""
+
+    @property
+    def address(self) -> str:
+        """The client's address."""
+        ...
+
+    @property
+    def worth(self) -> tuple[bool, bool, float]:
+        """Whether a request is in work, whether one was ever answered, and when something last happened."""
+        ...
+
+    def make_room(self) -> None:
+        """Close it for another."""
+        ...
+
+
+class ConnectionLedger:
+    """At most `client_connections` of one client, the named proxies left out, and `max_connections` in all.
+
+    Beyond that the client's connection of the least worth is closed, or that of the client with the most of them: the
+    new one is always taken, so that no client can keep another one, or a probe, out.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._trusted = NamedNetworks(parts(settings.trusted_proxies))
+        self._open: defaultdict[str, set[Closable]] = defaultdict(set)
+        self._count = self._closed = 0
+        self._told = -LEAST_SECONDS
+
+    def enter(self, connection: Closable) -> None:
+        """Take up a new connection, and close another one where there are too many."""
+        client = network_of(connection.address)
+        self._open[client].add(connection)
+        self._count += 1
+        too_many = len(self._open[client]) > self._settings.client_connections
+        if too_many and connection.address not in self._trusted:
+            self._close_one(client, connection)
+        elif self._count > self._settings.max_connections:
+            self._close_one(max(self._open, key=lambda client: len(self._open[client])), connection)
+
+    def leave(self, connection: Closable) -> None:
+        """Forget a connection."""
+        client = network_of(connection.address)
+        if connection in self._open[client]:
+            self._open[client].remove(connection)
+            self._count -= 1
+        if not self._open[client]:
+            del self._open[client]
+
+    def _close_one(self, client: str, new: Closable) -> None:
+        least = min(self._open[client] - {new}, key=lambda other: other.worth, default=new)
+        self.leave(least)
+        least.make_room()
+        self._closed += 1
+        if time.monotonic() - self._told >= LEAST_SECONDS:
+            fields = {"client": client, "closed": self._closed}
+            log.warning("connections closed to make room for new ones", extra={"fields": fields})
+            self._told, self._closed = time.monotonic(), 0

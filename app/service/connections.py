@@ -1,0 +1,166 @@
+"""Connections, bounded in number, and closed where no request comes or no answer is taken."""
+
+import asyncio
+import logging
+import resource
+import uuid
+from typing import Any
+
+import h11
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from app.service.clients import network_of
+from app.service.connection_ledger import ConnectionLedger
+from app.service.envelope import SECURITY_HEADERS
+from app.service.errors import ClientLimitError, ProtocolError, problem_response, problem_type
+from app.service.metrics import Metrics
+from app.settings import Settings
+from pricing_core.errors import InvalidInputError, Told
+
+log = logging.getLogger("pricing.connections")
+
+BACKLOG = 128  # connections taken up in one go, before the first of them is counted
+SPARE_DESCRIPTORS = 4 * BACKLOG  # for such bursts, on their way in and out, and for all other files
+
+
+def reserve_descriptors(connections: int) -> None:
+    """Let the process open as many files as `connections` take.
+
+    Raises
+    ------
+    InvalidInputError
+        The system does not allow that many.
+    """
+    needed = connections + SPARE_DESCRIPTORS
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard != resource.RLIM_INFINITY and hard <= SPARE_DESCRIPTORS:
+        least = SPARE_DESCRIPTORS + 1
+        raise InvalidInputError(
+            "limit of open files", Told(str(hard)), f"at least {least} (ulimit -n), for one connection"
+        )
+    if hard != resource.RLIM_INFINITY and needed > hard:
+        allowed = f"at most {hard - SPARE_DESCRIPTORS}, as the process may open {hard} files"
+        raise InvalidInputError("PRICING_MAX_CONNECTIONS", connections, allowed)
+    if soft != resource.RLIM_INFINITY and needed > soft:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
+
+
+class BoundedConnection(H11Protocol):
+    """One client; what never becomes a request is refused or dropped here, as a problem where one fits.
+
+    Where there are too many the ledger says which one is closed. One without a request in work is dropped
+    `head_seconds` after it was opened, or after the answer before: half a head keeps nothing open, nor does
+    an answer that nobody reads.
+    """
+
+    _head_timer: asyncio.TimerHandle | None = None
+    _stall_timer: asyncio.TimerHandle | None = None
+    _has_answered = False
+    _last = 0.0
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Take a connection up."""
+        super().connection_made(transport)
+        self._restart_head_timer()
+        self._metrics.connections.inc()
+        self._ledger.enter(self)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Let a connection go."""
+        for timer in (self._head_timer, self._stall_timer):
+            if timer is not None:
+                timer.cancel()
+        self._metrics.connections.dec()
+        self._ledger.leave(self)
+        super().connection_lost(exc)
+
+    def pause_writing(self) -> None:
+        """Wait until the client has read some of what is to be sent, but not for ever."""
+        self._stall_timer = self.loop.call_later(self._settings.stall_seconds, self._drop_stalled)
+        super().pause_writing()
+
+    def resume_writing(self) -> None:
+        """Go on sending."""
+        if self._stall_timer is not None:
+            self._stall_timer.cancel()
+        super().resume_writing()
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request."""
+        self._has_answered = True
+        self._restart_head_timer()
+        super().on_response_complete()
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer what is not HTTP."""
+        self._refuse(ProtocolError("the request is not well-formed HTTP/1.1, or its head is too long"))
+
+    @property
+    def address(self) -> str:
+        """The client's address."""
+        return self.client[0] if self.client else ""
+
+    @property
+    def worth(self) -> tuple[bool, bool, float]:
+        """Whether a request is in work, whether one was ever answered, and when the last one was, or it was opened."""
+        return not self._is_idle(), self._has_answered, self._last
+
+    def make_room(self) -> None:
+        """Close the connection for another one; who waits for an answer is told."""
+        self._metrics.connections_closed.inc()
+        if self._is_idle():
+            self.transport.abort()
+        else:
+            self._refuse(ClientLimitError("this client has more connections open than it may"))
+            self.cycle.disconnected = True  # ends the work, and keeps its answer from what is closed
+            self.cycle.message_event.set()
+
+    @property
+    def _ledger(self) -> ConnectionLedger:
+        ledger: ConnectionLedger = self.config.app.state.ledger  # type: ignore[union-attr]
+        return ledger
+
+    @property
+    def _metrics(self) -> Metrics:
+        metrics: Metrics = self.config.app.state.metrics  # type: ignore[union-attr]
+        return metrics
+
+    def _is_idle(self) -> bool:
+        return self.cycle is None or self.cycle.response_complete
+
+    @property
+    def _settings(self) -> Settings:
+        settings: Settings = self.config.app.state.settings  # type: ignore[union-attr]
+        return settings
+
+    def _restart_head_timer(self) -> None:
+        if self._head_timer is not None:
+            self._head_timer.cancel()
+        self._last = self.loop.time()
+        self._head_timer = self.loop.call_later(self._settings.head_seconds, self._drop_if_idle)
+
+    def _drop_if_idle(self) -> None:
+        if self._is_idle():
+            self.transport.abort()  # unlike close(), without waiting for the client to read what is left
+
+    def _drop_stalled(self) -> None:
+        words = "a client was dropped that did not read its answer"
+        log.warning(words, extra={"fields": {"client": network_of(self.address)}})
+        self.transport.abort()
+
+    def _refuse(self, error: Exception) -> None:
+        """Answer outside the application, unless an answer has begun, and close."""
+        request_id = uuid.uuid4().hex
+        response = problem_response(error, request_id, self._settings.retry_after_seconds)
+        self._metrics.refused(problem_type(error).name)
+        log.warning(str(error), extra={"fields": {"request_id": request_id, "status": response.status_code}})
+        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
+            extra = {"Connection": "close", "X-Request-ID": request_id, **SECURITY_HEADERS}
+            headers: list[Any] = [*response.headers.items(), *extra.items()]
+            self._send(h11.Response(status_code=response.status_code, headers=headers))
+            self._send(h11.Data(data=bytes(response.body)))
+            self._send(h11.EndOfMessage())
+        self.transport.close()
+
+    def _send(self, event: h11.Event) -> None:
+        self.transport.write(self.conn.send(event) or b"")

@@ -1,0 +1,171 @@
+"""A request's body: bounded in size and time, declared as JSON, validated against a model."""
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any, TypeAlias, TypeVar
+
+from fastapi import Request
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from app.known_names import among
+from app.service.contract_schema import CURVE, DATE, DATE_IN_WORDS, KEYS, NUMBER
+from app.service.errors import (
+    BodyTimeoutError,
+    BodyTooLargeError,
+    InvalidRequestError,
+    UnsupportedMediaTypeError,
+)
+from app.service.json_schema import inline_schema
+from app.service.strict_json import parse_object
+from app.service.work.admission import read_body
+from app.service.work.route_limits import Limits, RouteLimits
+from pricing_core.american.contracts.checks import range_in_words
+from pricing_core.american.contracts.field import CURVE_IN_WORDS
+from pricing_core.errors import InvalidInputError, Told
+
+Model = TypeVar("Model", bound=BaseModel)
+Location: TypeAlias = tuple[int | str, ...]
+# The kinds that a rate or a time may be of, and their types in JSON.
+KINDS = {NUMBER: "number", CURVE: "object", DATE: "string"}
+LENGTHS = ("too_long", "too_short")  # kinds of fault, as pydantic calls them
+OF_NUMBERS = ("float_type", "finite_number", "greater_than_equal", "less_than_equal")
+
+
+def json_body(model: type[Model], limits: Limits) -> Callable[[Request], Awaitable[Model]]:
+    """Return the dependency that reads a request's body as `model`, and holds the request to the route's limits."""
+
+    async def read(request: Request) -> Model:
+        request.state.limits = limits(request.app.state.settings)
+        check_encoding(request)
+        check_media_type(request, ("application/json",))
+        raw = await _read_bytes(request, request.state.limits)
+        return await read_body(request, raw, parse)
+
+    def parse(raw: bytes) -> Model:
+        try:
+            return model.model_validate(parse_object(raw))
+        except ValidationError as error:
+            raise InvalidRequestError(_faults(error, model)) from None
+
+    return read
+
+
+def request_body(model: type[BaseModel]) -> dict[str, Any]:
+    """Return the OpenAPI description of the body that `json_body(model)` reads."""
+    content = {"application/json": {"schema": inline_schema(model)}}
+    return {"requestBody": {"required": True, "content": content}}
+
+
+def check_media_type(request: Request, allowed: Sequence[str]) -> str:
+    """Return the media type of a request's body, in UTF-8.
+
+    Raises
+    ------
+    UnsupportedMediaTypeError
+        It is not one of those that are allowed.
+    """
+    media_type, _, parameters = request.headers.get("content-type", "").partition(";")
+    charset = parameters.strip().lower().removeprefix("charset=").strip('"')
+    media_type = media_type.strip().lower()
+    if media_type not in allowed or charset not in ("", "utf-8"):
+        raise UnsupportedMediaTypeError(f"Content-Type must be {' or '.join(allowed)}, in UTF-8")
+    return media_type
+
+
+def check_encoding(request: Request) -> None:
+    """Refuse a body that is compressed."""
+    if request.headers.get("content-encoding", "identity").strip().lower() != "identity":
+        raise UnsupportedMediaTypeError("Content-Encoding must be absent: the body must not be compressed")
+
+
+def check_length(request: Request, limits: RouteLimits) -> None:
+    """Refuse a body that is declared to be too large."""
+    declared = request.headers.get("content-length", "")
+    if declared.isdecimal() and (len(declared) > 18 or int(declared) > limits.body_bytes):
+        raise too_large(limits)
+
+
+def too_large(limits: RouteLimits) -> BodyTooLargeError:
+    """Return the error of a body that is too large."""
+    return BodyTooLargeError(f"the body must not be longer than {limits.body_bytes} bytes")
+
+
+def too_late(limits: RouteLimits) -> BodyTimeoutError:
+    """Return the error of a body that is not here in time."""
+    return BodyTimeoutError(f"the body must arrive within {limits.body_seconds:g} s")
+
+
+async def _read_bytes(request: Request, limits: RouteLimits) -> bytes:
+    check_length(request, limits)
+    raw = bytearray()
+    try:
+        async with asyncio.timeout(limits.body_seconds):
+            async for part in request.stream():
+                raw += part
+                if len(raw) > limits.body_bytes:
+                    raise too_large(limits)
+    except TimeoutError:
+        raise too_late(limits) from None
+    return bytes(raw)
+
+
+def _faults(error: ValidationError, model: type[BaseModel]) -> list[InvalidInputError]:
+    return [
+        _unknown_key(found["loc"], list(model.model_fields))
+        if found["type"] == "extra_forbidden"
+        else InvalidInputError(_path(found["loc"]), _value(found), _allowed(found, model))
+        for found in error.errors(include_url=False)
+    ]
+
+
+def _path(location: Location) -> str:
+    """Return ("cash_dividends", 1, "amount") as cash_dividends[1].amount, without the kind of a rate."""
+    parts = [part for part in location if part not in KINDS]
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).removeprefix(".")
+
+
+def _value(found: ErrorDetails) -> object:
+    """Return what was given; the length of a list that is too long or too short."""
+    return Told(f"{len(found['input'])} entries") if found["type"] in LENGTHS else found["input"]
+
+
+def _allowed(found: ErrorDetails, model: type[BaseModel]) -> str:
+    """Return what completes "must be ...": of numbers the whole range, as the library has it."""
+    limits: dict[str, Any] = found.get("ctx", {})
+    words = {
+        "missing": "given",
+        "too_long": f"a list of at most {limits.get('max_length')} entries",
+        "too_short": "a list that is not empty",
+        "string_too_long": f"at most {limits.get('max_length')} characters long",
+        "model_type": "a JSON object",
+    }
+    allowed = words.get(found["type"], found["msg"].removeprefix("Input should be "))
+    if found["type"] in OF_NUMBERS:
+        schema = schema_at(inline_schema(model), found["loc"])
+        allowed = range_in_words(schema.get("minimum", -math.inf), schema.get("maximum", math.inf))
+    if found["loc"][-1] != NUMBER:
+        return allowed
+    return f"{allowed} or {CURVE_IN_WORDS if found['loc'][0] in KEYS else DATE_IN_WORDS}"
+
+
+def schema_at(schema: dict[str, Any], location: Location) -> dict[str, Any]:
+    """Return the part of a model's schema that a value of the body is checked against."""
+    for part in location:
+        if part in KINDS:
+            schema = next(choice for choice in schema["oneOf"] if choice["type"] == KINDS[part])
+        else:
+            schema = schema["items"] if isinstance(part, int) else schema["properties"][part]
+        choices = [choice for choice in schema.get("anyOf", [schema]) if choice.get("type") != "null"]
+        schema = choices[0]
+    return schema
+
+
+def _unknown_key(location: Location, names: list[str]) -> InvalidInputError:
+    """Name the keys that are known, the nearest to an unknown one once more, and not that key itself."""
+    *place, last = location
+    if place:
+        names = list(KEYS[str(place[0])])
+    where = f"key of {_path(tuple(place)) or 'the body'}"
+    return InvalidInputError(where, None, f"one of the names {among(names, str(last))}")

@@ -1,0 +1,196 @@
+"""`pricing batch`: the files that it writes, what it prints, and how it ends."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from pricing_core.american.contracts.result_fields import price_fields
+
+HEADER = ["id", "option_type", "spot", "strike", "expiry", "rate", "volatility", "desk"]
+BOOK = Path(__file__).parents[3] / "examples" / "book.csv"
+
+
+def pricing(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "app", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def write(path: Path, *strikes: object) -> Path:
+    with path.open("w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(HEADER)
+        rows.writerows([k, "put", 100, strike, 1, 0.05, 0.2, "A, B"] for k, strike in enumerate(strikes))
+    return path
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+def test_all_priced_is_status_0_and_a_summary(tmp_path: Path) -> None:
+    target = tmp_path / "out.csv"
+    found = pricing(
+        "batch", write(tmp_path / "in.csv", 90, 100), target, "--tolerance", "1e-3", "--threads", 2
+    )
+    assert (found.returncode, found.stderr) == (0, "")
+    assert [line.split()[:2] for line in found.stdout.splitlines()[1:]] == [
+        ["read", "2"],
+        ["priced", "2"],
+        ["rejected", "0"],
+        ["columns", "not"],
+    ]
+    assert found.stdout.splitlines()[-1].split() == ["columns", "not", "read", "2", "id,", "desk"]
+    assert [(row["id"], row["desk"], row["status"]) for row in read(target)] == [
+        ("0", "A, B", "ok"),
+        ("1", "A, B", "ok"),
+    ]
+    assert read(tmp_path / "out.csv.rejects.csv") == []
+
+
+def test_a_file_without_greeks_is_made_where_none_are_asked_for(tmp_path: Path) -> None:
+    target = tmp_path / "out.csv"
+    found = pricing(
+        "batch", write(tmp_path / "in.csv", 90), target, "--tolerance", "1e-3", "--greeks", "none"
+    )
+    assert found.returncode == 0
+    assert list(read(target)[0]) == [*HEADER, *(field.name for field in price_fields("none", HEADER))]
+
+
+def test_a_file_has_errors_of_greeks_where_they_are_asked_for(tmp_path: Path) -> None:
+    target = tmp_path / "out.csv"
+    found = pricing("batch", write(tmp_path / "in.csv", 90), target, "--tolerance", "1e-3", "--greek-errors")
+    assert found.returncode == 0
+    expected = price_fields("standard", HEADER, greek_errors=True)
+    assert list(read(target)[0]) == [*HEADER, *(field.name for field in expected)]
+
+
+def test_rejected_rows_are_status_1_and_explained_in_the_stated_file(tmp_path: Path) -> None:
+    target, rejects = tmp_path / "out.csv", tmp_path / "why.csv"
+    source = write(tmp_path / "in.csv", 90, "abc", 100)
+    found = pricing("batch", source, target, "--rejects", rejects, "--tolerance", "1e-3")
+    assert found.returncode == 1
+    assert str(rejects) in found.stdout
+    assert [(row["line"], row["field"], row["value"]) for row in read(rejects)] == [("3", "strike", "abc")]
+    assert [row["status"] for row in read(target)] == ["ok", "invalid_input", "ok"]
+
+
+def test_a_misspelt_column_shows_in_the_summary(tmp_path: Path) -> None:
+    source = tmp_path / "in.csv"
+    source.write_text(
+        'option_type,spot,strike,expiry,rate,volatility,dividends,tol,yield,[red]\nput,100,90,1,0.05,0.2,"[]",1,1,1\n'
+    )
+    found = pricing("batch", source, tmp_path / "out.csv")
+    assert found.returncode == 0
+    assert found.stdout.splitlines()[-1].split() == [
+        *("columns", "not", "read", "4", "dividends,", "tol,", "yield,", "[red]")
+    ]
+
+
+def test_quiet_says_nothing(tmp_path: Path) -> None:
+    found = pricing("batch", write(tmp_path / "in.csv", 0), tmp_path / "out.parquet", "--quiet")
+    assert (found.returncode, found.stdout, found.stderr) == (1, "", "")
+    assert (tmp_path / "out.parquet").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "it is empty"),
+        (b"id,spot\n1,2\n", "column option_type"),
+        (b"id,\xff\n", "UTF-8"),
+        (b"spot,spot\n", "column spot"),
+    ],
+)
+def test_a_file_that_is_no_table_is_status_2_one_line_and_no_output(
+    tmp_path: Path, content: bytes, words: str
+) -> None:
+    source = tmp_path / "in.csv"
+    source.write_bytes(content)
+    found = pricing("batch", source, tmp_path / "out.csv")
+    assert (found.returncode, found.stdout) == (2, "")
+    assert found.stderr.startswith("pricing: ")
+    assert words in found.stderr
+    assert len(found.stderr.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == [source]
+
+
+def test_a_tolerance_out_of_range_is_status_2_before_any_work(tmp_path: Path) -> None:
+    found = pricing("batch", write(tmp_path / "in.csv", 100), tmp_path / "out.csv", "--tolerance", "1")
+    assert found.returncode == 2
+    assert "tolerance" in found.stderr
+    assert not (tmp_path / "out.csv").exists()
+
+
+@pytest.mark.parametrize(("strike", "status"), [(90, 0), ("abc", 1)])
+def test_a_summary_that_nobody_reads_does_not_change_the_status(
+    tmp_path: Path, strike: object, status: int
+) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    source, target = write(tmp_path / "in.csv", strike), tmp_path / "out.csv"
+    command = [sys.executable, "-m", "app", "batch", str(source), str(target), "--tolerance", "1e-3"]
+    outputs = [writing] + [os.open("/dev/full", os.O_WRONLY)] * os.path.exists("/dev/full")
+    for output in outputs:
+        found = subprocess.run(
+            command, stdout=output, stderr=subprocess.PIPE, text=True, timeout=120, check=False
+        )
+        os.close(output)
+        assert (found.returncode, found.stderr) == (status, "")
+        assert len(read(target)) == 1
+        target.unlink()
+
+
+def test_a_path_that_cannot_be_encoded_is_shown_escaped(tmp_path: Path) -> None:
+    target = tmp_path / os.fsdecode(b"out\xff.csv")
+    found = pricing("batch", write(tmp_path / "in.csv", 90), target, "--tolerance", "1e-3")
+    assert (found.returncode, found.stderr) == (0, "")
+    assert "out\\udcff.csv" in found.stdout
+    assert len(read(target)) == 1
+
+
+def test_a_pipe_may_take_the_rejects(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE, text=True) as cat:
+        source = write(tmp_path / "in.csv", "abc")
+        assert pricing("batch", source, tmp_path / "out.csv", "--rejects", pipe, "--quiet").returncode == 1
+        lines = cat.communicate(timeout=60)[0].splitlines()
+    assert lines[1].startswith("2,strike,abc,")
+    assert pipe.is_fifo()
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interruption_leaves_no_half_written_output(tmp_path: Path, how: signal.Signals) -> None:
+    source = write(tmp_path / "in.csv", *[50 + k % 100 for k in range(300_000)])
+    command = [sys.executable, "-m", "app", "batch", str(source), str(tmp_path / "out.csv")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        until = time.monotonic() + 60.0
+        while len(list(tmp_path.iterdir())) == 1 and time.monotonic() < until:
+            time.sleep(0.05)
+        assert len(list(tmp_path.iterdir())) > 1  # the work has begun
+        process.send_signal(how)
+        output, errors = process.communicate(timeout=60)
+    assert (process.returncode, output) == (130, "")
+    assert errors == "pricing: interrupted; nothing was written\n"
+    assert list(tmp_path.iterdir()) == [source]
+
+
+def test_the_example_book_is_priced_whole(tmp_path: Path) -> None:
+    found = pricing("batch", BOOK, tmp_path / "out.csv", "--tolerance", "1e-3", "--quiet")
+    book, priced = read(BOOK), read(tmp_path / "out.csv")
+    assert found.returncode == 0
+    assert [row["id"] for row in priced] == [row["id"] for row in book]
+    assert {row["status"] for row in priced} == {"ok"}
+    assert {row["option_type"] for row in book} == {"put", "call"}
+    assert {row["exercise"] for row in book} == {"american", "european"}
+    for row in priced:
+        slack = 1e-3 * float(row["strike"])
+        assert float(row["price"]) >= float(row["european_price"]) - slack
+        if row["exercise"] == "american":
+            assert float(row["price"]) >= float(row["intrinsic_value"]) - slack

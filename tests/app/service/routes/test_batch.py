@@ -1,0 +1,381 @@
+import json
+import math
+import struct
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from fastapi.testclient import TestClient
+
+from app.greeks_units import PER_DAY_PER_POINT
+from app.main import create_app
+from app.service.batch.answers import ARROW, FORMS, JSON, LINES
+from app.service.batch.row_limits import FIELDS, MOST_JSON_ROWS
+from app.settings import Settings
+from pricing_core.american import price_many
+from pricing_core.american.contracts.result_fields import PRICE_FIELDS
+from tests.app.service.test_hostile_inputs import CANARY, assert_problem
+from tests.problems.needs_kernel import needs_kernel
+
+BOOK = {
+    "option_type": ["put", "call", "put"],
+    "spot": [90.0, 110.0, 100.0],
+    "strike": [100.0, 100.0, 100.0],
+    "expiry": [1.0, 0.5, 2.0],
+    "rate": [0.05, 0.03, 0.01],
+    "volatility": [0.2, 0.3, 0.4],
+}
+RAW = "application/octet-stream"
+
+
+def rows_of(columns: dict[str, Any]) -> list[dict[str, Any]]:
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def arrow_stream(table: pa.Table, **options: Any) -> bytes:
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, table.schema, options=pa.ipc.IpcWriteOptions(**options)) as writer:
+        writer.write_table(table)
+    return bytes(sink.getvalue().to_pybytes())
+
+
+def body_of(columns: dict[str, Any], form: str) -> bytes:
+    if form == JSON:
+        return json.dumps(columns).encode()
+    if form == LINES:
+        return "\n".join(map(json.dumps, rows_of(columns))).encode()
+    return arrow_stream(pa.table(columns))
+
+
+def ask(client: TestClient, body: bytes, form: str, query: str = "", accept: str = "*/*") -> Any:
+    headers = {"content-type": form, "accept": accept}
+    return client.post(f"/v1/batch{query}", content=body, headers=headers)
+
+
+def columns_of(answer: Any) -> dict[str, Any]:
+    """Return the answer as columns, whatever its form."""
+    assert answer.status_code == 200, answer.text
+    form = answer.headers["content-type"]
+    if form == JSON:
+        found: dict[str, Any] = answer.json()
+        return found
+    if form == LINES:
+        lines = [json.loads(line) for line in answer.text.splitlines()]
+        return {name: [line[name] for line in lines] for name in lines[0]}
+    table = pa.ipc.open_stream(answer.content).read_all()
+    units = {"greeks_units": table.schema.metadata[b"greeks_units"].decode()}
+    return {**table.to_pydict(), **units}
+
+
+def random_book(rng: np.random.Generator, count: int) -> dict[str, Any]:
+    """Return contracts of every size of money, some with dividends and curves, some that are none."""
+    strike = 10.0 ** rng.uniform(-20.0, 20.0, count)
+    curve = {"times": [0.25, 1.0], "values": [0.02, 0.04]}
+    book = {
+        "option_type": rng.choice(["put", "call"], count).tolist(),
+        "strike": strike.tolist(),
+        "spot": (strike * rng.uniform(0.8, 1.25, count)).tolist(),
+        "expiry": rng.uniform(0.05, 2.0, count).tolist(),
+        "rate": [curve if k % 7 == 3 else float(rng.uniform(-0.01, 0.1)) for k in range(count)],
+        "volatility": rng.uniform(0.1, 0.6, count).tolist(),
+        "dividend_yield": rng.uniform(0.0, 0.05, count).tolist(),
+        "cash_dividends": [
+            [{"time": 0.3, "amount": 0.01 * strike.item(k)}] if k % 5 == 2 else [] for k in range(count)
+        ],
+    }
+    for place in range(4, count, 11):
+        book["spot"][place] = -1.0
+    return book
+
+
+def arrow_book(book: dict[str, Any]) -> bytes:
+    """Return the book as a stream; its curves as JSON text."""
+    rates = [json.dumps(rate) for rate in book["rate"]]
+    return arrow_stream(pa.table({**book, "rate": rates}), allow_64bit=True)
+
+
+@needs_kernel
+@pytest.mark.parametrize("greeks", ["none", "standard", "extended"])
+@pytest.mark.parametrize("form", FORMS)
+def test_every_row_is_what_price_many_says_of_it_in_every_form(
+    client: TestClient, form: str, greeks: Any
+) -> None:
+    book = random_book(np.random.default_rng(290), 40)
+    wanted = price_many(book, tolerance=1e-4, greeks=greeks, greek_errors=True)
+    body = arrow_book(book) if form == ARROW else body_of(book, form)
+    query = f"?tolerance=1e-4&greeks={greeks}&greek_errors=true"
+    for accept in FORMS:
+        found = columns_of(ask(client, body, form, query, accept))
+        for name, column in wanted.items():
+            for row, value in enumerate(column.tolist()):
+                got = found[name][row]
+                if name == "exercise_now" and found["price"][row] is None:
+                    assert got is None
+                elif name == "message":
+                    assert (got or "").partition("=")[0] == value.partition("=")[0]
+                elif isinstance(value, tuple):
+                    assert tuple(got or ()) == value
+                elif isinstance(value, float) and math.isnan(value):
+                    assert got is None
+                else:
+                    assert got == (value or None if isinstance(value, str) else value), (name, row)
+        assert set(found["status"]) == {"ok", "invalid_input"}
+
+
+@needs_kernel
+@pytest.mark.parametrize("form", FORMS)
+def test_greeks_come_per_day_and_per_point_where_that_is_asked_for(client: TestClient, form: str) -> None:
+    book = random_book(np.random.default_rng(291), 12)
+    body = arrow_book(book) if form == ARROW else body_of(book, form)
+    query = "?tolerance=1e-4&greeks=extended&greek_errors=true"
+    plain = columns_of(ask(client, body, form, query))
+    scaled = columns_of(ask(client, body, form, f"{query}&greeks_units=per_day_per_point"))
+    units = {name: np.unique(found["greeks_units"]).tolist() for name, found in (("a", plain), ("b", scaled))}
+    assert units == {"a": ["per_year_per_unit"], "b": ["per_day_per_point"]}
+    assert scaled["vega"] == pytest.approx(scaled["vega_per_point"])
+    assert scaled["rho"] == pytest.approx(scaled["rho_per_point"])
+    assert scaled["theta"] == pytest.approx(scaled["theta_per_day"])
+    for field in PRICE_FIELDS:
+        by = PER_DAY_PER_POINT.get(field.name, 1.0)
+        for name in (field.name, f"{field.name}_error"):
+            for before, after in zip(plain.get(name, []), scaled.get(name, []), strict=True):
+                if isinstance(before, list):
+                    assert after == pytest.approx([by * number for number in before], rel=1e-14)
+                elif isinstance(before, float):
+                    assert after == pytest.approx(by * before, rel=1e-14)
+                else:
+                    assert after == before
+
+
+def test_every_greek_by_time_or_a_parameter_has_its_factor() -> None:
+    by_spot_or_amount = {"delta", "gamma", "dividend_sensitivities"}
+    greeks = {field.name for field in PRICE_FIELDS if field.is_greek}
+    assert set(PER_DAY_PER_POINT) == greeks - by_spot_or_amount
+
+
+@needs_kernel
+def test_a_bad_row_costs_itself_alone(client: TestClient) -> None:
+    rows: list[Any] = rows_of(BOOK)
+    deep = '{"spot": ' * 500
+    twice = '{"spot": 1, "spot": 2}'
+    bad = ["", "nonsense", "[]", "null", deep, twice, '{"spot": NaN}', '{"unknown": 1}']
+    bad += [json.dumps(rows[0] | change) for change in WRONG_CELLS]
+    good = json.dumps(rows[0])
+    lines = "\n".join(f"{line}\n{good}" for line in bad).encode() + b"\n\xff\xfe\n\r\n"
+    found = columns_of(ask(client, lines, LINES, "?tolerance=1e-4"))
+    assert found["status"] == ["ok", *["invalid_input", "ok"] * (len(bad) - 1), "invalid_input"]
+    assert len(set(filter(None, found["price"]))) == 1
+    assert all(len(message) < 400 for message in found["message"] if message)
+
+
+WRONG_CELLS: list[dict[str, Any]] = [
+    {"spot": "100"},
+    {"spot": True},
+    {"spot": None},
+    {"spot": [100.0]},
+    {"spot": 10**400},
+    {"spot": -1},
+    {"strike": 0.0},
+    {"option_type": 1},
+    {"option_type": "straddle"},
+    {"expiry": "1"},
+    {"rate": "0.05"},
+    {"rate": {"times": [1.0], "values": [0.1, 0.2]}},
+    {"rate": {"times": [1.0] * 101, "values": [0.1] * 101}},
+    {"rate": {"times": 1}},
+    {"rate": [0.05]},
+    {"cash_dividends": {"time": 1.0}},
+    {"cash_dividends": [{"time": 0.5}]},
+    {"cash_dividends": [[0.5, 1.0]]},
+    {"cash_dividends": [{"time": 0.5, "amount": 1.0}] * 367},
+    {"cash_dividends": "[]"},
+    {"valuation_date": 7},
+    {"valuation_date": "2026-01-01" * 5},
+    {"tolerance": 1.0},
+    {"exercise": "bermudan"},
+]
+
+
+@pytest.mark.parametrize(
+    ("body", "form", "status", "name"),
+    [
+        (b"", JSON, 422, "invalid-json"),
+        (b"[]", JSON, 422, "invalid-json"),
+        (b'{"spot": [1], "spot": [2]}', JSON, 422, "invalid-json"),
+        (b'{"spot": [NaN]}', JSON, 422, "invalid-json"),
+        (b"[" * 100_000, JSON, 422, "invalid-json"),
+        (b"{}", JSON, 422, "invalid-input"),
+        (json.dumps(BOOK | {CANARY: [1, 2, 3]}).encode(), JSON, 422, "invalid-input"),
+        (json.dumps(BOOK | {"sopt": [1, 2, 3]}).encode(), JSON, 422, "invalid-input"),
+        (json.dumps(BOOK | {"spot": [1.0, 2.0]}).encode(), JSON, 422, "invalid-input"),
+        (json.dumps(BOOK | {"spot": [1.0] * (MOST_JSON_ROWS + 1)}).encode(), JSON, 422, "invalid-input"),
+        (
+            json.dumps(dict.fromkeys(BOOK, 1) | {"spot": [1.0] * (MOST_JSON_ROWS + 1)}).encode(),
+            JSON,
+            413,
+            "body-too-large",
+        ),
+        (b" " * ((1 << 23) + 1), JSON, 413, "body-too-large"),
+        (b"x" * 70_000, LINES, 413, "body-too-large"),
+        (b"", ARROW, 422, "invalid-arrow"),
+        (b"x" * 5_000, ARROW, 422, "invalid-arrow"),
+        (b"\xff" * 5_000, ARROW, 422, "invalid-arrow"),
+        (b"\xff\xff\xff\xff\xff\xff\xff\x7f", ARROW, 422, "invalid-arrow"),
+        (arrow_stream(pa.table(BOOK))[:-300], ARROW, 422, "invalid-arrow"),
+        (arrow_stream(pa.table(BOOK), compression="lz4"), ARROW, 422, "invalid-arrow"),
+        (arrow_stream(pa.table(BOOK), compression="zstd"), ARROW, 422, "invalid-arrow"),
+        (b"", RAW, 415, "unsupported-media-type"),
+    ],
+)
+def test_what_is_no_batch_is_a_short_problem(
+    client: TestClient, body: bytes, form: str, status: int, name: str
+) -> None:
+    assert_problem(ask(client, body, form), status, name)
+
+
+def column(name: str, cells: Any) -> pa.Table:
+    """Return the book with another column, as long as that is."""
+    cells = cells if isinstance(cells, pa.Array) else pa.array(cells)
+    count = len(cells)
+    others = {
+        other: pa.array([values[0]] * count) for other, values in BOOK.items() if count < 10 and other != name
+    }
+    return pa.table({**others, name: cells})
+
+
+def twice_named() -> pa.Table:
+    table = pa.table(BOOK)
+    return table.append_column("spot", table["spot"])
+
+
+def entries(count: int, kind: pa.DataType) -> pa.Array:
+    """Return one list of so many nulls, which take no memory."""
+    return pa.ListArray.from_arrays(pa.array([0, count], pa.int32()), pa.nulls(count, kind))
+
+
+def many_nulls() -> bytes:
+    """Return a stream that says that it has 2**40 rows without a buffer."""
+    few = arrow_stream(pa.table({name: pa.nulls(123_457) for name in BOOK}))
+    return few.replace(struct.pack("<q", 123_457), struct.pack("<q", 2**40))
+
+
+BOMBS: dict[str, Callable[[], Any]] = {
+    "rows without memory": many_nulls,
+    "entries without memory": lambda: column("cash_dividends", entries(2**31 - 1, pa.null())),
+    "many entries": lambda: column("exercise_times", pa.array([[0.5] * 100_000])),
+    "structures without fields": lambda: column("cash_dividends", pa.array([[{}] * 5])),
+    "lists of lists": lambda: column("exercise_times", pa.array([[[0.5] * 5] * 5])),
+    "flags": lambda: column("spot", pa.array([True, False])),
+    "bytes": lambda: column("option_type", pa.array([b"put"])),
+    "views": lambda: column("option_type", pa.array(["put"], pa.string_view())),
+    "runs": lambda: column("spot", pa.RunEndEncodedArray.from_arrays([5], [100.0])),
+    "fixed lists": lambda: column("exercise_times", pa.array([[0.5, 0.6]], pa.list_(pa.float64(), 2))),
+    "one long text for all rows": lambda: column(
+        "option_type", pa.DictionaryArray.from_arrays(pa.array([0] * 9, pa.int8()), ["p" * 100_000])
+    ),
+    "a dictionary of numbers": lambda: column("spot", pa.array([100.0]).dictionary_encode()),
+    "a map": lambda: column("rate", pa.array([[("a", 1.0)]], pa.map_(pa.string(), pa.float64()))),
+    "names twice": twice_named,
+    "an unknown name": lambda: column(CANARY, [1.0]),
+    "a misspelt name": lambda: column("Cash Dividends", ["[]"]),
+    "a missing column": lambda: pa.table({"spot": [1.0]}),
+    "many columns": lambda: pa.table({f"{CANARY}{k}": [1.0] for k in range(5_000)}),
+    "many batches": lambda: pa.Table.from_batches(pa.table(BOOK).to_batches() * 5_000),
+}
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_a_stream_that_stands_for_more_than_it_holds_is_refused(client: TestClient, name: str) -> None:
+    before = pa.total_allocated_bytes()
+    bomb = BOMBS[name]()
+    answer = ask(client, bomb if isinstance(bomb, bytes) else arrow_stream(bomb), ARROW)
+    assert answer.status_code in (413, 422)
+    names = {413: "body-too-large", 422: "invalid-input"}
+    assert_problem(answer, answer.status_code, names[answer.status_code])
+    assert pa.total_allocated_bytes() < before + 20_000_000
+
+
+def test_a_shared_list_is_priced_in_bounded_parts(client: TestClient) -> None:
+    count = 200
+    dividends = [{"time": 2.0 + k / 366, "amount": 0.01} for k in range(366)]  # after expiry
+    body = {name: cells[0] for name, cells in BOOK.items()} | {"spot": [100.0] * count, "expiry": 0.0}
+    found = columns_of(ask(client, json.dumps(body | {"cash_dividends": dividends}).encode(), JSON))
+    assert found["status"] == ["ok"] * count
+
+
+@needs_kernel
+def test_no_flipped_bytes_of_a_stream_are_a_fault_of_ours(client: TestClient) -> None:
+    rng = np.random.default_rng(29)
+    dividends = [[{"time": 0.5, "amount": 1.0}], [], None]
+    whole = arrow_stream(pa.table({**BOOK, "cash_dividends": dividends}))
+    statuses = set()
+    for _ in range(400):
+        flipped = bytearray(whole)
+        for place in rng.integers(0, len(whole), rng.integers(1, 4)).tolist():
+            flipped[place] = int(rng.choice([0, 1, 127, 128, 255, int(rng.integers(256))]))
+        answer = ask(client, bytes(flipped), ARROW, "?tolerance=1e-2&greeks=none")
+        statuses.add(answer.status_code)
+        assert answer.status_code in (200, 413, 422), answer.text
+    assert statuses >= {200, 422}
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "?tolerance=1",
+        "?tolerance=nan",
+        "?tolerance=1_0",
+        "?greeks=all",
+        "?greek_errors=yes",
+        "?greeks_units=per_week",
+        "?greeks=none&greeks=none",
+        f"?{CANARY}=1",
+        f"?greeks={CANARY}",
+        "?tolerance=",
+    ],
+)
+def test_a_query_that_is_none_is_refused(client: TestClient, query: str) -> None:
+    assert_problem(ask(client, body_of(BOOK, JSON), JSON, query), 422, "invalid-input")
+
+
+@pytest.mark.parametrize("accept", ["text/html", "application/json;q=0", "application/xml, image/*"])
+def test_an_answer_of_a_kind_that_there_is_not_is_refused(client: TestClient, accept: str) -> None:
+    assert_problem(ask(client, body_of(BOOK, JSON), JSON, accept=accept), 406, "not-acceptable")
+
+
+@needs_kernel
+@pytest.mark.parametrize("form", FORMS)
+def test_rows_unfinished_at_the_deadline_say_so(form: str) -> None:
+    settings = Settings(slots=2, batch_deadline_seconds=0.5)
+    count = 300
+    book = {name: [cells[0]] * count for name, cells in BOOK.items()}
+    book |= {"rate": [-0.01] * count, "dividend_yield": [-0.02] * count, "expiry": [30.0] * count}
+    with TestClient(create_app(settings)) as client:
+        found = columns_of(ask(client, body_of(book, form), form, "?tolerance=1e-8&greeks=extended"))
+    assert len(found["status"]) == count
+    assert set(found["status"]) <= {"ok", "tolerance_not_met", "deadline", "invalid_input"}
+    assert found["status"].count("deadline") > 200
+
+
+def test_a_body_is_counted_while_it_arrives() -> None:
+    with TestClient(create_app(Settings(slots=2, max_batch_bytes=10_000))) as client:
+        endless = (b" " * 999 + b"\n" for _ in range(1_000))
+        headers = {"content-type": LINES}
+        assert_problem(client.post("/v1/batch", content=endless, headers=headers), 413, "body-too-large")
+        long = {**headers, "content-length": "10001"}
+        assert_problem(client.post("/v1/batch", content=b" " * 10_001, headers=long), 413, "body-too-large")
+        assert not client.app.state.body_memory._held  # type: ignore[attr-defined]
+
+
+def test_no_rows_are_answered_with_none(client: TestClient) -> None:
+    empty = {name: [] for name in BOOK}
+    for form in FORMS:
+        body = arrow_stream(pa.table(BOOK).slice(0, 0)) if form == ARROW else body_of(empty, form)
+        answer = ask(client, body, form, accept=JSON)
+        assert columns_of(answer)["status"] == []
+
+
+def test_the_limits_name_every_column() -> None:
+    assert set(BOOK) < set(FIELDS)

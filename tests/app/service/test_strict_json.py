@@ -1,0 +1,35 @@
+import contextlib
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.service.strict_json import InvalidJsonError, parse_object
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+    max_leaves=10,
+)
+
+
+@given(st.dictionaries(st.text(), JSON))
+def test_every_json_object_is_read_back(value: dict[str, object]) -> None:
+    assert parse_object(json.dumps(value).encode()) == value
+
+
+@given(st.binary())
+def test_any_bytes_give_an_object_or_the_one_error(raw: bytes) -> None:
+    with contextlib.suppress(InvalidJsonError):
+        assert isinstance(parse_object(raw), dict)
+
+
+@pytest.mark.parametrize("nested", [b'{"a": {"b": 1, "b": 2}}', b'{"a": [{"b": 1, "b": 1}]}'])
+def test_a_key_twice_is_refused_at_any_depth(nested: bytes) -> None:
+    with pytest.raises(InvalidJsonError, match="twice"):
+        parse_object(nested)
+
+
+def test_both_halves_of_a_surrogate_pair_are_one_character() -> None:
+    assert parse_object(b'{"a": "\\ud83d\\ude00"}') == {"a": "\N{GRINNING FACE}"}
