@@ -11,7 +11,8 @@ import pyarrow as pa
 import pytest
 import typer
 
-from app import cli, schemas
+from app import cli
+from app.service import schemas
 from app.service.contract_schema import MOST_DIVIDENDS, MOST_PIECES
 from app.service.json_schema import inline_schema
 from pricing_core.american import (

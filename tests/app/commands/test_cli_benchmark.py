@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from app import benchmark_command
+from app.commands import benchmark_command
 from benchmarks.reporting.report import Report, Section
 
 
