@@ -17,6 +17,8 @@ from app.command_failures import (
     one_line_errors,
     print_failure,
     standard_output,
+    tell_in_json,
+    tell_in_words,
 )
 from app.commands.contract_arguments import Contract, names, number, numbers, takes_contract
 
@@ -244,7 +246,8 @@ def batch_command(
     ] = False,
 ) -> None:
     """Price every row of a table; rows that cannot be priced are explained in the rejects file."""
-    with one_line_errors():
+    tell = tell_in_json if log_json else tell_in_words
+    with one_line_errors(tell):
         from app.commands.batch_command import end_interrupted, price_table_of  # noqa: PLC0415
 
         try:
@@ -267,7 +270,7 @@ def batch_command(
                     log_json=log_json,
                 )
         except KeyboardInterrupt as error:
-            end_interrupted(error, by_pipe="-" in (source, target))
+            end_interrupted(error, tell, by_pipe="-" in (source, target))
         raise typer.Exit(SOME_REJECTED if summary.rejected and not summary.done_before else 0)
 
 

@@ -1,11 +1,13 @@
 """What a command does when it fails: one line on standard error and an exit status, never a traceback."""
 
+import json
 import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from typing import Any
 
 import typer
 
@@ -15,10 +17,28 @@ INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 NOBODY_READS = 141  # 128 + SIGPIPE
 
 
+Tell = Callable[[str, str], None]  # takes the kind of an event, "error" or "warning", and a sentence
+
+
 def print_failure(sentence: str) -> None:
     """Print one line on standard error, whatever the sentence holds."""
     line = " ".join(sentence.split())
     print(f"pricing: {line}", file=sys.stderr)
+
+
+def print_json(line: Mapping[str, Any]) -> None:
+    """Print an object as one line on standard error."""
+    print(json.dumps(line), file=sys.stderr, flush=True)
+
+
+def tell_in_words(event: str, sentence: str) -> None:
+    """Tell of an error or a warning in a line of text."""
+    print_failure(sentence if event == "error" else f"{event}: {sentence}")
+
+
+def tell_in_json(event: str, sentence: str) -> None:
+    """Tell of an error or a warning in a line of JSON."""
+    print_json({"event": event, "message": sentence})
 
 
 @contextmanager
@@ -60,26 +80,19 @@ def standard_output() -> Iterator[None]:
 
 
 @contextmanager
-def warnings_told(tell: Callable[[str], None]) -> Iterator[None]:
-    """Hand each warning to a function as one sentence, without its place in the code."""
-    with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_, **__: tell(str(message))
-        yield
-
-
-@contextmanager
-def one_line_errors() -> Iterator[None]:
+def one_line_errors(tell: Tell = tell_in_words) -> Iterator[None]:
     """Turn bad input, an answer out of reach, a bad setting or a missing extra into one line and a status."""
     try:
-        with warnings_told(lambda sentence: print_failure(f"warning: {sentence}")):
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: tell("warning", str(message))
             yield
     except KeyboardInterrupt:
-        print_failure("interrupted; nothing was written")
+        tell("error", "interrupted; nothing was written")
         raise typer.Exit(INTERRUPTED) from None
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        print_failure("; ".join([f"{where}{error.strerror or error}", *getattr(error, "__notes__", ())]))
+        tell("error", "; ".join([f"{where}{error.strerror or error}", *getattr(error, "__notes__", ())]))
         raise typer.Exit(FAILED) from None
     except (ValueError, ArithmeticError, ImportError) as error:
-        print_failure(str(error))
+        tell("error", str(error))
         raise typer.Exit(FAILED) from None

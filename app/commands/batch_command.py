@@ -12,8 +12,8 @@ from typing import Any
 
 import typer
 
-from app.command_failures import INTERRUPTED, print_failure, standard_output
-from app.commands.progress import json_progress, print_json, shown_progress
+from app.command_failures import INTERRUPTED, Tell, print_json, standard_output
+from app.commands.progress import json_progress, shown_progress
 from app.commands.tables import print_summary
 from pricing_core.batch import BatchSummary, TextCheck, rejects_path, run_batch
 from pricing_core.errors import InvalidInputError, Told
@@ -55,19 +55,21 @@ def price_table_of(
     return summary
 
 
-def end_interrupted(error: KeyboardInterrupt, *, by_pipe: bool) -> None:
+def end_interrupted(error: KeyboardInterrupt, tell: Tell, *, by_pipe: bool) -> None:
     """Say what is kept, and end without waiting for the rows that are being priced.
 
     Parameters
     ----------
+    tell : callable
+        Tells how the run ended.
     by_pipe : bool
         Whether a table came or went by a pipe: then nothing is kept.
     """
     if getattr(error, "__notes__", ()) and not by_pipe:
         again = shlex.join(["pricing", *(word for word in sys.argv[1:] if word != "--resume"), "--resume"])
-        print_failure(f"interrupted; go on with: {again}")
+        tell("error", f"interrupted; go on with: {again}")
     else:
-        print_failure("interrupted; nothing was written")
+        tell("error", "interrupted; nothing was written")
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(INTERRUPTED)

@@ -1,17 +1,14 @@
 """How far a batch has come, on standard error: a bar where somebody can see it, or lines of JSON."""
 
-import json
-import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from app.command_failures import warnings_told
+from app.command_failures import print_json
 from pricing_core.batch import Progress
 
 
@@ -54,13 +51,7 @@ def json_progress() -> Iterator[Callable[[Progress], None]]:
         }
         print_json(line)
 
-    with warnings_told(lambda sentence: print_json({"event": "warning", "message": sentence})):
-        yield log
-
-
-def print_json(line: Mapping[str, Any]) -> None:
-    """Print an object as one line on standard error."""
-    print(json.dumps(line), file=sys.stderr, flush=True)
+    yield log
 
 
 class _Rate:

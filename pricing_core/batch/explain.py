@@ -246,8 +246,11 @@ def _keys(table: pa.RecordBatch, names: Sequence[str]) -> list[tuple[str, ...] |
     """Return the key of each row as texts, None where a part of it is empty."""
     columns = []
     for name in names:
+        column = table.column(name)
+        if pa.types.is_floating(column.type):
+            column = pc.if_else(pc.is_nan(column), None, column)
         try:
-            text = pc.cast(table.column(name), pa.string())
+            text = pc.cast(column, pa.string())
         except (pa.ArrowInvalid, pa.ArrowNotImplementedError):
             raise InvalidInputError("key", name, "a column of text, numbers or dates") from None
         columns.append(pc.utf8_trim(text, " \t").to_pylist())

@@ -99,8 +99,9 @@ class Groups:
         self.left_out = 0
         self._totals = np.zeros((0, len(scenarios), len(COUNTS) + len(self._sums)))
 
+    @np.errstate(over="ignore", invalid="ignore")
     def rows(self, valued: Valued) -> None:
-        """Add some contracts to their groups."""
+        """Add some contracts to their groups; amounts that are not finite are left out."""
         group = self._groups_of(valued.contracts)
         size = np.ones(valued.count)
         for field in SIZES:

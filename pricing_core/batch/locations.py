@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from errno import ENOENT
 from pathlib import Path
 from typing import Any, BinaryIO
 from urllib.parse import unquote, urlsplit
@@ -51,7 +52,10 @@ def open_binary(location: str) -> BinaryIO:
     if not is_remote(location):
         return Path(location).open("rb")
     system, path = file_system(location)
-    file: BinaryIO = system.open(path, "rb")
+    try:
+        file: BinaryIO = system.open(path, "rb")
+    except FileNotFoundError as error:
+        raise FileNotFoundError(ENOENT, "No such file", location) from error
     return file
 
 

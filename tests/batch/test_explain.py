@@ -295,6 +295,12 @@ def test_keys_of_several_columns_and_of_two_types() -> None:
     assert found["number"].to_pylist() == ["1", "1"]
 
 
+def test_a_key_that_is_no_number_is_missing() -> None:
+    book = pa.table({name: [value] * 2 for name, value in PUT.items()} | {"number": [2.0, float("nan")]})
+    found = explain_profit_and_loss(book, book, key="number", tolerance=1e-3)
+    assert found["status"].to_pylist() == ["ok", "missing_key", "missing_key"]
+
+
 @pytest.mark.parametrize("key", ["account", [], ["id", "account"], "list"])
 def test_what_is_no_key_is_refused(key: Any) -> None:
     book = table(PUT).append_column("list", [[[1.0]]])

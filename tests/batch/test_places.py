@@ -28,6 +28,13 @@ def test_an_object_store_gets_whole_objects_and_no_parts_stay(tmp_path: Path) ->
     assert again.done_before
 
 
+def test_a_missing_object_is_named_as_it_was_asked_for(tmp_path: Path) -> None:
+    pytest.importorskip("fsspec")
+    with pytest.raises(FileNotFoundError) as caught:
+        run_batch("memory://places/none.parquet", tmp_path / "out.parquet")
+    assert caught.value.filename == "memory://places/none.parquet"
+
+
 def test_a_folder_gives_a_folder_with_the_same_partitions(tmp_path: Path) -> None:
     for kind in ("put", "call"):
         (tmp_path / "in" / f"option_type={kind}").mkdir(parents=True)

@@ -269,6 +269,19 @@ def test_group_sums_are_those_of_the_long_table() -> None:
         assert group["gamma_money"] == pytest.approx(math.fsum(money), abs=1e-12 * sum(map(abs, money)))
 
 
+def test_amounts_beyond_the_range_of_numbers_are_left_out_without_a_warning() -> None:
+    rng = np.random.default_rng(9)
+    table = as_table([random_contract(rng) for _ in range(3)], "text")
+    table = table.append_column("quantity", [[1.0, 1e300, 1e308]])
+    table = table.append_column("contract_multiplier", [[float("inf"), 1e300, 1.0]])
+    table = table.append_column("desk", [["rates"] * 3])
+    found = value_scenarios(
+        table, spot_shifts=[0.0], tolerance=TOLERANCE, greeks="standard", group_by=["desk"]
+    )
+    (group,) = found.to_pylist()
+    assert group["contracts_left_out"] >= 2
+
+
 def test_a_matrix_holds_the_profits_of_the_long_table() -> None:
     rng = np.random.default_rng(9)
     table = as_table([random_contract(rng) for _ in range(5)], "text")

@@ -212,6 +212,18 @@ def test_warnings_are_json_where_progress_is(tmp_path: Path) -> None:
     assert first["message"].startswith("column volatility looks like percent: its median is 20;")
 
 
+def test_failures_are_json_where_progress_is(tmp_path: Path) -> None:
+    source, missing = write(tmp_path / "in.csv", 90), tmp_path / "none.csv"
+    for name, option, message in (
+        (source, "-1", "tolerance = -1"),
+        (missing, "1e-3", f"{missing}: No such file"),
+    ):
+        found = pricing("batch", name, tmp_path / "out.csv", "--log-json", "--tolerance", option)
+        told = json.loads(found.stderr)
+        assert (found.returncode, found.stdout, told["event"]) == (2, "", "error")
+        assert told["message"].startswith(message)
+
+
 def test_contracts_left_out_of_sums_are_told_and_change_the_status(tmp_path: Path) -> None:
     source = tmp_path / "in.csv"
     rows = [[*HEADER, "quantity", "qty"]]
