@@ -192,12 +192,20 @@ def test_a_question_that_is_given_up_keeps_its_slot_until_its_thread_is_done() -
 
 
 def test_an_end_brought_forward_holds_for_what_runs_and_what_comes() -> None:
+    gate = threading.Event()
+
+    def work(interrupt: Interrupt) -> str:
+        answer = until_interrupted(interrupt)
+        gate.wait(10.0)
+        return answer
+
     async def scenario(lane: ExpensiveLane) -> str:
-        task = asyncio.create_task(run(lane, until_interrupted, "a", never()))
+        task = asyncio.create_task(run(lane, work, "a", never()))
         await asyncio.sleep(0.05)
         lane.end_by(time.monotonic() + 0.1)
-        with pytest.raises(DeadlineError):
+        with pytest.raises(DeadlineError):  # the only thread is not free before
             await run(lane, until_interrupted, "a", never())
+        gate.set()
         answer = await task
         with pytest.raises(OverloadedError):
             await run(lane, until_interrupted, "a", never())
