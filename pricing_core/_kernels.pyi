@@ -72,19 +72,25 @@ def solve_schedules(
     threads: int,
     interrupt: Callable[[], bool] | None,
 ) -> tuple[Matrix, Vector, BoolVector, NDArray[np.float64]]: ...
-def sweep_schedule(
-    nodes: Vector,  # (N + 2,), s = S/K, increasing
-    # (M, 8), from now to expiry: rate, yield, volatility, amount and escrow in strikes, fraction, may exercise, at end
-    segments: Matrix,
-    times: Vector,  # years before a segment's end, from 0 to its length, for one segment after the other
-    first_time: NDArray[np.int64],  # (M + 1,), where a segment's times begin
-    scheme: int,  # 0: implicit Euler, 1: SDIRK2
-    sign: float,  # 1 for a put, -1 for a call
-    watched: Vector,  # places in s at which a raised diffusion is told
-    directions: NDArray[np.float64],  # (P, M, 2, 5), the first columns with more and less of a parameter
-    steps: Vector,  # (P,), half of what the parameters differ by
+def sweep_schedules(
+    requests: list[
+        tuple[
+            Vector,  # (N + 2,), s = S/K, increasing
+            # (M, 8), from now to expiry: rate, yield, volatility, amount and escrow in strikes, fraction, may exercise,
+            # at end
+            Matrix,
+            Vector,  # years before a segment's end, from 0 to its length, for one segment after the other
+            NDArray[np.int64],  # (M + 1,), where a segment's times begin
+            int,  # 0: implicit Euler, 1: SDIRK2
+            float,  # 1 for a put, -1 for a call
+            Vector,  # places in s at which a raised diffusion is told
+            NDArray[np.float64],  # (P, M, 2, 5), the first columns with more and less of a parameter
+            Vector,  # (P,), half of what the parameters differ by
+        ]
+    ],
     interrupt: Callable[[], bool] | None,
-) -> tuple[Vector, float, BoolVector, Matrix, Matrix, float, bool, Matrix] | None:
-    # values (N + 2,), value at s = 0, contact (N,), exercise regions in s after each step (T - M, 2) and before events
-    # (M, 2), largest residual at the end of a step, whether the diffusion was raised, derivatives (P, N + 2)
+) -> list[tuple[Vector, float, BoolVector, Matrix, Matrix, float, bool, Matrix] | None] | None:
+    # for each: values (N + 2,), value at s = 0, contact (N,), exercise regions in s after each step (T - M, 2) and
+    # before events (M, 2), largest residual at the end of a step, whether the diffusion was raised, derivatives
+    # (P, N + 2); None where a pivot is zero
     ...

@@ -37,7 +37,7 @@ taylor_step = _mode.taylor_step
 solve_puts = None if _compiled is None else _compiled.solve_puts
 march_boundaries = None if _compiled is None else _compiled.march_boundaries
 solve_schedules = None if _compiled is None else _compiled.solve_schedules
-sweep_schedule = None if _compiled is None else _compiled.sweep_schedule
+sweep_schedules = None if _compiled is None else _compiled.sweep_schedules
 
 
 def kernel_name() -> str:

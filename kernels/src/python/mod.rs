@@ -33,7 +33,7 @@ mod _kernels {
     #[pymodule_export]
     use super::premium_march::{march_boundaries, solve_puts};
     #[pymodule_export]
-    use super::segment_march::sweep_schedule;
+    use super::segment_march::sweep_schedules;
     #[pymodule_export]
     use super::tridiagonal::{
         brennan_schwartz, growing_basic_set, policy_iteration, projected_sor,

@@ -1,6 +1,8 @@
-//! The function of `pricing_core._kernels` that solves a schedule at one resolution.
+//! The function of `pricing_core._kernels` that solves schedules, each at one resolution.
 
-use numpy::ndarray::{ArrayView1, Axis};
+use std::borrow::Cow;
+
+use numpy::ndarray::{ArrayView1, ArrayView2, Axis};
 use numpy::{
     PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4,
     PyUntypedArrayMethods,
@@ -10,7 +12,8 @@ use pyo3::prelude::*;
 
 use super::arguments::{nonempty_group_starts, numbers};
 use super::interrupt::Question;
-use crate::segment_march::{self, Direction, Part, Schedule, Scheme, Terms};
+use crate::error::KernelError;
+use crate::segment_march::{self, Direction, Part, Schedule, Scheme, Sweep, Task, Terms};
 
 /// The number of columns of a segment, and of the first of them, which a parameter may change.
 const COLUMNS: usize = 8;
@@ -58,99 +61,80 @@ fn directions_of(
     Ok(rows.axis_iter(Axis(0)).zip(steps).map(of).collect())
 }
 
-/// Solve an option with events by the method of lines on a grid, backward from expiry to now.
-///
-/// Parameters
-/// ----------
-/// nodes : (N + 2,) float
-///     s = S/K, increasing, at least five.
-/// segments : (M, 8) float
-///     From now to expiry: rate, yield, volatility per year, amount and escrow at the end in units of the strike, the
-///     fraction of the spot paid at the end, whether the holder may exercise throughout, and at the end.
-/// times : (T,) float
-///     Years before a segment's end, from 0 to its length, for one segment after the other.
-/// `first_time` : (M + 1,) int
-///     Where a segment's times begin.
-/// scheme : int
-///     0: implicit Euler; 1: SDIRK2.
-/// sign : float
-///     1 for a put, -1 for a call.
-/// watched : (W,) float
-///     Places in s.
-/// directions : (P, M, 2, 5) float
-///     The first five columns of the segments with more and with less of each of P parameters.
-/// steps : (P,) float
-///     Half of what the parameters differ by.
-/// interrupt : callable or None
-///     Asked every few milliseconds whether to stop.
-///
-/// Returns
-/// -------
-/// None where interrupted, else values (N + 2,) in units of the strike, the value at s = 0, contact (N,), regions (T - M,
-/// 2), regions before events (M, 2), residual, raised, derivatives (P, N + 2)
-///     The ends of the exercise region in s, infinite where it reaches the grid's end, (inf, -inf) where it is empty, after
-///     every step in the order of the times, and just before every event; the largest natural residual at the end of a
-///     step; and whether the diffusion was raised at a watched place.
-#[pyfunction]
-#[pyo3(signature = (nodes, segments, times, first_time, scheme, sign, watched, directions, steps, interrupt))]
-#[allow(clippy::needless_pass_by_value, clippy::too_many_arguments)]
-pub fn sweep_schedule<'py>(
-    py: Python<'py>,
-    nodes: PyReadonlyArray1<'py, f64>,
-    segments: PyReadonlyArray2<'py, f64>,
-    times: PyReadonlyArray1<'py, f64>,
-    first_time: PyReadonlyArray1<'py, i64>,
-    scheme: u8,
+/// What is asked of one sweep: nodes, segments, times, `first_time`, scheme, sign, watched, directions, steps.
+type Request<'py> = (
+    PyReadonlyArray1<'py, f64>,
+    PyReadonlyArray2<'py, f64>,
+    PyReadonlyArray1<'py, f64>,
+    PyReadonlyArray1<'py, i64>,
+    u8,
+    f64,
+    PyReadonlyArray1<'py, f64>,
+    PyReadonlyArray4<'py, f64>,
+    PyReadonlyArray1<'py, f64>,
+);
+
+/// A request, checked, its arrays contiguous.
+struct Asked<'a> {
+    nodes: Cow<'a, [f64]>,
+    rows: ArrayView2<'a, f64>,
+    times: Cow<'a, [f64]>,
+    starts: Vec<usize>,
+    scheme: Scheme,
     sign: f64,
-    watched: PyReadonlyArray1<'py, f64>,
-    directions: PyReadonlyArray4<'py, f64>,
-    steps: PyReadonlyArray1<'py, f64>,
-    interrupt: Option<Py<PyAny>>,
-) -> PyResult<Option<Swept<'py>>> {
-    let scheme = match scheme {
-        0 => Scheme::ImplicitEuler,
-        1 => Scheme::Sdirk2,
-        _ => return Err(PyValueError::new_err("scheme must be 0 or 1")),
-    };
-    let count = segments.shape()[0];
-    if count == 0 || segments.shape()[1] != COLUMNS {
-        return Err(PyValueError::new_err(
-            "segments must have the shape (M, 8), M > 0",
-        ));
+    watched: Cow<'a, [f64]>,
+    directions: Vec<Direction>,
+}
+
+impl<'a> Asked<'a> {
+    fn of(request: &'a Request<'_>) -> PyResult<Self> {
+        let (nodes, segments, times, first_time, scheme, sign, watched, directions, steps) =
+            request;
+        let scheme = match scheme {
+            0 => Scheme::ImplicitEuler,
+            1 => Scheme::Sdirk2,
+            _ => return Err(PyValueError::new_err("scheme must be 0 or 1")),
+        };
+        let count = segments.shape()[0];
+        if count == 0 || segments.shape()[1] != COLUMNS {
+            return Err(PyValueError::new_err(
+                "segments must have the shape (M, 8), M > 0",
+            ));
+        }
+        let times = numbers(times);
+        Ok(Self {
+            nodes: numbers(nodes),
+            rows: segments.as_array(),
+            starts: nonempty_group_starts("first_time", &numbers(first_time), count, times.len())?,
+            times,
+            scheme,
+            sign: *sign,
+            watched: numbers(watched),
+            directions: directions_of(directions, &numbers(steps), count)?,
+        })
     }
-    let (nodes, times) = (numbers(&nodes), numbers(&times));
-    let (watched, steps) = (numbers(&watched), numbers(&steps));
-    let starts = nonempty_group_starts("first_time", &numbers(&first_time), count, times.len())?;
-    let directions = directions_of(&directions, &steps, count)?;
-    let rows = segments.as_array();
-    let part = |(row, span): (ArrayView1<'_, f64>, &[usize])| Part {
-        terms: terms(&row),
-        fraction: row[5],
-        exercisable: row[6] > 0.0,
-        exercise_at_end: row[7] > 0.0,
-        times: &times[span[0]..span[1]],
-    };
-    let parts: Vec<Part<'_>> = rows.outer_iter().zip(starts.windows(2)).map(part).collect();
-    let schedule = Schedule {
-        sign,
-        parts: &parts,
-        directions: &directions,
-    };
-    let question = Question::new(interrupt);
-    let found = py.detach(|| {
-        let interrupt = || question.is_ended();
-        segment_march::sweep_schedule(&schedule, &nodes, scheme, &watched, &interrupt)
-    })?;
-    question.result()?;
-    let Some(sweep) = found else {
-        return Ok(None);
-    };
+
+    fn parts(&self) -> Vec<Part<'_>> {
+        let part = |(row, span): (ArrayView1<'_, f64>, &[usize])| Part {
+            terms: terms(&row),
+            fraction: row[5],
+            exercisable: row[6] > 0.0,
+            exercise_at_end: row[7] > 0.0,
+            times: &self.times[span[0]..span[1]],
+        };
+        let rows = self.rows.outer_iter();
+        rows.zip(self.starts.windows(2)).map(part).collect()
+    }
+}
+
+fn swept(py: Python<'_>, sweep: Sweep) -> PyResult<Swept<'_>> {
     let pairs = |pairs: Vec<[f64; 2]>| {
         let shape = [pairs.len(), 2];
         PyArray1::from_vec(py, pairs.into_iter().flatten().collect()).reshape(shape)
     };
+    let shape = [sweep.derivatives.len(), sweep.values.len()];
     let derivatives: Vec<f64> = sweep.derivatives.into_iter().flatten().collect();
-    Ok(Some((
+    Ok((
         PyArray1::from_vec(py, sweep.values),
         sweep.at_zero,
         PyArray1::from_vec(py, sweep.contact),
@@ -158,6 +142,87 @@ pub fn sweep_schedule<'py>(
         pairs(sweep.before_events)?,
         sweep.residual,
         sweep.raised,
-        PyArray1::from_vec(py, derivatives).reshape([steps.len(), nodes.len()])?,
-    )))
+        PyArray1::from_vec(py, derivatives).reshape(shape)?,
+    ))
+}
+
+/// Solve options with events by the method of lines, each on a grid, backward from expiry to now, many side by side.
+///
+/// Parameters
+/// ----------
+/// requests : list of tuple
+///     For each option:
+///     nodes (N + 2,) float, s = S/K, increasing, at least five;
+///     segments (M, 8) float, from now to expiry: rate, yield, volatility per year, amount and escrow at the end in units
+///     of the strike, the fraction of the spot paid at the end, whether the holder may exercise throughout, and at the
+///     end;
+///     times (T,) float, years before a segment's end, from 0 to its length, for one segment after the other;
+///     `first_time` (M + 1,) int, where a segment's times begin;
+///     scheme, 0: implicit Euler, 1: SDIRK2;
+///     sign, 1 for a put, -1 for a call;
+///     watched (W,) float, places in s;
+///     directions (P, M, 2, 5) float, the first five columns of the segments with more and with less of each of P
+///     parameters;
+///     steps (P,) float, half of what the parameters differ by.
+/// interrupt : callable or None
+///     Asked every few milliseconds whether to stop.
+///
+/// Returns
+/// -------
+/// None where interrupted, else a list with one entry for each option: None where a pivot is zero, else values (N + 2,) in
+/// units of the strike, the value at s = 0, contact (N,), regions (T - M, 2), regions before events (M, 2), residual,
+/// raised, derivatives (P, N + 2)
+///     The ends of the exercise region in s, infinite where it reaches the grid's end, (inf, -inf) where it is empty, after
+///     every step in the order of the times, and just before every event; the largest natural residual at the end of a
+///     step; and whether the diffusion was raised at a watched place. An option's numbers do not depend on the others.
+#[pyfunction]
+#[pyo3(signature = (requests, interrupt))]
+#[allow(clippy::needless_pass_by_value)]
+pub fn sweep_schedules<'py>(
+    py: Python<'py>,
+    requests: Vec<Request<'py>>,
+    interrupt: Option<Py<PyAny>>,
+) -> PyResult<Option<Vec<Option<Swept<'py>>>>> {
+    let asked: Vec<Asked<'_>> = requests.iter().map(Asked::of).collect::<PyResult<_>>()?;
+    let parts: Vec<Vec<Part<'_>>> = asked.iter().map(Asked::parts).collect();
+    let schedule = |(asked, parts)| {
+        let (asked, parts): (&'_ Asked<'_>, &Vec<Part<'_>>) = (asked, parts);
+        (asked.sign, parts, &asked.directions)
+    };
+    let schedules: Vec<Schedule<'_>> = asked
+        .iter()
+        .zip(&parts)
+        .map(schedule)
+        .map(|(sign, parts, directions)| Schedule {
+            sign,
+            parts,
+            directions,
+        })
+        .collect();
+    let task = |(asked, schedule)| {
+        let (asked, schedule): (&Asked<'_>, _) = (asked, schedule);
+        Task {
+            schedule,
+            nodes: &asked.nodes,
+            scheme: asked.scheme,
+            watched: &asked.watched,
+        }
+    };
+    let tasks: Vec<Task<'_>> = asked.iter().zip(&schedules).map(task).collect();
+    let question = Question::new(interrupt);
+    let found = py.detach(|| segment_march::sweep_schedules(&tasks, &|| question.is_ended()));
+    question.result()?;
+    let Some(found) = found else {
+        return Ok(None);
+    };
+    let one = |solved: Result<Sweep, KernelError>| match solved {
+        Ok(sweep) => swept(py, sweep).map(Some),
+        Err(KernelError::ZeroPivot { .. }) => Ok(None),
+        Err(error) => Err(error.into()),
+    };
+    found
+        .into_iter()
+        .map(one)
+        .collect::<PyResult<_>>()
+        .map(Some)
 }

@@ -13,13 +13,13 @@ use crate::error::KernelError;
 use crate::positive_part;
 
 /// The largest number of contact sets that are tried; they settle in one or two.
-const PASSES: u32 = 4;
+pub(super) const PASSES: u32 = 4;
 
 /// An end of a run of contact nodes: the last free node, and the contact node next to it.
 #[derive(Clone, Copy)]
-struct Edge {
-    free: usize,
-    contact: usize,
+pub(super) struct Edge {
+    pub free: usize,
+    pub contact: usize,
 }
 
 /// A boundary between two nodes, theta of their distance away from the free one.
@@ -159,7 +159,13 @@ impl Correction {
 }
 
 /// Return theta, and what the free node's row lacks.
-fn place(segment: &Segment<'_>, h: f64, edge: Edge, z: f64, response: f64) -> (f64, f64) {
+pub(super) fn place(
+    segment: &Segment<'_>,
+    h: f64,
+    edge: Edge,
+    z: f64,
+    response: f64,
+) -> (f64, f64) {
     let entry = if edge.contact < edge.free {
         segment.lower[edge.free]
     } else {

@@ -59,7 +59,7 @@ impl Bands {
         );
         let (z, q) = (&z[..size], &q[..size]);
         let row = |i: usize, below: f64, above: f64| {
-            diagonal[i] * z[i] + lower[i] * below + upper[i] * above + q[i]
+            diagonal[i] * z[i] + (lower[i] * below + upper[i] * above) + q[i]
         };
         for i in 1..size.saturating_sub(1) {
             w[i] = row(i, z[i - 1], z[i + 1]);
@@ -121,8 +121,7 @@ impl Factors {
                 self.reciprocal[row] = reciprocal;
                 self.slope[row] = -inward[row] * reciprocal;
                 self.carry[row] = outward[next] * reciprocal;
-                // Its own division keeps the chain from pivot to pivot short.
-                let less = outward[next] * inward[row] / pivot;
+                let less = self.carry[row] * inward[row];
                 if next == seed {
                     into_seed -= less;
                     break;
@@ -164,7 +163,14 @@ impl Factors {
             rest[1] = q[high - 1] - carry[high] * rest[1];
             high -= 1;
         }
-        intercept[seed] = -(rest[0] + (rest[1] - q[seed])) * reciprocal[seed];
+        let into_seed = if seed == 0 {
+            rest[1]
+        } else if seed + 1 == size {
+            rest[0]
+        } else {
+            rest[0] + (rest[1] - q[seed])
+        };
+        intercept[seed] = -into_seed * reciprocal[seed];
     }
 
     /// Write the solution of M z + q = 0 on all rows, or of the complementarity problem by projection.

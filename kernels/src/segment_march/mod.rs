@@ -22,6 +22,8 @@ mod elimination;
 mod event;
 mod free_system;
 mod grid_function;
+mod lane_march;
+mod lane_rows;
 mod operator;
 mod region;
 mod stage;
@@ -34,6 +36,7 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 use crate::error::{check_length, KernelError};
 use crate::interrupt::Interrupt;
+pub use lane_march::{sweep_schedules, Task};
 use stage::Stage;
 pub use sweep::{sweep_schedule, Direction, Part, Schedule, Sweep, Terms};
 use tangents::Tangents;
@@ -163,6 +166,29 @@ impl Segment<'_> {
         let [a, b] = self.lines[end];
         let held = a * (-self.rate * t).exp() + b * (-self.dividend_yield * t).exp() * s;
         (held, self.sign * (self.strike_left(t) - s))
+    }
+
+    /// The row at the end of the grid where the exercise region is expected: a put's lies low, a call's high.
+    fn expected_end(&self) -> usize {
+        match self.contact_at {
+            [true, false] => 0,
+            [false, true] => self.size() - 1,
+            _ if self.sign > 0.0 => 0,
+            _ => self.size() - 1,
+        }
+    }
+
+    /// The row that elimination goes to: the expected end, unless the region lies elsewhere, in whose middle it is then.
+    fn seed(&self, contact: &[bool]) -> usize {
+        let end = self.expected_end();
+        if self.contact_at[0] != self.contact_at[1] || contact[end] {
+            return end;
+        }
+        let first = contact.iter().position(|c| *c);
+        let last = contact.iter().rposition(|c| *c);
+        first
+            .zip(last)
+            .map_or(end, |(first, last)| usize::midpoint(first, last))
     }
 
     /// Whether v at an end node is what exercise brings.

@@ -16,13 +16,13 @@ pub(super) fn region(segment: &Segment<'_>, slack: &[f64], contact: &[bool]) -> 
         f64::NEG_INFINITY
     } else {
         let far = first.checked_sub(2);
-        boundary(segment, slack, first, first - 1, far)
+        boundary(segment, |node| slack[node], first, first - 1, far)
     };
     let upper = if last + 1 == contact.len() {
         f64::INFINITY
     } else {
         let far = (last + 2 < contact.len()).then_some(last + 2);
-        boundary(segment, slack, last, last + 1, far)
+        boundary(segment, |node| slack[node], last, last + 1, far)
     };
     [lower, upper]
 }
@@ -30,9 +30,9 @@ pub(super) fn region(segment: &Segment<'_>, slack: &[f64], contact: &[bool]) -> 
 /// The boundary between a contact node and the free node next to it.
 ///
 /// A distance x inside the free side sqrt(2 (v - g)/J) is x + k x^2; two free nodes give k and x.
-fn boundary(
+pub(super) fn boundary(
     segment: &Segment<'_>,
-    slack: &[f64],
+    slack: impl Fn(usize) -> f64,
     contact: usize,
     near: usize,
     far: Option<usize>,
@@ -42,7 +42,7 @@ fn boundary(
     let Some(far) = far.filter(|_| curvature > 0.0) else {
         return place(contact);
     };
-    let root = |node: usize| (2.0 * slack[node].max(0.0) / curvature).sqrt();
+    let root = |node: usize| (2.0 * slack(node).max(0.0) / curvature).sqrt();
     let (first, second) = (root(near), root(far));
     let d = (place(far) - place(near)).abs();
     // k = (first - x)/x^2 = (second - x - d)/(x + d)^2

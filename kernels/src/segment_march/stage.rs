@@ -25,7 +25,7 @@ pub(super) struct Measured {
 
 impl Measured {
     /// The residual that rounding explains.
-    fn rounding(self) -> f64 {
+    pub fn rounding(self) -> f64 {
         NEGLIGIBLE * (self.largest + 1.0)
     }
 }
@@ -98,21 +98,9 @@ impl<'a> Stage<'a> {
         Ok(())
     }
 
-    /// Choose the seed for the stages of a step: the end of the grid that lies in the exercise region, or the middle
-    /// of the last contact set.
+    /// Choose the seed for the stages of a step.
     pub fn begin_step(&mut self) {
-        let size = self.contact.len();
-        let seed = match self.segment.contact_at {
-            [true, false] => 0,
-            [false, true] => size - 1,
-            _ => {
-                let first = self.contact.iter().position(|c| *c);
-                let last = self.contact.iter().rposition(|c| *c);
-                first
-                    .zip(last)
-                    .map_or(size / 2, |(first, last)| usize::midpoint(first, last))
-            }
-        };
+        let seed = self.segment.seed(&self.contact);
         if seed != self.factors.seed {
             self.factors.seed = seed;
             self.bands.h = f64::NAN;
@@ -162,7 +150,7 @@ impl<'a> Stage<'a> {
         let g = |node: usize| sign * (strike_left - nodes[node]);
         let q = &mut self.q[..size];
         for i in 1..size.saturating_sub(1) {
-            q[i] = diagonal[i] * g(i + 1) + lower[i] * g(i) + upper[i] * g(i + 2) - base[i];
+            q[i] = diagonal[i] * g(i + 1) + (lower[i] * g(i) + upper[i] * g(i + 2)) - base[i];
         }
         let last = size - 1;
         let above = if last > 0 { upper[0] * g(2) } else { 0.0 };

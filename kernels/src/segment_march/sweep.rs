@@ -1,10 +1,12 @@
 //! A whole schedule at one resolution: backward in time, segment by segment, event by event.
 
+use std::rc::Rc;
+
 use super::event::{Before, Derivatives, Event};
 use super::grid_function::{GridFunction, SlopeWeights, ValueFunction, STENCIL};
 use super::operator::{Coefficients, Differences, Rows};
 use super::region::EMPTY;
-use super::{larger, march_segment, March, Scheme, Segment, Tangent};
+use super::{larger, march_segment, Scheme, Segment, Tangent};
 use crate::error::{check_length, KernelError};
 use crate::interrupt::Interrupt;
 
@@ -98,7 +100,7 @@ impl Direction {
 }
 
 impl Part<'_> {
-    fn duration(&self) -> f64 {
+    pub(super) fn duration(&self) -> f64 {
         self.times.last().copied().unwrap_or(0.0)
     }
 
@@ -110,34 +112,6 @@ impl Part<'_> {
             escrow: self.terms.escrow,
             exercisable: self.exercise_at_end,
         }
-    }
-
-    /// The segment with its operator, and lines at the ends of the grid through the values at its end.
-    fn segment<'a>(
-        &self,
-        sign: f64,
-        nodes: &'a [f64],
-        rows: &'a Rows,
-        values: &[f64],
-    ) -> Segment<'a> {
-        let mut segment = Segment {
-            nodes,
-            lower: &rows.lower,
-            diagonal: &rows.diagonal,
-            upper: &rows.upper,
-            sign,
-            escrow: self.terms.escrow,
-            rate: self.terms.rate,
-            dividend_yield: self.terms.dividend_yield,
-            exercisable: self.exercisable,
-            lines: end_lines(nodes, values),
-            contact_at: [false; 2],
-        };
-        segment.contact_at = [0, 1].map(|end| {
-            let (held, exercised) = segment.held_and_exercised_at(end, 0.5 * self.duration());
-            self.exercisable && held <= exercised
-        });
-        segment
     }
 }
 
@@ -155,111 +129,241 @@ pub fn sweep_schedule(
     watched: &[f64],
     interrupt: Interrupt<'_>,
 ) -> Result<Option<Sweep>, KernelError> {
-    let (parts, sign) = (schedule.parts, schedule.sign);
-    check_length("nodes", nodes, nodes.len().max(STENCIL))?;
-    for direction in schedule.directions {
-        check_length("directions", &direction.terms, parts.len())?;
+    let mut progress = Progress::new(schedule, Rc::new(GridNumbers::new(nodes)?), watched)?;
+    while let Some(leg) = progress.next_leg() {
+        let Some(march) = leg.march(scheme, interrupt)? else {
+            return Ok(None);
+        };
+        progress.arrive(&leg, march);
     }
-    let (differences, weights) = (Differences::new(nodes), SlopeWeights::new(nodes));
-    let mut operators = Operators::default();
-    let mut derivatives = Derivatives {
-        values: vec![vec![0.0; nodes.len()]; schedule.directions.len()],
-        at_zero: vec![0.0; schedule.directions.len()],
-    };
-    let mut sweep = Sweep {
-        values: Vec::new(),
-        at_zero: sign.max(0.0),
-        contact: Vec::new(),
-        regions: vec![Vec::new(); parts.len()],
-        before_events: vec![EMPTY; parts.len()],
-        residual: 0.0,
-        raised: false,
-        derivatives: Vec::new(),
-    };
-    for (number, part) in parts.iter().enumerate().rev() {
-        let at_expiry = number + 1 == parts.len();
-        let after = if at_expiry {
+    Ok(Some(progress.finish()))
+}
+
+/// What is computed of a grid once.
+pub(super) struct GridNumbers<'a> {
+    differences: Differences<'a>,
+    weights: SlopeWeights,
+}
+
+impl<'a> GridNumbers<'a> {
+    pub fn new(nodes: &'a [f64]) -> Result<Self, KernelError> {
+        check_length("nodes", nodes, nodes.len().max(STENCIL))?;
+        Ok(Self {
+            differences: Differences::new(nodes),
+            weights: SlopeWeights::new(nodes),
+        })
+    }
+
+    pub fn nodes(&self) -> &'a [f64] {
+        self.differences.nodes
+    }
+}
+
+/// A sweep under way: it hands out one segment after the other, from expiry to now, and takes what was marched.
+pub(super) struct Progress<'a> {
+    schedule: &'a Schedule<'a>,
+    grid: Rc<GridNumbers<'a>>,
+    watched: &'a [f64],
+    operator: Option<(Coefficients, Rc<Rows>)>,
+    derivatives: Derivatives,
+    sweep: Sweep,
+    /// The number of segments that are still to be marched.
+    left: usize,
+}
+
+/// A segment to be marched: the value at its end, and what holds throughout.
+pub(super) struct Leg<'a> {
+    pub part: &'a Part<'a>,
+    nodes: &'a [f64],
+    rows: Rc<Rows>,
+    sign: f64,
+    lines: [[f64; 2]; 2],
+    contact_at: [bool; 2],
+    pub before: Before,
+    tangents: Vec<Tangent>,
+}
+
+/// The option at the start of a segment.
+pub(super) struct Arrival {
+    pub values: Vec<f64>,
+    pub contact: Vec<bool>,
+    pub residual: f64,
+    pub regions: Vec<[f64; 2]>,
+    pub tangents: Vec<Vec<f64>>,
+}
+
+impl<'a> Progress<'a> {
+    pub fn new(
+        schedule: &'a Schedule<'a>,
+        grid: Rc<GridNumbers<'a>>,
+        watched: &'a [f64],
+    ) -> Result<Self, KernelError> {
+        let (parts, directions) = (schedule.parts.len(), schedule.directions.len());
+        for direction in schedule.directions {
+            check_length("directions", &direction.terms, parts)?;
+        }
+        let nodes = grid.nodes().len();
+        Ok(Self {
+            schedule,
+            grid,
+            watched,
+            operator: None,
+            derivatives: Derivatives {
+                values: vec![vec![0.0; nodes]; directions],
+                at_zero: vec![0.0; directions],
+            },
+            sweep: Sweep {
+                values: Vec::new(),
+                at_zero: schedule.sign.max(0.0),
+                contact: Vec::new(),
+                regions: vec![Vec::new(); parts],
+                before_events: vec![EMPTY; parts],
+                residual: 0.0,
+                raised: false,
+                derivatives: Vec::new(),
+            },
+            left: parts,
+        })
+    }
+
+    /// The next segment towards now, after the event at its end; None where none is left.
+    pub fn next_leg(&mut self) -> Option<Leg<'a>> {
+        let number = self.left.checked_sub(1)?;
+        let (schedule, nodes) = (self.schedule, self.grid.nodes());
+        let (part, sign) = (&schedule.parts[number], schedule.sign);
+        let (weights, zero) = (&self.grid.weights, self.sweep.at_zero);
+        let after = if self.left == schedule.parts.len() {
             ValueFunction::Payoff(sign)
         } else {
-            let zero = sweep.at_zero;
-            ValueFunction::Grid(GridFunction::monotone(nodes, &sweep.values, zero, &weights))
+            let values = &self.sweep.values;
+            ValueFunction::Grid(GridFunction::monotone(nodes, values, zero, weights))
         };
         let event = part.event(sign);
-        let before = event.before(&after, sweep.at_zero, nodes);
+        let before = event.before(&after, zero, nodes);
         if !schedule.directions.is_empty() {
             let by = |d: &Direction| {
                 let amount = d.change(number, |terms| terms.amount);
                 [amount, d.change(number, |terms| terms.escrow)]
             };
             let changes: Vec<[f64; 2]> = schedule.directions.iter().map(by).collect();
-            event.derivatives_before(&mut derivatives, &after, &before, &changes, nodes, &weights);
+            let derivatives = &mut self.derivatives;
+            event.derivatives_before(derivatives, &after, &before, &changes, nodes, weights);
         }
+        let differences = &self.grid.differences;
         let coefficients = part.terms.coefficients();
-        sweep.raised |= differences.is_raised_at(coefficients, watched);
-        let rows = operators.of(coefficients, &differences);
-        let segment = part.segment(sign, nodes, rows, &before.values);
-        let tangents = tangents_of(schedule, number, &differences, &derivatives);
-        let Some(march) = march_part(&segment, part, scheme, &before, &tangents, interrupt)? else {
-            return Ok(None);
+        self.sweep.raised |= differences.is_raised_at(coefficients, self.watched);
+        let known = self.operator.take().filter(|(of, _)| *of == coefficients);
+        let fresh = || (coefficients, Rc::new(differences.operator(coefficients)));
+        let (_, rows) = self.operator.insert(known.unwrap_or_else(fresh));
+        let mut leg = Leg {
+            part,
+            nodes,
+            rows: Rc::clone(rows),
+            sign,
+            lines: end_lines(nodes, &before.values),
+            contact_at: [false; 2],
+            tangents: tangents_of(schedule, number, differences, &self.derivatives),
+            before,
         };
-        let at_end = before.at_zero;
-        derivatives.at_start(march.tangents, &tangents, &segment, part.duration(), at_end);
-        let held = at_end * (-part.terms.rate * part.duration()).exp();
-        let exercised = sign * segment.strike_left(part.duration());
+        leg.contact_at = leg.exercised_ends();
+        Some(leg)
+    }
+
+    /// Take what was marched over a segment.
+    pub fn arrive(&mut self, leg: &Leg<'_>, arrival: Arrival) {
+        self.left -= 1;
+        let (part, segment) = (leg.part, leg.segment());
+        let (at_end, duration) = (leg.before.at_zero, part.duration());
+        self.derivatives
+            .at_start(arrival.tangents, &leg.tangents, &segment, duration, at_end);
+        let held = at_end * (-part.terms.rate * duration).exp();
+        let exercised = leg.sign * segment.strike_left(duration);
+        let sweep = &mut self.sweep;
         sweep.at_zero = if part.exercisable {
             held.max(exercised)
         } else {
             held
         };
-        sweep.values = march.values;
-        if nodes[0] == 0.0 {
+        sweep.values = arrival.values;
+        if leg.nodes[0] == 0.0 {
             sweep.values[0] = sweep.at_zero;
         }
-        sweep.contact = march.contact;
-        sweep.residual = larger(sweep.residual, march.residual);
-        sweep.regions[number] = march.regions;
-        sweep.before_events[number] = before.region;
+        sweep.contact = arrival.contact;
+        sweep.residual = larger(sweep.residual, arrival.residual);
+        sweep.regions[self.left] = arrival.regions;
+        sweep.before_events[self.left] = leg.before.region;
     }
-    sweep.derivatives = derivatives.values;
-    Ok(Some(sweep))
-}
 
-/// The operator of the last segment asked for: neighbours often share it.
-#[derive(Default)]
-struct Operators {
-    known: Option<(Coefficients, Rows)>,
-}
-
-impl Operators {
-    fn of(&mut self, coefficients: Coefficients, differences: &Differences<'_>) -> &Rows {
-        let known = self.known.take().filter(|(of, _)| *of == coefficients);
-        let fresh = || (coefficients, differences.operator(coefficients));
-        &self.known.insert(known.unwrap_or_else(fresh)).1
+    pub fn finish(mut self) -> Sweep {
+        self.sweep.derivatives = self.derivatives.values;
+        self.sweep
     }
 }
 
-fn march_part(
-    segment: &Segment<'_>,
-    part: &Part<'_>,
-    scheme: Scheme,
-    before: &Before,
-    tangents: &[Tangent],
-    interrupt: Interrupt<'_>,
-) -> Result<Option<March>, KernelError> {
-    let (inside, left) = (&segment.nodes[1..=segment.size()], segment.strike_left(0.0));
-    let is_in_contact = |(v, s): (&f64, &f64)| {
-        let slack = v - segment.sign * (left - s);
-        part.exercisable && slack <= 0.0
-    };
-    let contact: Vec<bool> = before.values[1..]
-        .iter()
-        .zip(inside)
-        .map(is_in_contact)
-        .collect();
-    let values = &before.values;
-    march_segment(
-        segment, part.times, scheme, values, &contact, tangents, interrupt,
-    )
+impl Leg<'_> {
+    pub fn segment(&self) -> Segment<'_> {
+        let (rows, terms) = (&self.rows, &self.part.terms);
+        Segment {
+            nodes: self.nodes,
+            lower: &rows.lower,
+            diagonal: &rows.diagonal,
+            upper: &rows.upper,
+            sign: self.sign,
+            escrow: terms.escrow,
+            rate: terms.rate,
+            dividend_yield: terms.dividend_yield,
+            exercisable: self.part.exercisable,
+            lines: self.lines,
+            contact_at: self.contact_at,
+        }
+    }
+
+    pub fn has_tangents(&self) -> bool {
+        !self.tangents.is_empty()
+    }
+
+    /// Whether the ends of the grid lie in the exercise region, half-way through the segment.
+    fn exercised_ends(&self) -> [bool; 2] {
+        let segment = self.segment();
+        [0, 1].map(|end| {
+            let (held, exercised) = segment.held_and_exercised_at(end, 0.5 * self.part.duration());
+            self.part.exercisable && held <= exercised
+        })
+    }
+
+    /// The interior nodes at which the option is exercised at the segment's end.
+    pub fn first_contact(&self) -> Vec<bool> {
+        let segment = self.segment();
+        let left = segment.strike_left(0.0);
+        let is_in_contact = |(v, s): (&f64, &f64)| {
+            let slack = v - segment.sign * (left - s);
+            self.part.exercisable && slack <= 0.0
+        };
+        let inside = &self.nodes[1..=segment.size()];
+        let values = &self.before.values[1..];
+        values.iter().zip(inside).map(is_in_contact).collect()
+    }
+
+    /// March over the segment on its own.
+    pub fn march(
+        &self,
+        scheme: Scheme,
+        interrupt: Interrupt<'_>,
+    ) -> Result<Option<Arrival>, KernelError> {
+        let (segment, contact) = (self.segment(), self.first_contact());
+        let (times, values) = (self.part.times, &self.before.values);
+        let tangents = &self.tangents;
+        let found = march_segment(
+            &segment, times, scheme, values, &contact, tangents, interrupt,
+        )?;
+        Ok(found.map(|march| Arrival {
+            values: march.values,
+            contact: march.contact,
+            residual: march.residual,
+            regions: march.regions,
+            tangents: march.tangents,
+        }))
+    }
 }
 
 fn tangents_of(

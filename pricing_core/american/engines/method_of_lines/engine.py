@@ -1,4 +1,4 @@
-"""The engine of the method of lines: every contract, one at a time."""
+"""The engine of the method of lines: every contract, many at a time."""
 
 from __future__ import annotations
 
@@ -17,21 +17,24 @@ from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.differences import Bump, plan_differences, unchanged
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.held import charm_weights, priced
+from pricing_core.american.engines.method_of_lines.joint_work import Work, done_together
 from pricing_core.american.engines.method_of_lines.level import ScheduleSolver, make_solver
 from pricing_core.american.engines.method_of_lines.refinement import (
     Estimate,
     boundaries,
-    estimate_to_tolerance,
+    estimating,
     levels_on_same_grids,
     limit_of,
     value_on_same_grids,
 )
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
+from pricing_core.american.engines.method_of_lines.sweep import FAILURES
 from pricing_core.american.engines.method_of_lines.tangents import Direction, directions_of
 from pricing_core.american.engines.price_bounds import range_of
 from pricing_core.arrays import BoolVector, Matrix, Vector
-from pricing_core.errors import PricingCoreError
 
+# Number of contracts whose solves are done together, which fills the kernel's lanes; chosen: a deadline may lose all.
+TOGETHER = 128
 VOLGA_STEP = 0.04  # Step of the volatility for volga, as a share of the largest one; calibrated.
 SPOT_STEP = 1e-4  # Step of the spot for the third derivative of the formula, as a share of it; chosen.
 
@@ -70,10 +73,15 @@ class MethodOfLines:
         return (book.expiry > 0.0) & (book.spot > 0.0)
 
     def solve(self, book: Book, request: Request) -> Prices:
-        """Price one contract after the other; what fails numerically has the status "out_of_domain"."""
+        """Price some contracts at a time; what fails numerically has the status "out_of_domain"."""
         least, most = range_of(book)
-        ranges = zip(least.tolist(), most.tolist(), strict=True)
-        return concatenated([self._row(book, request, row, within) for row, within in enumerate(ranges)])
+        ranges = [*zip(least.tolist(), most.tolist(), strict=True)]
+        found: list[Prices] = []
+        for first in range(0, book.count, TOGETHER):
+            rows = range(first, min(first + TOGETHER, book.count))
+            works = [self._row(book, request, row, ranges[row]) for row in rows]
+            found += done_together(works, request.interrupt)
+        return concatenated(found)
 
     def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
         """Return both boundaries from one solve, without an error estimate."""
@@ -82,21 +90,22 @@ class MethodOfLines:
         found = np.ones(times.size, dtype=bool)
         return Boundaries(ends[:, 0], ends[:, 1], np.full(times.size, math.nan), found)
 
-    def _row(self, book: Book, request: Request, row: int, within: tuple[float, float]) -> Prices:
+    def _row(self, book: Book, request: Request, row: int, within: tuple[float, float]) -> Work[Prices]:
         if request.is_interrupted():
             return prices(1, status="deadline", method="none")
+        rows = slice(row, row + 1)
         try:
-            return self._priced(book.part(slice(row, row + 1)), request.take(slice(row, row + 1)), within)
-        except (PricingCoreError, ArithmeticError, np.linalg.LinAlgError) as error:
+            return (yield from self._priced(book.part(rows), request.take(rows), within))
+        except FAILURES as error:
             return prices(1, status="out_of_domain", method="none", message=str(error))
 
-    def _priced(self, book: Book, request: Request, within: tuple[float, float]) -> Prices:
+    def _priced(self, book: Book, request: Request, within: tuple[float, float]) -> Work[Prices]:
         """Price a book of one contract, `within` its bounds of no arbitrage."""
         extended, tolerance = request.greeks == "extended", request.tolerance.item(0)
         solver = make_solver(book.schedule(0), tolerance, self.lcp_method, request.interrupt)
         if request.greeks != "none":
             solver = replace(solver, directions=directions_of(book, extended=extended))
-        estimate = estimate_to_tolerance(
+        estimate = yield from estimating(
             solver,
             tolerance,
             scheme=self.scheme,
@@ -154,7 +163,7 @@ def _derivatives(book: Book, solver: ScheduleSolver, estimate: Estimate, request
             continue  # the bump makes escrowed dividends worth more than the spot
         try:
             v, slope = value_on_same_grids(estimate, replace(solver, schedule=schedule, directions=()))
-        except (PricingCoreError, ArithmeticError, np.linalg.LinAlgError):
+        except FAILURES:
             continue  # the grids of the contract itself do not do for it
         if math.isnan(v):
             break

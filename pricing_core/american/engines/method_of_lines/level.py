@@ -19,10 +19,11 @@ from pricing_core.american.engines.method_of_lines.grid import (
     spot_range,
 )
 from pricing_core.american.engines.method_of_lines.interpolation import local_derivatives, run_around
+from pricing_core.american.engines.method_of_lines.joint_work import Work, done
 from pricing_core.american.engines.method_of_lines.limits import without_exercise
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
-from pricing_core.american.engines.method_of_lines.sweep import SMALLEST_SHARE, sweep_schedule
-from pricing_core.american.engines.method_of_lines.sweep_problem import Sweep
+from pricing_core.american.engines.method_of_lines.sweep import SMALLEST_SHARE
+from pricing_core.american.engines.method_of_lines.sweep_problem import Sweep, SweepRequest
 from pricing_core.american.engines.method_of_lines.tangents import Direction
 from pricing_core.arrays import Matrix
 
@@ -101,6 +102,10 @@ class ScheduleSolver:
         return self.schedule.spot / self.schedule.strike
 
     def solve(self, resolution: Resolution, *, held: bool = True) -> Level | None:
+        """Return what `solving` does."""
+        return done(self.solving(resolution, held=held), self.interrupt)
+
+    def solving(self, resolution: Resolution, *, held: bool = True) -> Work[Level | None]:
         """Return the solves with and without early exercise, None where they were interrupted.
 
         Parameters
@@ -108,16 +113,21 @@ class ScheduleSolver:
         held : bool
             Whether the one without is wanted; its values are NaN otherwise.
         """
-        never, grid = without_exercise(self.schedule), self._grid(resolution)
-        without = self._sweep(never, grid, resolution, self.directions) if held else None
-        same = held and never == self.schedule
-        sweep = without if same else self._sweep(self.schedule, grid, resolution, self.directions)
-        if sweep is None or (held and without is None):
+        grid = self._grid(resolution)
+        schedules = [self.schedule]
+        if held and (never := without_exercise(self.schedule)) != self.schedule:
+            schedules.append(never)
+        sweeps = yield [
+            SweepRequest(schedule, grid, resolution, self.lcp_method, directions=self.directions)
+            for schedule in schedules
+        ]
+        sweep, without = sweeps[0], sweeps[-1]
+        if sweep is None or without is None:
             return None
         exercised = sweep.region.contains(self.spot)
         return Level(
             self.exercised(sweep) if exercised else self._total(at_spot(sweep, self.spot)),
-            np.full((1, 4), math.nan) if without is None else self._total(at_spot(without, self.spot)),
+            self._total(at_spot(without, self.spot)) if held else np.full((1, 4), math.nan),
             exercised,
             actual_region(sweep.region, self._escrow()),
             resolution,
@@ -127,9 +137,12 @@ class ScheduleSolver:
             sweep.stored,
         )
 
-    def regions(self, times: tuple[float, ...], resolution: Resolution) -> tuple[ExerciseRegion, ...] | None:
+    def regions(
+        self, times: tuple[float, ...], resolution: Resolution
+    ) -> Work[tuple[ExerciseRegion, ...] | None]:
         """Return the exercise regions at these times in s = S/K of the spot that diffuses, None where interrupted."""
-        sweep = self._sweep(self.schedule, self._grid(resolution), resolution, times=times)
+        grid = self._grid(resolution)
+        (sweep,) = yield [SweepRequest(self.schedule, grid, resolution, self.lcp_method, times)]
         return None if sweep is None else sweep.regions
 
     def exercised(self, sweep: Sweep) -> Matrix:
@@ -147,24 +160,6 @@ class ScheduleSolver:
 
     def _grid(self, resolution: Resolution) -> Grid:
         return self.span.grid(resolution.intervals, resolution.stretching)
-
-    def _sweep(
-        self,
-        schedule: Schedule,
-        grid: Grid,
-        resolution: Resolution,
-        directions: tuple[Direction, ...] = (),
-        times: tuple[float, ...] = (),
-    ) -> Sweep | None:
-        return sweep_schedule(
-            schedule,
-            grid,
-            resolution,
-            lcp_method=self.lcp_method,
-            times=times,
-            directions=directions,
-            interrupt=self.interrupt,
-        )
 
     def _escrow(self) -> float:
         return self.schedule.segments[0].escrow_at(0.0) / self.schedule.strike

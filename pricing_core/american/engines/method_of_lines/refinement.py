@@ -17,6 +17,7 @@ from pricing_core.american.book.resolution import MOST, Resolution, Scheme
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.exercise_region import EMPTY_REGION, ExerciseRegion
 from pricing_core.american.engines.method_of_lines.grid import even_stretching
+from pricing_core.american.engines.method_of_lines.joint_work import Work, done
 from pricing_core.american.engines.method_of_lines.level import (
     Level,
     ScheduleSolver,
@@ -95,6 +96,19 @@ def estimate_to_tolerance(
     resolution: Resolution | None = None,
     exact: Matrix | None = None,
 ) -> Estimate:
+    """Return what `estimating` does."""
+    work = estimating(solver, tolerance, scheme=scheme, resolution=resolution, exact=exact)
+    return done(work, solver.interrupt)
+
+
+def estimating(
+    solver: ScheduleSolver,
+    tolerance: float,
+    *,
+    scheme: Scheme = "sdirk2",
+    resolution: Resolution | None = None,
+    exact: Matrix | None = None,
+) -> Work[Estimate]:
     """Price a schedule to a tolerance by the method of lines, one complementarity problem per stage.
 
     Parameters
@@ -126,12 +140,16 @@ def estimate_to_tolerance(
     more than a factor of two.
     """
     if resolution is None:
-        found = _refined(solver, tolerance, coarsest_resolution(solver, scheme, tolerance), exact)
+        coarsest = coarsest_resolution(solver, scheme, tolerance)
+        found = yield from _refined(solver, tolerance, coarsest, exact)
     else:
-        found = _at_resolution(solver, replace(resolution, scheme=resolution.scheme or scheme), exact)
+        found = yield from _at_resolution(
+            solver, replace(resolution, scheme=resolution.scheme or scheme), exact
+        )
     if found.interrupted or not (_region_is_elsewhere(solver, found.region) or _is_coarse(solver, found)):
         return found
-    return replace(found, region=_region_elsewhere(solver.schedule, tolerance, solver.interrupt))
+    region = yield from _region_elsewhere(solver.schedule, tolerance, solver.interrupt)
+    return replace(found, region=region)
 
 
 def value_on_same_grids(estimate: Estimate, solver: ScheduleSolver) -> tuple[float, float]:
@@ -207,7 +225,7 @@ def _ends(solver: ScheduleSolver, times: tuple[float, ...], tolerance: float) ->
     schedule, resolution = solver.schedule, _for_boundaries(solver, 0.0)
     for _ in range(DOUBLINGS if tolerance < 1e-4 else DOUBLINGS - 1):
         resolution = resolution.refined()
-    regions = solver.regions(times, resolution)
+    regions = done(solver.regions(times, resolution), solver.interrupt)
     if regions is None:
         raise NumericalError("the interrupt came before the boundary was found")
     ends = np.full((len(times), 2), math.nan)
@@ -222,14 +240,14 @@ def _ends(solver: ScheduleSolver, times: tuple[float, ...], tolerance: float) ->
 
 def _refined(
     solver: ScheduleSolver, tolerance: float, coarsest: Resolution, exact: Matrix | None
-) -> Estimate:
+) -> Work[Estimate]:
     """Refine from `coarsest` until the estimated error meets the tolerance, or to the finest resolution."""
     levels: list[Level] = []
     best = _NOTHING
     resolution = coarsest
     doublings = DOUBLINGS if tolerance >= TIGHT_TOLERANCE else TIGHT_DOUBLINGS
     while True:
-        level = solver.solve(resolution)
+        level = yield from solver.solving(resolution)
         if level is None:
             return replace(best, interrupted=True, solves=len(levels))
         levels.append(level)
@@ -245,11 +263,11 @@ def _refined(
     return best
 
 
-def _at_resolution(solver: ScheduleSolver, resolution: Resolution, exact: Matrix | None) -> Estimate:
+def _at_resolution(solver: ScheduleSolver, resolution: Resolution, exact: Matrix | None) -> Work[Estimate]:
     """Solve at `resolution`, not extrapolated; a second solve and the European value, if known, give the error."""
     second = resolution.coarsened()
-    level = solver.solve(resolution)
-    other = solver.solve(resolution.refined() if second is None else second)
+    level = yield from solver.solving(resolution)
+    other = yield from solver.solving(resolution.refined() if second is None else second)
     if level is None or other is None:
         return replace(_NOTHING, interrupted=True)
     american, european = _common([level, other])
@@ -335,7 +353,7 @@ def _is_coarse(solver: ScheduleSolver, found: Estimate) -> bool:
 
 def _region_elsewhere(
     schedule: Schedule, tolerance: float, interrupt: Callable[[], bool] | None
-) -> ExerciseRegion:
+) -> Work[ExerciseRegion]:
     """Return the exercise region now as seen from the strike, or from where it begins; empty where interrupted."""
     near, _ = first_boundaries(schedule)
     solvers = [solver_at_strike(schedule, tolerance, interrupt)]
@@ -346,7 +364,7 @@ def _region_elsewhere(
         resolution = _for_boundaries(solver, tolerance)
         while resolution.intervals < fewest(tolerance)[0] << REGION_DOUBLINGS:
             resolution = resolution.refined()
-        regions = solver.regions((0.0,), resolution)
+        regions = yield from solver.regions((0.0,), resolution)
         if regions is not None and region.lower > region.upper:
             region = actual_region(regions[0], schedule.segments[0].escrow_at(0.0) / schedule.strike)
     return region

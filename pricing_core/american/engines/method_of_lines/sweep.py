@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from pricing_core.american.book.resolution import Resolution
-from pricing_core.american.contracts.schedule import Schedule, Segment
+from pricing_core.american.contracts.schedule import Segment
 from pricing_core.american.engines.method_of_lines.compiled_sweep import kernel_sweeps, sweep_by_kernel
 from pricing_core.american.engines.method_of_lines.event_transfer import (
     GridFunction,
@@ -17,76 +16,90 @@ from pricing_core.american.engines.method_of_lines.event_transfer import (
     ValueFunction,
     before_event,
 )
-from pricing_core.american.engines.method_of_lines.grid import Grid
 from pricing_core.american.engines.method_of_lines.segment_form import SegmentForm
 from pricing_core.american.engines.method_of_lines.segment_march import march_segment
-from pricing_core.american.engines.method_of_lines.stage import LCPMethod
 from pricing_core.american.engines.method_of_lines.sweep_problem import (
     Part,
     SegmentRegions,
     Sweep,
     SweepProblem,
+    SweepRequest,
     regions_at,
 )
-from pricing_core.american.engines.method_of_lines.tangents import Direction
 from pricing_core.arrays import BoolVector
+from pricing_core.errors import PricingCoreError
 
+# What a sweep may raise for numerical reasons.
+FAILURES = (PricingCoreError, ArithmeticError, np.linalg.LinAlgError)
 SMALLEST_SHARE = 0.125  # Smallest share of the steps, for a segment however short; calibrated.
 SHARES = 16  # Number of parts that a segment's share of the steps is counted in, so that halves and doubles are exact.
 
 
-def sweep_schedule(
-    schedule: Schedule,
-    grid: Grid,
-    resolution: Resolution,
-    *,
-    lcp_method: LCPMethod = "tridiagonal",
-    times: tuple[float, ...] = (),
-    directions: tuple[Direction, ...] = (),
-    interrupt: Callable[[], bool] | None = None,
-) -> Sweep | None:
+def sweep_schedule(request: SweepRequest, interrupt: Callable[[], bool] | None = None) -> Sweep | None:
     """Solve from expiry to now; None where interrupted.
-
-    The kernel does it where it was compiled, unless `kernel_sweeps` says that it does not.
 
     Parameters
     ----------
-    resolution : Resolution
-        `steps` are those of an option without events; a segment has a share that goes like the root of its length.
-    times : tuple of float
-        Years from now, increasing: when to look at the exercise region; at the end of a segment just before the event.
-    directions : tuple of Direction
-        The parameters whose derivatives the kernel carries along.
     interrupt : callable, optional
-        Asked by the kernel at the beginning and every few milliseconds, before every step otherwise.
+        See `sweep_together`.
 
     Raises
     ------
     NumericalError
         The matrix of a stage is singular, which it cannot be for an M-matrix.
     """
+    found = sweep_together([request], interrupt)[0]
+    if isinstance(found, Exception):
+        raise found
+    return found
+
+
+def sweep_together(
+    requests: Sequence[SweepRequest], interrupt: Callable[[], bool] | None = None
+) -> list[Sweep | Exception | None]:
+    """Return each sweep, what it raised, or None where interrupted.
+
+    The kernel does them in one call where it was compiled, but for those that it does not do (`kernel_sweeps`). None
+    depends on the others.
+
+    Parameters
+    ----------
+    interrupt : callable, optional
+        Asked by the kernel at the beginning and every few milliseconds, before every step otherwise.
+    """
+    found: list[Sweep | Exception | None] = [None] * len(requests)
+    compiled: list[int] = []
+    problems = [_problem(request) for request in requests]
+    for place, (request, problem) in enumerate(zip(requests, problems, strict=True)):
+        if request.lcp_method == "tridiagonal" and kernel_sweeps(problem):
+            compiled.append(place)
+        else:
+            try:
+                found[place] = _segment_by_segment(problem, interrupt)
+            except FAILURES as error:
+                found[place] = error
+    swept = sweep_by_kernel([problems[place] for place in compiled], interrupt)
+    for place, sweep in zip(compiled, swept, strict=True):
+        found[place] = sweep
+    return found
+
+
+def _problem(request: SweepRequest) -> SweepProblem:
+    schedule, times = request.schedule, request.times
     last = schedule.segments[-1].end
     parts = tuple(
         Part(
             segment,
-            _steps(resolution.steps, segment, last),
-            tuple(segment.end - t for t in times if segment.start <= t < segment.end),
+            _steps(request.resolution.steps, segment, last),
+            tuple(segment.end - t for t in times if segment.start <= t < segment.end) if times else (),
         )
         for segment in schedule.segments
     )
-    problem = SweepProblem(schedule, parts, grid, resolution)
-    if lcp_method == "tridiagonal" and kernel_sweeps(problem):
-        return sweep_by_kernel(problem, times, directions, interrupt)
-    return _segment_by_segment(problem, times, lcp_method, interrupt)
+    return SweepProblem(request, parts)
 
 
-def _segment_by_segment(
-    problem: SweepProblem,
-    times: tuple[float, ...],
-    lcp_method: LCPMethod,
-    interrupt: Callable[[], bool] | None,
-) -> Sweep | None:
-    schedule, grid = problem.schedule, problem.grid
+def _segment_by_segment(problem: SweepProblem, interrupt: Callable[[], bool] | None) -> Sweep | None:
+    schedule, grid, times = problem.schedule, problem.grid, problem.request.times
     sign, strike, nodes = problem.sign, schedule.strike, grid.nodes
     after: ValueFunction = Payoff(sign)
     at_zero = max(sign, 0.0)
@@ -100,7 +113,9 @@ def _segment_by_segment(
         form = SegmentForm.discretise(
             segment, grid, sign=sign, strike=strike, values=event.values, watched=problem.watched
         )
-        run = march_segment(form, event.values, part, problem.resolution, lcp_method, interrupt)
+        run = march_segment(
+            form, event.values, part, problem.resolution, problem.request.lcp_method, interrupt
+        )
         if run is None:
             return None
         values, contact = run.values, run.contact

@@ -9,7 +9,31 @@ from pricing_core.american.book.resolution import Resolution
 from pricing_core.american.contracts.schedule import Schedule, Segment
 from pricing_core.american.engines.exercise_region import EMPTY_REGION, ExerciseRegion
 from pricing_core.american.engines.method_of_lines.grid import Grid
+from pricing_core.american.engines.method_of_lines.stage import LCPMethod
+from pricing_core.american.engines.method_of_lines.tangents import Direction
 from pricing_core.arrays import BoolVector, Matrix, Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweepRequest:
+    """A solve from expiry to now that is wanted.
+
+    Parameters
+    ----------
+    resolution : Resolution
+        `steps` are those of an option without events; a segment has a share that goes like the root of its length.
+    times : tuple of float
+        Years from now, increasing: when to look at the exercise region; at the end of a segment just before the event.
+    directions : tuple of Direction
+        The parameters whose derivatives the kernel carries along.
+    """
+
+    schedule: Schedule
+    grid: Grid
+    resolution: Resolution
+    lcp_method: LCPMethod = "tridiagonal"
+    times: tuple[float, ...] = ()
+    directions: tuple[Direction, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +47,25 @@ class Part:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SweepProblem:
-    """A schedule, the parts that it is solved in, from now to expiry, and how finely that is done."""
+    """What is asked, and the parts that the schedule is solved in, from now to expiry."""
 
-    schedule: Schedule
+    request: SweepRequest
     parts: tuple[Part, ...]
-    grid: Grid
-    resolution: Resolution
+
+    @property
+    def schedule(self) -> Schedule:
+        """The schedule."""
+        return self.request.schedule
+
+    @property
+    def grid(self) -> Grid:
+        """The grid."""
+        return self.request.grid
+
+    @property
+    def resolution(self) -> Resolution:
+        """How finely it is solved."""
+        return self.request.resolution
 
     @property
     def sign(self) -> float:

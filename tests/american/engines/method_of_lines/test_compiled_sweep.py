@@ -12,7 +12,8 @@ from pricing_core.american.contracts.schedule import Schedule, Segment
 from pricing_core.american.engines.exercise_region import EMPTY_REGION
 from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.method_of_lines.grid import Grid, SpotRange
-from pricing_core.american.engines.method_of_lines.sweep import sweep_schedule
+from pricing_core.american.engines.method_of_lines.sweep import sweep_schedule, sweep_together
+from pricing_core.american.engines.method_of_lines.sweep_problem import SweepRequest
 from pricing_core.errors import NumericalError
 from tests.problems.engines import solved
 from tests.problems.needs_kernel import needs_kernel
@@ -122,10 +123,11 @@ def random_problem(kind, seed):
 
 def both(monkeypatch, schedule, grid, resolution, times):
     """Return the solve by the kernel and the one in Python."""
-    found = sweep_schedule(schedule, grid, resolution, times=times)
+    request = SweepRequest(schedule, grid, resolution, times=times)
+    found = sweep_schedule(request)
     with monkeypatch.context() as patch:
-        patch.setattr(kernel, "sweep_schedule", None)
-        return found, sweep_schedule(schedule, grid, resolution, times=times)
+        patch.setattr(kernel, "sweep_schedules", None)
+        return found, sweep_schedule(request)
 
 
 @needs_kernel
@@ -149,6 +151,50 @@ def test_the_kernel_solves_schedules_as_the_segments_in_python_do(kind, monkeypa
     assert (boundaries > 0) == (kind != "european")
 
 
+@needs_kernel
+def test_a_sweep_has_the_same_bits_alone_and_beside_any_others():
+    rng = np.random.default_rng(11)
+    requests = []
+    for seed in range(8):
+        for kind in KINDS:
+            schedule, grid, resolution, times = random_problem(kind, seed)
+            # Few numbers of nodes, so that many share the lanes of one march.
+            low, high = grid.nodes[[0, -1]].tolist()
+            shift = 0.5 * high / 50.0 if low == 0.0 else 0.0
+            grid = SpotRange(low, high, shift, 0.2).grid(int(rng.choice([16, 40])), 1.0)
+            requests.append(SweepRequest(schedule, grid, resolution, times=times))
+    requests += [replace(requests[0], grid=Grid(np.array([0.5, 0.8, 1.0, 1.1, 1.5])))]
+    alone = [sweep_schedule(request) for request in requests]
+    some = [*range(0, len(requests), 2)]
+    for chosen in (range(len(requests)), rng.permutation(len(requests)).tolist(), some):
+        found = sweep_together([requests[place] for place in chosen])
+        for place, sweep in zip(chosen, found, strict=True):
+            for part in ("values", "contact"):
+                np.testing.assert_array_equal(getattr(sweep, part), getattr(alone[place], part))
+            for part in ("at_zero", "region", "regions", "residual", "steps", "fitted"):
+                assert getattr(sweep, part) == getattr(alone[place], part)
+
+
+@needs_kernel
+def test_a_sweep_that_fails_leaves_the_others_alone(monkeypatch):
+    monkeypatch.setattr(
+        "pricing_core.american.engines.method_of_lines.sweep.kernel_sweeps", lambda problem: True
+    )
+    segment = Segment(0.0, 4.0, -1.0, -1.0, 0.0, True, True, 0.0, 0.0, 0.0, 0.0)
+    grid, resolution = Grid(np.linspace(0.5, 2.0, 16)), Resolution(8, 4, "uniform", "implicit-euler")
+    singular = SweepRequest(Schedule(True, 100.0, 100.0, (segment,)), grid, resolution)
+    regular = replace(
+        singular, schedule=replace(singular.schedule, segments=(replace(segment, rate=0.05, volatility=0.2),))
+    )
+    found = sweep_together([singular if k % 3 == 0 else regular for k in range(12)])
+    expected = sweep_schedule(regular)
+    for k, sweep in enumerate(found):
+        if k % 3 == 0:
+            assert isinstance(sweep, NumericalError)
+        else:
+            np.testing.assert_array_equal(sweep.values, expected.values)
+
+
 def arguments(**changes):
     """Return the kernel's arguments for a put of one segment."""
     given = {
@@ -161,9 +207,14 @@ def arguments(**changes):
         "watched": np.ones(1),
         "directions": np.zeros((0, 1, 2, 5)),
         "steps": np.zeros(0),
-        "interrupt": None,
     }
     return given | changes
+
+
+def swept(given, interrupt=None):
+    """Return what the kernel finds of one sweep."""
+    found = kernel.sweep_schedules([tuple(given.values())], interrupt)
+    return None if found is None else found[0]
 
 
 @needs_kernel
@@ -174,7 +225,7 @@ def test_no_argument_is_modified_and_views_with_strides_will_do():
         name: np.repeat(value, 2, axis=0)[::2] if isinstance(value, np.ndarray) else value
         for name, value in given.items()
     }
-    np.testing.assert_array_equal(kernel.sweep_schedule(**given)[0], kernel.sweep_schedule(**strided)[0])
+    np.testing.assert_array_equal(swept(given)[0], swept(strided)[0])
     for name, value in before.items():
         np.testing.assert_array_equal(given[name], value)
 
@@ -194,7 +245,7 @@ def test_no_argument_is_modified_and_views_with_strides_will_do():
 )
 def test_what_does_not_fit_is_refused(changes, told):
     with pytest.raises(ValueError, match=told):
-        kernel.sweep_schedule(**arguments(**changes))
+        swept(arguments(**changes))
 
 
 @needs_kernel
@@ -204,8 +255,7 @@ def test_a_singular_matrix_is_told(exercisable, monkeypatch):
     segment = Segment(0.0, 1.0, -1.0, -1.0, 0.0, exercisable, exercisable, 0.0, 0.0, 0.0, 0.0)
     columns = np.array([[-1.0, -1.0, 0.0, 0.0, 0.0, 0.0, exercisable, exercisable]])
     singular = arguments(segments=columns, scheme=0, times=np.array([0.0, 1.0]), first_time=np.array([0, 2]))
-    with pytest.raises(ZeroDivisionError, match="pivot"):
-        kernel.sweep_schedule(**singular)
+    assert swept(singular) is None
     monkeypatch.setattr(
         "pricing_core.american.engines.method_of_lines.sweep.kernel_sweeps", lambda problem: True
     )
@@ -214,13 +264,13 @@ def test_a_singular_matrix_is_told(exercisable, monkeypatch):
         Grid(np.linspace(0.5, 2.0, 16)),
     )
     with pytest.raises(NumericalError, match="take more time steps"):
-        sweep_schedule(schedule, grid, Resolution(8, 4, "uniform", "implicit-euler"))
+        sweep_schedule(SweepRequest(schedule, grid, Resolution(8, 4, "uniform", "implicit-euler")))
 
 
 @needs_kernel
 def test_the_interrupt_is_asked_before_the_kernel_and_inside():
     schedule, grid, resolution, _ = random_problem("put", 0)
-    assert sweep_schedule(schedule, grid, resolution, interrupt=lambda: True) is None
+    assert sweep_schedule(SweepRequest(schedule, grid, resolution), lambda: True) is None
     asked = []
 
     def interrupt():
@@ -228,7 +278,8 @@ def test_the_interrupt_is_asked_before_the_kernel_and_inside():
         return len(asked) == 3
 
     fine = SpotRange(0.3, 3.0, 0.0, 0.3).grid(4000, 0.0)
-    assert sweep_schedule(schedule, fine, replace(resolution, steps=20_000), interrupt=interrupt) is None
+    request = SweepRequest(schedule, fine, replace(resolution, steps=20_000))
+    assert sweep_schedule(request, interrupt) is None
     assert len(asked) == 3
 
 
@@ -239,7 +290,7 @@ def test_an_error_of_the_interrupt_reaches_the_caller():
 
     given = arguments(nodes=np.linspace(0.5, 2.0, 4000), times=np.linspace(0.0, 1.0, 20_000))
     with pytest.raises(KeyError, match="asked"):
-        kernel.sweep_schedule(**given | {"first_time": np.array([0, 20_000]), "interrupt": interrupt})
+        swept(given | {"first_time": np.array([0, 20_000])}, interrupt)
 
 
 @pytest.mark.parametrize(
@@ -260,10 +311,8 @@ def test_what_the_kernel_does_not_solve_is_left_to_the_stages(resolution, lcp_me
     def refuse(*_):
         raise AssertionError("the kernel was called")
 
-    monkeypatch.setattr(kernel, "sweep_schedule", refuse)
-    run = sweep_schedule(
-        schedule, grid, replace(resolution, steps=8), lcp_method=lcp_method, times=(0.0, 0.5)
-    )
+    monkeypatch.setattr(kernel, "sweep_schedules", refuse)
+    run = sweep_schedule(SweepRequest(schedule, grid, replace(resolution, steps=8), lcp_method, (0.0, 0.5)))
     assert run.steps >= 8
     assert run.values.size == grid.nodes.size
     assert run.regions[0] == run.region
@@ -277,7 +326,7 @@ def test_what_the_kernel_does_not_solve_is_left_to_the_stages(resolution, lcp_me
 def test_whole_schedules_are_solved_as_by_the_stages(name, scheme, monkeypatch):
     engine = MethodOfLines(scheme)
     found = solved(engine, CONTRACTS[name], tolerance=1e-4)
-    monkeypatch.setattr(kernel, "sweep_schedule", None)
+    monkeypatch.setattr(kernel, "sweep_schedules", None)
     expected = solved(engine, CONTRACTS[name], tolerance=1e-4)
     for part in ("value", "error", "delta", "gamma", "european", "boundary"):
         np.testing.assert_allclose(
