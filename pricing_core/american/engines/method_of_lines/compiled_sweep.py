@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core import kernel
-from pricing_core.american.book.resolution import Scheme, TimeMesh
+from pricing_core.american.book.resolution import Scheme
 from pricing_core.american.contracts.schedule import Segment
 from pricing_core.american.engines.exercise_region import ExerciseRegion
 from pricing_core.american.engines.method_of_lines.sweep_problem import (
@@ -28,6 +28,7 @@ from pricing_core.stepping.implicit import SDIRK2_THETA
 
 # Number of arrays over the nodes that the kernel works with, and that it needs for each derivative; counted.
 WORKING_ARRAYS, TANGENT_ARRAYS = 40, 14
+RIGHTS = slice(6, 8)  # The columns of a segment that say whether the holder may exercise.
 # The kernel's number of a scheme, and the scheme's implicit weight.
 KERNEL_SCHEMES: dict[Scheme, tuple[int, float]] = {
     "implicit-euler": (0, 1.0),
@@ -61,77 +62,102 @@ def sweep_by_kernel(
     if not problems or (interrupt is not None and interrupt()):
         return [None] * len(problems)
     assert kernel.sweep_schedules is not None
-    found = kernel.sweep_schedules([_arguments(problem) for problem in problems], interrupt)
+    numbers = [_Numbers.of(problems[0])]
+    for before, problem in pairwise(problems):
+        same = problem.parts is before.parts
+        numbers.append(numbers[-1] if same else _Numbers.of(problem))
+    arguments = [n.arguments(problem) for n, problem in zip(numbers, problems, strict=True)]
+    found = kernel.sweep_schedules(arguments, interrupt)
     if found is None:
         return [None] * len(problems)
     return [
-        NumericalError("a pivot is zero: take more time steps") if swept is None else _sweep(problem, swept)
-        for problem, swept in zip(problems, found, strict=True)
+        NumericalError("a pivot is zero: take more time steps") if swept is None else n.sweep(problem, swept)
+        for n, problem, swept in zip(numbers, problems, found, strict=True)
     ]
 
 
-def _arguments(problem: SweepProblem) -> tuple[Any, ...]:
-    """Return what the kernel asks for one sweep."""
-    schedule, directions = problem.schedule, problem.request.directions
-    segments = schedule.segments
-    times, first = _meshes(problem)
-    return (
-        problem.grid.nodes,
-        np.array([[*_terms(s, schedule.strike), *_rights(s)] for s in segments]),
-        times,
-        first,
-        KERNEL_SCHEMES[problem.resolution.scheme or "sdirk2"][0],
-        problem.sign,
-        np.array(problem.watched),
-        _direction_columns(directions, len(segments)),
-        np.array([direction.step for direction in directions]),
-    )
+@dataclass(frozen=True, slots=True, eq=False)
+class _Numbers:
+    """What the kernel asks of the parts of a problem.
 
+    Parameters
+    ----------
+    segments : Matrix, shape (M, 8)
+    times : Vector, shape (T,)
+        The meshes of all segments, one after the other.
+    first : int array, shape (M + 1,)
+        Where each begins.
+    """
 
-def _sweep(problem: SweepProblem, swept: tuple[Any, ...]) -> Sweep:
-    """Return what the kernel found."""
-    values, at_zero, contact, after_steps, before_events, residual, fitted, tangents = swept
-    request, (times, first) = problem.request, _meshes(problem)
-    seen = _regions_seen(problem, after_steps, before_events) if request.times else []
-    return Sweep(
-        request.grid,
-        values,
-        at_zero,
-        contact,
-        ExerciseRegion(*after_steps[first.item(1) - 2].tolist()),
-        regions_at(request.times, request.schedule, seen) if request.times else (),
-        times.size - len(problem.parts),
-        residual,
-        fitted,
-        values.size * (WORKING_ARRAYS + TANGENT_ARRAYS * len(request.directions)),
-        tangents if request.directions else None,
-    )
+    segments: Matrix
+    times: Vector
+    first: NDArray[np.int64]
 
+    @classmethod
+    def of(cls, problem: SweepProblem) -> _Numbers:
+        """Return those of a problem."""
+        strike, (times, first) = problem.schedule.strike, _meshes(problem)
+        rows = [[*_terms(s, strike), *_rights(s)] for s in problem.schedule.segments]
+        return cls(np.array(rows), times, first)
 
-def _regions_seen(problem: SweepProblem, after_steps: Matrix, before_events: Matrix) -> list[SegmentRegions]:
-    """Return what was seen in every segment, from the regions after all steps and those before the events."""
-    times, first = _meshes(problem)
-    seen, rows = [], after_steps.tolist()
-    spans = zip(problem.parts, pairwise(first.tolist()), before_events.tolist(), strict=True)
-    for number, (part, (start, end), before) in enumerate(spans):
-        mesh, after = times[start + 1 : end], rows[start - number : end - number - 1]
-        wanted = [ExerciseRegion(*after[int(np.argmin(np.abs(mesh - t)))]) for t in part.wanted]
-        seen.append(SegmentRegions(ExerciseRegion(*before), wanted, ExerciseRegion(*after[-1])))
-    return seen
+    def arguments(self, problem: SweepProblem) -> tuple[Any, ...]:
+        """Return what the kernel asks for one sweep."""
+        request, segments = problem.request, self.segments
+        if request.never_exercised:
+            segments = segments.copy()
+            segments[:, RIGHTS] = 0.0
+        return (
+            request.grid.nodes,
+            segments,
+            self.times,
+            self.first,
+            KERNEL_SCHEMES[request.resolution.scheme or "sdirk2"][0],
+            problem.sign,
+            np.array(problem.watched),
+            _direction_columns(request.directions, len(segments)),
+            np.array([direction.step for direction in request.directions]),
+        )
+
+    def sweep(self, problem: SweepProblem, swept: tuple[Any, ...]) -> Sweep:
+        """Return what the kernel found."""
+        values, at_zero, contact, after_steps, before_events, residual, fitted, tangents = swept
+        request = problem.request
+        regions: tuple[ExerciseRegion, ...] = ()
+        if request.times:
+            seen = self._regions_seen(problem, after_steps, before_events)
+            regions = regions_at(request.times, request.schedule, seen)
+        return Sweep(
+            request.grid,
+            values,
+            at_zero,
+            contact,
+            ExerciseRegion(*after_steps[self.first.item(1) - 2].tolist()),
+            regions,
+            self.times.size - len(problem.parts),
+            residual,
+            fitted,
+            values.size * (WORKING_ARRAYS + TANGENT_ARRAYS * len(request.directions)),
+            tangents if request.directions else None,
+        )
+
+    def _regions_seen(
+        self, problem: SweepProblem, after_steps: Matrix, before_events: Matrix
+    ) -> list[SegmentRegions]:
+        """Return what was seen in every segment, from the regions after all steps and those before the events."""
+        seen, rows = [], after_steps.tolist()
+        spans = zip(problem.parts, pairwise(self.first.tolist()), before_events.tolist(), strict=True)
+        for number, (part, (start, end), before) in enumerate(spans):
+            mesh, after = self.times[start + 1 : end], rows[start - number : end - number - 1]
+            wanted = [ExerciseRegion(*after[int(np.argmin(np.abs(mesh - t)))]) for t in part.wanted]
+            seen.append(SegmentRegions(ExerciseRegion(*before), wanted, ExerciseRegion(*after[-1])))
+        return seen
 
 
 def _meshes(problem: SweepProblem) -> tuple[Vector, NDArray[np.int64]]:
     """Return the times of all segments, one after the other, and where those of each begin."""
-    parts = tuple((part.segment.duration, part.steps, part.wanted) for part in problem.parts)
-    return _joined_meshes(problem.resolution.time_mesh, parts)
-
-
-@lru_cache(maxsize=256)  # a contract with and without exercise has the same
-def _joined_meshes(
-    kind: TimeMesh, parts: tuple[tuple[float, int, tuple[float, ...]], ...]
-) -> tuple[Vector, NDArray[np.int64]]:
-    meshes = [prescribed_mesh(kind, *part) for part in parts]
-    return np.concatenate(meshes), np.cumsum([0, *(mesh.size for mesh in meshes)])
+    kind = problem.resolution.time_mesh
+    meshes = [prescribed_mesh(kind, p.segment.duration, p.steps, p.wanted) for p in problem.parts]
+    return np.concatenate(meshes), np.cumsum([0, *map(len, meshes)])
 
 
 def _terms(segment: Segment, strike: float) -> tuple[float, ...]:
@@ -146,6 +172,8 @@ def _rights(segment: Segment) -> tuple[float, bool, bool]:
 
 def _direction_columns(directions: tuple[Direction, ...], segments: int) -> NDArray[np.float64]:
     """Return the segments' numbers with more and with less of each of P parameters, shape (P, M, 2, 5)."""
+    if not directions:
+        return np.zeros((0, segments, 2, 5))
     rows = [
         [[_terms(s, d.up.strike) for s in pair] for pair in zip(d.up.segments, d.down.segments, strict=True)]
         for d in directions

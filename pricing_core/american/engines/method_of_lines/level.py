@@ -20,7 +20,6 @@ from pricing_core.american.engines.method_of_lines.grid import (
 )
 from pricing_core.american.engines.method_of_lines.interpolation import local_derivatives, run_around
 from pricing_core.american.engines.method_of_lines.joint_work import Work, done
-from pricing_core.american.engines.method_of_lines.limits import without_exercise
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
 from pricing_core.american.engines.method_of_lines.sweep import SMALLEST_SHARE
 from pricing_core.american.engines.method_of_lines.sweep_problem import Sweep, SweepRequest
@@ -113,14 +112,13 @@ class ScheduleSolver:
         held : bool
             Whether the one without is wanted; its values are NaN otherwise.
         """
-        grid = self._grid(resolution)
-        schedules = [self.schedule]
-        if held and (never := without_exercise(self.schedule)) != self.schedule:
-            schedules.append(never)
-        sweeps = yield [
-            SweepRequest(schedule, grid, resolution, self.lcp_method, directions=self.directions)
-            for schedule in schedules
-        ]
+        request = SweepRequest(
+            self.schedule, self._grid(resolution), resolution, self.lcp_method, directions=self.directions
+        )
+        requests = [request]
+        if held and any(s.exercisable or s.exercise_at_end for s in self.schedule.segments):
+            requests.append(replace(request, never_exercised=True))
+        sweeps = yield requests
         sweep, without = sweeps[0], sweeps[-1]
         if sweep is None or without is None:
             return None
@@ -242,23 +240,26 @@ def at_spot(sweep: Sweep, s: float) -> Matrix:
 
     They come from the nodes on the spot's side of the exercise boundary.
     """
-    nodes = sweep.grid.nodes
-    free = np.concatenate([~sweep.contact[:1], ~sweep.contact, ~sweep.contact[-1:]])
-    nearest = int(np.argmin(np.abs(nodes - s)))
-    if not free[nearest]:  # between the boundary and the first free node
-        nearest = min(max(nearest + (1 if s > sweep.region.upper else -1), 0), free.size - 1)
-    usable = run_around(free, nearest) if free[nearest] else ~free
+    nodes, contact = sweep.grid.nodes, sweep.contact
+    last = nodes.size - 1
+    nearest = min(int(np.searchsorted(nodes, s)), last)
+    if nearest > 0 and s - nodes[nearest - 1] <= nodes[nearest] - s:
+        nearest -= 1
+    is_contact = np.concatenate([contact[:1], contact, contact[-1:]])
+    if is_contact[nearest]:  # between the boundary and the first free node
+        nearest = min(max(nearest + (1 if s > sweep.region.upper else -1), 0), last)
+    start, stop = run_around(is_contact, nearest)
+    stride = 1
     if nodes[0] == 0.0:  # its first cells are far finer than rounding allows differences of
-        cell = nodes[min(nearest + 1, nodes.size - 1)] - nodes[max(nearest - 1, 0)]
+        cell = nodes[min(nearest + 1, last)] - nodes[max(nearest - 1, 0)]
         stride = max(math.ceil(2.0 * FINEST_CELL / cell), 1)
-        thinned = np.zeros(nodes.size, dtype=bool)
-        thinned[nearest % stride :: stride] = True
-        usable = usable & thinned
-    found = local_derivatives(nodes, sweep.values[None, :], usable, s)
+        start += (nearest - start) % stride
+    usable = slice(start, stop, stride)
+    found = local_derivatives(nodes[usable], sweep.values[None, usable], s)
     if sweep.tangents is None:
         return found
     # On their own, so that a price does not depend on the Greeks by rounding either.
-    return np.concatenate([found, local_derivatives(nodes, sweep.tangents, usable, s)])
+    return np.concatenate([found, local_derivatives(nodes[usable], sweep.tangents[:, usable], s)])
 
 
 def actual_region(region: ExerciseRegion, escrow: float) -> ExerciseRegion:

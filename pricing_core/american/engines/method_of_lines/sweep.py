@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from pricing_core.american.engines.method_of_lines.event_transfer import (
     ValueFunction,
     before_event,
 )
+from pricing_core.american.engines.method_of_lines.limits import without_exercise
 from pricing_core.american.engines.method_of_lines.segment_form import SegmentForm
 from pricing_core.american.engines.method_of_lines.segment_march import march_segment
 from pricing_core.american.engines.method_of_lines.sweep_problem import (
@@ -69,13 +71,17 @@ def sweep_together(
     """
     found: list[Sweep | Exception | None] = [None] * len(requests)
     compiled: list[int] = []
-    problems = [_problem(request) for request in requests]
-    for place, (request, problem) in enumerate(zip(requests, problems, strict=True)):
-        if request.lcp_method == "tridiagonal" and kernel_sweeps(problem):
+    problems: list[SweepProblem] = []
+    for place, request in enumerate(requests):
+        before = problems[-1] if problems else None
+        # Neighbours are often one contract with and without exercise.
+        same = before is not None and before.has_the_parts_of(request)
+        problems.append(SweepProblem(request, before.parts if before and same else _parts(request)))
+        if request.lcp_method == "tridiagonal" and kernel_sweeps(problems[-1]):
             compiled.append(place)
         else:
             try:
-                found[place] = _segment_by_segment(problem, interrupt)
+                found[place] = _segment_by_segment(_as_stated(request), interrupt)
             except FAILURES as error:
                 found[place] = error
     swept = sweep_by_kernel([problems[place] for place in compiled], interrupt)
@@ -84,10 +90,17 @@ def sweep_together(
     return found
 
 
-def _problem(request: SweepRequest) -> SweepProblem:
+def _as_stated(request: SweepRequest) -> SweepProblem:
+    """Return a problem whose schedule says itself that it is never exercised."""
+    if request.never_exercised:
+        request = replace(request, schedule=without_exercise(request.schedule))
+    return SweepProblem(request, _parts(request))
+
+
+def _parts(request: SweepRequest) -> tuple[Part, ...]:
     schedule, times = request.schedule, request.times
     last = schedule.segments[-1].end
-    parts = tuple(
+    return tuple(
         Part(
             segment,
             _steps(request.resolution.steps, segment, last),
@@ -95,7 +108,6 @@ def _problem(request: SweepRequest) -> SweepProblem:
         )
         for segment in schedule.segments
     )
-    return SweepProblem(request, parts)
 
 
 def _segment_by_segment(problem: SweepProblem, interrupt: Callable[[], bool] | None) -> Sweep | None:

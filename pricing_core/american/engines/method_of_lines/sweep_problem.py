@@ -26,6 +26,8 @@ class SweepRequest:
         Years from now, increasing: when to look at the exercise region; at the end of a segment just before the event.
     directions : tuple of Direction
         The parameters whose derivatives the kernel carries along.
+    never_exercised : bool
+        The European option with the same events is wanted.
     """
 
     schedule: Schedule
@@ -34,6 +36,7 @@ class SweepRequest:
     lcp_method: LCPMethod = "tridiagonal"
     times: tuple[float, ...] = ()
     directions: tuple[Direction, ...] = ()
+    never_exercised: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +54,12 @@ class SweepProblem:
 
     request: SweepRequest
     parts: tuple[Part, ...]
+
+    def has_the_parts_of(self, request: SweepRequest) -> bool:
+        """Whether another sweep of the same schedule is solved in the same parts."""
+        own = self.request
+        same = own.schedule is request.schedule and own.resolution is request.resolution
+        return same and own.times == request.times
 
     @property
     def schedule(self) -> Schedule:
