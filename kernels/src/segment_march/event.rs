@@ -100,9 +100,9 @@ impl Event {
 
     /// The value just before the event; `at_zero` is the one after it at s = 0.
     pub fn before(&self, after: &ValueFunction<'_>, at_zero: f64, nodes: &[f64]) -> Before {
-        let held = nodes.iter().map(|s| self.held(after, *s));
+        let ex = |s: &f64| if self.pays() { self.ex(*s) } else { *s };
         let mut before = Before {
-            values: held.collect(),
+            values: after.values(nodes.iter().map(ex)),
             at_zero,
             region: EMPTY,
             exercised: vec![false; nodes.len()],

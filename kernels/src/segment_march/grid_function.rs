@@ -25,12 +25,12 @@ impl SlopeWeights {
             let (x, own) = (&nodes[start..start + STENCIL], node - start);
             let mut weights = [0.0; STENCIL];
             for j in (0..STENCIL).filter(|j| *j != own) {
-                let mut weight = 1.0;
+                let (mut above, mut below) = (1.0, 1.0);
                 for k in (0..STENCIL).filter(|k| *k != j) {
-                    let above = if k == own { 1.0 } else { nodes[node] - x[k] };
-                    weight *= above / (x[j] - x[k]);
+                    above *= if k == own { 1.0 } else { nodes[node] - x[k] };
+                    below *= x[j] - x[k];
                 }
-                weights[j] = weight;
+                weights[j] = above / below;
             }
             weights[own] = -weights.iter().sum::<f64>();
             weights
@@ -65,7 +65,11 @@ pub(super) struct Place {
 
 impl Place {
     pub fn of(s: f64, nodes: &[f64]) -> Self {
-        let cell = cell_of(s, nodes);
+        Self::within(s, cell_of(s, nodes), nodes)
+    }
+
+    /// The cell is the one that `cell_of` finds.
+    fn within(s: f64, cell: usize, nodes: &[f64]) -> Self {
         let width = nodes[cell + 1] - nodes[cell];
         Self {
             s,
@@ -191,6 +195,21 @@ impl ValueFunction<'_> {
             Self::Payoff(sign) => (sign * (1.0 - s)).max(0.0),
             Self::Grid(function) => function.value(Place::of(s, function.nodes)),
         }
+    }
+
+    /// The values at numbers that do not fall.
+    pub fn values(&self, rising: impl Iterator<Item = f64>) -> Vec<f64> {
+        let Self::Grid(function) = self else {
+            return rising.map(|s| self.value(s)).collect();
+        };
+        let (nodes, mut cell) = (function.nodes, 0);
+        let value = |s: f64| {
+            while cell + 2 < nodes.len() && nodes[cell + 1] <= s {
+                cell += 1;
+            }
+            function.value(Place::within(s, cell, nodes))
+        };
+        rising.map(value).collect()
     }
 
     pub fn slope(&self, s: f64) -> f64 {

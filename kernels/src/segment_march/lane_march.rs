@@ -7,7 +7,7 @@
 use std::rc::Rc;
 
 use super::boundary_cell::{place, Edge, PASSES};
-use super::lane_rows::{Column, Correct, Factor, Finish, Found, Placed, Row, Solve, Terms};
+use super::lane_rows::{Column, Correct, Factor, Found, Placed, Row, Solve, Terms};
 use super::region::{boundary, EMPTY};
 use super::stage::Measured;
 use super::sweep::{Arrival, GridNumbers, Leg, Progress};
@@ -102,14 +102,14 @@ impl<'a> Group<'a> {
             waiting: alike.iter(),
             known: None,
             lanes: [const { None }; LANES],
-            rows: vec![Row::IDLE; size],
+            rows: vec![Row::IDLE; if alike.len() < FEWEST { 0 } else { size }],
         }
     }
 
     /// Give every free lane a march; False once none is left.
     fn fill(&mut self, results: &mut [Option<Solved>], interrupt: Interrupt<'_>) -> Option<bool> {
         for lane in 0..LANES {
-            while self.lanes[lane].is_none() {
+            while !self.rows.is_empty() && self.lanes[lane].is_none() {
                 let Some(&task) = self.waiting.next() else {
                     break;
                 };
@@ -121,12 +121,20 @@ impl<'a> Group<'a> {
             }
         }
         let active = self.lanes.iter().flatten().count();
-        if active < FEWEST {
-            for lane in 0..LANES {
-                self.end_alone(lane, results, interrupt)?;
-            }
+        if active >= FEWEST {
+            return Some(true);
         }
-        Some(active >= FEWEST)
+        for lane in 0..LANES {
+            self.end_alone(lane, results, interrupt)?;
+        }
+        while let Some(&task) = self.waiting.next() {
+            let solved = match self.begin(task) {
+                Ok(progress) => progress.to_the_end(self.tasks[task].scheme, interrupt),
+                Err(error) => Err(error),
+            };
+            results[task] = Some(solved.transpose()?);
+        }
+        Some(false)
     }
 
     fn begin(&mut self, task: usize) -> Result<Progress<'a>, KernelError> {
@@ -194,17 +202,8 @@ impl<'a> Group<'a> {
                 return Some(());
             }
         };
-        let mut progress = march.arrive(rest);
-        while let Some(leg) = progress.next_leg() {
-            match leg.march(scheme, interrupt) {
-                Ok(arrival) => progress.arrive(&leg, arrival?),
-                Err(error) => {
-                    results[task] = Some(Err(error));
-                    return Some(());
-                }
-            }
-        }
-        results[task] = Some(Ok(progress.finish()));
+        let solved = march.arrive(rest).to_the_end(scheme, interrupt);
+        results[task] = Some(solved.transpose()?);
         Some(())
     }
 
@@ -276,10 +275,10 @@ impl<'a> Group<'a> {
         }
         let found = Solve(&mut self.rows, terms, second).done();
         let mut placed = Placed {
-            contact: [0.0; LANES],
+            contact: [-1.0; LANES],
             missing: [0.0; LANES],
         };
-        let (mut accepted, mut any): (Column, bool) = ([-1.0; LANES], false);
+        let mut any = false;
         let rows = &mut self.rows;
         for (lane, march) in self.lanes.iter_mut().enumerate() {
             if let Some(march) = march {
@@ -294,12 +293,9 @@ impl<'a> Group<'a> {
                     residual: residual[lane],
                     largest: largest[lane],
                 };
-                if march.accepts(measured) {
-                    accepted[lane] = 1.0;
-                }
+                march.take_correction(measured);
             }
         }
-        Finish(&mut self.rows, terms, &accepted).done();
     }
 
     /// Take over what a lane's step gave, and go on to the next segment after the last one.
@@ -504,17 +500,16 @@ impl<'a> Lane<'a> {
         Ok(None)
     }
 
-    /// Whether the corrected slack is taken: unless that makes the residual larger.
-    fn accepts(&mut self, measured: Measured) -> bool {
+    /// Take the corrected slack, if there is one; a step in which it makes the residual larger is done again.
+    fn take_correction(&mut self, measured: Measured) {
         let Some(contact) = self.stage.placed else {
-            return false;
+            return;
         };
         if measured.residual > self.stage.residual + measured.rounding() {
-            return false;
+            self.stage.failed = true;
         }
         self.stage.residual = measured.residual;
         self.stage.contact = contact;
-        true
     }
 
     /// Whether the exercise region at the start of the step is not where lanes look for it.

@@ -40,8 +40,6 @@ pub(super) struct Row {
     reciprocal: Column,
     slope: Column,
     carry: Column,
-    /// The slack with the boundary placed inside its cell.
-    corrected: Column,
 }
 
 impl Row {
@@ -61,7 +59,6 @@ impl Row {
         reciprocal: ZERO,
         slope: ZERO,
         carry: ZERO,
-        corrected: ZERO,
     };
 }
 
@@ -91,6 +88,7 @@ pub(super) struct Found {
 
 /// A boundary placed inside its cell: the number of rows in contact, and what the row next to them lacks.
 pub(super) struct Placed {
+    /// Negative where there is none.
     pub contact: Column,
     pub missing: Column,
 }
@@ -98,14 +96,11 @@ pub(super) struct Placed {
 /// Begin a step: keep v, and compute pivots; return the smallest one.
 pub(super) struct Factor<'a>(pub &'a mut [Row], pub &'a Column);
 
-/// Form q for a stage, the `second` one of a step or the first, and solve the complementarity problem.
+/// Form q for a stage, the second one of a step or the first; solve the complementarity problem, and write v.
 pub(super) struct Solve<'a>(pub &'a mut [Row], pub &'a Terms, pub bool);
 
-/// Solve once more with the boundaries placed inside their cells; return residual and largest slack.
+/// Solve once more with the boundaries placed inside their cells; return residual and largest slack of these lanes.
 pub(super) struct Correct<'a>(pub &'a mut [Row], pub &'a Terms, pub &'a Placed);
-
-/// Write v and the slack, which is the corrected one where `accepted` is not negative.
-pub(super) struct Finish<'a>(pub &'a mut [Row], pub &'a Terms, pub &'a Column);
 
 impl Factor<'_> {
     pub fn done(self) -> Column {
@@ -122,12 +117,6 @@ impl Solve<'_> {
 impl Correct<'_> {
     pub fn done(self) -> [Column; 2] {
         dispatch(self)
-    }
-}
-
-impl Finish<'_> {
-    pub fn done(self) {
-        dispatch(self);
     }
 }
 
@@ -266,6 +255,7 @@ impl Solve<'_> {
     fn substitute<V: Vector>(&mut self) -> Found {
         let Self(rows, terms, _) = self;
         let (floor, zero, one) = (of::<V>(&terms.floor), V::zero(), V::all(1.0));
+        let (sign, left) = (of::<V>(&terms.sign), of::<V>(&terms.strike_left));
         let mut measure = Measure::<V>::new(of(&terms.h));
         let (mut before, mut own) = (zero, zero);
         let (mut contact, mut up_to, mut count) = (zero, zero, zero);
@@ -273,6 +263,7 @@ impl Solve<'_> {
             let row = &mut rows[index];
             let z = (of::<V>(&row.intercept) + of::<V>(&row.slope) * own).max(floor);
             row.slack = z.lanes();
+            row.value = (sign * (left - of::<V>(&row.s)) + z).lanes();
             count = count + one;
             contact = (-z).negative(contact, contact + one);
             up_to = (-z).negative(up_to, count);
@@ -306,6 +297,7 @@ impl Work for Correct<'_> {
     fn run<V: Vector>(self) -> [Column; 2] {
         let Self(rows, terms, placed) = self;
         let (contact, missing) = (of::<V>(&placed.contact), of::<V>(&placed.missing));
+        let (sign, left) = (of::<V>(&terms.sign), of::<V>(&terms.strike_left));
         let (zero, one, tiny) = (V::zero(), V::all(1.0), V::all(SMALLEST_RESPONSE));
         let mut measure = Measure::<V>::new(of(&terms.h));
         let (mut uncorrected, mut response, mut place) = (zero, zero, zero);
@@ -318,7 +310,9 @@ impl Work for Correct<'_> {
             response = (-inside).negative(response * slope, inside.negative(zero, of(&row.pivot)));
             response = (response.abs() - tiny).negative(zero, response);
             let z = (uncorrected + missing * response).max(zero);
-            row.corrected = z.lanes();
+            let z = contact.negative(of(&row.slack), z);
+            row.slack = z.lanes();
+            row.value = (sign * (left - of::<V>(&row.s)) + z).lanes();
             place = place + one;
             if index > 0 {
                 measure.see(&rows[index - 1], before, own, z);
@@ -327,20 +321,5 @@ impl Work for Correct<'_> {
         }
         measure.see(&rows[rows.len() - 1], before, own, zero);
         [measure.residual.lanes(), measure.largest.lanes()]
-    }
-}
-
-impl Work for Finish<'_> {
-    type Result = ();
-    #[inline(always)]
-    fn run<V: Vector>(self) {
-        let Self(rows, terms, accepted) = self;
-        let (sign, left) = (of::<V>(&terms.sign), of::<V>(&terms.strike_left));
-        let accepted = of::<V>(accepted);
-        for row in rows {
-            let slack = accepted.negative(of::<V>(&row.slack), of::<V>(&row.corrected));
-            row.slack = slack.lanes();
-            row.value = (sign * (left - of::<V>(&row.s)) + slack).lanes();
-        }
     }
 }

@@ -64,12 +64,10 @@ impl<'a> Differences<'a> {
     pub fn is_raised_at(&self, of: Coefficients, places: &[f64]) -> bool {
         let inside = &self.nodes[1..self.nodes.len() - 1];
         places.iter().any(|place| {
-            let mut nearest = 0;
-            for (i, s) in inside.iter().enumerate() {
-                if (s - place).abs() < (inside[nearest] - place).abs() {
-                    nearest = i;
-                }
-            }
+            let above = inside.partition_point(|s| s < place).min(inside.len() - 1);
+            let below = above.saturating_sub(1);
+            let is_above = (inside[above] - place).abs() < (inside[below] - place).abs();
+            let nearest = if is_above { above } else { below };
             self.diffusion(of, nearest).1
         })
     }

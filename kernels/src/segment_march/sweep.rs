@@ -129,14 +129,8 @@ pub fn sweep_schedule(
     watched: &[f64],
     interrupt: Interrupt<'_>,
 ) -> Result<Option<Sweep>, KernelError> {
-    let mut progress = Progress::new(schedule, Rc::new(GridNumbers::new(nodes)?), watched)?;
-    while let Some(leg) = progress.next_leg() {
-        let Some(march) = leg.march(scheme, interrupt)? else {
-            return Ok(None);
-        };
-        progress.arrive(&leg, march);
-    }
-    Ok(Some(progress.finish()))
+    let progress = Progress::new(schedule, Rc::new(GridNumbers::new(nodes)?), watched)?;
+    progress.to_the_end(scheme, interrupt)
 }
 
 /// What is computed of a grid once.
@@ -292,6 +286,21 @@ impl<'a> Progress<'a> {
         sweep.residual = larger(sweep.residual, arrival.residual);
         sweep.regions[self.left] = arrival.regions;
         sweep.before_events[self.left] = leg.before.region;
+    }
+
+    /// March over all segments that are left, one on its own after the other.
+    pub fn to_the_end(
+        mut self,
+        scheme: Scheme,
+        interrupt: Interrupt<'_>,
+    ) -> Result<Option<Sweep>, KernelError> {
+        while let Some(leg) = self.next_leg() {
+            let Some(arrival) = leg.march(scheme, interrupt)? else {
+                return Ok(None);
+            };
+            self.arrive(&leg, arrival);
+        }
+        Ok(Some(self.finish()))
     }
 
     pub fn finish(mut self) -> Sweep {
