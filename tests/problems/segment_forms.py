@@ -4,7 +4,7 @@ import numpy as np
 
 from pricing_core.american import Market, Option
 from pricing_core.american.contracts.schedule import make_schedule
-from pricing_core.american.engines.method_of_lines.grid import spot_range
+from pricing_core.american.engines.method_of_lines.grid import reach
 from pricing_core.american.engines.method_of_lines.segment_form import SegmentForm
 from pricing_core.arrays import Vector
 
@@ -27,7 +27,7 @@ def segment_form(
     """Return the form of the contract's last segment, and what exercise brings at its end at all nodes."""
     schedule = make_schedule(*contract)
     segment, sign = schedule.segments[-1], 1.0 if schedule.is_put else -1.0
-    grid = spot_range(schedule, truncation, (1.0, 1.0)).grid(intervals, stretching)
+    grid = reach(schedule, truncation).range_of(1.0, 1.0).grid(intervals, stretching)
     values = np.maximum(sign * (1.0 - segment.escrow / schedule.strike - grid.nodes), 0.0)
     form = SegmentForm.discretise(
         segment, grid, sign=sign, strike=schedule.strike, values=values, watched=(1.0,)

@@ -37,7 +37,7 @@ class Grid:
     nodes: Vector  # (N + 2,)
 
     def __post_init__(self) -> None:
-        if self.nodes.size < 3 or not np.all(np.diff(self.nodes) > 0):
+        if self.nodes.size < 3 or not (self.nodes[1:] > self.nodes[:-1]).all():
             raise InvalidInputError("nodes", self.nodes, "at least 3 increasing numbers")
 
     @property
@@ -87,8 +87,40 @@ class SpotRange:
         return Grid(nodes)
 
 
-def spot_range(schedule: Schedule, truncation: float, start: tuple[float, float]) -> SpotRange:
-    """Return the range that a spot from start[0] to start[1], in units of the strike, reaches.
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How far any spot may move from now to expiry but for a negligible chance.
+
+    Parameters
+    ----------
+    falls, rises : float
+        Distances in ln S: at most 0, at least 0.
+    paid : float
+        Cash dividends, in units of the strike.
+    nothing_left : bool
+        A proportional dividend takes next to everything.
+    spread : float
+        Standard deviation of ln S at expiry.
+    """
+
+    falls: float
+    rises: float
+    paid: float
+    nothing_left: bool
+    spread: float
+
+    def range_of(self, lowest: float, highest: float) -> SpotRange:
+        """Return the range that spots between these two, in units of the strike, reach."""
+        undivided = _moved(lowest, self.falls)
+        high, low = _moved(highest, self.rises), undivided - self.paid
+        least = max((1.0 - REACHES_ZERO) * undivided, SMALLEST_SPOT * lowest)
+        if low > least and not self.nothing_left:
+            return SpotRange(low, high, 0.0, self.spread)
+        return SpotRange(0.0, high, SHIFT * max(undivided, SMALLEST_SPOT * lowest), self.spread)
+
+
+def reach(schedule: Schedule, truncation: float) -> Reach:
+    """Return how far the spot moves.
 
     ln S stays within sqrt(2 ln(20/truncation)) standard deviations of every path of its mean, under the pricing
     measure and under that of the stock (a call weighs its payoff by S): what happens outside changes the value by
@@ -98,20 +130,16 @@ def spot_range(schedule: Schedule, truncation: float, start: tuple[float, float]
     spread = max(math.sqrt(variance), SMALLEST_SPREAD)
     width = math.sqrt(2.0 * math.log(20.0 / truncation)) * spread
     falls = rises = 0.0
+    smallest_kept = 1.0
     for segment in schedule.segments:
         drift = (segment.rate - segment.dividend_yield) * segment.duration
         half = 0.5 * segment.volatility**2 * segment.duration
         kept = 1.0 - segment.fraction
+        smallest_kept = min(smallest_kept, kept)
         falls += min(drift - half, 0.0) + (math.log(kept) if kept >= SMALLEST_KEPT else 0.0)
         rises += max(drift + half, 0.0)
-    undivided = _moved(start[0], falls - width)
-    high = _moved(start[1], rises + width)
     paid = math.fsum(segment.amount for segment in schedule.segments) / schedule.strike
-    low = undivided - paid
-    nothing_left = any(1.0 - segment.fraction < SMALLEST_KEPT for segment in schedule.segments)
-    if low > max((1.0 - REACHES_ZERO) * undivided, SMALLEST_SPOT * start[0]) and not nothing_left:
-        return SpotRange(low, high, 0.0, spread)
-    return SpotRange(0.0, high, SHIFT * max(undivided, SMALLEST_SPOT * start[0]), spread)
+    return Reach(falls - width, rises + width, paid, smallest_kept < SMALLEST_KEPT, spread)
 
 
 def _moved(s: float, distance: float) -> float:
@@ -139,7 +167,7 @@ def _stretched(left: float, right: float, intervals: int, stretching: float) -> 
         return np.linspace(left, right, intervals + 1)
     center = min(max(0.0, left), right)
     scale = max(center - left, right - center) / math.sinh(stretching)
-    low, high = np.arcsinh((np.array([left, right]) - center) / scale).tolist()
+    low, high = math.asinh((left - center) / scale), math.asinh((right - center) / scale)
     base = intervals
     while base % 2 == 0 and base >= 2 * FEWEST_CELLS:
         base //= 2

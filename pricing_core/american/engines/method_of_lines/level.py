@@ -16,7 +16,7 @@ from pricing_core.american.engines.method_of_lines.grid import (
     SpotRange,
     even_stretching,
     natural_stretching,
-    spot_range,
+    reach,
 )
 from pricing_core.american.engines.method_of_lines.interpolation import local_derivatives, run_around
 from pricing_core.american.engines.method_of_lines.joint_work import Work, done
@@ -172,11 +172,11 @@ def make_solver(
     """Choose the range: what the spot and the strike may become, or the spot alone where these do not meet."""
     truncation = min(TRUNCATION_SHARE * tolerance, LARGEST_TRUNCATION)
     spot = schedule.spot / schedule.strike
-    span = spot_range(schedule, truncation, (spot, spot))
-    of_strike = spot_range(schedule, truncation, (1.0, 1.0))
+    moves = reach(schedule, truncation)
+    span, of_strike = moves.range_of(spot, spot), moves.range_of(1.0, 1.0)
     together = span.low < of_strike.high and of_strike.low < span.high
     if together:
-        span = spot_range(schedule, truncation, (min(spot, 1.0), max(spot, 1.0)))
+        span = moves.range_of(min(spot, 1.0), max(spot, 1.0))
     return ScheduleSolver(schedule, span, together, truncation, lcp_method, interrupt)
 
 

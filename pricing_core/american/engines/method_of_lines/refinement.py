@@ -134,7 +134,7 @@ def estimating(
 
     Notes
     -----
-    The grid reaches as far as the spot and the strike may move (`spot_range`); kinks enter it by projection
+    The grid reaches as far as the spot and the strike may move (`reach`); kinks enter it by projection
     (`event_transfer`), the exercise boundary by its place in a cell (`boundary_cell`): second order for every kind of
     event, and regular enough to extrapolate. In one of a hundred contracts the error estimate is too small, seldom by
     more than a factor of two.

@@ -12,7 +12,7 @@ from pricing_core.american.engines.method_of_lines.grid import (
     SpotRange,
     even_stretching,
     natural_stretching,
-    spot_range,
+    reach,
 )
 from pricing_core.errors import InvalidInputError
 
@@ -22,7 +22,7 @@ TRUNCATION = 1e-8
 
 def range_of(market, option_type="put", expiry=1.0, start=1.0):
     schedule = make_schedule(Option(option_type, 100.0, expiry), market)
-    return spot_range(schedule, TRUNCATION, (start, start))
+    return reach(schedule, TRUNCATION).range_of(start, start)
 
 
 def test_without_stretching_the_nodes_are_equally_spaced_in_the_logarithm():
