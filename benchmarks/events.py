@@ -4,8 +4,9 @@ Random American puts and calls, apart: spot 60 to 150, strike 100, rate 0.5 to 8
 volatility 10 to 60 %, 30 days to 3 years, four dividends of 0.2 to 2 % of the spot each within the first year. Errors
 are distances from the collocation's own prices at the tolerance 1e-8; where QuantLib is installed, its finite
 differences are held against these as well. The kernel's time is measured inside the same calls; what is left is Python.
+The method of lines, asked for by name, prices the same contracts, and is held against QuantLib at equal error.
 
-Takes half a minute, two with QuantLib. Run from the root of the project: .venv/bin/python -m benchmarks.events
+Takes a minute, three with QuantLib. Run from the root of the project: .venv/bin/python -m benchmarks.events
 """
 
 import platform
@@ -31,6 +32,7 @@ from pricing_core.arrays import Matrix, Vector
 
 COLLOCATED = "multiplier-collocation"
 TOLERANCES = (1e-4, 1e-5, 1e-6)
+LINES_TOLERANCES = (1e-3, 1e-4, 1e-5)
 REFERENCE = 1e-8
 LEVELS = (1, 2, 3, 4, 5)
 SECONDS = 1.0  # Least time that each measurement is repeated for.
@@ -195,11 +197,41 @@ def report(option_type: str, rows: int = ROWS, seconds: float = SECONDS) -> None
         f"level {level}: {us:.0f}" for level, us in zip(LEVELS, solve_times(book, seconds), strict=True)
     )
     print(f"the kernel alone, us per American solve: {alone}")
-    if cash_dividends.AVAILABLE:
-        _report_quantlib(payers, exact)
+    points = _report_quantlib(payers, exact) if cash_dividends.AVAILABLE else []
+    _report_lines(payers, exact, points)
 
 
-def _report_quantlib(payers: Payers, reference: Vector) -> None:
+class Point(NamedTuple):
+    """What a price takes and how far off it is, root of the mean square, as a fraction of the strike."""
+
+    milliseconds: float
+    error: float
+
+
+def time_at_error(points: list[Point], error: float) -> float:
+    """Return the milliseconds at another error, on the straight line through the logarithms of the points."""
+    times, errors = np.log(np.array(points)).T
+    slope, offset = np.polyfit(errors, times, 1)
+    return float(np.exp(slope * np.log(error) + offset))
+
+
+def _report_lines(payers: Payers, reference: Vector, quantlib: list[Point]) -> None:
+    """Print what the method of lines takes, and how often that goes into QuantLib's time at equal error."""
+    columns = payers.columns()
+    for tolerance in LINES_TOLERANCES:
+        start = time.perf_counter()
+        table = price_many(columns, tolerance=tolerance, greeks="none", method="lcs", threads=1)
+        milliseconds = 1e3 * (time.perf_counter() - start) / reference.size
+        error = float(np.sqrt(np.nanmean(np.square(table["price"] - reference)))) / STRIKE
+        told = f"method of lines at {tolerance:.0e}: {milliseconds:.2f} ms each, rms error {error:.1e}"
+        if quantlib:
+            told += f"; QuantLib takes {time_at_error(quantlib, error) / milliseconds:.0f} x as long at this error"
+        print(told)
+
+
+def _report_quantlib(payers: Payers, reference: Vector) -> list[Point]:
+    """Print a line for each grid, and return them as points."""
+    points = []
     chosen = payers.contracts.sample(min(QUANTLIB_ROWS, len(payers.contracts)))
     few = payers.contracts.take(chosen)
     days, amounts = payers.dividends.days[chosen], payers.dividends.amounts[chosen]
@@ -214,6 +246,8 @@ def _report_quantlib(payers: Payers, reference: Vector) -> None:
             f"QuantLib finite differences, explicit projection, {steps} steps x {nodes} nodes, {len(few)} of them: "
             f"{milliseconds:.1f} ms each, rms error {root:.1e}, largest {error.max():.1e}"
         )
+        points.append(Point(milliseconds, float(root)))
+    return points
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ from pricing_core.arrays import Matrix, Vector
 
 __all__ = ["AVAILABLE", "GRIDS", "options_with_dividends", "prices"]
 
-GRIDS = ((100, 200), (400, 800))  # time steps, space nodes
+GRIDS = ((100, 200), (200, 400), (400, 800), (800, 1600))  # time steps, space nodes
 
 
 def options_with_dividends(

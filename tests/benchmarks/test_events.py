@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.events import DIVIDENDS, measure, metered, random_book, report
+from benchmarks.events import DIVIDENDS, Point, measure, metered, random_book, report, time_at_error
 from benchmarks.quantlib.cash_dividends import AVAILABLE, options_with_dividends, prices
 from pricing_core.american import price_many
 
@@ -38,6 +38,11 @@ def test_the_report_has_a_line_for_each_tolerance(capsys: pytest.CaptureFixture[
     assert [line.split()[:2] for line in lines[5:11]] == [
         [tolerance, greeks] for greeks in ("without", "with") for tolerance in ("1e-04", "1e-05", "1e-06")
     ]
+
+
+def test_the_time_at_another_error_follows_the_power_law_of_the_points() -> None:
+    points = [Point(8.0 * error**-0.5, error) for error in (1e-3, 1e-4, 1e-6)]
+    assert time_at_error(points, 1e-5) == pytest.approx(8.0 * 1e-5**-0.5)
 
 
 @pytest.mark.skipif(not AVAILABLE, reason="QuantLib is not installed")

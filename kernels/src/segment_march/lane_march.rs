@@ -164,6 +164,9 @@ impl<'a> Group<'a> {
     ) -> Option<()> {
         let scheme = self.tasks[task].scheme;
         while let Some(leg) = progress.next_leg() {
+            if interrupt() {
+                return None;
+            }
             if leg.fits_lanes() {
                 let loaded = Box::new(Lane::new(task, progress, leg));
                 loaded.load(lane, &mut self.rows);

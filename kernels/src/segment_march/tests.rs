@@ -1,8 +1,14 @@
 //! The march over a segment: known values, complementarity, both solvers against each other, and what is refused.
 
-use crate::interrupt::never;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{march_segment, KernelError, March, Scheme, Segment};
+use crate::interrupt::never;
+use crate::lanes::dispatch::{forced, InstructionSet};
+
+use super::{
+    march_segment, sweep_schedule, sweep_schedules, KernelError, March, Part, Schedule, Scheme,
+    Segment, Sweep, Task, Terms,
+};
 
 /// A Black-Scholes operator in s and the payoff on nodes that lie closer together around the strike.
 struct Case {
@@ -290,5 +296,161 @@ fn wrong_lengths_and_zero_pivots_are_named() {
         };
         let error = refused(&singular, &case.payoff, &contact);
         assert!(matches!(error, KernelError::ZeroPivot { .. }));
+    }
+}
+
+/// Marches with dividends, dates and grids of their own.
+struct Book {
+    nodes: Vec<Vec<f64>>,
+    times: Vec<Vec<f64>>,
+    /// Sign, whether it may be exercised, and the numbers of every segment.
+    contracts: Vec<(f64, bool, Vec<Terms>)>,
+}
+
+impl Book {
+    fn new(count: u32) -> Self {
+        let mut state = 12_345_u64;
+        let mut random = |low: f64, high: f64| {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            low + (high - low) * f64::from(u32::try_from(state >> 33).unwrap())
+                / f64::from(1_u32 << 31)
+        };
+        let (mut nodes, mut steps, mut contracts) = (vec![], vec![], vec![]);
+        for k in 0..count {
+            let (low, high) = (random(0.1, 0.7), random(1.5, 5.0));
+            let size = if k % 5 == 0 { 25 } else { 40 };
+            let place = |i: u32| low * (high / low).powf(f64::from(i) / f64::from(size));
+            nodes.push((0..=size).map(place).collect());
+            steps.push(times(4 + k % 7));
+            let terms = |amount: f64| Terms {
+                rate: random(-0.02, 0.1),
+                dividend_yield: random(-0.02, 0.08),
+                volatility: random(0.1, 0.5),
+                amount,
+                escrow: if k % 3 == 0 { 0.05 } else { 0.0 },
+            };
+            let segments = [0.03, 0.0, 0.6][..1 + k as usize % 3].iter();
+            let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+            contracts.push((sign, k % 4 != 3, segments.copied().map(terms).collect()));
+        }
+        Self {
+            nodes,
+            times: steps,
+            contracts,
+        }
+    }
+
+    fn parts(&self) -> Vec<Vec<Part<'_>>> {
+        let of = |((_, exercisable, segments), times): (&(f64, bool, Vec<Terms>), &'_ Vec<f64>)| {
+            let part = |terms: &Terms| Part {
+                terms: *terms,
+                fraction: 0.02,
+                exercisable: *exercisable,
+                exercise_at_end: *exercisable,
+                times: &self.times[self.times.iter().position(|t| t == times).unwrap()],
+            };
+            segments.iter().map(part).collect()
+        };
+        self.contracts.iter().zip(&self.times).map(of).collect()
+    }
+
+    fn schedules<'a>(&self, parts: &'a [Vec<Part<'a>>]) -> Vec<Schedule<'a>> {
+        let of = |((sign, _, _), parts): (&(f64, bool, Vec<Terms>), &'a Vec<Part<'a>>)| Schedule {
+            sign: *sign,
+            parts,
+            directions: &[],
+        };
+        self.contracts.iter().zip(parts).map(of).collect()
+    }
+
+    fn tasks<'a>(&'a self, schedules: &'a [Schedule<'a>]) -> Vec<Task<'a>> {
+        let of = |((k, schedule), nodes): ((usize, &'a Schedule<'a>), &'a Vec<f64>)| Task {
+            schedule,
+            nodes,
+            scheme: [Scheme::Sdirk2, Scheme::ImplicitEuler][usize::from(k % 9 == 0)],
+            watched: &[1.0],
+        };
+        schedules
+            .iter()
+            .enumerate()
+            .zip(&self.nodes)
+            .map(of)
+            .collect()
+    }
+}
+
+fn bits(sweep: &Sweep) -> Vec<u64> {
+    let regions = sweep.regions.iter().flatten().flatten();
+    let numbers = sweep
+        .values
+        .iter()
+        .chain(regions)
+        .chain([&sweep.residual, &sweep.at_zero]);
+    numbers.map(|x| (x + 0.0).to_bits()).collect() // zero has no sign
+}
+
+#[test]
+fn a_sweep_in_a_lane_has_the_bits_of_the_one_alone_with_any_instruction_set() {
+    let book = Book::new(60);
+    let parts = book.parts();
+    let schedules = book.schedules(&parts);
+    let tasks = book.tasks(&schedules);
+    let alone = |task: &Task<'_>| {
+        let Task {
+            schedule,
+            nodes,
+            scheme,
+            watched,
+        } = *task;
+        sweep_schedule(schedule, nodes, scheme, watched, &never)
+            .unwrap()
+            .unwrap()
+    };
+    let expected: Vec<Sweep> = tasks.iter().map(alone).collect();
+    assert!(
+        expected
+            .iter()
+            .filter(|sweep| sweep.contact.contains(&true))
+            .count()
+            > 10
+    );
+    for set in InstructionSet::available() {
+        for first in [0, 45] {
+            let some = &tasks[first..];
+            let found = forced::with(set, || sweep_schedules(some, &never)).unwrap();
+            for (sweep, expected) in found.into_iter().zip(&expected[first..]) {
+                let sweep = sweep.unwrap();
+                assert_eq!(bits(&sweep), bits(expected));
+                assert_eq!(sweep.contact, expected.contact);
+            }
+        }
+    }
+}
+
+#[test]
+fn lanes_ask_the_interrupt_before_every_step_and_every_segment() {
+    let book = Book::new(40);
+    let parts = book.parts();
+    let schedules = book.schedules(&parts);
+    let tasks = book.tasks(&schedules);
+    let asked = AtomicUsize::new(0);
+    let count = || {
+        asked.fetch_add(1, Ordering::Relaxed);
+        false
+    };
+    assert!(sweep_schedules(&tasks, &count).is_some());
+    let segments: usize = parts.iter().map(Vec::len).sum();
+    let longest = parts
+        .iter()
+        .map(|p| p.iter().map(|p| p.times.len() - 1).sum::<usize>())
+        .max();
+    assert!(asked.load(Ordering::Relaxed) >= segments + longest.unwrap());
+    for end in [0, 7, 60] {
+        let asked = AtomicUsize::new(0);
+        let ends = || asked.fetch_add(1, Ordering::Relaxed) == end;
+        assert!(sweep_schedules(&tasks, &ends).is_none());
+        assert_eq!(asked.load(Ordering::Relaxed), end + 1);
     }
 }
