@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.method_of_lines.stepping_methods import Solution
 from benchmarks.problems.classic_sets import Outputs, Problem
-from pricing_core.american.engines.method_of_lines.level import at_spot
+from pricing_core.american.engines.method_of_lines.spot_values import at_spot
 
 OUTPUTS = ("price", "delta", "gamma", "boundary")
 UNITS = {

@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.method_of_lines.stepping_methods import Method, span_of
 from benchmarks.problems.classic_sets import Problem
 from benchmarks.problems.integral_equation import put_values, solve_put_boundary
-from pricing_core.american.engines.method_of_lines.level import at_spot
+from pricing_core.american.engines.method_of_lines.spot_values import at_spot
 from pricing_core.arrays import Vector
 
 POINTS = 160

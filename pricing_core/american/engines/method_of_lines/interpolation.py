@@ -1,37 +1,53 @@
-"""Value and derivatives of a grid function at one point, from nodes on one side of the exercise boundary."""
+"""Value and derivatives of grid functions at one point each, from nodes on one side of the exercise boundary."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
 STENCIL = 6  # Number of nodes of the interpolating polynomial; chosen.
 
 
-def local_derivatives(nodes: Vector, values: Matrix, x: float) -> Matrix:
-    """Return (f, f', f'', f''') at x from the polynomial through the nearest six nodes.
+def nearest(nodes: Vector, x: float) -> slice:
+    """Return the six nodes nearest x, or all where there are fewer; x lies at most about a cell beyond them."""
+    width = min(STENCIL, nodes.size)
+    first = max(0, min(int(nodes.searchsorted(x)) - width // 2, nodes.size - width))
+    return slice(first, first + width)
+
+
+def local_derivatives(nodes: Matrix, values: NDArray[np.float64], x: Vector) -> NDArray[np.float64]:
+    """Return (f, f', f'', f''') at a point of each of m grids, from the polynomials through w nodes.
 
     Parameters
     ----------
-    nodes : Vector, shape (n,)
+    nodes : Matrix, shape (m, w)
         On the same smooth piece as x.
-    values : Matrix, shape (m, n)
-    x : float
-        Between the nodes, or at most about a cell beyond them.
+    values : array, shape (m, k, w)
+        Of k functions on each grid.
+    x : Vector, shape (m,)
 
     Returns
     -------
-    Matrix, shape (m, 4)
+    array, shape (m, k, 4)
+        A grid's numbers do not depend on the other grids.
+
+    Raises
+    ------
+    LinAlgError
+        Rounding makes two nodes of a grid one.
     """
-    width = min(STENCIL, nodes.size)
-    first = max(0, min(int(np.searchsorted(nodes, x)) - width // 2, nodes.size - width))
-    near = nodes[first : first + width]
-    scale = near.item(-1) - near.item(0) if width > 1 else 1.0
-    powers = np.vander((near - x) / scale, width, increasing=True)
-    found, known = np.zeros((values.shape[0], 4)), min(4, width)
-    found[:, :known] = np.linalg.solve(powers, values[:, first : first + width].T).T[:, :known]
-    return found * (1.0, 1.0 / scale, 2.0 / scale**2, 6.0 / scale**3)
+    width = nodes.shape[1]
+    scale = nodes[:, -1] - nodes[:, 0] if width > 1 else np.ones(x.size)
+    powers = np.ones((*nodes.shape, width))
+    powers[:, :, 1:] = ((nodes - x[:, None]) / scale[:, None])[:, :, None]
+    np.multiply.accumulate(powers[:, :, 1:], axis=2, out=powers[:, :, 1:])
+    coefficients = np.linalg.solve(powers, values.transpose(0, 2, 1))
+    found, known = np.zeros((*values.shape[:2], 4)), min(4, width)
+    found[:, :, :known] = coefficients[:, :known].transpose(0, 2, 1)
+    units = np.array([np.ones(x.size), 1.0 / scale, 2.0 / scale**2, 6.0 / scale**3])
+    return np.asarray(found * units.T[:, None, :])
 
 
 def run_around(entries: BoolVector, index: int) -> tuple[int, int]:

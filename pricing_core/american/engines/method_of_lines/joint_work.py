@@ -9,14 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from functools import partial
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
+from pricing_core.american.engines.method_of_lines.spot_values import at_spots
 from pricing_core.american.engines.method_of_lines.sweep import sweep_together
 from pricing_core.american.engines.method_of_lines.sweep_problem import Sweep, SweepRequest
+from pricing_core.arrays import Matrix
+
+
+class Answer(NamedTuple):
+    """A sweep, and what it says at the schedule's spot, see `at_spot`."""
+
+    sweep: Sweep
+    at_spot: Matrix  # (1 + P, 4)
+
 
 T = TypeVar("T")
-# Yields requests, is sent their sweeps, None where interrupted, and returns T.
-Work = Generator[list[SweepRequest], list[Sweep | None], T]
+# Yields requests, is sent the answers, None where interrupted, and returns T.
+Work = Generator[list[SweepRequest], list[Answer | None], T]
 
 
 def done(work: Work[T], interrupt: Callable[[], bool] | None = None) -> T:
@@ -40,16 +50,37 @@ def done_together(works: Sequence[Work[T]], interrupt: Callable[[], bool] | None
     while waiting:
         asked = waiting.copy()
         waiting.clear()
-        found = iter(sweep_together([request for _, requests in asked for request in requests], interrupt))
+        found = iter(_answers([request for _, requests in asked for request in requests], interrupt))
         for place, requests in asked:
-            sweeps: list[Sweep | None] = []
+            answers: list[Answer | None] = []
             failure: Exception | None = None
             for _ in requests:
-                sweep = next(found)
-                if isinstance(sweep, Exception):
-                    failure = sweep
+                answer = next(found)
+                if isinstance(answer, Exception):
+                    failure = answer
                 else:
-                    sweeps.append(sweep)
+                    answers.append(answer)
             work = works[place]
-            proceed(place, partial(work.send, sweeps) if failure is None else partial(work.throw, failure))
+            proceed(place, partial(work.send, answers) if failure is None else partial(work.throw, failure))
     return [results[place] for place in range(len(works))]
+
+
+def _answers(
+    requests: Sequence[SweepRequest], interrupt: Callable[[], bool] | None
+) -> list[Answer | Exception | None]:
+    swept = sweep_together(requests, interrupt)
+    sweeps = [sweep for sweep in swept if isinstance(sweep, Sweep)]
+    spots = [
+        request.schedule.spot / request.schedule.strike
+        for request, sweep in zip(requests, swept, strict=True)
+        if isinstance(sweep, Sweep)
+    ]
+    local = iter(at_spots(sweeps, spots))
+    answers: list[Answer | Exception | None] = []
+    for sweep in swept:
+        if not isinstance(sweep, Sweep):
+            answers.append(sweep)
+            continue
+        at_spot = next(local)
+        answers.append(at_spot if isinstance(at_spot, Exception) else Answer(sweep, at_spot))
+    return answers

@@ -18,7 +18,6 @@ from pricing_core.american.engines.method_of_lines.grid import (
     natural_stretching,
     reach,
 )
-from pricing_core.american.engines.method_of_lines.interpolation import local_derivatives, run_around
 from pricing_core.american.engines.method_of_lines.joint_work import Work, done
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
 from pricing_core.american.engines.method_of_lines.sweep import SMALLEST_SHARE
@@ -38,7 +37,6 @@ TRUNCATION_SHARE = 0.01  # Share of the tolerance that the ends of the grid may 
 LARGEST_TRUNCATION = 1e-6  # Largest value that the ends of the grid may neglect, in strikes; chosen.
 STEPS_PER_RATE = 4.0  # Number of steps per unit of |rate| * duration; calibrated.
 STEPS_PER_DRIFT = 2.0  # Number of steps per standard deviation that the spot drifts; calibrated.
-FINEST_CELL = 1e-5  # Smallest cell, in strikes, over which differences are more than rounding; derived.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,14 +116,15 @@ class ScheduleSolver:
         requests = [request]
         if held and any(s.exercisable or s.exercise_at_end for s in self.schedule.segments):
             requests.append(replace(request, never_exercised=True))
-        sweeps = yield requests
-        sweep, without = sweeps[0], sweeps[-1]
-        if sweep is None or without is None:
+        answers = yield requests
+        with_exercise, without = answers[0], answers[-1]
+        if with_exercise is None or without is None:
             return None
+        sweep = with_exercise.sweep
         exercised = sweep.region.contains(self.spot)
         return Level(
-            self.exercised(sweep) if exercised else self._total(at_spot(sweep, self.spot)),
-            self._total(at_spot(without, self.spot)) if held else np.full((1, 4), math.nan),
+            self.exercised(sweep) if exercised else self._total(with_exercise.at_spot),
+            self._total(without.at_spot) if held else np.full((1, 4), math.nan),
             exercised,
             actual_region(sweep.region, self._escrow()),
             resolution,
@@ -140,8 +139,8 @@ class ScheduleSolver:
     ) -> Work[tuple[ExerciseRegion, ...] | None]:
         """Return the exercise regions at these times in s = S/K of the spot that diffuses, None where interrupted."""
         grid = self._grid(resolution)
-        (sweep,) = yield [SweepRequest(self.schedule, grid, resolution, self.lcp_method, times)]
-        return None if sweep is None else sweep.regions
+        (answer,) = yield [SweepRequest(self.schedule, grid, resolution, self.lcp_method, times)]
+        return None if answer is None else answer.sweep.regions
 
     def exercised(self, sweep: Sweep) -> Matrix:
         """Return what exercise now brings, shape (1 + P, 4): no parameter changes it at a given spot."""
@@ -233,33 +232,6 @@ def coarsest_resolution(solver: ScheduleSolver, scheme: Scheme, tolerance: float
         scheme=scheme,
         stretching=even_stretching(span.spread) if plain else natural_stretching(span.spread),
     )
-
-
-def at_spot(sweep: Sweep, s: float) -> Matrix:
-    """Return (v, v_s, v_ss, v_sss) and its derivatives at s, shape (1 + P, 4).
-
-    They come from the nodes on the spot's side of the exercise boundary.
-    """
-    nodes, contact = sweep.grid.nodes, sweep.contact
-    last = nodes.size - 1
-    nearest = min(int(np.searchsorted(nodes, s)), last)
-    if nearest > 0 and s - nodes[nearest - 1] <= nodes[nearest] - s:
-        nearest -= 1
-    is_contact = np.concatenate([contact[:1], contact, contact[-1:]])
-    if is_contact[nearest]:  # between the boundary and the first free node
-        nearest = min(max(nearest + (1 if s > sweep.region.upper else -1), 0), last)
-    start, stop = run_around(is_contact, nearest)
-    stride = 1
-    if nodes[0] == 0.0:  # its first cells are far finer than rounding allows differences of
-        cell = nodes[min(nearest + 1, last)] - nodes[max(nearest - 1, 0)]
-        stride = max(math.ceil(2.0 * FINEST_CELL / cell), 1)
-        start += (nearest - start) % stride
-    usable = slice(start, stop, stride)
-    found = local_derivatives(nodes[usable], sweep.values[None, usable], s)
-    if sweep.tangents is None:
-        return found
-    # On their own, so that a price does not depend on the Greeks by rounding either.
-    return np.concatenate([found, local_derivatives(nodes[usable], sweep.tangents[:, usable], s)])
 
 
 def actual_region(region: ExerciseRegion, escrow: float) -> ExerciseRegion:

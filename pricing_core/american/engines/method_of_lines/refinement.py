@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -318,14 +319,17 @@ def limit_of(values: list[Matrix], *, first_order: bool) -> tuple[Matrix, Matrix
     How far an extrapolant moved, or a share of how far it moved before, or of how far the numbers themselves moved,
     whichever is largest; each number on its own.
     """
-    differences = np.diff(values[-4:], axis=0)
+    differences = [after - before for before, after in pairwise(values[-4:])]
+    last = differences[-1]
     if first_order:
-        return values[-1], 2.0 * np.abs(differences[-1])
-    limit = values[-1] + differences[-1] / 3.0
+        return values[-1], 2.0 * np.abs(last)
+    limit = values[-1] + last / 3.0
     if len(differences) == 1:
-        return limit, np.abs(differences[-1]) / 3.0
-    moves = np.abs(4.0 * differences[1:] - differences[:-1]) / 3.0  # by which the extrapolant moved
-    return limit, np.max([moves[-1], CHANCE * moves[0], STEP_SHARE * np.abs(differences[-1])], axis=0)
+        return limit, np.abs(last) / 3.0
+    # By how much the extrapolant moved.
+    moves = [np.abs(4.0 * after - before) / 3.0 for before, after in pairwise(differences)]
+    earlier = np.maximum(CHANCE * moves[0], STEP_SHARE * np.abs(last))
+    return limit, np.maximum(moves[-1], earlier)
 
 
 def _region_is_elsewhere(solver: ScheduleSolver, region: ExerciseRegion) -> bool:
