@@ -15,7 +15,7 @@
 //! `sweep` goes from expiry to now: `event` carries the value over what happens at the end of a segment (between the
 //! nodes `grid_function` knows it), `operator` is L, `stage` solves one stage, `boundary_cell` places the exercise
 //! boundary inside its cell, `elimination` and `free_system` hold the linear solves of both, and `region` reads the
-//! boundary off the slack.
+//! boundary off the slack. `lane_march` does many sweeps side by side, their stages by `lane_rows`, with the same bits.
 
 mod boundary_cell;
 mod elimination;
