@@ -18,6 +18,9 @@ use crate::lanes::vector::LANES;
 
 /// The smallest number of marches for which lanes pay; measured.
 const FEWEST: usize = 3;
+/// The largest number of interior nodes of a march in lanes, which take 2 kB a node; chosen, so that a step, before which
+/// the interrupt is asked, takes a few milliseconds.
+const MOST_NODES: usize = 6000;
 
 /// A schedule to be solved on a grid.
 #[derive(Clone, Copy, Debug)]
@@ -102,7 +105,11 @@ impl<'a> Group<'a> {
             waiting: alike.iter(),
             known: None,
             lanes: [const { None }; LANES],
-            rows: vec![Row::IDLE; if alike.len() < FEWEST { 0 } else { size }],
+            rows: if alike.len() < FEWEST || size > MOST_NODES {
+                Vec::new()
+            } else {
+                vec![Row::IDLE; size]
+            },
         }
     }
 
@@ -129,7 +136,7 @@ impl<'a> Group<'a> {
         }
         while let Some(&task) = self.waiting.next() {
             let solved = match self.begin(task) {
-                Ok(progress) => progress.to_the_end(self.tasks[task].scheme, interrupt),
+                Ok(progress) => progress.run_out(self.tasks[task].scheme, interrupt),
                 Err(error) => Err(error),
             };
             results[task] = Some(solved.transpose()?);
@@ -205,7 +212,7 @@ impl<'a> Group<'a> {
                 return Some(());
             }
         };
-        let solved = march.arrive(rest).to_the_end(scheme, interrupt);
+        let solved = march.arrive(rest).run_out(scheme, interrupt);
         results[task] = Some(solved.transpose()?);
         Some(())
     }

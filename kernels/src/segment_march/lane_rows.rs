@@ -4,6 +4,8 @@
 //! operation, without fused products: a march has the same bits here and there. Row 0 is the end of the grid where the
 //! region is expected; for a call the rows are reversed.
 
+#![allow(clippy::inline_always)] // as in `lanes`
+
 use super::elimination::SMALLEST_RESPONSE;
 use super::SDIRK2_THETA;
 use crate::lanes::dispatch::{dispatch, Work};

@@ -242,7 +242,7 @@ pub fn march_segment(
         check_length("tangents", &tangent.upper, size)?;
     }
     let mut following = Tangents::new(segment, tangents);
-    let mut stage = Stage::new(segment, &values[1..=size], contact);
+    let mut stage = Stage::new(segment, &values[1..=size], contact, interrupt);
     let (mut value, mut base) = (vec![0.0; size], vec![0.0; size]);
     let mut residual = 0.0;
     let mut regions = Vec::with_capacity(times.len());
@@ -262,6 +262,9 @@ pub fn march_segment(
             Scheme::Sdirk2 => {
                 let (middle, h) = (start + SDIRK2_THETA * h, SDIRK2_THETA * h);
                 stage.solve(middle, h, &value)?;
+                if stage.interrupted {
+                    return Ok(None);
+                }
                 following.follow(&stage, middle, h, None)?;
                 let ahead = (1.0 - SDIRK2_THETA) / SDIRK2_THETA;
                 for ((b, v), first) in base.iter_mut().zip(&value).zip(&stage.value) {
@@ -270,6 +273,9 @@ pub fn march_segment(
                 stage.solve(end, h, &base)?;
                 following.follow(&stage, end, h, Some(ahead))?;
             }
+        }
+        if stage.interrupted {
+            return Ok(None);
         }
         residual = larger(residual, stage.residual);
         regions.push(region::region(segment, &stage.slack, &stage.contact));

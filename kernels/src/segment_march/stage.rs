@@ -1,10 +1,12 @@
 //! One implicit stage: the complementarity problem by one elimination or by policy iteration.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use super::boundary_cell::{Correction, Placed};
 use super::elimination::{Bands, Factors};
 use super::{larger, Segment};
 use crate::error::KernelError;
-use crate::interrupt::never;
+use crate::interrupt::Interrupt;
 use crate::policy_iteration::{iterate, Settling};
 
 /// The largest natural residual of an exact elimination, as a share of v and max(1, s).
@@ -37,6 +39,9 @@ pub(super) struct Stage<'a> {
     pub slack: Vec<f64>,
     pub contact: Vec<bool>,
     pub residual: f64,
+    interrupt: Interrupt<'a>,
+    /// Whether the interrupt came in a stage, whose state is then worth nothing.
+    pub interrupted: bool,
     w: Vec<f64>,
     q: Vec<f64>,
     weights: Vec<f64>,
@@ -50,7 +55,12 @@ pub(super) struct Stage<'a> {
 }
 
 impl<'a> Stage<'a> {
-    pub fn new(segment: &'a Segment<'a>, value: &[f64], contact: &[bool]) -> Self {
+    pub fn new(
+        segment: &'a Segment<'a>,
+        value: &[f64],
+        contact: &[bool],
+        interrupt: Interrupt<'a>,
+    ) -> Self {
         let size = segment.size();
         let weight = |s: &f64| 1.0 / larger(*s, 1.0);
         Self {
@@ -59,6 +69,8 @@ impl<'a> Stage<'a> {
             slack: vec![0.0; size],
             contact: contact.to_vec(),
             residual: 0.0,
+            interrupt,
+            interrupted: false,
             w: vec![0.0; size],
             q: vec![0.0; size],
             weights: segment.nodes[1..=size].iter().map(weight).collect(),
@@ -180,6 +192,12 @@ impl<'a> Stage<'a> {
             tolerance: ROUNDING,
             limit: u32::try_from(self.q.len() + 2).unwrap_or(u32::MAX),
         };
+        let (ended, interrupt) = (AtomicBool::new(false), self.interrupt);
+        let ask = || {
+            let end = interrupt();
+            ended.fetch_or(end, Ordering::Relaxed);
+            end
+        };
         iterate(
             self.bands.matrix(),
             &self.q,
@@ -187,8 +205,9 @@ impl<'a> Stage<'a> {
             &mut self.slack,
             &mut self.scratch,
             settling,
-            &never,
+            &ask,
         )?;
+        self.interrupted |= ended.into_inner();
         self.bands.apply(&self.slack, &self.q, &mut self.w);
         self.residual = self
             .bands

@@ -130,7 +130,7 @@ pub fn sweep_schedule(
     interrupt: Interrupt<'_>,
 ) -> Result<Option<Sweep>, KernelError> {
     let progress = Progress::new(schedule, Rc::new(GridNumbers::new(nodes)?), watched)?;
-    progress.to_the_end(scheme, interrupt)
+    progress.run_out(scheme, interrupt)
 }
 
 /// What is computed of a grid once.
@@ -289,7 +289,7 @@ impl<'a> Progress<'a> {
     }
 
     /// March over all segments that are left, one on its own after the other.
-    pub fn to_the_end(
+    pub fn run_out(
         mut self,
         scheme: Scheme,
         interrupt: Interrupt<'_>,

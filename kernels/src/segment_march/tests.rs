@@ -331,7 +331,7 @@ impl Book {
                 amount,
                 escrow: if k % 3 == 0 { 0.05 } else { 0.0 },
             };
-            let segments = [0.03, 0.0, 0.6][..1 + k as usize % 3].iter();
+            let segments = [0.03, 0.0, 0.6][..=(k as usize % 3)].iter();
             let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
             contracts.push((sign, k % 4 != 3, segments.copied().map(terms).collect()));
         }
