@@ -24,6 +24,7 @@ from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.multiplier_collocation.greeks import (
     CHANGE,
     OWN,
+    VOLATILITY,
     by_spot,
     greeks_of,
     lacks_cuts,
@@ -31,8 +32,10 @@ from pricing_core.american.engines.multiplier_collocation.greeks import (
 )
 from pricing_core.american.engines.multiplier_collocation.levels import (
     FINEST,
+    VIOLATION,
     Solved,
-    solve_at_level,
+    kernel_values,
+    pack,
     solve_to_tolerance,
 )
 from pricing_core.arrays import BoolVector, Vector
@@ -57,14 +60,18 @@ CLOSE = 1e-8  # Tolerance, in strikes, of values whose differences are taken; ch
 # Error of a derivative by a parameter, in strikes, from which on differences are tried; chosen: they take many solves.
 BY_DIFFERENCES = 1e-2
 DIFFERENCE_SHARES = (1.0, 0.5)  # Steps of differences, in the usual ones; chosen.
-# Steps of the volatility for volga, as shares of the contract's smallest one; how many levels finer than the price the
-# values for it are held; and its error over that of vega, in these smallest volatilities. The second ones where the
-# error is too large; calibrated on random contracts.
-VOLGA_TRIES = ((0.005, 1, 1.0), (0.0025, 3, 0.2))
+# Steps of the volatility for volga by values and by vegas, as shares of the contract's smallest one; calibrated.
+VALUES_STEP, VEGAS_STEP = 0.005, 0.0025
+FINER_LEVELS = 1  # How many levels finer than the price the values for volga are held; chosen.
+# Largest ratio of the violations of complementarity of values that are solved alike; calibrated on random contracts.
+ALIKE = 1.5
+SMALLEST_VIOLATION = 1e-7  # Violation, in strikes, that is nothing; chosen.
+# Error of volga over that of vega, in smallest volatilities, from values and from vegas; calibrated likewise.
+VALUES_NOISE, VEGAS_NOISE = 1.0, 0.2
 # Error of a second difference by its step, in squared shares of that, over volga and vega over the volatility, and over
 # what it is if the value falls with the square of its distance from the strike; calibrated likewise.
 VOLGA_TRUNCATION, FAR_TRUNCATION = 1.5, 0.3
-# Error of a second difference over that of the first difference, which vega is known for, over the step; calibrated.
+# Error of volga over how far vega at the steps is from what it is known to be, over the step; calibrated.
 VOLGA_NOISE = 0.1
 Columns = dict[str, Any]
 
@@ -218,49 +225,80 @@ def _better(value: Vector, error: Vector, far: Vector, near: Vector, noise: Vect
 
 
 def _volga_to_tolerance(book: Book, level: NDArray[np.int64], vega: Columns, request: Request) -> Columns:
-    """Return volga and its error: from values that are held finer where the error is too large.
+    """Return volga and its error: from values, or from vegas to a small tolerance where the error is too large.
 
     Parameters
     ----------
     vega : dict
         Vega and its error.
     """
-    found = dict.fromkeys(("volga", error_of("volga")), np.full(book.count, np.nan))
     smallest = np.minimum.reduceat(book.segments.volatility, book.first[:-1])
-    per_volatility = np.abs(vega["vega"]) / smallest
-    rows = np.arange(book.count)
-    for share, finer, noise_share in VOLGA_TRIES:
-        if rows.size == 0 or request.is_interrupted():
-            break
-        step, levels = share * smallest[rows], np.minimum(level[rows] + finer, FINEST)
-        slope, volga = _differences(book.take(rows), step, levels, request)
-        curved = np.abs(volga) + per_volatility[rows]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            far = np.nan_to_num((volga / per_volatility[rows]) ** 2, posinf=0.0)
-        truncation = share**2 * (VOLGA_TRUNCATION * curved + FAR_TRUNCATION * far * np.abs(volga))
-        noise = noise_share * vega[error_of("vega")][rows] / smallest[rows]
-        error = truncation + noise + VOLGA_NOISE * np.abs(slope - vega["vega"][rows]) / step
-        better = ~(error >= found[error_of("volga")][rows])
-        fresh = {"volga": volga[better], error_of("volga"): error[better]}
-        found = stored(found, rows[better], fresh)
-        rows = np.flatnonzero(~(_largest_error(book, found, request.tolerance) <= PESSIMISM))
+    finer = np.minimum(level + FINER_LEVELS, FINEST)
+    by_values = _second_difference(book, VALUES_STEP * smallest, finer, request)
+    found = _with_error(by_values, vega, smallest, (VALUES_STEP, VALUES_NOISE))
+    rows = np.flatnonzero(~(_largest_error(book, found, request.tolerance) <= PESSIMISM))
+    if rows.size and not request.is_interrupted():
+        known = {name: column[rows] for name, column in vega.items()}
+        by_vegas = _difference_of_vegas(book.take(rows), VEGAS_STEP * smallest[rows], request)
+        closer = _with_error(by_vegas, known, smallest[rows], (VEGAS_STEP, VEGAS_NOISE))
+        better = np.flatnonzero(np.isfinite(closer["volga"]))
+        found = stored(found, rows[better], {name: column[better] for name, column in closer.items()})
     return found
 
 
-def _differences(
+def _with_error(
+    differences: tuple[Vector, Vector], vega: Columns, smallest: Vector, calibrated: tuple[float, float]
+) -> Columns:
+    """Return volga and its error from vega and volga by differences.
+
+    Parameters
+    ----------
+    smallest : Vector
+        The smallest volatility of each contract.
+    calibrated : tuple
+        The step as a share of that, and the error over that of vega.
+    """
+    (slope, volga), (share, noise) = differences, calibrated
+    per_volatility = np.abs(vega["vega"]) / smallest
+    with np.errstate(invalid="ignore", divide="ignore"):
+        far = np.nan_to_num((volga / per_volatility) ** 2, posinf=0.0)
+    curved = VOLGA_TRUNCATION * (np.abs(volga) + per_volatility) + FAR_TRUNCATION * far * np.abs(volga)
+    error = share**2 * curved + noise * vega[error_of("vega")] / smallest
+    error += VOLGA_NOISE * np.abs(slope - vega["vega"]) / (share * smallest)
+    return {"volga": volga, error_of("volga"): error}
+
+
+def _second_difference(
     book: Book, step: Vector, level: NDArray[np.int64], request: Request
 ) -> tuple[Vector, Vector]:
-    """Return first and second differences by the volatility, money, of values that are solved alike.
+    """Return first and second differences by the volatility, money, of values of boundaries of a fixed degree.
 
-    All boundaries have a fixed degree; where one of them is not found so, the values are solved to a small tolerance.
+    NaN where these are not solved alike: their boundaries violate complementarity by different amounts.
     """
-    threads, interrupt, bumped = request.threads, request.interrupt, Bump(book, "volatility")
-    books = [bumped(by * step) for by in (-1.0, 0.0, 1.0)]
-    values = np.stack([solve_at_level(moved, level, threads, interrupt)[0] for moved in books])
-    rows = np.flatnonzero(np.isnan(values).any(axis=0))
-    if rows.size:
-        tolerance = np.full(rows.size, CLOSE)
-        for value, moved in zip(values, books, strict=True):
-            value[rows] = solve_to_tolerance(moved.take(rows), tolerance, threads, interrupt=interrupt).value
-    down, same, up = book.strike * values
+    bumped, nothing = Bump(book, "volatility"), np.zeros(book.count)
+    found = [
+        kernel_values(pack(bumped(by * step)), level, request.threads, nothing, interrupt=request.interrupt)
+        for by in (-1.0, 0.0, 1.0)
+    ]
+    settled = np.all([each.settled for each in found], axis=0)
+    violation = np.maximum([each.numbers[VIOLATION] for each in found], SMALLEST_VIOLATION)
+    with np.errstate(invalid="ignore"):
+        alike = settled & (violation.max(axis=0) <= ALIKE * violation.min(axis=0))
+    down, same, up = (np.where(alike, book.strike * each.numbers[0], np.nan) for each in found)
     return (up - down) / (2.0 * step), (up - 2.0 * same + down) / step**2
+
+
+def _difference_of_vegas(book: Book, step: Vector, request: Request) -> tuple[Vector, Vector]:
+    """Return the mean of the vegas at both steps of the volatility, money, and their difference per volatility."""
+    bumped, tolerance = Bump(book, "volatility"), np.full(book.count, CLOSE)
+    down, up = (
+        _vega(solve_to_tolerance(moved, tolerance, request.threads, walks=1, interrupt=request.interrupt), moved)
+        for moved in (bumped(-step), bumped(step))
+    )
+    return 0.5 * (up + down), (up - down) / (2.0 * step)
+
+
+def _vega(solved: Solved, book: Book) -> Vector:
+    """Return vega, money; NaN where the derivative was not found."""
+    vega: Vector = np.add.reduceat(solved.gradient[:, OWN, 0, VOLATILITY], book.first[:-1])
+    return book.strike * vega

@@ -33,6 +33,7 @@ LEAST_GAIN, OUT_OF_REACH = 0.8, 1.2
 SMALLEST_SHARE = 0.1  # Smallest share of the tolerance that is left for the boundaries; chosen.
 EXERCISE = slice(4, 6)  # The columns of a segment that tell when the holder may exercise.
 AMOUNT, ESCROW = 7, 8  # The columns of money.
+VIOLATION, ERROR = 4, 5  # What the kernel's numbers say of complementarity and of the value's error, in strikes.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,7 +153,7 @@ def solve_to_tolerance(
         beyond = np.array(NEGLECTED)[level[rows]] + ROUNDING
         left = np.maximum(tolerance[rows] - beyond, SMALLEST_SHARE * tolerance[rows])
         found = kernel_values(packed.take(rows), level[rows], threads, left, walks=walks, interrupt=interrupt)
-        before, error = solved.error[rows], found.numbers[5] + beyond
+        before, error = solved.error[rows], found.numbers[ERROR] + beyond
         _keep(solved, book, rows, level[rows], found, error)
         met = solved.error[rows] <= tolerance[rows]
         stalls = (error > LEAST_GAIN * before) & (error > OUT_OF_REACH * tolerance[rows])
