@@ -64,7 +64,7 @@ DIFFERENCE_SHARES = (1.0, 0.5)  # Steps of differences, in the usual ones; chose
 VALUES_STEP, VEGAS_STEP = 0.005, 0.0025
 FINER_LEVELS = 1  # How many levels finer than the price the values for volga are held; chosen.
 # Largest ratio of the violations of complementarity of values that are solved alike; calibrated on random contracts.
-ALIKE = 1.5
+ALIKE = 1.2
 SMALLEST_VIOLATION = 1e-7  # Violation, in strikes, that is nothing; chosen.
 # Error of volga over that of vega, in smallest volatilities, from values and from vegas; calibrated likewise.
 VALUES_NOISE, VEGAS_NOISE = 1.0, 0.2
@@ -292,7 +292,9 @@ def _difference_of_vegas(book: Book, step: Vector, request: Request) -> tuple[Ve
     """Return the mean of the vegas at both steps of the volatility, money, and their difference per volatility."""
     bumped, tolerance = Bump(book, "volatility"), np.full(book.count, CLOSE)
     down, up = (
-        _vega(solve_to_tolerance(moved, tolerance, request.threads, walks=1, interrupt=request.interrupt), moved)
+        _vega(
+            solve_to_tolerance(moved, tolerance, request.threads, walks=1, interrupt=request.interrupt), moved
+        )
         for moved in (bumped(-step), bumped(step))
     )
     return 0.5 * (up + down), (up - down) / (2.0 * step)

@@ -33,7 +33,10 @@ LEAST_GAIN, OUT_OF_REACH = 0.8, 1.2
 SMALLEST_SHARE = 0.1  # Smallest share of the tolerance that is left for the boundaries; chosen.
 EXERCISE = slice(4, 6)  # The columns of a segment that tell when the holder may exercise.
 AMOUNT, ESCROW = 7, 8  # The columns of money.
-VIOLATION, ERROR = 4, 5  # What the kernel's numbers say of complementarity and of the value's error, in strikes.
+VIOLATION, ERROR = (
+    4,
+    5,
+)  # What the kernel's numbers say of complementarity and of the value's error, in strikes.
 
 
 @dataclass(frozen=True, slots=True, eq=False)

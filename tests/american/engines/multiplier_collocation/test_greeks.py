@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pricing_core.american import Market, Option
+from benchmarks.problems import random_contracts as kinds
+from benchmarks.problems.random_contracts import rows_of
+from pricing_core.american import Market, Option, contract_from
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import error_of
 from pricing_core.american.book.ragged import Ragged
+from pricing_core.american.engines.differences import Bump
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
 from pricing_core.american.engines.multiplier_collocation.greeks import lacks_cuts
@@ -216,3 +219,20 @@ def test_next_to_an_ex_date_and_to_expiry_they_keep_their_accuracy():
         assert prices.complete.all()
         wanted, doubt = difference(bumped_value(book, "volatility"), 2e-3)
         np.testing.assert_array_less(np.abs(prices.vega / book.strike - wanted), CLAIM + doubt)
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"), [(kinds.curves, 8), (kinds.curves, 9), (kinds.near_yield_with_cash, 9)]
+)
+def test_volga_is_the_derivative_of_vega(kind, seed):
+    """Some values of nearly the same contract are solved otherwise than the others; volga must not be made of these."""
+    book = Book.of([contract_from(row) for row in rows_of(kind, 100, seed)])
+    found = solved(book)
+    step = 0.02 * np.minimum.reduceat(book.segments.volatility, book.first[:-1])
+    bumped = Bump(book, "volatility")
+    wanted, doubt = difference(lambda by: solved(bumped(by), 1e-8, "standard").vega, step)
+    missed, doubt = np.abs(found.volga - wanted) / book.strike, 0.1 * doubt / book.strike
+    sure = found.complete & ~found.exercised & (doubt < 1e-3)
+    assert sure.mean() > 0.75
+    assert np.mean((missed <= 1e-4 + doubt)[sure]) > 0.95
+    assert (missed <= 1e-5 + doubt + 5.0 * found.volga_error / book.strike)[sure].all()
