@@ -225,6 +225,9 @@ def _buckets(book: Book, found: dict[str, Vector]) -> dict[str, Any]:
     columns: dict[str, Any] = {"complete": np.ones(book.count, dtype=bool)}
     for name in CURVES:
         times = getattr(book.listed, name)
+        if times.values.size == 0:
+            columns[BUCKETS[name]] = columns[error_of(BUCKETS[name])] = times
+            continue
         for bucket, parallel in (
             (BUCKETS[name], PARALLEL[name]),
             (error_of(BUCKETS[name]), error_of(PARALLEL[name])),
