@@ -214,11 +214,14 @@ impl OnsetSearch<'_> {
         }
         if let Some(time) = self.arrival_of_far_end() {
             let arrives_from_far = self.steepness(place, time) >= 0.0;
-            return if arrives_from_far {
-                self.crossing_onset(time, place)
-            } else {
-                split(time)
-            };
+            let has_begun = least(time) < 0.0;
+            if arrives_from_far && !has_begun {
+                return self.crossing_onset(time, place);
+            }
+            // One that has begun nearer the strike by then is what matters, while the two stay apart.
+            if !(arrives_from_far && self.stays_apart(place)) {
+                return split(time);
+            }
         }
         let time = find_root(least, soon, duration, CLOSE * duration);
         let onset = (time, self.least_gap(time).0);
@@ -228,6 +231,13 @@ impl OnsetSearch<'_> {
             onsets: vec![near, self.far_onset(onset)],
             split: 0.0,
         }
+    }
+
+    /// Whether the value exceeds the payoff, at the segment's beginning, somewhere between x and where it does so least.
+    fn stays_apart(&self, x: f64) -> bool {
+        let duration = self.segment.duration;
+        let step = (self.least_gap(duration).0 - x) / f64::from(SCANNED);
+        (1..SCANNED).any(|k| self.excess(x + f64::from(k) * step, duration) > 0.0)
     }
 
     /// The x between what is relevant and the strike at which the value of a put without exercise before s exceeds the

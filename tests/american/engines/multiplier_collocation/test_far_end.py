@@ -139,3 +139,23 @@ def test_what_spreads_too_far_is_left_to_the_general_path():
     found = table([{**row, **paid}], tolerance=1e-6, greeks="none")
     assert found["method"][0] != COLLOCATED
     assert found["price"][0] == pytest.approx(22.3351664, abs=1e-4)
+
+
+def test_a_contact_set_near_the_strike_is_not_lost_to_one_that_comes_from_far():
+    """Before a small dividend, at a low rate, both exist apart; which comes first depends on the volatility."""
+    rng, rows = np.random.default_rng(4), []
+    paid = [(0.6202, 1.3032), (1.1797, 1.7418), (1.9771, 0.2617), (2.3444, 1.565)]
+    fixed = {
+        **random_puts(4, 1)[0],
+        "expiry": 2.8268,
+        "rate": 0.01329,
+        "dividend_yield": -0.02945,
+        "cash_dividends": [{"time": time, "amount": amount} for time, amount in paid],
+    }
+    for volatility in np.linspace(0.405, 0.446, 12).tolist():
+        rows.append({**fixed, "spot": rng.uniform(80.0, 120.0), "volatility": volatility})
+    found = table(rows, tolerance=1e-6, greeks="none")
+    general = table(rows, tolerance=1e-5, greeks="none", method="lcs")
+    assert np.mean(found["method"] == COLLOCATED) > 0.3
+    distance = np.abs(found["price"] - general["price"])
+    assert (distance <= found["error_estimate"] + general["error_estimate"]).all()
