@@ -34,8 +34,7 @@ from pricing_core.american.engines.multiplier_collocation.levels import (
     FINEST,
     VIOLATION,
     Solved,
-    kernel_values,
-    pack,
+    solve_at_level,
     solve_to_tolerance,
 )
 from pricing_core.arrays import BoolVector, Vector
@@ -275,11 +274,8 @@ def _second_difference(
 
     NaN where these are not solved alike: their boundaries violate complementarity by different amounts.
     """
-    bumped, nothing = Bump(book, "volatility"), np.zeros(book.count)
-    found = [
-        kernel_values(pack(bumped(by * step)), level, request.threads, nothing, interrupt=request.interrupt)
-        for by in (-1.0, 0.0, 1.0)
-    ]
+    bumped, threads, interrupt = Bump(book, "volatility"), request.threads, request.interrupt
+    found = [solve_at_level(bumped(by * step), level, threads, interrupt) for by in (-1.0, 0.0, 1.0)]
     settled = np.all([each.settled for each in found], axis=0)
     violation = np.maximum([each.numbers[VIOLATION] for each in found], SMALLEST_VIOLATION)
     with np.errstate(invalid="ignore"):

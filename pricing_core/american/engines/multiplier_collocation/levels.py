@@ -211,13 +211,12 @@ class KernelValues(NamedTuple):
 
 def solve_at_level(
     book: Book, level: NDArray[np.int64], threads: int, interrupt: Callable[[], bool] | None = None
-) -> tuple[Vector, BoolVector]:
-    """Return V/K, NaN where that does not settle, and what settled, each of shape (n,).
+) -> KernelValues:
+    """Return what the kernel says of the contracts where every boundary has its level's own degree.
 
-    Every boundary has its level's own degree, so that contracts that differ little are solved alike.
+    Contracts that differ little are solved alike as a rule.
     """
-    found = kernel_values(pack(book), level, threads, np.zeros(level.size), interrupt=interrupt)
-    return np.where(found.settled, found.numbers[0], np.nan), found.settled
+    return kernel_values(pack(book), level, threads, np.zeros(level.size), interrupt=interrupt)
 
 
 def kernel_values(

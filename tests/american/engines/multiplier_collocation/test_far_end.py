@@ -78,8 +78,8 @@ def test_the_derivatives_are_those_of_the_value():
             ends = []
             for sign in (1.0, -1.0):
                 moved = [contract_from({**row, field: row[field] + sign * h}) for row in rows]
-                value, settled = solve_at_level(Book.of(moved), levels, 1)
-                ends.append(np.where(settled, value, np.nan))
+                found_there = solve_at_level(Book.of(moved), levels, 1)
+                ends.append(np.where(found_there.settled, found_there.numbers[0], np.nan))
             bumped.append(100.0 * (ends[0] - ends[1]) / (2.0 * h))
         known = (4.0 * bumped[0] - bumped[1]) / 3.0
         own = np.abs(bumped[0] - bumped[1]) + 1e-3

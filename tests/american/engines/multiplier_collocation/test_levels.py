@@ -36,9 +36,9 @@ def solved(book, tolerance=1e-8):
 
 def at_level(book, level):
     """Return V/K of the first contract."""
-    found, settled = solve_at_level(book, np.array([level]), 1)
-    assert settled.all()
-    return found[0]
+    found = solve_at_level(book, np.array([level]), 1)
+    assert found.settled.all()
+    return found.numbers[0, 0]
 
 
 @pytest.mark.parametrize("case", ONE_BOUNDARY, ids=lambda case: case.name)
