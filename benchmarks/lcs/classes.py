@@ -162,7 +162,7 @@ def scaled_feedthrough(rng: np.random.Generator) -> Case:
     D = np.diag(d) + (np.sqrt(d)[:, None] * (K - K.T) * np.sqrt(d) if rng.random() < 0.5 else 0.0)
     g = sine(rng.normal(size=k), float(rng.uniform(0.1, 1.0)), phase=float(rng.uniform(0.0, 6.0)))
     system = LCS(J - J.T - rng.uniform(0.0, 0.5) * np.eye(n), C.T, C, D, g=g)
-    return _system(system, rng.normal(size=n), 3.0, lambda run: _equations(system, run))
+    return _system(system, rng.normal(size=n), 3.0, lambda run: _everywhere(system, run))
 
 
 def skew_feedthrough(rng: np.random.Generator, pairs: int | None = None) -> Case:
@@ -233,7 +233,7 @@ def circuit(rng: np.random.Generator) -> Case:
 
     def fault(trajectory: Trajectory) -> str:
         system = trajectory.flows[0].form.given
-        return _equations(system, trajectory.refined(400)) or _rates(system, trajectory)
+        return _everywhere(system, trajectory)
 
     return Case(run, fault)
 
@@ -319,6 +319,11 @@ def _system(system: LCS, x0: Vector, end: float, fault: Callable[[Trajectory], s
     return Case(lambda interrupt: simulate(system, x0, (0.0, end), interrupt=interrupt), fault)
 
 
+def _everywhere(system: LCS, run: Trajectory) -> str:
+    """Return what of the system's equations does not hold at events, refined points or inside flows."""
+    return _equations(system, run) or _equations(system, run.refined(400)) or _rates(system, run)
+
+
 def _equations(system: LCS, run: Trajectory) -> str:
     """Return what of y = Cx + Du + g, 0 <= y _|_ u >= 0 does not hold, beside the terms of each row."""
     g = np.array([system.g.after(t) for t in run.t])
@@ -340,8 +345,10 @@ def _rates(system: LCS, run: Trajectory) -> str:
             continue
         t, h = 0.37 * flow.start + 0.63 * flow.end, min(1e-6, 1e-3 * length)
         (before, x, after), u, _ = flow.at(np.array([t - h, t, t + h]))
-        rate = system.A @ x + system.B @ u[1] + system.f.after(t)
-        size = np.abs(system.A) @ np.abs(x) + np.abs(system.B) @ np.abs(u[1]) + 1e-9 * np.abs(x) / h + 1e-6
+        force = system.f.after(t)
+        rate = system.A @ x + system.B @ u[1] + force
+        size = np.abs(system.A) @ np.abs(x) + np.abs(system.B) @ np.abs(u[1]) + np.abs(force)
+        size += 1e-9 * np.abs(x) / h + 1e-6
         if (np.abs((after - before) / (2.0 * h) - rate) > 1e-4 * size).any():
             return "x' = Ax + Bu + f does not hold"
     return ""

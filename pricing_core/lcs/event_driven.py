@@ -17,7 +17,6 @@ from pricing_core.lcs.flow_to_event import FlowEnd, FlowToEvent
 from pricing_core.lcs.landing import Landings
 from pricing_core.lcs.mode_dynamics import ModeDynamics, State
 from pricing_core.lcs.mode_selection import ModeSelector
-from pricing_core.lcs.multipliers import least_norm_multipliers
 from pricing_core.lcs.one_step_uniqueness import has_unique_steps
 from pricing_core.lcs.overflow import check_size
 from pricing_core.lcs.run_record import RunRecord
@@ -46,7 +45,6 @@ def drive_by_events(
     else:
         times = t_eval[t_eval <= flows[-1].end]
         x, u, y = evaluate(flows, times)
-    u, y = least_norm_multipliers(system, u, y)
     return Trajectory(
         t=times,
         x=x,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +13,10 @@ from scipy.linalg import expm
 from pricing_core.arrays import IndexSet, Matrix, Vector
 from pricing_core.lcs.autonomous import AutonomousForm
 from pricing_core.lcs.closed_form import ClosedForm
+from pricing_core.lcs.consistent_pairs import consistent_pairs
 from pricing_core.lcs.mode_dynamics import ModeDynamics
+from pricing_core.lcs.multipliers import least_norm_multipliers
+from pricing_core.lcs.system import LCS
 
 NEGATIVE = 1e-9  # share of an output's terms by which it may be below zero from rounding: it is zero there
 LEFT = 1e-14  # the same, of the largest term: what is left of terms that have cancelled
@@ -32,6 +35,8 @@ class Flow:
     times : list of float
         The times at which the steps start.
     coordinates : list of Vector, shape (d,)
+    largest : float
+        Largest of the terms that the state at the start is a sum of.
     closed : ClosedForm, optional
         Of the last step, where that is longer than one Taylor polynomial reaches.
     """
@@ -42,6 +47,7 @@ class Flow:
     end: float
     times: list[float] = field(default_factory=list)
     coordinates: list[Vector] = field(default_factory=list)
+    largest: float = 0.0
     closed: ClosedForm | None = None
 
     @property
@@ -63,8 +69,22 @@ class Flow:
 
 def evaluate(flows: Sequence[Flow], t: Vector) -> tuple[Matrix, Matrix, Matrix]:
     """Return x, u and y at times in any order, right-continuous, shapes (m, n), (m, k), (m, k)."""
+    return _in_steps(flows, _steps_at(flows, t), t)
+
+
+def evaluate_states(flows: Sequence[Flow], t: Vector) -> Matrix:
+    """Return x at times in any order, right-continuous, shape (m, n)."""
+    form = flows[0].form
+    z = np.empty((t.size, form.system.shape[0]))
+    for rows, dynamics, c in _by_mode(flows, _steps_at(flows, t), t):
+        z[rows] = c @ dynamics.basis.T
+    return np.asarray((z * form.units.state)[:, : form.states])
+
+
+def _steps_at(flows: Sequence[Flow], t: Vector) -> NDArray[np.intp]:
+    """Return the steps, counted over all flows, that times lie in."""
     begins = np.concatenate([flow.times for flow in flows])
-    return _in_steps(flows, np.maximum(np.searchsorted(begins, t, side="right") - 1, 0), t)
+    return np.maximum(np.searchsorted(begins, t, side="right") - 1, 0)
 
 
 def evaluate_each(flows: Sequence[Flow], times: Sequence[Vector]) -> tuple[Vector, Matrix, Matrix, Matrix]:
@@ -78,8 +98,22 @@ def evaluate_each(flows: Sequence[Flow], times: Sequence[Vector]) -> tuple[Vecto
 
 
 def _in_steps(flows: Sequence[Flow], steps: NDArray[np.intp], t: Vector) -> tuple[Matrix, Matrix, Matrix]:
-    """Return x, u and y at times of these steps, counted over all flows: all rows of a mode at once."""
+    """Return x, u and y at times of these steps, counted over all flows; where u is not unique, the least."""
     form = flows[0].form
+    n, k = form.system.shape
+    z, u, y = (np.empty((t.size, size)) for size in (n, k, k))
+    for rows, dynamics, c in _by_mode(flows, steps, t):
+        z[rows], u[rows], y[rows] = _values(form.system, dynamics, c)
+    pair = form.units.pair
+    u, y = least_norm_multipliers(form.given, u * pair, y / pair)
+    u, y = consistent_pairs(form.system, z, u / pair, y * pair, t, max(flow.largest for flow in flows))
+    return (z * form.units.state)[:, : form.states], u * pair, y / pair
+
+
+def _by_mode(
+    flows: Sequence[Flow], steps: NDArray[np.intp], t: Vector
+) -> Iterator[tuple[list[int], ModeDynamics, Matrix]]:
+    """Yield for each mode its dynamics, which of the times lie in it, and the coordinates there."""
     starts = [
         (flow, begin, c) for flow in flows for begin, c in zip(flow.times, flow.coordinates, strict=True)
     ]
@@ -87,14 +121,12 @@ def _in_steps(flows: Sequence[Flow], steps: NDArray[np.intp], t: Vector) -> tupl
     for row, step in enumerate(steps.tolist()):
         flow = starts[step][0]
         rows_of.setdefault((id(flow.dynamics), id(flow.closed)), []).append(row)
-    x, u, y = (np.empty((t.size, size)) for size in (form.states, *[form.system.shape[1]] * 2))
     for rows in rows_of.values():
         held = [starts[step] for step in steps[rows].tolist()]
-        elapsed = (t[rows] - np.array([begin for _, begin, _ in held])) * form.units.rate
         flow = held[0][0]
+        elapsed = (t[rows] - np.array([begin for _, begin, _ in held])) * flow.form.units.rate
         c = _flowed(flow.dynamics, flow.closed, np.array([c for _, _, c in held]), elapsed)
-        x[rows], u[rows], y[rows] = _values(form, flow.dynamics, c)
-    return x, u, y
+        yield rows, flow.dynamics, c
 
 
 def _flowed(dynamics: ModeDynamics, closed: ClosedForm | None, starts: Matrix, elapsed: Vector) -> Matrix:
@@ -108,14 +140,14 @@ def _flowed(dynamics: ModeDynamics, closed: ClosedForm | None, starts: Matrix, e
     return c
 
 
-def _values(form: AutonomousForm, dynamics: ModeDynamics, c: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-    """Return x, u and y at these coordinates, in the units given."""
-    z, (C, D) = c @ dynamics.basis.T, (form.system.C, form.system.D)
+def _values(system: LCS, dynamics: ModeDynamics, c: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """Return z, u and y at these coordinates, as functions of them."""
+    z, (C, D) = c @ dynamics.basis.T, (system.C, system.D)
     u = np.where(dynamics.active, c @ dynamics.outputs.T, 0.0)
     u = _without_negative_rounding(u, c, dynamics.outputs)
     y = np.where(dynamics.active, 0.0, z @ C.T + u @ D.T)
     y = _without_negative_rounding(y, np.hstack([z, u]), np.hstack([C, D]))
-    return (z * form.units.state)[:, : form.states], u * form.units.pair, y / form.units.pair
+    return z, u, y
 
 
 def _without_negative_rounding(values: Matrix, terms: Matrix, gains: Matrix) -> Matrix:

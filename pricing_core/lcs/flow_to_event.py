@@ -62,7 +62,7 @@ class FlowToEvent:
         """
         form = self.record.form
         slow = self.selector.slow_part(dynamics)
-        flow = Flow(form, dynamics, t, t)
+        flow = Flow(form, dynamics, t, t, largest=float(c.sizes.max(initial=0.0)))
         self.record.flows.append(flow)
         length = dynamics.step / form.units.rate
         t0, t1 = self.span

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from pricing_core.arrays import IndexSet, Matrix, Vector, as_real_array, as_whole_number
 from pricing_core.errors import InvalidInputError
-from pricing_core.lcs.flow import Flow, evaluate, evaluate_each
-from pricing_core.lcs.multipliers import least_norm_multipliers
+from pricing_core.lcs.flow import Flow, evaluate_each, evaluate_states
 from pricing_core.lcs.system import LCS
 from pricing_core.lcs.uniqueness import has_unique_state
 
@@ -115,7 +114,7 @@ class Trajectory:
         if not np.all((wanted >= start) & (wanted <= end)):
             raise InvalidInputError("t", t, f"inside [{start:g}, {end:g}]")
         if self.flows:
-            x = evaluate(self.flows, wanted.ravel())[0]
+            x = evaluate_states(self.flows, wanted.ravel())
             return x.reshape(*wanted.shape, x.shape[1])
         if self.t.size == 1:
             return np.broadcast_to(self.x[0], (*wanted.shape, self.x.shape[1])).copy()
@@ -141,5 +140,4 @@ class Trajectory:
             for flow in self.flows
         ]
         t, x, u, y = evaluate_each(self.flows, times)
-        u, y = least_norm_multipliers(self.flows[0].form.given, u, y)
         return replace(self, t=t, x=x, u=u, y=y)

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs import Event, Trajectory
-from pricing_core.lcs.flow import Flow
-from pricing_core.lcs.multipliers import least_norm_multipliers
+from pricing_core.lcs.flow import Flow, evaluate_each
 
 Pieces: TypeAlias = tuple[int, ...]
 External: TypeAlias = Callable[[Matrix, Matrix, Matrix], tuple[Matrix, Matrix]]
@@ -113,12 +112,9 @@ def of_lcs(run: Trajectory, reading: Reading, unique: Literal[True] | None) -> M
 
 def sampled(flows: tuple[Flow, ...]) -> tuple[Matrix, Matrix, Matrix]:
     """Return x, u and y at the places `ALONG` of all flows, one after the other, u being the least."""
-    parts = []
-    for flow in flows:
-        length = flow.end - flow.start or AT_ONCE * flow.dynamics.step / flow.form.units.rate
-        parts.append(flow.at(flow.start + ALONG * length))
-    x, u, y = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return x, *least_norm_multipliers(flows[0].form.given, u, y)
+    lengths = [flow.end - flow.start or AT_ONCE * flow.dynamics.step / flow.form.units.rate for flow in flows]
+    times = [flow.start + ALONG * length for flow, length in zip(flows, lengths, strict=True)]
+    return evaluate_each(flows, times)[1:]
 
 
 def _around_events(run: Trajectory, reading: Reading) -> list[tuple[Pieces | None, Pieces | None]]:
