@@ -16,6 +16,7 @@ from pricing_core.lcs.geometry import RANK_TOLERANCE
 from pricing_core.lcs.mode_spaces import Arithmetic, spaces
 from pricing_core.lcs.modes import mode_equations
 from pricing_core.lcs.rational_system import EXACT_SIZE, RationalSystem, rational_system
+from pricing_core.linalg.pivoted_subspaces import pivoted_image, pivoted_kernel, pivoted_solution
 from pricing_core.linalg.rational import (
     RationalMatrix,
     exact_image,
@@ -24,7 +25,6 @@ from pricing_core.linalg.rational import (
     rational_array,
     rounded,
 )
-from pricing_core.linalg.subspaces import image, kernel
 
 ROUNDING = 1e-13  # share of the terms that an entry is made of, below which it is zero
 SOLVED = 1e-9  # residual of the impulses' equations, relative
@@ -227,7 +227,10 @@ def _general_maps(block: _Block) -> ModeMaps | None:
     """Return the maps by the sequences (11.73) and (11.76), ranks decided by singular values."""
     A, B, C, D, index = block
     arithmetic = Arithmetic(
-        lambda M: kernel(M, RANK_TOLERANCE), lambda M: image(M, RANK_TOLERANCE), _least_squares, np.eye
+        lambda M: pivoted_kernel(M, RANK_TOLERANCE),
+        lambda M: pivoted_image(M, RANK_TOLERANCE),
+        _least_squares,
+        np.eye,
     )
     equations = mode_equations(A, B, C[index], D[index], tuple(range(len(index))))
     V, T, W, F = spaces(equations, arithmetic)
@@ -281,7 +284,7 @@ def _impulses(block: _Block, jumps: Matrix, projection: Matrix) -> NDArray[np.fl
 
 
 def _least_squares(M: Matrix, R: Matrix) -> Matrix | None:
-    X = np.linalg.lstsq(M, R, rcond=RANK_TOLERANCE)[0]
+    X = pivoted_solution(M, R, RANK_TOLERANCE)
     residual = float(np.max(np.abs(M @ X - R), initial=0.0))
     size = max(1.0, float(np.max(np.abs(R), initial=0.0)))
     return np.asarray(X, dtype=np.float64) if residual <= RANK_TOLERANCE**0.5 * size else None
