@@ -124,7 +124,7 @@ def _by_lcp(problem: HorizontalLCP, traded: BoolVector, limit: TimeLimit) -> Hor
     table = exchanged(problem.M, problem.N, traded, problem.q[:, None])
     n = problem.q.size
     found = solve(LCP(table[:, :n], table[:, n]), time_limit=limit.left())
-    slack = np.maximum(found.w, 0.0)  # rounding apart
+    slack = np.where(found.z > 0.0, 0.0, np.maximum(found.w, 0.0))  # rounding apart
     w, z = np.where(traded, found.z, slack), np.where(traded, slack, found.z)
     sizes = np.abs(problem.M) @ w + np.abs(problem.N) @ z + np.abs(problem.q)
     inverse = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)

@@ -45,6 +45,7 @@ Attempt: TypeAlias = tuple[str, Callable[[LCP, TimeLimit], LCPSolution]]
 WARM_TOLERANCE = 1e-13  # scaled residual at which a basic set from elsewhere is taken for the solution
 NEARLY_RIGHT = 0.3  # share of the indices with a wrong sign up to which the point of a start is mended
 MENDING_SYSTEMS = 12
+QUICKLY_EXACT = 6  # order up to which rational arithmetic costs less than other paths in floating point
 SMALL = 10  # a dense matrix up to this order is not worth a look at its structure
 LARGEST_DENSE = 3000  # sparse problems up to this order may be made dense for Lemke's method
 LARGEST_PIVOT_TRIALS = 8
@@ -77,7 +78,8 @@ def solve(
     6. For n <= 60 Lemke's method in rational arithmetic ("exact"); for n <= 20 a search of the complementary cells in
        rational arithmetic as well, so that the answer there is a solution or a proof that there is none.
 
-    Steps 3 to 5 are left out for sparse problems with n > 3000, and dense matrices up to n = 10 begin with step 3.
+    Steps 3 to 5 are left out for sparse problems with n > 3000, and dense matrices up to n = 10 begin with step 3. Up
+    to n = 6, where other paths cost more, step 6 follows the first path of step 3 and its proof at once.
 
     Parameters
     ----------
@@ -181,9 +183,11 @@ def _automatic_attempts(problem: LCP) -> Iterator[Attempt]:
         yield from _structured_attempts(problem)
     if isinstance(problem.M, np.ndarray) or problem.size <= LARGEST_DENSE:
         yield "lemke", _lemke
-        yield "lemke-restarted", _lemke_restarted
+        if problem.size > QUICKLY_EXACT:
+            yield "lemke-restarted", _lemke_restarted
         yield PROOF, _refute
-        yield "lemke-pivoted", _lemke_pivoted
+        if problem.size > QUICKLY_EXACT:
+            yield "lemke-pivoted", _lemke_pivoted
         if problem.size > LARGEST_SEARCHED_ORDER:
             yield "murty", _timed(solve_murty)
             yield "policy iteration", _timed(solve_policy_iteration)
