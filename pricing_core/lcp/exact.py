@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from flint import fmpz
 
-from pricing_core import kernel
 from pricing_core.arrays import Matrix, Vector, check_type
 from pricing_core.errors import (
     InfeasibleError,
@@ -23,6 +22,7 @@ from pricing_core.lcp.polynomial_lemke import solve_polynomial_lemke
 from pricing_core.lcp.problem import LCP, LCPSolution, solution_of
 from pricing_core.lcp.time_limit import TimeLimit
 from pricing_core.linalg.determinant import whole_numbers
+from pricing_core.linalg.equilibration import equilibration
 from pricing_core.linalg.polynomial_tableau import Tableau, can_increase, feasible, with_zero_basics
 
 LARGEST_EXACT_ORDER = 60  # a path takes seconds there
@@ -63,7 +63,7 @@ def exact_problem(problem: LCP) -> ExactProblem:
     """
     n, M = problem.size, problem.dense()
     sizes = (int(np.frexp(np.max(np.abs(part), initial=0.0))[1]) for part in (M, problem.q))
-    column = [*np.log2(kernel.equilibrate(M)[1]).astype(int).tolist(), next(sizes) - next(sizes)]
+    column = [*np.log2(equilibration(M)[1]).astype(int).tolist(), next(sizes) - next(sizes)]
     rows, exponents = [], []
     for left, right in zip(M.tolist(), problem.q.tolist(), strict=True):
         row, exponent = whole_numbers([*(-value for value in left), right], column)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from pricing_core.arrays import Vector
 from pricing_core.linalg.coefficients import Coefficients
+from pricing_core.linalg.equilibration import equilibration
 
 FLOOR = 1e-6  # share of what reaches a row below which its own terms are no measure
-ROUNDS = 6  # of scaling, and of steps from row to row
+STEPS = 6  # from row to row
 
 
 def floored(M: Coefficients, z: Vector, sizes: Vector) -> Vector:
@@ -29,14 +29,10 @@ def floored(M: Coefficients, z: Vector, sizes: Vector) -> Vector:
     magnitude = abs(_sparse(M))
     rows = np.repeat(np.arange(sizes.size), np.diff(magnitude.indptr))
     columns = magnitude.indices
-    row, column = np.ones(sizes.size), np.ones(sizes.size)
-    for _ in range(ROUNDS):
-        scaled = row[rows] * magnitude.data * column[columns]
-        row = row / np.sqrt(_largest(rows, scaled, sizes.size))
-        column = column / np.sqrt(_largest(columns, scaled, sizes.size))
+    row, column = equilibration(M if isinstance(M, np.ndarray) else magnitude)
     scaled = np.minimum(row[rows] * magnitude.data * column[columns], 1.0) * (z[columns] > 0.0)
     reach = row * sizes
-    for _ in range(ROUNDS):
+    for _ in range(STEPS):
         further = reach.copy()
         np.maximum.at(further, rows, scaled * reach[columns])
         if np.array_equal(further, reach):
@@ -55,10 +51,3 @@ def _sparse(M: Coefficients) -> csr_array:
     rows = np.concatenate([places[1:], places, places[:-1]])
     columns = np.concatenate([places[:-1], places, places[1:]])
     return csr_array((np.concatenate([M.lower, M.diagonal, M.upper]), (rows, columns)), shape=(n, n))
-
-
-def _largest(index: NDArray[np.integer], values: Vector, n: int) -> Vector:
-    """Return the largest value of each index, 1 where it has none above zero."""
-    largest = np.zeros(n)
-    np.maximum.at(largest, index, values)
-    return np.where(largest > 0.0, largest, 1.0)

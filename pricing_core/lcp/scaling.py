@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pricing_core import kernel
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import NumericalError
 from pricing_core.lcp.problem import LCP
+from pricing_core.linalg.equilibration import equilibration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +53,7 @@ def equilibrate(problem: LCP) -> ScaledProblem:
            [0., 1.]])
     """
     M = problem.dense()
-    row, column = kernel.equilibrate(M)
+    row, column = equilibration(M)
     with np.errstate(over="ignore"):
         q = row * problem.q
     largest = float(np.abs(q).max(initial=0.0))
