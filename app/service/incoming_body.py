@@ -13,7 +13,7 @@ from app.service.request_body import too_large, too_late
 from app.service.work.route_limits import RouteLimits
 
 LONGEST_LINE = 1 << 16  # bytes; chosen: that of the body of a single contract by default
-LINES_AT_A_TIME = 1 << 20  # bytes of lines that are read together; chosen
+LINES_AT_A_TIME, MOST_LINES = 1 << 20, 4096  # bytes and number of lines that are read together; chosen
 
 
 class BodyMemory:
@@ -98,7 +98,7 @@ class IncomingBody:
             No more will come, or a line is too long.
         """
         while True:
-            end = self._pending.rfind(b"\n", 0, LINES_AT_A_TIME) + 1
+            end = _end_of_lines(self._pending)
             if not end and self._ended:
                 self._check()
                 end = len(self._pending)
@@ -153,3 +153,11 @@ class IncomingBody:
         self._memory.take(self._client, len(part))
         self._pending += part
         return bool(message.get("more_body", False))
+
+
+def _end_of_lines(text: bytearray) -> int:
+    """Return where the whole lines end that are read together, 0 where there is none."""
+    end = text.rfind(b"\n", 0, LINES_AT_A_TIME) + 1
+    if text.count(b"\n", 0, end) > MOST_LINES:
+        end -= len(text[:end].split(b"\n", MOST_LINES)[-1])
+    return end

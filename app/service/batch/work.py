@@ -21,7 +21,7 @@ from pricing_core.american.arrow.price_batch import results_schema, unfinished_r
 from pricing_core.american.pricing_settings import PricingSettings
 
 Found = TypeVar("Found")
-LONGEST_COLUMNS = 1 << 23  # bytes of a batch as one JSON object, which is parsed in one go; chosen
+LONGEST_COLUMNS = 1 << 21  # bytes of a batch as one JSON object: while C parses it nobody is answered; chosen
 
 
 class Rows(Protocol):

@@ -32,7 +32,8 @@ def parse_json(text: str) -> Any:
     """
     try:
         value = DECODER.decode(text)
-        json.dumps(value, ensure_ascii=False).encode("utf-8")  # fails on half of a surrogate pair
+        if "\\u" in text:
+            json.dumps(value, ensure_ascii=False).encode("utf-8")  # fails on half of a surrogate pair
     except JSONTextError:
         raise
     except UnicodeError:
@@ -84,5 +85,19 @@ def _distinct_object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return distinct
 
 
-# Raises a ValueError or RecursionError; half of a surrogate pair passes.
-DECODER = json.JSONDecoder(parse_constant=_refuse_constant, object_pairs_hook=_distinct_object)
+def _float(digits: str) -> float:
+    return float(digits)
+
+
+def _integer(digits: str) -> int:
+    return int(digits)
+
+
+# Raises a ValueError or RecursionError; half of a surrogate pair passes. Numbers are read by functions in Python so
+# that other threads get the interpreter between two of them, and need not wait for the end of the text.
+DECODER = json.JSONDecoder(
+    parse_float=_float,
+    parse_int=_integer,
+    parse_constant=_refuse_constant,
+    object_pairs_hook=_distinct_object,
+)

@@ -1,5 +1,8 @@
 import contextlib
 import json
+import sys
+import threading
+import time
 
 import pytest
 from hypothesis import given
@@ -33,3 +36,28 @@ def test_a_key_twice_is_refused_at_any_depth(nested: bytes) -> None:
 
 def test_both_halves_of_a_surrogate_pair_are_one_character() -> None:
     assert parse_object(b'{"a": "\\ud83d\\ude00"}') == {"a": "\N{GRINNING FACE}"}
+
+
+@pytest.mark.parametrize("number", ["1", "0.25", "1e-3"])
+def test_other_threads_run_between_the_numbers_of_a_long_body(number: str) -> None:
+    body = f'{{"spot": [{",".join([number] * 300_000)}]}}'.encode()
+    turns, ended = 0, threading.Event()
+
+    def count() -> None:
+        nonlocal turns
+        while not ended.is_set():
+            turns += 1
+            time.sleep(0)
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    other = threading.Thread(target=count)
+    other.start()
+    try:
+        before = turns
+        parse_object(body)
+        assert turns - before > 20
+    finally:
+        ended.set()
+        other.join()
+        sys.setswitchinterval(interval)

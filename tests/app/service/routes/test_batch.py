@@ -13,6 +13,7 @@ from app.greeks_units import PER_DAY_PER_POINT
 from app.main import create_app
 from app.service.batch.answers import ARROW, FORMS, JSON, LINES
 from app.service.batch.row_limits import FIELDS, MOST_JSON_ROWS
+from app.service.batch.work import LONGEST_COLUMNS
 from app.settings import Settings
 from pricing_core.american import price_many
 from pricing_core.american.contracts.result_fields import PRICE_FIELDS
@@ -217,7 +218,7 @@ WRONG_CELLS: list[dict[str, Any]] = [
             413,
             "body-too-large",
         ),
-        (b" " * ((1 << 23) + 1), JSON, 413, "body-too-large"),
+        (b" " * (LONGEST_COLUMNS + 1), JSON, 413, "body-too-large"),
         (b"x" * 70_000, LINES, 413, "body-too-large"),
         (b"", ARROW, 422, "invalid-arrow"),
         (b"x" * 5_000, ARROW, 422, "invalid-arrow"),
