@@ -1,4 +1,4 @@
-"""How many prices a second does the service answer, how long does each take, and what do hostile clients change?
+"""How many prices a second does the service answer, how long does each take or a batch, what do hostile clients change?
 
 Random American puts without dividends, tolerance 1e-6, all Greeks, by `POST /v1/price` over connections that are kept:
 
@@ -6,6 +6,7 @@ Random American puts without dividends, tolerance 1e-6, all Greeks, by `POST /v1
   models and log line with a constant answer;
 - arrivals at fixed rates, whether or not the service keeps up, with latencies from the time at which each was due: at
   half of the largest rate and at twice that;
+- one batch of many such puts by `POST /v1/batch`, in each form, against `price_many` of the same arrays;
 - one client beside twenty hostile ones of the same address, which ask for implied volatilities with 600 dividends at
   the tolerance 1e-8 without a pause, or hold idle connections; and the memory of two workers beside them.
 
@@ -16,6 +17,7 @@ constant without reading the request. Run from the root of the project, with --q
 
 import asyncio
 import contextlib
+import http.client
 import json
 import subprocess
 import sys
@@ -25,14 +27,22 @@ from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 import pricing_core
 from benchmarks.measuring.machine import cpu_model
 from benchmarks.problems.hostile_questions import SEARCH
+from pricing_core.american import price_many
 
 HOST = "127.0.0.1"
+JSON, LINES, ARROW = FORMS = (
+    "application/json",
+    "application/x-ndjson",
+    "application/vnd.apache.arrow.stream",
+)
 CLIENTS = (1, 8, 32)
 HOSTILE = 20
 IDLE = 500
@@ -149,6 +159,9 @@ class Measured:
     """Latencies in seconds, statuses, and how long it took in all."""
 
     latencies: list[float] = field(default_factory=list)
+    since_sent: list[float] = field(
+        default_factory=list
+    )  # where they count from when each was due: from its sending
     statuses: Counter[int] = field(default_factory=Counter)
     seconds: float = 0.0
 
@@ -219,8 +232,10 @@ async def open_loop(port: int, rate: float, seconds: float, requests: list[bytes
         asked = await free.get()
         if asked.transport.is_closing():  # it was idle for too long
             asked = await opened.enter_async_context(connection(port))
+        sent = time.perf_counter()
         measured.statuses[await asked.ask(request)] += 1
         measured.latencies.append(time.perf_counter() - due)
+        measured.since_sent.append(time.perf_counter() - sent)
         free.put_nowait(asked)
 
     async with contextlib.AsyncExitStack() as opened, asyncio.TaskGroup() as group:
@@ -265,6 +280,84 @@ async def beside_idle(port: int, seconds: float, requests: list[bytes]) -> Measu
         return await open_loop(port, 20.0, seconds, requests)
 
 
+def rows_of(form: str, count: int) -> int:
+    """Return how many rows a batch has here: one JSON object may not be as long as the others."""
+    return count // 5 if form == JSON else count
+
+
+def flat_book(count: int) -> dict[str, Any]:
+    """Return random puts in columns."""
+    rng = np.random.default_rng(30)
+    ranges = {"spot": (70.0, 130.0), "expiry": (0.1, 3.0), "rate": (0.0, 0.1), "volatility": (0.1, 0.6)}
+    columns = {name: rng.uniform(*limits, count) for name, limits in ranges.items()}
+    return {"option_type": np.full(count, "put"), "strike": np.full(count, 100.0), **columns}
+
+
+def batch_body(book: dict[str, Any], form: str) -> bytes:
+    """Return a table as the body of a batch."""
+    table = pa.table(book)
+    if form == ARROW:
+        sink = pa.BufferOutputStream()
+        with pa.ipc.new_stream(sink, table.schema) as stream:
+            stream.write_table(table)
+        return bytes(sink.getvalue())
+    if form == LINES:
+        return "\n".join(map(json.dumps, table.to_pylist())).encode()
+    return json.dumps(table.to_pydict()).encode()
+
+
+def batch_seconds(port: int, body: bytes, form: str) -> tuple[float, int]:
+    """Return how long the answer to a batch takes, and how many bytes it has."""
+    with contextlib.closing(http.client.HTTPConnection(HOST, port, timeout=90)) as asked:
+        begun = time.perf_counter()
+        asked.request("POST", "/v1/batch", body, {"Content-Type": form})
+        answer = asked.getresponse()
+        size = len(answer.read())
+        if answer.status != 200:
+            raise RuntimeError(f"a batch was answered {answer.status}")
+        return time.perf_counter() - begun, size
+
+
+def print_batches(port: int, count: int, repeats: int) -> None:
+    """Compare batches with `price_many` in turns, by their medians."""
+    print(f"\nA batch of puts, medians of {repeats}")
+    for form in FORMS:
+        book = flat_book(rows_of(form, count))
+        body = batch_body(book, form)
+        batch_seconds(port, body, form)  # to warm up
+        times, ratios = [], []
+        for _ in range(repeats):
+            begun = time.perf_counter()
+            price_many(book)
+            alone = time.perf_counter() - begun
+            seconds, size = batch_seconds(port, body, form)
+            times.append(seconds)
+            ratios.append(seconds / alone)
+        print(
+            f"  {rows_of(form, count):7} as {form:35} {np.median(times):5.2f} s, "
+            f"{np.median(ratios):.2f} of price_many; "
+            f"{1e-6 * len(body):.1f} MB in, {1e-6 * size:.1f} MB out"
+        )
+
+
+async def beside_batches(port: int, seconds: float, requests: list[bytes], count: int) -> Measured:
+    """Let one client ask 20 times a second beside another one of its address that sends batches without a pause."""
+    bodies = {form: batch_body(flat_book(rows_of(form, count)), form) for form in FORMS}
+    stop = False
+
+    def send() -> None:
+        while not stop:
+            for form, body in bodies.items():
+                batch_seconds(port, body, form)
+
+    sending = asyncio.create_task(asyncio.to_thread(send))
+    try:
+        return await open_loop(port, 20.0, seconds, requests)
+    finally:
+        stop = True
+        await sending
+
+
 def run(awaited: Awaitable[Measured]) -> Measured:
     """Run one measurement."""
 
@@ -302,13 +395,18 @@ def main(*, quick: bool) -> None:
         for share in (0.5, 2.0):
             found = run(open_loop(port, share * peak, seconds, requests))
             print(f"  {share} of the largest rate, {share * peak:.0f}/s: {found}")
+            longest = f"{1e3 * max(found.since_sent):.0f} ms"
+            print(f"    at most {longest} from its sending on one of {CONNECTIONS} connections")
         print(
-            f"\n20 a second, beside {HOSTILE} hostile clients of the same address, and {IDLE} idle connections"
+            f"\n20 a second, beside {HOSTILE} hostile clients of the same address, {IDLE} idle connections, and batches"
         )
         print(f"  alone    {run(open_loop(port, 20.0, seconds, requests))}")
         found, statuses = asyncio.run(beside_hostile(port, seconds, requests))
         print(f"  hostile  {found}; the hostile ones were answered {dict(statuses)}")
         print(f"  idle     {run(beside_idle(port, seconds, requests))}")
+        count = 10_000 if quick else 100_000
+        print(f"  batches  {run(beside_batches(port, seconds, requests, count))}")
+        print_batches(port, count, 3 if quick else 5)
     with server_process(SERVE.replace("'0']", "'0', '--workers', '2']")) as (port, process):
         run(closed_loop(port, 8, 1.0, requests))
         before = megabytes(process)

@@ -6,6 +6,7 @@ from collections import defaultdict
 from typing import Protocol
 
 from app.service.clients import NamedNetworks, network_of
+from app.service.errors import ClientLimitError, OverloadedError, ServiceError
 from app.settings import Settings, parts
 
 log = logging.getLogger("pricing.connections")
@@ -25,8 +26,8 @@ class Closable(Protocol):
         """Whether a request is in work, whether one was ever answered, and when something last happened."""
         ...
 
-    def make_room(self) -> None:
-        """Close it for another."""
+    def make_room(self, reason: ServiceError) -> None:
+        """Close it for another; who waits for an answer is told the reason."""
         ...
 
 
@@ -51,9 +52,13 @@ class ConnectionLedger:
         self._count += 1
         too_many = len(self._open[client]) > self._settings.client_connections
         if too_many and connection.address not in self._trusted:
-            self._close_one(client, connection)
+            reason: ServiceError = ClientLimitError("this client has more connections open than it may")
+            self._close_one(client, connection, reason)
         elif self._count > self._settings.max_connections:
-            self._close_one(max(self._open, key=lambda client: len(self._open[client])), connection)
+            most = max(self._open, key=lambda client: len(self._open[client]))
+            self._close_one(
+                most, connection, OverloadedError("all clients have more connections open than they may")
+            )
 
     def leave(self, connection: Closable) -> None:
         """Forget a connection."""
@@ -64,10 +69,10 @@ class ConnectionLedger:
         if not self._open[client]:
             del self._open[client]
 
-    def _close_one(self, client: str, new: Closable) -> None:
+    def _close_one(self, client: str, new: Closable, reason: ServiceError) -> None:
         least = min(self._open[client] - {new}, key=lambda other: other.worth, default=new)
         self.leave(least)
-        least.make_room()
+        least.make_room(reason)
         self._closed += 1
         if time.monotonic() - self._told >= LEAST_SECONDS:
             fields = {"client": client, "closed": self._closed}

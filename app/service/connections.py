@@ -12,7 +12,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from app.service.clients import network_of
 from app.service.connection_ledger import ConnectionLedger
 from app.service.envelope import SECURITY_HEADERS
-from app.service.errors import ClientLimitError, ProtocolError, problem_response, problem_type
+from app.service.errors import ProtocolError, ServiceError, problem_response, problem_type
 from app.service.metrics import Metrics
 from app.settings import Settings
 from pricing_core.errors import InvalidInputError, Told
@@ -105,13 +105,13 @@ class BoundedConnection(H11Protocol):
         """Whether a request is in work, whether one was ever answered, and when the last one was, or it was opened."""
         return not self._is_idle(), self._has_answered, self._last
 
-    def make_room(self) -> None:
-        """Close the connection for another one; who waits for an answer is told."""
+    def make_room(self, reason: ServiceError) -> None:
+        """Close the connection for another one; who waits for an answer is told the reason."""
         self._metrics.connections_closed.inc()
         if self._is_idle():
             self.transport.abort()
         else:
-            self._refuse(ClientLimitError("this client has more connections open than it may"))
+            self._refuse(reason)
             self.cycle.disconnected = True  # ends the work, and keeps its answer from what is closed
             self.cycle.message_event.set()
 
