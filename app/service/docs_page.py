@@ -1,4 +1,4 @@
-"""GET /docs, to which / redirects: the service on one page, made from its OpenAPI description, without a script."""
+"""GET /docs: the service on one page, made from its OpenAPI description, without a script."""
 
 import base64
 import hashlib
@@ -8,7 +8,7 @@ from html import escape
 from typing import Any
 
 from fastapi import APIRouter, Request
-from fastapi.responses import HTMLResponse, RedirectResponse
+from fastapi.responses import HTMLResponse
 
 from app.service.errors import HTTP_TYPES, PROBLEM_TYPES
 
@@ -33,12 +33,6 @@ async def get_docs(request: Request) -> HTMLResponse:
     """Render the page."""
     page = render(request.app.openapi())
     return HTMLResponse(page, headers={"Content-Security-Policy": POLICY})
-
-
-@router.get("/", include_in_schema=False)
-async def get_root() -> RedirectResponse:
-    """Lead to the page."""
-    return RedirectResponse("/docs")
 
 
 def render(description: dict[str, Any]) -> str:

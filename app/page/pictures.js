@@ -1,0 +1,212 @@
+// The pictures of one option: value, Greeks and multiplier against the spot, the exercise boundary against time.
+
+import { Chart } from "./charts.js";
+import { element } from "./form.js";
+import { short } from "./numbers.js";
+
+const POINTS = 81; // spots
+const LATER = [0.5, 0.9]; // further times at which the value is drawn, as shares of the time to expiry
+const COARSEST = 1e-4; // tolerance of the pictures, a fraction of the strike
+const MOST_POINTS = 40_000; // spots x times x pieces between events that the service is asked for at most
+const MOST_NAMED = 4; // ex-dates that are each named on the picture
+const BESIDE = 1e-3; // how far beside an end of exercise a spot is put on either side, for what jumps there
+const GREEKS = [
+  ["delta", "Delta", "value per money of spot", "blue"], ["gamma", "Gamma", "delta per money of spot", "green"],
+  ["theta", "Theta", "money per year", "violet"], ["vega", "Vega", "money per 1.00 of volatility", "amber"],
+];
+const TIMES = [{ name: "now", colour: "blue", width: 2.5 }, { name: "later", colour: "green", width: 1.75 },
+  { name: "close to expiry", colour: "amber", width: 1.75 }];
+
+export class Pictures {
+  constructor(root) {
+    const value = { title: "Value against spot", x: "spot (money)", y: "value (money)", height: 380,
+      lines: [...TIMES, { name: "at expiry: the payoff", colour: "muted", dash: [5, 4], width: 1.5 }] };
+    const multiplier = { title: "What holding on loses", x: "spot (money)", y: "multiplier u (money/year)", height: 260,
+      lines: TIMES };
+    const boundary = { title: "Exercise boundary against time", x: "time from now (years)", y: "spot (money)", height: 320,
+      isOverSpots: false, lines: [{ name: "exercise boundary", colour: "red", dots: true }, { name: "other boundary", colour: "red", dash: [8, 4], dots: true }] };
+    this.value = new Chart(root, { id: "value-chart", ...value });
+    this.multiplier = new Chart(root, { id: "multiplier-chart", ...multiplier });
+    this.boundary = new Chart(root, { id: "boundary-chart", ...boundary });
+    const panel = element("section", { class: "greeks", id: "greek-charts", "aria-labelledby": "greeks-title" },
+      element("h2", { id: "greeks-title" }, "Greeks against spot, now"));
+    const grid = element("div", { class: "small-charts" });
+    panel.append(grid);
+    root.append(panel);
+    this.greeks = GREEKS.map(([name, title, unit, ink]) => new Chart(grid,
+      { id: `${name}-chart`, title, x: "spot (money)", y: unit, height: 170, lines: [{ name: title.toLowerCase(), colour: ink }], small: true }));
+  }
+
+  get all() {
+    return [this.value, this.boundary, ...this.greeks, this.multiplier];
+  }
+
+  // Ask for what the pictures show; body: a question for a price that has its answer.
+  async ask(service, body, signal) {
+    const asked = { ...body, tolerance: Math.max(body.tolerance ?? 0, COARSEST) };
+    for (const name of ["greeks", "greek_errors", "greeks_units"]) delete asked[name];
+    const boundary = await service.ask("v1/boundary", asked, signal);
+    const expiry = boundary.time.at(-1);
+    const spots = spotsFor(body, boundary);
+    const times = LATER.map((share) => share * expiry);
+    const [now, later] = await Promise.all([
+      service.ask("v1/surface", { ...asked, spots, times: [0], greeks_units: body.greeks_units ?? "per_year_per_unit" }, signal),
+      service.ask("v1/surface", { ...asked, spots, times, greeks: "none" }, signal),
+    ]);
+    return { body, boundary, spots, times, expiry, now, later };
+  }
+
+  show(found) {
+    const { body, boundary, spots, times, now, later, expiry } = found;
+    const names = ["now", ...times.map((time) => `${short(time)} years from now`)];
+    const isPut = body.option_type === "put";
+    const payoff = spots.map((spot) => Math.max(isPut ? body.strike - spot : spot - body.strike, 0));
+    const ends = [0, ...times].map((time) => endsAt(boundary, time, body.exercise));
+    const region = regionInWords(ends[0], isPut);
+    this.value.show([spots, now.value[0], ...later.value, payoff], {
+      says: region ? `Now the value touches the payoff ${region}: exercise is best there.` : "Now the value is above what exercise brings at every spot shown.",
+      names, annotate: (pen) => this.drawContacts(pen, found, ends, isPut) });
+    this.multiplier.show([spots, now.multiplier[0], ...later.multiplier], {
+      says: now.multiplier[0].some((number) => number > 0) ? `Who holds on ${region} loses this much a year.` : "Holding on loses nothing now at the spots shown.",
+      names, annotate: (pen) => this.drawEnds(pen, ends[0], spots) });
+    this.showBoundary(found, expiry);
+    const perDay = now.greeks_units === "per_day_per_point";
+    GREEKS.forEach(([name, , unit], i) => {
+      const words = perDay ? unit.replace("per year", "per day").replace("1.00", "0.01") : unit;
+      this.greeks[i].show([spots, now[name][0]], { says: words, annotate: (pen) => {
+        this.drawEnds(pen, ends[0], spots, "");
+        if (typeof body.spot === "number") pen.dot(body.spot, now[name][0][spots.indexOf(body.spot)], GREEKS[i][3]);
+      } });
+    });
+  }
+
+  drawContacts(pen, { body, spots, now, later }, ends, isPut) {
+    const values = [now.value[0], ...later.value];
+    ends.forEach((pair, i) => pair.forEach((spot, end) => {
+      if (spot === null || spot < spots[0] || spot > spots.at(-1)) return;
+      const height = Math.max(isPut ? body.strike - spot : spot - body.strike, 0);
+      pen.dot(spot, height, TIMES[i].colour);
+      if (i > 0) return;
+      const name = end === 0 ? "contact point" : "other contact point";
+      pen.words(`${name} ${short(spot)}`, pen.x(spot) + (isPut ? 10 : -10) * pen.ratio, pen.y(height) - 12 * pen.ratio, "ink", isPut ? "left" : "right");
+    }));
+    if (typeof body.spot !== "number" || !spots.includes(body.spot)) return;
+    const price = values[0][spots.indexOf(body.spot)];
+    pen.upright(body.spot, "muted", [2, 4]);
+    pen.dot(body.spot, price, "ink", 4);
+    pen.words(`spot ${short(body.spot)}`, pen.x(body.spot) + 6 * pen.ratio, pen.box.top + 12 * pen.ratio, "muted");
+  }
+
+  drawEnds(pen, ends, spots, words = "exercise boundary") {
+    for (const spot of ends) {
+      if (spot === null || spot < spots[0] || spot > spots.at(-1)) continue;
+      pen.upright(spot, "red", [4, 4]);
+      if (words) pen.words(`${words} ${short(spot)}`, pen.x(spot) + 6 * pen.ratio, pen.box.top + 12 * pen.ratio, "red");
+    }
+  }
+
+  showBoundary({ body, boundary, now, expiry }) {
+    const isDated = body.exercise === "bermudan";
+    const x = isDated ? boundary.time.flatMap((time) => [time, time]) : boundary.time;
+    const spread = (column) => (isDated ? column.flatMap((value) => [value, null]) : column);
+    const none = boundary.time.map(() => null);
+    const near = spread(boundary.boundary);
+    const far = spread(boundary.other_boundary ?? none);
+    const known = [...near, ...far].filter((value) => value !== null);
+    const perpetual = now.perpetual_boundary;
+    const levels = [...known, body.strike, ...(perpetual === null ? [] : [perpetual]), ...(typeof body.spot === "number" ? [body.spot] : [])];
+    const [least, most] = [Math.min(...levels), Math.max(...levels)];
+    const room = 0.12 * (most - least || most);
+    const limits = [Math.max(least - room, 0), most + room];
+    const isPut = body.option_type === "put";
+    const atExpiry = [boundary.boundary.at(-1), boundary.other_boundary?.at(-1) ?? null].filter((value) => value !== null);
+    const events = eventsOf(body, expiry, boundary.time);
+    const says = known.length === 0 ? "Early exercise is never best." :
+      `Exercise is best in the shaded region${atExpiry.length ? `, whose limit at expiry is ${atExpiry.map(short).join(" and ")}` : ""}.`;
+    this.boundary.show([x, near, far], { says, limits, hiddenLines: boundary.other_boundary ? [] : [1],
+      under: (pen) => pen.area(x, boundary.other_boundary ? far : near.map(() => (isPut ? limits[0] : limits[1])), near, "region"),
+      annotate: (pen) => {
+        const isAtStrike = body.spot === body.strike;
+        pen.across(body.strike, "muted", [6, 4]);
+        pen.words(`strike${isAtStrike ? " and spot now" : ""} ${short(body.strike)}`, pen.box.left + 8 * pen.ratio, pen.y(body.strike) - 10 * pen.ratio, "muted");
+        if (perpetual !== null) {
+          pen.across(perpetual, "blue", [2, 3]);
+          pen.words(`without expiry ${short(perpetual)}`, pen.box.left, pen.y(perpetual) + 10 * pen.ratio, "blue");
+        }
+        events.forEach(({ time, name }, i) => {
+          pen.upright(time, "amber", [3, 3]);
+          const bottom = pen.box.top + pen.box.height - 10 * pen.ratio;
+          if (events.length <= MOST_NAMED || i === 0) pen.words(name, pen.x(time) - 4 * pen.ratio, bottom, "amber", "right");
+        });
+        for (const [i, level] of atExpiry.entries()) {
+          pen.dot(expiry, level, "red");
+          pen.words(`limit at expiry ${short(level)}`, pen.x(expiry) - 8 * pen.ratio, pen.y(level) + (i === 0 && isPut ? 14 : -12) * pen.ratio, "red", "right");
+        }
+        if (typeof body.spot === "number") {
+          pen.dot(0, body.spot, "ink", 4);
+          if (!isAtStrike) pen.words(`spot now ${short(body.spot)}`, pen.x(0) + 8 * pen.ratio, pen.y(body.spot), "ink");
+        }
+      } });
+  }
+
+  // Put the cross-hair of all pictures over spots at one of them.
+  point(spot) {
+    for (const chart of [this.value, this.multiplier, ...this.greeks]) chart.point(spot);
+  }
+
+  redraw() {
+    for (const chart of this.all) chart.redraw();
+  }
+}
+
+// The spots that the pictures show: around strike and spot as far as the spot is likely to go, with the ends of exercise.
+function spotsFor(body, boundary) {
+  const volatility = typeof body.volatility === "number" ? body.volatility : Math.max(...(body.volatility?.values ?? [0.2]));
+  const reach = Math.min(Math.max(2 * volatility * Math.sqrt(boundary.time.at(-1)), 0.2), 1);
+  const centre = [body.strike, body.spot].filter((value) => value > 0);
+  let least = Math.min(...centre) * Math.exp(-reach);
+  let most = Math.max(...centre) * Math.exp(reach);
+  for (const end of [boundary.boundary[0], boundary.other_boundary?.[0]]) {
+    if (end > 0.15 * body.strike && end < 4 * body.strike) [least, most] = [Math.min(least, 0.85 * end), Math.max(most, 1.1 * end)];
+  }
+  if (body.dividend_model === "escrowed") least = Math.max(least, 1.1 * (body.cash_dividends ?? []).reduce((sum, { amount }) => sum + amount, 0));
+  const pieces = 1 + eventsOf(body, Infinity, []).length + curveKnots(body) + (body.exercise_times?.length ?? 0);
+  const count = Math.max(Math.min(POINTS, Math.floor(MOST_POINTS / (LATER.length * pieces))), 5);
+  const even = Array.from({ length: count }, (_, i) => least + ((most - least) * i) / (count - 1));
+  const ends = [0, ...LATER].flatMap((share) => endsAt(boundary, share * boundary.time.at(-1), body.exercise));
+  const besides = ends.filter((end) => end !== null).flatMap((end) => [end * (1 - BESIDE), end * (1 + BESIDE)]);
+  const exact = [...centre, ...besides].filter((spot) => spot > least && spot < most);
+  return [...new Set([...even, ...exact])].sort((a, b) => a - b);
+}
+
+function curveKnots(body) {
+  return ["rate", "dividend_yield", "volatility"].reduce((sum, name) => sum + (body[name]?.times?.length ?? 0), 0);
+}
+
+// Ex-dates before expiry, in years; a date is found among the times of the boundary by its share of the life.
+function eventsOf(body, expiry, times) {
+  const all = [...(body.cash_dividends ?? []), ...(body.proportional_dividends ?? [])];
+  const start = Date.parse(body.valuation_date);
+  const years = ({ time, ex_date: date }) => time ?? (Date.parse(date) - start) / (365 * 86_400_000);
+  const found = [...new Set(all.map(years))].filter((time) => time > 0 && time <= expiry).sort((a, b) => a - b);
+  return found.map((time) => ({ time: times.find((other) => Math.abs(other - time) < 1e-3) ?? time, name: "ex-date" }));
+}
+
+// Both ends of the exercise region at a time; null where there is none. Between dates nobody exercises a Bermudan option.
+function endsAt(boundary, time, exercise) {
+  const columns = [boundary.boundary, boundary.other_boundary ?? boundary.time.map(() => null)];
+  const after = boundary.time.findIndex((other) => other >= time);
+  return columns.map((column) => {
+    if (boundary.time[after] === time || exercise === "bermudan") return boundary.time[after] === time ? column[after] : null;
+    const [low, high] = [column[after - 1], column[after]];
+    if (low === null || high === null || after < 1) return null;
+    const share = (time - boundary.time[after - 1]) / (boundary.time[after] - boundary.time[after - 1]);
+    return low + share * (high - low);
+  });
+}
+
+function regionInWords([near, far], isPut) {
+  if (near === null) return "";
+  if (far !== null) return `between ${short(Math.min(near, far))} and ${short(Math.max(near, far))}`;
+  return isPut ? `at spots up to ${short(near)}` : `at spots from ${short(near)}`;
+}
