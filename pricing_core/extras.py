@@ -10,6 +10,7 @@ from pricing_core.errors import MissingExtraError
 # The modules that each extra installs, as `pyproject.toml` has them.
 EXTRAS = {
     "batch": ("fsspec", "pyarrow"),
+    "client": ("httpx", "pyarrow"),
     "cluster": ("dask", "distributed"),
     "cli": ("rich", "typer"),
     "plot": ("matplotlib",),

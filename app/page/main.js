@@ -72,14 +72,14 @@ async function answers(mode, body, signal) {
 function refuse(error) {
   if (!(error instanceof ProblemError)) throw error;
   tell("");
-  document.body.dataset.numbers = "old";
+  if (document.body.dataset.numbers) document.body.dataset.numbers = "old";
+  else place("how").textContent = "There will be numbers and charts once the marked fields are right.";
   form.showErrors(error.problem);
   if (error.status === 401) {
     place("key-field").hidden = false;
     form.showErrors({ title: "The service wants an API key" });
   }
   mark("old");
-  if (!last?.found) place("how").textContent = "There will be numbers and charts once the marked fields are right.";
 }
 
 // The link to this contract: everything that is not a default, in the address behind the #.

@@ -36,11 +36,6 @@ def test_the_page_loads_nothing_from_anywhere_and_runs_no_script(client: TestCli
     assert page.links == ["/openapi.json"]
 
 
-def test_the_root_leads_to_the_page(client: TestClient) -> None:
-    answer = client.get("/", follow_redirects=False)
-    assert (answer.status_code, answer.headers["location"]) == (307, "/docs")
-
-
 def test_the_page_describes_every_operation_field_and_problem(client: TestClient) -> None:
     text = client.get("/docs").text
     operations = ("POST /v1/price", "POST /v1/boundary", "POST /v1/implied-volatility", "GET /readyz")
