@@ -5,6 +5,7 @@ import { short, written } from "./numbers.js";
 
 const AXIS_WIDTH = 58; // px, the same for all, so that charts above one another share their spots
 const FONT = "12px system-ui, sans-serif";
+const STRAIGHT = uPlot.paths.linear();
 const SPOTS = "spots"; // what charts with a shared cross-hair are synchronised by
 
 export function colour(name) {
@@ -19,7 +20,7 @@ function axis(label, extra = {}) {
   };
 }
 
-// lines: [{ name, colour, dash, width, dots, fill }]; x, y: axis labels; annotate(pen): what is written on the picture.
+// lines: [{ name, colour, dash, width }]; x, y: axis labels; annotate(pen): what is written on the picture.
 export class Chart {
   constructor(parent, { id, title, x, y, lines, height, isOverSpots = true, small = false }) {
     this.lines = lines;
@@ -56,7 +57,7 @@ export class Chart {
         ...(isOverSpots ? { sync: { key: SPOTS, setSeries: false } } : {}) },
       series: [{}, ...this.lines.map((line) => ({
         stroke: () => colour(line.colour), width: line.width ?? 2, dash: line.dash, spanGaps: false, pxAlign: 0,
-        points: { show: line.dots ? undefined : false, size: 6 } }))],
+        paths: (...about) => (this.isDotted ? null : STRAIGHT(...about)), points: { show: false } }))],
       hooks: { drawClear: [(plot) => this.under?.(new Pen(plot))], draw: [(plot) => this.annotate(new Pen(plot))],
         setCursor: [() => this.read()] },
     };
@@ -71,13 +72,14 @@ export class Chart {
   }
 
   range(least, most) {
-    if (least === null || least === undefined || !Number.isFinite(least)) return [0, 1];
+    if (!Number.isFinite(least ?? NaN) || (least === 0 && most === 0)) return this.limits ?? [0, 1];
     const room = (most - least) * 0.06 || Math.abs(least) * 0.1 || 1;
     return this.limits ?? [least < 0 || least - room > 0 ? least - room : Math.min(least, -room * 0.3), most + room];
   }
 
   // data: columns, the first the axis; says: the picture in a sentence; names: of the lines, where they change.
-  show(data, { says, annotate = () => {}, under, names = [], limits, hiddenLines = [] }) {
+  show(data, { says, annotate = () => {}, under, names = [], limits, hiddenLines = [], isDotted = false }) {
+    this.isDotted = isDotted; // no line: what is annotated alone
     this.annotate = annotate;
     this.under = under;
     this.limits = limits;

@@ -21,7 +21,9 @@ function tell(words, canTryNow = false) {
   place("trouble").hidden = words === "";
   place("trouble-text").textContent = words;
   place("again").hidden = !canTryNow;
-  if (words !== "") mark("old");
+  if (words === "") return;
+  mark("old");
+  if (document.body.dataset.numbers) document.body.dataset.numbers = "old";
 }
 
 // Say of the pictures whether they belong to the numbers: "current", "waiting" or "old".

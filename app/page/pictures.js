@@ -24,7 +24,7 @@ export class Pictures {
     const multiplier = { title: "What holding on loses", x: "spot (money)", y: "multiplier u (money/year)", height: 260,
       lines: TIMES };
     const boundary = { title: "Exercise boundary against time", x: "time from now (years)", y: "spot (money)", height: 320,
-      isOverSpots: false, lines: [{ name: "exercise boundary", colour: "red", dots: true }, { name: "other boundary", colour: "red", dash: [8, 4], dots: true }] };
+      isOverSpots: false, lines: [{ name: "exercise boundary", colour: "red" }, { name: "other boundary", colour: "red", dash: [8, 4] }] };
     this.value = new Chart(root, { id: "value-chart", ...value });
     this.multiplier = new Chart(root, { id: "multiplier-chart", ...multiplier });
     this.boundary = new Chart(root, { id: "boundary-chart", ...boundary });
@@ -106,25 +106,28 @@ export class Pictures {
   }
 
   showBoundary({ body, boundary, now, expiry }) {
+    const x = boundary.time;
+    const near = boundary.boundary;
+    const far = boundary.other_boundary ?? x.map(() => null);
     const isDated = body.exercise === "bermudan";
-    const x = isDated ? boundary.time.flatMap((time) => [time, time]) : boundary.time;
-    const spread = (column) => (isDated ? column.flatMap((value) => [value, null]) : column);
-    const none = boundary.time.map(() => null);
-    const near = spread(boundary.boundary);
-    const far = spread(boundary.other_boundary ?? none);
+    const dots = [near, far].flatMap((column) => x.flatMap((time, i) => (isAlone(column, i) || (isDated && column[i] !== null) ? [[time, column[i]]] : [])));
     const known = [...near, ...far].filter((value) => value !== null);
     const perpetual = now.perpetual_boundary;
     const levels = [...known, body.strike, ...(perpetual === null ? [] : [perpetual]), ...(typeof body.spot === "number" ? [body.spot] : [])];
     const [least, most] = [Math.min(...levels), Math.max(...levels)];
-    const room = 0.12 * (most - least || most);
+    const room = Math.max(0.12 * (most - least), 0.04 * most);
     const limits = [Math.max(least - room, 0), most + room];
     const isPut = body.option_type === "put";
     const atExpiry = [boundary.boundary.at(-1), boundary.other_boundary?.at(-1) ?? null].filter((value) => value !== null);
     const events = eventsOf(body, expiry, boundary.time);
-    const says = known.length === 0 ? "Early exercise is never best." :
-      `Exercise is best in the shaded region${atExpiry.length ? `, whose limit at expiry is ${atExpiry.map(short).join(" and ")}` : ""}.`;
-    this.boundary.show([x, near, far], { says, limits, hiddenLines: boundary.other_boundary ? [] : [1],
-      under: (pen) => pen.area(x, boundary.other_boundary ? far : near.map(() => (isPut ? limits[0] : limits[1])), near, "region"),
+    const limit = atExpiry.length ? `, whose limit at expiry is ${atExpiry.map(short).join(" and ")}` : "";
+    const side = isPut ? "up to" : "from";
+    const areDots = isDated || (dots.length > 0 && dots.length >= known.length - 1);
+    const says = known.length === 0 ? "Early exercise is never best."
+      : areDots ? `Exercise is best ${isDated ? "on the dates" : "just before the ex-dates"} that have a dot, at spots ${side} it.`
+        : `Exercise is best in the shaded region${limit}.`;
+    this.boundary.show([x, near, far], { says, limits, hiddenLines: boundary.other_boundary ? [] : [1], isDotted: isDated,
+      under: (pen) => !isDated && pen.area(x, boundary.other_boundary ? far : near.map(() => (isPut ? limits[0] : limits[1])), near, "region"),
       annotate: (pen) => {
         const isAtStrike = body.spot === body.strike;
         pen.across(body.strike, "muted", [6, 4]);
@@ -138,6 +141,13 @@ export class Pictures {
           const bottom = pen.box.top + pen.box.height - 10 * pen.ratio;
           if (events.length <= MOST_NAMED || i === 0) pen.words(name, pen.x(time) - 4 * pen.ratio, bottom, "amber", "right");
         });
+        for (const [time, level] of dots) {
+          pen.dot(time, level, "red");
+          if (areDots && dots.length <= 2 * MOST_NAMED && time < expiry) {
+            const isLate = time > 0.8 * expiry;
+            pen.words(short(level), pen.x(time) + (isLate ? -8 : 8) * pen.ratio, pen.y(level), "red", isLate ? "right" : "left");
+          }
+        }
         for (const [i, level] of atExpiry.entries()) {
           pen.dot(expiry, level, "red");
           pen.words(`limit at expiry ${short(level)}`, pen.x(expiry) - 8 * pen.ratio, pen.y(level) + (i === 0 && isPut ? 14 : -12) * pen.ratio, "red", "right");
@@ -181,6 +191,11 @@ function spotsFor(body, boundary) {
 
 function curveKnots(body) {
   return ["rate", "dividend_yield", "volatility"].reduce((sum, name) => sum + (body[name]?.times?.length ?? 0), 0);
+}
+
+// A value without neighbours: a line cannot show it.
+function isAlone(column, i) {
+  return column[i] !== null && (column[i - 1] ?? null) === null && (column[i + 1] ?? null) === null;
 }
 
 // Ex-dates before expiry, in years; a date is found among the times of the boundary by its share of the life.
