@@ -88,6 +88,7 @@ def test_the_library_works_alone():
     ("module", "extra"),
     [
         ("pricing_core.batch", "batch"),
+        ("app.client", "client"),
         ("app.main", "service"),
         ("app.service.server", "service"),
         ("app.commands.boundary_plot", "plot"),

@@ -1,0 +1,351 @@
+"""The two clients: each sends what an exchange asks for, and waits as it says."""
+
+import asyncio
+import time
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import Any, Self, TypeVar, overload
+from urllib.parse import urlencode
+
+import httpx
+import pyarrow as pa
+from numpy.typing import ArrayLike, NDArray
+
+from app.client import answers
+from app.client.exchange import Exchange, Question, exchange
+from app.client.questions import contract_question, contracts_table, table_question
+from pricing_core.american import ExerciseBoundary, ImpliedVolatility, Market, Option, Valuation, ValueSurface
+from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
+from pricing_core.american.surface import SurfaceGreeks
+from pricing_core.arrays import as_vector
+
+ATTEMPTS = 5
+TIMEOUT = 75.0  # seconds for one attempt: more than the deadline of a batch
+Answer = TypeVar("Answer")
+Reader = Callable[[httpx.Response], Answer]
+
+
+def _headers(api_key: str | None) -> dict[str, str]:
+    return {} if api_key is None else {"Authorization": f"Bearer {api_key}"}
+
+
+def _sent(question: Question) -> dict[str, Any]:
+    """Return what httpx is told of a question."""
+    headers = {"Content-Type": question.media_type, "Accept": question.media_type}
+    return {"url": question.path, "content": question.body, "headers": headers}
+
+
+def _price(option: Option, market: Market, tolerance: float, greeks: Greeks) -> Question:
+    return contract_question(
+        "v1/price", option, market, tolerance=tolerance, greeks=greeks, greek_errors=True
+    )
+
+
+def _boundary(option: Option, market: Market, times: ArrayLike | None, tolerance: float) -> Question:
+    chosen = None if times is None else as_vector("times", times).tolist()
+    return contract_question("v1/boundary", option, market, times=chosen, tolerance=tolerance)
+
+
+def _implied(
+    option: Option,
+    market: Market,
+    option_price: float | None,
+    bid: float | None,
+    ask: float | None,
+    tolerance: float,
+) -> Question:
+    quotes = {"option_price": option_price, "bid": bid, "ask": ask}
+    return contract_question(
+        "v1/implied-volatility", option, market, "volatility", **quotes, tolerance=tolerance
+    )
+
+
+def _surface(
+    option: Option,
+    market: Market,
+    spots: ArrayLike,
+    times: ArrayLike,
+    tolerance: float,
+    greeks: SurfaceGreeks,
+) -> Question:
+    chosen = {"spots": as_vector("spots", spots).tolist(), "times": as_vector("times", times).tolist()}
+    return contract_question(
+        "v1/surface", option, market, "spot", **chosen, tolerance=tolerance, greeks=greeks
+    )
+
+
+def _batch(table: pa.Table, tolerance: float, greeks: Greeks, greek_errors: bool) -> Question:
+    settings = {"tolerance": repr(tolerance), "greeks": greeks, "greek_errors": str(greek_errors).lower()}
+    return table_question(f"v1/batch?{urlencode(settings)}", table)
+
+
+def _with_results(table: pa.Table, results: pa.Table) -> pa.Table:
+    for name, column in zip(results.schema.names, results.columns, strict=True):
+        table = table.append_column(name, column)
+    return table
+
+
+class Client:
+    """A client of the service; its methods are the functions of the library with their arguments and results.
+
+    Parameters
+    ----------
+    url : str
+        Address of the service, such as "http://127.0.0.1:8000".
+    api_key : str, optional
+        Where the service wants one.
+    attempts : int
+        How often a question is asked where the service is away, busy or breaks off; it is left alone in between for as
+        long as it says in Retry-After, and else for 0.25 s, 0.5 s, 1 s, ...
+    timeout : float
+        Seconds for one attempt.
+
+    Examples
+    --------
+    >>> with Client("http://127.0.0.1:8000") as client:  # doctest: +SKIP
+    ...     client.price(Option("put", 100.0, 1.0), Market(100.0, rate=0.05, volatility=0.2)).price
+    6.0903...
+    """
+
+    def __init__(
+        self, url: str, api_key: str | None = None, *, attempts: int = ATTEMPTS, timeout: float = TIMEOUT
+    ) -> None:
+        self._attempts = attempts
+        self._http = httpx.Client(base_url=url, headers=_headers(api_key), timeout=timeout)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.close()
+
+    def price(
+        self,
+        option: Option,
+        market: Market,
+        *,
+        tolerance: float = DEFAULT_TOLERANCE,
+        greeks: Greeks = "standard",
+    ) -> Valuation:
+        """Value one option, as `pricing_core.american.price` does; its diagnostics are empty.
+
+        Raises
+        ------
+        InvalidInputError, NumericalError
+            As there.
+        ServiceUnavailableError, ServiceRefusedError, BrokenAnswerError
+            The service did not answer.
+        """
+        return self._ask(_price(option, market, tolerance, greeks), answers.valuation)
+
+    def boundary(
+        self,
+        option: Option,
+        market: Market,
+        times: ArrayLike | None = None,
+        *,
+        tolerance: float = DEFAULT_TOLERANCE,
+    ) -> ExerciseBoundary:
+        """Find the exercise boundary, as `exercise_boundary` does; errors as in `price`."""
+        return self._ask(_boundary(option, market, times, tolerance), answers.exercise_boundary)
+
+    def implied_volatility(
+        self,
+        option: Option,
+        market: Market,
+        option_price: float | None = None,
+        *,
+        bid: float | None = None,
+        ask: float | None = None,
+        tolerance: float = DEFAULT_TOLERANCE,
+    ) -> ImpliedVolatility:
+        """Find the volatility of a price, as `implied_volatility` does; errors as in `price`."""
+        question = _implied(option, market, option_price, bid, ask, tolerance)
+        return self._ask(question, answers.implied_volatility)
+
+    def surface(
+        self,
+        option: Option,
+        market: Market,
+        *,
+        spots: ArrayLike,
+        times: ArrayLike,
+        tolerance: float = DEFAULT_TOLERANCE,
+        greeks: SurfaceGreeks = "standard",
+    ) -> ValueSurface:
+        """Value the option over times and spots, as `value_surface` does; errors as in `price`."""
+        return self._ask(_surface(option, market, spots, times, tolerance, greeks), answers.value_surface)
+
+    @overload
+    def price_many(
+        self,
+        columns: Mapping[str, Any],
+        *,
+        tolerance: float = ...,
+        greeks: Greeks = ...,
+        greek_errors: bool = ...,
+    ) -> dict[str, NDArray[Any]]: ...
+
+    @overload
+    def price_many(
+        self, columns: pa.Table, *, tolerance: float = ..., greeks: Greeks = ..., greek_errors: bool = ...
+    ) -> pa.Table: ...
+
+    def price_many(
+        self,
+        columns: Any,
+        *,
+        tolerance: float = DEFAULT_TOLERANCE,
+        greeks: Greeks = "standard",
+        greek_errors: bool = False,
+    ) -> Any:
+        """Price one option per row by way of an Arrow stream, as `price_many` does.
+
+        Parameters
+        ----------
+        columns : mapping of str to array_like or scalar, or pyarrow.Table
+            A mapping is answered with arrays, a table with itself and the results as further columns.
+
+        Raises
+        ------
+        InvalidInputError
+            Columns have different lengths, or one is missing or unknown.
+        """
+        table = contracts_table(columns) if isinstance(columns, Mapping) else columns
+        question = _batch(table, tolerance, greeks, greek_errors)
+        results = self._ask(question, lambda answer: answers.results_table(answer, table.num_rows))
+        return answers.as_columns(results) if table is not columns else _with_results(table, results)
+
+    def _ask(self, question: Question, read: Reader[Answer]) -> Answer:
+        return read(self._follow(exchange(question, self._attempts)))
+
+    def _follow(self, steps: Exchange) -> httpx.Response:
+        step = next(steps)
+        try:
+            while True:
+                step = steps.send(self._take(step))
+        except StopIteration as end:
+            response: httpx.Response = end.value
+            return response
+
+    def _take(self, step: Question | float) -> httpx.Response | httpx.TransportError | None:
+        if isinstance(step, float):
+            time.sleep(step)
+            return None
+        try:
+            return self._http.post(**_sent(step))
+        except httpx.TransportError as error:
+            return error
+
+
+class AsyncClient:
+    """The same for asyncio: every method of `Client`, to be awaited; `close` is `aclose`."""
+
+    def __init__(
+        self, url: str, api_key: str | None = None, *, attempts: int = ATTEMPTS, timeout: float = TIMEOUT
+    ) -> None:
+        self._attempts = attempts
+        self._http = httpx.AsyncClient(base_url=url, headers=_headers(api_key), timeout=timeout)
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.aclose()
+
+    async def aclose(self) -> None:
+        """Close the connections."""
+        await self._http.aclose()
+
+    async def price(
+        self,
+        option: Option,
+        market: Market,
+        *,
+        tolerance: float = DEFAULT_TOLERANCE,
+        greeks: Greeks = "standard",
+    ) -> Valuation:
+        """As `Client.price`."""
+        return await self._ask(_price(option, market, tolerance, greeks), answers.valuation)
+
+    async def boundary(
+        self,
+        option: Option,
+        market: Market,
+        times: ArrayLike | None = None,
+        *,
+        tolerance: float = DEFAULT_TOLERANCE,
+    ) -> ExerciseBoundary:
+        """As `Client.boundary`."""
+        return await self._ask(_boundary(option, market, times, tolerance), answers.exercise_boundary)
+
+    async def implied_volatility(
+        self,
+        option: Option,
+        market: Market,
+        option_price: float | None = None,
+        *,
+        bid: float | None = None,
+        ask: float | None = None,
+        tolerance: float = DEFAULT_TOLERANCE,
+    ) -> ImpliedVolatility:
+        """As `Client.implied_volatility`."""
+        question = _implied(option, market, option_price, bid, ask, tolerance)
+        return await self._ask(question, answers.implied_volatility)
+
+    async def surface(
+        self,
+        option: Option,
+        market: Market,
+        *,
+        spots: ArrayLike,
+        times: ArrayLike,
+        tolerance: float = DEFAULT_TOLERANCE,
+        greeks: SurfaceGreeks = "standard",
+    ) -> ValueSurface:
+        """As `Client.surface`."""
+        question = _surface(option, market, spots, times, tolerance, greeks)
+        return await self._ask(question, answers.value_surface)
+
+    async def price_many(
+        self,
+        columns: Any,
+        *,
+        tolerance: float = DEFAULT_TOLERANCE,
+        greeks: Greeks = "standard",
+        greek_errors: bool = False,
+    ) -> Any:
+        """As `Client.price_many`."""
+        table = contracts_table(columns) if isinstance(columns, Mapping) else columns
+        question = _batch(table, tolerance, greeks, greek_errors)
+        results = await self._ask(question, lambda answer: answers.results_table(answer, table.num_rows))
+        return answers.as_columns(results) if table is not columns else _with_results(table, results)
+
+    async def _ask(self, question: Question, read: Reader[Answer]) -> Answer:
+        return read(await self._follow(exchange(question, self._attempts)))
+
+    async def _follow(self, steps: Exchange) -> httpx.Response:
+        step = next(steps)
+        try:
+            while True:
+                step = steps.send(await self._take(step))
+        except StopIteration as end:
+            response: httpx.Response = end.value
+            return response
+
+    async def _take(self, step: Question | float) -> httpx.Response | httpx.TransportError | None:
+        if isinstance(step, float):
+            await asyncio.sleep(step)
+            return None
+        try:
+            return await self._http.post(**_sent(step))
+        except httpx.TransportError as error:
+            return error
