@@ -65,6 +65,8 @@ def main() -> None:
     with PRICED.open(newline="", encoding="utf-8") as file:
         Console().print(summary(list(csv.DictReader(file))))
     print(f"every contract: {PRICED}\nexercise boundary: {PLOT}")
+    program = os.path.relpath(Path(sys.executable).with_name("pricing"))
+    print(f"a page to try contracts on, at http://127.0.0.1:8000/: {program} serve")
 
 
 if __name__ == "__main__":

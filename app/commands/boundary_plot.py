@@ -18,7 +18,8 @@ with needs_extra("plot"):
     from matplotlib.figure import Figure
 
 
-BLUE, RED, GREY = "#1f5fa8", "#b5402f", "#5a6570"
+BLUE, RED, GREY, AMBER = "#1f5fa8", "#b5402f", "#5a6570", "#96610a"
+MOST_NAMED = 12  # Largest number of ex-times that are written out; chosen.
 DOTS_PER_INCH = 150
 
 
@@ -30,8 +31,8 @@ def draw_boundary(found: ExerciseBoundary, option: Option, market: Market, file:
     file : BinaryIO
         Open for writing; receives a PNG image.
     """
-    if option.exercise == "bermudan":
-        found = _apart(found)
+    ex_times = _ex_times(option, market)
+    found = _in_pieces(found, option, ex_times)
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     axes = figure.subplots()
     _draw_curve(axes, found.time, found.boundary, "exercise boundary")
@@ -41,7 +42,8 @@ def draw_boundary(found: ExerciseBoundary, option: Option, market: Market, file:
     axes.set_ylim(*_frame(found, option, levels))
     _draw_region(axes, found, option)
     _draw_levels(axes, option, levels)
-    _draw_limits_at_expiry(axes, option, market)
+    _draw_limits_at_expiry(axes, option, market, found)
+    _mark_ex_times(axes, ex_times)
     _describe(axes, option, market)
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
     figure.savefig(file, format="png", dpi=DOTS_PER_INCH)
@@ -71,15 +73,26 @@ def _draw_curve(axes: Axes, time: Vector, boundary: Vector, label: str, style: s
         axes.plot(time[alone], boundary[alone], color=BLUE, linestyle="", marker="o")
 
 
-def _apart(found: ExerciseBoundary) -> ExerciseBoundary:
-    """Return the boundary with nothing between its times."""
+def _ex_times(option: Option, market: Market) -> list[float]:
+    """Return the times of the dividends in the life of the option."""
+    times = {one.time for one in (*market.cash_dividends, *market.proportional_dividends)}
+    return sorted(time for time in times if 0.0 < time <= option.expiry)
+
+
+def _in_pieces(found: ExerciseBoundary, option: Option, ex_times: list[float]) -> ExerciseBoundary:
+    """Return the boundary with a gap after each ex-time, of a Bermudan option after every time."""
+    ends = np.isin(found.time, ex_times) | (option.exercise == "bermudan")
+    places = np.flatnonzero(ends[:-1]) + 1
 
     def parted(values: Vector) -> Vector:
-        return np.column_stack([values, np.full(values.size, math.nan)]).ravel()[:-1]
+        return np.insert(values, places, math.nan)
 
-    other = None if found.other_boundary is None else parted(found.other_boundary)
-    time = np.repeat(found.time, 2)[:-1]
-    return replace(found, time=time, boundary=parted(found.boundary), other_boundary=other)
+    return replace(
+        found,
+        time=np.insert(found.time, places, found.time[places - 1]),
+        boundary=parted(found.boundary),
+        other_boundary=None if found.other_boundary is None else parted(found.other_boundary),
+    )
 
 
 def _alone(boundary: Vector) -> BoolVector:
@@ -137,12 +150,39 @@ def _without_events(option: Option, market: Market) -> Schedule | None:
     return schedule if is_flat and only.exercisable else None
 
 
-def _draw_limits_at_expiry(axes: Axes, option: Option, market: Market) -> None:
-    for limit in limits_at_expiry(option, market):
+def _draw_limits_at_expiry(axes: Axes, option: Option, market: Market, found: ExerciseBoundary) -> None:
+    """Mark and name the limits: in closed form without events, else those that the boundary reaches."""
+    limits = limits_at_expiry(option, market)
+    if not limits and found.time[-1] == option.expiry:
+        ends = (
+            [found.boundary[-1]]
+            if found.other_boundary is None
+            else [found.boundary[-1], found.other_boundary[-1]]
+        )
+        limits = [float(end) for end in ends if math.isfinite(end)]
+    for limit in limits:
         label = f"limit at expiry {limit:.4g}"
         axes.plot(
             [option.expiry], [limit], color=RED, marker="o", linestyle="none", label=label, clip_on=False
         )
+
+
+def _mark_ex_times(axes: Axes, ex_times: list[float]) -> None:
+    """Draw a line at each ex-time, and write the time at it where there is room."""
+    for i, time in enumerate(ex_times):
+        label = ("ex-date" if len(ex_times) == 1 else "ex-dates") if i == 0 else None
+        axes.axvline(time, color=AMBER, linewidth=1.0, linestyle=(0, (2, 2)), label=label, zorder=0.5)
+        if len(ex_times) <= MOST_NAMED:
+            axes.annotate(
+                f"{time:.3g}",
+                (time, 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(3, -3),
+                textcoords="offset points",
+                va="top",
+                color=AMBER,
+                fontsize=8,
+            )
 
 
 def _describe(axes: Axes, option: Option, market: Market) -> None:

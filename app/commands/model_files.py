@@ -10,6 +10,7 @@ hold keys that several models share.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol, cast
@@ -88,7 +89,7 @@ def simulate_model(content: Mapping[str, Any]) -> Simulation:
     keys = max(_forms(name, model).values(), key=lambda form: len(form.keys() & content.keys()))
     values = read_object("", content, keys)
     with keys_for(KEYS_OF_FIELDS):
-        return model.simulate(values)
+        return replace(model.simulate(values), model=name)
 
 
 def schema() -> dict[str, Any]:

@@ -38,11 +38,22 @@ class Columns:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """Columns at the same points of an axis; a jump is two rows with equal points."""
+    """Columns at the same points of an axis; a jump is two rows with equal points.
+
+    Parameters
+    ----------
+    axis : str
+        Its key in JSON.
+    points : Vector, shape (m,)
+    columns : tuple of Columns
+    unit : str
+        Of the axis, where the model has units; otherwise it is in those of the model file.
+    """
 
     axis: str
-    points: Vector  # (m,)
+    points: Vector
     columns: tuple[Columns, ...]
+    unit: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,6 +110,8 @@ class Simulation:
         Status, scheme, counters.
     picture : function, optional
         Draws the model's own picture, in the place of the curves.
+    model : str
+        Name of the model, as in its file.
     """
 
     headline: str
@@ -109,6 +122,7 @@ class Simulation:
     modes: Modes
     facts: Mapping[str, Any]
     picture: "Callable[[], Figure] | None" = None
+    model: str = ""
 
 
 def of_trajectory(

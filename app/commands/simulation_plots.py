@@ -25,6 +25,17 @@ EVENT_COLOURS = {
     "input": "#b08900",
 }
 STYLES = ("-", "--", "-.", ":")
+AXES = {"t": "time", "k": "step"}
+TITLES = {
+    "lcs": "Linear complementarity system",
+    "relay": "Relay system",
+    "piecewise-linear": "Piecewise linear system",
+    "projected": "Projected system",
+    "mechanics": "Mechanical system with contacts",
+    "circuit": "Circuit with ideal diodes",
+    "optimal-control": "Optimal control",
+    "max-plus": "Max-plus linear system",
+}
 SAME_SCALE = 25.0  # quantities within this factor share a panel
 NAMED = 12  # lines in a legend
 CROWDED = 30  # events that are drawn firmly
@@ -54,13 +65,14 @@ def simulation_figure(simulation: Simulation) -> Figure:
     """Return the picture as a figure."""
     samples = simulation.curves
     panels = [panel for columns in samples.columns for panel in panels_of(columns)]
-    figure = Figure(figsize=(9.0, 1.0 + 1.9 * len(panels)), layout="constrained")
+    figure = Figure(figsize=(9.0, 1.5 + 1.9 * len(panels)), layout="constrained")
+    figure.suptitle(f"{TITLES.get(simulation.model, 'Simulation')}\n{simulation.headline}", fontsize=11)
     grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, panel in zip(grid, panels, strict=True):
         _draw_panel(axes, samples, panel)
         _mark_events(axes, simulation)
     figure.align_ylabels(grid)
-    grid[-1].set_xlabel(samples.axis)
+    grid[-1].set_xlabel(axis_label(samples))
     grid[-1].ticklabel_format(axis="x", scilimits=(-2, 5))
     if samples.points.size > 1:
         grid[-1].set_xlim(samples.points[0], samples.points[-1])
@@ -71,6 +83,18 @@ def simulation_figure(simulation: Simulation) -> Figure:
             *zip(*events, strict=True), loc="outside lower center", ncols=len(events), frameon=False
         )
     return figure
+
+
+def axis_label(samples: Samples) -> str:
+    """Return the name of the axis with its symbol and unit.
+
+    Examples
+    --------
+    >>> axis_label(Samples("t", np.zeros(1), (), unit="s")), axis_label(Samples("k", np.zeros(1), ()))
+    ('time t (s)', 'step k')
+    """
+    unit = f" ({samples.unit})" if samples.unit else ""
+    return f"{AXES.get(samples.axis, '')} {samples.axis}{unit}".lstrip()
 
 
 def panels_of(columns: Columns) -> list[Panel]:

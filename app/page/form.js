@@ -1,6 +1,6 @@
 // The form: which fields there are, how they are drawn, read into a question of the service, and filled from one.
 
-const YEARS_OR_DATE = "years, or an ISO date";
+const YEARS_OR_DATE = "years or date";
 
 // name: as the service has it; kind: choice, number, text, flag, curve, rows; columns of rows: [key, label, unit].
 // show: when the field is asked for, of the form's other values.

@@ -84,4 +84,5 @@ def _samples(run: CircuitRun) -> Samples:
             Columns(symbol, title, tuple(columns), np.column_stack(list(columns.values())))
             for symbol, title, columns in (("v", "voltage (V)", voltages), ("i", "current (A)", currents))
         ),
+        unit="s",
     )

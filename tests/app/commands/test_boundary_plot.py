@@ -1,11 +1,19 @@
 import io
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from app.commands.boundary_plot import draw_boundary, limits_at_expiry
-from pricing_core.american import ExerciseBoundary, Market, Option, PiecewiseConstant, exercise_boundary
+from pricing_core.american import (
+    CashDividend,
+    ExerciseBoundary,
+    Market,
+    Option,
+    PiecewiseConstant,
+    exercise_boundary,
+)
 
 PUT, CALL = Option("put", 100.0, 1.0), Option("call", 100.0, 1.0)
 
@@ -67,12 +75,33 @@ def test_a_picture_has_labelled_axes_and_names_what_it_shows(
     assert bottom < 100.0 < top
 
 
-def test_a_picture_of_an_option_with_events_names_them_and_draws_no_limits(figures: list[Figure]) -> None:
+def test_a_picture_of_an_option_with_events_names_them(figures: list[Figure]) -> None:
     time = np.array([0.0, 0.5, 1.0])
     found = ExerciseBoundary(time, 1.0 - time, np.array([80.0, np.nan, 100.0]), None, np.zeros(3))
     curve = PiecewiseConstant([0.5, 1.0], [0.04, 0.05])
     market = Market(100.0, curve, 0.2, cash_dividends=[{"time": 0.5, "amount": 1.0}])  # type: ignore[arg-type]
     draw_boundary(found, PUT, market, io.BytesIO())
     labels = {text.get_text() for text in figures[0].legends[0].get_texts()}
-    assert labels == {"exercise boundary", "exercise", "strike 100"}
+    assert labels == {"exercise boundary", "exercise", "strike 100", "ex-date", "limit at expiry 100"}
     assert figures[0].axes[0].get_title().endswith("rate curve, yield 0, volatility 0.2, dividends")
+
+
+@pytest.mark.parametrize("count", [1, 4, 20])
+@pytest.mark.parametrize("option", [PUT, CALL])
+def test_a_boundary_with_dividends_is_drawn_in_pieces_between_marked_ex_dates(
+    figures: list[Figure], option: Option, count: int
+) -> None:
+    times = [(i + 0.5) / count for i in range(count)]
+    market = Market(100.0, 0.05, 0.2, cash_dividends=[CashDividend(time, 1.0) for time in times])
+    found = exercise_boundary(option, market, tolerance=1e-3)
+    draw_boundary(found, option, market, io.BytesIO())
+    axes = figures[0].axes[0]
+    upright = [line.get_xdata()[0] for line in axes.get_lines() if list(line.get_ydata()) == [0, 1]]
+    assert upright == pytest.approx(times)
+    assert len(axes.texts) == (count if count <= 12 else 0)
+    drawn = [line for line in axes.get_lines() if line.get_label() == "exercise boundary"]
+    for line in drawn:
+        x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        for start, end in pairwise(range(x.size)):
+            if np.isfinite(y[start]) and np.isfinite(y[end]):  # no line crosses an ex-date
+                assert not any(x[start] <= time < x[end] for time in times)

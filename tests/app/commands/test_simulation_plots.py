@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from app.commands.model_files import MODULES, simulate_model
 from app.commands.simulation import Columns, Simulation, of_trajectory
-from app.commands.simulation_plots import panels_of, simulation_figure
+from app.commands.simulation_plots import TITLES, panels_of, simulation_figure
 from pricing_core.lcs import LCS, simulate
 from tests.problems.lcs_problems import diode_bridge, two_relays
 from tests.problems.lcs_systems import two_carts
@@ -62,3 +63,16 @@ def test_legends_stay_inside_the_picture() -> None:
     figure.draw_without_rendering()
     for axes in figure.axes:
         assert axes.get_legend().get_window_extent().x1 <= figure.bbox.x1
+
+
+def test_a_picture_has_a_title_and_its_axes_names_and_units() -> None:
+    model = {"model": "circuit", "netlist": "V1 1 0 1\nR1 1 2 2\nC1 2 0 1e-3\n", "t_span": [0, 0.01]}
+    simulation = simulate_model(model)
+    figure = simulation_figure(simulation)
+    assert figure.get_suptitle().splitlines() == ["Circuit with ideal diodes", simulation.headline]
+    assert {axes.get_ylabel() for axes in figure.axes} == {"voltage (V)", "current (A)"}
+    assert figure.axes[-1].get_xlabel() == "time t (s)"
+
+
+def test_every_model_has_a_title() -> None:
+    assert set(TITLES) == set(MODULES)
