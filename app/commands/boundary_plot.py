@@ -75,7 +75,7 @@ def _draw_curve(axes: Axes, time: Vector, boundary: Vector, label: str, style: s
 
 def _ex_times(option: Option, market: Market) -> list[float]:
     """Return the times of the dividends in the life of the option."""
-    times = {one.time for one in (*market.cash_dividends, *market.proportional_dividends)}
+    times = {one.time for one in market.cash_dividends} | {one.time for one in market.proportional_dividends}
     return sorted(time for time in times if 0.0 < time <= option.expiry)
 
 

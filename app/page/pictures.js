@@ -8,7 +8,8 @@ const POINTS = 81; // spots
 const LATER = [0.5, 0.9]; // further times at which the value is drawn, as shares of the time to expiry
 const COARSEST = 1e-4; // tolerance of the pictures, a fraction of the strike
 const MOST_POINTS = 40_000; // spots x times x pieces between events that the service is asked for at most
-const MOST_NAMED = 4; // ex-dates that are each named on the picture
+const ROOM_OF_NAME = 58; // px between ex-dates that are each named on the picture
+const MOST_NAMED = 8; // single dates whose boundary is written beside its dot
 const BESIDE = 1e-3; // how far beside an end of exercise a spot is put on either side, for what jumps there
 const GREEKS = [
   ["delta", "Delta", "value per money of spot", "blue"], ["gamma", "Gamma", "delta per money of spot", "green"],
@@ -136,14 +137,16 @@ export class Pictures {
           pen.across(perpetual, "blue", [2, 3]);
           pen.words(`without expiry ${short(perpetual)}`, pen.box.left, pen.y(perpetual) + 10 * pen.ratio, "blue");
         }
-        events.forEach(({ time, name }, i) => {
+        let named = -Infinity; // where a name stood last
+        for (const { time, name } of events) {
           pen.upright(time, "amber", [3, 3]);
-          const bottom = pen.box.top + pen.box.height - 10 * pen.ratio;
-          if (events.length <= MOST_NAMED || i === 0) pen.words(name, pen.x(time) - 4 * pen.ratio, bottom, "amber", "right");
-        });
+          if (pen.x(time) - named < ROOM_OF_NAME * pen.ratio) continue;
+          named = pen.x(time);
+          pen.words(name, named - 4 * pen.ratio, pen.box.top + pen.box.height - 10 * pen.ratio, "amber", "right");
+        }
         for (const [time, level] of dots) {
           pen.dot(time, level, "red");
-          if (areDots && dots.length <= 2 * MOST_NAMED && time < expiry) {
+          if (areDots && dots.length <= MOST_NAMED && time < expiry) {
             const isLate = time > 0.8 * expiry;
             pen.words(short(level), pen.x(time) + (isLate ? -8 : 8) * pen.ratio, pen.y(level), "red", isLate ? "right" : "left");
           }
