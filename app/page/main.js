@@ -29,7 +29,7 @@ function tell(words, canTryNow = false) {
 // Say of the pictures whether they belong to the numbers: "current", "waiting" or "old".
 function mark(state, why = "") {
   document.body.dataset.charts = state === "current" || last?.found ? state : "none";
-  place("charts-old").hidden = state !== "old" || !last?.found;
+  place("charts-old").hidden = state !== "old" || (!last?.found && !why);
   place("charts-old").textContent = why || "These charts are of the last contract that was answered, not of what is typed now.";
 }
 
@@ -47,28 +47,42 @@ async function ask(since = performance.now()) {
     showHow({ ...price, ...(implied ? { iterations: implied.iterations, status: implied.status } : {}) }, performance.now() - since);
     if (!price) return mark("old", `There is no such volatility: ${implied.status.replaceAll("_", " ")}.`);
     document.body.dataset.numbers = "current";
-    const priced = implied ? { ...body, volatility: implied.volatility } : body;
-    for (const name of ["option_price", "bid", "ask"]) delete priced[name];
     await new Promise((resolve) => { setTimeout(resolve, PAUSE); });
     signal.throwIfAborted();
-    const found = await pictures.ask(service, priced, signal);
-    last = { mode, body, price, implied, found };
-    mark("current"); // from now on there are charts, and room for them
-    pictures.show(found);
-    followSpot(found);
+    await draw({ mode, body, price, implied }, signal);
   } catch (error) {
     if (signal.aborted) return;
     refuse(error);
   }
 }
 
+// Ask for the pictures of what was priced, and draw them; where the service refuses, the numbers stay.
+async function draw(answered, signal) {
+  const { body, implied } = answered;
+  try {
+    const found = await pictures.ask(service, implied ? atVolatility(body, implied.volatility) : body, signal);
+    last = { ...answered, found };
+    mark("current"); // from now on there are charts, and room for them
+    pictures.show(found);
+    followSpot(found);
+  } catch (error) {
+    if (!(error instanceof ProblemError)) throw error;
+    last = { ...answered, found: last?.found };
+    mark("old", `The charts of this contract cannot be drawn: ${error.message}.`);
+  }
+}
+
+// The contract at a volatility, in the place of a quote.
+function atVolatility(body, volatility) {
+  const quotes = ["option_price", "bid", "ask"];
+  return { ...Object.fromEntries(Object.entries(body).filter(([name]) => !quotes.includes(name))), volatility };
+}
+
 async function answers(mode, body, signal) {
   if (mode === "price") return { price: await service.ask("v1/price", body, signal) };
   const implied = await service.ask("v1/implied-volatility", Form.withoutGreeks(body), signal);
   if (implied.volatility === null) return { implied };
-  const priced = { ...body, volatility: implied.volatility };
-  for (const name of ["option_price", "bid", "ask"]) delete priced[name];
-  return { implied, price: await service.ask("v1/price", priced, signal) };
+  return { implied, price: await service.ask("v1/price", atVolatility(body, implied.volatility), signal) };
 }
 
 function refuse(error) {

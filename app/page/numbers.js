@@ -1,11 +1,7 @@
 // Numbers as people read them: as many digits as are known, a true minus sign, no exponent where it can be helped.
 
 const DIGITS = 5; // significant digits where no error is known
-const MOST_DECIMALS = 8;
-
-export function decimalsFor(error) {
-  return error > 0 ? Math.min(Math.max(Math.ceil(-Math.log10(error)), 0), MOST_DECIMALS) : undefined;
-}
+const MOST_DIGITS = 8; // significant digits, however small the error is
 
 // A number with the digits that its error leaves.
 export function written(value, error) {
@@ -14,8 +10,9 @@ export function written(value, error) {
   const size = Math.abs(value);
   if (size === 0) return "0";
   if (size >= 1e9 || size < 1e-6) return withMinus(value.toExponential(DIGITS - 1));
-  const significant = Math.max(DIGITS - 1 - Math.floor(Math.log10(size)), 0);
-  return withMinus(value.toFixed(decimalsFor(error) ?? significant));
+  const decimals = (digits) => Math.max(digits - 1 - Math.floor(Math.log10(size)), 0);
+  const known = error > 0 ? Math.max(Math.ceil(-Math.log10(error)), 0) : decimals(DIGITS);
+  return withMinus(value.toFixed(Math.min(known, decimals(MOST_DIGITS))));
 }
 
 // An error: one significant digit, rounded up.
