@@ -91,7 +91,7 @@ def evaluate_each(flows: Sequence[Flow], times: Sequence[Vector]) -> tuple[Vecto
     """Return the times, one after the other, and x, u and y at those of each flow: at an event before and after it."""
     steps, first = [], 0
     for flow, t in zip(flows, times, strict=True):
-        steps.append(first + np.maximum(np.searchsorted(flow.times, t, side="right") - 1, 0))
+        steps.append(first + np.maximum(np.array(flow.times).searchsorted(t, side="right") - 1, 0))
         first += len(flow.times)
     together = np.concatenate(times)
     return together, *_in_steps(flows, np.concatenate(steps), together)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple, Protocol, TypeAlias
@@ -128,8 +129,8 @@ def _around_events(run: Trajectory, reading: Reading) -> list[tuple[Pieces | Non
     around: list[tuple[Pieces | None, Pieces | None]] = []
     last: Pieces | None = None
     for event in run.events:
-        place = int(np.searchsorted(starts, event.time, side="left")) - 1
+        place = bisect_left(starts, event.time) - 1
         before = last or (found[place] if place >= 0 else None)
-        last = found[int(np.searchsorted(starts, event.time, side="right")) - 1]
+        last = found[bisect_right(starts, event.time) - 1]
         around.append((before, last))
     return around
