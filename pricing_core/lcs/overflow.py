@@ -11,7 +11,7 @@ LARGEST = 1e140  # squares of such numbers, with weights, are floating-point num
 
 
 def check_size(values: NDArray[np.float64], t: float) -> None:
-    """Raise NumericalError unless all values are numbers of at most 1e140: the state overflows at t.
+    """Raise NumericalError unless the values are numbers whose Euclidean norm is below 1e140: the state overflows at t.
 
     Examples
     --------
@@ -20,5 +20,5 @@ def check_size(values: NDArray[np.float64], t: float) -> None:
     ...
     pricing_core.errors.NumericalError: the state overflows at t = 2.5: it is not below 1e+140 there
     """
-    if values.size and not np.abs(values).max() < LARGEST:
+    if not np.vdot(values, values) < LARGEST**2:
         raise NumericalError(f"the state overflows at t = {t:.12g}: it is not below {LARGEST:g} there")

@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
-import numpy as np
-
 from pricing_core.arrays import Vector
 from pricing_core.stepping.method import Step
 
@@ -56,7 +54,7 @@ class ImplicitEuler(Generic[ImplicitState]):
     def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
         """Go from t to t + h."""
         end = self.stage.solve(t + h, state.value, h, state)
-        return Step(end, np.ravel(end.value))
+        return Step(end, end.value.ravel())
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +79,7 @@ class Sdirk2(Generic[ImplicitState]):
         first = self.stage.solve(t + SDIRK2_THETA * h, state.value, SDIRK2_THETA * h, state)
         base = state.value + (1.0 - SDIRK2_THETA) / SDIRK2_THETA * (first.value - state.value)
         end = self.stage.solve(t + h, base, SDIRK2_THETA * h, first)
-        return Step(end, np.ravel(end.value))
+        return Step(end, end.value.ravel())
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,4 +101,4 @@ class ThetaMethod(Generic[ImplicitState]):
         """Go from t to t + h."""
         base = state.value + (1.0 - self.theta) * h * self.stage.rate(t, state)
         end = self.stage.solve(t + h, base, self.theta * h, state)
-        return Step(end, np.ravel(end.value))
+        return Step(end, end.value.ravel())
