@@ -15,6 +15,13 @@ from app.client import answers
 from app.client.exchange import Exchange, Question, exchange
 from app.client.questions import contract_question, contracts_table, table_question
 from pricing_core.american import ExerciseBoundary, ImpliedVolatility, Market, Option, Valuation, ValueSurface
+from pricing_core.american.arrow.frames import (
+    AnyFrame,
+    contracts_of,
+    known_frame,
+    schema_of_results,
+    with_results,
+)
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
 from pricing_core.american.surface import SurfaceGreeks
 from pricing_core.arrays import as_vector
@@ -74,15 +81,20 @@ def _surface(
     )
 
 
-def _batch(table: pa.Table, tolerance: float, greeks: Greeks, greek_errors: bool) -> Question:
+def _batch(contracts: pa.Table, tolerance: float, greeks: Greeks, greek_errors: bool) -> Question:
     settings = {"tolerance": repr(tolerance), "greeks": greeks, "greek_errors": str(greek_errors).lower()}
-    return table_question(f"v1/batch?{urlencode(settings)}", table)
+    return table_question(f"v1/batch?{urlencode(settings)}", contracts)
 
 
-def _with_results(table: pa.Table, results: pa.Table) -> pa.Table:
-    for name, column in zip(results.schema.names, results.columns, strict=True):
-        table = table.append_column(name, column)
-    return table
+def _many(columns: Any, greeks: Greeks, greek_errors: bool) -> tuple[pa.Table, Reader[Any]]:
+    """Return the contracts of columns or of a frame, and what makes an answer of their kind of the service's."""
+    if isinstance(columns, Mapping):
+        contracts = contracts_of(contracts_table(columns))
+        return contracts, lambda answer: answers.as_columns(answers.results_table(answer, contracts.num_rows))
+    frame = known_frame(columns)
+    contracts = contracts_of(frame)
+    schema_of_results(frame, greeks, greek_errors=greek_errors)  # before the work is done elsewhere
+    return contracts, lambda answer: with_results(frame, answers.results_table(answer, contracts.num_rows))
 
 
 class Client:
@@ -194,8 +206,8 @@ class Client:
 
     @overload
     def price_many(
-        self, columns: pa.Table, *, tolerance: float = ..., greeks: Greeks = ..., greek_errors: bool = ...
-    ) -> pa.Table: ...
+        self, columns: AnyFrame, *, tolerance: float = ..., greeks: Greeks = ..., greek_errors: bool = ...
+    ) -> AnyFrame: ...
 
     def price_many(
         self,
@@ -209,18 +221,17 @@ class Client:
 
         Parameters
         ----------
-        columns : mapping of str to array_like or scalar, or pyarrow.Table
-            A mapping is answered with arrays, a table with itself and the results as further columns.
+        columns : mapping of str to array_like or scalar, or a frame
+            A mapping is answered with arrays, a frame of Arrow, pandas or polars with itself and the results as
+            further columns; columns that state nothing of the contracts are not sent.
 
         Raises
         ------
         InvalidInputError
             Columns have different lengths, or one is missing or unknown.
         """
-        table = contracts_table(columns) if isinstance(columns, Mapping) else columns
-        question = _batch(table, tolerance, greeks, greek_errors)
-        results = self._ask(question, lambda answer: answers.results_table(answer, table.num_rows))
-        return answers.as_columns(results) if table is not columns else _with_results(table, results)
+        contracts, read = _many(columns, greeks, greek_errors)
+        return self._ask(_batch(contracts, tolerance, greeks, greek_errors), read)
 
     def _ask(self, question: Question, read: Reader[Answer]) -> Answer:
         return read(self._follow(exchange(question, self._attempts)))
@@ -324,10 +335,8 @@ class AsyncClient:
         greek_errors: bool = False,
     ) -> Any:
         """As `Client.price_many`."""
-        table = contracts_table(columns) if isinstance(columns, Mapping) else columns
-        question = _batch(table, tolerance, greeks, greek_errors)
-        results = await self._ask(question, lambda answer: answers.results_table(answer, table.num_rows))
-        return answers.as_columns(results) if table is not columns else _with_results(table, results)
+        contracts, read = _many(columns, greeks, greek_errors)
+        return await self._ask(_batch(contracts, tolerance, greeks, greek_errors), read)
 
     async def _ask(self, question: Question, read: Reader[Answer]) -> Answer:
         return read(await self._follow(exchange(question, self._attempts)))

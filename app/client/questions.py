@@ -10,8 +10,7 @@ import pyarrow as pa
 
 from app.client.exchange import Question
 from pricing_core.american import Market, Option
-from pricing_core.american.arrow.schema import check_names
-from pricing_core.american.contracts.fields import COLUMN_FIELDS, CONTRACT_FIELDS, EXERCISE_TIMES
+from pricing_core.american.contracts.fields import CONTRACT_FIELDS, EXERCISE_TIMES
 from pricing_core.errors import InvalidInputError
 
 JSON, ARROW = "application/json", "application/vnd.apache.arrow.stream"
@@ -36,15 +35,7 @@ def contract_question(path: str, option: Option, market: Market, *without: str, 
 
 
 def table_question(path: str, table: pa.Table) -> Question:
-    """Return the question about the contracts of a table; its other columns stay here.
-
-    Raises
-    ------
-    InvalidInputError
-        A column is missing, misspelt or named twice.
-    """
-    check_names(table.schema.names)
-    table = table.select([field.name for field in COLUMN_FIELDS if field.name in table.schema.names])
+    """Return the question about the contracts of a table."""
     sink = pa.BufferOutputStream()
     with pa.ipc.new_stream(sink, table.schema) as stream:
         stream.write_table(table)

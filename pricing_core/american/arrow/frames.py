@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Protocol, TypeVar
 
 import pyarrow as pa
@@ -11,7 +10,7 @@ from pricing_core.american.arrow.plain_types import plain_table
 from pricing_core.american.arrow.price_batch import price_batch, unusual
 from pricing_core.american.arrow.schema import check_names, check_results, check_types, result_schema
 from pricing_core.american.book.unusual import warn_of
-from pricing_core.american.contracts.fields import COLUMN_FIELDS
+from pricing_core.american.contracts.fields import COLUMN_FIELDS, Greeks
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.errors import InvalidInputError
 
@@ -38,25 +37,74 @@ def price_frame(frame: AnyFrame, settings: PricingSettings, threads: int | None)
     InvalidInputError
         A column is missing, misspelt, named twice or as a result, or cannot hold its values.
     """
-    kind = _kind(frame)
-    table: Any = frame if kind in ("pandas", "polars") else pa.table(frame)
-    names = [str(name) for name in (table.columns if kind != "arrow" else table.schema.names)]
-    check_names(names)
-    wanted = [field.name for field in COLUMN_FIELDS if field.name in names]
-    contracts = _as_arrow(table, kind, wanted)
-    check_types(contracts.schema)
-    added = result_schema(names, settings.greeks, greek_errors=settings.greek_errors)
-    check_results(names, [*added.names, "message"])
+    table = known_frame(frame)
+    contracts = contracts_of(table)
+    added = schema_of_results(table, settings.greeks, greek_errors=settings.greek_errors)
     if contracts.num_rows:
         warn_of(unusual(contracts.combine_chunks().to_batches()[0], settings), callers=3)
-    results = _results(contracts, added, settings, threads)
+    return with_results(table, _results(contracts, added, settings, threads))  # type: ignore[no-any-return]
+
+
+def known_frame(frame: Any) -> Any:
+    """Return a frame of pandas or polars as it is, and any other as a pyarrow.Table."""
+    return frame if _kind(frame) != "arrow" else pa.table(frame)
+
+
+def contracts_of(table: Any) -> pa.Table:
+    """Return the columns of a `known_frame` that state the contracts.
+
+    Raises
+    ------
+    InvalidInputError
+        A column is missing, misspelt, named twice, or cannot hold its values.
+    """
+    names = _names(table)
+    check_names(names)
+    wanted = [field.name for field in COLUMN_FIELDS if field.name in names]
+    contracts = plain_table(pa.table({name: _as_arrow(table, name) for name in wanted}))
+    check_types(contracts.schema)
+    return contracts
+
+
+def schema_of_results(table: Any, greeks: Greeks, *, greek_errors: bool) -> pa.Schema:
+    """Return the columns that the results of a `known_frame` have, without their messages.
+
+    Raises
+    ------
+    InvalidInputError
+        A column of the frame has the name of a result.
+    """
+    names = _names(table)
+    added = result_schema(names, greeks, greek_errors=greek_errors)
+    check_results(names, [*added.names, "message"])
+    return added
+
+
+def with_results(table: Any, results: pa.Table) -> Any:
+    """Return a `known_frame` with the columns of a table of results behind its own; one of pandas keeps its index."""
+    kind = _kind(table)
     if kind == "pandas":
-        return _with_columns_of_pandas(table, results)  # type: ignore[no-any-return]
+        found = results.to_pandas()
+        return table.assign(**{name: found[name].set_axis(table.index) for name in found.columns})
     if kind == "polars":
-        return table.hstack(type(table)(results))  # type: ignore[no-any-return]
+        return table.hstack(type(table)(results))
     for name, column in zip(results.schema.names, results.columns, strict=True):
         table = table.append_column(name, column)
-    return table  # type: ignore[no-any-return]
+    return table
+
+
+def _as_arrow(table: Any, name: str) -> pa.ChunkedArray:
+    """Return a column as Arrow holds it."""
+    kind = _kind(table)
+    if kind == "arrow":
+        return table[name]
+    try:
+        part = table[[name]]
+        return (pa.Table.from_pandas(part, preserve_index=False) if kind == "pandas" else pa.table(part))[
+            name
+        ]
+    except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError):
+        raise InvalidInputError(f"column {name}", "values of several types", "values of one type") from None
 
 
 def _kind(frame: Any) -> str:
@@ -64,22 +112,8 @@ def _kind(frame: Any) -> str:
     return package if package in ("pandas", "polars") and type(frame).__name__ == "DataFrame" else "arrow"
 
 
-def _as_arrow(table: Any, kind: str, names: Sequence[str]) -> pa.Table:
-    """Return some columns as Arrow holds them."""
-    if kind == "arrow":
-        return plain_table(table.select(names))
-    columns = {}
-    for name in names:
-        try:
-            part = table[[name]]
-            columns[name] = (
-                pa.Table.from_pandas(part, preserve_index=False) if kind == "pandas" else pa.table(part)
-            )[name]
-        except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError):
-            raise InvalidInputError(
-                f"column {name}", "values of several types", "values of one type"
-            ) from None
-    return plain_table(pa.table(columns))
+def _names(table: Any) -> list[str]:
+    return [str(name) for name in (table.schema.names if _kind(table) == "arrow" else table.columns)]
 
 
 def _results(
@@ -88,8 +122,3 @@ def _results(
     """Return the results of all rows, and their messages."""
     parts = [price_batch(batch, settings, threads)[0] for batch in contracts.combine_chunks().to_batches()]
     return pa.Table.from_batches(parts, schema.append(pa.field("message", pa.string())))
-
-
-def _with_columns_of_pandas(frame: Any, results: pa.Table) -> Any:
-    found = results.to_pandas()
-    return frame.assign(**{name: found[name].set_axis(frame.index) for name in found.columns})

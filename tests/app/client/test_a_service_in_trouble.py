@@ -43,11 +43,11 @@ class LiarsHandler(BaseHTTPRequestHandler):
         status, headers, body = script[min(len(times), len(script) - 1)]
         times.append(time.monotonic())
         self.send_response(status)
-        for name, value in ({"Content-Length": str(len(body)), "Content-Type": JSON} | headers).items():
+        usual = {"Content-Length": str(len(body)), "Content-Type": JSON, "Connection": "close"}
+        for name, value in (usual | headers).items():
             self.send_header(name, value)
         self.end_headers()
         self.wfile.write(body)
-        self.close_connection = True
 
     def log_message(self, *arguments: object) -> None:
         pass

@@ -7,6 +7,8 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
+import pandas as pd
+import polars as pl
 import pyarrow as pa
 import pytest
 
@@ -137,13 +139,33 @@ def test_many_contracts_have_the_results_of_price_many(
     assert [bool(text) for text in found["message"]] == [bool(text) for text in expected["message"]]
 
 
-def test_a_table_comes_back_with_its_own_columns_and_the_results(client: Client) -> None:
+FRAMES = {
+    "arrow": pa.table,
+    "pandas": lambda columns: pd.DataFrame(columns, index=["x", "y"]),
+    "polars": pl.DataFrame,
+}
+
+
+def frame_of_two(kind: str) -> Any:
     numbers = {"spot": [90.0, 100.0], "strike": [100.0] * 2, "expiry": [1.0] * 2, "rate": [0.05] * 2}
-    table = pa.table({"id": ["a", "b"], "option_type": ["put"] * 2, "volatility": [0.2] * 2, **numbers})
-    found = client.price_many(table, tolerance=1e-4)
-    assert found.schema.names[: len(table.schema.names)] == table.schema.names
-    assert found.column("id").to_pylist() == ["a", "b"]
-    assert found.column("price").to_pylist() == price_many(table, tolerance=1e-4).column("price").to_pylist()
+    return FRAMES[kind]({"id": ["a", "b"], "option_type": ["put"] * 2, "volatility": [0.2] * 2, **numbers})
+
+
+@pytest.mark.parametrize("kind", FRAMES)
+def test_a_frame_comes_back_as_one_of_its_kind_with_the_results(client: Client, kind: str) -> None:
+    frame = frame_of_two(kind)
+    found, expected = client.price_many(frame, tolerance=1e-4), price_many(frame, tolerance=1e-4)
+    assert type(found) is type(frame)
+    if kind == "pandas":
+        pd.testing.assert_frame_equal(found.drop(columns="message"), expected.drop(columns="message"))
+    else:
+        assert found.drop("message").equals(expected.drop(["message"]))
+
+
+def test_a_frame_with_a_column_named_like_a_result_is_refused_before_it_is_sent() -> None:
+    table = frame_of_two("arrow").append_column("price", pa.array([1.0, 2.0]))
+    with Client("http://127.0.0.1:9") as nobody, pytest.raises(InvalidInputError, match="column price"):
+        nobody.price_many(table)
 
 
 def test_what_the_service_refuses_is_raised_as_the_library_raises_it(client: Client) -> None:
