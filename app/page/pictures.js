@@ -48,25 +48,26 @@ export class Pictures {
     for (const name of ["greeks", "greek_errors", "greeks_units"]) delete asked[name];
     const boundary = await service.ask("v1/boundary", asked, signal);
     const expiry = boundary.time.at(-1);
-    const spots = spotsFor(body, boundary);
     const times = LATER.map((share) => share * expiry);
+    const contacts = await service.ask("v1/boundary", { ...asked, times: [0, ...times] }, signal);
+    const ends = contacts.boundary.map((end, i) => [end, contacts.other_boundary?.[i] ?? null]);
+    const spots = spotsFor(body, boundary, ends);
     const [now, later] = await Promise.all([
       service.ask("v1/surface", { ...asked, spots, times: [0], greeks_units: body.greeks_units ?? "per_year_per_unit" }, signal),
       service.ask("v1/surface", { ...asked, spots, times, greeks: "none" }, signal),
     ]);
-    return { body, boundary, spots, times, expiry, now, later };
+    return { body, boundary, ends, spots, times, expiry, now, later };
   }
 
   show(found) {
-    const { body, boundary, spots, times, now, later, expiry } = found;
+    const { body, ends, spots, times, now, later, expiry } = found;
     const names = ["now", ...times.map((time) => `${short(time)} years from now`)];
     const isPut = body.option_type === "put";
     const payoff = spots.map((spot) => Math.max(isPut ? body.strike - spot : spot - body.strike, 0));
-    const ends = [0, ...times].map((time) => endsAt(boundary, time, body.exercise));
     const region = regionInWords(ends[0], isPut);
     this.value.show([spots, now.value[0], ...later.value, payoff], {
       says: region ? `Now the value touches the payoff ${region}: exercise is best there.` : "Now the value is above what exercise brings at every spot shown.",
-      names, annotate: (pen) => this.drawContacts(pen, found, ends, isPut) });
+      names, annotate: (pen) => this.drawContacts(pen, found, isPut) });
     this.multiplier.show([spots, now.multiplier[0], ...later.multiplier], {
       says: now.multiplier[0].some((number) => number > 0) ? `Who holds on ${region} loses this much a year.` : "Holding on loses nothing now at the spots shown.",
       names, annotate: (pen) => this.drawEnds(pen, ends[0], spots) });
@@ -81,7 +82,7 @@ export class Pictures {
     });
   }
 
-  drawContacts(pen, { body, spots, now, later }, ends, isPut) {
+  drawContacts(pen, { body, ends, spots, now, later }, isPut) {
     const values = [now.value[0], ...later.value];
     ends.forEach((pair, i) => pair.forEach((spot, end) => {
       if (spot === null || spot < spots[0] || spot > spots.at(-1)) return;
@@ -99,11 +100,11 @@ export class Pictures {
   }
 
   drawEnds(pen, ends, spots, words = "exercise boundary") {
-    for (const spot of ends) {
-      if (spot === null || spot < spots[0] || spot > spots.at(-1)) continue;
+    ends.forEach((spot, line) => {
+      if (spot === null || spot < spots[0] || spot > spots.at(-1)) return;
       pen.upright(spot, "red", [4, 4]);
-      if (words) pen.words(`${words} ${short(spot)}`, pen.x(spot) + 6 * pen.ratio, pen.box.top + 12 * pen.ratio, "red");
-    }
+      if (words) pen.words(`${words} ${short(spot)}`, pen.x(spot) + 6 * pen.ratio, pen.box.top + (12 + 15 * line) * pen.ratio, "red");
+    });
   }
 
   showBoundary({ body, boundary, now, expiry }) {
@@ -173,7 +174,7 @@ export class Pictures {
 }
 
 // The spots that the pictures show: around strike and spot as far as the spot is likely to go, with the ends of exercise.
-function spotsFor(body, boundary) {
+function spotsFor(body, boundary, contacts) {
   const volatility = typeof body.volatility === "number" ? body.volatility : Math.max(...(body.volatility?.values ?? [0.2]));
   const reach = Math.min(Math.max(2 * volatility * Math.sqrt(boundary.time.at(-1)), 0.2), 1);
   const centre = [body.strike, body.spot].filter((value) => value > 0);
@@ -186,8 +187,7 @@ function spotsFor(body, boundary) {
   const pieces = 1 + eventsOf(body, Infinity, []).length + curveKnots(body) + (body.exercise_times?.length ?? 0);
   const count = Math.max(Math.min(POINTS, Math.floor(MOST_POINTS / (LATER.length * pieces))), 5);
   const even = Array.from({ length: count }, (_, i) => least + ((most - least) * i) / (count - 1));
-  const ends = [0, ...LATER].flatMap((share) => endsAt(boundary, share * boundary.time.at(-1), body.exercise));
-  const besides = ends.filter((end) => end !== null).flatMap((end) => [end * (1 - BESIDE), end * (1 + BESIDE)]);
+  const besides = contacts.flat().filter((end) => end !== null).flatMap((end) => [end * (1 - BESIDE), end * (1 + BESIDE)]);
   const exact = [...centre, ...besides].filter((spot) => spot > least && spot < most);
   return [...new Set([...even, ...exact])].sort((a, b) => a - b);
 }
@@ -208,19 +208,6 @@ function eventsOf(body, expiry, times) {
   const years = ({ time, ex_date: date }) => time ?? (Date.parse(date) - start) / (365 * 86_400_000);
   const found = [...new Set(all.map(years))].filter((time) => time > 0 && time <= expiry).sort((a, b) => a - b);
   return found.map((time) => ({ time: times.find((other) => Math.abs(other - time) < 1e-3) ?? time, name: "ex-date" }));
-}
-
-// Both ends of the exercise region at a time; null where there is none. Between dates nobody exercises a Bermudan option.
-function endsAt(boundary, time, exercise) {
-  const columns = [boundary.boundary, boundary.other_boundary ?? boundary.time.map(() => null)];
-  const after = boundary.time.findIndex((other) => other >= time);
-  return columns.map((column) => {
-    if (boundary.time[after] === time || exercise === "bermudan") return boundary.time[after] === time ? column[after] : null;
-    const [low, high] = [column[after - 1], column[after]];
-    if (low === null || high === null || after < 1) return null;
-    const share = (time - boundary.time[after - 1]) / (boundary.time[after] - boundary.time[after - 1]);
-    return low + share * (high - low);
-  });
 }
 
 function regionInWords([near, far], isPut) {
