@@ -104,6 +104,19 @@ def contract_of(
         _dividend_option("--proportional-dividend", "TIME:FRACTION", "fraction of the spot at its ex-time."),
     ] = None,
     dividend_model: Annotated[str, typer.Option("--dividend-model", help="spot or escrowed")] = "spot",
+    underlying: Annotated[
+        str, typer.Option("--underlying", help="spot or future: whether the spot is a futures price")
+    ] = "spot",
+    borrow_rate: Annotated[Any, _curve_option("--borrow-rate", "1/year, adds to the yield")] = 0.0,
+    foreign_rate: Annotated[
+        Any, _curve_option("--foreign-rate", "quanto: 1/year, the rate of the underlying's currency")
+    ] = None,
+    quanto_covariance: Annotated[
+        float, _number_option("--quanto-covariance", "1/year, of ln(spot) and ln(price of its currency)")
+    ] = 0.0,
+    settlement_lag: Annotated[
+        float, _number_option("--settlement-lag", "days from exercise or expiry to payment")
+    ] = 0.0,
     exercise: Annotated[str, typer.Option("--exercise", help="american, european or bermudan")] = "american",
     exercise_time: Annotated[
         list[Any] | None, _time_option("--exercise-time", "bermudan only; may be repeated")
@@ -126,6 +139,11 @@ def contract_of(
         "cash_dividends": _dividends(cash_dividend, "amount"),
         "proportional_dividends": _dividends(proportional_dividend, "fraction"),
         "dividend_model": dividend_model,
+        "underlying": underlying,
+        "borrow_rate": borrow_rate,
+        "foreign_rate": foreign_rate,
+        "quanto_covariance": quanto_covariance,
+        "settlement_lag": settlement_lag,
         "exercise": exercise,
         "exercise_times": exercise_time or [],
         "exercise_start": exercise_start,

@@ -133,6 +133,11 @@ class Contract(Strict):
         fields.PROPORTIONAL_DIVIDENDS, max_length=MOST_DIVIDENDS
     )
     dividend_model: fields.DividendModel = stated(fields.DIVIDEND_MODEL)
+    underlying: fields.Underlying = stated(fields.UNDERLYING)
+    borrow_rate: RateOrCurve = stated(fields.BORROW_RATE)
+    foreign_rate: RateOrCurve | None = stated(fields.FOREIGN_RATE)
+    quanto_covariance: float = stated(fields.QUANTO_COVARIANCE)
+    settlement_lag: float = stated(fields.SETTLEMENT_LAG)
     exercise: fields.Exercise = stated(fields.EXERCISE)
     exercise_times: list[TimeOrDate] = stated(
         fields.EXERCISE_TIMES, max_length=fields.EXERCISE_TIMES.most_entries

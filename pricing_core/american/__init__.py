@@ -8,6 +8,7 @@ from pricing_core.american.boundary import ExerciseBoundary, exercise_boundary
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.curves import PiecewiseConstant
 from pricing_core.american.contracts.dividends import CashDividend, ProportionalDividend
+from pricing_core.american.contracts.exchange import exchange_option
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.vocabulary import contract_from
@@ -33,6 +34,7 @@ __all__ = [
     "Valuation",
     "ValueSurface",
     "contract_from",
+    "exchange_option",
     "exercise_boundary",
     "implied_carry",
     "implied_volatility",

@@ -88,7 +88,8 @@ def price(
     engines = engines_of(method, lcp_method, resolution)
     check_moneyness(option, market.spot)
     request = Request(np.array([tolerance]), greeks, interrupt=interrupt)
-    prices = solve(Book.of([(option, market)]), request, engines=engines)
+    book = Book.of([(option, market)])
+    prices = solve(book, request, engines=engines)
     if prices.status[0] == "out_of_domain":
         raise NumericalError(prices.message[0] or "no method could price this contract")
-    return valuation(option, market.spot, prices, greeks=greeks != "none")
+    return valuation((option, market), book, prices, greeks=greeks != "none")

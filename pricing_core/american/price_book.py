@@ -44,7 +44,7 @@ def price_book(
     workers = checked_threads(threads)
     table = Table(read.count, settings.greeks, columns, greek_errors=settings.greek_errors)
     in_order = read.book.is_simple and read.rows.size == read.count
-    payoff = read.book.payoff()
+    payoff = read.book.exercise_value()
 
     def keep(rows: slice, prices: Prices) -> None:
         places = rows if in_order else read.rows[rows]  # a slice is copied to faster

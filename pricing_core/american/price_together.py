@@ -33,9 +33,10 @@ def price_together(
         Asked between steps of the work; True ends it, and what is not settled then is None.
     """
     request = Request(np.array(tolerances), greeks, interrupt=interrupt)
-    prices = solve(Book.of(contracts), request, engines=ENGINES[:-1])
+    book = Book.of(contracts)
+    prices = solve(book, request, engines=ENGINES[:-1])
     ready = (prices.status == "ok") & prices.complete
     return [
-        valuation(option, market.spot, prices, greeks=greeks != "none", row=row) if there else None
-        for row, ((option, market), there) in enumerate(zip(contracts, ready.tolist(), strict=True))
+        valuation(contract, book, prices, greeks=greeks != "none", row=row) if there else None
+        for row, (contract, there) in enumerate(zip(contracts, ready.tolist(), strict=True))
     ]

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
+from pricing_core.american.contracts.carry import carry_yield
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, SPOT, TOLERANCE
@@ -163,7 +164,8 @@ def _multiplier(option: Option, book: Book, found: Prices) -> Vector:
     now = book.first_segments()
     diffused = book.spot - book.escrow_now()
     slack = book.sign * (now.rate * book.strike - now.dividend_yield * diffused)
-    return np.where(found.exercised, np.maximum(slack, 0.0), 0.0)
+    discount = 1.0 if book.reduction is None else book.reduction.discount
+    return np.where(found.exercised, discount * np.maximum(slack, 0.0), 0.0)
 
 
 def _perpetual_boundary(option: Option, market: Market) -> float | None:
@@ -174,7 +176,7 @@ def _perpetual_boundary(option: Option, market: Market) -> float | None:
     ratio = perpetual_boundary(
         is_put=option.is_put,
         rate=float(market.rate),  # type: ignore[arg-type]
-        dividend_yield=float(market.dividend_yield),  # type: ignore[arg-type]
+        dividend_yield=float(carry_yield(market)),  # type: ignore[arg-type]
         volatility=float(market.volatility),  # type: ignore[arg-type]
     )
     return option.strike * ratio if 0.0 < ratio < math.inf else None

@@ -128,13 +128,21 @@ def effects_of(
         "vega_effect": events.parallel("volatility"),
         "theta_effect": _term(before.result("theta"), elapsed),
         "rho_effect": events.parallel("rate"),
-        "dividend_effect": events.parallel("dividend_yield") + events.dividends,
+        "dividend_effect": events.parallel("dividend_yield") + events.dividends + _by_carry(before, after),
     }
     parts["exercise_effect"] = _exercise(before, after, chosen, parts, spot, repricing)
     profit = after.result("price") - before.result("price")
     for column in (profit, *parts.values()):
         column[~chosen] = np.nan
     return _summing_up(profit, parts)
+
+
+def _by_carry(before: Side, after: Side) -> Vector:
+    """Return what the changes of numbers do that add to the yield; those of curves are left to the residual."""
+    change = np.zeros(before.expiry.size)
+    for name, sign in (("borrow_rate", 1.0), ("quanto_covariance", 1.0), ("foreign_rate", -1.0)):
+        change += sign * np.nan_to_num(after.numbers(name) - before.numbers(name))
+    return _term(before.result("dividend_rho"), change)
 
 
 class _Repricing:

@@ -72,7 +72,8 @@ def explain_profit_and_loss(
     - vega_effect: vega * d sigma; rho_effect: rho * dr. Where either table has a curve, the sum over its pieces of the
       derivative by the piece's value times its change at the same date.
     - theta_effect: theta * dt, with dt the time to expiry that has passed.
-    - dividend_effect: dividend_rho * dq, likewise by pieces; and, where the dividends still due are not those that
+    - dividend_effect: dividend_rho * dq, likewise by pieces, with the changes of borrow_rate, foreign_rate and
+      quanto_covariance where they are numbers; and, where the dividends still due are not those that
       `before` expected, what `before` would be worth with them, less its price.
     - exercise_effect: 0 unless S moves over the exercise boundary of `before`, or the contract has expired. Then the
       Taylor terms end at a kink: it is what `before` would be worth at the new S, less its price and the two terms in
@@ -99,9 +100,9 @@ def explain_profit_and_loss(
         A row for each of `before` in its order, then for those of `after` that have no partner: the key, the columns
         of `before` that do not describe contracts, "price_before", "price_after", "profit_and_loss", its parts,
         "status" and "message". The status is one of a price, or "only_before", "only_after", "missing_key",
-        "duplicate_key", or "changed_contract" where option_type, strike, exercise, its times or start, dividend_model
-        or the expiration differ, or there is more time to expiry afterwards. Then there is no profit or loss, but
-        prices there may be.
+        "duplicate_key", or "changed_contract" where option_type, strike, exercise, its times or start, dividend_model,
+        underlying, settlement_lag or the expiration differ, or there is more time to expiry afterwards. Then there is
+        no profit or loss, but prices there may be.
 
     Raises
     ------
@@ -317,14 +318,15 @@ def _statuses(before: Side, after: Side) -> tuple[list[str], list[str | None], B
 def _changes(before: Side, after: Side) -> list[str]:
     """Return what of a contract has changed that cannot change, in words; "" for nothing."""
     changes = [""] * before.expiry.size
-    for name in ("option_type", "exercise", "dividend_model"):
+    for name in ("option_type", "exercise", "dividend_model", "underlying"):
         for row, cells in _different_words(name, before, after):
             if cells[0] == "bermudan":  # it is European once its times have passed
                 continue
             changes[row] = f"{name} was {cells[0]} and is {cells[1]}"
-    strikes = before.numbers("strike"), after.numbers("strike")
-    for row in np.flatnonzero(strikes[0] != strikes[1]).tolist():
-        changes[row] = f"strike was {strikes[0][row]:.12g} and is {strikes[1][row]:.12g}"
+    for name in ("strike", "settlement_lag"):
+        numbers = before.numbers(name), after.numbers(name)
+        for row in np.flatnonzero(numbers[0] != numbers[1]).tolist():
+            changes[row] = f"{name} was {numbers[0][row]:.12g} and is {numbers[1][row]:.12g}"
     for row in np.flatnonzero(after.expiry > before.expiry + SAME_TIME).tolist():
         changes[row] = (
             f"expiry was {before.expiry[row]:.12g} and is {after.expiry[row]:.12g}, longer than before"

@@ -57,7 +57,7 @@ class ShiftedContracts:
         for name, moves, shift in (
             ("volatility", self._moves_volatility, scenario.volatility_shift),
             ("rate", self._moves_rate, scenario.rate_shift),
-            ("dividend_yield", False, 0.0),
+            *((name, False, 0.0) for name in ("dividend_yield", "borrow_rate", "foreign_rate")),
         ):
             if name in arrays and (moves or self._moves_time):
                 arrays[name] = self._curves(self._columns[name], shift, years)

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.american.book.ragged import Ragged, gather, join_starts, starts
+from pricing_core.american.book.reduction import Reduction, engine_times
 from pricing_core.american.contracts.contract import Option
-from pricing_core.american.contracts.curves import Curve, PiecewiseConstant
+from pricing_core.american.contracts.curves import PiecewiseConstant
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.schedule import Schedule, Segment, make_schedule
 from pricing_core.arrays import BoolVector, Vector
@@ -112,6 +113,8 @@ class Book:
     segments : Segments
         Those of one contract in the order of time.
     listed : Listed
+    reduction : Reduction or None
+        What the contracts state beyond the option that the engines price; None where that is nothing.
     is_plain : bool
         Whether no contract has an event before its expiry, or a dividend then.
     """
@@ -123,6 +126,7 @@ class Book:
     first: NDArray[np.int64]
     segments: Segments
     listed: Listed
+    reduction: Reduction | None = None
     is_plain: bool = field(init=False)
 
     def __post_init__(self) -> None:
@@ -143,7 +147,6 @@ class Book:
         rows = [_columns_of(segment) for schedule in schedules for segment in schedule.segments]
         columns = np.array(rows, dtype=np.float64).reshape(len(rows), len(Segments.__slots__)).T
         start, end, rate, dividend_yield, volatility, exercisable, at_end, fraction, due = columns
-        markets = [market for _, market in contracts]
         terms = [
             (option.is_put, option.strike, market.spot, market.dividend_model == "escrowed")
             for option, market in contracts
@@ -158,7 +161,8 @@ class Book:
             Segments(
                 start, end, rate, dividend_yield, volatility, exercisable != 0.0, at_end != 0.0, fraction, due
             ),
-            _listed(markets),
+            _listed(contracts),
+            Reduction.of(contracts),
         )
 
     @classmethod
@@ -200,6 +204,10 @@ class Book:
     def payoff(self) -> Vector:
         """Return what exercise brings now, (11.47), money, shape (n,)."""
         return np.maximum(np.where(self.is_put, self.strike - self.spot, self.spot - self.strike), 0.0)
+
+    def exercise_value(self) -> Vector:
+        """Return what exercise now is worth now, money, shape (n,): the payoff, discounted to when it is paid."""
+        return self.payoff() if self.reduction is None else self.reduction.discount * self.payoff()
 
     def first_segments(self) -> Segments:
         """Return the segment of each contract that holds now."""
@@ -265,6 +273,7 @@ class Book:
             first,
             self.segments.take(chosen),
             self.listed.take(rows),
+            None if self.reduction is None else self.reduction.take(rows),
         )
 
     def part(self, rows: slice) -> Book:
@@ -280,6 +289,7 @@ class Book:
             np.arange(chosen.size + 1),
             self.segments.take(rows),
             self.listed.take(chosen),
+            None if self.reduction is None else self.reduction.take(chosen),
         )
 
     def joined(self, other: Book) -> Book:
@@ -292,7 +302,14 @@ class Book:
             join_starts(self.first, other.first),
             self.segments.joined(other.segments),
             self.listed.joined(other.listed),
+            self._joined_reduction(other),
         )
+
+    def _joined_reduction(self, other: Book) -> Reduction | None:
+        if self.reduction is None and other.reduction is None:
+            return None
+        mine, theirs = (book.reduction or Reduction.nothing(book.count) for book in (self, other))
+        return mine.joined(theirs)
 
     def with_volatility(self, volatility: Vector) -> Book:
         """Return the contracts with constant volatilities, shape (n,)."""
@@ -313,15 +330,15 @@ class Book:
         return Schedule(bool(self.is_put[row]), self.strike.item(row), spot, segments)
 
 
-def _listed(markets: Sequence[Market]) -> Listed:
-    """Return the times of the markets' dividends and curves."""
+def _listed(contracts: Sequence[tuple[Option, Market]]) -> Listed:
+    """Return the times of the dividends and curves, those of curves as the engines see them."""
+    markets = [market for _, market in contracts]
     if not any(market.cash_dividends or market.has_curves() for market in markets):
         return Listed.nothing(len(markets))
     dividends = Ragged.of([[d.time for d in market.cash_dividends] for market in markets])
-    return Listed(
-        dividends, *(Ragged.of([_times(getattr(market, name)) for market in markets]) for name in CURVES)
-    )
-
-
-def _times(curve: Curve) -> tuple[float, ...]:
-    return curve.times if isinstance(curve, PiecewiseConstant) else ()
+    rate, dividend_yield = zip(*(engine_times(*contract) for contract in contracts), strict=True)
+    volatility = [
+        market.volatility.times if isinstance(market.volatility, PiecewiseConstant) else ()
+        for market in markets
+    ]
+    return Listed(dividends, Ragged.of(rate), Ragged.of(dividend_yield), Ragged.of(volatility))

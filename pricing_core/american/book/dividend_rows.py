@@ -1,8 +1,8 @@
 """The rows of a table whose only events are plain cash dividends, read all at once.
 
-Such a row has flat rates, the spot model and a list of {"time": ..., "amount": ...}, or its JSON text, with nothing
-but numbers: times that increase strictly inside the option's life, amounts that make a difference. Any other row,
-and every fault, is for `contract_from`.
+Such a row has flat rates, a spot that is no futures price, the spot model and a list of {"time": ..., "amount": ...},
+or its JSON text, with nothing but numbers: times that increase strictly inside the option's life, amounts that make a
+difference. Any other row, and every fault, is for `contract_from`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pricing_core.american.book.book import Book, Listed, Rows, Segments
 from pricing_core.american.book.column import Column
 from pricing_core.american.book.ragged import Ragged, starts
+from pricing_core.american.book.reduction import Reduction
 from pricing_core.american.contracts.fields import AMOUNT
 from pricing_core.american.contracts.schedule import NEGLIGIBLE, SAME_TIME
 from pricing_core.arrays import BoolVector, Vector
@@ -66,7 +67,8 @@ def _book(
     none = Ragged.empty(counts.size)
     listed = Listed(Ragged(starts(dividends), time), none, none, none)
     escrowed = np.zeros(counts.size, dtype=bool)
-    book = Book(part["is_put"], part["strike"], part["spot"], escrowed, first, segments, listed)
+    reduction = Reduction.of_columns(part)
+    book = Book(part["is_put"], part["strike"], part["spot"], escrowed, first, segments, listed, reduction)
     apart = end - start > SAME_TIME * expiry
     counted = ~pays | ((due > NEGLIGIBLE * strike) & (due <= AMOUNT.most))
     return book, np.logical_and.reduceat(apart & counted, first[:-1])

@@ -11,7 +11,6 @@ from typing import Any, Literal, TypeAlias, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.book.book import Rows
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.arrays import BoolVector, Vector
 
@@ -99,11 +98,11 @@ class Prices:
         """How many contracts there are."""
         return self.value.size
 
-    def take(self, rows: Rows) -> Prices:
+    def take(self, rows: NDArray[np.intp]) -> Prices:
         """Return some of the rows, in the order asked for."""
         return Prices(*(taken(getattr(self, name), rows) for name in self.__slots__))
 
-    def replaced(self, rows: Rows, found: Prices) -> Prices:
+    def replaced(self, rows: NDArray[np.intp], found: Prices) -> Prices:
         """Return these prices with some rows taken, in their order, from others."""
         if rows.size == 0:
             return self
@@ -197,12 +196,12 @@ def concatenated(parts: Sequence[Prices]) -> Prices:
     return Prices(**columns)
 
 
-def taken(column: Any, rows: Rows) -> Any:
+def taken(column: Any, rows: NDArray[np.intp]) -> Any:
     """Return some rows of a column of either kind."""
     return column.take(rows) if isinstance(column, Ragged) else column[rows]
 
 
-def _replaced(column: Any, rows: Rows, found: Any) -> Any:
+def _replaced(column: Any, rows: NDArray[np.intp], found: Any) -> Any:
     if isinstance(column, Ragged):
         return column.replaced(rows, found)
     changed = column.copy()

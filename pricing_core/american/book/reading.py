@@ -14,10 +14,12 @@ from pricing_core.american.book.book import Book, Listed, Rows, Segments
 from pricing_core.american.book.column import MISSING, Column
 from pricing_core.american.book.columns import broadcast_columns
 from pricing_core.american.book.dividend_rows import read_dividend_rows
+from pricing_core.american.book.reduction import Reduction
+from pricing_core.american.contracts.carry import DAYS_PER_YEAR
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.dates import expiry_from_dates
-from pricing_core.american.contracts.fields import COLUMN_FIELDS, TOLERANCE
+from pricing_core.american.contracts.fields import COLUMN_FIELDS, DIVIDEND_YIELD, TOLERANCE
 from pricing_core.american.contracts.market import NEGLIGIBLE_RATE, Market
 from pricing_core.american.contracts.schedule import make_schedule
 from pricing_core.american.contracts.tolerances import LARGEST_RATIO, check_moneyness
@@ -28,6 +30,8 @@ from pricing_core.errors import InvalidInputError
 REQUIRED_COLUMNS = tuple(field.name for field in COLUMN_FIELDS if field.required)
 LIMITS = {field.name: field.limits for field in COLUMN_FIELDS if field.kind in ("number", "curve")}
 DIVIDENDS = "cash_dividends"
+# Columns that make the yield of what a row states, and what is left of them beside it.
+CARRY = ("underlying", "borrow_rate", "foreign_rate", "quanto_covariance", "settlement_lag")
 OTHER_EVENTS: Mapping[str, object] = {  # and what a row without events holds there, if anything
     "exercise_times": "[]",
     "exercise_start": 0.0,
@@ -109,9 +113,10 @@ def read_columns(
     sound = (is_put | types.is_word("call")) & (is_american | exercises.is_word("european"))
     refused = refused or {}
     sound[list(refused)] = False
+    stated = _stated(table, numbers, count)
     with np.errstate(all="ignore"):
-        for name, (least, most) in LIMITS.items():
-            column = numbers[name]
+        for name, column in numbers.items():
+            least, most = LIMITS[name]
             if not (column.min(initial=least) >= least and column.max(initial=most) <= most):
                 sound &= (column >= least) & (column <= most)
         ratio = numbers["spot"] / numbers["strike"]
@@ -119,8 +124,50 @@ def read_columns(
     sound &= (ratio == 0.0) | ((ratio >= 10.0 / LARGEST_RATIO) & (ratio <= 0.1 * LARGEST_RATIO))
     for name in ("rate", "dividend_yield"):
         numbers[name][np.abs(numbers[name]) < NEGLIGIBLE_RATE] = 0.0
-    arrays = {"is_put": is_put, "is_american": is_american, **numbers}
+    if stated:
+        sound &= _with_carry(numbers, stated)
+    arrays = {"is_put": is_put, "is_american": is_american, **numbers, **stated}
     return _joined(table, arrays, sound, refused)
+
+
+def _stated(table: Mapping[str, Column], numbers: dict[str, Vector], count: int) -> dict[str, NDArray[Any]]:
+    """Return what the rows state beyond a rate and a yield, by column; nothing where no row can.
+
+    Empty cells become 0 in `numbers`.
+    """
+    given = [name for name in CARRY if name in table]
+    if not given:
+        return {}
+    nothing = np.zeros(count, dtype=bool)
+    is_quanto = nothing
+    for name in given:
+        if name == "foreign_rate":
+            is_quanto = ~table[name].is_empty(None)
+        if name in numbers:
+            numbers[name][table[name].is_empty(0.0 if name != "foreign_rate" else None)] = 0.0
+    underlying = table.get("underlying")
+    return {
+        "is_future": nothing if underlying is None else underlying.is_word("future"),
+        "is_known": ~nothing if underlying is None else underlying.is_empty("spot"),
+        "is_quanto": is_quanto,
+        "lag": numbers.get("settlement_lag", 0.0 * nothing) / DAYS_PER_YEAR,
+    }
+
+
+def _with_carry(numbers: dict[str, Vector], stated: Mapping[str, NDArray[Any]]) -> BoolVector:
+    """Write the yields of `carry_yield`, and tell which rows may have what they state."""
+    rate, dividend_yield, nothing = numbers["rate"], numbers["dividend_yield"], 0.0 * numbers["rate"]
+    borrow, foreign, covariance = (
+        numbers.get(name, nothing) for name in ("borrow_rate", "foreign_rate", "quanto_covariance")
+    )
+    is_future, is_quanto = stated["is_future"], stated["is_quanto"]
+    none_of_it = (dividend_yield == 0.0) & (borrow == 0.0) & ~is_quanto
+    whole = dividend_yield + borrow + covariance
+    whole = np.where(is_quanto, whole + rate - foreign, whole)
+    numbers["dividend_yield"] = whole = np.where(is_future, rate + covariance, whole)
+    least, most = DIVIDEND_YIELD.limits
+    allowed = np.where(is_future, none_of_it, stated["is_known"])
+    return np.asarray(allowed & (whole >= least) & (whole <= most))
 
 
 def checked_contract(cells: Mapping[str, Any]) -> tuple[Option, Market]:
@@ -156,7 +203,10 @@ def _joined(
     rows = np.flatnonzero(~rest)
     books, places = [_without_events({name: column[rows] for name, column in arrays.items()})], [rows]
     if DIVIDENDS in table:
-        paid = read_dividend_rows(table[DIVIDENDS], np.flatnonzero(without & ~unpaid), arrays)
+        paying = without & ~unpaid
+        if "is_future" in arrays:  # which has no dividends
+            paying &= ~arrays["is_future"]
+        paid = read_dividend_rows(table[DIVIDENDS], np.flatnonzero(paying), arrays)
         if paid is not None:
             places.append(paid[0])
             books.append(paid[1])
@@ -190,7 +240,10 @@ def _without_events(arrays: Mapping[str, NDArray[Any]]) -> Book:
     )
     escrowed = np.zeros(expiry.size, dtype=bool)
     first, listed = np.arange(expiry.size + 1), Listed.nothing(expiry.size)
-    return Book(arrays["is_put"], arrays["strike"], arrays["spot"], escrowed, first, segments, listed)
+    reduction = Reduction.of_columns(arrays)
+    return Book(
+        arrays["is_put"], arrays["strike"], arrays["spot"], escrowed, first, segments, listed, reduction
+    )
 
 
 def _read_singly(

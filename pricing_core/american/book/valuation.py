@@ -6,15 +6,17 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, Prices, Status, error_of
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.book.resolution import Resolution
+from pricing_core.american.contracts.carry import DAYS_PER_YEAR
 from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.market import Market
 from pricing_core.arrays import Vector
 from pricing_core.kernel import instruction_set
 from pricing_core.version import ENGINE_VERSION
 
-DAYS_PER_YEAR = 365.0
 # Greeks and the columns of their errors.
 NUMBER_ERRORS = tuple((name, error_of(name)) for name in GREEKS)
 LIST_ERRORS = tuple((name, error_of(name)) for name in GREEK_LISTS)
@@ -118,17 +120,22 @@ class Valuation:
     diagnostics: Diagnostics
 
 
-def valuation(option: Option, spot: float, prices: Prices, *, greeks: bool, row: int = 0) -> Valuation:
+def valuation(
+    contract: tuple[Option, Market], book: Book, prices: Prices, *, greeks: bool, row: int = 0
+) -> Valuation:
     """Return the valuation of one contract of a book; NaN becomes None.
 
     Parameters
     ----------
+    contract : (Option, Market)
     greeks : bool
         Whether Greeks are wanted at all.
     row : int
         Which of the contracts it is.
     """
     value, european = prices.value.item(row), prices.european.item(row)
+    option, market = contract
+    discount = 1.0 if book.reduction is None else book.reduction.discount.item(row)
 
     def greek(column: Vector, share: float = 1.0) -> float | None:
         return _present(column.item(row) / share) if greeks else None
@@ -140,7 +147,7 @@ def valuation(option: Option, spot: float, prices: Prices, *, greeks: bool, row:
         price=_present(value),
         european_price=_present(european),
         early_exercise_premium=_present(value - european),
-        intrinsic_value=option.payoff(spot),
+        intrinsic_value=discount * option.payoff(market.spot),
         delta=greek(prices.delta),
         gamma=greek(prices.gamma),
         theta=greek(prices.theta),

@@ -13,6 +13,7 @@ from pricing_core.american.contracts.fields import (
     EXERCISE_TIMES,
     EXPIRY,
     OPTION_TYPE,
+    SETTLEMENT_LAG,
     STRIKE,
     Exercise,
     OptionType,
@@ -37,6 +38,9 @@ class Option:
         Years from now, in (0, expiry], in any order; with "bermudan" only, and at least one.
     exercise_start : float
         Years from now, 0 to expiry: before it an American option may not be exercised.
+    settlement_lag : float
+        Calendar days, of 1/365 year, from exercise or expiry to payment, 0 to 366: what is paid is worth the payoff
+        discounted over them.
 
     At an exercise time that is an ex-time the holder decides before the dividend.
 
@@ -57,6 +61,7 @@ class Option:
     exercise: Exercise = "american"
     exercise_times: tuple[float, ...] = ()
     exercise_start: float = 0.0
+    settlement_lag: float = 0.0
 
     def __post_init__(self) -> None:
         OPTION_TYPE.check_choice(self.option_type)
@@ -67,6 +72,8 @@ class Option:
             object.__setattr__(self, "exercise_times", self._checked_times())
         if self.exercise_start != 0.0 or not isinstance(self.exercise_start, float):
             object.__setattr__(self, "exercise_start", self._checked_start())
+        if self.settlement_lag != 0.0 or not isinstance(self.settlement_lag, float):
+            object.__setattr__(self, "settlement_lag", SETTLEMENT_LAG.check(self.settlement_lag))
 
     def _checked_times(self) -> tuple[float, ...]:
         """Return the exercise times in order, each once."""
@@ -102,5 +109,5 @@ class Option:
         return self.option_type == "put"
 
     def payoff(self, spot: float) -> float:
-        """Return what exercise brings at `spot`, in money per unit of underlying (11.47)."""
+        """Return what exercise brings at `spot`, paid after the lag, in money per unit of underlying (11.47)."""
         return max(self.strike - spot if self.is_put else spot - self.strike, 0.0)

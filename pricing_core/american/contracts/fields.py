@@ -14,6 +14,7 @@ from pricing_core.american.contracts.field import Field
 OptionType: TypeAlias = Literal["put", "call"]
 Exercise: TypeAlias = Literal["american", "european", "bermudan"]
 DividendModel: TypeAlias = Literal["spot", "escrowed"]
+Underlying: TypeAlias = Literal["spot", "future"]
 Greeks: TypeAlias = Literal["none", "standard", "extended"]
 GreeksUnits: TypeAlias = Literal["per_year_per_unit", "per_day_per_point"]
 
@@ -23,6 +24,7 @@ YEARS = (0.0, 200.0)  # Limits of a time in the life of an option, in years from
 # Limits of the time of an event, which may lie behind the expiry, in years from now.
 EVENT_YEARS = (0.0, 2000.0)
 RATES = (-0.5, 2.0)  # Limits of a rate or a yield, in 1/year.
+MOST_LAG = 366.0  # Largest settlement lag, in days.
 MOST_ENTRIES = 1000  # Largest length of a list, and largest number of pieces of a curve.
 
 CURVE = (
@@ -127,7 +129,7 @@ DIVIDEND_YIELD = Field(
     "dividend_yield",
     "curve",
     "1/year",
-    "Continuous yield, to which the cost of borrowing the underlying adds; a number or a curve",
+    "Continuous yield, to which the borrow_rate adds; a number or a curve",
     RATES,
     entries=CURVE,
     default=0.0,
@@ -162,6 +164,55 @@ DIVIDEND_MODEL = Field(
     choices=get_args(DividendModel),
     default="spot",
     example="spot",
+)
+UNDERLYING = Field(
+    "underlying",
+    "choice",
+    "",
+    "future: the spot is a futures price, whose yield is the rate: no yield, borrow rate or dividend may be given",
+    choices=get_args(Underlying),
+    default="spot",
+    example="spot",
+)
+BORROW_RATE = Field(
+    "borrow_rate",
+    "curve",
+    "1/year",
+    "Cost of borrowing the underlying, which adds to the yield; a number or a curve",
+    RATES,
+    entries=CURVE,
+    default=0.0,
+    example=0.0,
+)
+FOREIGN_RATE = Field(
+    "foreign_rate",
+    "curve",
+    "1/year",
+    "Quanto: the rate of the underlying's currency, where the option pays its numbers in another; the rate less it "
+    "adds to the yield; a number or a curve",
+    RATES,
+    entries=CURVE,
+    default=None,
+    example=0.03,
+)
+QUANTO_COVARIANCE = Field(
+    "quanto_covariance",
+    "number",
+    "1/year",
+    "Covariance of ln(spot) with the logarithm of the price of the underlying's currency, correlation times both "
+    "volatilities, which adds to the yield; Greeks hold it fixed",
+    RATES,
+    default=0.0,
+    example=0.0,
+)
+SETTLEMENT_LAG = Field(
+    "settlement_lag",
+    "number",
+    "days",
+    "Calendar days from exercise or expiry to payment, over which the payoff is discounted",
+    (0.0, MOST_LAG),
+    default=0.0,
+    example=0.0,
 )
 VALUATION_DATE = Field(
     "valuation_date",
@@ -242,6 +293,7 @@ SURFACE_TIMES = Field("times", "list", "years", "Times from now, 0 to expiry", Y
 CONTRACT_FIELDS = (
     *(OPTION_TYPE, SPOT, STRIKE, EXPIRY, RATE, VOLATILITY, EXERCISE, EXERCISE_TIMES, EXERCISE_START),
     *(DIVIDEND_YIELD, CASH_DIVIDENDS, PROPORTIONAL_DIVIDENDS, DIVIDEND_MODEL),
+    *(UNDERLYING, BORROW_RATE, FOREIGN_RATE, QUANTO_COVARIANCE, SETTLEMENT_LAG),
     *(VALUATION_DATE, EXPIRATION_DATE),
 )
 COLUMN_FIELDS = (*CONTRACT_FIELDS, TOLERANCE)

@@ -11,8 +11,9 @@ from bisect import bisect_left
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from pricing_core.american.contracts.carry import at, rate_and_yield
 from pricing_core.american.contracts.contract import Option
-from pricing_core.american.contracts.curves import Curve, PiecewiseConstant
+from pricing_core.american.contracts.curves import PiecewiseConstant
 from pricing_core.american.contracts.market import Market
 from pricing_core.errors import InvalidInputError
 
@@ -89,14 +90,14 @@ def make_schedule(option: Option, market: Market) -> Schedule:
     Raises
     ------
     InvalidInputError
-        Escrowed dividends are worth the spot or more.
+        Escrowed dividends are worth the spot or more, or go with a curve of rates and a settlement lag.
     """
     T = option.expiry
-    curves = market.rate, market.dividend_yield, market.volatility
+    curves = (*rate_and_yield(option, market), market.volatility)
     dividends = market.cash_dividends or market.proportional_dividends
     if not (dividends or option.exercise_times or option.exercise_start or market.has_curves()):
         american = option.exercise == "american"
-        rate, dividend_yield, volatility = (_at(curve, 0.0) for curve in curves)
+        rate, dividend_yield, volatility = (at(curve, 0.0) for curve in curves)
         whole = Segment(0.0, T, rate, dividend_yield, volatility, american, american, 0.0, 0.0, 0.0, 0.0)
         return Schedule(option.is_put, option.strike, market.spot, (whole,))
     least = NEGLIGIBLE * option.strike
@@ -113,11 +114,14 @@ def make_schedule(option: Option, market: Market) -> Schedule:
     fractions = _by_end(ends, ((d.time, d.fraction) for d in proportional))
     dates = _by_end(ends, ((time, 1.0) for time in option.exercise_times))
     escrowed = market.dividend_model == "escrowed"
+    if escrowed and cash and curves[0] is not market.rate:
+        allowed = "0 where dividends are escrowed and the rate is a curve"
+        raise InvalidInputError("settlement_lag", option.settlement_lag, allowed)
     segments: list[Segment] = []
     due = 0.0  # escrow just after the event at `end`
     for k in reversed(range(len(ends))):
         start, end = ends[k - 1] if k else 0.0, ends[k]
-        rate = _at(market.rate, 0.5 * (start + end))
+        rate, dividend_yield, volatility = (at(curve, 0.5 * (start + end)) for curve in curves)
         amount = math.fsum(amounts.get(k, ()))
         escrow = due + amount if escrowed else 0.0
         american = option.exercise == "american"
@@ -126,8 +130,8 @@ def make_schedule(option: Option, market: Market) -> Schedule:
                 start,
                 end,
                 rate,
-                _at(market.dividend_yield, 0.5 * (start + end)),
-                _at(market.volatility, 0.5 * (start + end)),
+                dividend_yield,
+                volatility,
                 exercisable=american and start >= option.exercise_start - SAME_TIME * T,
                 exercise_at_end=(american and end >= option.exercise_start - SAME_TIME * T) or k in dates,
                 fraction=1.0 - math.prod(1.0 - fraction for fraction in fractions.get(k, ())),
@@ -151,10 +155,6 @@ def _by_end(ends: list[float], events: Iterable[tuple[float, float]]) -> dict[in
         if place < len(ends) and abs(ends[place] - time) <= same:
             found.setdefault(place, []).append(number)
     return found
-
-
-def _at(curve: Curve, time: float) -> float:
-    return curve.at(time) if isinstance(curve, PiecewiseConstant) else curve
 
 
 def _distinct(times: list[float], expiry: float) -> list[float]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from pricing_core.american.contracts.carry import seen_from
 from pricing_core.american.contracts.contract import Option
-from pricing_core.american.contracts.curves import Curve, PiecewiseConstant
 from pricing_core.american.contracts.dividends import CashDividend, ProportionalDividend
 from pricing_core.american.contracts.market import Market
 
@@ -29,9 +29,11 @@ def seen_later(option: Option, market: Market, time: float) -> tuple[Option, Mar
     )
     return held, replace(
         market,
-        rate=_later(market.rate, time),
-        dividend_yield=_later(market.dividend_yield, time),
-        volatility=_later(market.volatility, time),
+        rate=seen_from(market.rate, time),
+        dividend_yield=seen_from(market.dividend_yield, time),
+        volatility=seen_from(market.volatility, time),
+        borrow_rate=seen_from(market.borrow_rate, time),
+        foreign_rate=None if market.foreign_rate is None else seen_from(market.foreign_rate, time),
         cash_dividends=tuple(
             CashDividend(d.time - time, d.amount) for d in market.cash_dividends if d.time > time
         ),
@@ -41,12 +43,3 @@ def seen_later(option: Option, market: Market, time: float) -> tuple[Option, Mar
             if d.time > time
         ),
     )
-
-
-def _later(curve: Curve, time: float) -> Curve:
-    if not isinstance(curve, PiecewiseConstant):
-        return curve
-    left = [(t - time, value) for t, value in zip(curve.times, curve.values, strict=True) if t > time]
-    if not left:
-        return curve.values[-1]
-    return PiecewiseConstant(*zip(*left, strict=True))

@@ -12,6 +12,7 @@ from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.dates import expiry_from_dates, read_moment, years_from
 from pricing_core.american.contracts.fields import (
+    BORROW_RATE,
     CONTRACT_FIELDS,
     DIVIDEND_MODEL,
     DIVIDEND_YIELD,
@@ -19,6 +20,9 @@ from pricing_core.american.contracts.fields import (
     EXERCISE,
     EXERCISE_START,
     EXPIRY,
+    QUANTO_COVARIANCE,
+    SETTLEMENT_LAG,
+    UNDERLYING,
     input_field,
 )
 from pricing_core.american.contracts.json_text import parse_cell
@@ -125,6 +129,7 @@ def _option(given: Mapping[str, Any], expiry: Any, start: dt.datetime | None) ->
         given.get("exercise", EXERCISE.default),
         _exercise_times(given, expiry, start),
         _exercise_start(given.get("exercise_start", EXERCISE_START.default), expiry, start),
+        given.get("settlement_lag", SETTLEMENT_LAG.default),
     )
 
 
@@ -137,6 +142,10 @@ def _market(given: Mapping[str, Any], start: dt.datetime | None) -> Market:
         _timed("cash_dividends", given, start),
         _timed("proportional_dividends", given, start),
         given.get("dividend_model", DIVIDEND_MODEL.default),
+        given.get("underlying", UNDERLYING.default),
+        _curve("borrow_rate", given.get("borrow_rate", BORROW_RATE.default)),
+        _curve("foreign_rate", given.get("foreign_rate")),
+        given.get("quanto_covariance", QUANTO_COVARIANCE.default),
     )
 
 

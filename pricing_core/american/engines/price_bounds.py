@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,6 +37,15 @@ class PriceBounds:
     def take(self, rows: Rows) -> PriceBounds:
         """Return those of some of the options."""
         return PriceBounds(*(getattr(self, name)[rows] for name in self.__slots__))
+
+
+def stated_bounds(book: Book) -> PriceBounds:
+    """Return the bounds of the contracts as they are stated: those of `bounds_of`, paid after the lag."""
+    bounds = bounds_of(book)
+    if book.reduction is None:
+        return bounds
+    names = ("lower", "upper", "european_lower", "european_upper")
+    return replace(bounds, **{name: book.reduction.discount * getattr(bounds, name) for name in names})
 
 
 def range_of(book: Book) -> tuple[Vector, Vector]:

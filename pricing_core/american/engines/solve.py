@@ -42,6 +42,9 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
         The engines, in the order in which they are asked.
     """
     warn_where_missing()
+    if book.reduction is not None:  # whose discount may be above 1
+        largest = np.maximum(book.reduction.discount, 1.0)
+        request = replace(request, tolerance=request.tolerance / largest)
     if request.interrupt is not None:
         request = replace(request, interrupt=_remembered(request.interrupt))
     best: Prices | None = None
@@ -171,8 +174,9 @@ def _judged(best: Prices, allowed: Vector, *, interrupted: bool) -> Prices:
 
 
 def _completed(book: Book, best: Prices, request: Request, engines: Sequence[Engine]) -> Prices:
-    """Return the prices with what needs no engine."""
-    return _with_greeks_of_payoffs(book, _with_boundaries(book, best, request, engines), request)
+    """Return the prices of the contracts as they are stated, with what needs no engine."""
+    found = _with_greeks_of_payoffs(book, _with_boundaries(book, best, request, engines), request)
+    return found if book.reduction is None else book.reduction.stated(found, book.listed.dividend_yield)
 
 
 def _with_greeks_of_payoffs(book: Book, best: Prices, request: Request) -> Prices:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pricing_core.american.contracts.carry import integral
 from pricing_core.american.contracts.curves import Curve
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, DIVIDEND_YIELD, TOLERANCE
 from pricing_core.american.contracts.market import Market
@@ -135,8 +136,7 @@ def implied_carry(
 
 def discount(rate: Curve, time: float) -> float:
     """Return what a unit of money due at `time` is worth now."""
-    integral = rate * time if isinstance(rate, float) else rate.integral(0.0, time)
-    return math.exp(-integral)
+    return math.exp(-integral(rate, time))
 
 
 def stock_value(market: Market, dividend_yield: float, expiry: float) -> float:

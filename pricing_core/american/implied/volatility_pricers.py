@@ -11,7 +11,7 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.engines.engine import Engine, Request
-from pricing_core.american.engines.price_bounds import bounds_of
+from pricing_core.american.engines.price_bounds import stated_bounds
 from pricing_core.american.engines.solve import ENGINES, FAST_ENGINES, solve
 from pricing_core.american.implied.volatility_search import (
     NO_CONVERGENCE,
@@ -36,7 +36,7 @@ def find_volatilities(
     interrupt : callable, optional
         Asked before every round of prices; True ends the search with status "no_convergence".
     """
-    targets = Targets(prices, bounds_of(book), book.spot, book.strike, book.expiry, tolerance)
+    targets = Targets(prices, stated_bounds(book), book.spot, book.strike, book.expiry, tolerance)
     found = search(targets, _pricer(book, FAST_ENGINES, interrupt, with_vega=True))
     left = np.flatnonzero(found.status == NOT_SERVED)
     if left.size:

@@ -125,6 +125,8 @@ def test_what_a_constructor_takes_ends_at_the_limits_which_its_documentation_sta
         given = {f.name: f.example for f in CONSTRUCTORS[kind] if f.required}
         if field is fields.EXERCISE_START:
             given |= {"expiry": fields.EXPIRY.most}
+        if field is fields.FOREIGN_RATE:  # and the yield is to be 0
+            given |= {"rate": min(max(number, fields.RATE.least), fields.RATE.most)}
         return getattr(kind(**given | {field.name: number}), field.name)
 
     for limit, beyond in ((field.least, -math.inf), (field.most, math.inf)):
