@@ -1,7 +1,8 @@
 // The question as Python, as a curl command and as a command of `pricing`.
 
 const CONTRACT = ["option_type", "strike", "expiry", "rate", "dividend_yield", "volatility", "spot", "valuation_date",
-  "expiration_date", "cash_dividends", "proportional_dividends", "dividend_model", "exercise", "exercise_times", "exercise_start"];
+  "expiration_date", "cash_dividends", "proportional_dividends", "dividend_model", "underlying", "borrow_rate",
+  "foreign_rate", "quanto_covariance", "settlement_lag", "exercise", "exercise_times", "exercise_start"];
 const LISTS = { cash_dividends: ["cash-dividend", "amount"], proportional_dividends: ["proportional-dividend", "fraction"] };
 
 export function asCurl(path, body) {

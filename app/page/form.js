@@ -34,13 +34,19 @@ export const FIELDS = [
   { group: "market", name: "ask", kind: "number", label: "and ask", unit: "money",
     show: (values) => values.mode === "volatility" },
   { group: "market", name: "rate", kind: "curve", label: "Rate", unit: "1/year", start: "0.05" },
-  { group: "market", name: "dividend_yield", kind: "curve", label: "Yield", unit: "1/year", start: "0" },
+  { group: "market", name: "dividend_yield", kind: "curve", label: "Yield", unit: "1/year", start: "0", show: isOnSpot },
   { group: "dividends", name: "cash_dividends", kind: "rows", label: "Cash", add: "cash dividend",
-    columns: [["time", "ex-time", YEARS_OR_DATE], ["amount", "amount", "money"]] },
+    columns: [["time", "ex-time", YEARS_OR_DATE], ["amount", "amount", "money"]], show: isOnSpot },
   { group: "dividends", name: "proportional_dividends", kind: "rows", label: "Proportional", add: "proportional dividend",
-    columns: [["time", "ex-time", YEARS_OR_DATE], ["fraction", "fraction", "of the spot"]] },
+    columns: [["time", "ex-time", YEARS_OR_DATE], ["fraction", "fraction", "of the spot"]], show: isOnSpot },
   { group: "dividends", name: "dividend_model", kind: "choice", label: "Model", start: "spot",
-    choices: [["spot", "Spot drops"], ["escrowed", "Escrowed"]] },
+    choices: [["spot", "Spot drops"], ["escrowed", "Escrowed"]], show: isOnSpot },
+  { group: "carry", name: "underlying", kind: "choice", label: "The spot is", start: "spot",
+    choices: [["spot", "A spot"], ["future", "A future"]] },
+  { group: "carry", name: "borrow_rate", kind: "number", label: "Borrow rate", unit: "1/year", show: isOnSpot },
+  { group: "carry", name: "foreign_rate", kind: "number", label: "Foreign rate", unit: "1/year, quanto", show: isOnSpot },
+  { group: "carry", name: "quanto_covariance", kind: "number", label: "Covariance", unit: "1/year, quanto" },
+  { group: "carry", name: "settlement_lag", kind: "number", label: "Paid after", unit: "days" },
   { group: "answer", name: "tolerance", kind: "number", label: "Tolerance", unit: "of the strike", start: "1e-6" },
   { group: "answer", name: "greeks", kind: "choice", label: "Greeks", start: "standard",
     choices: [["none", "None"], ["standard", "Standard"], ["extended", "Extended"]] },
@@ -48,6 +54,9 @@ export const FIELDS = [
     choices: [["per_year_per_unit", "Year, 1.00"], ["per_day_per_point", "Day, 0.01"]] },
   { group: "answer", name: "greek_errors", kind: "flag", label: "Errors of Greeks", start: true },
 ];
+function isOnSpot(values) {
+  return values.underlying !== "future"; // a futures price has no yield and no dividends
+}
 const CURVE_COLUMNS = [["times", "up to", "years"], ["values", "value", ""]];
 // What the service does not take as a field, and what it takes for prices alone.
 const OF_THE_PAGE = ["mode", "time"];
@@ -200,6 +209,7 @@ export class Form {
   fill(question) {
     for (const field of FIELDS) {
       this.fillField(field, field.name in question ? question[field.name] : this.start(field, question));
+      if (field.name in question) this.field(field.name).closest("details")?.setAttribute("open", "");
     }
     this.refresh();
   }
@@ -275,7 +285,7 @@ export class Form {
   }
 }
 
-const DEFAULTS = { exercise: "american", dividend_yield: 0, dividend_model: "spot", exercise_start: 0, tolerance: 1e-6,
+const DEFAULTS = { exercise: "american", dividend_yield: 0, dividend_model: "spot", underlying: "spot", exercise_start: 0, tolerance: 1e-6,
   greeks: "standard", greeks_units: "per_year_per_unit" };
 
 function isDefault(name, value) {

@@ -35,12 +35,14 @@ def random_question(seed: int) -> dict[str, Any]:
         {"greeks_units": "per_day_per_point", "exercise_start": 0.05},
         {"cash_dividends": [{"time": 0.05, "amount": 2}], "dividend_model": "escrowed"},
         {"expiry": None, "valuation_date": "2026-01-02", "expiration_date": "2026-12-18"},
+        {"underlying": "future", "settlement_lag": 2},
+        {"borrow_rate": 0.01, "foreign_rate": 0.02, "quanto_covariance": 0.01},
     ]
     question |= kinds[seed % len(kinds)]
     return {name: value for name, value in question.items() if value is not None}
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(10))
 def test_the_numbers_are_those_of_the_service(page: Page, page_server: Server, seed: int) -> None:
     question = random_question(seed)
     page.open(question)
