@@ -62,8 +62,8 @@ def summed(*terms: tuple[float, Curve]) -> Curve:
 
     Examples
     --------
-    >>> summed((1.0, 0.05), (-1.0, PiecewiseConstant([0.5, 1.0], [0.01, 0.02]))).values
-    (0.04, 0.03)
+    >>> summed((1.0, 0.5), (-1.0, PiecewiseConstant([0.5, 1.0], [0.25, 0.125]))).values
+    (0.25, 0.375)
     """
     times = sorted(
         {time for _, curve in terms if isinstance(curve, PiecewiseConstant) for time in curve.times}

@@ -22,7 +22,9 @@ from pricing_core.american import (
     value_surface,
 )
 from pricing_core.errors import InvalidInputError
+from tests.problems.needs_kernel import needs_kernel
 
+pytestmark = needs_kernel
 SEEDS = range(6)
 RATES = PiecewiseConstant([0.2, 0.6, 1.0], [0.01, 0.05, 0.03])
 YIELDS = PiecewiseConstant([0.4, 0.8], [0.02, 0.04])

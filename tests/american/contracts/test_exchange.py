@@ -7,6 +7,7 @@ import pytest
 
 from pricing_core.american import exchange_option, price
 from pricing_core.errors import InvalidInputError
+from tests.problems.needs_kernel import needs_kernel
 
 
 def normal(x: float) -> float:
@@ -36,6 +37,7 @@ def test_the_european_one_is_worth_margrabes_formula(seed):
     assert found.price == pytest.approx(expected, abs=1e-10)
 
 
+@needs_kernel
 @pytest.mark.parametrize("seed", range(8))
 def test_giving_one_asset_for_another_is_a_put_on_the_one_given(seed):
     terms = drawn(seed)
