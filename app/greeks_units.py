@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pricing_core.american.contracts.carry import DAYS_PER_YEAR
+from pricing_core.american.contracts.dates import DAYS_PER_YEAR
 from pricing_core.american.contracts.fields import GREEKS_UNITS, GreeksUnits
 
 DEFAULT_UNITS: GreeksUnits = GREEKS_UNITS.default

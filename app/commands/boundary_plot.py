@@ -7,6 +7,7 @@ from typing import BinaryIO
 import numpy as np
 
 from pricing_core.american import ExerciseBoundary, Market, Option, PiecewiseConstant
+from pricing_core.american.contracts.carry import carry_yield
 from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.perpetual import perpetual_boundary
@@ -186,7 +187,7 @@ def _mark_ex_times(axes: Axes, ex_times: list[float]) -> None:
 
 
 def _describe(axes: Axes, option: Option, market: Market) -> None:
-    curves = {"rate": market.rate, "yield": market.dividend_yield, "volatility": market.volatility}
+    curves = {"rate": market.rate, "yield": carry_yield(market), "volatility": market.volatility}
     terms = ", ".join(
         f"{name} {'curve' if isinstance(curve, PiecewiseConstant) else f'{curve:g}'}"
         for name, curve in curves.items()

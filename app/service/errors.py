@@ -52,7 +52,8 @@ class InvalidRequestError(ServiceError):
     """Fields are not what they must be."""
 
     def __init__(self, faults: Sequence[InvalidInputError]) -> None:
-        self.faults = tuple(faults[:SHOWN_ERRORS])
+        different = {fault.message_for_strangers: fault for fault in faults}
+        self.faults = tuple(different.values())[:SHOWN_ERRORS]
         super().__init__("; ".join(fault.message_for_strangers for fault in self.faults))
 
 

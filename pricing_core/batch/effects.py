@@ -17,7 +17,7 @@ from pricing_core.american.arrow.price_batch import contract_columns, price_batc
 from pricing_core.american.book.book import Rows
 from pricing_core.american.book.columns import as_objects
 from pricing_core.american.book.reading import checked_contract, read_book, read_columns
-from pricing_core.american.contracts.curves import Curve
+from pricing_core.american.contracts.curves import Curve, at, times_of
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.price_book import price_book
 from pricing_core.american.price_many import as_arrays
@@ -329,14 +329,14 @@ def _refined(old: Curve, new: Curve, years: float, expiry: float) -> PiecewiseCo
 
     Its values are moved by next to nothing, because pieces of one value would be taken for one piece.
     """
-    knots = [time for time in _times(old) if 0.0 < time < expiry]
-    for time in (time + years for time in _times(new)):
+    knots = [time for time in times_of(old) if 0.0 < time < expiry]
+    for time in (time + years for time in times_of(new)):
         if 0.0 < time < expiry and all(abs(time - knot) > SAME_TIME for knot in knots):
             knots.append(time)
     knots = [*sorted(knots), expiry or 1.0]
     starts = [0.0, *knots[:-1]]
     middles = [0.5 * (start + end) for start, end in zip(starts, knots, strict=True)]
-    values = (_at(old, middle) + TOLD_APART * (place % 2) for place, middle in enumerate(middles))
+    values = (at(old, middle) + TOLD_APART * (place % 2) for place, middle in enumerate(middles))
     return PiecewiseConstant(tuple(knots), tuple(values))
 
 
@@ -345,15 +345,7 @@ def _change(old: Curve, new: Curve, years: float, refined: PiecewiseConstant) ->
     starts = [0.0, *refined.times[:-1]]
     middles = [0.5 * (start + end) for start, end in zip(starts, refined.times, strict=True)]
     late = [max(middle, years) for middle in middles]
-    return np.array([_at(new, time - years) - _at(old, time) for time in late])
-
-
-def _times(curve: Curve) -> Sequence[float]:
-    return curve.times if isinstance(curve, PiecewiseConstant) else ()
-
-
-def _at(curve: Curve, time: float) -> float:
-    return curve.at(time) if isinstance(curve, PiecewiseConstant) else curve
+    return np.array([at(new, time - years) - at(old, time) for time in late])
 
 
 def _exercise(

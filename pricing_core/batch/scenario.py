@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from numbers import Real
 from typing import Any
 
+from pricing_core.american.contracts.dates import DAYS_PER_YEAR
 from pricing_core.american.contracts.json_text import parse_cell
 from pricing_core.batch.locations import as_location, open_binary
 from pricing_core.errors import InvalidInputError, Told
@@ -20,7 +21,6 @@ SHIFTS = ("spot_shift", "volatility_shift", "rate_shift", "days_forward")
 MOST_SCENARIOS = 10_000
 MOST_DAYS = 73_000.0  # 200 years, the longest life of an option
 LARGEST_FILE = 1 << 24  # bytes of a file of scenarios
-DAYS_PER_YEAR = 365.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pricing_core.american.book.ragged import Ragged, gather, join_starts, starts
 from pricing_core.american.book.reduction import Reduction, engine_times
 from pricing_core.american.contracts.contract import Option
-from pricing_core.american.contracts.curves import PiecewiseConstant
+from pricing_core.american.contracts.curves import times_of
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.schedule import Schedule, Segment, make_schedule
 from pricing_core.arrays import BoolVector, Vector
@@ -337,8 +337,5 @@ def _listed(contracts: Sequence[tuple[Option, Market]]) -> Listed:
         return Listed.nothing(len(markets))
     dividends = Ragged.of([[d.time for d in market.cash_dividends] for market in markets])
     rate, dividend_yield = zip(*(engine_times(*contract) for contract in contracts), strict=True)
-    volatility = [
-        market.volatility.times if isinstance(market.volatility, PiecewiseConstant) else ()
-        for market in markets
-    ]
+    volatility = [times_of(market.volatility) for market in markets]
     return Listed(dividends, Ragged.of(rate), Ragged.of(dividend_yield), Ragged.of(volatility))

@@ -15,10 +15,9 @@ from pricing_core.american.book.column import MISSING, Column
 from pricing_core.american.book.columns import broadcast_columns
 from pricing_core.american.book.dividend_rows import read_dividend_rows
 from pricing_core.american.book.reduction import Reduction
-from pricing_core.american.contracts.carry import DAYS_PER_YEAR
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
-from pricing_core.american.contracts.dates import expiry_from_dates
+from pricing_core.american.contracts.dates import DAYS_PER_YEAR, expiry_from_dates
 from pricing_core.american.contracts.fields import COLUMN_FIELDS, DIVIDEND_YIELD, TOLERANCE
 from pricing_core.american.contracts.market import NEGLIGIBLE_RATE, Market
 from pricing_core.american.contracts.schedule import make_schedule
@@ -30,7 +29,7 @@ from pricing_core.errors import InvalidInputError
 REQUIRED_COLUMNS = tuple(field.name for field in COLUMN_FIELDS if field.required)
 LIMITS = {field.name: field.limits for field in COLUMN_FIELDS if field.kind in ("number", "curve")}
 DIVIDENDS = "cash_dividends"
-# Columns that make the yield of what a row states, and what is left of them beside it.
+# Columns of what a row may state beyond a rate and a yield.
 CARRY = ("underlying", "borrow_rate", "foreign_rate", "quanto_covariance", "settlement_lag")
 OTHER_EVENTS: Mapping[str, object] = {  # and what a row without events holds there, if anything
     "exercise_times": "[]",
@@ -135,21 +134,17 @@ def _stated(table: Mapping[str, Column], numbers: dict[str, Vector], count: int)
 
     Empty cells become 0 in `numbers`.
     """
-    given = [name for name in CARRY if name in table]
-    if not given:
+    if not any(name in table for name in CARRY):
         return {}
     nothing = np.zeros(count, dtype=bool)
-    is_quanto = nothing
-    for name in given:
-        if name == "foreign_rate":
-            is_quanto = ~table[name].is_empty(None)
-        if name in numbers:
-            numbers[name][table[name].is_empty(0.0 if name != "foreign_rate" else None)] = 0.0
+    empty = {name: table[name].is_empty(None) for name in CARRY if name in numbers}
+    for name, cells in empty.items():
+        numbers[name][cells] = 0.0
     underlying = table.get("underlying")
     return {
         "is_future": nothing if underlying is None else underlying.is_word("future"),
         "is_known": ~nothing if underlying is None else underlying.is_empty("spot"),
-        "is_quanto": is_quanto,
+        "is_quanto": ~empty["foreign_rate"] if "foreign_rate" in empty else nothing,
         "lag": numbers.get("settlement_lag", 0.0 * nothing) / DAYS_PER_YEAR,
     }
 

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, Prices, error_of, taken
 from pricing_core.american.book.ragged import Ragged
-from pricing_core.american.contracts.carry import DAYS_PER_YEAR, at, integral
 from pricing_core.american.contracts.contract import Option
-from pricing_core.american.contracts.curves import Curve, PiecewiseConstant
+from pricing_core.american.contracts.curves import at, integral, times_of
+from pricing_core.american.contracts.dates import DAYS_PER_YEAR
 from pricing_core.american.contracts.market import Market
 from pricing_core.arrays import BoolVector, Vector
 
@@ -69,8 +69,8 @@ class Reduction:
             np.array([at(rate, 0.0) - at(rate, lag) for rate, lag in terms]),
             is_future | is_quanto,
             ~is_future,
-            Ragged.of([_times(rate) for rate in rates]),
-            Ragged.of([_times(market.dividend_yield) for _, market in contracts]),
+            Ragged.of([times_of(rate) for rate in rates]),
+            Ragged.of([times_of(market.dividend_yield) for _, market in contracts]),
         )
 
     @classmethod
@@ -174,7 +174,7 @@ def engine_times(option: Option, market: Market) -> tuple[tuple[float, ...], tup
 
     Those of the yield are cut at all times at which a piece of the stated curves may begin in what the engines price.
     """
-    rate, dividend_yield = _times(market.rate), _times(market.dividend_yield)
+    rate, dividend_yield = times_of(market.rate), times_of(market.dividend_yield)
     if is_plain(option, market) or not (rate or dividend_yield):
         return rate, dividend_yield
     lag = option.settlement_lag / DAYS_PER_YEAR
@@ -186,10 +186,6 @@ def engine_times(option: Option, market: Market) -> tuple[tuple[float, ...], tup
 def is_plain(option: Option, market: Market) -> bool:
     """Tell whether the engines price the contract as it is stated, with a rate and a yield."""
     return option.settlement_lag == 0.0 and market.underlying == "spot" and market.foreign_rate is None
-
-
-def _times(curve: Curve) -> tuple[float, ...]:
-    return curve.times if isinstance(curve, PiecewiseConstant) else ()
 
 
 def _pieces(times: tuple[float, ...]) -> list[tuple[float, float]]:

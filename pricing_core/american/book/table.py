@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pricing_core.american.book.book import Rows
 from pricing_core.american.book.prices import NUMBERS, Prices
 from pricing_core.american.book.ragged import Ragged
-from pricing_core.american.contracts.carry import DAYS_PER_YEAR
+from pricing_core.american.contracts.dates import DAYS_PER_YEAR
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.contracts.result_fields import price_fields
 from pricing_core.arrays import Vector

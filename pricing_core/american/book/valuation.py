@@ -10,8 +10,8 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, Prices, Status, error_of
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.book.resolution import Resolution
-from pricing_core.american.contracts.carry import DAYS_PER_YEAR
 from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.dates import DAYS_PER_YEAR
 from pricing_core.american.contracts.market import Market
 from pricing_core.arrays import Vector
 from pricing_core.kernel import instruction_set

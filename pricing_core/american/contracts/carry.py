@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pricing_core.american.contracts.curves import Curve, PiecewiseConstant
+from pricing_core.american.contracts.curves import Curve, PiecewiseConstant, at, seen_from, times_of
+from pricing_core.american.contracts.dates import DAYS_PER_YEAR
 
 if TYPE_CHECKING:
     from pricing_core.american.contracts.contract import Option
     from pricing_core.american.contracts.market import Market
-
-DAYS_PER_YEAR = 365.0
 
 
 def carry_yield(market: Market) -> Curve:
@@ -65,30 +64,8 @@ def summed(*terms: tuple[float, Curve]) -> Curve:
     >>> summed((1.0, 0.5), (-1.0, PiecewiseConstant([0.5, 1.0], [0.25, 0.125]))).values
     (0.25, 0.375)
     """
-    times = sorted(
-        {time for _, curve in terms if isinstance(curve, PiecewiseConstant) for time in curve.times}
-    )
+    times = sorted({time for _, curve in terms for time in times_of(curve)})
     values: list[float] = [
         sum(weight * at(curve, start) for weight, curve in terms) for start in [0.0, *times[:-1]]
     ]
     return PiecewiseConstant(tuple(times), tuple(values)) if len(set(values)) > 1 else values[0]
-
-
-def at(curve: Curve, time: float) -> float:
-    """Return what holds from a time on."""
-    return curve.at(time) if isinstance(curve, PiecewiseConstant) else curve
-
-
-def seen_from(curve: Curve, time: float) -> Curve:
-    """Return the curve as a function of the years after `time`."""
-    if not isinstance(curve, PiecewiseConstant):
-        return curve
-    left = [(t - time, value) for t, value in zip(curve.times, curve.values, strict=True) if t > time]
-    if not left:
-        return curve.values[-1]
-    return PiecewiseConstant(*zip(*left, strict=True))
-
-
-def integral(curve: Curve, time: float) -> float:
-    """Return the integral from now to a time, in years from now."""
-    return curve.integral(0.0, time) if isinstance(curve, PiecewiseConstant) else curve * time

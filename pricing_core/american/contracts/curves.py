@@ -76,6 +76,31 @@ class PiecewiseConstant:
 Curve: TypeAlias = float | PiecewiseConstant
 
 
+def times_of(curve: Curve) -> tuple[float, ...]:
+    """Return the times of a curve; none of a number."""
+    return curve.times if isinstance(curve, PiecewiseConstant) else ()
+
+
+def at(curve: Curve, time: float) -> float:
+    """Return what holds from a time on."""
+    return curve.at(time) if isinstance(curve, PiecewiseConstant) else curve
+
+
+def seen_from(curve: Curve, time: float) -> Curve:
+    """Return the curve as a function of the years after `time`."""
+    if not isinstance(curve, PiecewiseConstant):
+        return curve
+    left = [(t - time, value) for t, value in zip(curve.times, curve.values, strict=True) if t > time]
+    if not left:
+        return curve.values[-1]
+    return PiecewiseConstant(*zip(*left, strict=True))
+
+
+def integral(curve: Curve, time: float) -> float:
+    """Return the integral from now to a time, in years from now."""
+    return curve.integral(0.0, time) if isinstance(curve, PiecewiseConstant) else curve * time
+
+
 def read_curve(field: Field, value: object) -> Curve:
     """Return a number, or a curve that is none, as it is meant: a float where it is constant.
 

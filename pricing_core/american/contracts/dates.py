@@ -10,7 +10,8 @@ import numpy as np
 from pricing_core.american.contracts.fields import EXPIRY
 from pricing_core.errors import InvalidInputError
 
-SECONDS_PER_YEAR = 365.0 * 86_400.0
+DAYS_PER_YEAR = 365.0
+SECONDS_PER_YEAR = DAYS_PER_YEAR * 86_400.0
 ISO_DATE = re.compile(
     r"\d{4}-\d\d-\d\d([T ]\d\d:\d\d(:\d\d(\.\d{1,6})?)?(Z|[+-]\d\d:\d\d)?)?",
     re.ASCII,

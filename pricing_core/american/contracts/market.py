@@ -126,7 +126,10 @@ class Market:
         return any(
             isinstance(curve, PiecewiseConstant)
             for curve in (
-                *(self.rate, self.dividend_yield, self.volatility),
-                *(self.borrow_rate, self.foreign_rate),
+                self.rate,
+                self.dividend_yield,
+                self.volatility,
+                self.borrow_rate,
+                self.foreign_rate,
             )
         )

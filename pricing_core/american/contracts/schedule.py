@@ -11,9 +11,9 @@ from bisect import bisect_left
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from pricing_core.american.contracts.carry import at, rate_and_yield
+from pricing_core.american.contracts.carry import rate_and_yield
 from pricing_core.american.contracts.contract import Option
-from pricing_core.american.contracts.curves import PiecewiseConstant
+from pricing_core.american.contracts.curves import PiecewiseConstant, at
 from pricing_core.american.contracts.market import Market
 from pricing_core.errors import InvalidInputError
 

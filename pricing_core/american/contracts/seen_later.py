@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pricing_core.american.contracts.carry import seen_from
 from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.curves import seen_from
 from pricing_core.american.contracts.dividends import CashDividend, ProportionalDividend
 from pricing_core.american.contracts.market import Market
 

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.contracts.carry import integral
-from pricing_core.american.contracts.curves import Curve
+from pricing_core.american.contracts.curves import Curve, integral
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, DIVIDEND_YIELD, TOLERANCE
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.implied.carry_pairs import DIVIDENDS, Chain, Pairs, read_chain
