@@ -1,11 +1,12 @@
 """Cheap prices, on the event loop itself: those that wait at the same time go into one call of the engines."""
 
 import asyncio
+import functools
 from collections import defaultdict, deque
 from typing import NamedTuple
 
 from app.service.work.cost_model import CHEAP_SECONDS
-from app.service.work.lanes import INLINE_SECONDS, processor_limit
+from app.service.work.lanes import INLINE_SECONDS, inline, processor_limit
 from pricing_core.american import Market, Option, Valuation
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.price_together import price_together
@@ -65,7 +66,9 @@ class CheapLane:
 def _priced(now: list[_Asked], greeks: Greeks, seconds: float) -> list[Valuation | None]:
     contracts = [(asked.option, asked.market) for asked in now]
     tolerances = [asked.tolerance for asked in now]
+    work = functools.partial(price_together, contracts, tolerances, greeks)
     try:
-        return price_together(contracts, tolerances, greeks, processor_limit(seconds))
+        # What was interrupted may be less exact than an undisturbed answer, and is not given.
+        return inline(work, processor_limit(seconds)) or [None] * len(now)
     except Exception:  # one of them is to blame: each is asked again, alone
         return [None] * len(now)

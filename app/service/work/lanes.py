@@ -47,9 +47,15 @@ def processor_limit(seconds: float) -> Interrupt:
     return lambda: time.thread_time() > end
 
 
-def inline(work: Callable[[Interrupt], Answer]) -> Answer | None:
-    """Return what becomes of work that is thought cheap, done at once; None where it turns out not to be."""
-    limit, interrupted = processor_limit(INLINE_SECONDS), False
+def inline(work: Callable[[Interrupt], Answer], limit: Interrupt | None = None) -> Answer | None:
+    """Return what becomes of work that is thought cheap, done at once; None where it turns out not to be.
+
+    Parameters
+    ----------
+    limit : callable, optional
+        Tells when to give it up; after `INLINE_SECONDS` of this thread unless given.
+    """
+    limit, interrupted = limit or processor_limit(INLINE_SECONDS), False
 
     def interrupt() -> bool:
         nonlocal interrupted
