@@ -9,20 +9,29 @@ import select
 import sys
 import threading
 import time
+from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
+from typing import Any
 
 MOST_LINES = 10_000  # that wait to be written; those beyond are counted and left out; chosen
 FLUSH_SECONDS = 1.0  # for what waits when the process ends; chosen
 # In which lines are gathered and then written together: a thread that wakes for every one takes the interpreter from
 # the requests; chosen.
 GATHER_SECONDS = 0.02
+# Bytes that the system writes to a pipe without another process's bytes between them: at least 512 by POSIX.
+WHOLE = select.PIPE_BUF
+SHORTEST_PART = 100  # characters of a text that is not cut any further; chosen
 
 
 class JsonFormatter(logging.Formatter):
-    """Time, level, logger and message, and what the call gave as extra={"fields": {...}}."""
+    """Time, level, logger and message, and what the call gave as extra={"fields": {...}}.
+
+    No line is longer than what is written to a pipe as a whole: a longer text, such as a traceback, is cut into parts,
+    and each has a line with all the rest.
+    """
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return one line."""
+        """Return one line, or several."""
         line = {
             "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
             "level": record.levelname,
@@ -32,7 +41,32 @@ class JsonFormatter(logging.Formatter):
         }
         if record.exc_info:
             line["traceback"] = self.formatException(record.exc_info)
-        return json.dumps(line)
+        return "\n".join(_lines(line))
+
+
+def _lines(line: dict[str, Any]) -> list[str]:
+    """Return the object as JSON in lines that are short enough, which differ in parts of its longest text alone."""
+    text = json.dumps(line)
+    if len(text) < WHOLE:
+        return [text]
+    texts = {name: value for name, value in line.items() if isinstance(value, str)}
+    name, longest = max(texts.items(), key=lambda item: len(item[1]))
+    if len(longest) <= SHORTEST_PART:
+        return [text]
+    half = len(longest) // 2
+    return [*_lines(line | {name: longest[:half]}), *_lines(line | {name: longest[half:]})]
+
+
+def _wholes(lines: Iterable[str]) -> Iterator[bytes]:
+    """Yield the lines with their ends, as many together as are written as a whole."""
+    together = b""
+    for line in lines:
+        written = line.encode() + b"\n"
+        if together and len(together) + len(written) > WHOLE:
+            yield together
+            together = b""
+        together += written
+    yield together
 
 
 class BackgroundHandler(logging.Handler):
@@ -75,10 +109,10 @@ class BackgroundHandler(logging.Handler):
                 self._write([logging.LogRecord("pricing.logs", logging.WARNING, "", 0, words, None, None)])
 
     def _write(self, records: list[logging.LogRecord]) -> None:
-        lines = "".join(self.format(record) + "\n" for record in records).encode()
+        lines = (line for record in records for line in self.format(record).split("\n"))
         with contextlib.suppress(OSError):  # the reader has gone
-            while lines:
-                lines = lines[os.write(self._descriptor, lines) :]
+            for whole in _wholes(lines):
+                os.write(self._descriptor, whole)
 
 
 class UnblockedHandler(logging.Handler):
@@ -91,8 +125,9 @@ class UnblockedHandler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Write a record, or leave it out."""
         with contextlib.suppress(OSError):  # the reader has gone
-            if select.select([], [self._descriptor], [], 0.0)[1]:
-                os.write(self._descriptor, (self.format(record) + "\n").encode())
+            for whole in _wholes(self.format(record).split("\n")):
+                if select.select([], [self._descriptor], [], 0.0)[1]:
+                    os.write(self._descriptor, whole)
 
 
 def configure_logging(level: str, *, in_background: bool = True) -> None:
