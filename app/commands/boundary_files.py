@@ -12,7 +12,8 @@ from pricing_core.replacement import replacement
 def write_boundary_csv(path: Path, found: ExerciseBoundary) -> None:
     """Write one time per line, an empty cell where there is no boundary."""
     empty = [None] * found.time.size
-    write_columns(path, {name: column or empty for name, column in by_name(BOUNDARY_FIELDS, found).items()})
+    columns = [field for field in BOUNDARY_FIELDS if field.kind == "list"]
+    write_columns(path, {name: column or empty for name, column in by_name(columns, found).items()})
 
 
 def write_boundary_plot(path: Path, found: ExerciseBoundary, option: Option, market: Market) -> None:

@@ -58,7 +58,7 @@ def print_boundary(found: ExerciseBoundary) -> None:
     columns = [
         (f"{field.name} ({field.unit})", column)
         for field in BOUNDARY_FIELDS
-        if (column := by_name([field], found)[field.name]) is not None
+        if field.kind == "list" and (column := by_name([field], found)[field.name]) is not None
     ]
     rows = zip(*(column for _, column in columns), strict=True)
     print_table((name for name, _ in columns), (tuple(map(_shown, row)) for row in rows))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,9 +15,9 @@ from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE
 from pricing_core.american.contracts.market import Market
-from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.solve import boundary_of
-from pricing_core.arrays import Vector, as_vector
+from pricing_core.american.engines.engine import Boundaries, Engine, Request
+from pricing_core.american.engines.solve import ENGINES, boundary_of
+from pricing_core.arrays import BoolVector, Vector, as_vector
 from pricing_core.errors import InvalidInputError, NumericalError
 
 DEFAULT_POINTS = 101  # Number of times where none are given and nothing happens before expiry; chosen.
@@ -39,6 +40,9 @@ class ExerciseBoundary:
         The one further from the strike; None where the exercise region has one end only.
     error_estimate : Vector, shape (m,)
         Estimated absolute error of `boundary`, in money; 0 at expiry, NaN where the method of lines found it.
+    method : str
+        "premium-march", "multiplier-collocation" or "method-of-lines", with commas where they found it together, each
+        some of the times; "none" for an option that is never exercised early.
     """
 
     time: Vector
@@ -46,6 +50,24 @@ class ExerciseBoundary:
     boundary: Vector
     other_boundary: Vector | None
     error_estimate: Vector
+    method: str
+
+
+@dataclass(frozen=True, slots=True)
+class _Noted:
+    """An engine, asked for boundaries alone, whose method is noted where it has found any."""
+
+    engine: Engine
+    methods: list[str]
+
+    def serves(self, book: Book) -> BoolVector:
+        return self.engine.serves(book)
+
+    def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
+        found = self.engine.boundary(book, times, request)
+        if found.found.any():
+            self.methods.append(self.engine.name.replace(" ", "-"))
+        return found
 
 
 def exercise_boundary(
@@ -112,14 +134,16 @@ def exercise_boundary(
     tau = np.maximum(option.expiry - chosen, 0.0)
     nothing = np.full(chosen.size, math.nan)
     if option.exercise == "european":
-        return ExerciseBoundary(chosen, tau, nothing, None, nothing)
+        return ExerciseBoundary(chosen, tau, nothing, None, nothing, "none")
     if interrupt is not None and interrupt():
         raise NumericalError(INTERRUPTED)
-    found = boundary_of(book, chosen, Request(np.array([tolerance]), interrupt=interrupt))
+    methods: list[str] = []
+    engines = cast("Sequence[Engine]", [_Noted(engine, methods) for engine in ENGINES])
+    found = boundary_of(book, chosen, Request(np.array([tolerance]), interrupt=interrupt), engines)
     if not found.found.all():
         raise NumericalError("no method could find the exercise boundary of this contract")
     other = None if np.isnan(found.far).all() else found.far
-    return ExerciseBoundary(chosen, tau, found.near, other, found.error)
+    return ExerciseBoundary(chosen, tau, found.near, other, found.error, ", ".join(methods))
 
 
 def _times_around(events: Vector) -> Vector:

@@ -186,6 +186,9 @@ IMPLIED_VOLATILITY_FIELDS = (
     ResultField("error_estimate", "number", "money", "Estimated absolute error of that price", 1e-6),
     ResultField("volatility_error", "number", "1/sqrt(year)", "Estimated absolute error of volatility", 1e-6),
     ResultField("iterations", "count", "", "How many times the option was priced", 4),
+    ResultField(
+        "method", "text", "", "How the price was computed; none where there is no volatility", "premium-march"
+    ),
 )
 
 BOUNDARY_FIELDS = (
@@ -198,6 +201,7 @@ BOUNDARY_FIELDS = (
         "other_boundary", "list", "money", "The end of the exercise region farther from the strike", None
     ),
     ResultField("error_estimate", "list", "money", "Estimated absolute error of boundary", [0.0004, 0.0]),
+    ResultField("method", "text", "", "How the boundary was computed", "premium-march"),
 )
 
 SURFACE_FIELDS = (

@@ -47,6 +47,8 @@ class ImpliedVolatility:
         Estimated absolute error of the volatility: what the price's error, and its distance to the quote, change it by.
     iterations : int
         Times that the option was priced; 0 where the bounds alone settle the status.
+    method : str
+        How that price was computed, as in `Valuation`; "none" unless ok.
     bid_volatility, ask_volatility : float or None
         Those of bid and ask, where given and "ok" themselves.
     """
@@ -58,6 +60,7 @@ class ImpliedVolatility:
     error_estimate: float | None
     volatility_error: float | None
     iterations: int
+    method: str
     bid_volatility: float | None = None
     ask_volatility: float | None = None
 
@@ -122,6 +125,7 @@ def implied_volatility(
         error_estimate=_number(found.error[0]),
         volatility_error=_number(found.volatility_error[0]),
         iterations=found.pricings.item(0),
+        method=found.method.item(0),
         bid_volatility=sides[0],
         ask_volatility=sides[1],
     )

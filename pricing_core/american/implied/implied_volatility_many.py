@@ -164,6 +164,7 @@ def _table(sides: list[FoundVolatilities], messages: Mapping[int, str]) -> dict[
         "error_estimate": middle.error,
         "volatility_error": middle.volatility_error,
         "iterations": middle.pricings,
+        "method": middle.method,
         "message": message,
     }
     for name, side in zip(("bid_volatility", "ask_volatility"), sides[1:], strict=False):

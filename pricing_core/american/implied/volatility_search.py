@@ -75,6 +75,8 @@ class FoundVolatilities:
     volatility_error : Vector
         Estimated absolute error of the volatility, NaN unless OK.
     pricings : int array
+    method : object array of str
+        The pricer's of the last price; "none" unless OK.
     """
 
     status: NDArray[np.int8]
@@ -84,6 +86,7 @@ class FoundVolatilities:
     error: Vector
     volatility_error: Vector
     pricings: NDArray[np.int64]
+    method: NDArray[np.object_]
 
     def store(self, rows: NDArray[np.intp], part: FoundVolatilities) -> None:
         """Put in what was found of some of the rows elsewhere."""
@@ -102,6 +105,7 @@ def nothing_found(count: int, status: int) -> FoundVolatilities:
         error=error,
         volatility_error=volatility_error,
         pricings=np.zeros(count, dtype=np.int64),
+        method=np.full(count, "none", dtype=object),
     )
 
 
@@ -219,6 +223,7 @@ def _advance(
         found.price[done] = prices.value[settled]
         found.european[done] = prices.european[settled]
         found.error[done] = prices.error[settled]
+        found.method[done] = prices.method[settled]
         uncertain = (prices.error + np.abs(gap))[settled] / targets.span(done)
         change = _changes(coordinate, done, share[settled], y[settled], by_share[settled], uncertain)
         below, above = change / state.slope[done]

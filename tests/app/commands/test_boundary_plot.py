@@ -77,7 +77,7 @@ def test_a_picture_has_labelled_axes_and_names_what_it_shows(
 
 def test_a_picture_of_an_option_with_events_names_them(figures: list[Figure]) -> None:
     time = np.array([0.0, 0.5, 1.0])
-    found = ExerciseBoundary(time, 1.0 - time, np.array([80.0, np.nan, 100.0]), None, np.zeros(3))
+    found = ExerciseBoundary(time, 1.0 - time, np.array([80.0, np.nan, 100.0]), None, np.zeros(3), "none")
     curve = PiecewiseConstant([0.5, 1.0], [0.04, 0.05])
     market = Market(100.0, curve, 0.2, cash_dividends=[{"time": 0.5, "amount": 1.0}])  # type: ignore[arg-type]
     draw_boundary(found, PUT, market, io.BytesIO())

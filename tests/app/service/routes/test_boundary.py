@@ -11,13 +11,14 @@ def test_the_boundary_of_a_put_rises_to_the_strike(client: TestClient, question:
     answer = client.post("/v1/boundary", json=question | {"times": [0.0, 0.5, 0.9, 1.0]})
     assert answer.status_code == 200
     body = answer.json()
-    results = {"time", "time_to_expiry", "boundary", "other_boundary", "error_estimate"}
+    results = {"time", "time_to_expiry", "boundary", "other_boundary", "error_estimate", "method"}
     assert set(body) == results | {"engine_version", "instruction_set"}
     assert body["time"] == [0.0, 0.5, 0.9, 1.0]
     assert body["time_to_expiry"] == pytest.approx([1.0, 0.5, 0.1, 0.0])
     assert np.all(np.diff(body["boundary"]) > 0.0)
     assert body["boundary"][-1] == pytest.approx(100.0)
     assert body["other_boundary"] is None
+    assert body["method"] == "premium-march"
     assert body["error_estimate"][-1] == 0.0
     assert all(0.0 < error < 0.1 for error in body["error_estimate"][:-1])
 
@@ -38,6 +39,22 @@ def test_the_spot_may_be_left_out(client: TestClient, question: dict[str, Any]) 
 def test_no_boundary_is_null(client: TestClient, question: dict[str, Any]) -> None:
     body = client.post("/v1/boundary", json=question | {"exercise": "european", "times": [0.0, 0.5]}).json()
     assert body["boundary"] == body["error_estimate"] == [None, None]
+    assert body["method"] == "none"
+
+
+@pytest.mark.parametrize(
+    ("changes", "method"),
+    [
+        ({"cash_dividends": [{"time": 0.5, "amount": 2.0}]}, "multiplier-collocation"),
+        ({"rate": 0.02, "dividend_yield": 0.05, "volatility": 0.1}, "premium-march"),
+        ({"rate": -0.01, "dividend_yield": -0.04, "volatility": 0.1}, "method-of-lines"),  # two boundaries
+    ],
+)
+def test_the_method_is_that_of_the_engine_that_found_the_boundary(
+    client: TestClient, question: dict[str, Any], changes: dict[str, Any], method: str
+) -> None:
+    body = client.post("/v1/boundary", json=question | changes | {"times": [0.0, 0.5]}).json()
+    assert method in body["method"].split(", ")
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,18 @@ def test_the_answer_is_the_library_s_result_key_by_key(client: TestClient, quote
     assert set(ImpliedVolatilityResponse.model_fields) == {*ImpliedVolatility.__slots__, *provenance()}
 
 
+def test_the_method_is_that_of_the_price_at_the_volatility(client: TestClient, quote: dict[str, Any]) -> None:
+    dividend = {"cash_dividends": [{"time": 0.5, "amount": 2.0}]}
+    for changes in ({}, {"exercise": "european"}, dividend):
+        found = client.post("/v1/implied-volatility", json=quote | changes).json()
+        terms = {name: value for name, value in (quote | changes).items() if name != "option_price"}
+        price = client.post("/v1/price", json=terms | {"volatility": found["volatility"]}).json()
+        assert found["method"] == price["method"]
+    assert (
+        client.post("/v1/implied-volatility", json=quote | {"option_price": 200.0}).json()["method"] == "none"
+    )
+
+
 def test_bid_and_ask_take_the_place_of_the_price(client: TestClient, quote: dict[str, Any]) -> None:
     body = client.post(
         "/v1/implied-volatility", json=quote | {"option_price": None, "bid": 6.0, "ask": 6.2}
