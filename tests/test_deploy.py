@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from app.main import create_app
-from app.service.server import LAST_SECONDS
+from app.service.server import CONNECT_SECONDS, LAST_SECONDS
 from app.service.worker_processes import EXTRA_SECONDS
 from app.settings import PREFIX, Settings
 from pricing_core import __version__
@@ -39,7 +39,7 @@ def settings_of(variables: dict[str, str]) -> Settings:
 
 
 def seconds_to_stop(settings: Settings) -> float:
-    return settings.drain_seconds + LAST_SECONDS + settings.grace_seconds + EXTRA_SECONDS
+    return settings.drain_seconds + CONNECT_SECONDS + LAST_SECONDS + settings.grace_seconds + EXTRA_SECONDS
 
 
 def check_command(command: list[str]) -> None:

@@ -1,17 +1,18 @@
 """The server process: one uvicorn server that drains before it closes."""
 
 import asyncio
-import contextlib
 import gc
 import logging
 import math
+import mmap
 import os
 import signal
 import socket
 import sys
 import threading
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from types import FrameType
 
 from pricing_core.extras import needs_extra
@@ -24,6 +25,7 @@ with needs_extra("service"):
     from app.main import create_app
     from app.service.api_keys import read_keys
     from app.service.connections import BACKLOG, BoundedConnection, reserve_descriptors
+    from app.service.listening_socket import accept_all, let_nobody_begin, listen
     from app.service.logs import configure_logging
     from app.service.memory import spare_memory
     from app.service.metrics import forget_process, remove_folder, share_as, shared_folder
@@ -37,8 +39,8 @@ log = logging.getLogger("pricing.server")
 SWITCH_SECONDS = 1e-3
 # Share of the grace period after which what is still being priced is ended, so that it can be answered; chosen.
 WORK_SHARE = 0.8
-# Seconds for the first request of a connection that was made just before the next ones are refused; chosen.
-LAST_SECONDS = 0.5
+# Seconds in which those who have begun to connect can do so, and then for a first request of theirs; chosen.
+CONNECT_SECONDS, LAST_SECONDS = 0.2, 0.5
 
 
 class DrainingServer(uvicorn.Server):
@@ -51,10 +53,15 @@ class DrainingServer(uvicorn.Server):
     ----------
     parent : int, optional
         The process that supervises this one.
+    all_stop : callable
+        Tells, once this process stops, whether all do that share its listening socket.
     """
 
-    def __init__(self, config: uvicorn.Config, application: FastAPI, parent: int | None) -> None:
+    def __init__(
+        self, config: uvicorn.Config, application: FastAPI, parent: int | None, all_stop: Callable[[], bool]
+    ) -> None:
         super().__init__(config)
+        self._all_stop = all_stop
         self._application = application
         self._draining: threading.Event = application.state.draining
         self._settings: Settings = application.state.settings
@@ -86,12 +93,13 @@ class DrainingServer(uvicorn.Server):
         await super().shutdown(sockets)
 
     async def _refuse_connections(self, listeners: list[socket.socket]) -> None:
-        """Take up what has connected already, no more, and leave it a moment for a last request."""
-        loop, arrived = asyncio.get_running_loop(), []
-        for listener in listeners:
-            with contextlib.suppress(BlockingIOError):
-                while True:
-                    arrived.append(listener.accept()[0])
+        """Take up who has begun to connect already, no more, and leave them a moment for a last request."""
+        loop = asyncio.get_running_loop()
+        if self._all_stop():
+            for listener in listeners:
+                let_nobody_begin(listener)
+            await asyncio.sleep(CONNECT_SECONDS)
+        arrived = [connection for listener in listeners for connection in accept_all(listener)]
         for server in self.servers:
             server.close()
         for connection in arrived:
@@ -101,32 +109,6 @@ class DrainingServer(uvicorn.Server):
 
     def _connection(self) -> asyncio.Protocol:
         return BoundedConnection(self.config, self.server_state, self.lifespan.state)
-
-
-def listen(host: str, port: int) -> socket.socket:
-    """Return a listening socket; the host `::` takes clients of both IPv6 and IPv4.
-
-    Raises
-    ------
-    OSError
-        The address cannot be bound.
-    """
-    kind, both = socket.SOCK_STREAM, host == "::"
-    # The protocol is named because asyncio sets TCP_NODELAY on what it knows to be TCP alone: without that a second
-    # answer on a connection waits 40 ms for the acknowledgement of the first.
-    found = socket.getaddrinfo(host, port, type=kind, proto=socket.IPPROTO_TCP, flags=socket.AI_PASSIVE)
-    family, _, protocol, _, address = found[0]
-    listener = socket.socket(family, kind, protocol)
-    try:
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        if family == socket.AF_INET6:
-            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, not both)
-        listener.bind(address)
-        listener.listen(BACKLOG)
-    except OSError:
-        listener.close()
-        raise
-    return listener
 
 
 def serve(host: str, port: int, workers: int = 1) -> None:
@@ -152,7 +134,7 @@ def serve(host: str, port: int, workers: int = 1) -> None:
         if workers == 1:
             configure_logging(settings.log_level)
             _say_where(listener)
-            _serve_here(listener, settings, parent=None)
+            _serve_here(listener, settings, None, lambda: True)
         else:
             configure_logging(settings.log_level, in_background=False)
             _say_where(listener)
@@ -172,6 +154,7 @@ class _Workers:
     listener: socket.socket
     settings: Settings
     parent: int  # known before the fork: it may have died before a worker looks
+    told: mmap.mmap = field(default_factory=lambda: mmap.mmap(-1, 1))  # shared: 1 once all shall stop
 
     @property
     def stop_seconds(self) -> float:
@@ -180,7 +163,7 @@ class _Workers:
     def work(self, number: int) -> None:
         configure_logging(self.settings.log_level)
         share_as(number)
-        _serve_here(self.listener, self.settings, self.parent)
+        _serve_here(self.listener, self.settings, self.parent, self._all_stop)
         if os.getppid() != self.parent:  # it was killed: nobody else clears up
             remove_folder()
 
@@ -188,10 +171,16 @@ class _Workers:
         forget_process(number)
 
     def stopping(self) -> None:
+        self.told[0] = 1
         self.listener.close()  # else clients would wait in its queue once the workers have closed theirs
 
+    def _all_stop(self) -> bool:
+        return self.told[0] == 1 or os.getppid() != self.parent
 
-def _serve_here(listener: socket.socket, settings: Settings, parent: int | None) -> None:
+
+def _serve_here(
+    listener: socket.socket, settings: Settings, parent: int | None, all_stop: Callable[[], bool]
+) -> None:
     sys.setswitchinterval(SWITCH_SECONDS)
     spare_memory()
     app = create_app(settings)
@@ -210,7 +199,7 @@ def _serve_here(listener: socket.socket, settings: Settings, parent: int | None)
         timeout_keep_alive=math.ceil(settings.head_seconds),
         timeout_graceful_shutdown=settings.grace_seconds,
     )
-    server = DrainingServer(config, app, parent)
+    server = DrainingServer(config, app, parent, all_stop)
     server.run(sockets=[listener])
     if not server.started:
         sys.exit(FAILED)

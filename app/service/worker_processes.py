@@ -32,7 +32,7 @@ class Workers(Protocol):
         ...
 
     def stopping(self) -> None:
-        """Clear up in the parent when the processes are told to stop."""
+        """Clear up in the parent before the processes are told to stop."""
         ...
 
 
@@ -53,8 +53,8 @@ def supervise(workers: Workers, count: int) -> None:
             _send(running, signal.SIGKILL)
             stops_by = time.monotonic() + EXTRA_SECONDS
         elif told.si_signo != signal.SIGCHLD:
-            _send(running, told.si_signo)
             workers.stopping()
+            _send(running, told.si_signo)
             stops_by = time.monotonic() + workers.stop_seconds + EXTRA_SECONDS
         for process, status in _ended(list(running)):
             number, started = running.pop(process)

@@ -109,11 +109,10 @@ def test_the_metrics_of_workers_are_removed_when_their_parent_is_killed() -> Non
 
 def keep_asking(server: Server, stop: threading.Event, ends: Counter[str], body: dict[str, Any]) -> None:
     """Ask on kept connections until the server takes no more, and count how each attempt ended."""
-    connection, answered = None, 0
+    connection = None
     while not stop.is_set():
         try:
             if connection is None:
-                answered = 0
                 connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
                 connection.connect()
         except OSError:
@@ -125,13 +124,11 @@ def keep_asking(server: Server, stop: threading.Event, ends: Counter[str], body:
             answer = connection.getresponse()
             answer.read()
             ends[str(answer.status)] += 1
-            answered += 1
             if answer.getheader("Connection") == "close":
                 connection.close()
                 connection = None
         except (OSError, http.client.HTTPException) as error:
-            late = isinstance(error, ConnectionResetError) and not answered
-            ends["refused late" if late else type(error).__name__] += 1
+            ends[type(error).__name__] += 1
             connection.close()
             return
 
@@ -156,9 +153,51 @@ def test_sigterm_under_load_answers_every_request_and_ends_with_status_0(workers
         for client in clients:
             client.join()
     assert ends["200"] > 20
-    assert set(ends) <= {"200", "422", "429", "503", "refused", "refused late"}
-    # The system resets what connects between the last look at the listening socket and its closing.
-    assert ends["refused late"] <= 2
+    assert set(ends) <= {"200", "422", "429", "503", "refused"}
+
+
+def connect_and_ask(server: Server, ends: Counter[str]) -> None:
+    """Ask on one new connection after the other until one is refused, and count how each attempt ended."""
+    connected = False
+    while not ends["refused"]:
+        try:
+            connected = False
+            with socket.create_connection(("127.0.0.1", server.port), timeout=30) as connection:
+                connected = True
+                connection.sendall(SHORT)
+                received = b""
+                while block := connection.recv(65_536):
+                    received += block
+            ends[received[9:12].decode()] += 1
+        except OSError as error:
+            ends[type(error).__name__ if connected else "refused"] += 1
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_who_connects_in_the_last_instant_is_answered_or_refused_and_never_reset(workers: int) -> None:
+    with running("--workers", str(workers), PRICING_DRAIN_SECONDS="0") as server:
+        assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
+        ends = Counter[str]()
+        clients = [threading.Thread(target=connect_and_ask, args=(server, ends)) for _ in range(8)]
+        for client in clients:
+            client.start()
+        time.sleep(0.5)
+        server.process.send_signal(signal.SIGTERM)
+        assert server.process.wait(30) == 0
+        for client in clients:
+            client.join()
+    assert ends["200"] > 20
+    assert set(ends) <= {"200", "503", "refused"}
+
+
+def test_a_worker_that_is_told_to_stop_alone_is_replaced_and_clients_still_connect() -> None:
+    with running("--workers", "2", PRICING_DRAIN_SECONDS="0") as server:
+        assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
+        told = children(server.process.pid)[0]
+        os.kill(told, signal.SIGTERM)
+        assert eventually(lambda: told not in (now := children(server.process.pid)) and len(now) == 2)
+        for _ in range(20):
+            assert server.request("GET", "/readyz")[0] == 200
 
 
 def test_after_the_drain_no_client_waits_in_the_queue_of_a_parent() -> None:
