@@ -29,7 +29,11 @@ class BatchAnswer(Protocol):
         """Return rows in the form of the answer, from any thread, however often."""
         ...
 
-    def add(self, encoded: Any) -> bytes:
+    def repeated(self, row: pa.RecordBatch, count: int) -> Any:
+        """Return so many rows like this one in the form of the answer, in little more time than one."""
+        ...
+
+    def add(self, encoded: Any, count: int) -> bytes:
         """Take the next rows, and return what is to be sent now."""
         ...
 
@@ -52,7 +56,11 @@ class ArrowAnswer:
         """Return the message of these rows."""
         return bytes(batch_in_units(results, self.units).serialize())
 
-    def add(self, encoded: bytes) -> bytes:
+    def repeated(self, row: pa.RecordBatch, count: int) -> bytes:
+        """Return the message of so many rows."""
+        return self.encoded(row.take(pa.nulls(count, pa.int64()).fill_null(0)))
+
+    def add(self, encoded: bytes, count: int) -> bytes:
         """Return it."""
         return encoded
 
@@ -79,7 +87,11 @@ class LinesAnswer:
         lines = [ENCODER.encode(dict(zip(names, (*row, self.units), strict=True))) for row in rows]
         return "".join(f"{line}\n" for line in lines).encode()
 
-    def add(self, encoded: bytes) -> bytes:
+    def repeated(self, row: pa.RecordBatch, count: int) -> bytes:
+        """Return one line so many times."""
+        return self.encoded(row) * count
+
+    def add(self, encoded: bytes, count: int) -> bytes:
         """Return them."""
         return encoded
 
@@ -93,19 +105,27 @@ class ColumnsAnswer:
     """One JSON object with a list for each column, which is sent when all rows are there."""
 
     units: GreeksUnits
-    _schema: pa.Schema | None = None
-    _parts: list[pa.RecordBatch] = field(default_factory=list)
+    _names: list[str] = field(default_factory=list)
+    _parts: list[list[str]] = field(
+        default_factory=list
+    )  # the cells of each column, with commas between them
+    _count: int = 0
 
     def start(self, schema: pa.Schema) -> bytes:
         """Return nothing yet."""
-        self._schema = schema
+        self._names = schema.names
         return b""
 
-    def encoded(self, results: pa.RecordBatch) -> pa.RecordBatch:
-        """Return the rows in the units asked for."""
-        return batch_in_units(results, self.units)
+    def encoded(self, results: pa.RecordBatch) -> list[str]:
+        """Return the cells of each column."""
+        columns = batch_in_units(results, self.units).columns
+        return [ENCODER.encode(column.to_pylist())[1:-1] for column in columns]
 
-    def add(self, encoded: pa.RecordBatch) -> bytes:
+    def repeated(self, row: pa.RecordBatch, count: int) -> list[str]:
+        """Return one cell of each column so many times."""
+        return [", ".join([cell] * count) for cell in self.encoded(row)]
+
+    def add(self, encoded: list[str], count: int) -> bytes:
         """Keep them, and return nothing yet.
 
         Raises
@@ -114,7 +134,8 @@ class ColumnsAnswer:
             There are more rows than one JSON object may hold.
         """
         self._parts.append(encoded)
-        if sum(part.num_rows for part in self._parts) > MOST_JSON_ROWS:
+        self._count += count
+        if self._count > MOST_JSON_ROWS:
             raise BodyTooLargeError(
                 f"more than {MOST_JSON_ROWS} rows are answered as {LINES} or {ARROW} alone: see Accept"
             )
@@ -122,9 +143,10 @@ class ColumnsAnswer:
 
     def end(self) -> bytes:
         """Return the object."""
-        table = pa.Table.from_batches(self._parts, self._schema)
-        columns = zip(table.schema.names, table.columns, strict=True)
-        written = (f', "{name}": {ENCODER.encode(column.to_pylist())}' for name, column in columns)
+        columns = zip(*self._parts, strict=True) if self._parts else ([""] for _ in self._names)
+        written = (
+            f', "{name}": [{", ".join(cells)}]' for name, cells in zip(self._names, columns, strict=True)
+        )
         return f'{{"greeks_units": "{self.units}"{"".join(written)}}}'.encode()
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from app.service.batch.answers import ARROW, JSON, LINES
 from app.service.batch.question import PARAMETERS
-from app.service.batch.row_limits import FIELDS, MOST_JSON_ROWS
+from app.service.batch.row_limits import FIELDS, LONGEST_COLUMNS, MOST_JSON_ROWS, MOST_ROWS
 from app.service.json_schema import inline_schema
 from app.service.schemas import PriceRequest
 from pricing_core.american.contracts.result_fields import UNITS_FIELD, ResultField, price_fields
@@ -50,6 +50,7 @@ def _columns() -> dict[str, Any]:
     required = [name for name, field in FIELDS.items() if field.required and name != "expiry"]
     return {
         "type": "object",
+        "description": f"At most {LONGEST_COLUMNS:,} bytes, and {MOST_JSON_ROWS:,} rows.",
         "properties": properties,
         "required": required,
         "anyOf": [{"required": ["expiry"]}, {"required": ["valuation_date", "expiration_date"]}],
@@ -78,7 +79,10 @@ BATCH_OPERATION: dict[str, Any] = {
         "content": {
             JSON: {"schema": _columns()},
             LINES: {
-                "schema": {"type": "string", "description": "One object of columns' cells on each line."}
+                "schema": {
+                    "type": "string",
+                    "description": f"One object of columns' cells on each line; at most {MOST_ROWS:,} lines.",
+                }
             },
             ARROW: {"schema": BINARY},
         },

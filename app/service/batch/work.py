@@ -1,6 +1,7 @@
 """The rows of a batch priced part by part, by the threads for expensive questions, while others are sent."""
 
 import asyncio
+import contextlib
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
 from typing import Protocol, TypeVar
@@ -11,7 +12,7 @@ from fastapi import Request
 from app.service.batch.answers import ARROW, JSON, LINES, BatchAnswer
 from app.service.batch.arrow_body import table_of
 from app.service.batch.json_rows import JsonLines, columns_of
-from app.service.batch.row_limits import FIELDS, MOST_ROWS
+from app.service.batch.row_limits import FIELDS, LONGEST_COLUMNS, MOST_ROWS
 from app.service.errors import BodyTooLargeError, DeadlineError
 from app.service.incoming_body import IncomingBody
 from app.service.request_record import record_of
@@ -21,7 +22,6 @@ from pricing_core.american.arrow.price_batch import results_schema, unfinished_r
 from pricing_core.american.pricing_settings import PricingSettings
 
 Found = TypeVar("Found")
-LONGEST_COLUMNS = 1 << 21  # bytes of a batch as one JSON object: while C parses it nobody is answered; chosen
 
 
 class Rows(Protocol):
@@ -79,7 +79,7 @@ class BatchWork:
                 raise BodyTooLargeError(f"a batch must not have more than {MOST_ROWS} rows")
             statuses, encoded = await self._priced(part, names)
             self._record.contracts.update(statuses)
-            yield self._answer.add(encoded)
+            yield self._answer.add(encoded, part.count)
         yield await asyncio.to_thread(self._answer.end)
 
     async def _read(self) -> tuple[Sequence[str], AsyncIterator[Rows]]:
@@ -104,15 +104,17 @@ class BatchWork:
         """Return how many rows have which status, and their results in the form of the answer."""
 
         def work(interrupt: Interrupt) -> tuple[Counter[str], object]:
-            return told(rows.price(self._settings, interrupt))
-
-        def told(results: pa.RecordBatch) -> tuple[Counter[str], object]:
+            results = rows.price(self._settings, interrupt)
             return Counter(results["status"].to_pylist()), self._answer.encoded(results)
 
-        try:
-            return await self._done(work)
-        except DeadlineError:  # what is left is not even read
-            return await asyncio.to_thread(told, unfinished_rows(rows.count, names, self._settings))
+        def unfinished() -> tuple[Counter[str], object]:
+            row, count = unfinished_rows(1, names, self._settings), rows.count
+            return Counter({row["status"][0].as_py(): count}), self._answer.repeated(row, count)
+
+        if self._place.has_time():
+            with contextlib.suppress(DeadlineError):
+                return await self._done(work)
+        return await asyncio.to_thread(unfinished)  # what is left is not even read
 
     async def _done(self, work: Callable[[Interrupt], Found]) -> Found:
         return await self._lane.run(work, self._place, self._body.gone())

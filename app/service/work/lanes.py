@@ -95,6 +95,10 @@ class Place:
     seconds_per_minute: float | None = None
     waited: float = 0.0
 
+    def has_time(self) -> bool:
+        """Tell whether the time by which its work ends is still to come."""
+        return time.monotonic() < self.expires
+
 
 @dataclass(eq=False)
 class _Job:
@@ -122,6 +126,11 @@ class _Job:
     def seconds_left(self) -> float:
         """The seconds until the work is interrupted."""
         return max(0.0, self.interruption.expires - time.monotonic())
+
+    @property
+    def seconds_over(self) -> float:
+        """The seconds since then."""
+        return max(0.0, time.monotonic() - self.interruption.expires)
 
 
 class ExpensiveLane:
@@ -209,7 +218,8 @@ class ExpensiveLane:
             waited_for: set[asyncio.Future[Any]] = {job.answer, left}
             await asyncio.wait(waited_for, timeout=job.seconds_left, return_when="FIRST_COMPLETED")
             if job.begun and not job.answer.done() and not left.done():
-                await asyncio.wait(waited_for, timeout=place.late_seconds, return_when="FIRST_COMPLETED")
+                late = max(0.0, place.late_seconds - job.seconds_over)
+                await asyncio.wait(waited_for, timeout=late, return_when="FIRST_COMPLETED")
             if job.answer.done():
                 return job.answer.result()  # type: ignore[no-any-return]
             if left.done():

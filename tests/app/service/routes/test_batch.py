@@ -11,12 +11,13 @@ from fastapi.testclient import TestClient
 
 from app.greeks_units import PER_DAY_PER_POINT
 from app.main import create_app
-from app.service.batch.answers import ARROW, FORMS, JSON, LINES
-from app.service.batch.row_limits import FIELDS, MOST_JSON_ROWS
-from app.service.batch.work import LONGEST_COLUMNS
+from app.service.batch.answers import ANSWERS, ARROW, FORMS, JSON, LINES
+from app.service.batch.row_limits import FIELDS, LONGEST_COLUMNS, MOST_JSON_ROWS
 from app.settings import Settings
 from pricing_core.american import price_many
+from pricing_core.american.arrow.price_batch import results_schema, unfinished_rows
 from pricing_core.american.contracts.result_fields import PRICE_FIELDS
+from pricing_core.american.pricing_settings import PricingSettings
 from tests.app.service.test_hostile_inputs import CANARY, assert_problem
 from tests.problems.needs_kernel import needs_kernel
 
@@ -380,3 +381,35 @@ def test_no_rows_are_answered_with_none(client: TestClient) -> None:
 
 def test_the_limits_name_every_column() -> None:
     assert set(BOOK) < set(FIELDS)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("units", ["per_year_per_unit", "per_day_per_point"])
+def test_unfinished_rows_are_written_as_if_one_by_one(form: str, units: str) -> None:
+    names, settings = ["cash_dividends", "rate"], PricingSettings(1e-6, "extended", True)
+    written = []
+    for repeats in (True, False):
+        answer = ANSWERS[form](units)
+        parts = [answer.start(results_schema(names, settings))]
+        for count in (1, 7, 300):
+            rows = unfinished_rows(1 if repeats else count, names, settings)
+            encoded = answer.repeated(rows, count) if repeats else answer.encoded(rows)
+            parts.append(answer.add(encoded, count))
+        written.append(b"".join([*parts, answer.end()]))
+    found = [content(body, form) for body in written]
+    assert found[0] == found[1]
+    assert found[0]["status"] == ["deadline"] * 308
+    if form != ARROW:
+        assert written[0] == written[1]
+
+
+def content(body: bytes, form: str) -> dict[str, Any]:
+    if form == ARROW:
+        with pa.ipc.open_stream(body) as stream:
+            columns: dict[str, Any] = stream.read_all().to_pydict()
+            return columns
+    if form == JSON:
+        columns = json.loads(body)
+        return columns
+    rows = [json.loads(line) for line in body.splitlines()]
+    return {name: [row[name] for row in rows] for name in rows[0]}

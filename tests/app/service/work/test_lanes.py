@@ -128,6 +128,21 @@ def test_work_that_does_not_end_is_not_waited_for() -> None:
     assert in_a_lane(scenario, slots=1, deadline_seconds=0.5) < 0.7
 
 
+def test_a_request_is_waited_for_no_longer_by_having_several_pieces_of_work() -> None:
+    async def scenario(lane: ExpensiveLane) -> None:
+        place = lane.enter("a", 1_000.0)  # 30 s of waiting for what does not end
+        place.expires = time.monotonic() - 60.0
+        assert not place.has_time()
+        stop = threading.Event()
+        try:
+            with pytest.raises(DeadlineError):
+                await asyncio.wait_for(lane.run(lambda _: stop.wait(60.0), place, never()), 10.0)
+        finally:
+            stop.set()
+
+    in_a_lane(scenario, slots=2)
+
+
 def test_work_still_waiting_at_its_deadline_is_refused_at_once_and_never_begun() -> None:
     begun: list[str] = []
 
