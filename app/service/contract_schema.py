@@ -26,6 +26,7 @@ KEYS = {
     for field in fields.CONTRACT_FIELDS
     if field.entries
 }
+CONTRACT_NAMES = set(NAMES)
 
 
 class Strict(BaseModel):
@@ -153,5 +154,5 @@ class Contract(Strict):
         InvalidInputError
             Fields that are sound one by one do not go together.
         """
-        given = self.model_dump(include=set(NAMES), exclude_none=True)
+        given = self.model_dump(include=CONTRACT_NAMES, exclude_none=True, exclude_unset=True)
         return contract_from({**standing_in, **given})
