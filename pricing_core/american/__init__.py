@@ -10,6 +10,7 @@ from pricing_core.american.contracts.curves import PiecewiseConstant
 from pricing_core.american.contracts.dividends import CashDividend, ProportionalDividend
 from pricing_core.american.contracts.exchange import exchange_option
 from pricing_core.american.contracts.fields import Greeks
+from pricing_core.american.contracts.local_volatility import LocalVolatility
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.vocabulary import contract_from
 from pricing_core.american.implied.implied_carry import ImpliedCarry, implied_carry
@@ -26,6 +27,7 @@ __all__ = [
     "Greeks",
     "ImpliedCarry",
     "ImpliedVolatility",
+    "LocalVolatility",
     "Market",
     "Option",
     "PiecewiseConstant",

@@ -2,22 +2,22 @@
 
 use std::borrow::Cow;
 
-use numpy::ndarray::{ArrayView1, ArrayView2, Axis};
+use numpy::ndarray::{ArrayView1, ArrayView2, ArrayView3, ArrayView4, Axis};
 use numpy::{
-    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4,
-    PyUntypedArrayMethods,
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyReadonlyArray4, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use super::arguments::{nonempty_group_starts, numbers};
+use super::arguments::{group_starts, nonempty_group_starts, numbers};
 use super::interrupt::Question;
 use crate::error::KernelError;
 use crate::segment_march::{self, Direction, Part, Schedule, Scheme, Sweep, Task, Terms};
 
 /// The number of columns of a segment, and of the first of them, which a parameter may change.
-const COLUMNS: usize = 8;
-const TERMS: usize = 5;
+const COLUMNS: usize = 9;
+const TERMS: usize = 6;
 
 type Swept<'py> = (
     Bound<'py, PyArray1<f64>>,
@@ -30,38 +30,36 @@ type Swept<'py> = (
     Bound<'py, PyArray2<f64>>,
 );
 
-fn terms(row: &ArrayView1<'_, f64>) -> Terms {
+/// What the volatility exceeds that of the segments by, of one of several surfaces.
+struct Excess<'a> {
+    numbers: Cow<'a, [f64]>,
+    /// Where the numbers of each segment begin in a surface, and the end.
+    starts: Vec<usize>,
+}
+
+impl Excess<'_> {
+    fn of(&self, surface: f64, segment: usize) -> &[f64] {
+        let whole = self.starts[self.starts.len() - 1];
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let first = surface as usize * whole; // a small whole number
+        let (start, end) = (self.starts[segment], self.starts[segment + 1]);
+        self.numbers.get(first + start..first + end).unwrap_or(&[])
+    }
+}
+
+fn terms<'a>(row: &ArrayView1<'_, f64>, excess: &'a Excess<'_>, segment: usize) -> Terms<'a> {
     Terms {
         rate: row[0],
         dividend_yield: row[1],
         volatility: row[2],
         amount: row[3],
         escrow: row[4],
+        excess: excess.of(row[5], segment),
     }
 }
 
-fn directions_of(
-    directions: &PyReadonlyArray4<'_, f64>,
-    steps: &[f64],
-    segments: usize,
-) -> PyResult<Vec<Direction>> {
-    if directions.shape() != [steps.len(), segments, 2, TERMS] {
-        return Err(PyValueError::new_err(
-            "directions must have the shape (P, M, 2, 5), and P steps",
-        ));
-    }
-    let rows = directions.as_array();
-    let of = |(rows, step): (numpy::ndarray::ArrayView3<'_, f64>, &f64)| Direction {
-        terms: rows
-            .axis_iter(Axis(0))
-            .map(|pair| [0, 1].map(|side| terms(&pair.row(side))))
-            .collect(),
-        step: *step,
-    };
-    Ok(rows.axis_iter(Axis(0)).zip(steps).map(of).collect())
-}
-
-/// What is asked of one sweep: nodes, segments, times, `first_time`, scheme, sign, watched, directions, steps.
+/// What is asked of one sweep: nodes, segments, times, `first_time`, scheme, sign, watched, directions, steps, excess,
+/// `first_row`.
 type Request<'py> = (
     PyReadonlyArray1<'py, f64>,
     PyReadonlyArray2<'py, f64>,
@@ -72,7 +70,35 @@ type Request<'py> = (
     PyReadonlyArray1<'py, f64>,
     PyReadonlyArray4<'py, f64>,
     PyReadonlyArray1<'py, f64>,
+    PyReadonlyArray3<'py, f64>,
+    PyReadonlyArray1<'py, i64>,
 );
+
+fn excess_of<'a>(
+    excess: &'a PyReadonlyArray3<'_, f64>,
+    first_row: &[i64],
+    first_time: &[usize],
+    nodes: usize,
+) -> PyResult<Excess<'a>> {
+    let [_, rows, size] = excess.shape() else {
+        return Err(PyValueError::new_err("excess must have three axes"));
+    };
+    let starts = group_starts("first_row", first_row, first_time.len() - 1, *rows)?;
+    let counts = starts.windows(2).zip(first_time.windows(2));
+    let fits = |(rows, times): (&[usize], &[usize])| {
+        let (rows, steps) = (rows[1] - rows[0], times[1] - times[0] - 1);
+        rows <= 1 || rows == steps
+    };
+    if !counts.into_iter().all(fits) || (*rows > 0 && size + 2 != nodes) {
+        return Err(PyValueError::new_err(
+            "excess must have no row, one, or one per step for each segment, of a number per interior node",
+        ));
+    }
+    Ok(Excess {
+        numbers: numbers(excess),
+        starts: starts.into_iter().map(|start| start * size).collect(),
+    })
+}
 
 /// A request, checked, its arrays contiguous.
 struct Asked<'a> {
@@ -83,13 +109,15 @@ struct Asked<'a> {
     scheme: Scheme,
     sign: f64,
     watched: Cow<'a, [f64]>,
-    directions: Vec<Direction>,
+    directions: ArrayView4<'a, f64>,
+    steps: Cow<'a, [f64]>,
+    excess: Excess<'a>,
 }
 
 impl<'a> Asked<'a> {
     fn of(request: &'a Request<'_>) -> PyResult<Self> {
-        let (nodes, segments, times, first_time, scheme, sign, watched, directions, steps) =
-            request;
+        let (nodes, segments, times, first_time, scheme, sign, watched, ..) = request;
+        let (.., directions, steps, excess, first_row) = request;
         let scheme = match scheme {
             0 => Scheme::ImplicitEuler,
             1 => Scheme::Sdirk2,
@@ -98,32 +126,59 @@ impl<'a> Asked<'a> {
         let count = segments.shape()[0];
         if count == 0 || segments.shape()[1] != COLUMNS {
             return Err(PyValueError::new_err(
-                "segments must have the shape (M, 8), M > 0",
+                "segments must have the shape (M, 9), M > 0",
             ));
         }
-        let times = numbers(times);
+        let (times, steps) = (numbers(times), numbers(steps));
+        if directions.shape() != [steps.len(), count, 2, TERMS] {
+            return Err(PyValueError::new_err(
+                "directions must have the shape (P, M, 2, 6), and P steps",
+            ));
+        }
+        let starts = nonempty_group_starts("first_time", &numbers(first_time), count, times.len())?;
+        let excess = excess_of(excess, &numbers(first_row), &starts, nodes.len())?;
         Ok(Self {
             nodes: numbers(nodes),
             rows: segments.as_array(),
-            starts: nonempty_group_starts("first_time", &numbers(first_time), count, times.len())?,
+            starts,
             times,
             scheme,
             sign: *sign,
             watched: numbers(watched),
-            directions: directions_of(directions, &numbers(steps), count)?,
+            directions: directions.as_array(),
+            steps,
+            excess,
         })
     }
 
+    fn directions(&self) -> Vec<Direction<'_>> {
+        let of = |(rows, step): (ArrayView3<'_, f64>, &f64)| Direction {
+            terms: rows
+                .axis_iter(Axis(0))
+                .enumerate()
+                .map(|(segment, pair)| {
+                    [0, 1].map(|side| terms(&pair.row(side), &self.excess, segment))
+                })
+                .collect(),
+            step: *step,
+        };
+        let rows = self.directions.axis_iter(Axis(0));
+        rows.zip(self.steps.iter()).map(of).collect()
+    }
+
     fn parts(&self) -> Vec<Part<'_>> {
-        let part = |(row, span): (ArrayView1<'_, f64>, &[usize])| Part {
-            terms: terms(&row),
-            fraction: row[5],
-            exercisable: row[6] > 0.0,
-            exercise_at_end: row[7] > 0.0,
+        let part = |(segment, (row, span)): (usize, (ArrayView1<'_, f64>, &[usize]))| Part {
+            terms: terms(&row, &self.excess, segment),
+            fraction: row[6],
+            exercisable: row[7] > 0.0,
+            exercise_at_end: row[8] > 0.0,
             times: &self.times[span[0]..span[1]],
         };
         let rows = self.rows.outer_iter();
-        rows.zip(self.starts.windows(2)).map(part).collect()
+        rows.zip(self.starts.windows(2))
+            .enumerate()
+            .map(part)
+            .collect()
     }
 }
 
@@ -153,17 +208,20 @@ fn swept(py: Python<'_>, sweep: Sweep) -> PyResult<Swept<'_>> {
 /// requests : list of tuple
 ///     For each option:
 ///     nodes (N + 2,) float, s = S/K, increasing, at least five;
-///     segments (M, 8) float, from now to expiry: rate, yield, volatility per year, amount and escrow at the end in units
-///     of the strike, the fraction of the spot paid at the end, whether the holder may exercise throughout, and at the
+///     segments (M, 9) float, from now to expiry: rate, yield, volatility per year, amount and escrow at the end in units
+///     of the strike, the number of a surface, the fraction of the spot paid at the end, whether the holder may exercise throughout, and at the
 ///     end;
 ///     times (T,) float, years before a segment's end, from 0 to its length, for one segment after the other;
 ///     `first_time` (M + 1,) int, where a segment's times begin;
 ///     scheme, 0: implicit Euler, 1: SDIRK2;
 ///     sign, 1 for a put, -1 for a call;
 ///     watched (W,) float, places in s;
-///     directions (P, M, 2, 5) float, the first five columns of the segments with more and with less of each of P
+///     directions (P, M, 2, 6) float, the first six columns of the segments with more and with less of each of P
 ///     parameters;
-///     steps (P,) float, half of what the parameters differ by.
+///     steps (P,) float, half of what the parameters differ by;
+///     excess (S, R, N) float, what the volatilities at the interior nodes exceed the segments' by, for each of S surfaces:
+///     no row for a segment, one, or one for each of its steps;
+///     `first_row` (M + 1,) int, where a segment's rows begin.
 /// interrupt : callable or None
 ///     Asked every few milliseconds whether to stop.
 ///
@@ -185,16 +243,13 @@ pub fn sweep_schedules<'py>(
 ) -> PyResult<Option<Vec<Option<Swept<'py>>>>> {
     let asked: Vec<Asked<'_>> = requests.iter().map(Asked::of).collect::<PyResult<_>>()?;
     let parts: Vec<Vec<Part<'_>>> = asked.iter().map(Asked::parts).collect();
-    let schedule = |(asked, parts)| {
-        let (asked, parts): (&'_ Asked<'_>, &Vec<Part<'_>>) = (asked, parts);
-        (asked.sign, parts, &asked.directions)
-    };
+    let directions: Vec<Vec<Direction<'_>>> = asked.iter().map(Asked::directions).collect();
     let schedules: Vec<Schedule<'_>> = asked
         .iter()
         .zip(&parts)
-        .map(schedule)
-        .map(|(sign, parts, directions)| Schedule {
-            sign,
+        .zip(&directions)
+        .map(|((asked, parts), directions)| Schedule {
+            sign: asked.sign,
             parts,
             directions,
         })

@@ -343,12 +343,13 @@ impl<'a> Group<'a> {
 }
 
 impl Leg<'_> {
-    /// Whether its march can be done in a lane: it has steps, no derivatives, and nothing infinite.
+    /// Whether its march can be done in a lane: it has steps, one operator, no derivatives, and nothing infinite.
     fn fits_lanes(&self) -> bool {
         let segment = self.segment();
         let finite = |numbers: &[f64]| numbers.iter().all(|x| x.is_finite());
         self.part.times.len() > 1
             && !self.has_tangents()
+            && !self.is_varying()
             && finite(&self.before.values)
             && [segment.lower, segment.diagonal, segment.upper].map(finite) == [true; 3]
     }

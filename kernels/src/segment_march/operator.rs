@@ -2,10 +2,12 @@
 
 /// The numbers of a schedule that the operator knows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Coefficients {
+pub(super) struct Coefficients<'a> {
     pub rate: f64,
     pub dividend_yield: f64,
     pub volatility: f64,
+    /// What the volatility at each interior node exceeds that by; nothing where it is the same everywhere.
+    pub excess: &'a [f64],
 }
 
 /// The entries of a three-point operator at the interior nodes.
@@ -46,13 +48,13 @@ impl<'a> Differences<'a> {
     }
 
     /// L = sigma^2 s^2/2 d^2/ds^2 + (r - q) s d/ds - r, the diffusion raised where a cell is too coarse for the drift.
-    pub fn operator(&self, of: Coefficients) -> Rows {
+    pub fn operator(&self, of: Coefficients<'_>) -> Rows {
         let drift = of.rate - of.dividend_yield;
         self.rows(|i| self.diffusion(of, i).0, drift, of.rate)
     }
 
     /// The derivative of L between two sets of coefficients, 2 `step` apart.
-    pub fn derivative(&self, up: Coefficients, down: Coefficients, step: f64) -> Rows {
+    pub fn derivative(&self, up: Coefficients<'_>, down: Coefficients<'_>, step: f64) -> Rows {
         let by = |up: f64, down: f64| (up - down) / (2.0 * step);
         let rate = by(up.rate, down.rate);
         let drift = rate - by(up.dividend_yield, down.dividend_yield);
@@ -61,7 +63,7 @@ impl<'a> Differences<'a> {
     }
 
     /// Whether the diffusion is raised at the interior node next to one of the places.
-    pub fn is_raised_at(&self, of: Coefficients, places: &[f64]) -> bool {
+    pub fn is_raised_at(&self, of: Coefficients<'_>, places: &[f64]) -> bool {
         let inside = &self.nodes[1..self.nodes.len() - 1];
         places.iter().any(|place| {
             let above = inside.partition_point(|s| s < place).min(inside.len() - 1);
@@ -90,9 +92,13 @@ impl<'a> Differences<'a> {
     }
 
     /// sigma^2 s^2/2 at an interior node, raised as Il'in does where |m| ds > sigma^2 s^2; and whether it is.
-    fn diffusion(&self, of: Coefficients, i: usize) -> (f64, bool) {
+    fn diffusion(&self, of: Coefficients<'_>, i: usize) -> (f64, bool) {
         let [low, s, high] = [self.nodes[i], self.nodes[i + 1], self.nodes[i + 2]];
-        let diffusion = 0.5 * (of.volatility * of.volatility) * (s * s);
+        let volatility = match of.excess.get(i) {
+            Some(excess) => (of.volatility + excess).max(0.0),
+            None => of.volatility,
+        };
+        let diffusion = 0.5 * (volatility * volatility) * (s * s);
         let half = 0.5 * (of.rate - of.dividend_yield).abs() * s * (s - low).max(high - s);
         if half > diffusion {
             ((1.0 + 1e-12) * half / (half / diffusion).tanh(), true)

@@ -12,7 +12,7 @@ use crate::interrupt::Interrupt;
 
 /// What a schedule says of one segment, amounts in units of the strike, per year.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Terms {
+pub struct Terms<'a> {
     /// Continuously compounded.
     pub rate: f64,
     /// Continuously compounded.
@@ -23,13 +23,16 @@ pub struct Terms {
     pub amount: f64,
     /// At the end.
     pub escrow: f64,
+    /// What the volatility at the n interior nodes exceeds that by: nothing, n numbers for the whole segment, or n for
+    /// each of its steps, in the order of the times.
+    pub excess: &'a [f64],
 }
 
 /// One segment of a schedule.
 #[derive(Clone, Copy, Debug)]
 pub struct Part<'a> {
     /// Its numbers.
-    pub terms: Terms,
+    pub terms: Terms<'a>,
     /// The share of the spot that is paid at its end.
     pub fraction: f64,
     /// Whether the holder may exercise throughout.
@@ -42,9 +45,9 @@ pub struct Part<'a> {
 
 /// A parameter: every segment's numbers with a little more and a little less of it, and half of what these differ by.
 #[derive(Clone, Debug)]
-pub struct Direction {
+pub struct Direction<'a> {
     /// With more and with less.
-    pub terms: Vec<[Terms; 2]>,
+    pub terms: Vec<[Terms<'a>; 2]>,
     /// Half of the difference of the parameter.
     pub step: f64,
 }
@@ -57,7 +60,7 @@ pub struct Schedule<'a> {
     /// The segments from now to expiry.
     pub parts: &'a [Part<'a>],
     /// The parameters whose derivatives are carried along.
-    pub directions: &'a [Direction],
+    pub directions: &'a [Direction<'a>],
 }
 
 /// A schedule solved, in units of the strike.
@@ -81,19 +84,26 @@ pub struct Sweep {
     pub derivatives: Vec<Vec<f64>>,
 }
 
-impl Terms {
-    fn coefficients(&self) -> Coefficients {
+impl<'a> Terms<'a> {
+    /// What the operator knows in a step, on `size` interior nodes.
+    fn coefficients(&self, step: usize, size: usize) -> Coefficients<'a> {
+        let first = if self.excess.len() > size {
+            step * size
+        } else {
+            0
+        };
         Coefficients {
             rate: self.rate,
             dividend_yield: self.dividend_yield,
             volatility: self.volatility,
+            excess: self.excess.get(first..first + size).unwrap_or(&[]),
         }
     }
 }
 
-impl Direction {
+impl Direction<'_> {
     /// The derivative of a number of segment `part`.
-    fn change(&self, part: usize, of: impl Fn(&Terms) -> f64) -> f64 {
+    fn change(&self, part: usize, of: impl Fn(&Terms<'_>) -> f64) -> f64 {
         let [up, down] = &self.terms[part];
         (of(up) - of(down)) / (2.0 * self.step)
     }
@@ -158,7 +168,7 @@ pub(super) struct Progress<'a> {
     schedule: &'a Schedule<'a>,
     grid: Rc<GridNumbers<'a>>,
     watched: &'a [f64],
-    operator: Option<(Coefficients, Rc<Rows>)>,
+    operator: Option<(Coefficients<'a>, Rc<Rows>)>,
     derivatives: Derivatives,
     sweep: Sweep,
     /// The number of segments that are still to be marched.
@@ -168,6 +178,9 @@ pub(super) struct Progress<'a> {
 /// A segment to be marched: the value at its end, and what holds throughout.
 pub(super) struct Leg<'a> {
     pub part: &'a Part<'a>,
+    number: usize,
+    directions: &'a [Direction<'a>],
+    grid: Rc<GridNumbers<'a>>,
     nodes: &'a [f64],
     rows: Rc<Rows>,
     sign: f64,
@@ -235,7 +248,7 @@ impl<'a> Progress<'a> {
         let event = part.event(sign);
         let before = event.before(&after, zero, nodes);
         if !schedule.directions.is_empty() {
-            let by = |d: &Direction| {
+            let by = |d: &Direction<'_>| {
                 let amount = d.change(number, |terms| terms.amount);
                 [amount, d.change(number, |terms| terms.escrow)]
             };
@@ -244,19 +257,22 @@ impl<'a> Progress<'a> {
             event.derivatives_before(derivatives, &after, &before, &changes, nodes, weights);
         }
         let differences = &self.grid.differences;
-        let coefficients = part.terms.coefficients();
+        let coefficients = part.terms.coefficients(0, nodes.len() - 2);
         self.sweep.raised |= differences.is_raised_at(coefficients, self.watched);
         let known = self.operator.take().filter(|(of, _)| *of == coefficients);
         let fresh = || (coefficients, Rc::new(differences.operator(coefficients)));
         let (_, rows) = self.operator.insert(known.unwrap_or_else(fresh));
         let mut leg = Leg {
             part,
+            number,
+            directions: schedule.directions,
+            grid: Rc::clone(&self.grid),
             nodes,
             rows: Rc::clone(rows),
             sign,
             lines: end_lines(nodes, &before.values),
             contact_at: [false; 2],
-            tangents: tangents_of(schedule, number, differences, &self.derivatives),
+            tangents: tangents_of(schedule.directions, number, differences, &self.derivatives),
             before,
         };
         leg.contact_at = leg.exercised_ends();
@@ -327,6 +343,11 @@ impl Leg<'_> {
         }
     }
 
+    /// Whether the operator is another one in every step.
+    pub fn is_varying(&self) -> bool {
+        self.part.terms.excess.len() > self.nodes.len() - 2
+    }
+
     pub fn has_tangents(&self) -> bool {
         !self.tangents.is_empty()
     }
@@ -359,30 +380,69 @@ impl Leg<'_> {
         scheme: Scheme,
         interrupt: Interrupt<'_>,
     ) -> Result<Option<Arrival>, KernelError> {
-        let (segment, contact) = (self.segment(), self.first_contact());
-        let (times, values) = (self.part.times, &self.before.values);
-        let tangents = &self.tangents;
-        let found = march_segment(
-            &segment, times, scheme, values, &contact, tangents, interrupt,
-        )?;
-        Ok(found.map(|march| Arrival {
-            values: march.values,
-            contact: march.contact,
-            residual: march.residual,
-            regions: march.regions,
-            tangents: march.tangents,
-        }))
+        let (times, mut tangents) = (self.part.times, self.tangents.clone());
+        let mut arrival = Arrival {
+            values: self.before.values.clone(),
+            contact: self.first_contact(),
+            residual: 0.0,
+            regions: Vec::with_capacity(times.len()),
+            tangents: Vec::new(),
+        };
+        let portion = if self.is_varying() { 2 } else { times.len() };
+        for (step, times) in times.windows(portion.max(1)).enumerate() {
+            let rows = self.rows_of(step, &mut tangents);
+            let segment = Segment {
+                lower: &rows.lower,
+                diagonal: &rows.diagonal,
+                upper: &rows.upper,
+                ..self.segment()
+            };
+            let (values, contact) = (&arrival.values, &arrival.contact);
+            let found = march_segment(
+                &segment, times, scheme, values, contact, &tangents, interrupt,
+            )?;
+            let Some(march) = found else {
+                return Ok(None);
+            };
+            arrival.values = march.values;
+            arrival.contact = march.contact;
+            arrival.residual = larger(arrival.residual, march.residual);
+            arrival.regions.extend(march.regions);
+            for (tangent, values) in tangents.iter_mut().zip(march.tangents) {
+                tangent.values = values;
+            }
+        }
+        arrival.tangents = tangents.into_iter().map(|tangent| tangent.values).collect();
+        Ok(Some(arrival))
+    }
+
+    /// The operator of a step, after that of every tangent is set.
+    fn rows_of(&self, step: usize, tangents: &mut [Tangent]) -> Rc<Rows> {
+        if step == 0 {
+            return Rc::clone(&self.rows);
+        }
+        let (differences, size) = (&self.grid.differences, self.nodes.len() - 2);
+        for (tangent, direction) in tangents.iter_mut().zip(self.directions) {
+            let [up, down] =
+                direction.terms[self.number].map(|terms| terms.coefficients(step, size));
+            let rows = differences.derivative(up, down, direction.step);
+            tangent.lower = rows.lower;
+            tangent.diagonal = rows.diagonal;
+            tangent.upper = rows.upper;
+        }
+        Rc::new(differences.operator(self.part.terms.coefficients(step, size)))
     }
 }
 
 fn tangents_of(
-    schedule: &Schedule<'_>,
+    directions: &[Direction<'_>],
     number: usize,
     differences: &Differences<'_>,
     derivatives: &Derivatives,
 ) -> Vec<Tangent> {
-    let of = |(direction, values): (&Direction, &Vec<f64>)| {
-        let [up, down] = direction.terms[number].map(|terms| terms.coefficients());
+    let size = differences.nodes.len() - 2;
+    let of = |(direction, values): (&Direction<'_>, &Vec<f64>)| {
+        let [up, down] = direction.terms[number].map(|terms| terms.coefficients(0, size));
         let rows = differences.derivative(up, down, direction.step);
         Tangent {
             values: values.clone(),
@@ -395,7 +455,7 @@ fn tangents_of(
             lines: end_lines(differences.nodes, values),
         }
     };
-    let pairs = schedule.directions.iter().zip(&derivatives.values);
+    let pairs = directions.iter().zip(&derivatives.values);
     pairs.map(of).collect()
 }
 

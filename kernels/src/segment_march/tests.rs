@@ -304,7 +304,7 @@ struct Book {
     nodes: Vec<Vec<f64>>,
     times: Vec<Vec<f64>>,
     /// Sign, whether it may be exercised, and the numbers of every segment.
-    contracts: Vec<(f64, bool, Vec<Terms>)>,
+    contracts: Vec<(f64, bool, Vec<Terms<'static>>)>,
 }
 
 impl Book {
@@ -330,6 +330,7 @@ impl Book {
                 volatility: random(0.1, 0.5),
                 amount,
                 escrow: if k % 3 == 0 { 0.05 } else { 0.0 },
+                excess: &[],
             };
             let segments = [0.03, 0.0, 0.6][..=(k as usize % 3)].iter();
             let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
@@ -343,8 +344,11 @@ impl Book {
     }
 
     fn parts(&self) -> Vec<Vec<Part<'_>>> {
-        let of = |((_, exercisable, segments), times): (&(f64, bool, Vec<Terms>), &'_ Vec<f64>)| {
-            let part = |terms: &Terms| Part {
+        let of = |((_, exercisable, segments), times): (
+            &(f64, bool, Vec<Terms<'static>>),
+            &'_ Vec<f64>,
+        )| {
+            let part = |terms: &Terms<'static>| Part {
                 terms: *terms,
                 fraction: 0.02,
                 exercisable: *exercisable,
@@ -357,10 +361,12 @@ impl Book {
     }
 
     fn schedules<'a>(&self, parts: &'a [Vec<Part<'a>>]) -> Vec<Schedule<'a>> {
-        let of = |((sign, _, _), parts): (&(f64, bool, Vec<Terms>), &'a Vec<Part<'a>>)| Schedule {
-            sign: *sign,
-            parts,
-            directions: &[],
+        let of = |((sign, _, _), parts): (&(f64, bool, Vec<Terms<'static>>), &'a Vec<Part<'a>>)| {
+            Schedule {
+                sign: *sign,
+                parts,
+                directions: &[],
+            }
         };
         self.contracts.iter().zip(parts).map(of).collect()
     }
@@ -452,5 +458,61 @@ fn lanes_ask_the_interrupt_before_every_step_and_every_segment() {
         let ends = || asked.fetch_add(1, Ordering::Relaxed) == end;
         assert!(sweep_schedules(&tasks, &ends).is_none());
         assert_eq!(asked.load(Ordering::Relaxed), end + 1);
+    }
+}
+
+/// What one sweep gives where the volatility of every segment is split into a smaller one and `rows` equal rows of excess.
+fn with_excess(task: &Task<'_>, by: f64, rows: impl Fn(&Part<'_>) -> usize) -> Sweep {
+    let size = task.nodes.len() - 2;
+    let excess: Vec<Vec<f64>> = task
+        .schedule
+        .parts
+        .iter()
+        .map(|part| vec![by; rows(part) * size])
+        .collect();
+    let split = |(part, excess): (&Part<'_>, &'_ Vec<f64>)| -> Part<'static> {
+        let (times, excess) = (part.times.to_vec().leak(), excess.clone().leak());
+        Part {
+            terms: Terms {
+                rate: part.terms.rate,
+                dividend_yield: part.terms.dividend_yield,
+                volatility: part.terms.volatility - by,
+                amount: part.terms.amount,
+                escrow: part.terms.escrow,
+                excess,
+            },
+            fraction: part.fraction,
+            exercisable: part.exercisable,
+            exercise_at_end: part.exercise_at_end,
+            times,
+        }
+    };
+    let parts: Vec<Part<'static>> = task.schedule.parts.iter().zip(&excess).map(split).collect();
+    let schedule = Schedule {
+        sign: task.schedule.sign,
+        parts: &parts,
+        directions: &[],
+    };
+    let found = sweep_schedule(&schedule, task.nodes, task.scheme, task.watched, &never);
+    found.unwrap().unwrap()
+}
+
+#[test]
+fn a_volatility_by_nodes_that_is_the_same_everywhere_gives_what_one_number_gives() {
+    let book = Book::new(20);
+    let parts = book.parts();
+    let schedules = book.schedules(&parts);
+    for task in book.tasks(&schedules) {
+        let expected = with_excess(&task, 0.0, |_| 0);
+        for found in [
+            with_excess(&task, 0.0625, |_| 1),
+            with_excess(&task, 0.0625, |part| part.times.len() - 1),
+        ] {
+            for (value, other) in found.values.iter().zip(&expected.values) {
+                assert!((value - other).abs() < 1e-12 * (1.0 + other.abs()));
+            }
+            assert_eq!(found.contact, expected.contact);
+            assert_eq!(found.regions.len(), expected.regions.len());
+        }
     }
 }

@@ -115,6 +115,8 @@ class Book:
     listed : Listed
     reduction : Reduction or None
         What the contracts state beyond the option that the engines price; None where that is nothing.
+    local : object array of (LocalTerms or None), shape (n,), or None
+        The volatilities that depend on the spot; None where no contract has one.
     is_plain : bool
         Whether no contract has an event before its expiry, or a dividend then.
     """
@@ -127,6 +129,7 @@ class Book:
     segments: Segments
     listed: Listed
     reduction: Reduction | None = None
+    local: NDArray[np.object_] | None = None
     is_plain: bool = field(init=False)
 
     def __post_init__(self) -> None:
@@ -163,6 +166,7 @@ class Book:
             ),
             _listed(contracts),
             Reduction.of(contracts),
+            _local_of(schedules),
         )
 
     @classmethod
@@ -274,6 +278,7 @@ class Book:
             self.segments.take(chosen),
             self.listed.take(rows),
             None if self.reduction is None else self.reduction.take(rows),
+            None if self.local is None else self.local[rows],
         )
 
     def part(self, rows: slice) -> Book:
@@ -290,6 +295,7 @@ class Book:
             self.segments.take(rows),
             self.listed.take(chosen),
             None if self.reduction is None else self.reduction.take(chosen),
+            None if self.local is None else self.local[rows],
         )
 
     def joined(self, other: Book) -> Book:
@@ -303,6 +309,7 @@ class Book:
             self.segments.joined(other.segments),
             self.listed.joined(other.listed),
             self._joined_reduction(other),
+            self._joined_local(other),
         )
 
     def _joined_reduction(self, other: Book) -> Reduction | None:
@@ -311,11 +318,41 @@ class Book:
         mine, theirs = (book.reduction or Reduction.nothing(book.count) for book in (self, other))
         return mine.joined(theirs)
 
+    def _joined_local(self, other: Book) -> NDArray[np.object_] | None:
+        if self.local is None and other.local is None:
+            return None
+        nothing = [np.full(book.count, None, dtype=object) for book in (self, other)]
+        mine, theirs = (
+            none if book.local is None else book.local
+            for book, none in zip((self, other), nothing, strict=True)
+        )
+        return np.concatenate([mine, theirs])
+
+    def is_local(self) -> BoolVector:
+        """Tell which contracts have a volatility that depends on the spot, shape (n,)."""
+        if self.local is None:
+            return np.zeros(self.count, dtype=bool)
+        return np.array([terms is not None for terms in self.local], dtype=bool)
+
+    def volatility_now(self) -> tuple[Vector, Vector]:
+        """Return the volatility at the spot that diffuses now, and d volatility**2/dS there, each of shape (n,)."""
+        volatility, slope = self.first_segments().volatility, np.zeros(self.count)
+        if self.local is None:
+            return volatility, slope
+        volatility, spot = volatility.copy(), self.spot - self.escrow_now()
+        for row in np.flatnonzero(self.is_local() & (spot > 0.0)).tolist():
+            terms, place = self.local[row], spot.item(row)
+            here = float(terms.volatility.at(0.0, place))
+            volatility[row] = max(volatility[row] - terms.reference + here, 0.0)
+            if here > 0.0:
+                slope[row] = terms.volatility.variance_slope(place) * volatility[row] / here
+        return volatility, slope
+
     def with_volatility(self, volatility: Vector) -> Book:
         """Return the contracts with constant volatilities, shape (n,)."""
         listed = replace(self.listed, volatility=Ragged.empty(self.count))
         segments = replace(self.segments, volatility=self.per_segment(volatility))
-        return replace(self, segments=segments, listed=listed)
+        return replace(self, segments=segments, listed=listed, local=None)
 
     def schedule(self, row: int) -> Schedule:
         """Return one contract as a schedule."""
@@ -327,7 +364,17 @@ class Book:
             for numbers, due in zip(columns, escrow, strict=True)
         )
         spot = self.spot.item(row) - (segments[0].escrow_at(0.0) if escrowed else 0.0)
-        return Schedule(bool(self.is_put[row]), self.strike.item(row), spot, segments)
+        local = None if self.local is None else self.local[row]
+        return Schedule(bool(self.is_put[row]), self.strike.item(row), spot, segments, local)
+
+
+def _local_of(schedules: Sequence[Schedule]) -> NDArray[np.object_] | None:
+    found = [schedule.local for schedule in schedules]
+    if all(terms is None for terms in found):
+        return None
+    column = np.empty(len(found), dtype=object)
+    column[:] = found
+    return column
 
 
 def _listed(contracts: Sequence[tuple[Option, Market]]) -> Listed:

@@ -25,7 +25,7 @@ class Prices:
     ----------
     value, european, error : Vector, shape (n,)
         The price, the price without early exercise, and the estimated absolute error of the price.
-    delta, gamma, theta, vega, rho, dividend_rho, vanna, volga, charm : Vector, shape (n,)
+    delta, gamma, theta, vega, rho, dividend_rho, vanna, volga, charm, delta_sticky_moneyness : Vector, shape (n,)
         As in `Valuation`.
     boundary : Vector, shape (n,)
         The exercise boundary now; where there are two, the one nearer the strike.
@@ -63,6 +63,7 @@ class Prices:
     vanna: Vector
     volga: Vector
     charm: Vector
+    delta_sticky_moneyness: Vector
     boundary: Vector
     dividend_sensitivities: Ragged
     rate_buckets: Ragged
@@ -77,6 +78,7 @@ class Prices:
     vanna_error: Vector
     volga_error: Vector
     charm_error: Vector
+    delta_sticky_moneyness_error: Vector
     dividend_sensitivities_error: Ragged
     rate_buckets_error: Ragged
     dividend_yield_buckets_error: Ragged
@@ -122,7 +124,10 @@ CACHED = 16384  # Number of rows of the shared columns of one value: those of on
 COUNTS = ("solves", "steps")
 COLUMN = (np.ndarray, Ragged)
 # The Greeks that are one number for each contract, and those that are lists.
-GREEKS = ("delta", "gamma", "theta", "vega", "rho", "dividend_rho", "vanna", "volga", "charm")
+GREEKS = (
+    *("delta", "gamma", "theta", "vega", "rho", "dividend_rho", "vanna", "volga", "charm"),
+    "delta_sticky_moneyness",
+)
 GREEK_LISTS = (
     "dividend_sensitivities",
     *(f"{name}_buckets" for name in ("rate", "dividend_yield", "volatility")),

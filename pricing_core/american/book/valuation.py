@@ -55,11 +55,13 @@ class Valuation:
     ----------
     price, european_price, early_exercise_premium, intrinsic_value : float
     delta, gamma : float
-        dV/dS, d2V/dS2.
+        dV/dS, d2V/dS2; a local volatility held fixed as a function of time and spot.
+    delta_sticky_moneyness : float or None
+        dV/dS where the local volatility moves with the spot, as a function of moneyness; None where there is none.
     theta, theta_per_day : float
         dV/dt in calendar time, per year and per 1/365 year.
     vega, vega_per_point, rho, rho_per_point, dividend_rho : float
-        Per 1.00 of volatility, rate and yield, a curve shifted as a whole; per point: per 0.01.
+        Per 1.00 of volatility, rate and yield, a curve or a local volatility shifted as a whole; per point: per 0.01.
     dividend_sensitivities : tuple of float or None
         dV/d amount of each of the market's cash dividends, in their order (that of time).
     vanna, volga : float or None
@@ -102,6 +104,7 @@ class Valuation:
     rho: float | None
     rho_per_point: float | None
     dividend_rho: float | None
+    delta_sticky_moneyness: float | None
     dividend_sensitivities: tuple[float, ...] | None
     vanna: float | None
     volga: float | None
@@ -157,6 +160,7 @@ def valuation(
         rho=greek(prices.rho),
         rho_per_point=greek(prices.rho, 100.0),
         dividend_rho=greek(prices.dividend_rho),
+        delta_sticky_moneyness=greek(prices.delta_sticky_moneyness),
         dividend_sensitivities=greek_list(prices.dividend_sensitivities),
         vanna=greek(prices.vanna),
         volga=greek(prices.volga),

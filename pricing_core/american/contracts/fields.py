@@ -40,6 +40,36 @@ CURVE = (
     Field("values", "list", "", "As many as times", most_entries=MOST_ENTRIES, example=[0.04, 0.05]),
 )
 KNOT_TIMES, KNOT_VALUES = CURVE
+LOCAL_VOLATILITY = (
+    Field(
+        "times",
+        "list",
+        "years",
+        "Increasing times from now, the first may be 0; the variance is linear in between, and flat outside",
+        EVENT_YEARS,
+        most_entries=MOST_ENTRIES,
+        example=[0.0, 1.0],
+    ),
+    Field(
+        "spots",
+        "list",
+        "money",
+        "Increasing spots: the volatility is a monotone cubic in the logarithm of the spot, and flat outside",
+        (1e-30, 1e30),
+        most_entries=MOST_ENTRIES,
+        example=[80.0, 100.0, 120.0],
+    ),
+    Field(
+        "values",
+        "list",
+        "1/sqrt(year)",
+        "A list for each time of a volatility for each spot",
+        (0.0, 15.0),
+        most_entries=MOST_ENTRIES,
+        example=[[0.25, 0.2, 0.18], [0.24, 0.2, 0.19]],
+    ),
+)
+LOCAL_TIMES, LOCAL_SPOTS, LOCAL_VALUES = LOCAL_VOLATILITY
 
 EX_TIME = Field(
     "time",
@@ -92,7 +122,7 @@ VOLATILITY = Field(
     "volatility",
     "curve",
     "1/sqrt(year)",
-    "Volatility of ln(spot); a number or a curve",
+    "Volatility of ln(spot); a number, a curve, or a local volatility by times and spots",
     (0.0, 15.0),
     entries=CURVE,
     example=0.2,

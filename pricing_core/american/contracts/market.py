@@ -22,10 +22,10 @@ from pricing_core.american.contracts.fields import (
     RATE,
     SPOT,
     UNDERLYING,
-    VOLATILITY,
     DividendModel,
     Underlying,
 )
+from pricing_core.american.contracts.local_volatility import Volatility, read_volatility
 from pricing_core.errors import InvalidInputError
 
 # Largest rate or yield that counts as zero, in 1/year: ratios of smaller ones would overflow.
@@ -45,7 +45,7 @@ class Market:
         Money per unit of underlying, 0 to 1e30.
     rate, dividend_yield : float or PiecewiseConstant
         1/year, continuously compounded, -0.5 to 2.
-    volatility : float or PiecewiseConstant
+    volatility : float, PiecewiseConstant or LocalVolatility
         1/sqrt(year), 0 to 15.
     cash_dividends : sequence of CashDividend or {"time": ..., "amount": ...}
         Kept in the order of their times.
@@ -64,7 +64,8 @@ class Market:
         1/year: correlation of ln(spot) and the logarithm of the price of the underlying's currency, times both
         volatilities. `carry_yield` says how these three enter.
 
-    Curves may also be given as {"times": [...], "values": [...]}.
+    Curves may also be given as {"times": [...], "values": [...]}, a local volatility as
+    {"times": [...], "spots": [...], "values": [[...], ...]}.
 
     Raises
     ------
@@ -74,7 +75,7 @@ class Market:
 
     spot: float
     rate: Curve
-    volatility: Curve
+    volatility: Volatility
     dividend_yield: Curve = 0.0
     cash_dividends: tuple[CashDividend, ...] = ()
     proportional_dividends: tuple[ProportionalDividend, ...] = ()
@@ -90,7 +91,7 @@ class Market:
             rate = read_curve(field, getattr(self, field.name))
             negligible = isinstance(rate, float) and abs(rate) < NEGLIGIBLE_RATE
             object.__setattr__(self, field.name, 0.0 if negligible else rate)
-        object.__setattr__(self, "volatility", read_curve(VOLATILITY, self.volatility))
+        object.__setattr__(self, "volatility", read_volatility(self.volatility))
         if type(self.cash_dividends) is not tuple or self.cash_dividends:
             object.__setattr__(self, "cash_dividends", read_cash_dividends(self.cash_dividends))
         if type(self.proportional_dividends) is not tuple or self.proportional_dividends:

@@ -78,6 +78,14 @@ PRICE_FIELDS = (
     ResultField(
         "dividend_rho", "number", "money per 1.00 of dividend yield", "dV/d dividend_yield", 24.2, "standard"
     ),
+    ResultField(
+        "delta_sticky_moneyness",
+        "number",
+        "",
+        "dV/dS where a local volatility moves with the spot, as a function of moneyness; delta holds it fixed",
+        -0.45,
+        "standard",
+    ),
     ResultField("exercise_now", "flag", "", "Whether the holder does best to exercise now", False),
     ResultField(
         "exercise_boundary",

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pricing_core.american.contracts.carry import rate_and_yield
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.curves import PiecewiseConstant, at
+from pricing_core.american.contracts.local_volatility import LocalVolatility
 from pricing_core.american.contracts.market import Market
 from pricing_core.errors import InvalidInputError
 
@@ -31,6 +32,7 @@ class Segment:
     start, end : float
         Years from now.
     rate, dividend_yield, volatility : float
+        Of a local volatility what stands for it (`LocalTerms`).
     exercisable : bool
         Whether the holder may exercise at every time of the segment, both ends included.
     exercise_at_end : bool
@@ -66,6 +68,17 @@ class Segment:
 
 
 @dataclass(frozen=True, slots=True)
+class LocalTerms:
+    """A local volatility, and the number that stands for it in the segments.
+
+    What a segment's volatility exceeds that number by is added to the local one: a parallel shift.
+    """
+
+    volatility: LocalVolatility
+    reference: float
+
+
+@dataclass(frozen=True, slots=True)
 class Schedule:
     """An option's segments from now to expiry, and the spot that diffuses in them.
 
@@ -76,12 +89,15 @@ class Schedule:
         Money; the spot is S* in the escrowed model.
     segments : tuple of Segment
         In the order of time, at least one; the last one ends at expiry.
+    local : LocalTerms or None
+        None where the volatility does not depend on the spot.
     """
 
     is_put: bool
     strike: float
     spot: float
     segments: tuple[Segment, ...]
+    local: LocalTerms | None = None
 
 
 def make_schedule(option: Option, market: Market) -> Schedule:
@@ -93,13 +109,17 @@ def make_schedule(option: Option, market: Market) -> Schedule:
         Escrowed dividends are worth the spot or more, or go with a curve of rates and a settlement lag.
     """
     T = option.expiry
-    curves = (*rate_and_yield(option, market), market.volatility)
+    local, volatility = None, market.volatility
+    if isinstance(volatility, LocalVolatility):
+        local = LocalTerms(volatility, volatility.reference(market.spot, option.strike, T))
+        volatility = local.reference
+    curves = (*rate_and_yield(option, market), volatility)
     dividends = market.cash_dividends or market.proportional_dividends
     if not (dividends or option.exercise_times or option.exercise_start or market.has_curves()):
         american = option.exercise == "american"
-        rate, dividend_yield, volatility = (at(curve, 0.0) for curve in curves)
-        whole = Segment(0.0, T, rate, dividend_yield, volatility, american, american, 0.0, 0.0, 0.0, 0.0)
-        return Schedule(option.is_put, option.strike, market.spot, (whole,))
+        rate, dividend_yield, sigma = (at(curve, 0.0) for curve in curves)
+        whole = Segment(0.0, T, rate, dividend_yield, sigma, american, american, 0.0, 0.0, 0.0, 0.0)
+        return Schedule(option.is_put, option.strike, market.spot, (whole,), local)
     least = NEGLIGIBLE * option.strike
     cash = [d for d in market.cash_dividends if 0.0 < d.time <= T and d.amount > least]
     proportional = [d for d in market.proportional_dividends if 0.0 < d.time <= T and d.fraction > NEGLIGIBLE]
@@ -121,7 +141,7 @@ def make_schedule(option: Option, market: Market) -> Schedule:
     due = 0.0  # escrow just after the event at `end`
     for k in reversed(range(len(ends))):
         start, end = ends[k - 1] if k else 0.0, ends[k]
-        rate, dividend_yield, volatility = (at(curve, 0.5 * (start + end)) for curve in curves)
+        rate, dividend_yield, sigma = (at(curve, 0.5 * (start + end)) for curve in curves)
         amount = math.fsum(amounts.get(k, ()))
         escrow = due + amount if escrowed else 0.0
         american = option.exercise == "american"
@@ -131,7 +151,7 @@ def make_schedule(option: Option, market: Market) -> Schedule:
                 end,
                 rate,
                 dividend_yield,
-                volatility,
+                sigma,
                 exercisable=american and start >= option.exercise_start - SAME_TIME * T,
                 exercise_at_end=(american and end >= option.exercise_start - SAME_TIME * T) or k in dates,
                 fraction=1.0 - math.prod(1.0 - fraction for fraction in fractions.get(k, ())),
@@ -143,7 +163,7 @@ def make_schedule(option: Option, market: Market) -> Schedule:
         due = escrow * math.exp(-rate * (end - start))
     if due > 0.0 and due >= market.spot:
         raise InvalidInputError("cash_dividends", due, "worth less today than the spot in the escrowed model")
-    return Schedule(option.is_put, option.strike, market.spot - due, tuple(reversed(segments)))
+    return Schedule(option.is_put, option.strike, market.spot - due, tuple(reversed(segments)), local)
 
 
 def _by_end(ends: list[float], events: Iterable[tuple[float, float]]) -> dict[int, list[float]]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.curves import seen_from
 from pricing_core.american.contracts.dividends import CashDividend, ProportionalDividend
+from pricing_core.american.contracts.local_volatility import volatility_seen_from
 from pricing_core.american.contracts.market import Market
 
 
@@ -31,7 +32,7 @@ def seen_later(option: Option, market: Market, time: float) -> tuple[Option, Mar
         market,
         rate=seen_from(market.rate, time),
         dividend_yield=seen_from(market.dividend_yield, time),
-        volatility=seen_from(market.volatility, time),
+        volatility=volatility_seen_from(market.volatility, time),
         borrow_rate=seen_from(market.borrow_rate, time),
         foreign_rate=None if market.foreign_rate is None else seen_from(market.foreign_rate, time),
         cash_dividends=tuple(

@@ -37,6 +37,7 @@ class ClosedForm:
     def serves(self, book: Book) -> BoolVector:
         """Tell which contracts have expired, are certain, or have a formula because early exercise never pays."""
         served: BoolVector = has_formula(book) | _is_certain(book) | (book.spot == 0.0)
+        served &= ~book.is_local() | (book.spot == 0.0) | (book.expiry == 0.0)
         return served
 
     def solve(self, book: Book, request: Request) -> Prices:

@@ -85,8 +85,8 @@ def held_theta(book: Book, value: Vector, delta: Vector, gamma: Vector) -> Vecto
 def _theta_weights(book: Book) -> tuple[Vector, Vector, Vector]:
     """Return what theta is linear in value, delta and gamma with, each of shape (n,)."""
     spot, drift = _diffusing(book)
-    now = book.first_segments()
-    return now.rate, -drift, -0.5 * (now.volatility * spot) ** 2
+    volatility, _ = book.volatility_now()
+    return book.first_segments().rate, -drift, -0.5 * (volatility * spot) ** 2
 
 
 def charm_weights(book: Book) -> tuple[Vector, Vector, Vector]:
@@ -95,8 +95,10 @@ def charm_weights(book: Book) -> tuple[Vector, Vector, Vector]:
     It is the derivative of theta's equation, (11.46), by the spot.
     """
     (spot, drift), now = _diffusing(book), book.first_segments()
-    variance = now.volatility**2
-    return now.dividend_yield, -(drift + variance * spot), -0.5 * variance * spot**2
+    volatility, by_spot = book.volatility_now()
+    variance = volatility**2
+    by_gamma = -(drift + variance * spot + 0.5 * by_spot * spot**2)
+    return now.dividend_yield, by_gamma, -0.5 * variance * spot**2
 
 
 def _diffusing(book: Book) -> tuple[Vector, Vector]:

@@ -53,15 +53,16 @@ class BoundaryCellStage:
         state = self.inner.solve(t, base, h, near)
         if not state.contact.any():
             return state
-        problem = StageProblem.of(self.form, t, base, h)
+        form = self.form.at(t)
+        problem = StageProblem.of(form, t, base, h)
         M, q = problem.M, problem.q
         contact = state.contact.copy()
         for _ in range(PASSES):
-            edges = self._edges(contact)
+            edges = _edges(form, contact)
             columns = _free_solutions(M, q, contact, edges)
             z, lifted, changed = columns[:, 0], q, False
             for edge, response in zip(edges, columns[:, 1:].T, strict=True):
-                theta, missing = self._place(edge, z, h, response)
+                theta, missing = _place(form, edge, z, h, response)
                 if theta > 1.0:
                     contact[edge.contact], changed = False, True
                 elif theta < 0.0:
@@ -89,30 +90,28 @@ class BoundaryCellStage:
             continued=(q - lifted) / h,
         )
 
-    def _edges(self, contact: BoolVector) -> list[Edge]:
-        """Return the ends of the exercise region at which holding costs something."""
-        right = [Edge(int(k) + 1, int(k)) for k in np.flatnonzero(contact[:-1] & ~contact[1:])]
-        left = [Edge(int(k), int(k) + 1) for k in np.flatnonzero(contact[1:] & ~contact[:-1])]
-        both = {edge.free for edge in right} & {edge.free for edge in left}
-        return [
-            edge
-            for edge in (*right, *left)
-            if edge.free not in both and self.form.curvature(edge.contact) > 0.0
-        ]
 
-    def _place(self, edge: Edge, z: Vector, h: float, response: Vector) -> tuple[float, float]:
-        """Return theta, and what the free node's row lacks."""
-        operator, nodes = self.form.operator, self.form.grid.interior
-        entry = operator.lower[edge.free] if edge.contact < edge.free else operator.upper[edge.free]
-        full = 0.5 * self.form.curvature(edge.contact) * (nodes[edge.contact] - nodes[edge.free]) ** 2
-        b = h * entry * response[edge.free]
-        relative = z[edge.free] / full
-        # (1 - b) theta**2 + 2 b theta - (b + relative) = 0
-        discriminant = b**2 + (1.0 - b) * (b + relative)
-        if relative < -b or discriminant < 0.0:
-            return -1.0, 0.0
-        theta = (b + relative) / (b + math.sqrt(discriminant))
-        return theta, h * entry * full * (1.0 - theta) ** 2
+def _edges(form: SegmentForm, contact: BoolVector) -> list[Edge]:
+    """Return the ends of the exercise region at which holding costs something."""
+    right = [Edge(int(k) + 1, int(k)) for k in np.flatnonzero(contact[:-1] & ~contact[1:])]
+    left = [Edge(int(k), int(k) + 1) for k in np.flatnonzero(contact[1:] & ~contact[:-1])]
+    both = {edge.free for edge in right} & {edge.free for edge in left}
+    return [edge for edge in (*right, *left) if edge.free not in both and form.curvature(edge.contact) > 0.0]
+
+
+def _place(form: SegmentForm, edge: Edge, z: Vector, h: float, response: Vector) -> tuple[float, float]:
+    """Return theta, and what the free node's row lacks."""
+    operator, nodes = form.operator, form.grid.interior
+    entry = operator.lower[edge.free] if edge.contact < edge.free else operator.upper[edge.free]
+    full = 0.5 * form.curvature(edge.contact) * (nodes[edge.contact] - nodes[edge.free]) ** 2
+    b = h * entry * response[edge.free]
+    relative = z[edge.free] / full
+    # (1 - b) theta**2 + 2 b theta - (b + relative) = 0
+    discriminant = b**2 + (1.0 - b) * (b + relative)
+    if relative < -b or discriminant < 0.0:
+        return -1.0, 0.0
+    theta = (b + relative) / (b + math.sqrt(discriminant))
+    return theta, h * entry * full * (1.0 - theta) ** 2
 
 
 def region_in_cells(state: OptionState, form: SegmentForm) -> ExerciseRegion:

@@ -14,6 +14,7 @@ from pricing_core import kernel
 from pricing_core.american.book.resolution import Scheme
 from pricing_core.american.contracts.schedule import Segment
 from pricing_core.american.engines.exercise_region import ExerciseRegion
+from pricing_core.american.engines.method_of_lines.node_volatility import NodeVolatility
 from pricing_core.american.engines.method_of_lines.sweep_problem import (
     SegmentRegions,
     Sweep,
@@ -28,7 +29,7 @@ from pricing_core.stepping.implicit import SDIRK2_THETA
 
 # Number of arrays over the nodes that the kernel works with, and that it needs for each derivative; counted.
 WORKING_ARRAYS, TANGENT_ARRAYS = 40, 14
-RIGHTS = slice(6, 8)  # The columns of a segment that say whether the holder may exercise.
+RIGHTS = slice(7, 9)  # The columns of a segment that say whether the holder may exercise.
 # The kernel's number of a scheme, and the scheme's implicit weight.
 KERNEL_SCHEMES: dict[Scheme, tuple[int, float]] = {
     "implicit-euler": (0, 1.0),
@@ -82,23 +83,29 @@ class _Numbers:
 
     Parameters
     ----------
-    segments : Matrix, shape (M, 8)
+    segments : Matrix, shape (M, 9)
     times : Vector, shape (T,)
         The meshes of all segments, one after the other.
     first : int array, shape (M + 1,)
         Where each begins.
+    excess : array, shape (S, R, N)
+        What local volatilities exceed the segments' by, of the schedule and then of the directions that move it.
+    first_row : int array, shape (M + 1,)
+        Where the rows of each segment begin.
     """
 
     segments: Matrix
     times: Vector
     first: NDArray[np.int64]
+    excess: NDArray[np.float64]
+    first_row: NDArray[np.int64]
 
     @classmethod
     def of(cls, problem: SweepProblem) -> _Numbers:
         """Return those of a problem."""
         strike, (times, first) = problem.schedule.strike, _meshes(problem)
-        rows = [[*_terms(s, strike), *_rights(s)] for s in problem.schedule.segments]
-        return cls(np.array(rows), times, first)
+        rows = [[*_terms(s, strike), 0, *_rights(s)] for s in problem.schedule.segments]
+        return cls(np.array(rows), times, first, *_excess(problem, times, first))
 
     def arguments(self, problem: SweepProblem) -> tuple[Any, ...]:
         """Return what the kernel asks for one sweep."""
@@ -116,6 +123,8 @@ class _Numbers:
             np.array(problem.watched),
             _direction_columns(request.directions, len(segments)),
             np.array([direction.step for direction in request.directions]),
+            self.excess,
+            self.first_row,
         )
 
     def sweep(self, problem: SweepProblem, swept: tuple[Any, ...]) -> Sweep:
@@ -136,7 +145,7 @@ class _Numbers:
             self.times.size - len(problem.parts),
             residual,
             fitted,
-            values.size * (WORKING_ARRAYS + TANGENT_ARRAYS * len(request.directions)),
+            values.size * (WORKING_ARRAYS + TANGENT_ARRAYS * len(request.directions)) + self.excess.size,
             tangents if request.directions else None,
         )
 
@@ -171,11 +180,39 @@ def _rights(segment: Segment) -> tuple[float, bool, bool]:
 
 
 def _direction_columns(directions: tuple[Direction, ...], segments: int) -> NDArray[np.float64]:
-    """Return the segments' numbers with more and with less of each of P parameters, shape (P, M, 2, 5)."""
+    """Return the segments' numbers with more and with less of each of P parameters, shape (P, M, 2, 6)."""
     if not directions:
-        return np.zeros((0, segments, 2, 5))
-    rows = [
-        [[_terms(s, d.up.strike) for s in pair] for pair in zip(d.up.segments, d.down.segments, strict=True)]
-        for d in directions
-    ]
-    return np.array(rows).reshape(len(directions), segments, 2, 5)
+        return np.zeros((0, segments, 2, 6))
+    surfaces = 1
+    rows = []
+    for d in directions:
+        numbers = (0, 0)
+        if d.moves_surface:
+            numbers, surfaces = (surfaces, surfaces + 1), surfaces + 2
+        pairs = zip(d.up.segments, d.down.segments, strict=True)
+        rows += [
+            [*_terms(s, d.up.strike), number]
+            for pair in pairs
+            for s, number in zip(pair, numbers, strict=True)
+        ]
+    return np.array(rows).reshape(len(directions), segments, 2, 6)
+
+
+def _excess(
+    problem: SweepProblem, times: Vector, first: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the excess of the schedule's volatility, and of those of the directions that move it, and first rows."""
+    request, schedule = problem.request, problem.schedule
+    if schedule.local is None:
+        return np.zeros((1, 0, 0)), np.zeros(first.size, dtype=np.int64)
+    moved = [d for d in request.directions if d.moves_surface]
+    schedules = [schedule, *(side for d in moved for side in (d.up, d.down))]
+    surfaces = []
+    for each in schedules:
+        assert each.local is not None
+        nodes = NodeVolatility.of(each.local, request.grid, schedule.strike)
+        spans = zip(schedule.segments, pairwise(first.tolist()), strict=True)
+        surfaces.append([nodes.in_steps(segment, times[start:end]) for segment, (start, end) in spans])
+    counts = [len(rows) for rows in surfaces[0]]
+    excess = np.array([np.concatenate(parts) for parts in surfaces])
+    return excess, np.cumsum([0, *counts])

@@ -41,7 +41,7 @@ class CrankNicolson:
 
     def _rate(self, t: float, state: OptionState) -> Vector:
         """Return L v + e, continued beyond an exercise boundary inside a cell as the stages do."""
-        form = self.stage.form
+        form = self.stage.form.at(t)
         rate = form.operator.times(state.value) + end_forcing(form.operator, form.ends(t))
         return rate if state.continued is None else rate + state.continued
 

@@ -29,13 +29,14 @@ from pricing_core.american.engines.method_of_lines.refinement import (
 )
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
 from pricing_core.american.engines.method_of_lines.sweep import FAILURES
-from pricing_core.american.engines.method_of_lines.tangents import Direction, directions_of
+from pricing_core.american.engines.method_of_lines.tangents import STICKY, Direction, directions_of, moved
 from pricing_core.american.engines.price_bounds import range_of
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
 # Number of contracts whose solves are done together, which fills the kernel's lanes; chosen: a deadline may lose all.
 TOGETHER = 128
 VOLGA_STEP = 0.04  # Step of the volatility for volga, as a share of the largest one; calibrated.
+SURFACE_DIFFERENCE = 1e-3  # How far a surface is moved in ln S for a difference of prices; chosen.
 SPOT_STEP = 1e-4  # Step of the spot for the third derivative of the formula, as a share of it; chosen.
 
 
@@ -151,7 +152,8 @@ def _derivatives(book: Book, solver: ScheduleSolver, estimate: Estimate, request
     """Return the derivatives by the parameters as columns, and whether all are there."""
     extended = request.greeks == "extended"
     if estimate.levels[-1].exercised:
-        return unchanged(book, extended=extended) | {"complete": True}
+        columns = unchanged(book, extended=extended) | {"complete": True}
+        return columns if book.local is None else columns | {STICKY: -book.sign}
     if len(estimate.american) == 1 + len(solver.directions) > 1:
         return _carried(book, solver, estimate, extended=extended)
     plan = plan_differences(book, extended=extended)
@@ -168,7 +170,17 @@ def _derivatives(book: Book, solver: ScheduleSolver, estimate: Estimate, request
         if math.isnan(v):
             break
         value[row], delta[row] = strike * v, slope
-    return plan.columns(value, delta) | {"complete": not bool(np.isnan(value).any())}
+    columns = plan.columns(value, delta) | {"complete": not bool(np.isnan(value).any())}
+    schedule = solver.schedule
+    if schedule.local is None or not columns["complete"]:
+        return columns
+    sides = [
+        value_on_same_grids(estimate, replace(solver, schedule=moved(schedule, by), directions=()))[0]
+        for by in (SURFACE_DIFFERENCE, -SURFACE_DIFFERENCE)
+    ]
+    by_surface = (sides[0] - sides[1]) / (2.0 * SURFACE_DIFFERENCE)
+    columns |= _sticky(book, estimate.american[0, 1], math.nan, by_surface, math.nan)
+    return columns | {"complete": not math.isnan(by_surface)}
 
 
 def _carried(book: Book, solver: ScheduleSolver, estimate: Estimate, *, extended: bool) -> dict[str, Any]:
@@ -182,6 +194,9 @@ def _carried(book: Book, solver: ScheduleSolver, estimate: Estimate, *, extended
     }
     found = zip(solver.directions, estimate.american[1:], estimate.errors[1:], strict=True)
     for direction, value, error in found:
+        if direction.kind == STICKY:
+            columns |= _sticky(book, estimate.american[0, 1], estimate.errors[0, 1], value[0], error[0])
+            continue
         for name, number in ((direction.kind, value[0]), (error_of(direction.kind), error[0])):
             column = columns[name]
             (column.values if isinstance(column, Ragged) else column)[direction.entry] = strike * number
@@ -196,6 +211,18 @@ def _carried(book: Book, solver: ScheduleSolver, estimate: Estimate, *, extended
     complete = volga is not None
     columns["volga"], columns["volga_error"] = np.full((2, 1), math.nan) if volga is None else volga
     return columns | {"complete": complete}
+
+
+def _sticky(book: Book, delta: float, delta_error: float, by_surface: float, error: float) -> dict[str, Any]:
+    """Return the delta of a surface that moves with the spot as columns.
+
+    Parameters
+    ----------
+    by_surface, error : float
+        dV/dm in units of the strike, the surface moved by m in ln S, and its error.
+    """
+    share = book.strike / book.spot
+    return {STICKY: delta + share * by_surface, error_of(STICKY): delta_error + share * error}
 
 
 def _volga(book: Book, solver: ScheduleSolver, estimate: Estimate) -> tuple[Vector, Vector] | None:
@@ -248,7 +275,7 @@ def _exact_european(
 
     None where it has no formula.
     """
-    if (book.drops() > 0.0).any():
+    if book.local is not None or (book.drops() > 0.0).any():
         return None
     greeks: Greeks = "extended" if extended else "standard" if directions else "none"
     found, strike = european_columns(book, greeks), book.strike.item(0)

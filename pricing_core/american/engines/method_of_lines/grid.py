@@ -12,11 +12,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pricing_core.american.book.resolution import LARGEST_STRETCHING
+from pricing_core.american.contracts.local_volatility import mean_weights
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError
 
 SMALLEST_SPREAD = 1e-4  # Smallest standard deviation of ln S that a grid is made for; chosen.
+PLACES = 4001  # Number of places at which a local volatility is looked at for that; chosen.
 FURTHEST = 100.0  # Largest |ln(S/K)| of a node; chosen far inside the range of floating-point numbers.
 REACHES_ZERO = 0.5  # Share of the lowest spot that dividends take from which the grid goes down to 0; chosen.
 # Smallest share of the spot left by proportional dividends above which it does not; chosen.
@@ -58,12 +61,15 @@ class SpotRange:
         See the module; 0 unless low is 0.
     spread : float
         Standard deviation of ln S at expiry.
+    tails : float
+        How many times as far the spot moves as with the volatility near the strike everywhere.
     """
 
     low: float
     high: float
     shift: float
     spread: float
+    tails: float = 1.0
 
     def down_to_zero(self) -> SpotRange:
         """Return the range with everything below it."""
@@ -99,8 +105,8 @@ class Reach:
         Cash dividends, in units of the strike.
     nothing_left : bool
         A proportional dividend takes next to everything.
-    spread : float
-        Standard deviation of ln S at expiry.
+    spread, tails : float
+        As in `SpotRange`.
     """
 
     falls: float
@@ -108,6 +114,7 @@ class Reach:
     paid: float
     nothing_left: bool
     spread: float
+    tails: float = 1.0
 
     def range_of(self, lowest: float, highest: float) -> SpotRange:
         """Return the range that spots between these two, in units of the strike, reach."""
@@ -115,8 +122,8 @@ class Reach:
         high, low = _moved(highest, self.rises), undivided - self.paid
         least = max((1.0 - REACHES_ZERO) * undivided, SMALLEST_SPOT * lowest)
         if low > least and not self.nothing_left:
-            return SpotRange(low, high, 0.0, self.spread)
-        return SpotRange(0.0, high, SHIFT * max(undivided, SMALLEST_SPOT * lowest), self.spread)
+            return SpotRange(low, high, 0.0, self.spread, self.tails)
+        return SpotRange(0.0, high, SHIFT * max(undivided, SMALLEST_SPOT * lowest), self.spread, self.tails)
 
 
 def reach(schedule: Schedule, truncation: float) -> Reach:
@@ -128,7 +135,10 @@ def reach(schedule: Schedule, truncation: float) -> Reach:
     """
     variance = math.fsum(segment.volatility**2 * segment.duration for segment in schedule.segments)
     spread = max(math.sqrt(variance), SMALLEST_SPREAD)
-    width = math.sqrt(2.0 * math.log(20.0 / truncation)) * spread
+    deviations = math.sqrt(2.0 * math.log(20.0 / truncation))
+    down = up = width = deviations * spread
+    if schedule.local is not None:
+        down, up = _local_widths(schedule, deviations)
     falls = rises = 0.0
     smallest_kept = 1.0
     for segment in schedule.segments:
@@ -139,16 +149,41 @@ def reach(schedule: Schedule, truncation: float) -> Reach:
         falls += min(drift - half, 0.0) + (math.log(kept) if kept >= SMALLEST_KEPT else 0.0)
         rises += max(drift + half, 0.0)
     paid = math.fsum(segment.amount for segment in schedule.segments) / schedule.strike
-    return Reach(falls - width, rises + width, paid, smallest_kept < SMALLEST_KEPT, spread)
+    tails = max(down, up) / width
+    return Reach(falls - down, rises + up, paid, smallest_kept < SMALLEST_KEPT, spread, max(tails, 1.0))
+
+
+def _local_widths(schedule: Schedule, deviations: float) -> tuple[float, float]:
+    """Return how far ln S moves down and up from the spot or the strike, whichever is more.
+
+    So many standard deviations are where the integral of d ln S / sigma is as many roots of the expiry (Varadhan 1967),
+    sigma the root mean square over time.
+    """
+    assert schedule.local is not None
+    surface, segments = schedule.local.volatility, schedule.segments
+    shift = segments[0].volatility - schedule.local.reference
+    weights = mean_weights(surface.times, np.zeros(1), np.array([segments[-1].end]))
+    distances = FURTHEST * np.linspace(0.0, 1.0, PLACES) ** 2
+    enough = deviations * math.sqrt(segments[-1].end)
+    widths = []
+    for side in (-1.0, 1.0):
+        for start in (schedule.spot, schedule.strike):
+            places = np.exp(math.log(start) + side * distances)
+            volatility = np.sqrt(weights @ surface.at_nodes_of_time(places) ** 2)[0] + shift
+            slowness = 1.0 / np.maximum(volatility, SMALLEST_SPREAD)
+            steps = 0.5 * (slowness[1:] + slowness[:-1]) * np.diff(distances)
+            passed = np.concatenate([[0.0], np.cumsum(steps)])
+            widths.append(float(np.interp(enough, passed, distances)))
+    return max(widths[:2]), max(widths[2:])
 
 
 def _moved(s: float, distance: float) -> float:
     return math.exp(min(max(math.log(s) + distance, -FURTHEST), FURTHEST))
 
 
-def natural_stretching(spread: float) -> float:
+def natural_stretching(spread: float, tails: float = 1.0) -> float:
     """Return the stretching with which a price has its smallest error, which the payoff's kink makes."""
-    return LEAST_STRETCHING + math.log1p(spread)
+    return min(LEAST_STRETCHING + math.log1p(spread) + math.log(tails), LARGEST_STRETCHING)
 
 
 def even_stretching(spread: float) -> float:

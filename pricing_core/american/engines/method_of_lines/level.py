@@ -151,6 +151,7 @@ class ScheduleSolver:
 
     def _total(self, found: Matrix) -> Matrix:
         """Return the derivatives at a given spot from those at a given spot that diffuses."""
+        found = found.copy()  # a European option's values are those with and without exercise
         for row, direction in zip(found[1:], self.directions, strict=False):
             row[:3] += direction.spot * found[0, 1:]
         return found
@@ -230,7 +231,7 @@ def coarsest_resolution(solver: ScheduleSolver, scheme: Scheme, tolerance: float
         fewest_steps * min(math.ceil(steps), MOST_COARSEST_STEPS // fewest_steps),
         time_mesh="square-root" if plain else "cube-root",
         scheme=scheme,
-        stretching=even_stretching(span.spread) if plain else natural_stretching(span.spread),
+        stretching=even_stretching(span.spread) if plain else natural_stretching(span.spread, span.tails),
     )
 
 

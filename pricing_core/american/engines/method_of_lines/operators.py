@@ -9,7 +9,7 @@ import numpy as np
 
 from pricing_core.american.contracts.schedule import Segment
 from pricing_core.american.engines.method_of_lines.grid import Grid
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import Vector
 from pricing_core.linalg import Tridiagonal
 
 
@@ -68,13 +68,18 @@ def difference_operators(grid: Grid) -> tuple[ThreePointOperator, ThreePointOper
 
 
 def spot_operator(
-    grid: Grid, segment: Segment, watched: tuple[float, ...]
+    grid: Grid, segment: Segment, watched: tuple[float, ...], excess: Vector | float = 0.0
 ) -> tuple[ThreePointOperator, bool]:
     """Discretise L = sigma**2 s**2/2 d2/ds2 + (r - q) s d/ds - r by central differences.
 
     Where a cell is too coarse for the drift m = (r - q) s, |m| ds > sigma**2 s**2, central differences would give
     negative off-diagonals and oscillations. The diffusion coefficient a = sigma**2 s**2/2 is then replaced by
     (m ds/2) coth(m ds/(2 a)) (Il'in 1969): an M-matrix at every cell size, but first order in ds.
+
+    Parameters
+    ----------
+    excess : Vector, shape (N,), or 0
+        What the volatility at the interior nodes exceeds the segment's by.
 
     Returns
     -------
@@ -84,25 +89,26 @@ def spot_operator(
     s = grid.interior
     first, second, identity = difference_operators(grid)
     drift = (segment.rate - segment.dividend_yield) * s
-    operator = second.scaled(raised_diffusion(grid, segment)).combine(1.0, first.scaled(drift), 1.0)
-    coarse = _is_coarse(grid, segment)
+    operator = second.scaled(raised_diffusion(grid, segment, excess)).combine(1.0, first.scaled(drift), 1.0)
+    coarse = _half_drift(grid, segment) > _diffusion(grid, segment, excess)
     fitted = any(bool(coarse[int(np.argmin(np.abs(s - place)))]) for place in watched)
     return operator.combine(1.0, identity, -segment.rate), fitted
 
 
-def raised_diffusion(grid: Grid, segment: Segment) -> Vector:
+def raised_diffusion(grid: Grid, segment: Segment, excess: Vector | float = 0.0) -> Vector:
     """Return sigma**2 s**2/2, raised where a cell is too coarse for the drift, at the interior nodes, shape (N,)."""
-    diffusion, coarse = 0.5 * segment.volatility**2 * grid.interior**2, _is_coarse(grid, segment)
+    diffusion, half = _diffusion(grid, segment, excess), _half_drift(grid, segment)
+    coarse = half > diffusion
     if not coarse.any():
         return diffusion
-    half = _half_drift(grid, segment)
     fitting = np.tanh(np.divide(half, diffusion, out=np.full(half.size, math.inf), where=diffusion > 0.0))
     return np.where(coarse, (1.0 + 1e-12) * half / np.where(coarse, fitting, 1.0), diffusion)
 
 
-def _is_coarse(grid: Grid, segment: Segment) -> BoolVector:
-    coarse: BoolVector = _half_drift(grid, segment) > 0.5 * segment.volatility**2 * grid.interior**2
-    return coarse
+def _diffusion(grid: Grid, segment: Segment, excess: Vector | float) -> Vector:
+    volatility = np.maximum(segment.volatility + excess, 0.0)
+    diffusion: Vector = 0.5 * volatility**2 * grid.interior**2
+    return diffusion
 
 
 def _half_drift(grid: Grid, segment: Segment) -> Vector:

@@ -7,13 +7,14 @@ holding what should be exercised.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pricing_core.american.contracts.schedule import Segment
 from pricing_core.american.engines.method_of_lines.grid import Grid
+from pricing_core.american.engines.method_of_lines.node_volatility import NodeVolatility
 from pricing_core.american.engines.method_of_lines.operators import ThreePointOperator, spot_operator
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
@@ -42,6 +43,8 @@ class SegmentForm:
         L.
     fitted : bool
         Whether the drift dominates the diffusion near the spot or the strike (`spot_operator`).
+    local : NodeVolatility or None
+        Where the operator depends on time (`at`), what it is made of; `operator` is that of the segment's end.
     """
 
     segment: Segment
@@ -51,6 +54,7 @@ class SegmentForm:
     lines: Matrix
     operator: ThreePointOperator
     fitted: bool
+    local: NodeVolatility | None = None
 
     @classmethod
     def discretise(
@@ -62,11 +66,20 @@ class SegmentForm:
         strike: float,
         values: Vector,
         watched: tuple[float, ...],
+        local: NodeVolatility | None = None,
     ) -> SegmentForm:
         """Discretise a segment at whose end the option has `values` at the nodes, shape (N + 2,)."""
-        operator, fitted = spot_operator(grid, segment, watched)
+        excess = 0.0 if local is None else local.at(segment.end)
+        operator, fitted = spot_operator(grid, segment, watched, excess)
         lines = end_lines(grid.nodes, values)
-        return cls(segment, grid, sign, segment.escrow / strike, lines, operator, fitted)
+        return cls(segment, grid, sign, segment.escrow / strike, lines, operator, fitted, local)
+
+    def at(self, t: float) -> SegmentForm:
+        """Return the system with the operator of a time, t years before the segment's end."""
+        if self.local is None or self.local.times.size == 1:
+            return self
+        operator, _ = spot_operator(self.grid, self.segment, (), self.local.at(self.segment.end - t))
+        return replace(self, operator=operator)
 
     @property
     def scale(self) -> Vector:

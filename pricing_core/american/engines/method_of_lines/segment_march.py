@@ -95,8 +95,10 @@ def march_segment(
     return SegmentMarch(
         form.everywhere(state.value, duration),
         state.contact,
-        region_in_cells(state, form),
-        tuple(region_in_cells(run.states[int(np.argmin(np.abs(run.t - t)))], form) for t in part.wanted),
+        region_in_cells(state, form.at(duration)),
+        tuple(
+            region_in_cells(run.states[int(np.argmin(np.abs(run.t - t)))], form.at(t)) for t in part.wanted
+        ),
         run.accepted,
         max(each.residual for each in run.states),
         STATE_ARRAYS * len(run.states) * values.size,

@@ -97,7 +97,7 @@ class UnconstrainedStage:
 
     def solve(self, t: float, base: Vector, h: float, near: OptionState) -> OptionState:
         """Return the state t years before the segment's end; it has no contact."""
-        operator = self.form.operator
+        operator = self.form.at(t).operator
         M = implicit_matrix(operator, h)
         rhs = base + h * end_forcing(operator, self.form.ends(t))
         value = solve_tridiagonal(M.lower[1:], M.diagonal, M.upper[:-1], rhs)
@@ -122,7 +122,7 @@ class TridiagonalStage:
 
     def solve(self, t: float, base: Vector, h: float, near: OptionState) -> OptionState:
         """Return the state t years before the segment's end, at the end of an implicit stage of size h from `base`."""
-        problem = StageProblem.of(self.form, t, base, h)
+        problem = StageProblem.of(self.form.at(t), t, base, h)
         solve = self._solve_by_library if self.lcp_method in ("psor", "lemke") else self._solve_directly
         z, w = solve(problem, near)
         residual, _ = problem.measured(z, w, self.form.scale)

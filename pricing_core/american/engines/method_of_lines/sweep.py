@@ -18,6 +18,7 @@ from pricing_core.american.engines.method_of_lines.event_transfer import (
     before_event,
 )
 from pricing_core.american.engines.method_of_lines.limits import without_exercise
+from pricing_core.american.engines.method_of_lines.node_volatility import NodeVolatility
 from pricing_core.american.engines.method_of_lines.segment_form import SegmentForm
 from pricing_core.american.engines.method_of_lines.segment_march import march_segment
 from pricing_core.american.engines.method_of_lines.sweep_problem import (
@@ -119,11 +120,18 @@ def _segment_by_segment(problem: SweepProblem, interrupt: Callable[[], bool] | N
     seen: list[SegmentRegions] = []
     contact: BoolVector | None = None
     weights: SlopeWeights | None = None
+    local = None if schedule.local is None else NodeVolatility.of(schedule.local, grid, strike)
     for part in reversed(problem.parts):
         segment = part.segment
         event = before_event(after, at_zero, segment, sign, strike, nodes)
         form = SegmentForm.discretise(
-            segment, grid, sign=sign, strike=strike, values=event.values, watched=problem.watched
+            segment,
+            grid,
+            sign=sign,
+            strike=strike,
+            values=event.values,
+            watched=problem.watched,
+            local=local,
         )
         run = march_segment(
             form, event.values, part, problem.resolution, problem.request.lcp_method, interrupt

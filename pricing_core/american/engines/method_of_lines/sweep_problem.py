@@ -59,7 +59,7 @@ class SweepProblem:
         """Whether another sweep of the same schedule is solved in the same parts."""
         own = self.request
         same = own.schedule is request.schedule and own.resolution is request.resolution
-        return same and own.times == request.times
+        return same and own.times == request.times and own.directions is request.directions
 
     @property
     def schedule(self) -> Schedule:

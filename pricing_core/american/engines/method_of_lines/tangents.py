@@ -8,11 +8,15 @@ here is which parameters it is asked for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.differences import plan_directions
+
+STICKY = "delta_sticky_moneyness"
+SURFACE_STEP = 1e-4  # How far a surface is moved in ln S; chosen.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,6 +42,11 @@ class Direction:
     step: float
 
     @property
+    def moves_surface(self) -> bool:
+        """Whether it changes the surface of a local volatility, beyond a parallel shift."""
+        return self.up.local != self.down.local
+
+    @property
     def spot(self) -> float:
         """What the spot that diffuses changes by in units of the strike: escrowed dividends reduce it."""
         return (self.up.spot - self.down.spot) / (2.0 * self.step * self.up.strike)
@@ -51,8 +60,20 @@ def directions_of(book: Book, *, extended: bool, only: str = "") -> tuple[Direct
     only : str
         The one kind that is wanted, if not all are.
     """
-    return tuple(
+    found = [
         Direction(kind, entry, up.schedule(0), down.schedule(0), step)
         for kind, entry, up, down, step in plan_directions(book, extended=extended)
         if not only or kind == only
-    )
+    ]
+    schedule = book.schedule(0)
+    if schedule.local is not None and found and not only:
+        up, down = (moved(schedule, side * SURFACE_STEP) for side in (1.0, -1.0))
+        found.append(Direction(STICKY, 0, up, down, SURFACE_STEP))
+    return tuple(found)
+
+
+def moved(schedule: Schedule, by: float) -> Schedule:
+    """Return the schedule with the spots of its local volatility moved by so much in ln S."""
+    assert schedule.local is not None
+    surface = schedule.local.volatility.moved(math.exp(by))
+    return replace(schedule, local=replace(schedule.local, volatility=surface))

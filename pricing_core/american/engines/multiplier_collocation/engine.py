@@ -50,7 +50,7 @@ class MultiplierCollocation:
         """
         if kernel.solve_schedules is None:
             return np.zeros(book.count, dtype=bool)
-        return is_served(book) & book.has_events()
+        return is_served(book) & book.has_events() & ~book.is_local()
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Solve to the tolerances; the Greeks are derivatives of the solution itself."""

@@ -47,6 +47,7 @@ class PremiumMarch:
             return np.zeros(book.count, dtype=bool)
         now = book.first_segments()
         served = now.exercisable & (now.volatility * np.sqrt(now.end) >= SMALLEST_SPREAD) & (book.spot > 0.0)
+        served &= ~book.is_local()
         return served if book.is_plain else served & ~book.has_events()
 
     def solve(self, book: Book, request: Request) -> Prices:

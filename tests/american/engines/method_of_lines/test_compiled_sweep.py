@@ -199,14 +199,16 @@ def arguments(**changes):
     """Return the kernel's arguments for a put of one segment."""
     given = {
         "nodes": np.linspace(0.5, 2.0, 16),
-        "segments": np.array([[0.05, 0.0, 0.2, 0.0, 0.0, 0.0, 1.0, 1.0]]),
+        "segments": np.array([[0.05, 0.0, 0.2, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0]]),
         "times": np.linspace(0.0, 1.0, 5),
         "first_time": np.array([0, 5]),
         "scheme": 1,
         "sign": 1.0,
         "watched": np.ones(1),
-        "directions": np.zeros((0, 1, 2, 5)),
+        "directions": np.zeros((0, 1, 2, 6)),
         "steps": np.zeros(0),
+        "excess": np.zeros((1, 0, 0)),
+        "first_row": np.array([0, 0]),
     }
     return given | changes
 
@@ -219,7 +221,7 @@ def swept(given, interrupt=None):
 
 @needs_kernel
 def test_no_argument_is_modified_and_views_with_strides_will_do():
-    given = arguments()
+    given = arguments(excess=np.linspace(0.0, 0.1, 14).reshape(1, 1, 14), first_row=np.array([0, 1]))
     before = {name: np.copy(value) for name, value in given.items()}
     strided = {
         name: np.repeat(value, 2, axis=0)[::2] if isinstance(value, np.ndarray) else value
@@ -236,11 +238,14 @@ def test_no_argument_is_modified_and_views_with_strides_will_do():
     [
         ({"nodes": np.linspace(0.5, 2.0, 4)}, "nodes has length"),
         ({"segments": np.zeros((1, 7))}, "segments must have the shape"),
-        ({"segments": np.zeros((0, 8))}, "segments must have the shape"),
+        ({"segments": np.zeros((0, 9))}, "segments must have the shape"),
         ({"first_time": np.array([0, 4])}, "first_time must"),
         ({"scheme": 2}, "scheme must be 0 or 1"),
-        ({"directions": np.zeros((1, 1, 2, 5))}, "directions must have the shape"),
-        ({"directions": np.zeros((1, 2, 2, 5)), "steps": np.ones(1)}, "directions must have the shape"),
+        ({"directions": np.zeros((1, 1, 2, 6))}, "directions must have the shape"),
+        ({"directions": np.zeros((1, 2, 2, 6)), "steps": np.ones(1)}, "directions must have the shape"),
+        ({"first_row": np.array([0, 2])}, "first_row must"),
+        ({"excess": np.zeros((1, 2, 14)), "first_row": np.array([0, 2])}, "excess must have no row, one, or"),
+        ({"excess": np.zeros((1, 1, 13)), "first_row": np.array([0, 1])}, "excess must have no row, one, or"),
     ],
 )
 def test_what_does_not_fit_is_refused(changes, told):
@@ -253,8 +258,13 @@ def test_what_does_not_fit_is_refused(changes, told):
 def test_a_singular_matrix_is_told(exercisable, monkeypatch):
     # Without volatility and drift 1 - h L = 1 + h r in every row: 0 for h = 1 and r = -1.
     segment = Segment(0.0, 1.0, -1.0, -1.0, 0.0, exercisable, exercisable, 0.0, 0.0, 0.0, 0.0)
-    columns = np.array([[-1.0, -1.0, 0.0, 0.0, 0.0, 0.0, exercisable, exercisable]])
-    singular = arguments(segments=columns, scheme=0, times=np.array([0.0, 1.0]), first_time=np.array([0, 2]))
+    columns = np.array([[-1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, exercisable, exercisable]])
+    singular = arguments(
+        segments=columns,
+        scheme=0,
+        times=np.array([0.0, 1.0]),
+        first_time=np.array([0, 2]),
+    )
     assert swept(singular) is None
     monkeypatch.setattr(
         "pricing_core.american.engines.method_of_lines.sweep.kernel_sweeps", lambda problem: True
