@@ -6,7 +6,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from pricing_core.american import ExerciseBoundary, Market, Option, PiecewiseConstant
+from pricing_core.american import ExerciseBoundary, LocalVolatility, Market, Option, PiecewiseConstant
 from pricing_core.american.contracts.carry import carry_yield
 from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.american.engines.exercise_region import region_at_expiry
@@ -133,7 +133,7 @@ def _draw_levels(axes: Axes, option: Option, levels: list[float]) -> None:
 def _perpetual_levels(option: Option, market: Market) -> list[float]:
     """Return the boundary of the option without expiry, if there is one and no event before the expiry."""
     schedule = _without_events(option, market)
-    if schedule is None:
+    if schedule is None or schedule.local is not None:
         return []
     now = schedule.segments[0]
     level = option.strike * perpetual_boundary(
@@ -186,10 +186,13 @@ def _mark_ex_times(axes: Axes, ex_times: list[float]) -> None:
             )
 
 
+_KINDS = {PiecewiseConstant: "curve", LocalVolatility: "surface"}
+
+
 def _describe(axes: Axes, option: Option, market: Market) -> None:
     curves = {"rate": market.rate, "yield": carry_yield(market), "volatility": market.volatility}
     terms = ", ".join(
-        f"{name} {'curve' if isinstance(curve, PiecewiseConstant) else f'{curve:g}'}"
+        f"{name} {f'{curve:g}' if isinstance(curve, float) else _KINDS[type(curve)]}"
         for name, curve in curves.items()
     )
     if market.cash_dividends or market.proportional_dividends:

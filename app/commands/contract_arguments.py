@@ -70,6 +70,8 @@ def _number_option(name: str, words: str) -> Any:
 
 def _curve_option(name: str, words: str) -> Any:
     words += ', or {"times": [...], "values": [...]}'
+    if name == "--volatility":
+        words += ', or a local volatility {"times": [...], "spots": [...], "values": [[...], ...]}'
     return typer.Option(name, parser=number_or_curve, metavar="FLOAT|JSON", help=words)
 
 

@@ -17,8 +17,10 @@ from pricing_core.american.contracts.vocabulary import NAMES, contract_from
 # derivatives, are under way.
 MOST_DIVIDENDS = 366
 MOST_PIECES = 100
+MOST_SPOTS = 100  # of a local volatility
 LONGEST_DATE = 40  # Largest length of a date, in characters.
-NUMBER, CURVE, DATE = "number", "curve", "date"  # what a rate or a time may be; no field has such a name
+# What a rate, a volatility or a time may be; no field has such a name.
+NUMBER, CURVE, DATE, LOCAL = "number", "curve", "date", "local volatility"
 DATE_IN_WORDS = "with valuation_date an ISO date"
 # Keys of the objects inside a field, by its name.
 KEYS = {
@@ -27,6 +29,7 @@ KEYS = {
     if field.entries
 }
 CONTRACT_NAMES = set(NAMES)
+KEYS["volatility"] = tuple(field.name for field in fields.LOCAL_VOLATILITY)
 
 
 class Strict(BaseModel):
@@ -81,6 +84,19 @@ class VolatilityCurve(Strict):
     values: Annotated[list[Volatility], Pieces]
 
 
+class VolatilitySurface(Strict):
+    """Local volatility: a list of values for each time, one for each spot."""
+
+    times: Annotated[list[Annotated[float, limits(fields.LOCAL_TIMES)]], Pieces]
+    spots: Annotated[
+        list[Annotated[float, limits(fields.LOCAL_SPOTS)]],
+        pydantic.Field(min_length=1, max_length=MOST_SPOTS),
+    ]
+    values: Annotated[
+        list[Annotated[list[Volatility], pydantic.Field(min_length=1, max_length=MOST_SPOTS)]], Pieces
+    ]
+
+
 class CashAmount(Strict):
     """An amount of money that the spot drops by at its ex-time."""
 
@@ -101,11 +117,19 @@ def _kind(value: object) -> str:
     return CURVE if isinstance(value, dict | Strict) else NUMBER
 
 
+def _kind_of_volatility(value: object) -> str:
+    is_local = isinstance(value, VolatilitySurface) or (isinstance(value, dict) and "spots" in value)
+    return LOCAL if is_local else _kind(value)
+
+
 RateOrCurve: TypeAlias = Annotated[
     Annotated[Rate, Tag(NUMBER)] | Annotated[RateCurve, Tag(CURVE)], Discriminator(_kind)
 ]
 VolatilityOrCurve: TypeAlias = Annotated[
-    Annotated[Volatility, Tag(NUMBER)] | Annotated[VolatilityCurve, Tag(CURVE)], Discriminator(_kind)
+    Annotated[Volatility, Tag(NUMBER)]
+    | Annotated[VolatilityCurve, Tag(CURVE)]
+    | Annotated[VolatilitySurface, Tag(LOCAL)],
+    Discriminator(_kind_of_volatility),
 ]
 
 

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from app.known_names import among
-from app.service.contract_schema import CURVE, DATE, DATE_IN_WORDS, KEYS, NUMBER
+from app.service.contract_schema import CURVE, DATE, DATE_IN_WORDS, KEYS, LOCAL, NUMBER
 from app.service.errors import (
     BodyTimeoutError,
     BodyTooLargeError,
@@ -28,7 +28,7 @@ from pricing_core.errors import InvalidInputError, Told
 Model = TypeVar("Model", bound=BaseModel)
 Location: TypeAlias = tuple[int | str, ...]
 # The kinds that a rate or a time may be of, and their types in JSON.
-KINDS = {NUMBER: "number", CURVE: "object", DATE: "string"}
+KINDS = {NUMBER: "number", CURVE: "object", DATE: "string", LOCAL: "object"}
 LENGTHS = ("too_long", "too_short")  # kinds of fault, as pydantic calls them
 OF_NUMBERS = ("float_type", "finite_number", "greater_than_equal", "less_than_equal")
 
@@ -154,7 +154,8 @@ def schema_at(schema: dict[str, Any], location: Location) -> dict[str, Any]:
     """Return the part of a model's schema that a value of the body is checked against."""
     for part in location:
         if part in KINDS:
-            schema = next(choice for choice in schema["oneOf"] if choice["type"] == KINDS[part])
+            of_kind = [choice for choice in schema["oneOf"] if choice["type"] == KINDS[part]]
+            schema = of_kind[-1 if part == LOCAL else 0]
         else:
             schema = schema["items"] if isinstance(part, int) else schema["properties"][part]
         choices = [choice for choice in schema.get("anyOf", [schema]) if choice.get("type") != "null"]

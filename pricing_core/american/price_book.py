@@ -43,7 +43,7 @@ def price_book(
     """
     workers = checked_threads(threads)
     table = Table(read.count, settings.greeks, columns, greek_errors=settings.greek_errors)
-    in_order = read.book.is_simple and read.rows.size == read.count
+    in_order = read.rows.size == read.count and bool((read.rows[1:] > read.rows[:-1]).all())
     payoff = read.book.exercise_value()
 
     def keep(rows: slice, prices: Prices) -> None:

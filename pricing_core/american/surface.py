@@ -16,6 +16,7 @@ from pricing_core.american.contracts.carry import carry_yield
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, SPOT, TOLERANCE
+from pricing_core.american.contracts.local_volatility import LocalVolatility
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.seen_later import seen_later
 from pricing_core.american.contracts.tolerances import check_moneyness
@@ -169,7 +170,7 @@ def _multiplier(option: Option, book: Book, found: Prices) -> Vector:
 
 
 def _perpetual_boundary(option: Option, market: Market) -> float | None:
-    if option.exercise != "american" or market.has_curves():
+    if option.exercise != "american" or market.has_curves() or isinstance(market.volatility, LocalVolatility):
         return None
     if market.cash_dividends or market.proportional_dividends:
         return None

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import ArrayLike
 
-from pricing_core.american import Market, Option, PiecewiseConstant
+from pricing_core.american import LocalVolatility, Market, Option, PiecewiseConstant
 from pricing_core.american.arrow.arrow_column import ArrowColumn
 from pricing_core.american.arrow.cells import numbers_of
 from pricing_core.american.arrow.price_batch import contract_columns, price_batch
@@ -19,6 +19,7 @@ from pricing_core.american.book.columns import as_objects
 from pricing_core.american.book.reading import checked_contract, read_book, read_columns
 from pricing_core.american.contracts.curves import Curve, at, times_of
 from pricing_core.american.contracts.fields import Greeks
+from pricing_core.american.contracts.local_volatility import Volatility
 from pricing_core.american.price_book import price_book
 from pricing_core.american.price_many import as_arrays
 from pricing_core.american.pricing_settings import PricingSettings
@@ -193,7 +194,7 @@ class _Events:
         self._by_curve: dict[str, dict[int, float]] = {name: {} for name in CURVES}
         pairs = {int(row): (before.contract(row), after.contract(row)) for row in rows}
         refined: dict[str, dict[int, PiecewiseConstant]] = {name: {} for name in CURVES}
-        changed = []
+        changed, local = [], []
         for row, (old, new) in pairs.items():
             years = max(float(elapsed[row]), 0.0)
             self.spot[row] = _with_past_dividends(new[1].spot, old[1], min(years, old[0].expiry))
@@ -201,13 +202,16 @@ class _Events:
                 changed.append(row)
             for name in CURVES:
                 curves = getattr(old[1], name), getattr(new[1], name)
-                if any(isinstance(curve, PiecewiseConstant) for curve in curves):
+                if any(isinstance(curve, LocalVolatility) for curve in curves):
+                    local.append(row)
+                elif any(isinstance(curve, PiecewiseConstant) for curve in curves):
                     refined[name][row] = _refined(*curves, years, old[0].expiry)
                 else:  # numbers, and curves of one value
                     change = np.array([curves[1] - curves[0]])
                     self._by_curve[name][row] = float(_term(before.result(CURVES[name])[row], change)[0])
         self._revalue_dividends(changed, pairs, elapsed, repricing)
         self._use_buckets(refined, pairs, elapsed, repricing)
+        self._revalue_volatilities(local, pairs, elapsed, repricing)
 
     def parallel(self, name: str) -> Vector:
         """Return what the change of a rate, yield or volatility does, to first order."""
@@ -242,6 +246,19 @@ class _Events:
         if rows:
             self.dividends[rows] = found["price"] - self._before.result("price")[rows]
 
+    def _revalue_volatilities(
+        self,
+        rows: Sequence[int],
+        pairs: Mapping[int, tuple[Contract, Contract]],
+        elapsed: Vector,
+        repricing: _Repricing,
+    ) -> None:
+        """Price the earlier contracts with the later volatilities, where either is a local one."""
+        later = [_seen_before(pairs[row][1][1].volatility, max(float(elapsed[row]), 0.0)) for row in rows]
+        found = repricing.of(rows, {"volatility": later})
+        for place, row in enumerate(rows):
+            self._by_curve["volatility"][row] = found["price"][place] - self._before.result("price")[row]
+
     def _use_buckets(
         self,
         refined: Mapping[str, Mapping[int, PiecewiseConstant]],
@@ -265,6 +282,15 @@ class _Events:
                     single = change.size == 1  # such a curve is a number, and has no buckets
                     slopes = [results[CURVES[name]][place]] if single else results[f"{name}_buckets"][place]
                     self._by_curve[name][row] = _product(change, slopes)
+
+
+def _seen_before(volatility: Volatility, years: float) -> Volatility:
+    """Return a volatility as a function of the years from an earlier time on."""
+    if isinstance(volatility, LocalVolatility):
+        return LocalVolatility(volatility.times + years, volatility.spots, volatility.values)
+    if isinstance(volatility, PiecewiseConstant):
+        return PiecewiseConstant(tuple(time + years for time in volatility.times), volatility.values)
+    return volatility
 
 
 def _product(change: Vector, slopes: Sequence[float]) -> float:

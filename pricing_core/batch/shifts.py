@@ -16,12 +16,13 @@ from pricing_core.american.arrow.arrow_column import ArrowColumn, is_number, is_
 from pricing_core.american.arrow.cells import is_empty, number_array
 from pricing_core.american.contracts.dates import is_meant_as_date, read_moment, year_fraction
 from pricing_core.american.contracts.json_text import parse_json
+from pricing_core.american.contracts.local_volatility import LocalVolatility
 from pricing_core.american.contracts.vocabulary import DATES
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.batch.scenario import Scenario
 
 Cells: TypeAlias = list[Any]
-Curve: TypeAlias = dict[str, list[float]]
+Curve: TypeAlias = dict[str, list[Any]]
 
 
 class ShiftedContracts:
@@ -169,6 +170,11 @@ class ShiftedContracts:
 
 def _moved_curve(curve: Mapping[str, Any], shift: float, years: float) -> Curve:
     """Return a curve with a shift and nearer times, without the pieces that have passed; the last piece stays."""
+    if curve.get("spots") is not None:
+        seen = LocalVolatility(curve["times"], curve["spots"], curve["values"])
+        seen = seen.seen_from(years) if years else seen
+        axes = {"times": seen.times.tolist(), "spots": seen.spots.tolist()}
+        return axes | {"values": (seen.values + shift).tolist()}
     times, values = list(curve["times"]), list(curve["values"])
     passed = min(sum(time <= years for time in times), len(times) - 1)
     nearer = [float(time) - years for time in times[passed:]]

@@ -67,7 +67,7 @@ def test_greeks_can_be_left_out():
         price_many(COLUMNS, tolerance=1e-3, greeks=g) for g in ("none", "standard", "extended")
     )
     greeks = {"delta", "gamma", "theta", "theta_per_day", "vega", "vega_per_point", "rho", "rho_per_point"}
-    greeks.add("dividend_rho")
+    greeks |= {"dividend_rho", "delta_sticky_moneyness"}
     assert standard.keys() - none.keys() == greeks
     assert extended.keys() - standard.keys() >= {"vanna", "volga", "charm"}
     for name in none:

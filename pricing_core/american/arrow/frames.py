@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict, is_dataclass
 from typing import Any, Protocol, TypeVar
 
+import numpy as np
 import pyarrow as pa
 
 from pricing_core.american.arrow.plain_types import plain_table
@@ -93,6 +96,13 @@ def with_results(table: Any, results: pa.Table) -> Any:
     return table
 
 
+def _text(cell: Any) -> str | None:
+    """Return a curve or a local volatility as the JSON that stands for it, a number as text."""
+    if is_dataclass(cell) and not isinstance(cell, type):
+        return json.dumps(asdict(cell), default=np.ndarray.tolist)
+    return None if cell is None else str(cell)
+
+
 def _as_arrow(table: Any, name: str) -> pa.ChunkedArray:
     """Return a column as Arrow holds it."""
     kind = _kind(table)
@@ -100,6 +110,8 @@ def _as_arrow(table: Any, name: str) -> pa.ChunkedArray:
         return table[name]
     try:
         part = table[[name]]
+        if kind == "pandas" and part[name].dtype == object and any(map(is_dataclass, part[name])):
+            return pa.chunked_array([[_text(cell) for cell in part[name]]], pa.string())
         return (pa.Table.from_pandas(part, preserve_index=False) if kind == "pandas" else pa.table(part))[
             name
         ]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -23,7 +24,7 @@ KEYS = {"times", "spots", "values"}
 SLOPE_STEP = 1e-5  # Step of the spot for the slope of the variance, as a share of it; chosen.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class LocalVolatility:
     """The volatility sigma(t, S) of dS = (r - q) S dt + sigma(t, S) S dW (Dupire 1994), given at nodes.
 
@@ -55,18 +56,22 @@ class LocalVolatility:
     times: Vector
     spots: Vector
     values: Matrix
-    _slopes: Matrix = field(init=False, repr=False)
-    _key: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         times = _axis("times", self.times, *LOCAL_TIMES.limits, LOCAL_TIMES.most_entries)
         spots = _axis("spots", self.spots, *LOCAL_SPOTS.limits, LOCAL_SPOTS.most_entries)
         values = _values(self.values, times.size, spots.size)
-        slopes = _monotone_slopes(np.log(spots), values)
-        for name, array in (("times", times), ("spots", spots), ("values", values), ("_slopes", slopes)):
+        for name, array in (("times", times), ("spots", spots), ("values", values)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        object.__setattr__(self, "_key", hash((times.tobytes(), spots.tobytes(), values.tobytes())))
+
+    @cached_property
+    def _slopes(self) -> Matrix:
+        return _monotone_slopes(np.log(self.spots), self.values)
+
+    @cached_property
+    def _key(self) -> int:
+        return hash((self.times.tobytes(), self.spots.tobytes(), self.values.tobytes()))
 
     @classmethod
     def from_function(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from pricing_core.american.contracts.fields import (
     input_field,
 )
 from pricing_core.american.contracts.json_text import parse_cell
+from pricing_core.american.contracts.local_volatility import Volatility, read_volatility
 from pricing_core.american.contracts.market import Market
 from pricing_core.errors import InvalidInputError
 
@@ -137,7 +139,7 @@ def _market(given: Mapping[str, Any], start: dt.datetime | None) -> Market:
     return Market(
         given["spot"],
         _curve("rate", given["rate"]),
-        _curve("volatility", given["volatility"]),
+        _volatility(given["volatility"]),
         _curve("dividend_yield", given.get("dividend_yield", DIVIDEND_YIELD.default)),
         _timed("cash_dividends", given, start),
         _timed("proportional_dividends", given, start),
@@ -192,6 +194,16 @@ def _curve(field: str, value: Any) -> Any:
     if isinstance(value, str) and value.lstrip().startswith("{"):
         return parse_cell(field, value, input_field(field).allowed)
     return value
+
+
+def _volatility(value: Any) -> Any:
+    """Return the same of a volatility: the text of a surface may be long, and that of many contracts."""
+    return _surface(value) if isinstance(value, str) and '"spots"' in value else _curve("volatility", value)
+
+
+@lru_cache(maxsize=16)
+def _surface(text: str) -> Volatility:
+    return read_volatility(_curve("volatility", text))
 
 
 def _listed(field: str, given: Mapping[str, Any]) -> Any:

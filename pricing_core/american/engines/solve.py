@@ -107,7 +107,7 @@ def boundary_of(
     for engine in engines:
         if engine.serves(book)[0] and not best.found.all():
             best = best.completed_by(engine.boundary(book, times, request))
-    if not book.is_plain:
+    if not book.is_plain or book.is_local()[0]:
         return best
     # Without events the boundary is monotone in time (Jaillet, Lamberton, Lapeyre 1990).
     running = np.fmin if book.is_put[0] else np.fmax
