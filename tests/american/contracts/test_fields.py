@@ -262,7 +262,8 @@ def test_a_request_is_described_as_the_table_states_it(model):
             assert described["description"] == field.description
         if field.kind == "choice":
             assert described["enum"] == list(field.choices)
-        assert found_limits(described) == table_limits(field), name
+        surface = {("spots", *fields.LOCAL_SPOTS.limits)} if name == "volatility" else set()
+        assert found_limits(described) == table_limits(field) | surface, name
 
 
 def found_limits(schema):

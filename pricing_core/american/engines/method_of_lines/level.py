@@ -57,6 +57,8 @@ class Level:
     fitted : bool
     stored : int
         As in `Sweep`.
+    control : Matrix, shape (1, 4), or None
+        Of a local volatility, v and its derivatives of the European option at the volatility that stands for it.
     """
 
     american: Matrix
@@ -68,6 +70,14 @@ class Level:
     residual: float
     fitted: bool
     stored: int
+    control: Matrix | None = None
+
+    @property
+    def known(self) -> Matrix:
+        """What a formula may give exactly, shape (1 + P, 4): `european`, or in its first row `control`."""
+        if self.control is None:
+            return self.european
+        return np.concatenate([self.control, self.european[1:]])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,9 +126,13 @@ class ScheduleSolver:
         requests = [request]
         if held and any(s.exercisable or s.exercise_at_end for s in self.schedule.segments):
             requests.append(replace(request, never_exercised=True))
+        asked = len(requests)
+        if held and self.schedule.local is not None:
+            flat = replace(self.schedule, local=None)
+            requests.append(replace(request, schedule=flat, directions=(), never_exercised=True))
         answers = yield requests
-        with_exercise, without = answers[0], answers[-1]
-        if with_exercise is None or without is None:
+        with_exercise, without = answers[0], answers[asked - 1]
+        if with_exercise is None or without is None or answers[-1] is None:
             return None
         sweep = with_exercise.sweep
         exercised = sweep.region.contains(self.spot)
@@ -132,6 +146,7 @@ class ScheduleSolver:
             sweep.residual,
             sweep.fitted,
             sweep.stored,
+            answers[-1].at_spot if len(requests) > asked else None,
         )
 
     def regions(
@@ -207,6 +222,8 @@ def coarsest_resolution(solver: ScheduleSolver, scheme: Scheme, tolerance: float
     tolerance : float
         Of the price, in strikes: two doublings of the first resolution are meant to reach it.
     """
+    if solver.schedule.local is not None:  # whose kinks coarse cells do not see
+        tolerance = min(tolerance, LOOSE_TOLERANCE)
     fewest_intervals, fewest_steps = fewest(tolerance)
     span, segments = solver.span, solver.schedule.segments
     width = math.log(span.high / max(span.low, span.shift))

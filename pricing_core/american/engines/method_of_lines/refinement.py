@@ -47,6 +47,9 @@ EUROPEAN_SHARE = 0.5
 # Share of the extrapolant's move before that counts as error of the extrapolant, for two may agree by chance, and share
 # of the difference between the last two solves, which a region of exercise narrower than a few cells makes; calibrated.
 CHANCE, STEP_SHARE = 1.0 / 4.0, 1.0 / 8.0
+LOCAL_STEP_SHARE = (
+    1.0 / 3.0
+)  # The same of a local volatility, whose kinks lie anywhere in the cells; calibrated.
 # Smallest width of a cell, as a share of the spot, in which a boundary is not looked for; chosen.
 WIDE_CELL = 0.05
 # Factor of the error estimates of derivatives by parameters, which converge less regularly; calibrated.
@@ -271,10 +274,10 @@ def _at_resolution(solver: ScheduleSolver, resolution: Resolution, exact: Matrix
     other = yield from solver.solving(resolution.refined() if second is None else second)
     if level is None or other is None:
         return replace(_NOTHING, interrupted=True)
-    american, european = _common([level, other])
+    american, european, known = _common([level, other])
     errors = ERROR_SHARE * np.abs(american[0] - american[1])
     if exact is not None and not level.exercised:
-        errors = np.fmax(errors, EUROPEAN_SHARE * np.abs(european[0] - exact[: len(errors)]))
+        errors = np.fmax(errors, EUROPEAN_SHARE * np.abs(known[0] - exact[: len(errors)]))
     errors[0, 0] += _noise(solver, level)
     return Estimate(american[0], european[0], errors, level.region, (level,), 2, False)
 
@@ -282,19 +285,22 @@ def _at_resolution(solver: ScheduleSolver, resolution: Resolution, exact: Matrix
 def _extrapolated(solver: ScheduleSolver, levels: list[Level], exact: Matrix | None) -> Estimate:
     """Return the extrapolant of the last two levels, n >= 2, with its error."""
     last = levels[-1]
-    americans, europeans = _common(levels)
-    american, errors = limit_of(americans, first_order=last.fitted)
+    americans, europeans, knowns = _common(levels)
+    step_share = STEP_SHARE if solver.schedule.local is None else LOCAL_STEP_SHARE
+    american, errors = limit_of(americans, first_order=last.fitted, step_share=step_share)
     european, _ = limit_of(europeans, first_order=last.fitted)
     if exact is not None:
         exact = exact[: len(american)]
         # Where the option is exercised its value is the payoff, and the European value's error has no part in it.
         if not last.exercised:
-            premiums = [a - b for a, b in zip(americans, europeans, strict=True)]
-            premium, of_premium = limit_of(premiums, first_order=last.fitted)
+            premiums = [a - b for a, b in zip(americans, knowns, strict=True)]
+            premium, of_premium = limit_of(premiums, first_order=last.fitted, step_share=step_share)
             known = ~np.isnan(exact)
             american = np.where(known, exact + premium, american)
             errors = np.where(known, of_premium, errors)
-        european = np.where(np.isnan(exact), european, exact)
+        differences = [a - b for a, b in zip(europeans, knowns, strict=True)]
+        difference, _ = limit_of(differences, first_order=last.fitted)
+        european = np.where(np.isnan(exact), european, exact + difference)
     errors[1:] *= TANGENT_SHARE
     if last.exercised:
         american = americans[-1]
@@ -302,10 +308,14 @@ def _extrapolated(solver: ScheduleSolver, levels: list[Level], exact: Matrix | N
     return Estimate(american, european, errors, last.region, tuple(levels[-4:]), len(levels), False)
 
 
-def _common(levels: list[Level]) -> tuple[list[Matrix], list[Matrix]]:
-    """Return the American and the European numbers that all levels have: a coarse one may lack the derivatives."""
+def _common(levels: list[Level]) -> tuple[list[Matrix], list[Matrix], list[Matrix]]:
+    """Return `american`, `european` and `known` as all levels have them: a coarse one may lack the derivatives."""
     rows = min(min(len(level.american), len(level.european)) for level in levels)
-    return [level.american[:rows] for level in levels], [level.european[:rows] for level in levels]
+    return (
+        [level.american[:rows] for level in levels],
+        [level.european[:rows] for level in levels],
+        [level.known[:rows] for level in levels],
+    )
 
 
 def _noise(solver: ScheduleSolver, level: Level) -> float:
@@ -313,7 +323,9 @@ def _noise(solver: ScheduleSolver, level: Level) -> float:
     return solver.truncation + level.residual + ROUNDING * max(1.0, solver.spot)
 
 
-def limit_of(values: list[Matrix], *, first_order: bool) -> tuple[Matrix, Matrix]:
+def limit_of(
+    values: list[Matrix], *, first_order: bool, step_share: float = STEP_SHARE
+) -> tuple[Matrix, Matrix]:
     """Return the limits of numbers at doubling resolutions, and their errors, both of the numbers' shape.
 
     How far an extrapolant moved, or a share of how far it moved before, or of how far the numbers themselves moved,
@@ -328,7 +340,7 @@ def limit_of(values: list[Matrix], *, first_order: bool) -> tuple[Matrix, Matrix
         return limit, np.abs(last) / 3.0
     # By how much the extrapolant moved.
     moves = [np.abs(4.0 * after - before) / 3.0 for before, after in pairwise(differences)]
-    earlier = np.maximum(CHANCE * moves[0], STEP_SHARE * np.abs(last))
+    earlier = np.maximum(CHANCE * moves[0], step_share * np.abs(last))
     return limit, np.maximum(moves[-1], earlier)
 
 

@@ -14,7 +14,6 @@ from pricing_core.american.engines.multiplier_collocation import MultiplierCollo
 from pricing_core.american.engines.premium_march import PremiumMarch
 
 needs_kernel = pytest.mark.skipif(kernel.sweep_schedules is None, reason="without the compiled kernel")
-NEAR = 1e-5  # tolerance of the prices compared, in strikes, where speed matters
 SHIFTED = [(100.0, -30.0, 0.25, 0.05, 0.5), (110.0, -50.0, 0.5, 0.08, 1.0), (90.0, 40.0, 0.2, 0.03, 2.0)]
 
 
@@ -58,7 +57,7 @@ def test_displaced_diffusion_has_its_stated_values():
         SHIFTED, (4.8320475, 6.1446248), strict=False
     ):
         market = Market(forward, rate, displaced(forward, shift, volatility), dividend_yield=rate)
-        found = price(Option("put", 100.0, expiry), market)
+        found = price(Option("put", 100.0, expiry), market, tolerance=1e-7)
         assert found.price == pytest.approx(exact, abs=3e-6)
 
 
@@ -77,7 +76,7 @@ def test_constant_elasticity_has_its_reference_values(
     times, kind, strike, expiry, rate, dividend_yield, volatility, power, value, delta, gamma
 ):
     market = Market(100.0, rate, elastic(volatility, power, times), dividend_yield)
-    found = price(Option(kind, strike, expiry), market)
+    found = price(Option(kind, strike, expiry), market, tolerance=1e-7)
     assert found.price == pytest.approx(value, abs=1e-6)
     assert found.delta == pytest.approx(delta, abs=2e-7)
     assert found.gamma == pytest.approx(gamma, abs=2e-7)
@@ -203,7 +202,7 @@ def test_estimates_cover_the_errors_on_random_surfaces():
         cash = [{"time": 0.4, "amount": rng.uniform(0.5, 5.0)}] if seed % 3 == 0 else []
         market = Market(100.0, rng.uniform(-0.01, 0.08), surface, rng.uniform(0.0, 0.05), cash_dividends=cash)
         option = Option(rng.choice(["put", "call"]), rng.uniform(80.0, 125.0), rng.uniform(0.2, 2.0))
-        found = price(option, market, tolerance=1e-4, greeks="none")
+        found = price(option, market, tolerance=1e-5, greeks="none")
         truth = price(option, market, tolerance=1e-7, greeks="none")
         count += 1
         covered += abs(found.price - truth.price) <= found.error_estimate + truth.error_estimate
