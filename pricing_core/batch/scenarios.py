@@ -183,7 +183,9 @@ def form_of(
         raise InvalidInputError("matrix", matrix, "left out where group_by is given")
     if group_by:
         fields = price_fields(rules.settings.greeks)
-        summed = [field for field in fields if field.name != "delta_sticky_moneyness"]  # few contracts have it
+        summed = [
+            field for field in fields if field.name != "delta_sticky_moneyness"
+        ]  # few contracts have it
         greeks = [field.name for field in summed if field.is_greek and field.kind == "number"]
         return Groups(schema, group_by, rules.scenarios, greeks, named=rules.named)
     return Matrix(schema, rules) if matrix else LongTable(schema, rules)
