@@ -12,8 +12,8 @@ from pricing_core.american.engines.closed_form import ClosedForm
 from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
 from pricing_core.american.engines.premium_march import PremiumMarch
+from tests.problems.needs_kernel import needs_kernel
 
-needs_kernel = pytest.mark.skipif(kernel.sweep_schedules is None, reason="without the compiled kernel")
 SHIFTED = [(100.0, -30.0, 0.25, 0.05, 0.5), (110.0, -50.0, 0.5, 0.08, 1.0), (90.0, 40.0, 0.2, 0.03, 2.0)]
 
 
