@@ -50,7 +50,7 @@ def result_schema(
     --------
     >>> standard = result_schema(["cash_dividends"]).names
     >>> [name for name in standard if name not in result_schema(["spot"], "none").names][-2:]
-    ['dividend_rho', 'dividend_sensitivities']
+    ['delta_sticky_moneyness', 'dividend_sensitivities']
     """
     fields = price_fields(greeks, names, greek_errors=greek_errors)
     return pa.schema([(field.name, ARROW_TYPES[field.kind]) for field in fields])

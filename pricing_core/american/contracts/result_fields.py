@@ -296,7 +296,7 @@ def price_fields(
     >>> [field.name for field in price_fields("extended", columns=["rate", "volatility"])][-4:]
     ['volga', 'charm', 'rate_buckets', 'volatility_buckets']
     >>> [field.name for field in price_fields("standard", [], greek_errors=True)][-2:]
-    ['rho_error', 'dividend_rho_error']
+    ['dividend_rho_error', 'delta_sticky_moneyness_error']
     """
     given = ("always", *GREEKS.choices[1 : GREEKS.choices.index(greeks) + 1])
     return tuple(
