@@ -18,7 +18,7 @@ def assert_problem(answer: Any, status: int, name: str) -> dict[str, Any]:
     assert answer.status_code == status
     assert answer.headers["content-type"] == "application/problem+json"
     assert answer.headers["x-content-type-options"] == "nosniff"
-    assert len(answer.content) < 4_000
+    assert len(answer.content) < 5_000
     assert CANARY not in answer.text
     problem: dict[str, Any] = answer.json()
     assert (problem["status"], problem["type"]) == (status, f"/docs#{name}")
