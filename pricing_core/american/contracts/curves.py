@@ -76,8 +76,8 @@ class PiecewiseConstant:
 Curve: TypeAlias = float | PiecewiseConstant
 
 
-def times_of(curve: Curve) -> tuple[float, ...]:
-    """Return the times of a curve; none of a number."""
+def times_of(curve: object) -> tuple[float, ...]:
+    """Return the times of a curve; none of a number or a surface."""
     return curve.times if isinstance(curve, PiecewiseConstant) else ()
 
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.american.contracts.carry import carry_yield, integral, seen_from
-from pricing_core.american.contracts.curves import Curve, read_curve
+from pricing_core.american.contracts.carry import carry_yield
+from pricing_core.american.contracts.curves import Curve, integral, read_curve, seen_from
 from pricing_core.american.contracts.fields import LOCAL_SPOTS, LOCAL_TIMES, LOCAL_VALUES, VOLATILITY
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import InvalidInputError, Told
