@@ -152,7 +152,7 @@ def test_greeks_come_per_day_and_per_point_where_that_is_asked_for(client: TestC
 
 
 def test_every_greek_by_time_or_a_parameter_has_its_factor() -> None:
-    by_spot_or_amount = {"delta", "gamma", "dividend_sensitivities"}
+    by_spot_or_amount = {"delta", "delta_sticky_moneyness", "gamma", "dividend_sensitivities"}
     greeks = {field.name for field in PRICE_FIELDS if field.is_greek}
     assert set(PER_DAY_PER_POINT) == greeks - by_spot_or_amount
 
