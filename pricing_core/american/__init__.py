@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pricing_core.american.advice.exercise_advice import ExerciseAdvice, exercise_advice
 from pricing_core.american.book.resolution import Resolution
 from pricing_core.american.book.valuation import Diagnostics, Valuation
 from pricing_core.american.boundary import ExerciseBoundary, exercise_boundary
@@ -23,6 +24,7 @@ from pricing_core.american.surface import ValueSurface, value_surface
 __all__ = [
     "CashDividend",
     "Diagnostics",
+    "ExerciseAdvice",
     "ExerciseBoundary",
     "Greeks",
     "ImpliedCarry",
@@ -37,6 +39,7 @@ __all__ = [
     "ValueSurface",
     "contract_from",
     "exchange_option",
+    "exercise_advice",
     "exercise_boundary",
     "implied_carry",
     "implied_volatility",

@@ -15,10 +15,11 @@ from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE
 from pricing_core.american.contracts.market import Market
+from pricing_core.american.contracts.times import checked_times
 from pricing_core.american.engines.engine import Boundaries, Engine, Request
 from pricing_core.american.engines.solve import ENGINES, boundary_of
-from pricing_core.arrays import BoolVector, Vector, as_vector
-from pricing_core.errors import InvalidInputError, NumericalError
+from pricing_core.arrays import BoolVector, Vector
+from pricing_core.errors import NumericalError
 
 DEFAULT_POINTS = 101  # Number of times where none are given and nothing happens before expiry; chosen.
 FEWEST_POINTS = 12  # Smallest number of times between two events; chosen.
@@ -124,7 +125,7 @@ def exercise_boundary(
     tolerance = TOLERANCE.check(tolerance)
     book = Book.at_strike(option, market)
     if times is not None:
-        chosen = _checked_times(option, times)
+        chosen = checked_times(option, times)
     elif option.expiry == 0.0:
         chosen = np.zeros(1)
     elif option.exercise == "bermudan":  # there is none between
@@ -155,10 +156,3 @@ def _times_around(events: Vector) -> Vector:
     inside[0] = JUST_AFTER
     starts = np.concatenate([[0.0], events[:-1]])
     return np.unique(np.concatenate([[0.0], events, (starts + np.outer(inside, events - starts)).ravel()]))
-
-
-def _checked_times(option: Option, times: ArrayLike) -> Vector:
-    chosen = as_vector("times", np.atleast_1d(times))
-    if np.any(chosen < 0.0) or np.any(chosen > option.expiry) or np.any(np.diff(chosen) <= 0.0):
-        raise InvalidInputError("times", times, "increasing, from 0 to the expiry")
-    return chosen

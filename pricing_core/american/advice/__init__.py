@@ -1,0 +1,1 @@
+"""When an option will be exercised, and what waiting costs."""

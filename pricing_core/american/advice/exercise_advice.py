@@ -1,0 +1,219 @@
+"""Advice on exercise: now or later, how likely, and what waiting costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pricing_core.american.advice.cost_of_waiting import cost_of_waiting
+from pricing_core.american.advice.exercise_times import Exercised, ExerciseMarch
+from pricing_core.american.advice.region import Region, RegionFinder, Span
+from pricing_core.american.boundary import ExerciseBoundary, exercise_boundary
+from pricing_core.american.contracts.checks import check_kind
+from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE, VOLATILITY
+from pricing_core.american.contracts.local_volatility import LocalVolatility
+from pricing_core.american.contracts.market import Market
+from pricing_core.american.contracts.schedule import Schedule, make_schedule
+from pricing_core.american.contracts.times import checked_times
+from pricing_core.american.price import price
+from pricing_core.arrays import Vector
+from pricing_core.errors import InvalidInputError, NumericalError
+
+EVEN_STEPS = 50  # Number of steps of the times where none are given; chosen.
+INTERVALS = 128  # Number of intervals of the mesh between two events; chosen.
+BOUNDARY_TOLERANCE = 1e-8  # Of the boundary, which is found to a tenth of its root; chosen.
+ROUNDING = 1e-12  # Smallest error that is claimed of a probability; chosen.
+INTERRUPTED = "interrupted before the advice was complete: allow more time"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExerciseAdvice:
+    """When a holder who exercises optimally does so, under the risk-neutral law, and what it costs to wait.
+
+    Parameters
+    ----------
+    exercise_now : bool
+        Whether exercise is optimal now.
+    exercise_boundary : float
+        The spot at which it is, money; of two the one nearer the strike. NaN where there is none now.
+    probability : float
+        Probability of exercise before expiry.
+    probability_error : float
+        Estimated error of every probability here.
+    expected_time : float
+        Years from now, given exercise before expiry; NaN where its probability is 0.
+    exercised_at_expiry, expires_worthless : float
+        Probabilities; with `probability` they sum to 1.
+    time : Vector, shape (m,)
+        Years from now.
+    cumulative_probability : Vector, shape (m,)
+        Probability of exercise before expiry, up to and at each time.
+    assignment_probability : Vector, shape (m,)
+        Probability that the short side has been assigned up to and at each time: exercise at expiry is included.
+    cost_of_waiting : Vector, shape (m,)
+        What a holder loses who does not exercise before each time, money today; at expiry the early exercise premium.
+    cost_error : Vector, shape (m,)
+        Its estimated error, money.
+    """
+
+    exercise_now: bool
+    exercise_boundary: float
+    probability: float
+    probability_error: float
+    expected_time: float
+    exercised_at_expiry: float
+    expires_worthless: float
+    time: Vector
+    cumulative_probability: Vector
+    assignment_probability: Vector
+    cost_of_waiting: Vector
+    cost_error: Vector
+
+
+def exercise_advice(
+    option: Option,
+    market: Market,
+    times: ArrayLike | None = None,
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    interrupt: Callable[[], bool] | None = None,
+) -> ExerciseAdvice:
+    """Return whether to exercise, when the holder will have exercised, and what waiting costs.
+
+    The probabilities are those of the first passage of the spot through the exercise boundary, solved as an integral
+    equation between the events (Fortet 1943); the costs are differences of prices.
+
+    Parameters
+    ----------
+    option : Option
+    market : Market
+        With a volatility above 0 that does not depend on the spot.
+    times : array_like, shape (m,), optional
+        Years from now, increasing, 0 to expiry; by default the ex-times and exercise times, and 50 even steps.
+    tolerance : float
+        Of the prices, as in `price`.
+    interrupt : callable, optional
+        Asked between the steps of the work; True ends it.
+
+    Raises
+    ------
+    InvalidInputError
+        An argument lies outside what is allowed.
+    NumericalError
+        The interrupt came before the end.
+
+    Examples
+    --------
+    >>> advice = exercise_advice(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2), times=[0.5, 1.0])
+    >>> advice.exercise_now, round(advice.exercise_boundary, 2), round(advice.probability, 4)
+    (False, 80.88, 0.4874)
+    >>> advice.cumulative_probability.round(4), advice.cost_of_waiting.round(4)
+    (array([0.1637, 0.4874]), array([0.0714, 0.5168]))
+    """
+    check_kind("option", option, Option, "an Option")
+    check_kind("market", market, Market, "a Market")
+    tolerance = TOLERANCE.check(tolerance)
+    if isinstance(market.volatility, LocalVolatility):
+        raise InvalidInputError(
+            "volatility", "a local volatility", "a number or a curve in advice on exercise"
+        )
+    schedule = make_schedule(option, market)
+    if any(segment.volatility <= 0.0 for segment in schedule.segments):
+        raise InvalidInputError(VOLATILITY.name, 0.0, "above 0 in advice on exercise")
+    chosen = _default_times(option, schedule) if times is None else checked_times(option, times)
+
+    def check() -> None:
+        if interrupt is not None and interrupt():
+            raise NumericalError(INTERRUPTED)
+
+    check()
+    cost, cost_error = cost_of_waiting(option, market, chosen, tolerance, interrupt)
+    now = price(option, market, tolerance=tolerance, greeks="none").exercise_now
+    boundary = math.nan
+    if option.exercise == "american" and option.expiry > 0.0:
+        boundary = float(
+            exercise_boundary(option, market, [0.0], tolerance=tolerance, interrupt=interrupt).boundary[0]
+        )
+    if now or option.expiry == 0.0:
+        found, error = _settled(option, market, exercised=now), 0.0
+    else:
+        found, error = _exercised(option, market, schedule, chosen, interrupt, check)
+    probability = found.probability
+    cumulative = np.minimum(found.cumulative(chosen), probability)
+    assigned = cumulative + np.where(chosen >= option.expiry, found.at_expiry, 0.0)
+    return ExerciseAdvice(
+        exercise_now=now,
+        exercise_boundary=boundary,
+        probability=probability,
+        probability_error=error,
+        expected_time=found.first_moment() / probability if probability > 0.0 else math.nan,
+        exercised_at_expiry=found.at_expiry,
+        expires_worthless=found.worthless,
+        time=chosen,
+        cumulative_probability=cumulative,
+        assignment_probability=assigned,
+        cost_of_waiting=cost,
+        cost_error=cost_error,
+    )
+
+
+def _default_times(option: Option, schedule: Schedule) -> Vector:
+    """Return the times at which something happens, and even steps to the expiry."""
+    events = [s.end for s in schedule.segments if s.due > 0.0 or s.fraction > 0.0 or not s.exercisable]
+    return np.unique(np.concatenate([np.linspace(0.0, option.expiry, EVEN_STEPS + 1)[1:], events, [0.0]]))
+
+
+def _settled(option: Option, market: Market, *, exercised: bool) -> Exercised:
+    """Return what happens where everything is known now."""
+    if exercised and option.expiry > 0.0:
+        return Exercised(bursts=[(0.0, 1.0)])
+    gains = option.payoff(market.spot) > 0.0
+    return Exercised(at_expiry=float(gains), worthless=float(not gains))
+
+
+def _exercised(
+    option: Option,
+    market: Market,
+    schedule: Schedule,
+    times: Vector,
+    interrupt: Callable[[], bool] | None,
+    check: Callable[[], None],
+) -> tuple[Exercised, float]:
+    """Return when how many exercise, and the estimated error of the probabilities.
+
+    It is how far they move when every mesh has half its points, and when the boundary moves by its own error, with the
+    mass that the laws between events missed.
+    """
+
+    def boundaries(at: Vector) -> ExerciseBoundary:
+        check()
+        return exercise_boundary(option, market, at, tolerance=BOUNDARY_TOLERANCE, interrupt=interrupt)
+
+    finder = RegionFinder(schedule, boundaries, INTERVALS)
+    last = schedule.segments[-1]
+    spans: list[list[Span]] = []
+    regions: list[Region | None] = []
+    for segment in schedule.segments:
+        followed = segment.exercisable and option.exercise == "american"
+        spans.append(finder.spans(segment) if followed else [Span(segment.start, segment.end)])
+        regions.append(finder.at_end(segment) if segment.exercise_at_end and segment is not last else None)
+    errors = [span.error for part in spans for span in part]
+    errors += [region.error for region in regions if region is not None]
+
+    def run(count: int, shift: float) -> Exercised:
+        return ExerciseMarch(schedule, count, shift).run(spans, regions, check)
+
+    fine, coarse, moved = run(INTERVALS, 0.0), run(INTERVALS // 2, 0.0), run(INTERVALS // 2, max(errors))
+
+    def told(found: Exercised) -> Vector:
+        return np.concatenate(
+            [found.cumulative(times), [found.probability, found.at_expiry, found.worthless]]
+        )
+
+    error = np.abs(told(fine) - told(coarse)).max() + np.abs(told(moved) - told(coarse)).max()
+    return fine, float(error + math.fsum(fine.defects) + ROUNDING)

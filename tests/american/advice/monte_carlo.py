@@ -1,0 +1,103 @@
+"""Exercise by simulated spots that meet the boundary between the steps with a Brownian bridge's probability."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pricing_core.american import Market, Option, exercise_boundary
+from pricing_core.american.contracts.schedule import make_schedule
+from pricing_core.arrays import Vector
+
+JUST_AFTER = 1e-9
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Shares of the paths, and the times of early exercise."""
+
+    times: Vector  # of early exercise, inf where there is none
+    at_expiry: float
+    worthless: float
+
+    @property
+    def probability(self) -> float:
+        return float(np.isfinite(self.times).mean())
+
+    def cumulative(self, time: float) -> float:
+        return float((self.times <= time).mean())
+
+
+def simulate(option: Option, market: Market, paths: int, steps: int, seed: int) -> Simulated:
+    """Return when each of the paths is exercised; antithetic."""
+    random = np.random.default_rng(seed)
+    schedule = make_schedule(option, market)
+    place = np.full(paths, math.log(schedule.spot))
+    when = np.full(paths, math.inf)
+    alive = np.ones(paths, dtype=bool)
+    american = option.exercise == "american"
+    for segment in schedule.segments:
+        last = segment is schedule.segments[-1]
+        share = np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, steps + 1)) ** 2
+        times = np.minimum(segment.start + segment.duration * share, segment.end)
+        asked = times.copy()
+        if segment.start > 0.0:
+            asked[0] += JUST_AFTER * segment.duration
+        if segment.exercisable and american:
+            low, high = _ends(option, market, segment, asked)
+        else:
+            low, high = np.full(steps + 1, math.nan), np.full(steps + 1, math.nan)
+        drift = segment.rate - segment.dividend_yield - 0.5 * segment.volatility**2
+        _take(place, when, alive, low[0], high[0], segment.start)
+        for i in range(steps):
+            dt = times[i + 1] - times[i]
+            if dt <= 0.0:
+                continue
+            half = random.standard_normal(paths // 2)
+            before = place
+            place = before + drift * dt + segment.volatility * math.sqrt(dt) * np.concatenate([half, -half])
+            chance = random.random(paths)
+            for start, end, side in ((high[i], high[i + 1], 1.0), (low[i], low[i + 1], -1.0)):
+                if not (math.isfinite(start) and math.isfinite(end)):
+                    continue
+                gap, later = side * (before - start), side * (place - end)
+                outside = alive & (gap >= 0.0)
+                bridge = np.exp(
+                    -2.0 * np.maximum(gap, 0.0) * np.maximum(later, 0.0) / (segment.volatility**2 * dt)
+                )
+                met = outside & ((later <= 0.0) | (chance < bridge))
+                when[met] = 0.5 * (times[i] + times[i + 1])
+                alive &= ~met
+        if last:
+            break
+        if segment.exercise_at_end:
+            ends = _ends(option, market, segment, np.array([segment.end]))
+            _take(place, when, alive, ends[0][0], ends[1][0], segment.end)
+        spot = np.exp(place) * (1.0 - segment.fraction) - segment.amount
+        gone = spot <= 0.0
+        place = np.log(np.where(gone, 1e-300, spot))
+    strike = option.strike - schedule.segments[-1].escrow_at(option.expiry)
+    gains = alive & ((np.exp(place) < strike) if option.is_put else (np.exp(place) > strike))
+    return Simulated(when, float(gains.mean()), float((alive & ~gains).mean()))
+
+
+def _take(place: Vector, when: Vector, alive: Vector, low: float, high: float, time: float) -> None:
+    """Exercise who stands between two ends, NaN for none; both NaN: nobody."""
+    if math.isnan(low) and math.isnan(high):
+        return
+    inside = alive & (place >= (-math.inf if math.isnan(low) else low))
+    inside &= place <= (math.inf if math.isnan(high) else high)
+    when[inside] = time
+    alive &= ~inside
+
+
+def _ends(option: Option, market: Market, segment, times: Vector) -> tuple[Vector, Vector]:
+    found = exercise_boundary(option, market, times)
+    escrow = np.array([segment.escrow_at(time) for time in times.tolist()])
+    nothing = np.full(times.size, math.nan)
+    far = nothing if found.other_boundary is None else found.other_boundary
+    with np.errstate(invalid="ignore", divide="ignore"):
+        near, far = (np.where(end > escrow, np.log(end - escrow), math.nan) for end in (found.boundary, far))
+    return (far, near) if option.is_put else (near, far)
