@@ -65,6 +65,12 @@ InputFormatArgument = Annotated[
 OutputFormatArgument = Annotated[
     str | None, typer.Option("--output-format", metavar="FORMAT", help="csv or parquet")
 ]
+TimesArgument = Annotated[
+    list[float] | None,
+    typer.Option(
+        "--time", parser=number, metavar="FLOAT", help="calendar time, years from now; may be repeated"
+    ),
+]
 PlotArgument = Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="draw a picture")]
 
 
@@ -133,12 +139,7 @@ def price_command(
 def boundary_command(
     contract: Contract,
     tolerance: ToleranceArgument = 1e-6,
-    time: Annotated[
-        list[float] | None,
-        typer.Option(
-            "--time", parser=number, metavar="FLOAT", help="calendar time, years from now; may be repeated"
-        ),
-    ] = None,
+    time: TimesArgument = None,
     as_json: JsonArgument = False,
     csv: CsvArgument = None,
     plot: PlotArgument = None,
@@ -168,6 +169,35 @@ def boundary_command(
                 "there is no exercise boundary to draw: at none of these times is exercise best at any spot"
             )
             raise typer.Exit(FAILED)
+
+
+@app.command("advice")
+@takes_contract(required=("spot", "volatility"))
+def advice_command(
+    contract: Contract,
+    tolerance: ToleranceArgument = 1e-6,
+    time: TimesArgument = None,
+    as_json: JsonArgument = False,
+    plot: PlotArgument = None,
+) -> None:
+    """Say whether to exercise, when the holder will have exercised, and what waiting costs."""
+    with one_line_errors():
+        from app.commands.output_files import check_output_files  # noqa: PLC0415
+        from app.commands.tables import advice_json, print_advice  # noqa: PLC0415
+        from pricing_core.american import contract_from, exercise_advice  # noqa: PLC0415
+
+        option, market = contract_from(contract)
+        check_output_files(None, plot)
+        advice = exercise_advice(option, market, time or None, tolerance=tolerance)
+        if plot is not None:
+            from app.commands.advice_plot import write_advice_plot  # noqa: PLC0415
+
+            write_advice_plot(plot, advice, option, market)
+        with standard_output():
+            if as_json:
+                print(advice_json(advice))
+            elif plot is None:
+                print_advice(advice)
 
 
 @app.command("implied-volatility")

@@ -24,7 +24,17 @@ with needs_extra("service"):
     from app.service.incoming_body import BodyMemory
     from app.service.metrics import Metrics
     from app.service.problem_responses import problem_responses
-    from app.service.routes import batch, boundary, health, implied_volatility, metrics, page, price, surface
+    from app.service.routes import (
+        batch,
+        boundary,
+        exercise_advice,
+        health,
+        implied_volatility,
+        metrics,
+        page,
+        price,
+        surface,
+    )
     from app.service.work.cheap_lane import CheapLane
     from app.service.work.lanes import ExpensiveLane
     from app.service.worked_examples import install_examples
@@ -64,7 +74,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.metrics = Metrics()
     app.state.ledger = ConnectionLedger(settings)
     keys = read_keys(settings.api_keys_file) if settings.api_keys_file else ()
-    for module in (price, batch, boundary, surface, implied_volatility):
+    for module in (price, batch, boundary, surface, exercise_advice, implied_volatility):
         app.include_router(module.router, **_with_keys(keys))
     for module in (health, metrics, docs_page, page):
         app.include_router(module.router)

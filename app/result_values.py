@@ -5,9 +5,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from app.greeks_units import in_units
-from pricing_core.american import Valuation, ValueSurface
+from pricing_core.american import ExerciseAdvice, Valuation, ValueSurface
 from pricing_core.american.contracts.fields import GreeksUnits
 from pricing_core.american.contracts.result_fields import (
+    ADVICE_FIELDS,
     GREEK_ERROR_FIELDS,
     PRICE_FIELDS,
     SURFACE_FIELDS,
@@ -33,6 +34,12 @@ def provenance() -> dict[str, str]:
 def surface_by_name(surface: ValueSurface, units: GreeksUnits) -> dict[str, Any]:
     """Return all outputs of a surface by name, its Greeks in the units asked for."""
     return in_units(by_name(SURFACE_FIELDS, surface), units) | provenance()
+
+
+def advice_by_name(advice: ExerciseAdvice) -> dict[str, Any]:
+    """Return all outputs of an advice by name; None for the expected time of what never happens."""
+    never = {"expected_time": None} if math.isnan(advice.expected_time) else {}
+    return by_name(ADVICE_FIELDS, advice) | never
 
 
 def price_by_name(valuation: Valuation, *, greek_errors: bool) -> dict[str, Any]:

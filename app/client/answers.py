@@ -11,9 +11,10 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from app.client.errors import BrokenAnswerError
-from pricing_core.american import ExerciseBoundary, ImpliedVolatility, Valuation, ValueSurface
+from pricing_core.american import ExerciseAdvice, ExerciseBoundary, ImpliedVolatility, Valuation, ValueSurface
 from pricing_core.american.book.valuation import Diagnostics
 from pricing_core.american.contracts.result_fields import (
+    ADVICE_FIELDS,
     BOUNDARY_FIELDS,
     GREEK_ERROR_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
@@ -42,6 +43,13 @@ def implied_volatility(response: httpx.Response) -> ImpliedVolatility:
 def exercise_boundary(response: httpx.Response) -> ExerciseBoundary:
     """Return the answer of /v1/boundary."""
     return ExerciseBoundary(**_as_arrays(BOUNDARY_FIELDS, _object(response)))
+
+
+def exercise_advice(response: httpx.Response) -> ExerciseAdvice:
+    """Return the answer of /v1/exercise-advice."""
+    found = _as_arrays(ADVICE_FIELDS, _object(response))
+    expected = found.pop("expected_time")
+    return ExerciseAdvice(**found, expected_time=math.nan if expected is None else expected)
 
 
 def value_surface(response: httpx.Response) -> ValueSurface:

@@ -14,7 +14,15 @@ from numpy.typing import ArrayLike, NDArray
 from app.client import answers
 from app.client.exchange import Exchange, Question, exchange
 from app.client.questions import contract_question, contracts_table, table_question
-from pricing_core.american import ExerciseBoundary, ImpliedVolatility, Market, Option, Valuation, ValueSurface
+from pricing_core.american import (
+    ExerciseAdvice,
+    ExerciseBoundary,
+    ImpliedVolatility,
+    Market,
+    Option,
+    Valuation,
+    ValueSurface,
+)
 from pricing_core.american.arrow.frames import (
     AnyFrame,
     contracts_of,
@@ -48,9 +56,11 @@ def _price(option: Option, market: Market, tolerance: float, greeks: Greeks) -> 
     )
 
 
-def _boundary(option: Option, market: Market, times: ArrayLike | None, tolerance: float) -> Question:
+def _at_times(
+    path: str, option: Option, market: Market, times: ArrayLike | None, tolerance: float
+) -> Question:
     chosen = None if times is None else as_vector("times", times).tolist()
-    return contract_question("v1/boundary", option, market, times=chosen, tolerance=tolerance)
+    return contract_question(path, option, market, times=chosen, tolerance=tolerance)
 
 
 def _implied(
@@ -165,7 +175,22 @@ class Client:
         tolerance: float = DEFAULT_TOLERANCE,
     ) -> ExerciseBoundary:
         """Find the exercise boundary, as `exercise_boundary` does; errors as in `price`."""
-        return self._ask(_boundary(option, market, times, tolerance), answers.exercise_boundary)
+        return self._ask(
+            _at_times("v1/boundary", option, market, times, tolerance), answers.exercise_boundary
+        )
+
+    def exercise_advice(
+        self,
+        option: Option,
+        market: Market,
+        times: ArrayLike | None = None,
+        *,
+        tolerance: float = DEFAULT_TOLERANCE,
+    ) -> ExerciseAdvice:
+        """Advise on exercise, as `exercise_advice` does; errors as in `price`."""
+        return self._ask(
+            _at_times("v1/exercise-advice", option, market, times, tolerance), answers.exercise_advice
+        )
 
     def implied_volatility(
         self,
@@ -296,7 +321,22 @@ class AsyncClient:
         tolerance: float = DEFAULT_TOLERANCE,
     ) -> ExerciseBoundary:
         """As `Client.boundary`."""
-        return await self._ask(_boundary(option, market, times, tolerance), answers.exercise_boundary)
+        return await self._ask(
+            _at_times("v1/boundary", option, market, times, tolerance), answers.exercise_boundary
+        )
+
+    async def exercise_advice(
+        self,
+        option: Option,
+        market: Market,
+        times: ArrayLike | None = None,
+        *,
+        tolerance: float = DEFAULT_TOLERANCE,
+    ) -> ExerciseAdvice:
+        """As `Client.exercise_advice`."""
+        return await self._ask(
+            _at_times("v1/exercise-advice", option, market, times, tolerance), answers.exercise_advice
+        )
 
     async def implied_volatility(
         self,

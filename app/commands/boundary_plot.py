@@ -32,10 +32,18 @@ def draw_boundary(found: ExerciseBoundary, option: Option, market: Market, file:
     file : BinaryIO
         Open for writing; receives a PNG image.
     """
-    ex_times = _ex_times(option, market)
-    found = _in_pieces(found, option, ex_times)
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     axes = figure.subplots()
+    draw_boundary_on(axes, found, option, market)
+    _describe(axes, option, market)
+    figure.legend(loc="outside lower center", ncols=3, frameon=False)
+    figure.savefig(file, format="png", dpi=DOTS_PER_INCH)
+
+
+def draw_boundary_on(axes: Axes, found: ExerciseBoundary, option: Option, market: Market) -> None:
+    """Draw the boundary, the region beyond it, and the levels that it runs between."""
+    ex_times = ex_times_of(option, market)
+    found = _in_pieces(found, option, ex_times)
     _draw_curve(axes, found.time, found.boundary, "exercise boundary")
     if found.other_boundary is not None:
         _draw_curve(axes, found.time, found.other_boundary, "other boundary", "-.")
@@ -44,10 +52,8 @@ def draw_boundary(found: ExerciseBoundary, option: Option, market: Market, file:
     _draw_region(axes, found, option)
     _draw_levels(axes, option, levels)
     _draw_limits_at_expiry(axes, option, market, found)
-    _mark_ex_times(axes, ex_times)
-    _describe(axes, option, market)
-    figure.legend(loc="outside lower center", ncols=3, frameon=False)
-    figure.savefig(file, format="png", dpi=DOTS_PER_INCH)
+    mark_ex_times(axes, ex_times)
+    label_axes(axes, option, "spot (money per unit of underlying)")
 
 
 def limits_at_expiry(option: Option, market: Market) -> list[float]:
@@ -74,7 +80,7 @@ def _draw_curve(axes: Axes, time: Vector, boundary: Vector, label: str, style: s
         axes.plot(time[alone], boundary[alone], color=BLUE, linestyle="", marker="o")
 
 
-def _ex_times(option: Option, market: Market) -> list[float]:
+def ex_times_of(option: Option, market: Market) -> list[float]:
     """Return the times of the dividends in the life of the option."""
     times = {one.time for one in market.cash_dividends} | {one.time for one in market.proportional_dividends}
     return sorted(time for time in times if 0.0 < time <= option.expiry)
@@ -168,12 +174,12 @@ def _draw_limits_at_expiry(axes: Axes, option: Option, market: Market, found: Ex
         )
 
 
-def _mark_ex_times(axes: Axes, ex_times: list[float]) -> None:
-    """Draw a line at each ex-time, and write the time at it where there is room."""
+def mark_ex_times(axes: Axes, ex_times: list[float], *, named: bool = True) -> None:
+    """Draw a line at each ex-time, and write the time at it where that is wanted and there is room."""
     for i, time in enumerate(ex_times):
         label = ("ex-date" if len(ex_times) == 1 else "ex-dates") if i == 0 else None
         axes.axvline(time, color=AMBER, linewidth=1.0, linestyle=(0, (2, 2)), label=label, zorder=0.5)
-        if len(ex_times) <= MOST_NAMED:
+        if named and len(ex_times) <= MOST_NAMED:
             axes.annotate(
                 f"{time:.3g}",
                 (time, 1.0),
@@ -190,6 +196,11 @@ _KINDS = {PiecewiseConstant: "curve", LocalVolatility: "surface"}
 
 
 def _describe(axes: Axes, option: Option, market: Market) -> None:
+    axes.set_title(title_of(option, market))
+
+
+def title_of(option: Option, market: Market) -> str:
+    """Return the contract and its market in two lines."""
     curves = {"rate": market.rate, "yield": carry_yield(market), "volatility": market.volatility}
     terms = ", ".join(
         f"{name} {f'{curve:g}' if isinstance(curve, float) else _KINDS[type(curve)]}"
@@ -197,9 +208,13 @@ def _describe(axes: Axes, option: Option, market: Market) -> None:
     )
     if market.cash_dividends or market.proportional_dividends:
         terms += ", dividends"
-    axes.set_title(f"{option.exercise.capitalize()} {option.option_type}, strike {option.strike:g}\n{terms}")
+    return f"{option.exercise.capitalize()} {option.option_type}, strike {option.strike:g}\n{terms}"
+
+
+def label_axes(axes: Axes, option: Option, what: str) -> None:
+    """Name the axes of a picture over the life of an option."""
     axes.set_xlabel("calendar time (years from now)")
-    axes.set_ylabel("spot (money per unit of underlying)")
+    axes.set_ylabel(what)
     axes.set_xlim(0.0, max(option.expiry, 1e-9))
     axes.grid(color="#e3e7eb", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)

@@ -3,15 +3,16 @@
 import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from app.result_values import by_name, price_by_name
-from pricing_core.american import ExerciseBoundary, Greeks, ImpliedVolatility, Valuation
+from app.result_values import advice_by_name, by_name, price_by_name
+from pricing_core.american import ExerciseAdvice, ExerciseBoundary, Greeks, ImpliedVolatility, Valuation
 from pricing_core.american.contracts.result_fields import (
+    ADVICE_FIELDS,
     BOUNDARY_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
     ResultField,
@@ -55,18 +56,27 @@ def implied_volatility_json(found: ImpliedVolatility) -> str:
 
 def print_boundary(found: ExerciseBoundary) -> None:
     """Print one time per line, a dash where there is no boundary, or no estimate of its error."""
-    columns = [
-        (f"{field.name} ({field.unit})", column)
-        for field in BOUNDARY_FIELDS
-        if field.kind == "list" and (column := by_name([field], found)[field.name]) is not None
-    ]
-    rows = zip(*(column for _, column in columns), strict=True)
-    print_table((name for name, _ in columns), (tuple(map(_shown, row)) for row in rows))
+    _print_columns(BOUNDARY_FIELDS, by_name(BOUNDARY_FIELDS, found))
 
 
 def boundary_json(found: ExerciseBoundary) -> str:
     """Return one JSON object, null where there is no boundary."""
     return _json(BOUNDARY_FIELDS, found)
+
+
+def print_advice(advice: ExerciseAdvice) -> None:
+    """Print one result per line with its unit, then one time per line."""
+    outputs = advice_by_name(advice)
+    single = [field for field in ADVICE_FIELDS if field.kind != "list"]
+    rows = [(field.name, _shown(outputs[field.name]), field.unit) for field in single]
+    print_table(("result", "value", "unit"), rows)
+    print()
+    _print_columns(ADVICE_FIELDS, outputs)
+
+
+def advice_json(advice: ExerciseAdvice) -> str:
+    """Return one JSON object, null for a missing number."""
+    return json.dumps(advice_by_name(advice), allow_nan=False)
 
 
 def print_summary(
@@ -87,6 +97,14 @@ def print_summary(
 
 def _json(outputs: Iterable[ResultField], found: object) -> str:
     return json.dumps(by_name(outputs, found), allow_nan=False)
+
+
+def _print_columns(outputs: Iterable[ResultField], values: Mapping[str, Any]) -> None:
+    """Print the lists among outputs as columns, without those that are missing."""
+    lists = [field for field in outputs if field.kind == "list" and values[field.name] is not None]
+    headings = (f"{field.name} ({field.unit})" if field.unit else field.name for field in lists)
+    rows = zip(*(values[field.name] for field in lists), strict=True)
+    print_table(headings, (tuple(map(_shown, row)) for row in rows))
 
 
 def _print_results(

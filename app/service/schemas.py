@@ -8,6 +8,7 @@ from app.service.answers import answer_model
 from app.service.contract_schema import Contract, Strict, VolatilityOrCurve, limits, stated
 from pricing_core.american.contracts import fields
 from pricing_core.american.contracts.result_fields import (
+    ADVICE_FIELDS,
     BOUNDARY_FIELDS,
     GREEK_ERROR_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
@@ -18,7 +19,9 @@ from pricing_core.american.contracts.result_fields import (
 )
 from pricing_core.american.surface import SurfaceGreeks
 
-LARGEST_TIMES = 1_000  # Largest number of times in a request for a boundary or a surface, and of spots.
+LARGEST_TIMES = (
+    1_000  # Largest number of times in a request for a boundary, an advice or a surface, and of spots.
+)
 
 NULL: JsonValue = {"type": "null"}
 # What JSON schema cannot say of one key alone: either the expiry is given, or both dates are.
@@ -64,6 +67,18 @@ class BoundaryRequest(Contract):
     spot: float | None = stated(
         fields.SPOT, default=None, description="Accepted and checked; the boundary does not depend on it."
     )
+    volatility: VolatilityOrCurve = stated(fields.VOLATILITY)
+    times: list[Annotated[float, limits(fields.BOUNDARY_TIMES)]] | None = stated(
+        fields.BOUNDARY_TIMES, min_length=1, max_length=LARGEST_TIMES
+    )
+
+
+class AdviceRequest(Contract):
+    """One option in one market, and the times at which probabilities and costs are asked for."""
+
+    model_config = _example(times=[0.5, 1.0])
+
+    spot: float = stated(fields.SPOT)
     volatility: VolatilityOrCurve = stated(fields.VOLATILITY)
     times: list[Annotated[float, limits(fields.BOUNDARY_TIMES)]] | None = stated(
         fields.BOUNDARY_TIMES, min_length=1, max_length=LARGEST_TIMES
@@ -120,6 +135,11 @@ ImpliedVolatilityResponse = answer_model(
 )
 BoundaryResponse = answer_model(
     "BoundaryResponse", "The exercise boundary at each time.", (*BOUNDARY_FIELDS, *PROVENANCE_FIELDS)
+)
+AdviceResponse = answer_model(
+    "AdviceResponse",
+    "When the option will be exercised, and what waiting costs.",
+    (*ADVICE_FIELDS, *PROVENANCE_FIELDS),
 )
 SurfaceResponse = answer_model(
     "SurfaceResponse",

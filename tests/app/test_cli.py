@@ -20,6 +20,7 @@ from pricing_core.american import (
     Option,
     PiecewiseConstant,
     ProportionalDividend,
+    exercise_advice,
     exercise_boundary,
     implied_volatility,
     price,
@@ -261,6 +262,46 @@ def test_boundary_in_its_three_forms_agrees_with_the_library(tmp_path: Path) -> 
     assert body["error_estimate"] == expected.error_estimate.tolist()
     assert [float(row["error_estimate"]) for row in rows] == expected.error_estimate.tolist()
     assert picture.read_bytes().startswith(PNG)
+
+
+def test_advice_in_its_three_forms_agrees_with_the_library(pricing: Any, tmp_path: Path) -> None:
+    expected = exercise_advice(
+        Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2), [0.5, 1.0], tolerance=1e-3
+    )
+    arguments = ["advice", *PUT, "--time", "0.5", "--time", "1"]
+    status, output, _ = pricing(*arguments)
+    assert status == 0
+    assert [line.split()[1] for line in output.splitlines()[1:3]] == [
+        "no",
+        f"{expected.exercise_boundary:.10g}",
+    ]
+    assert [float(line.split()[1]) for line in output.splitlines()[-2:]] == pytest.approx(
+        expected.cumulative_probability, rel=1e-9
+    )
+    picture = tmp_path / "advice.png"
+    status, output, _ = pricing(*arguments, "--json", "--plot", str(picture))
+    assert status == 0
+    assert json.loads(output)["cost_of_waiting"] == expected.cost_of_waiting.tolist()
+    assert picture.read_bytes().startswith(PNG)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        ["--exercise", "european"],
+        ["--cash-dividend", "0.5:2"],
+        ["--exercise", "bermudan", "--exercise-time", "0.5"],
+    ],
+)
+def test_every_advice_is_drawn(pricing: Any, tmp_path: Path, more: list[str]) -> None:
+    picture = tmp_path / "advice.png"
+    assert pricing("advice", *PUT, *more, "--plot", str(picture))[:2] == (0, "")
+    assert picture.read_bytes().startswith(PNG)
+
+
+def test_advice_without_early_exercise_has_no_expected_time(pricing: Any) -> None:
+    body = json.loads(pricing("advice", *PUT, "--exercise", "european", "--json")[1])
+    assert (body["probability"], body["expected_time"], body["exercise_boundary"]) == (0.0, None, None)
 
 
 def test_boundary_prints_a_table_with_units_where_no_form_is_asked_for(pricing: Any) -> None:

@@ -8,6 +8,8 @@ from pricing_core.american.expected_cost import expected_seconds
 
 CHEAP_SECONDS = 2e-3  # below which a question is answered at once; chosen
 BOUNDARY_PRICES = 3.0  # cost of a boundary in prices without Greeks; measured, typical
+# Cost of an advice: seconds for each segment, and boundaries; measured, typical.
+ADVICE_SECONDS, ADVICE_BOUNDARIES = 0.06, 5.0
 # Cost of an implied volatility: seconds, and prices without Greeks; measured, typical.
 SEARCH_SECONDS, SEARCH_PRICES = 1.2e-3, 3.0
 
@@ -40,6 +42,13 @@ def seconds_of_surface(
 def seconds_of_boundary(option: Option, market: Market, tolerance: float) -> float:
     """Return what an exercise boundary is expected to cost."""
     return BOUNDARY_PRICES * expected_seconds(Book.at_strike(option, market), tolerance, "none")
+
+
+def seconds_of_advice(option: Option, market: Market, tolerance: float, times: int) -> float:
+    """Return what advice on exercise is expected to cost: a price for each time, and boundaries for each segment."""
+    book = Book.at_strike(option, market)
+    prices = times + ADVICE_BOUNDARIES * BOUNDARY_PRICES
+    return ADVICE_SECONDS * book.segments.end.size + prices * expected_seconds(book, tolerance, "none")
 
 
 def seconds_of_search(option: Option, market: Market, tolerance: float) -> float:

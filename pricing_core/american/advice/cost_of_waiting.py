@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,10 +16,33 @@ from pricing_core.arrays import Vector
 from pricing_core.errors import NumericalError
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Costs:
+    """What waiting costs, and how it was found.
+
+    Parameters
+    ----------
+    exercise_now : bool
+        Whether exercise is optimal now.
+    cost, error : Vector, shape (m,)
+        Money; the cost does not fall.
+    status : {"ok", "tolerance_not_met"}
+        Whether every price meets the tolerance.
+    methods : set of str
+        Of the prices.
+    """
+
+    exercise_now: bool
+    cost: Vector
+    error: Vector
+    status: str
+    methods: set[str]
+
+
 def cost_of_waiting(
     option: Option, market: Market, times: Vector, tolerance: float, interrupt: Callable[[], bool] | None
-) -> tuple[Vector, Vector]:
-    """Return what the option is worth more than one that cannot be exercised before each time, and its error.
+) -> Costs:
+    """Return what the option is worth more than one that cannot be exercised before each time.
 
     This is the integral of the multiplier, discounted, over the time until then, under the law of a holder who does not
     exercise, with the loss at each ex-date before which exercise was better: at expiry the early exercise premium.
@@ -33,19 +56,21 @@ def cost_of_waiting(
     tolerance : float
         Of both prices.
 
-    Returns
-    -------
-    cost, error : Vector, shape (m,)
-        Money; the cost does not fall.
+    Raises
+    ------
+    NumericalError
+        The interrupt came before the end, or a price was not found.
     """
     contracts = [(option, market), *((_waited(option, time), market) for time in times.tolist())]
     book = Book.of(contracts)
     found = solve(book, Request(np.full(book.count, tolerance), "none", interrupt=interrupt))
-    if np.isnan(found.value).any():
+    if np.isnan(found.value).any() or "deadline" in found.status:
         raise NumericalError("the cost of waiting was not found: allow more time or a larger tolerance")
     value = found.value - found.value[0]
     cost = np.maximum.accumulate(np.maximum(-value[1:], 0.0))
-    return cost, found.error[1:] + found.error[0]
+    status = "ok" if (found.status == "ok").all() else "tolerance_not_met"
+    error = found.error[1:] + found.error[0]
+    return Costs(bool(found.exercised[0]), cost, error, status, set(found.method.tolist()))
 
 
 def _waited(option: Option, time: float) -> Option:

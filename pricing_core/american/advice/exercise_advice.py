@@ -20,7 +20,6 @@ from pricing_core.american.contracts.local_volatility import LocalVolatility
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.american.contracts.times import checked_times
-from pricing_core.american.price import price
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, NumericalError
 
@@ -39,8 +38,8 @@ class ExerciseAdvice:
     ----------
     exercise_now : bool
         Whether exercise is optimal now.
-    exercise_boundary : float
-        The spot at which it is, money; of two the one nearer the strike. NaN where there is none now.
+    exercise_boundary : float or None
+        The spot at which it is, money; of two the one nearer the strike. None where there is none now.
     probability : float
         Probability of exercise before expiry.
     probability_error : float
@@ -59,10 +58,14 @@ class ExerciseAdvice:
         What a holder loses who does not exercise before each time, money today; at expiry the early exercise premium.
     cost_error : Vector, shape (m,)
         Its estimated error, money.
+    status : {"ok", "tolerance_not_met"}
+        Whether every price behind the costs meets the tolerance.
+    method : str
+        How boundary and prices were found, with commas where in several ways.
     """
 
     exercise_now: bool
-    exercise_boundary: float
+    exercise_boundary: float | None
     probability: float
     probability_error: float
     expected_time: float
@@ -73,6 +76,8 @@ class ExerciseAdvice:
     assignment_probability: Vector
     cost_of_waiting: Vector
     cost_error: Vector
+    status: str
+    method: str
 
 
 def exercise_advice(
@@ -132,13 +137,10 @@ def exercise_advice(
             raise NumericalError(INTERRUPTED)
 
     check()
-    cost, cost_error = cost_of_waiting(option, market, chosen, tolerance, interrupt)
-    now = price(option, market, tolerance=tolerance, greeks="none").exercise_now
-    boundary = math.nan
-    if option.exercise == "american" and option.expiry > 0.0:
-        boundary = float(
-            exercise_boundary(option, market, [0.0], tolerance=tolerance, interrupt=interrupt).boundary[0]
-        )
+    waiting = cost_of_waiting(option, market, chosen, tolerance, interrupt)
+    now = waiting.exercise_now
+    there = exercise_boundary(option, market, [0.0], tolerance=tolerance, interrupt=interrupt)
+    boundary = float(there.boundary[0])
     if now or option.expiry == 0.0:
         found, error = _settled(option, market, exercised=now), 0.0
     else:
@@ -148,7 +150,7 @@ def exercise_advice(
     assigned = cumulative + np.where(chosen >= option.expiry, found.at_expiry, 0.0)
     return ExerciseAdvice(
         exercise_now=now,
-        exercise_boundary=boundary,
+        exercise_boundary=None if math.isnan(boundary) else boundary,
         probability=probability,
         probability_error=error,
         expected_time=found.first_moment() / probability if probability > 0.0 else math.nan,
@@ -157,8 +159,10 @@ def exercise_advice(
         time=chosen,
         cumulative_probability=cumulative,
         assignment_probability=assigned,
-        cost_of_waiting=cost,
-        cost_error=cost_error,
+        cost_of_waiting=waiting.cost,
+        cost_error=waiting.error,
+        status=waiting.status,
+        method=", ".join(sorted(waiting.methods | set(there.method.split(", ")) - {"none"})),
     )
 
 

@@ -263,6 +263,56 @@ SURFACE_FIELDS = (
     ),
     ResultField("method", "text", "", "How the values were computed", "premium-march"),
 )
+
+ADVICE_FIELDS = (
+    ResultField("exercise_now", "flag", "", "Whether the holder does best to exercise now", False),
+    ResultField(
+        "exercise_boundary",
+        "number",
+        "money",
+        "Spot at which to exercise now; of two, the one nearer the strike",
+        80.9,
+    ),
+    ResultField("probability", "number", "", "Risk-neutral probability of exercise before expiry", 0.4874),
+    ResultField("probability_error", "number", "", "Estimated error of each probability", 2e-5),
+    ResultField(
+        "expected_time", "number", "years", "Expected time of exercise, given that it is before expiry", 0.644
+    ),
+    ResultField("exercised_at_expiry", "number", "", "Probability of exercise at expiry", 0.0),
+    ResultField("expires_worthless", "number", "", "Probability of no exercise at all", 0.5126),
+    ResultField("time", "list", "years", "Times from now", [0.5, 1.0]),
+    ResultField(
+        "cumulative_probability",
+        "list",
+        "",
+        "Probability of exercise before expiry up to each time",
+        [0.1637, 0.4874],
+    ),
+    ResultField(
+        "assignment_probability",
+        "list",
+        "",
+        "Probability that the short side has been assigned up to each time, at expiry included",
+        [0.1637, 0.4874],
+    ),
+    ResultField(
+        "cost_of_waiting",
+        "list",
+        "money",
+        "What a holder loses who does not exercise before each time; at expiry the early exercise premium",
+        [0.0714, 0.5168],
+    ),
+    ResultField("cost_error", "list", "money", "Estimated error of each cost", [1e-4, 1e-4]),
+    ResultField(
+        "status",
+        "text",
+        "",
+        "ok, or tolerance_not_met where a price behind the costs misses the tolerance",
+        "ok",
+        choices=("ok", "tolerance_not_met"),
+    ),
+    ResultField("method", "text", "", "How boundary and prices were computed", "closed-form, premium-march"),
+)
 # What an answer that is not read from a table of prices says besides, so that it can be reproduced.
 PROVENANCE_FIELDS = tuple(
     field for field in PRICE_FIELDS if field.name in ("engine_version", "instruction_set")

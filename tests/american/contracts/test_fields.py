@@ -38,6 +38,7 @@ from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, error_of
 from pricing_core.american.contracts import fields
 from pricing_core.american.contracts.fields import CONTRACT_FIELDS, INPUT_FIELDS, input_field
 from pricing_core.american.contracts.result_fields import (
+    ADVICE_FIELDS,
     BOUNDARY_FIELDS,
     GREEK_ERROR_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
@@ -296,9 +297,10 @@ def test_the_limits_of_the_service_are_narrower():
         (schemas.PriceResponse, (*PRICE_FIELDS, UNITS_FIELD, *GREEK_ERROR_FIELDS)),
         (schemas.ImpliedVolatilityResponse, (*IMPLIED_VOLATILITY_FIELDS, *PROVENANCE_FIELDS)),
         (schemas.BoundaryResponse, (*BOUNDARY_FIELDS, *PROVENANCE_FIELDS)),
+        (schemas.AdviceResponse, (*ADVICE_FIELDS, *PROVENANCE_FIELDS)),
         (schemas.SurfaceResponse, (*SURFACE_FIELDS, UNITS_FIELD, *PROVENANCE_FIELDS)),
     ],
-    ids=["price", "implied volatility", "boundary", "surface"],
+    ids=["price", "implied volatility", "boundary", "advice", "surface"],
 )
 def test_an_answer_is_described_as_the_table_states_it(model, table):
     properties = inline_schema(model)["properties"]

@@ -3,7 +3,7 @@
 import asyncio
 import random
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from pricing_core.american import (
     Market,
     Option,
     PiecewiseConstant,
+    exercise_advice,
     exercise_boundary,
     implied_volatility,
     price,
@@ -82,6 +83,10 @@ def test_every_answer_is_what_the_library_finds(client: Client, seed: int) -> No
     assert found.price is not None
     implied = client.implied_volatility(option, market, found.price, tolerance=1e-4)
     assert same(implied, implied_volatility(option, market, found.price, tolerance=1e-4))
+    advice = client.exercise_advice(option, market, [0.1, 0.3], tolerance=1e-4)
+    expected = exercise_advice(option, market, [0.1, 0.3], tolerance=1e-4)
+    assert same(replace(advice, expected_time=0.0), replace(expected, expected_time=0.0))
+    assert advice.expected_time == pytest.approx(expected.expected_time, rel=1e-15, nan_ok=True)
     points = {"spots": [90.0, 110.0], "times": [0.0, 0.3], "tolerance": 1e-4}
     assert same(client.surface(option, market, **points), value_surface(option, market, **points))  # type: ignore[arg-type]
 
@@ -94,6 +99,7 @@ def test_both_clients_find_the_same(client: Client, server: Server) -> None:
             return await asyncio.gather(
                 other.price(option, market),
                 other.boundary(option, market, [0.1]),
+                other.exercise_advice(option, market, [0.1]),
                 other.implied_volatility(option, market, bid=9.0, ask=9.5),
                 other.surface(option, market, spots=[100.0], times=[0.0]),
                 other.price_many({"spot": [100.0], "strike": 90.0, "expiry": 1.0, "rate": 0.0, **COMMON}),
@@ -103,11 +109,12 @@ def test_both_clients_find_the_same(client: Client, server: Server) -> None:
     mine = (
         client.price(option, market),
         client.boundary(option, market, [0.1]),
+        client.exercise_advice(option, market, [0.1]),
         client.implied_volatility(option, market, bid=9.0, ask=9.5),
         client.surface(option, market, spots=[100.0], times=[0.0]),
     )
-    assert all(same(one, other) for one, other in zip(mine, found[:4], strict=True))
-    assert found[4]["status"].tolist() == ["ok"]
+    assert all(same(one, other) for one, other in zip(mine, found[:5], strict=True))
+    assert found[5]["status"].tolist() == ["ok"]
 
 
 COMMON = {"option_type": "put", "volatility": 0.2}
