@@ -203,3 +203,7 @@ def _serve_here(
     server.run(sockets=[listener])
     if not server.started:
         sys.exit(FAILED)
+    if not app.state.expensive_lane.close():
+        log.error("work that was told to end has not: the process ends without it")
+        logging.shutdown()
+        os._exit(FAILED)  # the interpreter would wait for its thread

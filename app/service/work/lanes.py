@@ -7,7 +7,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Coroutine
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -24,6 +24,7 @@ Interrupt = Callable[[], bool]
 INLINE_SECONDS = 2.5 * CHEAP_SECONDS
 NICENESS = 10  # of the threads for expensive questions: the event loop goes first; chosen
 LATE_SHARE = 0.03  # share of the deadline after which work that does not end is no longer waited for; chosen
+ENDING_SECONDS = 5.0  # how long work that was told to end is waited for when all ends; chosen
 
 
 class Interruption:
@@ -107,7 +108,7 @@ class _Job:
     interruption: Interruption
     answer: asyncio.Future[Any] = field(default_factory=lambda: asyncio.get_running_loop().create_future())
     asked: float = field(default_factory=time.monotonic)
-    begun: bool = False
+    in_thread: Future[Any] | None = None  # None before it has begun
     worked: float = 0.0  # seconds of a processor
 
     def __call__(self) -> Any:
@@ -117,6 +118,11 @@ class _Job:
             return self.work(self.interruption)
         finally:
             self.worked = time.thread_time() - begun
+
+    @property
+    def begun(self) -> bool:
+        """Whether a thread has been given it."""
+        return self.in_thread is not None
 
     def waits_no_more(self) -> None:
         """Add the time since it was asked to that which its place has waited."""
@@ -235,10 +241,12 @@ class ExpensiveLane:
         for job in self._jobs:
             job.interruption.end_by(when)
 
-    def close(self) -> None:
-        """Interrupt what still runs and wait for it."""
+    def close(self) -> bool:
+        """Interrupt what still runs, wait for it, but not for ever, and tell whether all of it has ended."""
         self.end_by(-float("inf"))
-        self._executor.shutdown(wait=True, cancel_futures=True)
+        self._executor.shutdown(wait=False, cancel_futures=True)
+        begun = [job.in_thread for job in self._jobs if job.in_thread is not None]
+        return not wait(begun, ENDING_SECONDS).not_done
 
     @property
     def in_work(self) -> int:
@@ -270,9 +278,9 @@ class ExpensiveLane:
                 self._waiting[client] = line  # behind the other clients
             self._free -= 1
             self._running[client] += 1
-            job.begun = True
+            job.in_thread = self._executor.submit(job)
             job.waits_no_more()
-            done = asyncio.get_running_loop().run_in_executor(self._executor, job)
+            done = asyncio.wrap_future(job.in_thread)
             done.add_done_callback(lambda done, job=job: self._done(job, done))  # type: ignore[misc]
 
     def _done(self, job: _Job, done: asyncio.Future[Any]) -> None:

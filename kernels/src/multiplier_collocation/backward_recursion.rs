@@ -45,6 +45,9 @@ const AFTER_ONSET: f64 = 0.5;
 /// The largest width of the interval of x, in standard deviations of ln S over what is cut off: a wider one needs too many
 /// panels. Chosen.
 const MOST_SPREADS: f64 = 600.0;
+/// The largest width of the interval of x, in standard deviations of ln S over the segment: a wider one, where dividends
+/// move the spot by many of them, takes more panels than other methods take nodes. Chosen.
+const WIDEST: f64 = 4e4;
 /// The distance from what is relevant within which an end of a contact set is taken to be beyond it, in standard
 /// deviations of ln S over the segment; chosen.
 const MARGIN: f64 = 0.25;
@@ -280,6 +283,9 @@ impl BackwardRecursion<'_> {
         query: &mut BoundaryQuery,
     ) -> Result<Part, Unsettled> {
         let ends = self.interval(&part, here);
+        if ends.1 - ends.0 > WIDEST * part.spread() {
+            return Err(Unsettled);
+        }
         let asked = if query.times.is_empty() {
             0.0
         } else {

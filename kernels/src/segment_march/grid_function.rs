@@ -112,7 +112,7 @@ impl<'a> GridFunction<'a> {
             *slope = if before * after <= 0.0 || *slope * after < 0.0 {
                 0.0
             } else {
-                slope.clamp(-limit, limit)
+                slope.max(-limit).min(limit) // a NaN stays one, where clamp panics
             };
         }
         Self {

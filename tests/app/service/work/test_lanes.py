@@ -345,3 +345,24 @@ def _assert_deadline(answer: Any) -> None:
     assert answer.status_code == 503
     assert answer.headers["retry-after"] == "1"
     assert answer.json()["type"] == "/docs#deadline"
+
+
+def test_work_that_never_ends_does_not_keep_the_lane_from_closing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.service.work.lanes.ENDING_SECONDS", 0.2)
+
+    async def scenario() -> bool:
+        lane, gate, begun = ExpensiveLane(Settings(slots=1)), threading.Event(), threading.Event()
+
+        def stuck(_: Interrupt) -> bool:
+            begun.set()
+            return gate.wait(60.0)
+
+        asked = asyncio.ensure_future(run(lane, stuck, "a", never()))
+        await asyncio.to_thread(begun.wait, 60.0)
+        ended = lane.close()
+        gate.set()
+        await asyncio.gather(asked, return_exceptions=True)
+        assert lane.close()
+        return ended
+
+    assert not asyncio.run(scenario())
