@@ -206,10 +206,15 @@ def _stretched(left: float, right: float, intervals: int, stretching: float) -> 
     base = intervals
     while base % 2 == 0 and base >= 2 * FEWEST_CELLS:
         base //= 2
-    below = math.ceil(base * -low / (high - low))
+    fair = math.floor(base * -low / (high - low))
     if left < center < right:
-        below = min(max(below, 1), base - 1)
-    width = max(-low / max(below, 1), high / max(base - below, 1)) * base / intervals
+        shares = [min(max(cells, 1), base - 1) for cells in (fair, fair + 1)]
+    else:
+        shares = [fair]  # 0, or all
+    # The coarser side gives the width of the cells: the other one goes a little further than asked.
+    coarser = [max(-low / max(cells, 1), high / max(base - cells, 1)) for cells in shares]
+    width = min(coarser) * base / intervals
+    below = shares[coarser.index(min(coarser))]
     first = -below * (intervals // base)
     nodes: Vector = center + scale * np.sinh(width * np.arange(first, first + intervals + 1))
     return nodes

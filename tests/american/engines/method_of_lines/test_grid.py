@@ -7,6 +7,7 @@ from scipy.stats import norm
 from pricing_core.american import Market, Option, Resolution, price
 from pricing_core.american.contracts.schedule import make_schedule
 from pricing_core.american.engines.method_of_lines.grid import (
+    FEWEST_CELLS,
     FURTHEST,
     Grid,
     SpotRange,
@@ -51,6 +52,20 @@ def test_doubling_the_intervals_keeps_every_node(stretching, span):
 @pytest.mark.parametrize("intervals", [8, 45, 64, 1000])
 def test_the_strike_is_a_node_of_a_stretched_grid(span, intervals):
     assert np.abs(span.grid(intervals, 4.0).nodes - 1.0).min() < 1e-12
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_stretched_grids_go_little_further_than_asked_wherever_the_strike_lies(seed):
+    rng = np.random.default_rng(seed)
+    below, above = np.exp(
+        rng.uniform(math.log(1e-12), math.log(300.0), 2)
+    )  # distances of the ends in ln(S/K)
+    intervals, stretching = int(rng.choice([8, 48, 64, 1024])), rng.uniform(0.1, 8.0)
+    nodes = SpotRange(math.exp(-below), math.exp(above), 0.0, 0.3).grid(intervals, stretching).nodes
+    assert np.all(np.diff(nodes) > 0.0)
+    assert nodes[0] <= math.exp(-below) * (1.0 + 1e-12) and math.exp(above) * (1.0 - 1e-12) <= nodes[-1]
+    beyond = np.count_nonzero(nodes < math.exp(-below)) + np.count_nonzero(nodes > math.exp(above))
+    assert beyond <= 2 * max(1, intervals // FEWEST_CELLS)  # two of the coarsest cells
 
 
 def test_grids_for_boundaries_are_stretched_where_they_are_wide():

@@ -194,7 +194,7 @@ def test_greeks_are_the_differences_of_prices(seed):
 @needs_kernel
 def test_estimates_cover_the_errors_on_random_surfaces():
     covered = count = 0
-    for seed in range(40):
+    for seed in range(80):
         rng = np.random.default_rng(seed)
         times = np.cumsum(rng.uniform(0.05, 0.6, rng.integers(1, 6)))
         spots = 100.0 * np.exp(np.sort(rng.uniform(-0.8, 0.8, 6)))
