@@ -207,10 +207,8 @@ def _stretched(left: float, right: float, intervals: int, stretching: float) -> 
     while base % 2 == 0 and base >= 2 * FEWEST_CELLS:
         base //= 2
     fair = math.floor(base * -low / (high - low))
-    if left < center < right:
-        shares = [min(max(cells, 1), base - 1) for cells in (fair, fair + 1)]
-    else:
-        shares = [fair]  # 0, or all
+    fewest, most = (1, base - 1) if left < center < right else (fair, fair)  # 0, or all
+    shares = [min(max(cells, fewest), most) for cells in (fair, fair + 1)]
     # The coarser side gives the width of the cells: the other one goes a little further than asked.
     coarser = [max(-low / max(cells, 1), high / max(base - cells, 1)) for cells in shares]
     width = min(coarser) * base / intervals

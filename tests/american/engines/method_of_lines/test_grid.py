@@ -63,7 +63,8 @@ def test_stretched_grids_go_little_further_than_asked_wherever_the_strike_lies(s
     intervals, stretching = int(rng.choice([8, 48, 64, 1024])), rng.uniform(0.1, 8.0)
     nodes = SpotRange(math.exp(-below), math.exp(above), 0.0, 0.3).grid(intervals, stretching).nodes
     assert np.all(np.diff(nodes) > 0.0)
-    assert nodes[0] <= math.exp(-below) * (1.0 + 1e-12) and math.exp(above) * (1.0 - 1e-12) <= nodes[-1]
+    assert nodes[0] <= math.exp(-below) * (1.0 + 1e-12)
+    assert math.exp(above) * (1.0 - 1e-12) <= nodes[-1]
     beyond = np.count_nonzero(nodes < math.exp(-below)) + np.count_nonzero(nodes > math.exp(above))
     assert beyond <= 2 * max(1, intervals // FEWEST_CELLS)  # two of the coarsest cells
 
