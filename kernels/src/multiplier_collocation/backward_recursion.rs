@@ -47,7 +47,7 @@ const AFTER_ONSET: f64 = 0.5;
 const MOST_SPREADS: f64 = 600.0;
 /// The largest width of the interval of x, in standard deviations of ln S over the segment: a wider one, where dividends
 /// move the spot by many of them, takes more panels than other methods take nodes. Chosen.
-const WIDEST: f64 = 4e4;
+const WIDEST: f64 = 4e3;
 /// The distance from what is relevant within which an end of a contact set is taken to be beyond it, in standard
 /// deviations of ln S over the segment; chosen.
 const MARGIN: f64 = 0.25;

@@ -10,6 +10,7 @@ import numpy as np
 from pricing_core import kernel
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
+from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.contracts.tolerances import BOUNDARY_ACCURACY
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
@@ -77,7 +78,7 @@ class MultiplierCollocation:
     def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
         """Return the boundary from two levels that are close enough, or from the closest two."""
         tolerance, schedule = request.tolerance[0], book.schedule(0)
-        escrow = np.array([_escrow_at(book, float(time)) for time in times])
+        escrow = np.array([_escrow_at(schedule, float(time)) for time in times])
         best: tuple[Vector, Vector] | None = None
         coarse: Vector | None = None
         for level in range((FIRST_LEVEL if tolerance > TIGHT_TOLERANCE else TIGHT_LEVEL) - 1, FINEST + 1):
@@ -137,9 +138,9 @@ def _far_at(book: Book, times: Vector, escrow: Vector, request: Request) -> tupl
     return near, CAUTION * np.abs(near - rough)
 
 
-def _escrow_at(book: Book, time: float) -> float:
+def _escrow_at(schedule: Schedule, time: float) -> float:
     """Return what the escrowed dividends are worth just before what happens at `time`, money."""
-    for segment in book.schedule(0).segments:
+    for segment in schedule.segments:
         if time <= segment.end * (1.0 + 1e-12):
             return segment.escrow_at(time)
     return 0.0
