@@ -45,9 +45,10 @@ const AFTER_ONSET: f64 = 0.5;
 /// The largest width of the interval of x, in standard deviations of ln S over what is cut off: a wider one needs too many
 /// panels. Chosen.
 const MOST_SPREADS: f64 = 600.0;
-/// The largest width of the interval of x, in standard deviations of ln S over the segment: a wider one, where dividends
-/// move the spot by many of them, takes more panels than other methods take nodes. Chosen.
-const WIDEST: f64 = 4e3;
+/// The largest sum of the widths of the intervals of x of all segments, each in standard deviations of ln S over the
+/// segment: wider ones, where dividends move the spot by many of them, take more panels than other methods take nodes.
+/// Chosen.
+const WIDEST: f64 = 4e4;
 /// The distance from what is relevant within which an end of a contact set is taken to be beyond it, in standard
 /// deviations of ln S over the segment; chosen.
 const MARGIN: f64 = 0.25;
@@ -134,6 +135,7 @@ pub fn solve_schedule(
         has_far_ends: false,
         violation: 0.0,
         error: 0.0,
+        width: 0.0,
     };
     for (index, (segment, here)) in segments.iter().zip(&forecasts).enumerate().rev() {
         if (schedule.interrupt)() {
@@ -192,6 +194,8 @@ struct BackwardRecursion<'a> {
     /// The largest violation of complementarity so far, and the sum of the error estimates, in strikes.
     violation: f64,
     error: f64,
+    /// The widths of the intervals of x so far, in standard deviations of ln S over their segments.
+    width: f64,
 }
 
 /// What became of one part of a segment.
@@ -283,7 +287,8 @@ impl BackwardRecursion<'_> {
         query: &mut BoundaryQuery,
     ) -> Result<Part, Unsettled> {
         let ends = self.interval(&part, here);
-        if ends.1 - ends.0 > WIDEST * part.spread() {
+        self.width += (ends.1 - ends.0) / part.spread();
+        if self.width > WIDEST {
             return Err(Unsettled);
         }
         let asked = if query.times.is_empty() {

@@ -241,10 +241,12 @@ class Book:
         """
         escrow = np.zeros(self.segments.end.size)
         if self.escrowed.any():
-            due_later, duration = np.zeros(self.count), self.segments.duration
+            due = np.where(self.per_segment(self.escrowed), self.segments.due, 0.0)
+            discount = np.exp(-self.segments.rate * self.segments.duration)
+            due_later = np.zeros(self.count)
             for rows, at in self.by_place(backward=True):
-                escrow[at] = np.where(self.escrowed[rows], due_later[rows] + self.segments.due[at], 0.0)
-                due_later[rows] = escrow[at] * np.exp(-self.segments.rate[at] * duration[at])
+                escrow[at] = due_later[rows] + due[at]
+                due_later[rows] = escrow[at] * discount[at]
         return escrow
 
     def escrow_now(self) -> Vector:

@@ -55,7 +55,8 @@ def priced(
         by_others = np.maximum(
             np.abs(by_delta) * others["delta_error"], np.abs(by_gamma) * others["gamma_error"]
         )
-        others["theta_error"] = np.maximum(np.abs(by_value) * columns["error"], by_others)
+        with np.errstate(invalid="ignore"):  # without a rate nothing is known from an infinite error
+            others["theta_error"] = np.maximum(np.abs(by_value) * columns["error"], by_others)
     if exercised.any():
         columns |= {name: others.pop(name) for name in BY_PARAMETERS if name in others}
         paid = {"value": payoff, "error": error, "delta": -book.sign}

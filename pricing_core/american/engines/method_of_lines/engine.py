@@ -105,7 +105,9 @@ class MethodOfLines:
         extended, tolerance = request.greeks == "extended", request.tolerance.item(0)
         solver = make_solver(book.schedule(0), tolerance, self.lcp_method, request.interrupt)
         if request.greeks != "none":
-            solver = replace(solver, directions=directions_of(book, extended=extended))
+            solver = replace(
+                solver, directions=directions_of(book, extended=extended, interrupt=request.interrupt)
+            )
         estimate = yield from estimating(
             solver,
             tolerance,

@@ -9,6 +9,7 @@ here is which parameters it is asked for.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from pricing_core.american.book.book import Book
@@ -52,23 +53,28 @@ class Direction:
         return (self.up.spot - self.down.spot) / (2.0 * self.step * self.up.strike)
 
 
-def directions_of(book: Book, *, extended: bool, only: str = "") -> tuple[Direction, ...]:
-    """Return the parameters of a book of one contract; none where one of them asks for a further cut.
+def directions_of(
+    book: Book, *, extended: bool, only: str = "", interrupt: Callable[[], bool] | None = None
+) -> tuple[Direction, ...]:
+    """Return the parameters of a book of one contract; none where one asks for a further cut or when interrupted.
 
     Parameters
     ----------
     only : str
         The one kind that is wanted, if not all are.
+    interrupt : callable, optional
+        Asked before each of them: a contract may have hundreds.
     """
-    found = [
-        Direction(kind, entry, up.schedule(0), down.schedule(0), step)
-        for kind, entry, up, down, step in plan_directions(book, extended=extended)
-        if not only or kind == only
-    ]
+    found: list[Direction] = []
+    for kind, entry, up, down, step in plan_directions(book, extended=extended):
+        if interrupt is not None and interrupt():
+            return ()
+        if not only or kind == only:
+            found.append(Direction(kind, entry, up.schedule(0), down.schedule(0), step))
     schedule = book.schedule(0)
     if schedule.local is not None and found and not only:
-        up, down = (moved(schedule, side * SURFACE_STEP) for side in (1.0, -1.0))
-        found.append(Direction(STICKY, 0, up, down, SURFACE_STEP))
+        above, below = (moved(schedule, side * SURFACE_STEP) for side in (1.0, -1.0))
+        found.append(Direction(STICKY, 0, above, below, SURFACE_STEP))
     return tuple(found)
 
 
