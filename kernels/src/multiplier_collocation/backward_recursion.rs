@@ -45,10 +45,10 @@ const AFTER_ONSET: f64 = 0.5;
 /// The largest width of the interval of x, in standard deviations of ln S over what is cut off: a wider one needs too many
 /// panels. Chosen.
 const MOST_SPREADS: f64 = 600.0;
-/// The largest sum of the widths of the intervals of x of all segments, each in standard deviations of ln S over the
-/// segment: wider ones, where dividends move the spot by many of them, take more panels than other methods take nodes.
-/// Chosen.
-const WIDEST: f64 = 4e4;
+/// The largest sum over all segments of what the intervals of x are wider than the law of the spot at expiry, each in
+/// standard deviations of ln S over the segment: wider ones, where dividends move the spot by many of them, take more
+/// panels than other methods take nodes. Chosen.
+const MOST_EXCESS: f64 = 4e4;
 /// The distance from what is relevant within which an end of a contact set is taken to be beyond it, in standard
 /// deviations of ln S over the segment; chosen.
 const MARGIN: f64 = 0.25;
@@ -135,7 +135,7 @@ pub fn solve_schedule(
         has_far_ends: false,
         violation: 0.0,
         error: 0.0,
-        width: 0.0,
+        excess: 0.0,
     };
     for (index, (segment, here)) in segments.iter().zip(&forecasts).enumerate().rev() {
         if (schedule.interrupt)() {
@@ -194,8 +194,9 @@ struct BackwardRecursion<'a> {
     /// The largest violation of complementarity so far, and the sum of the error estimates, in strikes.
     violation: f64,
     error: f64,
-    /// The widths of the intervals of x so far, in standard deviations of ln S over their segments.
-    width: f64,
+    /// What the intervals of x so far are wider than the law of the spot at expiry, in standard deviations of ln S over
+    /// their segments.
+    excess: f64,
 }
 
 /// What became of one part of a segment.
@@ -287,8 +288,9 @@ impl BackwardRecursion<'_> {
         query: &mut BoundaryQuery,
     ) -> Result<Part, Unsettled> {
         let ends = self.interval(&part, here);
-        self.width += (ends.1 - ends.0) / part.spread();
-        if self.width > WIDEST {
+        let ordinary = 2.0 * self.fineness.reach * self.deviation;
+        self.excess += (ends.1 - ends.0 - ordinary).max(0.0) / part.spread();
+        if self.excess > MOST_EXCESS {
             return Err(Unsettled);
         }
         let asked = if query.times.is_empty() {
