@@ -42,6 +42,20 @@ def projected_sor(
     max_sweeps: int,
     interrupt: Callable[[], bool] | None = None,
 ) -> tuple[Vector, int]: ...
+def price_options(
+    is_put: BoolVector,
+    spot: Vector,
+    strike: Vector,
+    expiry: Vector,
+    rate: Vector,
+    dividend_yield: Vector,
+    volatility: Vector,
+    tolerance: Vector,
+    greeks: int,
+    shared: bool,
+    threads: int,
+    interrupt: Callable[[], bool] | None,
+) -> tuple[dict[str, Vector], BoolVector, BoolVector, NDArray[np.int64]]: ...
 def solve_puts(
     x: Vector,
     rate: Vector,

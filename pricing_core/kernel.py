@@ -34,6 +34,7 @@ lemke = _dense.lemke
 policy_iteration = _small.policy_iteration
 projected_sor = _small.projected_sor
 taylor_step = _mode.taylor_step
+price_options = None if _compiled is None else _compiled.price_options
 solve_puts = None if _compiled is None else _compiled.solve_puts
 march_boundaries = None if _compiled is None else _compiled.march_boundaries
 solve_schedules = None if _compiled is None else _compiled.solve_schedules

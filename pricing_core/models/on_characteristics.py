@@ -137,7 +137,9 @@ class OnCharacteristics:
         seen = seen / np.where(sizes > 0.0, sizes, 1.0)
         columns = np.abs(seen).max(axis=0, initial=0.0)
         columns = np.where(columns > 0.0, columns, 1.0)
-        return np.asarray(np.linalg.qr(kernel(seen / columns, DEPENDENT) / columns[:, None])[0])
+        basis = np.asarray(np.linalg.qr(kernel(seen / columns, DEPENDENT) / columns[:, None])[0])
+        basis[np.abs(basis) <= MEETS] = 0.0
+        return basis
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -183,7 +185,7 @@ def _least_norm(u: Vector, low: Vector, high: Vector, directions: Matrix) -> Vec
     """Return u + directions t of least norm with low <= u <= high."""
     rows = np.vstack([directions, -directions])
     bounds = np.concatenate([low - u, u - high])
-    limited = np.isfinite(bounds)
+    limited = np.isfinite(bounds) & rows.any(axis=1)
     try:
         t = nearest_point(rows[limited], bounds[limited], -directions.T @ u).point
     except NumericalError:

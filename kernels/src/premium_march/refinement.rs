@@ -22,8 +22,9 @@ pub struct Task<'a> {
     pub runs: Range<usize>,
     /// The first spot.
     pub start: usize,
-    /// `COLUMNS` columns of the spots of these runs, and `SECOND_COLUMNS` more where there is a step of the spread.
-    pub numbers: Vec<&'a mut [f64]>,
+    /// As in `Solved`, of the spots of these runs.
+    pub numbers: &'a mut [f64],
+    pub per_spot: usize,
     pub exercised: &'a mut [bool],
     pub settled: &'a mut [bool],
     pub steps: &'a mut [i64],
@@ -187,7 +188,7 @@ impl Task<'_> {
                         let column = COLUMNS + SECOND - 1 + k * SECOND;
                         let premium = (up[k] - here.premium[k]) + (down[k] - here.premium[k]);
                         let number = known[k] + premium / (apart * apart);
-                        self.numbers[column][item.spot - self.start] = number;
+                        self.numbers_of(item.spot)[column] = number;
                     }
                 }
             }
@@ -195,37 +196,43 @@ impl Task<'_> {
         Some(())
     }
 
+    /// What is kept of a spot.
+    fn numbers_of(&mut self, spot: usize) -> &mut [f64] {
+        let start = (spot - self.start) * self.per_spot;
+        &mut self.numbers[start..start + self.per_spot]
+    }
+
     /// Keep what was found; the value that met its tolerance stays, whatever derivatives are asked for.
     #[inline(always)]
     fn store(&mut self, item: Item, level: usize, found: &Outcome) {
-        let at = item.spot - self.start;
+        let numbers = self.numbers_of(item.spot);
         if item.valued {
             if found.settled {
                 for (k, derivative) in DERIVATIVES.into_iter().enumerate() {
                     for column in [derivative, VALUES + 2 + k] {
-                        self.numbers[column][at] = found.numbers[column];
+                        numbers[column] = found.numbers[column];
                     }
                 }
-                self.store_cross(at, found);
+                store_cross(numbers, found);
             }
             return;
         }
-        for (column, number) in self.numbers.iter_mut().zip(found.numbers) {
-            column[at] = number;
-        }
-        self.store_cross(at, found);
+        numbers[..COLUMNS].copy_from_slice(&found.numbers);
+        store_cross(numbers, found);
+        let at = item.spot - self.start;
         self.exercised[at] = found.exercised;
         self.settled[at] = found.settled;
         self.steps[at] = i64::try_from(STEPS[level]).unwrap_or(i64::MAX);
     }
+}
 
-    #[inline(always)]
-    fn store_cross(&mut self, at: usize, found: &Outcome) {
-        for (k, numbers) in found.cross.iter().enumerate() {
-            let columns = self.numbers.iter_mut().skip(COLUMNS + k * SECOND);
-            for (column, number) in columns.zip(numbers) {
-                column[at] = *number;
-            }
-        }
+/// Keep the derivatives by x and each parameter, where there is room for them.
+#[inline(always)]
+fn store_cross(numbers: &mut [f64], found: &Outcome) {
+    for (kept, cross) in numbers[COLUMNS..]
+        .chunks_exact_mut(SECOND)
+        .zip(&found.cross)
+    {
+        kept[..cross.len()].copy_from_slice(cross);
     }
 }

@@ -14,10 +14,13 @@ const SMALLEST_SHARE: usize = 256;
 
 /// The results, by spot; nothing of a spot that is not settled may be used.
 pub struct Solved {
-    /// `COLUMNS` columns: the `VALUES`, the error estimate of V/K, ln(S*/K), the differences of the derivatives. Where
-    /// there is a step of the spread `SECOND_COLUMNS` follow, not a number in the exercise region: the derivatives by x and
-    /// each of rate, dividend and spread, and by spread twice, and how far each is apart in the last two marches.
+    /// For each spot `per_spot` numbers side by side, of them `COLUMNS`: the `VALUES`, the error estimate of V/K, ln(S*/K),
+    /// the differences of the derivatives. Where there is a step of the spread `SECOND_COLUMNS` follow, not a number in the
+    /// exercise region: the derivatives by x and each of rate, dividend and spread, and by spread twice, and how far each
+    /// is apart in the last two marches.
     pub numbers: Vec<f64>,
+    /// How many numbers there are for each spot.
+    pub per_spot: usize,
     /// Whether the spot is in the exercise region.
     pub exercised: Vec<bool>,
     /// False where x is not finite, the march does not serve, a march lost the boundary, or an interrupt came before.
@@ -26,20 +29,15 @@ pub struct Solved {
     pub steps: Vec<i64>,
 }
 
-/// The number of columns of `Solved::numbers`.
-#[must_use]
-pub fn columns(puts: Puts) -> usize {
-    COLUMNS + puts.spread_step.map_or(0, |_| SECOND_COLUMNS)
-}
-
 /// Refine every put until its error estimate meets its tolerance, or to the finest mesh, or until an interrupt ends it all:
 /// what has not been marched then is not settled.
 #[must_use]
 pub fn solve_puts(puts: Puts, threads: usize) -> Solved {
     let count = puts.x.len();
-    let columns = columns(puts);
+    let per_spot = COLUMNS + puts.spread_step.map_or(0, |_| SECOND_COLUMNS);
     let mut solved = Solved {
-        numbers: vec![f64::NAN; columns * count],
+        numbers: vec![f64::NAN; per_spot * count],
+        per_spot,
         exercised: vec![false; count],
         settled: vec![false; count],
         steps: vec![0; count],
@@ -69,7 +67,7 @@ fn tasks<'a>(puts: Puts<'a>, threads: usize, solved: &'a mut Solved) -> Vec<Task
     let count = puts.x.len();
     let wanted = count.div_ceil(TASK).next_multiple_of(threads).max(1);
     let size = count.div_ceil(wanted).max(1);
-    let mut columns: Vec<&mut [f64]> = solved.numbers.chunks_mut(count.max(1)).collect();
+    let (per_spot, mut numbers) = (solved.per_spot, &mut solved.numbers[..]);
     let (mut exercised, mut settled, mut steps) = (
         &mut solved.exercised[..],
         &mut solved.settled[..],
@@ -84,15 +82,12 @@ fn tasks<'a>(puts: Puts<'a>, threads: usize, solved: &'a mut Solved) -> Vec<Task
             .find(|&r| puts.first[r] - start >= size)
             .unwrap_or(runs);
         let spots = puts.first[end] - start;
-        let mut numbers = Vec::with_capacity(columns.len());
-        for column in &mut columns {
-            numbers.push(split_off(column, spots));
-        }
         tasks.push(Task {
             puts,
             runs: run..end,
             start,
-            numbers,
+            numbers: split_off(&mut numbers, per_spot * spots),
+            per_spot,
             exercised: split_off(&mut exercised, spots),
             settled: split_off(&mut settled, spots),
             steps: split_off(&mut steps, spots),

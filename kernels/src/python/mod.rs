@@ -31,7 +31,7 @@ mod _kernels {
     #[pymodule_export]
     use super::multiplier_collocation::solve_schedules;
     #[pymodule_export]
-    use super::premium_march::{march_boundaries, solve_puts};
+    use super::premium_march::{march_boundaries, price_options, solve_puts};
     #[pymodule_export]
     use super::segment_march::sweep_schedules;
     #[pymodule_export]

@@ -3,10 +3,11 @@
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use super::arguments::{check_lengths, nonempty_group_starts, numbers};
 use super::interrupt::Question;
-use crate::premium_march::{self, Puts, STEPS, VALUES};
+use crate::premium_march::{self, Greeks, Options, Puts, STEPS, VALUES};
 
 /// The place of a number of time steps in `STEPS`.
 fn level(steps: usize) -> PyResult<usize> {
@@ -23,12 +24,13 @@ fn level(steps: usize) -> PyResult<usize> {
 /// (n,), and `limits`, (n, 7), the errors allowed in each of the values, or None to leave out the derivatives by the
 /// parameters. `fewest` and `most` bound the number of time steps of the finest march.
 ///
-/// Returns numbers, (14, n): V/K, its first and second derivative by x, the European V/K, the derivatives of V/K by rate,
+/// Returns numbers, (n, 14): V/K, its first and second derivative by x, the European V/K, the derivatives of V/K by rate,
 /// dividend and spread at fixed x, the error estimate of V/K, ln(S*/K), and how far the five derivatives are apart in the
-/// last two marches. With `spread_step`, a share of the spread, (22, n): its derivatives by x and each of rate, dividend
-/// and spread, and by spread twice, and how far these four are apart, NaN where exercised. Then exercised, settled and steps, each (n,). Nothing of a spot that is not settled may be used. `interrupt`,
-/// a function or None, is asked every few milliseconds whether the work shall end; what has not been marched then is not
-/// settled, and what has been keeps its error estimate.
+/// last two marches. With `spread_step`, a share of the spread, (n, 22): its derivatives by x and each of rate, dividend
+/// and spread, and by spread twice, and how far these four are apart, NaN where exercised. Then exercised, settled and
+/// steps, each (n,). Nothing of a spot that is not settled may be used. `interrupt`, a function or None, is asked every few
+/// milliseconds whether the work shall end; what has not been marched then is not settled, and what has been keeps its
+/// error estimate.
 #[pyfunction]
 #[pyo3(signature = (x, rate, dividend, spread, first, tolerance, limits, spread_step, fewest, most, threads, interrupt))]
 #[allow(
@@ -91,11 +93,91 @@ pub fn solve_puts<'py>(
         levels,
         interrupt: &|| question.is_ended(),
     };
-    let columns = premium_march::columns(puts);
     let found = py.detach(|| premium_march::solve_puts(puts, threads));
     question.result()?;
     Ok((
-        PyArray1::from_vec(py, found.numbers).reshape([columns, x.len()])?,
+        PyArray1::from_vec(py, found.numbers).reshape([x.len(), found.per_spot])?,
+        PyArray1::from_vec(py, found.exercised),
+        PyArray1::from_vec(py, found.settled),
+        PyArray1::from_vec(py, found.steps),
+    ))
+}
+
+/// Price American options without events to their tolerances, in money and years.
+///
+/// Each column is (n,): `is_put`, `spot`, `strike`, `expiry`, `rate`, `dividend_yield`, `volatility`, and `tolerance`, the
+/// error allowed in strikes. `greeks` is 0 for none, 1 for the standard ones, 2 for the extended ones. With `shared` rows
+/// that differ in spot and strike alone share their marches.
+///
+/// Returns the numbers by name, NaN where a row is not settled, and exercised, settled and steps, each (n,). `interrupt` is
+/// that of `solve_puts`.
+#[pyfunction]
+#[pyo3(signature = (is_put, spot, strike, expiry, rate, dividend_yield, volatility, tolerance, greeks, shared, threads, interrupt))]
+#[allow(
+    clippy::needless_pass_by_value,
+    clippy::too_many_arguments,
+    clippy::type_complexity
+)]
+pub fn price_options<'py>(
+    py: Python<'py>,
+    is_put: PyReadonlyArray1<'py, bool>,
+    spot: PyReadonlyArray1<'py, f64>,
+    strike: PyReadonlyArray1<'py, f64>,
+    expiry: PyReadonlyArray1<'py, f64>,
+    rate: PyReadonlyArray1<'py, f64>,
+    dividend_yield: PyReadonlyArray1<'py, f64>,
+    volatility: PyReadonlyArray1<'py, f64>,
+    tolerance: PyReadonlyArray1<'py, f64>,
+    greeks: u8,
+    shared: bool,
+    threads: usize,
+    interrupt: Option<Py<PyAny>>,
+) -> PyResult<(
+    Bound<'py, PyDict>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<i64>>,
+)> {
+    let is_put = numbers(&is_put);
+    let columns = [
+        &spot,
+        &strike,
+        &expiry,
+        &rate,
+        &dividend_yield,
+        &volatility,
+        &tolerance,
+    ]
+    .map(numbers);
+    check_lengths(is_put.len(), &columns.each_ref().map(|column| column.len()))?;
+    let [spot, strike, expiry, rate, dividend_yield, volatility, tolerance] = &columns;
+    let greeks = match greeks {
+        0 => Greeks::None,
+        1 => Greeks::Standard,
+        2 => Greeks::Extended,
+        _ => return Err(PyValueError::new_err("greeks must be 0, 1 or 2")),
+    };
+    let options = Options {
+        is_put: &is_put,
+        spot,
+        strike,
+        expiry,
+        rate,
+        dividend_yield,
+        volatility,
+        tolerance,
+    };
+    let question = Question::new(interrupt);
+    let found = py.detach(|| {
+        premium_march::price_options(options, greeks, shared, threads, &|| question.is_ended())
+    });
+    question.result()?;
+    let by_name = PyDict::new(py);
+    for (name, column) in found.columns {
+        by_name.set_item(name, PyArray1::from_vec(py, column))?;
+    }
+    Ok((
+        by_name,
         PyArray1::from_vec(py, found.exercised),
         PyArray1::from_vec(py, found.settled),
         PyArray1::from_vec(py, found.steps),

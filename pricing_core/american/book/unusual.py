@@ -40,13 +40,15 @@ def unusual_columns(numbers: Mapping[str, Vector]) -> list[str]:
     """
     found = []
     for name, usual in USUAL.items():
-        median = _median(numbers.get(name))
+        column = numbers.get(name)
+        if column is None or not (np.abs(column) > usual.below).any():
+            continue
+        median = _median(column)
         if abs(median) > usual.below:
             found.append(
                 f"column {name} looks like {usual.other_unit}: its median is {median:.6g}; it is read in {usual.wanted}"
             )
-    with np.errstate(all="ignore"):
-        ratio = _median(numbers["strike"] / numbers["spot"]) if {"spot", "strike"} <= set(numbers) else 1.0
+    ratio = _median_ratio(numbers["strike"], numbers["spot"]) if {"spot", "strike"} <= set(numbers) else 1.0
     if ratio > MOST_RATIO or 0.0 < ratio < 1.0 / MOST_RATIO:
         name = "strike" if ratio > 1.0 else "spot"
         found.append(
@@ -61,8 +63,14 @@ def warn_of(sentences: Sequence[str], callers: int) -> None:
         warnings.warn(sentence, UnusualColumnWarning, stacklevel=callers + 1)
 
 
-def _median(column: Vector | None) -> float:
-    if column is None:
-        return np.nan
+def _median_ratio(strike: Vector, spot: Vector) -> float:
+    """Return the median of strike/spot, or 1 where no ratio is large or small enough to ask for it."""
+    with np.errstate(all="ignore"):
+        if not ((strike > MOST_RATIO * spot) | (spot > MOST_RATIO * strike)).any():
+            return 1.0
+        return _median(strike / spot)
+
+
+def _median(column: Vector) -> float:
     known = column[np.isfinite(column)]
     return float(np.median(known)) if known.size else np.nan

@@ -36,9 +36,11 @@ class ClosedForm:
 
     def serves(self, book: Book) -> BoolVector:
         """Tell which contracts have expired, are certain, or have a formula because early exercise never pays."""
-        served: BoolVector = has_formula(book) | _is_certain(book) | (book.spot == 0.0)
-        served &= ~book.is_local() | (book.spot == 0.0) | (book.expiry == 0.0)
-        return served
+        worthless = book.spot == 0.0
+        served: BoolVector = has_formula(book) | _is_certain(book) | worthless
+        return (
+            served if book.local is None else served & (~book.is_local() | worthless | (book.expiry == 0.0))
+        )
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Price by formula; certain contracts are settled where volatility adds at most a tenth of the tolerance."""

@@ -352,7 +352,7 @@ def test_a_contract_on_a_spot_of_zero_has_the_boundary_of_the_others():
 
 
 def test_without_the_compiled_engines_everything_is_served_all_the_same(monkeypatch):
-    monkeypatch.setattr("pricing_core.kernel.solve_puts", None)
+    monkeypatch.setattr("pricing_core.kernel.price_options", None)
     monkeypatch.setattr("pricing_core.kernel.solve_schedules", None)
     contracts = [MIXED[0], MIXED[-8], MIXED[-7], MIXED[-2]]
     found = solve(Book.of(contracts), request_for(4))

@@ -43,11 +43,6 @@ class Puts:
         """Return some of them."""
         return Puts(self.x[rows], self.rate[rows], self.dividend[rows], self.spread[rows])
 
-    def decay(self) -> Vector:
-        """Return lam in the stationary premium e^{-lam ln(S/K)/(sigma sqrt(T))}."""
-        drift = (self.rate - self.dividend) / self.spread - 0.5 * self.spread
-        return drift + np.sqrt(drift * drift + 2.0 * self.rate)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PutValues:
@@ -59,13 +54,6 @@ class PutValues:
         v = V/K, v_x, v_xx, the European v, and the derivatives of v by r T, q T and sigma sqrt(T).
     error : Vector, shape (n,)
         Error estimate of v, rounding left out.
-    changes : Matrix, shape (5, n)
-        The derivatives of v (v_x, v_xx, and by r T, q T and sigma sqrt(T)) in the last march less those in the one
-        before.
-    seconds, second_changes : Matrix, shape (4, n)
-        The second derivatives of v by x and each of r T, q T and sigma sqrt(T), and by sigma sqrt(T) twice, and what
-        each is more in the last march than in the one before; no rows where they were not asked for, volga's
-        NaN in the exercise region.
     boundary : Vector, shape (n,)
         ln(S*/K).
     exercised : bool array, shape (n,)
@@ -78,9 +66,6 @@ class PutValues:
 
     values: Matrix
     error: Vector
-    changes: Matrix
-    seconds: Matrix
-    second_changes: Matrix
     boundary: Vector
     exercised: BoolVector
     settled: BoolVector
@@ -92,9 +77,7 @@ def solve_puts(
     tolerance: Vector,
     *,
     limits: Matrix | None,
-    spread_step: float | None = None,
     threads: int = 1,
-    shared: bool = False,
     fewest: int = FEWEST_STEPS,
     most: int = MOST_STEPS,
     interrupt: Callable[[], bool] | None = None,
@@ -109,41 +92,18 @@ def solve_puts(
     limits : Matrix, shape (n, 7), or None
         What each of the values may be off by; puts that miss are refined, too, up to 96 steps. None leaves out the
         derivatives by the parameters.
-    spread_step : float, optional
-        Step of the spread, as a share of it, of the difference for the second derivative by it; None leaves out the
-        second derivatives. It needs the limits.
     threads : int
-    shared : bool
-        Whether rows that differ in x alone share their marches.
     fewest, most : int
         Bounds of the number of time steps of the finest march.
     interrupt : callable, optional
         Asked every few milliseconds; True ends the work. Puts not marched yet are not settled then, and those whose
         error still misses the tolerance stay as they are.
     """
-    if shared and puts.x.size:
-        order = np.lexsort((puts.spread, puts.dividend, puts.rate))
-        ordered = puts.take(order)
-        parameters = np.stack([ordered.rate, ordered.dividend, ordered.spread])
-        first = np.flatnonzero(np.append(True, np.any(parameters[:, 1:] != parameters[:, :-1], axis=0)))
-        runs = ordered.take(first)
-        numbers, exercised, settled, steps = kernel.solve_puts(
-            ordered.x, runs.rate, runs.dividend, runs.spread, np.append(first, order.size), tolerance[order],
-            None if limits is None else limits[order], spread_step, fewest, most, threads, interrupt,
-        )  # fmt: skip
-        place = np.empty_like(order)
-        place[order] = np.arange(order.size)
-        numbers, exercised = numbers[:, place], exercised[place]
-        settled, steps = settled[place], steps[place]
-    else:
-        numbers, exercised, settled, steps = kernel.solve_puts(
-            puts.x, puts.rate, puts.dividend, puts.spread, np.arange(puts.x.size + 1), tolerance, limits,
-            spread_step, fewest, most, threads, interrupt,
-        )  # fmt: skip
-    seconds, second_changes = numbers[14:18], numbers[18:]
-    return PutValues(
-        numbers[:7], numbers[7], numbers[9:14], seconds, second_changes, numbers[8], exercised, settled, steps
-    )
+    numbers, exercised, settled, steps = kernel.solve_puts(
+        puts.x, puts.rate, puts.dividend, puts.spread, np.arange(puts.x.size + 1), tolerance, limits,
+        None, fewest, most, threads, interrupt,
+    )  # fmt: skip
+    return PutValues(numbers[:, :7].T, numbers[:, 7], numbers[:, 8], exercised, settled, steps)
 
 
 def solve_boundaries(

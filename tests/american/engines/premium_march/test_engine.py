@@ -50,7 +50,7 @@ def test_american_contracts_without_events_are_served(option, market, served):
 
 
 def test_without_the_kernel_nothing_is_served(monkeypatch):
-    monkeypatch.setattr(kernel, "solve_puts", None)
+    monkeypatch.setattr(kernel, "price_options", None)
     assert ENGINE.serves(Book.of([(PUT, FLAT)] * 2)).tolist() == [False, False]
 
 

@@ -58,13 +58,14 @@ def solve(
     threads: int = 1,
     interrupt: Callable[[], bool] | None = None,
 ):
-    """Solve each put by itself, or the runs of spots that begin at `first`."""
+    """Solve each put by itself, or the runs of spots that begin at `first`; the last axis is that of the spots."""
     if first is None:
         first = np.arange(book.rate.size + 1)
     limits, step = (np.full((book.x.size, 7), 1e-5), 0.002) if greeks else (None, None)
-    return kernel.solve_puts(
+    numbers, *flags = kernel.solve_puts(
         book.x, *book.puts, first, book.tolerance, limits, step, fewest, most, threads, interrupt
     )
+    return numbers.T, *flags
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
@@ -259,3 +260,45 @@ def test_second_derivatives_are_those_of_the_first_ones() -> None:
         off = unit * np.abs(numbers[row] - difference(name, of))
         assert np.quantile(off[held], 0.9) < 1e-4
         assert np.median(off[held]) < 5e-6
+
+
+def option_columns(count: int) -> list[NDArray[np.generic]]:
+    """Return what `price_options` takes, up to the tolerances."""
+    random = np.random.default_rng(19)
+    ranges = ((60.0, 150.0), (80.0, 120.0), (0.1, 2.0), (0.01, 0.1), (0.0, 0.1), (0.1, 0.5), (1e-6, 1e-4))
+    return [random.random(count) < 0.5, *(random.uniform(*ends, count) for ends in ranges)]
+
+
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("greeks", [0, 1, 2])
+def test_options_are_priced_row_by_row(greeks: int, shared: bool) -> None:
+    columns = option_columns(300)
+    named, *flags = kernel.price_options(*columns, greeks, shared, 2, None)
+    assert all(np.isfinite(column).all() for column in named.values())
+    for row in (0, 150, 299):
+        alone = [column[row : row + 1] for column in columns]
+        one, *its_flags = kernel.price_options(*alone, greeks, shared, 1, None)
+        for name, column in named.items():
+            assert column[row : row + 1].tobytes() == one[name].tobytes()
+        assert [flag[row] for flag in flags] == [flag[0] for flag in its_flags]
+
+
+def test_options_that_differ_in_spot_and_strike_alone_share_a_march_whatever_their_order() -> None:
+    columns = option_columns(60)
+    for column in (columns[0], *columns[3:]):
+        column[:] = np.tile(column[:3], 20)  # three kinds of contracts, in turn
+    order = np.random.default_rng(20).permutation(60)
+    apart, *_ = kernel.price_options(*columns, 1, False, 1, None)
+    shared, *_ = kernel.price_options(*(column[order] for column in columns), 1, True, 1, None)
+    for name in ("value", "european", "delta", "vega", "boundary"):
+        np.testing.assert_allclose(shared[name], apart[name][order], rtol=1e-4, atol=2e-3, err_msg=name)
+
+
+def test_columns_of_options_of_different_lengths_and_unknown_greeks_are_refused() -> None:
+    for short in range(8):
+        columns = option_columns(5)
+        columns[short] = columns[short][:4]
+        with pytest.raises(ValueError, match="length"):
+            kernel.price_options(*columns, 1, False, 1, None)
+    with pytest.raises(ValueError, match="greeks must be 0, 1 or 2"):
+        kernel.price_options(*option_columns(5), 3, False, 1, None)
