@@ -53,7 +53,8 @@ ALLOWED = {
     "volga": (100.0, 1),
 }
 # How much larger an estimate may be: it is some thirty times the error in the median; calibrated on random contracts.
-PESSIMISM = 3.0
+PESSIMISM = 5.0
+VOLGA_PESSIMISM = 8.0  # The same of volga, whose estimate from values is as pessimistic as it is from vegas.
 LEAST_TOLERANCE = 1e-7  # Smallest tolerance, in strikes, that the errors of Greeks are measured by; chosen.
 CLOSE = 1e-8  # Tolerance, in strikes, of values whose differences are taken; chosen.
 # Error of a derivative by a parameter, in strikes, from which on differences are tried; chosen: they take many solves.
@@ -235,7 +236,7 @@ def _volga_to_tolerance(book: Book, level: NDArray[np.int64], vega: Columns, req
     finer = np.minimum(level + FINER_LEVELS, FINEST)
     by_values = _second_difference(book, VALUES_STEP * smallest, finer, request)
     found = _with_error(by_values, vega, smallest, (VALUES_STEP, VALUES_NOISE))
-    rows = np.flatnonzero(~(_largest_error(book, found, request.tolerance) <= PESSIMISM))
+    rows = np.flatnonzero(~(_largest_error(book, found, request.tolerance) <= VOLGA_PESSIMISM))
     if rows.size and not request.is_interrupted():
         known = {name: column[rows] for name, column in vega.items()}
         by_vegas = _difference_of_vegas(book.take(rows), VEGAS_STEP * smallest[rows], request)
