@@ -281,10 +281,14 @@ impl<V: Vector> Chunk<'_, V> {
         let extrapolant = comparison.extrapolant(&difference);
         let depth = extrapolant.boundary - self.spots.x;
         let values = lanes_of(&self.spots.values(&extrapolant, depth));
-        let cross = lanes_of(&self.spots.cross_derivatives(&extrapolant, depth));
+        let nothing = [[0.0; LANES]; CROSS];
+        let (mut cross, mut cross_apart, mut european) = (nothing, nothing, [0.0; LANES]);
+        if puts.spread_step.is_some() {
+            cross = lanes_of(&self.spots.cross_derivatives(&extrapolant, depth));
+            cross_apart = lanes_of(&self.spots.cross_differences(&difference));
+            european = self.spots.european_by_spread_twice().lanes();
+        }
         let premium = self.spots.discounted(extrapolant.u).lanes();
-        let european = self.spots.european_by_spread_twice().lanes();
-        let cross_apart = lanes_of(&self.spots.cross_differences(&difference));
         let (error, boundary) = (error.lanes(), extrapolant.boundary.lanes());
         let (depth, settled) = (depth.lanes(), difference.settled.lanes());
         let newest_settled = self.evaluations[0].settled.lanes();

@@ -145,21 +145,19 @@ pub fn price_options(
     interrupt: Interrupt,
 ) -> Priced {
     let count = options.spot.len();
-    let puts: Vec<Put> = (0..count).map(|at| options.row(at).put()).collect();
-    let mut order: Vec<usize> = (0..count).collect();
-    if shared {
-        order.sort_by(|&a, &b| puts[a].compare(&puts[b]).then(a.cmp(&b)));
-    }
+    let order = shared.then(|| options.side_by_side());
+    let row_of = |place: usize| order.as_ref().map_or(place, |order| order[place]);
     let mut columns = Columns::with_capacity(count, greeks);
-    for (place, &at) in order.iter().enumerate() {
-        let put = &puts[at];
-        let continues =
-            shared && place > 0 && puts[order[place - 1]].compare(put) == std::cmp::Ordering::Equal;
-        columns.push(&options.row(at), put, options.tolerance[at], continues);
+    let mut last: Option<Put> = None;
+    for at in (0..count).map(row_of) {
+        let (row, put) = (options.row(at), options.row(at).put());
+        let continues = shared && last.is_some_and(|last| last.compare(&put).is_eq());
+        columns.push(&row, &put, options.tolerance[at], continues);
+        last = Some(put);
     }
     columns.first.push(count);
     let solved = solve_puts(columns.as_puts(greeks, interrupt), threads);
-    in_money(options, &order, &solved, greeks)
+    in_money(options, row_of, &solved, greeks)
 }
 
 /// The puts as columns, in the order in which they are marched.
@@ -197,8 +195,9 @@ impl Columns {
         }
         self.x.push(put.x);
         let of_put = tolerance * (row.strike / row.scale());
+        let is_certain = row.is_exercised_even_without_expiry(put);
         self.tolerance
-            .push(if put.is_certain() { tolerance } else { of_put });
+            .push(if is_certain { tolerance } else { of_put });
         if let Some(limits) = &mut self.limits {
             limits.extend(row.limits(of_put));
         }
@@ -221,23 +220,24 @@ impl Columns {
 }
 
 impl Put {
-    /// An order in which puts of one march lie side by side.
+    /// Which comes first where puts of one march lie side by side.
     fn compare(&self, other: &Self) -> std::cmp::Ordering {
         self.rate
             .total_cmp(&other.rate)
             .then(self.dividend.total_cmp(&other.dividend))
             .then(self.spread.total_cmp(&other.spread))
     }
-
-    /// Whether even the put without expiry would be exercised: then the boundary alone is needed.
-    fn is_certain(&self) -> bool {
-        let drift = (self.rate - self.dividend) / self.spread - 0.5 * self.spread;
-        let decay = drift + (drift * drift + 2.0 * self.rate).sqrt();
-        self.x < 0.0 && self.x <= -(self.spread / decay).ln_1p()
-    }
 }
 
 impl Options<'_> {
+    /// An order of the rows in which puts of one march lie side by side.
+    fn side_by_side(&self) -> Vec<usize> {
+        let puts: Vec<Put> = (0..self.spot.len()).map(|at| self.row(at).put()).collect();
+        let mut order: Vec<usize> = (0..puts.len()).collect();
+        order.sort_by(|&a, &b| puts[a].compare(&puts[b]).then(a.cmp(&b)));
+        order
+    }
+
     fn row(&self, at: usize) -> Row {
         Row {
             is_put: self.is_put[at],
@@ -271,6 +271,17 @@ impl Row {
             dividend: self.choose(self.dividend_yield, self.rate) * self.expiry,
             spread: self.volatility * self.root,
         }
+    }
+
+    /// Whether even the put without expiry would be exercised: then the boundary alone is needed.
+    fn is_exercised_even_without_expiry(&self, put: &Put) -> bool {
+        let drift = (put.rate - put.dividend) / put.spread - 0.5 * put.spread;
+        let decay = drift + (drift * drift + 2.0 * put.rate).sqrt();
+        let (spot, strike) = (
+            self.choose(self.spot, self.strike),
+            self.choose(self.strike, self.spot),
+        );
+        spot < strike && spot * (1.0 + put.spread / decay) <= strike
     }
 
     /// The strike of the put.
@@ -438,8 +449,8 @@ struct Found {
 impl Found {
     fn of(solved: &Solved, at: usize) -> Self {
         let numbers = &solved.numbers[at * solved.per_spot..(at + 1) * solved.per_spot];
-        let number = |column: usize| numbers[column];
-        let second = |column: usize| numbers.get(COLUMNS + column).copied().unwrap_or_default();
+        let number = |column: usize| numbers.get(column).copied().unwrap_or_default();
+        let second = |column: usize| number(COLUMNS + column);
         Self {
             values: std::array::from_fn(number),
             error: number(VALUES),
@@ -452,9 +463,14 @@ impl Found {
     }
 }
 
-/// Take what was found to the rows of the options, in money.
-fn in_money(options: Options, order: &[usize], solved: &Solved, greeks: Greeks) -> Priced {
-    let count = order.len();
+/// Take what was found to the rows of the options, in money; `row_of` is the row of each put.
+fn in_money(
+    options: Options,
+    row_of: impl Fn(usize) -> usize,
+    solved: &Solved,
+    greeks: Greeks,
+) -> Priced {
+    let count = solved.steps.len();
     let names = NAMES.into_iter().take(greeks.numbers());
     let mut priced = Priced {
         columns: names.map(|name| (name, vec![f64::NAN; count])).collect(),
@@ -462,7 +478,8 @@ fn in_money(options: Options, order: &[usize], solved: &Solved, greeks: Greeks) 
         settled: vec![false; count],
         steps: vec![0; count],
     };
-    for (place, &at) in order.iter().enumerate() {
+    for place in 0..count {
+        let at = row_of(place);
         priced.steps[at] = solved.steps[place];
         if !solved.settled[place] {
             continue;

@@ -217,7 +217,8 @@ impl Task<'_> {
             }
             return;
         }
-        numbers[..COLUMNS].copy_from_slice(&found.numbers);
+        let kept = numbers.len().min(COLUMNS);
+        numbers[..kept].copy_from_slice(&found.numbers[..kept]);
         store_cross(numbers, found);
         let at = item.spot - self.start;
         self.exercised[at] = found.exercised;
@@ -229,10 +230,8 @@ impl Task<'_> {
 /// Keep the derivatives by x and each parameter, where there is room for them.
 #[inline(always)]
 fn store_cross(numbers: &mut [f64], found: &Outcome) {
-    for (kept, cross) in numbers[COLUMNS..]
-        .chunks_exact_mut(SECOND)
-        .zip(&found.cross)
-    {
+    let start = numbers.len().min(COLUMNS);
+    for (kept, cross) in numbers[start..].chunks_exact_mut(SECOND).zip(&found.cross) {
         kept[..cross.len()].copy_from_slice(cross);
     }
 }

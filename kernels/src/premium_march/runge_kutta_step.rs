@@ -67,7 +67,7 @@ impl<V: Vector, const D: bool> Part<V> for RungeKuttaStep<'_, V, D> {
             history.speed = speed;
             let stages = Stages::new(step, contracts, history, *node, to);
             let mut solved: SolvedCells<V> = [const { None }; 3];
-            let phi = stages.solve(&mut solved, work);
+            let phi = stages.solve::<D>(&mut solved, work);
             x = open.negative(x, phi.times_plus(V::all(step.dx), to.xi) - moved);
             let excess = phi.abs().times(step.dx).plus(-ACCEPTED_OFFSET * step.root);
             open = excess.negative(V::all(-1.0), open);

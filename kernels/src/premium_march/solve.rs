@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use super::contracts::Puts;
 use super::group::{COLUMNS, SECOND_COLUMNS};
 use super::refinement::Task;
+use super::spot_evaluation::VALUES;
 use crate::lanes::dispatch::dispatch;
 
 /// The number of spots that one thread takes at a time; chosen: enough to fill the lanes, few enough for the cache.
@@ -14,8 +15,8 @@ const SMALLEST_SHARE: usize = 256;
 
 /// The results, by spot; nothing of a spot that is not settled may be used.
 pub struct Solved {
-    /// For each spot `per_spot` numbers side by side, of them `COLUMNS`: the `VALUES`, the error estimate of V/K, ln(S*/K),
-    /// the differences of the derivatives. Where there is a step of the spread `SECOND_COLUMNS` follow, not a number in the
+    /// For each spot `per_spot` numbers side by side: the `VALUES`, the error estimate of V/K, ln(S*/K), and where there are
+    /// limits, `COLUMNS` in all, the differences of the derivatives. Where there is a step of the spread `SECOND_COLUMNS` follow, not a number in the
     /// exercise region: the derivatives by x and each of rate, dividend and spread, and by spread twice, and how far each
     /// is apart in the last two marches.
     pub numbers: Vec<f64>,
@@ -34,7 +35,11 @@ pub struct Solved {
 #[must_use]
 pub fn solve_puts(puts: Puts, threads: usize) -> Solved {
     let count = puts.x.len();
-    let per_spot = COLUMNS + puts.spread_step.map_or(0, |_| SECOND_COLUMNS);
+    let per_spot = match (puts.limits, puts.spread_step) {
+        (_, Some(_)) => COLUMNS + SECOND_COLUMNS,
+        (Some(_), None) => COLUMNS,
+        (None, None) => VALUES + 2,
+    };
     let mut solved = Solved {
         numbers: vec![f64::NAN; per_spot * count],
         per_spot,

@@ -93,14 +93,21 @@ impl<'a, V: Vector> Stages<'a, V> {
         }
     }
 
-    /// Solve all three stages, one after the other, and return phi of the last.
+    /// Solve all three stages, one after the other, and return phi of the last; what derivatives need of them is kept
+    /// where D.
     #[inline(always)]
-    pub fn solve(&self, solved: &mut SolvedCells<'a, V>, work: &mut Workspace<V>) -> V {
+    pub fn solve<const D: bool>(
+        &self,
+        solved: &mut SolvedCells<'a, V>,
+        work: &mut Workspace<V>,
+    ) -> V {
         let mut phi = V::zero();
         for (number, solved) in solved.iter_mut().enumerate() {
             let (cell, solution) = self.take(number, phi, work);
             phi = solution.phi;
-            *solved = Some((cell, solution));
+            if D {
+                *solved = Some((cell, solution));
+            }
         }
         phi
     }

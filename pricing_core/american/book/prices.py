@@ -120,7 +120,7 @@ NUMBERS = tuple(name for name, kind in _TYPES.items() if kind == Vector and name
 LISTS = tuple(name for name, kind in _TYPES.items() if kind == Ragged)
 FLAGS = ("exercised", "settled", "complete", "fitted")
 TEXTS = ("method", "message")
-CACHED = 16384  # Number of rows of the shared columns of one value: those of one chunk.
+CACHED = 8192  # Number of rows of the shared columns of one value: those of one chunk.
 COUNTS = ("solves", "steps")
 COLUMN = (np.ndarray, Ragged)
 # The Greeks that are one number for each contract, and those that are lists.

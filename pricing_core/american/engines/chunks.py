@@ -16,8 +16,8 @@ from pricing_core.american.book.prices import Prices
 from pricing_core.american.engines.engine import Engine, Request
 from pricing_core.american.engines.solve import ENGINES, solve
 
-# Number of segments priced at a time, so that their columns stay in the cache; measured.
-LARGEST_CHUNK = 16384
+# Number of segments priced at a time: the memory of so few is used again and need not be asked for anew; measured.
+LARGEST_CHUNK = 8192
 SMALLEST_CHUNK = 256  # Number of segments: fewer are not worth a thread; measured.
 
 T = TypeVar("T")
