@@ -184,8 +184,9 @@ class Density:
         """
         together = max(1, PIECES // (self.breaks.size + _PARTS.size))
         parts = np.arange(together, centre.size, together)
-        columns = (np.split(column, parts) for column in (centre, spread, start))
-        return np.concatenate([self._part_against(*part, kernel) for part in zip(*columns, strict=True)])
+        centres, spreads, starts = (np.split(column, parts) for column in (centre, spread, start))
+        some = zip(centres, spreads, starts, strict=True)
+        return np.concatenate([self._part_against(*these, kernel) for these in some])
 
     def _part_against(
         self, centre: Vector, spread: Vector, start: Vector, kernel: Callable[[Matrix], Matrix]
@@ -281,4 +282,5 @@ def _sampled(function: Callable[[Vector], Vector], breaks: Vector) -> Density:
 def _values(function: Callable[[Vector], Vector], low: Vector, high: Vector) -> Matrix:
     places = 0.5 * (low + high)[:, None] + 0.5 * (high - low)[:, None] * NODES
     parts = np.split(places.ravel(), np.arange(PLACES, places.size, PLACES))
-    return np.maximum(np.concatenate([function(part) for part in parts]).reshape(places.shape), 0.0)
+    heights = np.concatenate([function(part) for part in parts]).reshape(places.shape)
+    return np.asarray(np.maximum(heights, 0.0))

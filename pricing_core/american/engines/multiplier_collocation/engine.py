@@ -146,7 +146,8 @@ def _pays_to_wait(schedule: Schedule, times: Vector) -> BoolVector:
     segments = schedule.segments
     later = [*(segment.exercisable for segment in segments[1:]), True]
     ends = [s.end for s, may_exercise in zip(segments, later, strict=True) if s.due > 0.0 and may_exercise]
-    return np.isclose(times[:, None], np.array(ends), rtol=SAME_TIME, atol=0.0).any(axis=1)
+    waits: BoolVector = np.isclose(times[:, None], np.array(ends), rtol=SAME_TIME, atol=0.0).any(axis=1)
+    return waits
 
 
 def _escrow_at(schedule: Schedule, time: float) -> float:
