@@ -3,7 +3,14 @@ import math
 import numpy as np
 import pytest
 
-from pricing_core.american import Market, Option, exercise_boundary, price
+from pricing_core.american import (
+    CashDividend,
+    Market,
+    Option,
+    PiecewiseConstant,
+    exercise_boundary,
+    price,
+)
 from pricing_core.american.engines.perpetual import perpetual_boundary
 from pricing_core.errors import InvalidInputError, NumericalError
 from tests.problems.needs_kernel import needs_kernel
@@ -151,3 +158,22 @@ def test_a_time_does_not_depend_on_the_other_times():
     assert np.isnan(together.error_estimate).tolist() == [True, False, False]
     assert together.boundary[-1] == alone.boundary[0]
     assert np.all(np.diff(together.boundary) >= 0.0)
+
+
+@pytest.mark.parametrize("amount", [2.0, 30.0, 150.0])
+def test_nobody_exercises_an_escrowed_put_just_before_a_payment(amount):
+    """Who waits until it is over gets a strike that is higher by the payment."""
+    market = Market(1000.0, 0.05, 0.2, 0.02, (CashDividend(0.5, amount),), dividend_model="escrowed")
+    found = exercise_boundary(Option("put", 100.0, 1.0), market, [0.0, 0.5, 0.5001, 1.0])
+    assert np.isnan(found.boundary[1])
+    assert 80.0 < found.boundary[2] < 83.0
+    assert found.boundary[3] == 100.0
+
+
+@pytest.mark.parametrize("strike", [1e-30, 1.0])
+def test_a_boundary_that_begins_at_no_spot_is_none(strike):
+    """The boundary of this put begins at K r/q, which is 0 in floating-point numbers for the smaller strike."""
+    dividends = (CashDividend(0.5, 0.3 * strike), CashDividend(1.5, 0.3 * strike))
+    market = Market(strike, PiecewiseConstant([0.2, 1.0], [0.05, 1e-300]), 1e-4, 2.0, dividends)
+    found = exercise_boundary(Option("put", strike, 2.0), market)
+    assert np.all(np.isnan(found.boundary) | (found.boundary <= strike))

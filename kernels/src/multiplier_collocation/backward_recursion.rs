@@ -115,6 +115,9 @@ pub fn solve_schedule(
 ) -> Result<Option<Derivatives>, Unsettled> {
     let segments = schedule.segments;
     let forecasts = forecasts(segments, schedule.x);
+    if forecasts.iter().any(|here| !here.forward.is_finite()) {
+        return Err(Unsettled); // the dividends take the spot to nothing, many times over
+    }
     #[allow(clippy::cast_precision_loss)]
     let smallest_budget = KEPT_SHARE * schedule.tolerance / segments.len() as f64;
     let mut recursion = BackwardRecursion {
@@ -300,7 +303,7 @@ impl BackwardRecursion<'_> {
         };
         let reach = asked.max(RELEVANT * here.deviation());
         let furthest = self.furthest(&part, here, reach);
-        let (mut transferred, relevant) = self.transfer(&part, ends, furthest);
+        let (mut transferred, relevant) = self.transfer(&part, ends, furthest)?;
         let found = self
             .onset_search(&transferred, &part, relevant, cuts > 0)
             .find()?;
@@ -369,7 +372,12 @@ impl BackwardRecursion<'_> {
 
     /// The value at a part's end, with finer panels where its contact set begins at nodes, and the x beyond which that
     /// does not matter.
-    fn transfer(&self, part: &Segment, ends: Interval, furthest: f64) -> (Transferred, f64) {
+    fn transfer(
+        &self,
+        part: &Segment,
+        ends: Interval,
+        furthest: f64,
+    ) -> Result<(Transferred, f64), Unsettled> {
         let mut widths = PanelWidths {
             spread: part.spread(),
             points: self.fineness.panel_points,
@@ -377,17 +385,17 @@ impl BackwardRecursion<'_> {
             kink_factor: self.fineness.kink_factor,
         };
         let transfer = |widths: &PanelWidths| match self.later() {
-            None => at_expiry(part),
+            None => Ok(at_expiry(part)),
             Some(later) => before_event(later, part, &self.kinks, ends, widths),
         };
-        let mut transferred = transfer(&widths);
+        let mut transferred = transfer(&widths)?;
         let relevant = self.relevant(&transferred, part, furthest);
         let search = self.onset_search(&transferred, part, relevant, false);
         if search.nodes_only && search.has_contact() {
             widths.largest = FINE_PANEL;
-            transferred = transfer(&widths);
+            transferred = transfer(&widths)?;
         }
-        (transferred, relevant)
+        Ok((transferred, relevant))
     }
 
     /// The furthest x to the side of exercise at which a contact set matters, and boundaries are looked for.

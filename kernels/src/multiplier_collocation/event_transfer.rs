@@ -9,6 +9,7 @@ use super::profile::{Piece, PieceKind, Profile};
 use super::segment::Segment;
 use super::segment_value::SegmentValue;
 use super::spot_drop::{logarithm, SpotDrop};
+use super::unsettled::Unsettled;
 
 /// The number of panels for which room is made at once; chosen: few profiles have more.
 const USUAL_PANELS: usize = 40;
@@ -118,16 +119,17 @@ fn payoff_after_dividends(segment: &Segment) -> Vec<Piece> {
 
 /// The value at the end of `segment`, before its event, from that after it, whose kinks are `kinks`.
 ///
-/// `ends` is the interval of x that matters; beyond it the value is continued as a line in the spot.
+/// `ends` is the interval of x that matters; beyond it the value is continued as a line in the spot. Unsettled where it
+/// takes too many panels.
 pub fn before_event(
     later: &SegmentValue,
     segment: &Segment,
     kinks: &[Kink],
     ends: Interval,
     widths: &PanelWidths,
-) -> Transferred {
+) -> Result<Transferred, Unsettled> {
     if segment.fraction >= 1.0 {
-        return paid_out_whole(later, segment);
+        return Ok(paid_out_whole(later, segment));
     }
     let drop = SpotDrop {
         keep: 1.0 - segment.fraction,
@@ -186,8 +188,8 @@ pub fn before_event(
         open_ends,
         inside,
     };
-    Transferred {
-        profile: sample.profile(&continuation, pieces, &kinks, widths),
+    Ok(Transferred {
+        profile: sample.profile(&continuation, pieces, &kinks, widths)?,
         contact,
         far: if goes_on {
             far
@@ -196,7 +198,7 @@ pub fn before_event(
         },
         kinks,
         at_zero: at_zero(later, segment),
-    }
+    })
 }
 
 /// The pieces that are lines without approximation, below a spot that the event takes whole and on the later contact
@@ -298,7 +300,7 @@ impl Sample<'_> {
         mut pieces: Vec<Piece>,
         kinks: &[Kink],
         widths: &PanelWidths,
-    ) -> Profile {
+    ) -> Result<Profile, Unsettled> {
         let room = USUAL_PANELS * widths.points;
         let mut panels = Vec::with_capacity(USUAL_PANELS);
         let (mut nodes, mut weighted) = (Vec::with_capacity(room), Vec::with_capacity(room));
@@ -310,7 +312,7 @@ impl Sample<'_> {
                 &mut panels,
                 &mut nodes,
                 &mut weighted,
-            );
+            )?;
         }
         let after = self.drop.after_all(&nodes);
         for (weight, value) in weighted
@@ -330,7 +332,7 @@ impl Sample<'_> {
                 pieces.push(piece(PieceKind::Other, stop, upper, constant, slope));
             }
         }
-        Profile::new(&pieces, panels, nodes, weighted)
+        Ok(Profile::new(&pieces, panels, nodes, weighted))
     }
 
     /// The constant and the slope of the tangent at x as a function of the spot.

@@ -1,11 +1,15 @@
 //! Gauss panels on an interval of x, fine where the value is not smooth.
 
 use super::gauss_legendre::legendre;
+use super::unsettled::Unsettled;
 
 /// The largest number of kinks that panels are fitted to, the newest ones; chosen: older ones are smooth by then.
 const MOST_KINKS: usize = 12;
 /// The smallest width of a kink, in standard deviations of ln S over the segment; chosen.
 const SMALLEST_PANEL: f64 = 0.04;
+
+/// The largest number of panels at one event, which take 15 MB: an interval that needs more is not worth its time. Chosen.
+const MOST_PANELS: usize = 1 << 16;
 
 /// An interval of x; its ends may be infinite.
 pub type Interval = (f64, f64);
@@ -37,7 +41,8 @@ pub struct Panel {
     pub half: f64,
 }
 
-/// Append the panels of an interval, each as wide as the kinks near it allow, and their Gauss nodes and weights.
+/// Append the panels of an interval, each as wide as the kinks near it allow, and their Gauss nodes and weights; unsettled
+/// where these are too many.
 pub fn append_nodes(
     interval: Interval,
     kinks: &[Kink],
@@ -45,12 +50,15 @@ pub fn append_nodes(
     panels: &mut Vec<Panel>,
     nodes: &mut Vec<f64>,
     weights: &mut Vec<f64>,
-) {
+) -> Result<(), Unsettled> {
     let smallest = SMALLEST_PANEL * widths.spread;
     let rule = legendre(widths.points);
     let recent = &kinks[kinks.len().saturating_sub(MOST_KINKS)..];
     let (mut a, stop) = interval;
     while a < stop {
+        if panels.len() == MOST_PANELS {
+            return Err(Unsettled);
+        }
         let mut width = widths.largest * widths.spread;
         for kink in recent {
             let smallest_width = widths.kink_factor * kink.width.max(smallest);
@@ -77,4 +85,5 @@ pub fn append_nodes(
         }
         a = b;
     }
+    Ok(())
 }

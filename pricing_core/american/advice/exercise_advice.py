@@ -110,7 +110,7 @@ def exercise_advice(
     InvalidInputError
         An argument lies outside what is allowed.
     NumericalError
-        The interrupt came before the end.
+        The interrupt came before the end; or the law of the spot is too narrow to be resolved.
 
     Examples
     --------
@@ -210,7 +210,7 @@ def _exercised(
     errors += [region.error for region in regions if region is not None]
 
     def run(count: int, shift: float) -> Exercised:
-        return ExerciseMarch(schedule, count, shift).run(spans, regions, check)
+        return ExerciseMarch(schedule, count, shift, check).run(spans, regions)
 
     fine, coarse, moved = run(INTERVALS, 0.0), run(INTERVALS // 2, 0.0), run(INTERVALS // 2, max(errors))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 
@@ -78,17 +77,18 @@ class ExerciseMarch:
         Number of intervals of a span's mesh.
     shift : float
         By how much every end of the region is moved, in ln(spot): for the error that the boundary's own error makes.
+    check : callable
+        Called between the steps of the work; may raise.
     """
 
     schedule: Schedule
     count: int
-    shift: float = 0.0
+    shift: float
+    check: Callable[[], None]
     laws: list[Law] = field(default_factory=list)
     found: Exercised = field(default_factory=Exercised)
 
-    def run(
-        self, spans: list[list[Span]], regions: list[Region | None], check: Callable[[], None]
-    ) -> Exercised:
+    def run(self, spans: list[list[Span]], regions: list[Region | None]) -> Exercised:
         """Return when how many exercise.
 
         Parameters
@@ -97,8 +97,6 @@ class ExerciseMarch:
             For each segment.
         regions : list of Region or None
             For each segment, just before what happens at its end; that of the last is not used.
-        check : callable
-            Called before each segment; may raise.
         """
         segments = self.schedule.segments
         if self.schedule.spot > 0.0:
@@ -106,7 +104,7 @@ class ExerciseMarch:
         else:
             self._exercise_without_spot(1.0, 0)
         for k, segment in enumerate(segments):
-            check()
+            self.check()
             for span in spans[k]:
                 self._pass(segment, span)
             if segment is segments[-1]:
@@ -129,7 +127,7 @@ class ExerciseMarch:
                 self._cut(span.end, span.region_at(1.0))
             return
         if not span.exists:
-            self.laws = [_diffused(law, mean, spread) for law in self.laws]
+            self.laws = [self._diffused(law, mean, spread) for law in self.laws]
             return
         region = span.region_at(0.0)
         self._cut(span.start, region)
@@ -137,7 +135,7 @@ class ExerciseMarch:
         for law in laws:
             above = law.support[0] >= region.high + self.shift
             edge = _shifted(span.high if above else span.low, self.shift)
-            passage = Passage(law, mean / length, segment.volatility, length, edge)
+            passage = Passage(law, mean / length, segment.volatility, length, edge, self.check)
             if not above:
                 passage = passage.mirrored()
             absorbed = passage.absorbed(self.count)
@@ -146,6 +144,18 @@ class ExerciseMarch:
             self.found.defects.append(missed)
             if left is not None:
                 self.laws.append(left if above else left.mirrored())
+
+    def _diffused(self, law: Law, mean: float, spread: float) -> Law:
+        """Return the law with a normal increment added."""
+        low, high = law.support
+
+        def density(place: Vector) -> Vector:
+            self.check()
+            return law.density(place, mean, spread)
+
+        return resolved(density, low + mean - REACH * spread, high + mean + REACH * spread).with_mass(
+            law.mass
+        )
 
     def _cut(self, time: float, region: Region) -> None:
         """Let those in a region exercise."""
@@ -207,10 +217,3 @@ def _shifted(edge: Callable[[Vector], Vector] | None, by: float) -> Callable[[Ve
     if edge is None:
         raise NumericalError("nobody stands on the open side of an exercise region")
     return lambda parameter: edge(parameter) + by
-
-
-def _diffused(law: Law, mean: float, spread: float) -> Law:
-    """Return the law with a normal increment added."""
-    low, high = law.support
-    density = partial(law.density, mean=mean, spread=spread)
-    return resolved(density, low + mean - REACH * spread, high + mean + REACH * spread).with_mass(law.mass)

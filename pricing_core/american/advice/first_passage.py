@@ -12,7 +12,7 @@ points of a mesh, and the kernel is averaged over each of its intervals.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr
@@ -52,6 +52,8 @@ class Passage:
         Years, above 0.
     edge : callable
         From parameters to places of the edge, of the same shape.
+    check : callable
+        Called between the steps of the work; may raise.
     """
 
     law: Law
@@ -59,11 +61,12 @@ class Passage:
     volatility: float
     length: float
     edge: Callable[[Vector], Vector]
+    check: Callable[[], None]
 
     def mirrored(self) -> Passage:
         """Return the passage of -X, from below the edge."""
         edge = self.edge
-        return Passage(self.law.mirrored(), -self.drift, self.volatility, self.length, lambda x: -edge(x))
+        return replace(self, law=self.law.mirrored(), drift=-self.drift, edge=lambda x: -edge(x))
 
     def time(self, parameter: Vector) -> Vector:
         """Return the years since the start."""
@@ -114,6 +117,7 @@ class Passage:
         masses, spreads, centres = masses[used] / spreads[used], spreads[used], centres[used]
 
         def density(place: Vector) -> Vector:
+            self.check()
             free = self.law.density(place, self.drift * self.length, float(spread))
             return free - normal_density((place[:, None] - centres) / spreads) @ masses
 

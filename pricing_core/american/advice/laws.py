@@ -16,16 +16,22 @@ import numpy as np
 from scipy.special import ndtr
 
 from pricing_core.arrays import Matrix, Vector
+from pricing_core.errors import NumericalError
 
 ORDER = 12  # Number of Gauss points in a panel; chosen.
 REACH = 9.0  # Standard deviations beyond which a normal law has no mass; chosen.
 RESOLVED = 1e-9  # Largest share of a density's peak that a panel's last coefficients may have; chosen.
 NEGLIGIBLE = 1e-14  # Largest share of a density's peak that is cut off at its ends; chosen.
 TAIL = 40.0  # Reach of a density below the logarithm of a payment that takes the spot to zero; chosen.
-FIRST_PANELS, MOST_BISECTIONS = (
-    8,
-    30,
-)  # Numbers of panels to begin with, and of times that they are halved; chosen.
+FIRST_PANELS, MOST_PANELS = 8, 512  # Numbers of panels to begin with, and at most; chosen.
+UNRESOLVED = 1e-8  # Largest share of the mass in what the largest number of panels does not resolve; chosen.
+# Numbers of places that a function is asked for together, and of pieces that are integrated together: they bound the
+# memory that is taken at a time; chosen.
+PLACES, PIECES = 512, 8_192
+
+TOO_NARROW = (
+    "the law of the spot changes too sharply to be resolved: the volatility is too small against the rest"
+)
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(ORDER)
 _VANDERMONDE = np.polynomial.legendre.legvander(NODES, ORDER - 1)
@@ -176,6 +182,15 @@ class Density:
 
         Every one is cut at the panels and where the kernel bends.
         """
+        together = max(1, PIECES // (self.breaks.size + _PARTS.size))
+        parts = np.arange(together, centre.size, together)
+        centres, spreads, starts = (np.split(column, parts) for column in (centre, spread, start))
+        some = zip(centres, spreads, starts, strict=True)
+        return np.concatenate([self._part_against(*these, kernel) for these in some])
+
+    def _part_against(
+        self, centre: Vector, spread: Vector, start: Vector, kernel: Callable[[Matrix], Matrix]
+    ) -> Vector:
         bends = centre[:, None] + spread[:, None] * _PARTS
         cuts = np.concatenate([np.broadcast_to(self.breaks, (centre.size, self.breaks.size)), bends], axis=1)
         first = np.maximum(start, self.breaks[0])[:, None]
@@ -226,13 +241,23 @@ class Density:
 
 
 def resolved(function: Callable[[Vector], Vector], low: float, high: float) -> Density:
-    """Return a density on panels that are halved until each resolves the function, low < high."""
+    """Return a density on panels that are halved until each resolves the function, low < high.
+
+    Raises
+    ------
+    NumericalError
+        The largest number of panels does not resolve it.
+    """
     density = _sampled(function, np.linspace(low, high, FIRST_PANELS + 1))
-    for _ in range(MOST_BISECTIONS):
-        size = np.abs(density.values @ TO_COEFFICIENTS)
-        coarse = size[:, -3:].max(axis=1) > RESOLVED * np.abs(density.values).max()
+    while True:
+        size = np.abs(density.values @ TO_COEFFICIENTS)[:, -3:].max(axis=1)
+        coarse = size > RESOLVED * np.abs(density.values).max()
         if not coarse.any():
             break
+        if coarse.sum() + coarse.size > MOST_PANELS:
+            if np.diff(density.breaks) @ (size * coarse) <= UNRESOLVED * density.mass:
+                break  # rounding alone, where the density is narrow
+            raise NumericalError(TOO_NARROW)
         middle = 0.5 * (density.breaks[:-1] + density.breaks[1:])[coarse]
         breaks = np.sort(np.concatenate([density.breaks, middle]))
         halves = np.repeat(coarse, np.where(coarse, 2, 1))
@@ -256,4 +281,6 @@ def _sampled(function: Callable[[Vector], Vector], breaks: Vector) -> Density:
 
 def _values(function: Callable[[Vector], Vector], low: Vector, high: Vector) -> Matrix:
     places = 0.5 * (low + high)[:, None] + 0.5 * (high - low)[:, None] * NODES
-    return np.maximum(function(places.ravel()).reshape(places.shape), 0.0)
+    parts = np.split(places.ravel(), np.arange(PLACES, places.size, PLACES))
+    heights = np.concatenate([function(part) for part in parts]).reshape(places.shape)
+    return np.asarray(np.maximum(heights, 0.0))

@@ -16,7 +16,7 @@ from pricing_core.american.engines.engine import Boundaries, Engine, Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
 from pricing_core.american.engines.premium_march import PremiumMarch
-from pricing_core.american.engines.price_bounds import range_of
+from pricing_core.american.engines.price_bounds import lies_high, range_of
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.kernel import warn_where_missing
 
@@ -69,7 +69,7 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
         best = _together(best, book.count, rows, found, allowed)
         done = best.settled & best.complete & (best.error <= allowed)
         if done.all():
-            return _completed(book, best, request, engines)
+            return _completed(book, _within_bounds(book, best, allowed), request, engines)
         rows = np.flatnonzero(~(done | (best.status != "ok")))
         part, wanted = book.take(rows), request.take(rows)
     if best is None:
@@ -150,16 +150,17 @@ def _together(best: Prices | None, count: int, rows: Rows, found: Prices, allowe
 
 
 def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
-    """Return the prices with none outside the bounds of no arbitrage that misses its tolerance.
+    """Return the prices with none outside the bounds of no arbitrage.
 
-    An error as large as the range between these bounds says nothing: then there is no price.
+    An error that misses the tolerance and is as large as the range between these bounds says nothing: then there is no
+    price.
     """
-    rows = np.flatnonzero(best.error > allowed)
+    rows = np.flatnonzero((best.error > allowed) | lies_high(book, best.value))
     if rows.size == 0:
         return best
     found, part = best.take(rows), book.take(rows)
     least, most = range_of(part)
-    lost = found.error >= most - least
+    lost = (found.error > allowed[rows]) & (found.error >= most - least)
     inside = replace(found, value=np.clip(found.value, least, most))
     nothing = prices(int(lost.sum()), status="out_of_domain", message=NO_PRICE)
     return best.replaced(rows, inside.replaced(np.flatnonzero(lost), nothing))

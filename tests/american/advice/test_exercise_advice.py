@@ -1,4 +1,5 @@
 import math
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -228,3 +229,25 @@ def test_what_is_not_supported_is_told():
         exercise_advice(option, Market(100.0, 0.05, 0.2), tolerance=1.0)
     with pytest.raises(NumericalError, match="interrupted"):
         exercise_advice(option, Market(100.0, 0.05, 0.2), interrupt=lambda: True)
+
+
+@pytest.mark.parametrize("asked_at_most", [1, 100])
+def test_a_law_that_rounding_keeps_from_being_resolved_takes_bounded_memory_and_can_be_interrupted(
+    asked_at_most: int,
+) -> None:
+    asked = 0
+
+    def interrupt() -> bool:
+        nonlocal asked
+        asked += 1
+        return asked > asked_at_most
+
+    option = Option("call", 1e30, 1e-9, exercise_start=5e-10)
+    tracemalloc.start()
+    try:
+        with pytest.raises(NumericalError):
+            exercise_advice(option, Market(1e30, -0.5, 3.0), interrupt=interrupt)
+        assert tracemalloc.get_traced_memory()[1] < 100e6
+    finally:
+        tracemalloc.stop()
+    assert asked == asked_at_most + 1

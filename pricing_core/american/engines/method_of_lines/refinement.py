@@ -216,7 +216,7 @@ def boundaries(
     asked = tuple(float(t) for t in times)
     ends = _ends(solver_at_strike(schedule, tolerance, interrupt), asked, tolerance)
     for column, start in enumerate(first_boundaries(schedule)):
-        if np.isnan(ends[:, column]).any() and _differs(start, schedule.strike):
+        if np.isnan(ends[:, column]).any() and _lies_elsewhere(start, schedule.strike):
             # The boundary may lie on a range of its own.
             solver = make_solver(replace(schedule, spot=start), tolerance, interrupt=interrupt)
             ends = np.where(np.isnan(ends), _ends(solver, asked, tolerance), ends)
@@ -372,7 +372,7 @@ def _region_elsewhere(
     """Return the exercise region now as seen from the strike, or from where it begins; empty where interrupted."""
     near, _ = first_boundaries(schedule)
     solvers = [solver_at_strike(schedule, tolerance, interrupt)]
-    if _differs(near, schedule.strike):
+    if _lies_elsewhere(near, schedule.strike):
         solvers.append(make_solver(replace(schedule, spot=near), tolerance, interrupt=interrupt))
     region = EMPTY_REGION
     for solver in solvers:
@@ -390,8 +390,9 @@ def _for_boundaries(solver: ScheduleSolver, tolerance: float) -> Resolution:
     return replace(coarsest, stretching=even_stretching(solver.span.spread))
 
 
-def _differs(start: float, strike: float) -> bool:
-    return not math.isnan(start) and start != strike
+def _lies_elsewhere(start: float, strike: float) -> bool:
+    """Tell whether there is a spot where the boundary begins, other than the strike: one too small for it is none."""
+    return start / strike > 0.0 and start != strike
 
 
 _UNKNOWN = np.full((1, 4), math.nan)

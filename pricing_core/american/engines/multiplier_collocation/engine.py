@@ -10,7 +10,7 @@ import numpy as np
 from pricing_core import kernel
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
-from pricing_core.american.contracts.schedule import Schedule
+from pricing_core.american.contracts.schedule import SAME_TIME, Schedule
 from pricing_core.american.contracts.tolerances import BOUNDARY_ACCURACY
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
@@ -98,6 +98,9 @@ class MultiplierCollocation:
         far = np.flatnonzero(np.isnan(near) & (times < schedule.segments[-1].end))
         if far.size and book.is_put[0]:
             near[far], error[far] = _far_at(book, times[far], escrow[far], request)
+        if book.is_put[0] and book.escrowed[0]:
+            waits = _pays_to_wait(schedule, times)
+            near[waits] = error[waits] = math.nan
         last = schedule.segments[-1]
         if last.due == last.fraction == 0.0 and times[-1] == last.end:
             near[-1], error[-1] = region_at_expiry(schedule).boundaries(schedule)[0], 0.0
@@ -138,9 +141,18 @@ def _far_at(book: Book, times: Vector, escrow: Vector, request: Request) -> tupl
     return near, CAUTION * np.abs(near - rough)
 
 
+def _pays_to_wait(schedule: Schedule, times: Vector) -> BoolVector:
+    """Tell at which times the holder of an escrowed put waits at least until a payment at that time is over."""
+    segments = schedule.segments
+    later = [*(segment.exercisable for segment in segments[1:]), True]
+    ends = [s.end for s, may_exercise in zip(segments, later, strict=True) if s.due > 0.0 and may_exercise]
+    waits: BoolVector = np.isclose(times[:, None], np.array(ends), rtol=SAME_TIME, atol=0.0).any(axis=1)
+    return waits
+
+
 def _escrow_at(schedule: Schedule, time: float) -> float:
     """Return what the escrowed dividends are worth just before what happens at `time`, money."""
     for segment in schedule.segments:
-        if time <= segment.end * (1.0 + 1e-12):
+        if time <= segment.end * (1.0 + SAME_TIME):
             return segment.escrow_at(time)
     return 0.0

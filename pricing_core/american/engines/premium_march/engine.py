@@ -60,7 +60,8 @@ class PremiumMarch:
         puts = _as_puts(_with_lives(book.take(np.zeros(later.size, dtype=np.intp)), tau[later]))
         accuracy = BOUNDARY_ACCURACY * math.sqrt(request.tolerance[0])
         places, relative, found[later] = solve_boundaries(puts, accuracy, request.interrupt)
-        near[later] = schedule.strike * np.exp(places if schedule.is_put else -places)
+        with np.errstate(over="ignore"):  # in those that were not found
+            near[later] = schedule.strike * np.exp(places if schedule.is_put else -places)
         error[later] = relative * near[later]
         return Boundaries(near, nothing, error, found)
 

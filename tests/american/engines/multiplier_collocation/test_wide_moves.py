@@ -5,7 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from pricing_core.american import Market, Option, ProportionalDividend, exercise_boundary, price
+from pricing_core.american import (
+    CashDividend,
+    Market,
+    Option,
+    ProportionalDividend,
+    exercise_boundary,
+    price,
+)
 from tests.problems.needs_kernel import needs_kernel
 
 pytestmark = needs_kernel
@@ -32,3 +39,15 @@ def test_puts_without_interest_are_worth_what_the_dividends_leave(seed: int) -> 
     # Who exercises before the first dividend gives away the fall of the spot.
     before = boundary.boundary[boundary.time < dividends[0].time]
     assert np.all(np.isnan(before) | (before < 1.0))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_dividends_that_take_the_spot_many_times_over_are_left_to_another_engine(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    times = np.sort(rng.uniform(0.0, 1.0, 366)).tolist()
+    option, rate = Option("put", strike=100.0, expiry=1.0), -0.5
+    market = Market(1.0, rate, 0.2, cash_dividends=[CashDividend(time, 30.0) for time in times])
+    found = price(option, market, greeks="none", tolerance=1e-4)
+    # The first dividend takes the spot to nothing but for a negligible chance, and at this rate waiting pays.
+    assert found.method != "multiplier-collocation"
+    assert found.price == pytest.approx(100.0 * math.exp(-rate), abs=1e-2)
