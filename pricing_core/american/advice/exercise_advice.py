@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core.american.advice.cost_of_waiting import cost_of_waiting
+from pricing_core.american.advice.density_march import DensityMarch
 from pricing_core.american.advice.exercise_times import Exercised, ExerciseMarch
 from pricing_core.american.advice.region import Region, RegionFinder, Span
 from pricing_core.american.boundary import ExerciseBoundary, exercise_boundary
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE, VOLATILITY
-from pricing_core.american.contracts.local_volatility import LocalVolatility
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.american.contracts.times import checked_times
@@ -91,13 +91,14 @@ def exercise_advice(
     """Return whether to exercise, when the holder will have exercised, and what waiting costs.
 
     The probabilities are those of the first passage of the spot through the exercise boundary, solved as an integral
-    equation between the events (Fortet 1943); the costs are differences of prices.
+    equation between the events (Fortet 1943), or with a local volatility by the density of the spot on a grid. The
+    costs are differences of prices.
 
     Parameters
     ----------
     option : Option
     market : Market
-        With a volatility above 0 that does not depend on the spot.
+        With a volatility above 0.
     times : array_like, shape (m,), optional
         Years from now, increasing, 0 to expiry; by default the ex-times and exercise times, and 50 even steps.
     tolerance : float
@@ -123,10 +124,6 @@ def exercise_advice(
     check_kind("option", option, Option, "an Option")
     check_kind("market", market, Market, "a Market")
     tolerance = TOLERANCE.check(tolerance)
-    if isinstance(market.volatility, LocalVolatility):
-        raise InvalidInputError(
-            "volatility", "a local volatility", "a number or a curve in advice on exercise"
-        )
     schedule = make_schedule(option, market)
     if any(segment.volatility <= 0.0 for segment in schedule.segments):
         raise InvalidInputError(VOLATILITY.name, 0.0, "above 0 in advice on exercise")
@@ -210,6 +207,8 @@ def _exercised(
     errors += [region.error for region in regions if region is not None]
 
     def run(count: int, shift: float) -> Exercised:
+        if schedule.local is not None:
+            return DensityMarch(schedule, count, shift).run(spans, regions, check)
         return ExerciseMarch(schedule, count, shift).run(spans, regions, check)
 
     fine, coarse, moved = run(INTERVALS, 0.0), run(INTERVALS // 2, 0.0), run(INTERVALS // 2, max(errors))

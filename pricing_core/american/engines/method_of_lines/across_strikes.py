@@ -21,11 +21,11 @@ from pricing_core.american.engines.engine import Request
 from pricing_core.arrays import Matrix, Vector
 
 FEWEST_STRIKES = 24  # Smallest number of strikes that are interpolated between; chosen.
-FIRST_INTERVALS = 8  # Number of intervals to begin with; chosen.
+FIRST_INTERVALS = 15  # Number of intervals to begin with: their ends fill the lanes of the kernel; chosen.
 STENCIL, FEWEST_NODES = 6, 4  # Number of strikes of a polynomial, and the smallest that will do; chosen.
-# Share of the tolerance that the prices between which is interpolated are asked for, and that a polynomial may miss a
-# price in the middle of two others by; chosen.
-NODE_SHARE, MISFIT_SHARE = 0.5, 0.25
+MISFIT_SHARE = (
+    0.25  # Share of the tolerance that a polynomial may miss a price in the middle of two others by; chosen.
+)
 STILL_THERE = (
     "european",
     "boundary",
@@ -119,9 +119,8 @@ class _Chain:
         chosen: Rows = np.array(rows, dtype=np.intp)
         if chosen.size == 0:
             return
-        asked = self.request.take(chosen)
-        asked = replace(asked, tolerance=NODE_SHARE * asked.tolerance)
-        self.found = self.found.replaced(chosen, self.solve(self.book.take(chosen), asked))
+        solved = self.solve(self.book.take(chosen), self.request.take(chosen))
+        self.found = self.found.replaced(chosen, solved)
         self.priced[chosen] = True
 
     def _misfit(self, row: Rows, told: Prices) -> dict[str, Any] | None:
@@ -150,7 +149,7 @@ class _Chain:
             known = _matrix(self.found, name, alike.nodes), _matrix(self.found, error, alike.nodes)
             missed = 0.0 if span.misfit is None else span.misfit[name]
             columns[name] = alike.weights @ known[0]
-            columns[error] = np.abs(alike.weights) @ known[1] + missed
+            columns[error] = _combined(alike.weights, known[1]) + missed
         for name in STILL_THERE:
             columns[name] = every.weights @ _matrix(self.found, name, every.nodes)
         if exercised[0]:
@@ -169,6 +168,12 @@ class _Chain:
         apart = x[:, None] - x + diagonal
         shares = (self.logarithms[rows][:, None, None] - x) / apart
         return _Stencil(nodes[first[start : start + count]], np.where(diagonal, 1.0, shares).prod(axis=2))
+
+
+def _combined(weights: Matrix, errors: Matrix) -> Matrix:
+    """Return the error of a weighted sum of numbers whose errors are alike, or have nothing to do with each other."""
+    together: Matrix = np.maximum(np.abs(weights @ errors), np.sqrt(weights**2 @ errors**2))
+    return together
 
 
 def _like(neighbours: Prices, columns: dict[str, Any]) -> Prices:

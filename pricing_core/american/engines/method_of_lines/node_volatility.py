@@ -48,8 +48,11 @@ class NodeVolatility:
 
     def at(self, time: float) -> Vector:
         """Return what the volatility exceeds the reference by at a time, years from now, shape (N,)."""
-        weights = hat_weights(self.times, np.array([time]))
-        excess: Vector = np.sqrt(weights @ self.variance)[0] - self.reference
+        return self.excess(hat_weights(self.times, np.array([time]))[0])
+
+    def excess(self, weights: Vector) -> Vector:
+        """Return the same for a weighted mean of the variances at its times, shape (N,)."""
+        excess: Vector = np.sqrt(weights @ self.variance) - self.reference
         return excess
 
     def weights_of_steps(self, segment: Segment, mesh: Vector) -> Matrix:

@@ -48,7 +48,7 @@ EUROPEAN_SHARE = 0.5
 # of the difference between the last two solves, which a region of exercise narrower than a few cells makes; calibrated.
 CHANCE, STEP_SHARE = 1.0 / 4.0, 1.0 / 8.0
 # The same of a local volatility, whose kinks lie anywhere in the cells; calibrated.
-LOCAL_STEP_SHARE = 0.5
+LOCAL_STEP_SHARE = 0.25
 # Smallest width of a cell, as a share of the spot, in which a boundary is not looked for; chosen.
 WIDE_CELL = 0.05
 # Factor of the error estimates of derivatives by parameters, which converge less regularly; calibrated.
