@@ -251,6 +251,10 @@ def batch_command(
     greeks: GreeksArgument = "standard",
     greek_errors: GreekErrorsArgument = False,
     share_solves: ShareSolvesArgument = False,
+    advice: Annotated[
+        bool,
+        typer.Option("--advice", help="add columns of advice on exercise; at most tenths of a second a row"),
+    ] = False,
     threads: ThreadsArgument = None,
     rejects: Annotated[
         str | None,
@@ -290,6 +294,7 @@ def batch_command(
                     greeks=greeks,
                     greek_errors=greek_errors,
                     share_solves=share_solves,
+                    advice=advice,
                     threads=threads,
                     engine=engine,
                     scheduler=scheduler,

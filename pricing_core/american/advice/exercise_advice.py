@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from pricing_core.american.advice.cost_of_waiting import cost_of_waiting
 from pricing_core.american.advice.density_march import DensityMarch
 from pricing_core.american.advice.exercise_times import Exercised, ExerciseMarch
-from pricing_core.american.advice.region import Region, RegionFinder, Span
+from pricing_core.american.advice.region import Boundaries, Region, RegionFinder, Span
 from pricing_core.american.boundary import ExerciseBoundary, exercise_boundary
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
@@ -141,7 +141,12 @@ def exercise_advice(
     if now or option.expiry == 0.0:
         found, error = _settled(option, market, exercised=now), 0.0
     else:
-        found, error = _exercised(option, market, schedule, chosen, interrupt, check)
+
+        def boundaries(at: Vector) -> ExerciseBoundary:
+            check()
+            return exercise_boundary(option, market, at, tolerance=BOUNDARY_TOLERANCE, interrupt=interrupt)
+
+        found, error = exercised(schedule, boundaries, chosen, check)
     probability = found.probability
     cumulative = np.minimum(found.cumulative(chosen), probability)
     assigned = cumulative + np.where(chosen >= option.expiry, found.at_expiry, 0.0)
@@ -177,31 +182,31 @@ def _settled(option: Option, market: Market, *, exercised: bool) -> Exercised:
     return Exercised(at_expiry=float(gains), worthless=float(not gains))
 
 
-def _exercised(
-    option: Option,
-    market: Market,
-    schedule: Schedule,
-    times: Vector,
-    interrupt: Callable[[], bool] | None,
-    check: Callable[[], None],
+def exercised(
+    schedule: Schedule, boundaries: Boundaries, times: Vector, check: Callable[[], None]
 ) -> tuple[Exercised, float]:
     """Return when how many exercise, and the estimated error of the probabilities.
 
     It is how far they move when every mesh has half its points, and when the boundary moves by its own error, with the
     mass that the laws between events missed.
+
+    Parameters
+    ----------
+    schedule : Schedule
+        Of a contract that is held now.
+    boundaries : callable
+        From increasing times to an `ExerciseBoundary`.
+    times : Vector, shape (m,)
+        At which the cumulative probabilities are to be right.
+    check : callable
+        Called between the steps of the work; may raise.
     """
-
-    def boundaries(at: Vector) -> ExerciseBoundary:
-        check()
-        return exercise_boundary(option, market, at, tolerance=BOUNDARY_TOLERANCE, interrupt=interrupt)
-
     finder = RegionFinder(schedule, boundaries, INTERVALS)
     last = schedule.segments[-1]
     spans: list[list[Span]] = []
     regions: list[Region | None] = []
     for segment in schedule.segments:
-        followed = segment.exercisable and option.exercise == "american"
-        spans.append(finder.spans(segment) if followed else [Span(segment.start, segment.end)])
+        spans.append(finder.spans(segment) if segment.exercisable else [Span(segment.start, segment.end)])
         regions.append(finder.at_end(segment) if segment.exercise_at_end and segment is not last else None)
     errors = [span.error for part in spans for span in part]
     errors += [region.error for region in regions if region is not None]
