@@ -65,11 +65,24 @@ async function draw(answered, signal) {
     mark("current"); // from now on there are charts, and room for them
     pictures.show(found);
     followSpot(found);
+    await advise(found.body, signal);
   } catch (error) {
     if (!(error instanceof ProblemError)) throw error;
     last = { ...answered, found: last?.found };
     mark("old", `The charts of this contract cannot be drawn: ${error.message}.`);
   }
+}
+
+// Advice on exercise comes last: it takes longer, and everything else stands without it.
+async function advise(body, signal) {
+  document.body.dataset.advice = "waiting";
+  try {
+    last.advice = await pictures.advise(service, body, signal);
+  } catch (error) {
+    if (!(error instanceof ProblemError)) throw error;
+    pictures.withoutAdvice(`There is no advice on this contract: ${error.message}.`);
+  }
+  document.body.dataset.advice = "current";
 }
 
 // The contract at a volatility, in the place of a quote.

@@ -82,7 +82,7 @@ class DensityMarch:
             region = regions[k]
             if region is not None:
                 self._cut(segment.end, region)
-            self._pay(segment, k + 1)
+            self.pay(segment, k + 1)
         self._expire(segments[-1])
         return self.found
 
@@ -190,7 +190,7 @@ class DensityMarch:
         inside = np.minimum(edges[1:], high) - np.maximum(edges[:-1], low)
         return np.asarray(np.clip(inside / np.diff(edges), 0.0, 1.0))
 
-    def _pay(self, segment: Segment, following: int) -> None:
+    def pay(self, segment: Segment, following: int) -> None:
         """Let the spot drop, s -> max(s (1 - fraction) - amount, 0), before the segment `following`."""
         if segment.fraction <= 0.0 and segment.amount <= 0.0:
             return

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,7 @@ from pricing_core.american.advice.region import Boundaries, Region, RegionFinder
 from pricing_core.american.boundary import ExerciseBoundary, exercise_boundary
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.dates import DAYS_PER_YEAR
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE, VOLATILITY
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.schedule import Schedule, make_schedule
@@ -23,6 +25,7 @@ from pricing_core.american.contracts.times import checked_times
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, NumericalError
 
+DAILY = "daily"
 EVEN_STEPS = 50  # Number of steps of the times where none are given; chosen.
 INTERVALS = 128  # Number of intervals of the mesh between two events; chosen.
 BOUNDARY_TOLERANCE = 1e-8  # Of the boundary, which is found to a tenth of its root; chosen.
@@ -83,7 +86,7 @@ class ExerciseAdvice:
 def exercise_advice(
     option: Option,
     market: Market,
-    times: ArrayLike | None = None,
+    times: ArrayLike | Literal["daily"] | None = None,
     *,
     tolerance: float = DEFAULT_TOLERANCE,
     interrupt: Callable[[], bool] | None = None,
@@ -100,7 +103,8 @@ def exercise_advice(
     market : Market
         With a volatility above 0.
     times : array_like, shape (m,), optional
-        Years from now, increasing, 0 to expiry; by default the ex-times and exercise times, and 50 even steps.
+        Years from now, increasing, 0 to expiry; by default the ex-times and exercise times, and 50 even steps; "daily":
+        every day, 1/365 year, to the expiry.
     tolerance : float
         Of the prices, as in `price`.
     interrupt : callable, optional
@@ -127,7 +131,7 @@ def exercise_advice(
     schedule = make_schedule(option, market)
     if any(segment.volatility <= 0.0 for segment in schedule.segments):
         raise InvalidInputError(VOLATILITY.name, 0.0, "above 0 in advice on exercise")
-    chosen = _default_times(option, schedule) if times is None else checked_times(option, times)
+    chosen = _chosen_times(option, schedule, times)
 
     def check() -> None:
         if interrupt is not None and interrupt():
@@ -166,6 +170,15 @@ def exercise_advice(
         status=waiting.status,
         method=", ".join(sorted(waiting.methods | set(there.method.split(", ")) - {"none"})),
     )
+
+
+def _chosen_times(option: Option, schedule: Schedule, times: ArrayLike | None) -> Vector:
+    if times is None:
+        return _default_times(option, schedule)
+    if isinstance(times, str) and times == DAILY:
+        days = np.arange(1.0, DAYS_PER_YEAR * option.expiry)
+        return np.append(days / DAYS_PER_YEAR, option.expiry)
+    return checked_times(option, times)
 
 
 def _default_times(option: Option, schedule: Schedule) -> Vector:
