@@ -21,7 +21,7 @@ function tell(words, canTryNow = false) {
   place("trouble").hidden = words === "";
   place("trouble-text").textContent = words;
   place("again").hidden = !canTryNow;
-  if (words === "") return;
+  if (words === "" || document.body.dataset.advice === "waiting") return; // all but the advice is answered
   mark("old");
   if (document.body.dataset.numbers) document.body.dataset.numbers = "old";
 }
@@ -36,6 +36,7 @@ function mark(state, why = "") {
 async function ask(since = performance.now()) {
   current.abort();
   current = new AbortController();
+  document.body.dataset.advice = "none";
   const { signal } = current;
   const { mode, body } = form.question();
   remember(mode, body);

@@ -101,7 +101,8 @@ def price_many(
     -------
     dict of str to array, shape (n,), or the frame with these columns
         The fields of `Valuation` by name, missing numbers NaN, and "message", the reason where status is
-        "invalid_input" or "out_of_domain"; Greeks as asked for. "dividend_sensitivities", where there are
+        "invalid_input" or "out_of_domain", or what lies outside the nodes of a local volatility; Greeks as asked for.
+        "dividend_sensitivities", where there are
         cash_dividends, and the buckets of curves hold a tuple per row. Without `share_solves` a row's numbers do not
         depend on the other rows, bit for bit.
 

@@ -153,6 +153,21 @@ class LocalVolatility:
         mean: Vector = (weights @ self.values**2)[0]
         return mean
 
+    def extrapolated(self, spot: float, strike: float, expiry: float) -> str:
+        """Return one sentence on what of a contract lies outside the nodes, or nothing."""
+        axes = (("spot", spot, self.spots), ("strike", strike, self.spots), ("expiry", expiry, self.times))
+        outside = [
+            name
+            for name, place, nodes in axes
+            if nodes.size > 1 and (place > nodes[-1] or (name != "expiry" and place < nodes[0]))
+        ]
+        if not outside:
+            return ""
+        verb = "lies" if len(outside) == 1 else "lie"
+        return (
+            f"{' and '.join(outside)} {verb} outside the nodes of the local volatility, which is flat there"
+        )
+
     def variance_slope(self, spot: float) -> float:
         """Return d sigma**2 / dS now."""
         step = SLOPE_STEP * spot

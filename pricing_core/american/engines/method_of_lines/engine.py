@@ -145,8 +145,13 @@ class MethodOfLines:
         strike, value, errors = book.strike, estimate.american[0], estimate.errors[0]
         if extended:
             columns |= _charm(book, value, errors)
+        message = ""
+        if solver.schedule.local is not None:
+            surface, expiry = solver.schedule.local.volatility, book.expiry.item(0)
+            message = surface.extrapolated(book.spot.item(0), strike.item(0), expiry)
         return priced(
             book,
+            message=message,
             value=np.clip(strike * value[0], *within),
             european=np.clip(strike * estimate.european[0, 0], 0.0, within[1]),
             error=strike * errors[0],
