@@ -177,6 +177,7 @@ def advice_command(
     contract: Contract,
     tolerance: ToleranceArgument = 1e-6,
     time: TimesArgument = None,
+    daily: Annotated[bool, typer.Option("--daily", help="tell of every day to the expiry")] = False,
     as_json: JsonArgument = False,
     plot: PlotArgument = None,
 ) -> None:
@@ -185,10 +186,13 @@ def advice_command(
         from app.commands.output_files import check_output_files  # noqa: PLC0415
         from app.commands.tables import advice_json, print_advice  # noqa: PLC0415
         from pricing_core.american import contract_from, exercise_advice  # noqa: PLC0415
+        from pricing_core.errors import InvalidInputError  # noqa: PLC0415
 
         option, market = contract_from(contract)
         check_output_files(None, plot)
-        advice = exercise_advice(option, market, time or None, tolerance=tolerance)
+        if daily and time:
+            raise InvalidInputError("daily", True, "left out where times are given")
+        advice = exercise_advice(option, market, "daily" if daily else time or None, tolerance=tolerance)
         if plot is not None:
             from app.commands.advice_plot import write_advice_plot  # noqa: PLC0415
 
@@ -251,6 +255,10 @@ def batch_command(
     greeks: GreeksArgument = "standard",
     greek_errors: GreekErrorsArgument = False,
     share_solves: ShareSolvesArgument = False,
+    advice: Annotated[
+        bool,
+        typer.Option("--advice", help="add columns of advice on exercise; at most tenths of a second a row"),
+    ] = False,
     threads: ThreadsArgument = None,
     rejects: Annotated[
         str | None,
@@ -290,6 +298,7 @@ def batch_command(
                     greeks=greeks,
                     greek_errors=greek_errors,
                     share_solves=share_solves,
+                    advice=advice,
                     threads=threads,
                     engine=engine,
                     scheduler=scheduler,

@@ -91,19 +91,24 @@ def _surface(
     )
 
 
-def _batch(contracts: pa.Table, tolerance: float, greeks: Greeks, greek_errors: bool) -> Question:
-    settings = {"tolerance": repr(tolerance), "greeks": greeks, "greek_errors": str(greek_errors).lower()}
+def _batch(
+    contracts: pa.Table, tolerance: float, greeks: Greeks, *, greek_errors: bool, advice: bool
+) -> Question:
+    settings = {"tolerance": repr(tolerance), "greeks": greeks}
+    settings |= {"greek_errors": str(greek_errors).lower(), "advice": str(advice).lower()}
     return table_question(f"v1/batch?{urlencode(settings)}", contracts)
 
 
-def _many(columns: Any, greeks: Greeks, greek_errors: bool) -> tuple[pa.Table, Reader[Any]]:
+def _many(columns: Any, greeks: Greeks, *, greek_errors: bool, advice: bool) -> tuple[pa.Table, Reader[Any]]:
     """Return the contracts of columns or of a frame, and what makes an answer of their kind of the service's."""
     if isinstance(columns, Mapping):
         contracts = contracts_of(contracts_table(columns))
         return contracts, lambda answer: answers.as_columns(answers.results_table(answer, contracts.num_rows))
     frame = known_frame(columns)
     contracts = contracts_of(frame)
-    schema_of_results(frame, greeks, greek_errors=greek_errors)  # before the work is done elsewhere
+    schema_of_results(
+        frame, greeks, greek_errors=greek_errors, advice=advice
+    )  # before the work is done elsewhere
     return contracts, lambda answer: with_results(frame, answers.results_table(answer, contracts.num_rows))
 
 
@@ -227,11 +232,18 @@ class Client:
         tolerance: float = ...,
         greeks: Greeks = ...,
         greek_errors: bool = ...,
+        advice: bool = ...,
     ) -> dict[str, NDArray[Any]]: ...
 
     @overload
     def price_many(
-        self, columns: AnyFrame, *, tolerance: float = ..., greeks: Greeks = ..., greek_errors: bool = ...
+        self,
+        columns: AnyFrame,
+        *,
+        tolerance: float = ...,
+        greeks: Greeks = ...,
+        greek_errors: bool = ...,
+        advice: bool = ...,
     ) -> AnyFrame: ...
 
     def price_many(
@@ -241,6 +253,7 @@ class Client:
         tolerance: float = DEFAULT_TOLERANCE,
         greeks: Greeks = "standard",
         greek_errors: bool = False,
+        advice: bool = False,
     ) -> Any:
         """Price one option per row by way of an Arrow stream, as `price_many` does.
 
@@ -255,8 +268,8 @@ class Client:
         InvalidInputError
             Columns have different lengths, or one is missing or unknown.
         """
-        contracts, read = _many(columns, greeks, greek_errors)
-        return self._ask(_batch(contracts, tolerance, greeks, greek_errors), read)
+        contracts, read = _many(columns, greeks, greek_errors=greek_errors, advice=advice)
+        return self._ask(_batch(contracts, tolerance, greeks, greek_errors=greek_errors, advice=advice), read)
 
     def _ask(self, question: Question, read: Reader[Answer]) -> Answer:
         return read(self._follow(exchange(question, self._attempts)))
@@ -373,10 +386,13 @@ class AsyncClient:
         tolerance: float = DEFAULT_TOLERANCE,
         greeks: Greeks = "standard",
         greek_errors: bool = False,
+        advice: bool = False,
     ) -> Any:
         """As `Client.price_many`."""
-        contracts, read = _many(columns, greeks, greek_errors)
-        return await self._ask(_batch(contracts, tolerance, greeks, greek_errors), read)
+        contracts, read = _many(columns, greeks, greek_errors=greek_errors, advice=advice)
+        return await self._ask(
+            _batch(contracts, tolerance, greeks, greek_errors=greek_errors, advice=advice), read
+        )
 
     async def _ask(self, question: Question, read: Reader[Answer]) -> Answer:
         return read(await self._follow(exchange(question, self._attempts)))

@@ -19,7 +19,9 @@ from app.commands.boundary_plot import (
     title_of,
 )
 from pricing_core.american import ExerciseAdvice, Market, Option, exercise_boundary
-from pricing_core.american.contracts.schedule import make_schedule
+from pricing_core.american.advice.density_march import DensityMarch
+from pricing_core.american.advice.region import Span
+from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.extras import needs_extra
 from pricing_core.replacement import replacement
@@ -120,6 +122,8 @@ def _fan(option: Option, market: Market) -> tuple[Vector, Matrix]:
     They are exact without dividends in cash, and close to it with them: what diffuses after one is taken to keep order.
     """
     schedule = make_schedule(option, market)
+    if schedule.local is not None:
+        return _fan_on_grid(schedule)
     score = np.array([[NormalDist().inv_cdf(share)] for share in FAN])
     spot = np.full((len(FAN), 1), schedule.spot)
     variance = 0.0
@@ -135,3 +139,22 @@ def _fan(option: Option, market: Market) -> tuple[Vector, Matrix]:
         spot = np.maximum(quantiles[:, -1:] * (1.0 - segment.fraction) - segment.amount, 0.0)
         variance += segment.volatility**2 * segment.duration
     return np.concatenate(times), np.concatenate(fan, axis=1)
+
+
+def _fan_on_grid(schedule: Schedule) -> tuple[Vector, Matrix]:
+    """Return the same of a local volatility, from the density of the spot on a grid."""
+    march, times, fan = DensityMarch(schedule, FAN_TIMES), [], []
+    march.count = 2  # steps of a part
+    spots = schedule.strike * march.grid.nodes
+    for k, segment in enumerate(schedule.segments):
+        ends = np.linspace(segment.start, segment.end, FAN_TIMES + 1)
+        for i, time in enumerate(ends.tolist()):
+            if i > 0:
+                march.pass_through(segment, Span(ends.item(i - 1), time))
+            below = np.cumsum(march.mass) - 0.5 * march.mass
+            fan.append(np.interp(FAN, below / march.mass.sum(), spots) + segment.escrow_at(time))
+        times.append(ends)
+        if segment is not schedule.segments[-1]:
+            march.pay(segment, k + 1)
+    fan[0] = np.full(len(FAN), schedule.spot + schedule.segments[0].escrow_at(0.0))
+    return np.concatenate(times), np.array(fan).T

@@ -25,7 +25,7 @@ export const FIELDS = [
   { group: "contract", name: "exercise_start", kind: "timing", label: "Exercise from", unit: YEARS_OR_DATE,
     show: (values) => values.exercise === "american" },
   { group: "market", name: "spot", kind: "number", label: "Spot", unit: "money", start: "100" },
-  { group: "market", name: "volatility", kind: "curve", label: "Volatility", unit: "1/√year", start: "0.2",
+  { group: "market", name: "volatility", kind: "curve", label: "Volatility", unit: "1/√year; by spot as JSON", start: "0.2",
     show: (values) => values.mode === "price" },
   { group: "market", name: "option_price", kind: "number", label: "Option price", unit: "money", start: "6.09",
     show: (values) => values.mode === "volatility" },
@@ -78,6 +78,14 @@ export function typed(text) {
 }
 
 const shown = (value) => (value === undefined || value === null ? "" : String(value));
+
+// A volatility by spot and time is typed as JSON: {"times": [..], "spots": [..], "values": [[..], ..]}.
+function typedOrSurface(text) {
+  if (!text.trim().startsWith("{")) return typed(text);
+  try { return JSON.parse(text); } catch { return text.trim(); }
+}
+
+const isSurface = (value) => typeof value === "object" && value !== null && "spots" in value;
 
 export class Form {
   constructor(root, changed) {
@@ -182,7 +190,7 @@ export class Form {
     const rows = this.rows(field.name).map((cells) => cells.map((cell) => typed(cell.value) ?? null));
     if (field.kind === "curve") {
       const curve = { times: rows.map((row) => row[0]), values: rows.map((row) => row[1]) };
-      return box.classList.contains("by-time") ? curve : typed(box.querySelector("input").value);
+      return box.classList.contains("by-time") ? curve : typedOrSurface(box.querySelector("input").value);
     }
     if (field.columns.length === 1) return rows.map(([time]) => time);
     return rows.map(([time, size]) => ({
@@ -233,6 +241,8 @@ export class Form {
         const cells = field.columns.length === 1 ? [entry] : [entry?.time ?? entry?.ex_date, entry?.[field.columns[1][0]]];
         this.addRow(field, field.columns, rows, cells);
       }
+    } else if (field.kind === "curve" && isSurface(value)) {
+      box.querySelector("input").value = JSON.stringify(value);
     } else if (field.kind === "curve" && typeof value === "object" && value !== null) {
       const times = Array.isArray(value.times) ? value.times : [];
       times.forEach((time, i) => this.addRow(field, CURVE_COLUMNS, rows, [time, value.values?.[i]]));
@@ -280,6 +290,7 @@ export class Form {
     const index = path.match(/\[(\d+)\]/)?.[1];
     if (index === undefined) return box.querySelector("input:not([hidden]):not([type=radio])");
     const row = this.rows(name)[Number(index)];
+    if (!row) return box.querySelector("input:not([hidden]):not([type=radio])"); // a surface is one text
     const key = path.match(/\.(\w+)/)?.[1].replace("ex_date", "time");
     return row?.find((cell) => cell.dataset.key === key) ?? row?.[0];
   }

@@ -21,7 +21,7 @@ function tell(words, canTryNow = false) {
   place("trouble").hidden = words === "";
   place("trouble-text").textContent = words;
   place("again").hidden = !canTryNow;
-  if (words === "") return;
+  if (words === "" || document.body.dataset.advice === "waiting") return; // all but the advice is answered
   mark("old");
   if (document.body.dataset.numbers) document.body.dataset.numbers = "old";
 }
@@ -36,6 +36,7 @@ function mark(state, why = "") {
 async function ask(since = performance.now()) {
   current.abort();
   current = new AbortController();
+  document.body.dataset.advice = "none";
   const { signal } = current;
   const { mode, body } = form.question();
   remember(mode, body);
@@ -65,11 +66,24 @@ async function draw(answered, signal) {
     mark("current"); // from now on there are charts, and room for them
     pictures.show(found);
     followSpot(found);
+    await advise(found.body, signal);
   } catch (error) {
     if (!(error instanceof ProblemError)) throw error;
     last = { ...answered, found: last?.found };
     mark("old", `The charts of this contract cannot be drawn: ${error.message}.`);
   }
+}
+
+// Advice on exercise comes last: it takes longer, and everything else stands without it.
+async function advise(body, signal) {
+  document.body.dataset.advice = "waiting";
+  try {
+    last.advice = await pictures.advise(service, body, signal);
+  } catch (error) {
+    if (!(error instanceof ProblemError)) throw error;
+    pictures.withoutAdvice(`There is no advice on this contract: ${error.message}.`);
+  }
+  document.body.dataset.advice = "current";
 }
 
 // The contract at a volatility, in the place of a quote.

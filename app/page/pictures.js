@@ -29,6 +29,11 @@ export class Pictures {
     this.value = new Chart(root, { id: "value-chart", ...value });
     this.multiplier = new Chart(root, { id: "multiplier-chart", ...multiplier });
     this.boundary = new Chart(root, { id: "boundary-chart", ...boundary });
+    this.exercised = new Chart(root, { id: "exercised-chart", title: "When it will be exercised", x: "time from now (years)",
+      y: "risk-neutral probability", height: 260, isOverSpots: false,
+      lines: [{ name: "exercised early by then", colour: "blue" }, { name: "assigned by then, at expiry included", colour: "amber", dash: [5, 4] }] });
+    this.waiting = new Chart(root, { id: "waiting-chart", title: "What waiting costs", x: "not exercised before (years from now)",
+      y: "loss (money today)", height: 240, isOverSpots: false, lines: [{ name: "cost of waiting", colour: "red" }] });
     const panel = element("section", { class: "greeks", id: "greek-charts", "aria-labelledby": "greeks-title" },
       element("h2", { id: "greeks-title" }, "Greeks against spot, now"));
     const grid = element("div", { class: "small-charts" });
@@ -39,7 +44,36 @@ export class Pictures {
   }
 
   get all() {
-    return [this.value, this.boundary, ...this.greeks, this.multiplier];
+    return [this.value, this.boundary, this.exercised, this.waiting, ...this.greeks, this.multiplier];
+  }
+
+  // Ask for the advice on exercise of what is shown, and draw it; where there is none the charts say why.
+  async advise(service, body, signal) {
+    const asked = { ...body, tolerance: Math.max(body.tolerance ?? 0, COARSEST / 10) };
+    for (const name of ["greeks", "greek_errors", "greeks_units"]) delete asked[name];
+    const advice = await service.ask("v1/exercise-advice", asked, signal);
+    this.showAdvice(advice, body);
+    return advice;
+  }
+
+  withoutAdvice(why) {
+    for (const chart of [this.exercised, this.waiting]) chart.show([[0, 1], ...chart.lines.map(() => [null, null])], { says: why });
+  }
+
+  showAdvice(advice, body) {
+    const percent = (share) => `${share < 5e-6 ? 0 : (100 * share).toFixed(share < 0.001 ? 3 : 1)} %`;
+    const rough = (number) => short(Number(number.toPrecision(3)));
+    const expiry = advice.time.at(-1);
+    const events = eventsOf(body, expiry, advice.time);
+    const marked = (pen) => events.forEach(({ time }) => pen.upright(time, "amber", [3, 3]));
+    const when = advice.probability > 0 ? `, on average after ${rough(advice.expected_time)} years` : "";
+    const says = advice.exercise_now ? "It is best exercised now."
+      : `Exercised before expiry with probability ${percent(advice.probability)} (± ${percent(advice.probability_error)})${when}; at expiry ${percent(advice.exercised_at_expiry)}; never ${percent(advice.expires_worthless)}.`;
+    this.exercised.show([advice.time, advice.cumulative_probability, advice.assignment_probability],
+      { says, limits: [0, 1.02], annotate: marked });
+    const cost = advice.cost_of_waiting.at(-1);
+    this.waiting.show([advice.time, advice.cost_of_waiting],
+      { says: cost > 0 ? `Who waits until expiry loses ${rough(cost)}, the early exercise premium.` : "Waiting costs nothing.", annotate: marked });
   }
 
   // Ask for what the pictures show; body: a question for a price that has its answer.
@@ -175,7 +209,7 @@ export class Pictures {
 
 // The spots that the pictures show: around strike and spot as far as the spot is likely to go, with the ends of exercise.
 function spotsFor(body, boundary, contacts) {
-  const volatility = typeof body.volatility === "number" ? body.volatility : Math.max(...(body.volatility?.values ?? [0.2]));
+  const volatility = typeof body.volatility === "number" ? body.volatility : levelOf(body);
   const reach = Math.min(Math.max(2 * volatility * Math.sqrt(boundary.time.at(-1)), 0.2), 1);
   const centre = [body.strike, body.spot].filter((value) => value > 0);
   let least = Math.min(...centre) * Math.exp(-reach);
@@ -192,8 +226,17 @@ function spotsFor(body, boundary, contacts) {
   return [...new Set([...even, ...exact])].sort((a, b) => a - b);
 }
 
+// The largest volatility of a curve; of a surface that of the spot nearest to the contract's.
+function levelOf({ volatility, spot, strike }) {
+  if (!volatility?.spots) return Math.max(...(volatility?.values ?? [0.2]));
+  const away = volatility.spots.map((place) => Math.abs(Math.log(place / (spot > 0 ? spot : strike))));
+  const nearest = away.indexOf(Math.min(...away));
+  return Math.max(...volatility.values.map((row) => row[nearest]));
+}
+
+// The pieces that curves cut the life of the contract into; a surface cuts nothing.
 function curveKnots(body) {
-  return ["rate", "dividend_yield", "volatility"].reduce((sum, name) => sum + (body[name]?.times?.length ?? 0), 0);
+  return ["rate", "dividend_yield", "volatility"].reduce((sum, name) => sum + (body[name]?.spots ? 0 : body[name]?.times?.length ?? 0), 0);
 }
 
 // A value without neighbours: a line cannot show it.

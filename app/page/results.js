@@ -10,6 +10,7 @@ export const RESULTS = [
   ["intrinsic_value", "Intrinsic value", "money"],
   ["exercise_boundary", "Exercise boundary now", "money"],
   ["delta", "Delta", ""],
+  ["delta_sticky_moneyness", "Delta, smile moves with the spot", ""],
   ["gamma", "Gamma", "1/money"],
   ["theta", "Theta", "money/year", "money/day"],
   ["vega", "Vega", "money per 1.00 of volatility", "money per 0.01 of volatility"],

@@ -42,13 +42,24 @@ def price_book(
         There are no such threads.
     """
     workers = checked_threads(threads)
-    table = Table(read.count, settings.greeks, columns, greek_errors=settings.greek_errors)
+    table = Table(
+        read.count,
+        settings.greeks,
+        columns,
+        greek_errors=settings.greek_errors,
+        advice=settings.advice,
+    )
     in_order = read.rows.size == read.count and bool((read.rows[1:] > read.rows[:-1]).all())
     payoff = read.book.exercise_value()
 
     def keep(rows: slice, prices: Prices) -> None:
         places = rows if in_order else read.rows[rows]  # a slice is copied to faster
         table.fill(places, payoff[rows], prices)
+        if settings.advice:
+            from pricing_core.american.advice.advice_columns import advice_columns  # noqa: PLC0415
+
+            advice = advice_columns(read.book.part(rows), prices, request.take(rows))
+            table.advise(places, {name: getattr(advice, name) for name in advice.__slots__})
 
     deadline = settings.deadlines(read.count)
     request = Request(

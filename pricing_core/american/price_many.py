@@ -34,6 +34,7 @@ def price_many(
     threads: int | None = None,
     share_solves: bool = False,
     deadline: ArrayLike | None = None,
+    advice: bool = False,
 ) -> dict[str, NDArray[Any]]: ...
 
 
@@ -48,6 +49,7 @@ def price_many(
     threads: int | None = None,
     share_solves: bool = False,
     deadline: ArrayLike | None = None,
+    advice: bool = False,
 ) -> AnyFrame: ...
 
 
@@ -61,6 +63,7 @@ def price_many(
     threads: int | None = None,
     share_solves: bool = False,
     deadline: ArrayLike | None = None,
+    advice: bool = False,
 ) -> Any:
     """Price one option per row; a bad row gets a status and a message, never an exception.
 
@@ -84,16 +87,22 @@ def price_many(
     threads : int, optional
         How many to use, >= 1; one by default. The results do not depend on it.
     share_solves : bool
-        Serve rows that differ in spot and strike alone from one solve: chains and ladders are priced many times
-        faster, to the same tolerance. The method of lines solves every row on its own all the same.
+        Serve rows that differ in spot and strike alone from one solve, or, with a local volatility or cash dividends,
+        from those of some strikes and polynomials between them: chains and ladders are priced many times faster, to
+        the same tolerance.
     deadline : float or array_like, shape (n,), optional
         Seconds that a row may take; one that takes longer has the status "deadline".
+    advice : bool
+        Whether the table also has "exercise_probability" with its error, "expected_exercise_time",
+        "assignment_probability" and "cost_of_waiting" (for a day). It takes 30 ms a row, with events or a local
+        volatility some tenths of a second; see `exercise_advice`.
 
     Returns
     -------
     dict of str to array, shape (n,), or the frame with these columns
         The fields of `Valuation` by name, missing numbers NaN, and "message", the reason where status is
-        "invalid_input" or "out_of_domain"; Greeks as asked for. "dividend_sensitivities", where there are
+        "invalid_input" or "out_of_domain", or what lies outside the nodes of a local volatility; Greeks as asked for.
+        "dividend_sensitivities", where there are
         cash_dividends, and the buckets of curves hold a tuple per row. Without `share_solves` a row's numbers do not
         depend on the other rows, bit for bit.
 
@@ -109,7 +118,7 @@ def price_many(
     >>> table["status"].tolist(), table["message"][1]
     (['ok', 'invalid_input'], 'spot = -1.0: must be a number from 0 to 1e+30')
     """
-    settings = PricingSettings(tolerance, greeks, greek_errors, share_solves, method, deadline)
+    settings = PricingSettings(tolerance, greeks, greek_errors, share_solves, method, deadline, advice)
     checked_threads(threads)
     if hasattr(columns, "__arrow_c_stream__"):
         with needs_extra("batch"):

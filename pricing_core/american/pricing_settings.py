@@ -28,6 +28,7 @@ class PricingSettings:
     method : {"auto", "lcs", "crank-nicolson"}
     deadline : float or array_like, shape (n,), optional
         Seconds for each row.
+    advice : bool
 
     Raises
     ------
@@ -41,12 +42,14 @@ class PricingSettings:
     share_solves: bool = False
     method: Method = "auto"
     deadline: ArrayLike | None = None
+    advice: bool = False
 
     def __post_init__(self) -> None:
         TOLERANCE.check(self.tolerance)
         GREEKS.check_choice(self.greeks)
         check_kind("greek_errors", self.greek_errors, bool, "True or False")
         check_kind("share_solves", self.share_solves, bool, "True or False")
+        check_kind("advice", self.advice, bool, "True or False")
         engines_of(self.method)
         if self.deadline is not None:
             self.deadlines(np.size(self.deadline))

@@ -129,7 +129,7 @@ def _planned(
 ) -> PlannedTable:
     left_out = tuple(name for name, _ in table.partition)
     names = [*reader.schema.names, *left_out]
-    added = result_schema(names, settings.greeks, greek_errors=settings.greek_errors)
+    added = result_schema(names, settings.greeks, greek_errors=settings.greek_errors, advice=settings.advice)
     check_results(names, added.names)
     numbers = numbers_as_text(reader) if output.kind == "parquet" else ()
     schema = pa.schema([*typed_schema(reader.schema, numbers), *added])

@@ -18,6 +18,7 @@ def price_table(
     share_solves: bool = False,
     threads: int | None = None,
     deadline: ArrayLike | None = None,
+    advice: bool = False,
 ) -> AnyFrame:
     """Price every row of a table, in order; a bad row gets a status and a message, never an exception.
 
@@ -26,7 +27,7 @@ def price_table(
     table : pyarrow.Table, or any frame with the Arrow C stream interface
         Columns as in `price_many`, lists and curves as Arrow's lists and structures or as JSON text; C and P, and
         the words for a choice in any case, are understood; an empty cell takes the default. Others pass through.
-    tolerance, greeks, greek_errors, share_solves, threads, deadline
+    tolerance, greeks, greek_errors, share_solves, threads, deadline, advice
         As in `price_many`.
 
     Returns
@@ -52,5 +53,7 @@ def price_table(
     >>> table["status"].to_pylist(), table["price"].null_count
     (['ok', 'invalid_input'], 1)
     """
-    settings = PricingSettings(tolerance, greeks, greek_errors, share_solves, deadline=deadline)
+    settings = PricingSettings(
+        tolerance, greeks, greek_errors, share_solves, deadline=deadline, advice=advice
+    )
     return price_frame(table, settings, threads)

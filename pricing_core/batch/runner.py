@@ -95,6 +95,7 @@ def run_batch(
     greeks: Greeks = "standard",
     greek_errors: bool = False,
     share_solves: bool = False,
+    advice: bool = False,
     threads: int | None = None,
     engine: str = "local",
     scheduler: str | None = None,
@@ -126,6 +127,8 @@ def run_batch(
         Whether their estimated errors are columns too.
     share_solves : bool
         As in `price_many`; rows share solves with those near them in the file.
+    advice : bool
+        Whether advice on exercise is in further columns, as in `price_many`.
     threads : int, optional
         How many rows are priced at a time; as many as the process has processors unless stated. The results do not
         depend on it.
@@ -159,7 +162,7 @@ def run_batch(
     """
     source, target = as_location(source), as_location(target)
     rejects = rejects_path(target) if rejects is None else as_location(rejects)
-    settings = PricingSettings(tolerance, greeks, greek_errors, share_solves)
+    settings = PricingSettings(tolerance, greeks, greek_errors, share_solves, advice=advice)
     executor = _executor(engine, scheduler, threads_or_all(threads))
     _check_distinct(source, target, rejects)
     plan = plan_of(

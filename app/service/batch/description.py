@@ -62,7 +62,7 @@ def _columns() -> dict[str, Any]:
 def _results() -> dict[str, Any]:
     """Return the schema of columns of results."""
     units = {"enum": [*UNITS_FIELD.choices], "description": UNITS_FIELD.description}
-    fields = (*price_fields("extended", greek_errors=True), MESSAGE)
+    fields = (*price_fields("extended", greek_errors=True, advice=True), MESSAGE)
     columns = {
         field.name: {"type": "array", "items": TYPES[field.kind], "description": field.description}
         for field in fields

@@ -7,6 +7,7 @@ from fastapi import Request
 from app.known_names import among
 from app.service.errors import InvalidRequestError
 from pricing_core.american.contracts.fields import (
+    ADVICE,
     GREEK_ERRORS,
     GREEKS,
     GREEKS_UNITS,
@@ -44,6 +45,7 @@ PARAMETERS = [
     ),
     _parameter("greeks", GREEKS.description, {"enum": [*GREEKS.choices], "default": GREEKS.default}),
     _parameter("greek_errors", GREEK_ERRORS.description, {"type": "boolean", "default": False}),
+    _parameter("advice", ADVICE.description, {"type": "boolean", "default": False}),
     _parameter(
         "greeks_units",
         GREEKS_UNITS.description,
@@ -74,6 +76,7 @@ def batch_question(request: Request) -> BatchQuestion:
             TOLERANCE.check(read_number("tolerance", found.get("tolerance", TOLERANCE.default))),
             _choice("greeks", found, GREEKS.choices, GREEKS.default),
             FLAGS[_choice("greek_errors", found, tuple(FLAGS), "false")],
+            advice=FLAGS[_choice("advice", found, tuple(FLAGS), "false")],
         )
     except InvalidInputError as fault:
         raise InvalidRequestError([fault]) from None

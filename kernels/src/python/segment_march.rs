@@ -13,7 +13,7 @@ use pyo3::prelude::*;
 use super::arguments::{group_starts, nonempty_group_starts, numbers};
 use super::interrupt::Question;
 use crate::error::KernelError;
-use crate::segment_march::{self, Direction, Part, Schedule, Scheme, Sweep, Task, Terms};
+use crate::segment_march::{self, Direction, Part, Schedule, Scheme, Surface, Sweep, Task, Terms};
 
 /// The number of columns of a segment, and of the first of them, which a parameter may change.
 const COLUMNS: usize = 9;
@@ -30,36 +30,46 @@ type Swept<'py> = (
     Bound<'py, PyArray2<f64>>,
 );
 
-/// What the volatility exceeds that of the segments by, of one of several surfaces.
-struct Excess<'a> {
-    numbers: Cow<'a, [f64]>,
-    /// Where the numbers of each segment begin in a surface, and the end.
+/// Local volatilities on a grid, one or several surfaces with the same times.
+struct Surfaces<'a> {
+    variances: Cow<'a, [f64]>,
+    /// The number of variances of a surface, and of its times.
+    whole: usize,
+    times: usize,
+    weights: Cow<'a, [f64]>,
+    /// Where the rows of weights of each segment begin, and the end.
     starts: Vec<usize>,
+    reference: f64,
 }
 
-impl Excess<'_> {
-    fn of(&self, surface: f64, segment: usize) -> &[f64] {
-        let whole = self.starts[self.starts.len() - 1];
+impl Surfaces<'_> {
+    fn of(&self, surface: f64, segment: usize) -> Option<Surface<'_>> {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let first = surface as usize * whole; // a small whole number
+        let first = surface as usize * self.whole; // a small whole number
         let (start, end) = (self.starts[segment], self.starts[segment + 1]);
-        self.numbers.get(first + start..first + end).unwrap_or(&[])
+        let variances = self.variances.get(first..first + self.whole)?;
+        (end > start).then(|| Surface {
+            variances,
+            times: self.times,
+            weights: &self.weights[start * self.times..end * self.times],
+            reference: self.reference,
+        })
     }
 }
 
-fn terms<'a>(row: &ArrayView1<'_, f64>, excess: &'a Excess<'_>, segment: usize) -> Terms<'a> {
+fn terms<'a>(row: &ArrayView1<'_, f64>, surfaces: &'a Surfaces<'_>, segment: usize) -> Terms<'a> {
     Terms {
         rate: row[0],
         dividend_yield: row[1],
         volatility: row[2],
         amount: row[3],
         escrow: row[4],
-        excess: excess.of(row[5], segment),
+        surface: surfaces.of(row[5], segment),
     }
 }
 
-/// What is asked of one sweep: nodes, segments, times, `first_time`, scheme, sign, watched, directions, steps, excess,
-/// `first_row`.
+/// What is asked of one sweep: nodes, segments, times, `first_time`, scheme, sign, watched, directions, steps,
+/// variances, weights, `first_row`, reference.
 type Request<'py> = (
     PyReadonlyArray1<'py, f64>,
     PyReadonlyArray2<'py, f64>,
@@ -70,33 +80,49 @@ type Request<'py> = (
     PyReadonlyArray1<'py, f64>,
     PyReadonlyArray4<'py, f64>,
     PyReadonlyArray1<'py, f64>,
-    PyReadonlyArray3<'py, f64>,
-    PyReadonlyArray1<'py, i64>,
+    Local<'py>,
 );
 
-fn excess_of<'a>(
-    excess: &'a PyReadonlyArray3<'_, f64>,
-    first_row: &[i64],
+/// The local volatilities of a sweep: variances, weights, `first_row`, reference.
+type Local<'py> = (
+    PyReadonlyArray3<'py, f64>,
+    PyReadonlyArray2<'py, f64>,
+    PyReadonlyArray1<'py, i64>,
+    f64,
+);
+
+fn surfaces_of<'a>(
+    local: &'a Local<'_>,
     first_time: &[usize],
     nodes: usize,
-) -> PyResult<Excess<'a>> {
-    let [_, rows, size] = excess.shape() else {
-        return Err(PyValueError::new_err("excess must have three axes"));
+) -> PyResult<Surfaces<'a>> {
+    let (variances, weights, first_row, reference) = local;
+    let ([_, times, size], [rows, columns]) = (variances.shape(), weights.shape()) else {
+        return Err(PyValueError::new_err(
+            "variances must have three axes, and weights two",
+        ));
     };
-    let starts = group_starts("first_row", first_row, first_time.len() - 1, *rows)?;
+    let first_row = numbers(first_row);
+    let starts = group_starts("first_row", &first_row, first_time.len() - 1, *rows)?;
     let counts = starts.windows(2).zip(first_time.windows(2));
     let fits = |(rows, times): (&[usize], &[usize])| {
         let (rows, steps) = (rows[1] - rows[0], times[1] - times[0] - 1);
         rows <= 1 || rows == steps
     };
-    if !counts.into_iter().all(fits) || (*rows > 0 && size + 2 != nodes) {
+    let on_the_grid = *rows == 0 || (size + 2 == nodes && times == columns && *times > 0);
+    if !counts.into_iter().all(fits) || !on_the_grid {
         return Err(PyValueError::new_err(
-            "excess must have no row, one, or one per step for each segment, of a number per interior node",
+            "weights must have no row, one, or one per step for each segment, of a number per time of the variances, \
+             and these one per interior node",
         ));
     }
-    Ok(Excess {
-        numbers: numbers(excess),
-        starts: starts.into_iter().map(|start| start * size).collect(),
+    Ok(Surfaces {
+        variances: numbers(variances),
+        whole: times * size,
+        times: *times,
+        weights: numbers(weights),
+        starts,
+        reference: *reference,
     })
 }
 
@@ -111,13 +137,13 @@ struct Asked<'a> {
     watched: Cow<'a, [f64]>,
     directions: ArrayView4<'a, f64>,
     steps: Cow<'a, [f64]>,
-    excess: Excess<'a>,
+    surfaces: Surfaces<'a>,
 }
 
 impl<'a> Asked<'a> {
     fn of(request: &'a Request<'_>) -> PyResult<Self> {
         let (nodes, segments, times, first_time, scheme, sign, watched, ..) = request;
-        let (.., directions, steps, excess, first_row) = request;
+        let (.., directions, steps, local) = request;
         let scheme = match scheme {
             0 => Scheme::ImplicitEuler,
             1 => Scheme::Sdirk2,
@@ -136,7 +162,7 @@ impl<'a> Asked<'a> {
             ));
         }
         let starts = nonempty_group_starts("first_time", &numbers(first_time), count, times.len())?;
-        let excess = excess_of(excess, &numbers(first_row), &starts, nodes.len())?;
+        let surfaces = surfaces_of(local, &starts, nodes.len())?;
         Ok(Self {
             nodes: numbers(nodes),
             rows: segments.as_array(),
@@ -147,7 +173,7 @@ impl<'a> Asked<'a> {
             watched: numbers(watched),
             directions: directions.as_array(),
             steps,
-            excess,
+            surfaces,
         })
     }
 
@@ -157,7 +183,7 @@ impl<'a> Asked<'a> {
                 .axis_iter(Axis(0))
                 .enumerate()
                 .map(|(segment, pair)| {
-                    [0, 1].map(|side| terms(&pair.row(side), &self.excess, segment))
+                    [0, 1].map(|side| terms(&pair.row(side), &self.surfaces, segment))
                 })
                 .collect(),
             step: *step,
@@ -168,7 +194,7 @@ impl<'a> Asked<'a> {
 
     fn parts(&self) -> Vec<Part<'_>> {
         let part = |(segment, (row, span)): (usize, (ArrayView1<'_, f64>, &[usize]))| Part {
-            terms: terms(&row, &self.excess, segment),
+            terms: terms(&row, &self.surfaces, segment),
             fraction: row[6],
             exercisable: row[7] > 0.0,
             exercise_at_end: row[8] > 0.0,
@@ -219,9 +245,10 @@ fn swept(py: Python<'_>, sweep: Sweep) -> PyResult<Swept<'_>> {
 ///     directions (P, M, 2, 6) float, the first six columns of the segments with more and with less of each of P
 ///     parameters;
 ///     steps (P,) float, half of what the parameters differ by;
-///     excess (S, R, N) float, what the volatilities at the interior nodes exceed the segments' by, for each of S surfaces:
-///     no row for a segment, one, or one for each of its steps;
-///     `first_row` (M + 1,) int, where a segment's rows begin.
+///     variances (S, m, N) float, weights (R, m) float, `first_row` (M + 1,) int, reference, a tuple of these: the local
+///     variances at the interior nodes and at the m times of each of S surfaces; what each time counts for, no row for a
+///     segment, one, or one for each of its steps; where a segment's rows begin; the volatility exceeds the segment's by
+///     the root of the weighted variance less the reference.
 /// interrupt : callable or None
 ///     Asked every few milliseconds whether to stop.
 ///

@@ -8,10 +8,11 @@ use std::rc::Rc;
 
 use super::boundary_cell::{place, Edge, PASSES};
 use super::lane_rows::{Column, Correct, Factor, Found, Placed, Row, Solve, Terms};
+use super::operator::Rows;
 use super::region::{boundary, EMPTY};
 use super::stage::Measured;
 use super::sweep::{Arrival, GridNumbers, Leg, Progress};
-use super::{larger, march_segment, Schedule, Scheme, Sweep, SDIRK2_THETA};
+use super::{larger, Schedule, Scheme, Segment, Sweep, SDIRK2_THETA};
 use crate::error::KernelError;
 use crate::interrupt::Interrupt;
 use crate::lanes::vector::LANES;
@@ -59,8 +60,16 @@ struct Group<'a> {
     /// The tasks that no lane has taken.
     waiting: std::slice::Iter<'a, usize>,
     known: Option<Rc<GridNumbers<'a>>>,
+    /// The operator of a step that was formed last, and what it is made of: neighbours often share it.
+    formed: Option<Formed<'a>>,
     lanes: [Option<Box<Lane<'a>>>; LANES],
     rows: Vec<Row>,
+}
+
+struct Formed<'a> {
+    grid: Rc<GridNumbers<'a>>,
+    terms: super::Terms<'a>,
+    rows: Rc<Rows>,
 }
 
 /// One march.
@@ -68,6 +77,8 @@ struct Lane<'a> {
     task: usize,
     progress: Progress<'a>,
     leg: Leg<'a>,
+    /// The operator of the step under way.
+    operator: Rc<Rows>,
     /// The number of steps done in the segment.
     step: usize,
     /// Row 0 is the last interior node.
@@ -104,6 +115,7 @@ impl<'a> Group<'a> {
             tasks,
             waiting: alike.iter(),
             known: None,
+            formed: None,
             lanes: [const { None }; LANES],
             rows: if alike.len() < FEWEST || size > MOST_NODES {
                 Vec::new()
@@ -232,6 +244,7 @@ impl<'a> Group<'a> {
             Scheme::ImplicitEuler => &[1.0],
             Scheme::Sdirk2 => &[SDIRK2_THETA, 1.0],
         };
+        self.form_operators();
         let mut terms = self.terms_of_step(stages[0]);
         let smallest = Factor(&mut self.rows, &terms.h).done();
         for (lane, march) in self.marches() {
@@ -248,6 +261,29 @@ impl<'a> Group<'a> {
             self.end_step(lane, scheme, results, interrupt)?;
         }
         Some(())
+    }
+
+    /// Load the operators of the lanes in which it changes from step to step.
+    fn form_operators(&mut self) {
+        for (lane, march) in self.lanes.iter_mut().enumerate() {
+            let Some(march) = march.as_deref_mut() else {
+                continue;
+            };
+            if march.step == 0 || !march.leg.is_varying() {
+                continue; // loaded with the segment
+            }
+            let terms = march.leg.part.terms.of_step(march.step);
+            let known = self.formed.take().filter(|formed| {
+                Rc::ptr_eq(&formed.grid, &march.leg.grid) && formed.terms == terms
+            });
+            let formed = self.formed.insert(known.unwrap_or_else(|| Formed {
+                grid: Rc::clone(&march.leg.grid),
+                terms,
+                rows: march.leg.rows_of(march.step),
+            }));
+            march.operator = Rc::clone(&formed.rows);
+            march.load_operator(lane, &mut self.rows);
+        }
     }
 
     fn marches(&mut self) -> impl Iterator<Item = (usize, &mut Lane<'a>)> {
@@ -343,13 +379,12 @@ impl<'a> Group<'a> {
 }
 
 impl Leg<'_> {
-    /// Whether its march can be done in a lane: it has steps, one operator, no derivatives, and nothing infinite.
+    /// Whether its march can be done in a lane: it has steps, no derivatives, and nothing infinite.
     fn fits_lanes(&self) -> bool {
         let segment = self.segment();
         let finite = |numbers: &[f64]| numbers.iter().all(|x| x.is_finite());
         self.part.times.len() > 1
             && !self.has_tangents()
-            && !self.is_varying()
             && finite(&self.before.values)
             && [segment.lower, segment.diagonal, segment.upper].map(finite) == [true; 3]
     }
@@ -366,8 +401,13 @@ impl<'a> Lane<'a> {
             residual: 0.0,
             regions: Vec::with_capacity(leg.part.times.len()),
             stage: StageState::default(),
+            operator: Rc::clone(&leg.rows),
             leg,
         }
+    }
+
+    fn segment(&self) -> Segment<'_> {
+        self.leg.segment_with(&self.operator)
     }
 
     /// The interior node of a row, and the row of an interior node.
@@ -389,21 +429,36 @@ impl<'a> Lane<'a> {
     }
 
     fn load(&self, lane: usize, rows: &mut [Row]) {
-        let (segment, last) = (self.leg.segment(), rows.len() - 1);
+        let segment = self.segment();
         for (index, row) in rows.iter_mut().enumerate() {
-            let node = self.node(index);
-            let s = segment.nodes[node + 1];
-            let (mut lower, mut upper) = (segment.lower[node], segment.upper[node]);
-            if self.reversed {
-                (lower, upper) = (upper, lower);
-            }
+            let s = segment.nodes[self.node(index) + 1];
             row.s[lane] = s;
             row.weight[lane] = 1.0 / larger(s, 1.0);
-            row.lower[lane] = if index > 0 { lower } else { 0.0 };
-            row.diagonal[lane] = segment.diagonal[node];
-            row.upper[lane] = if index < last { upper } else { 0.0 };
         }
+        self.load_operator(lane, rows);
         self.store(lane, &self.leg.before.values, rows);
+    }
+
+    fn load_operator(&self, lane: usize, rows: &mut [Row]) {
+        let Rows {
+            lower,
+            diagonal,
+            upper,
+        } = &*self.operator;
+        let last = rows.len() - 1;
+        let (inward, outward) = if self.reversed {
+            (upper, lower)
+        } else {
+            (lower, upper)
+        };
+        for (index, row) in rows.iter_mut().enumerate() {
+            let node = self.node(index);
+            row.lower[lane] = inward[node];
+            row.diagonal[lane] = diagonal[node];
+            row.upper[lane] = outward[node];
+        }
+        rows[0].lower[lane] = 0.0;
+        rows[last].upper[lane] = 0.0;
     }
 
     /// Write v, given at all nodes.
@@ -430,7 +485,7 @@ impl<'a> Lane<'a> {
         } else {
             end
         };
-        let (segment, h) = (self.leg.segment(), terms.h[lane]);
+        let (segment, h) = (self.segment(), terms.h[lane]);
         let (size, [low, high]) = (segment.size(), segment.ends(t));
         let mut ends = [
             h * (segment.lower[0] * low),
@@ -483,7 +538,7 @@ impl<'a> Lane<'a> {
 
     /// The number of rows in contact, and what the next one lacks; None where they do not settle or nothing is lacking.
     fn placed(&self, lane: usize, rows: &[Row], h: f64) -> Result<Option<(usize, f64)>, Elsewhere> {
-        let (segment, mut contact) = (self.leg.segment(), self.stage.contact);
+        let (segment, mut contact) = (self.segment(), self.stage.contact);
         for pass in 0..PASSES {
             if contact == 0 || (contact == rows.len() && pass > 0) {
                 return Err(Elsewhere);
@@ -565,7 +620,7 @@ impl<'a> Lane<'a> {
             let slack = |node: usize| rows[self.node(node)].slack[lane];
             let [contact, near] = [count - 1, count].map(|row| self.node(row));
             region[usize::from(!self.reversed)] =
-                boundary(&self.leg.segment(), slack, contact, near, far);
+                boundary(&self.segment(), slack, contact, near, far);
         }
         region
     }
@@ -578,17 +633,22 @@ impl<'a> Lane<'a> {
         values: &[f64],
         interrupt: Interrupt<'_>,
     ) -> Result<Option<Vec<f64>>, KernelError> {
-        let times = &self.leg.part.times[self.step..=self.step + steps];
-        let (segment, contact) = (self.leg.segment(), self.contact_nodes());
-        let found = march_segment(&segment, times, scheme, values, &contact, &[], interrupt)?;
-        let Some(march) = found else {
+        let state = Arrival {
+            values: values.to_vec(),
+            contact: self.contact_nodes(),
+            residual: self.residual,
+            regions: std::mem::take(&mut self.regions),
+            tangents: Vec::new(),
+        };
+        let whole = self.step..self.step + steps;
+        let Some(state) = self.leg.march_steps(whole, state, scheme, interrupt)? else {
             return Ok(None);
         };
-        self.contact = Contact::Nodes(march.contact);
-        self.residual = larger(self.residual, march.residual);
-        self.regions.extend(march.regions);
+        self.contact = Contact::Nodes(state.contact);
+        self.residual = state.residual;
+        self.regions = state.regions;
         self.step += steps;
-        Ok(Some(march.values))
+        Ok(Some(state.values))
     }
 
     /// End the segment with these values, of which those at the two ends do not matter.

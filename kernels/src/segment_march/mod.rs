@@ -38,7 +38,7 @@ use crate::error::{check_length, KernelError};
 use crate::interrupt::Interrupt;
 pub use lane_march::{sweep_schedules, Task};
 use stage::Stage;
-pub use sweep::{sweep_schedule, Direction, Part, Schedule, Sweep, Terms};
+pub use sweep::{sweep_schedule, Direction, Part, Schedule, Surface, Sweep, Terms};
 use tangents::Tangents;
 
 /// The implicit weight of SDIRK2 (Alexander 1977), which makes it L-stable.

@@ -1,5 +1,6 @@
 //! A whole schedule at one resolution: backward in time, segment by segment, event by event.
 
+use std::ops::Range;
 use std::rc::Rc;
 
 use super::event::{Before, Derivatives, Event};
@@ -23,9 +24,59 @@ pub struct Terms<'a> {
     pub amount: f64,
     /// At the end.
     pub escrow: f64,
-    /// What the volatility at the n interior nodes exceeds that by: nothing, n numbers for the whole segment, or n for
-    /// each of its steps, in the order of the times.
-    pub excess: &'a [f64],
+    /// Where the volatility depends on the spot.
+    pub surface: Option<Surface<'a>>,
+}
+
+/// A local volatility on the n interior nodes of a grid, what it exceeds the `volatility` of the terms by.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface<'a> {
+    /// Variances per year at the nodes, n for each of its times.
+    pub variances: &'a [f64],
+    /// The number of its times.
+    pub times: usize,
+    /// What each time counts for: a row for all steps of the segment, or one for each step, in the order of the times.
+    pub weights: &'a [f64],
+    /// Per root of a year: the excess is the root of the weighted variance less this.
+    pub reference: f64,
+}
+
+impl PartialEq for Surface<'_> {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::eq(self.variances, other.variances)
+            && self.weights == other.weights
+            && self.reference.to_bits() == other.reference.to_bits()
+    }
+}
+
+impl Surface<'_> {
+    /// The surface with the weights of one step.
+    fn of_step(self, step: usize) -> Self {
+        let first = if self.weights.len() > self.times {
+            step * self.times
+        } else {
+            0
+        };
+        let weights = &self.weights[first..first + self.times];
+        Self { weights, ..self }
+    }
+
+    /// What the volatility at the nodes exceeds the terms' by, in the step that the weights are of.
+    fn excess(self) -> Vec<f64> {
+        let mut excess = vec![0.0; self.variances.len() / self.times];
+        let rows = self.variances.chunks_exact(excess.len());
+        for (weight, variances) in self.weights.iter().zip(rows) {
+            if *weight != 0.0 {
+                for (sum, variance) in excess.iter_mut().zip(variances) {
+                    *sum += weight * variance;
+                }
+            }
+        }
+        for sum in &mut excess {
+            *sum = sum.sqrt() - self.reference;
+        }
+        excess
+    }
 }
 
 /// One segment of a schedule.
@@ -84,19 +135,27 @@ pub struct Sweep {
     pub derivatives: Vec<Vec<f64>>,
 }
 
-impl<'a> Terms<'a> {
-    /// What the operator knows in a step, on `size` interior nodes.
-    fn coefficients(&self, step: usize, size: usize) -> Coefficients<'a> {
-        let first = if self.excess.len() > size {
-            step * size
-        } else {
-            0
-        };
+impl Terms<'_> {
+    /// The numbers of one step that the operator knows.
+    pub(super) fn of_step(&self, step: usize) -> Self {
+        Self {
+            amount: 0.0,
+            escrow: 0.0,
+            surface: self.surface.map(|surface| surface.of_step(step)),
+            ..*self
+        }
+    }
+
+    fn excess(&self) -> Vec<f64> {
+        self.surface.map_or_else(Vec::new, Surface::excess)
+    }
+
+    fn coefficients<'b>(&self, excess: &'b [f64]) -> Coefficients<'b> {
         Coefficients {
             rate: self.rate,
             dividend_yield: self.dividend_yield,
             volatility: self.volatility,
-            excess: self.excess.get(first..first + size).unwrap_or(&[]),
+            excess,
         }
     }
 }
@@ -168,7 +227,8 @@ pub(super) struct Progress<'a> {
     schedule: &'a Schedule<'a>,
     grid: Rc<GridNumbers<'a>>,
     watched: &'a [f64],
-    operator: Option<(Coefficients<'a>, Rc<Rows>)>,
+    /// The operator of the first step that was formed last, and the numbers that it is made of.
+    operator: Option<(Terms<'a>, Rc<Rows>)>,
     derivatives: Derivatives,
     sweep: Sweep,
     /// The number of segments that are still to be marched.
@@ -180,9 +240,9 @@ pub(super) struct Leg<'a> {
     pub part: &'a Part<'a>,
     number: usize,
     directions: &'a [Direction<'a>],
-    grid: Rc<GridNumbers<'a>>,
+    pub grid: Rc<GridNumbers<'a>>,
     nodes: &'a [f64],
-    rows: Rc<Rows>,
+    pub rows: Rc<Rows>,
     sign: f64,
     lines: [[f64; 2]; 2],
     contact_at: [bool; 2],
@@ -257,10 +317,12 @@ impl<'a> Progress<'a> {
             event.derivatives_before(derivatives, &after, &before, &changes, nodes, weights);
         }
         let differences = &self.grid.differences;
-        let coefficients = part.terms.coefficients(0, nodes.len() - 2);
+        let terms = part.terms.of_step(0);
+        let excess = terms.excess();
+        let coefficients = terms.coefficients(&excess);
         self.sweep.raised |= differences.is_raised_at(coefficients, self.watched);
-        let known = self.operator.take().filter(|(of, _)| *of == coefficients);
-        let fresh = || (coefficients, Rc::new(differences.operator(coefficients)));
+        let known = self.operator.take().filter(|(of, _)| *of == terms);
+        let fresh = || (terms, Rc::new(differences.operator(coefficients)));
         let (_, rows) = self.operator.insert(known.unwrap_or_else(fresh));
         let mut leg = Leg {
             part,
@@ -327,7 +389,12 @@ impl<'a> Progress<'a> {
 
 impl Leg<'_> {
     pub fn segment(&self) -> Segment<'_> {
-        let (rows, terms) = (&self.rows, &self.part.terms);
+        self.segment_with(&self.rows)
+    }
+
+    /// The segment with the operator of a step.
+    pub fn segment_with<'b>(&'b self, rows: &'b Rows) -> Segment<'b> {
+        let terms = &self.part.terms;
         Segment {
             nodes: self.nodes,
             lower: &rows.lower,
@@ -345,7 +412,8 @@ impl Leg<'_> {
 
     /// Whether the operator is another one in every step.
     pub fn is_varying(&self) -> bool {
-        self.part.terms.excess.len() > self.nodes.len() - 2
+        let surface = self.part.terms.surface;
+        surface.is_some_and(|surface| surface.weights.len() > surface.times)
     }
 
     pub fn has_tangents(&self) -> bool {
@@ -380,57 +448,74 @@ impl Leg<'_> {
         scheme: Scheme,
         interrupt: Interrupt<'_>,
     ) -> Result<Option<Arrival>, KernelError> {
-        let (times, mut tangents) = (self.part.times, self.tangents.clone());
-        let mut arrival = Arrival {
+        let steps = self.part.times.len().saturating_sub(1);
+        let start = Arrival {
             values: self.before.values.clone(),
             contact: self.first_contact(),
             residual: 0.0,
-            regions: Vec::with_capacity(times.len()),
+            regions: Vec::with_capacity(steps),
             tangents: Vec::new(),
         };
-        let portion = if self.is_varying() { 2 } else { times.len() };
-        for (step, times) in times.windows(portion.max(1)).enumerate() {
-            let rows = self.rows_of(step, &mut tangents);
-            let segment = Segment {
-                lower: &rows.lower,
-                diagonal: &rows.diagonal,
-                upper: &rows.upper,
-                ..self.segment()
-            };
-            let (values, contact) = (&arrival.values, &arrival.contact);
+        self.march_steps(0..steps, start, scheme, interrupt)
+    }
+
+    /// March on its own over some of the steps, from the state before the first of them.
+    pub fn march_steps(
+        &self,
+        steps: Range<usize>,
+        mut state: Arrival,
+        scheme: Scheme,
+        interrupt: Interrupt<'_>,
+    ) -> Result<Option<Arrival>, KernelError> {
+        let mut tangents = self.tangents.clone();
+        let portion = if self.is_varying() { 1 } else { steps.len() };
+        for first in steps.clone().step_by(portion.max(1)) {
+            let rows = self.rows_of(first);
+            self.set_tangents(first, &mut tangents);
+            let (segment, last) = (self.segment_with(&rows), steps.end.min(first + portion));
+            let times = &self.part.times[first..=last];
+            let (values, contact) = (&state.values, &state.contact);
             let found = march_segment(
                 &segment, times, scheme, values, contact, &tangents, interrupt,
             )?;
             let Some(march) = found else {
                 return Ok(None);
             };
-            arrival.values = march.values;
-            arrival.contact = march.contact;
-            arrival.residual = larger(arrival.residual, march.residual);
-            arrival.regions.extend(march.regions);
+            state.values = march.values;
+            state.contact = march.contact;
+            state.residual = larger(state.residual, march.residual);
+            state.regions.extend(march.regions);
             for (tangent, values) in tangents.iter_mut().zip(march.tangents) {
                 tangent.values = values;
             }
         }
-        arrival.tangents = tangents.into_iter().map(|tangent| tangent.values).collect();
-        Ok(Some(arrival))
+        state.tangents = tangents.into_iter().map(|tangent| tangent.values).collect();
+        Ok(Some(state))
     }
 
-    /// The operator of a step, after that of every tangent is set.
-    fn rows_of(&self, step: usize, tangents: &mut [Tangent]) -> Rc<Rows> {
-        if step == 0 {
+    /// The operator of a step.
+    pub fn rows_of(&self, step: usize) -> Rc<Rows> {
+        if step == 0 || !self.is_varying() {
             return Rc::clone(&self.rows);
         }
-        let (differences, size) = (&self.grid.differences, self.nodes.len() - 2);
-        for (tangent, direction) in tangents.iter_mut().zip(self.directions) {
-            let [up, down] =
-                direction.terms[self.number].map(|terms| terms.coefficients(step, size));
-            let rows = differences.derivative(up, down, direction.step);
+        let terms = self.part.terms.of_step(step);
+        let excess = terms.excess();
+        let operator = self.grid.differences.operator(terms.coefficients(&excess));
+        Rc::new(operator)
+    }
+
+    /// Set the operator of every tangent to that of a step.
+    fn set_tangents(&self, step: usize, tangents: &mut [Tangent]) {
+        if step == 0 || !self.is_varying() {
+            return;
+        }
+        let differences = &self.grid.differences;
+        let changes = changes_of(self.directions, self.number, differences, step);
+        for (tangent, rows) in tangents.iter_mut().zip(changes) {
             tangent.lower = rows.lower;
             tangent.diagonal = rows.diagonal;
             tangent.upper = rows.upper;
         }
-        Rc::new(differences.operator(self.part.terms.coefficients(step, size)))
     }
 }
 
@@ -440,23 +525,43 @@ fn tangents_of(
     differences: &Differences<'_>,
     derivatives: &Derivatives,
 ) -> Vec<Tangent> {
-    let size = differences.nodes.len() - 2;
-    let of = |(direction, values): (&Direction<'_>, &Vec<f64>)| {
-        let [up, down] = direction.terms[number].map(|terms| terms.coefficients(0, size));
-        let rows = differences.derivative(up, down, direction.step);
-        Tangent {
-            values: values.clone(),
-            lower: rows.lower,
-            diagonal: rows.diagonal,
-            upper: rows.upper,
-            rate: direction.change(number, |terms| terms.rate),
-            dividend_yield: direction.change(number, |terms| terms.dividend_yield),
-            escrow: direction.change(number, |terms| terms.escrow),
-            lines: end_lines(differences.nodes, values),
-        }
+    let changes = changes_of(directions, number, differences, 0);
+    let of = |((direction, values), rows): ((&Direction<'_>, &Vec<f64>), Rows)| Tangent {
+        values: values.clone(),
+        lower: rows.lower,
+        diagonal: rows.diagonal,
+        upper: rows.upper,
+        rate: direction.change(number, |terms| terms.rate),
+        dividend_yield: direction.change(number, |terms| terms.dividend_yield),
+        escrow: direction.change(number, |terms| terms.escrow),
+        lines: end_lines(differences.nodes, values),
     };
     let pairs = directions.iter().zip(&derivatives.values);
-    pairs.map(of).collect()
+    pairs.zip(changes).map(of).collect()
+}
+
+/// The derivatives of the operator of a step by the parameters; most of these share one surface.
+fn changes_of<'a>(
+    directions: &[Direction<'a>],
+    number: usize,
+    differences: &Differences<'_>,
+    step: usize,
+) -> Vec<Rows> {
+    let mut known: Option<(Option<Surface<'a>>, Rc<[f64]>)> = None;
+    let mut excess_of = |terms: &Terms<'a>| {
+        let same = known
+            .take()
+            .filter(|(surface, _)| *surface == terms.surface);
+        let fresh = || (terms.surface, Rc::from(terms.excess()));
+        Rc::clone(&known.insert(same.unwrap_or_else(fresh)).1)
+    };
+    let of = |direction: &Direction<'a>| {
+        let [up, down] = direction.terms[number].map(|terms| terms.of_step(step));
+        let [more, less] = [&up, &down].map(&mut excess_of);
+        let (up, down) = (up.coefficients(&more), down.coefficients(&less));
+        differences.derivative(up, down, direction.step)
+    };
+    directions.iter().map(of).collect()
 }
 
 impl Derivatives {

@@ -7,7 +7,7 @@ use crate::lanes::dispatch::{forced, InstructionSet};
 
 use super::{
     march_segment, sweep_schedule, sweep_schedules, KernelError, March, Part, Schedule, Scheme,
-    Segment, Sweep, Task, Terms,
+    Segment, Surface, Sweep, Task, Terms,
 };
 
 /// A Black-Scholes operator in s and the payoff on nodes that lie closer together around the strike.
@@ -330,7 +330,7 @@ impl Book {
                 volatility: random(0.1, 0.5),
                 amount,
                 escrow: if k % 3 == 0 { 0.05 } else { 0.0 },
-                excess: &[],
+                surface: None,
             };
             let segments = [0.03, 0.0, 0.6][..=(k as usize % 3)].iter();
             let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
@@ -461,17 +461,19 @@ fn lanes_ask_the_interrupt_before_every_step_and_every_segment() {
     }
 }
 
-/// What one sweep gives where the volatility of every segment is split into a smaller one and `rows` equal rows of excess.
-fn with_excess(task: &Task<'_>, by: f64, rows: impl Fn(&Part<'_>) -> usize) -> Sweep {
-    let size = task.nodes.len() - 2;
-    let excess: Vec<Vec<f64>> = task
-        .schedule
-        .parts
-        .iter()
-        .map(|part| vec![by; rows(part) * size])
-        .collect();
-    let split = |(part, excess): (&Part<'_>, &'_ Vec<f64>)| -> Part<'static> {
-        let (times, excess) = (part.times.to_vec().leak(), excess.clone().leak());
+/// What one sweep gives where every segment has a surface of two times with the same volatility everywhere, which exceeds
+/// its reference by what the segment's is smaller, and `rows` equal rows of weights.
+fn with_surface(task: &Task<'_>, by: f64, rows: impl Fn(&Part<'_>) -> usize) -> Sweep {
+    let variances = vec![0.09; 2 * (task.nodes.len() - 2)].leak();
+    let split = |part: &Part<'_>| -> Part<'static> {
+        let times = part.times.to_vec().leak();
+        let weights = [0.25, 0.75].repeat(rows(part)).leak();
+        let surface = Surface {
+            variances,
+            times: 2,
+            weights,
+            reference: 0.3 - by,
+        };
         Part {
             terms: Terms {
                 rate: part.terms.rate,
@@ -479,7 +481,7 @@ fn with_excess(task: &Task<'_>, by: f64, rows: impl Fn(&Part<'_>) -> usize) -> S
                 volatility: part.terms.volatility - by,
                 amount: part.terms.amount,
                 escrow: part.terms.escrow,
-                excess,
+                surface: (!surface.weights.is_empty()).then_some(surface),
             },
             fraction: part.fraction,
             exercisable: part.exercisable,
@@ -487,7 +489,7 @@ fn with_excess(task: &Task<'_>, by: f64, rows: impl Fn(&Part<'_>) -> usize) -> S
             times,
         }
     };
-    let parts: Vec<Part<'static>> = task.schedule.parts.iter().zip(&excess).map(split).collect();
+    let parts: Vec<Part<'static>> = task.schedule.parts.iter().map(split).collect();
     let schedule = Schedule {
         sign: task.schedule.sign,
         parts: &parts,
@@ -503,16 +505,54 @@ fn a_volatility_by_nodes_that_is_the_same_everywhere_gives_what_one_number_gives
     let parts = book.parts();
     let schedules = book.schedules(&parts);
     for task in book.tasks(&schedules) {
-        let expected = with_excess(&task, 0.0, |_| 0);
+        let expected = with_surface(&task, 0.0, |_| 0);
         for found in [
-            with_excess(&task, 0.0625, |_| 1),
-            with_excess(&task, 0.0625, |part| part.times.len() - 1),
+            with_surface(&task, 0.0625, |_| 1),
+            with_surface(&task, 0.0625, |part| part.times.len() - 1),
         ] {
             for (value, other) in found.values.iter().zip(&expected.values) {
                 assert!((value - other).abs() < 1e-12 * (1.0 + other.abs()));
             }
             assert_eq!(found.contact, expected.contact);
             assert_eq!(found.regions.len(), expected.regions.len());
+        }
+    }
+}
+
+#[test]
+fn lanes_take_operators_that_change_from_step_to_step_with_the_bits_of_one_alone() {
+    let mut book = Book::new(40);
+    let count = book.nodes.len();
+    for k in 0..count {
+        book.nodes[k] = book.nodes[k - k % 2].clone(); // pairs on one grid
+    }
+    let parts = book.parts();
+    let mut varied = parts.clone();
+    for (k, parts) in varied.iter_mut().enumerate() {
+        let size = book.nodes[k].len() - 2;
+        let number = |i: usize| f64::from(u32::try_from(i).unwrap());
+        let variance = |i: usize| 0.02 + 0.3 * number((7 * i + 3 * (k / 2)) % 11) / 11.0;
+        let variances = (0..2 * size).map(variance).collect::<Vec<f64>>().leak();
+        for part in parts.iter_mut() {
+            let steps = part.times.len() - 1;
+            let share = |step: usize| number(step) / number(steps);
+            let weights = (0..steps).flat_map(|step| [share(step), 1.0 - share(step)]);
+            part.terms.surface = Some(Surface {
+                variances,
+                times: 2,
+                weights: weights.collect::<Vec<f64>>().leak(),
+                reference: 0.3,
+            });
+        }
+    }
+    let schedules = book.schedules(&varied);
+    let tasks = book.tasks(&schedules);
+    for set in InstructionSet::available() {
+        let found = forced::with(set, || sweep_schedules(&tasks, &never)).unwrap();
+        for (task, found) in tasks.iter().zip(found) {
+            let alone =
+                sweep_schedule(task.schedule, task.nodes, task.scheme, task.watched, &never);
+            assert_eq!(bits(&found.unwrap()), bits(&alone.unwrap().unwrap()));
         }
     }
 }

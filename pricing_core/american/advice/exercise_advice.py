@@ -5,24 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core.american.advice.cost_of_waiting import cost_of_waiting
+from pricing_core.american.advice.density_march import DensityMarch
 from pricing_core.american.advice.exercise_times import Exercised, ExerciseMarch
-from pricing_core.american.advice.region import Region, RegionFinder, Span
+from pricing_core.american.advice.region import Boundaries, Region, RegionFinder, Span
 from pricing_core.american.boundary import ExerciseBoundary, exercise_boundary
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
+from pricing_core.american.contracts.dates import DAYS_PER_YEAR
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE, VOLATILITY
-from pricing_core.american.contracts.local_volatility import LocalVolatility
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.american.contracts.times import checked_times
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, NumericalError
 
+DAILY = "daily"
 EVEN_STEPS = 50  # Number of steps of the times where none are given; chosen.
 INTERVALS = 128  # Number of intervals of the mesh between two events; chosen.
 BOUNDARY_TOLERANCE = 1e-8  # Of the boundary, which is found to a tenth of its root; chosen.
@@ -83,7 +86,7 @@ class ExerciseAdvice:
 def exercise_advice(
     option: Option,
     market: Market,
-    times: ArrayLike | None = None,
+    times: ArrayLike | Literal["daily"] | None = None,
     *,
     tolerance: float = DEFAULT_TOLERANCE,
     interrupt: Callable[[], bool] | None = None,
@@ -91,15 +94,17 @@ def exercise_advice(
     """Return whether to exercise, when the holder will have exercised, and what waiting costs.
 
     The probabilities are those of the first passage of the spot through the exercise boundary, solved as an integral
-    equation between the events (Fortet 1943); the costs are differences of prices.
+    equation between the events (Fortet 1943), or with a local volatility by the density of the spot on a grid. The
+    costs are differences of prices.
 
     Parameters
     ----------
     option : Option
     market : Market
-        With a volatility above 0 that does not depend on the spot.
+        With a volatility above 0.
     times : array_like, shape (m,), optional
-        Years from now, increasing, 0 to expiry; by default the ex-times and exercise times, and 50 even steps.
+        Years from now, increasing, 0 to expiry; by default the ex-times and exercise times, and 50 even steps; "daily":
+        every day, 1/365 year, to the expiry.
     tolerance : float
         Of the prices, as in `price`.
     interrupt : callable, optional
@@ -123,14 +128,10 @@ def exercise_advice(
     check_kind("option", option, Option, "an Option")
     check_kind("market", market, Market, "a Market")
     tolerance = TOLERANCE.check(tolerance)
-    if isinstance(market.volatility, LocalVolatility):
-        raise InvalidInputError(
-            "volatility", "a local volatility", "a number or a curve in advice on exercise"
-        )
     schedule = make_schedule(option, market)
     if any(segment.volatility <= 0.0 for segment in schedule.segments):
         raise InvalidInputError(VOLATILITY.name, 0.0, "above 0 in advice on exercise")
-    chosen = _default_times(option, schedule) if times is None else checked_times(option, times)
+    chosen = _chosen_times(option, schedule, times)
 
     def check() -> None:
         if interrupt is not None and interrupt():
@@ -144,7 +145,12 @@ def exercise_advice(
     if now or option.expiry == 0.0:
         found, error = _settled(option, market, exercised=now), 0.0
     else:
-        found, error = _exercised(option, market, schedule, chosen, interrupt, check)
+
+        def boundaries(at: Vector) -> ExerciseBoundary:
+            check()
+            return exercise_boundary(option, market, at, tolerance=BOUNDARY_TOLERANCE, interrupt=interrupt)
+
+        found, error = exercised(schedule, boundaries, chosen, check)
     probability = found.probability
     cumulative = np.minimum(found.cumulative(chosen), probability)
     assigned = cumulative + np.where(chosen >= option.expiry, found.at_expiry, 0.0)
@@ -166,6 +172,15 @@ def exercise_advice(
     )
 
 
+def _chosen_times(option: Option, schedule: Schedule, times: ArrayLike | None) -> Vector:
+    if times is None:
+        return _default_times(option, schedule)
+    if isinstance(times, str) and times == DAILY:
+        days = np.arange(1.0, DAYS_PER_YEAR * option.expiry)
+        return np.append(days / DAYS_PER_YEAR, option.expiry)
+    return checked_times(option, times)
+
+
 def _default_times(option: Option, schedule: Schedule) -> Vector:
     """Return the times at which something happens, and even steps to the expiry."""
     events = [s.end for s in schedule.segments if s.due > 0.0 or s.fraction > 0.0 or not s.exercisable]
@@ -180,37 +195,38 @@ def _settled(option: Option, market: Market, *, exercised: bool) -> Exercised:
     return Exercised(at_expiry=float(gains), worthless=float(not gains))
 
 
-def _exercised(
-    option: Option,
-    market: Market,
-    schedule: Schedule,
-    times: Vector,
-    interrupt: Callable[[], bool] | None,
-    check: Callable[[], None],
+def exercised(
+    schedule: Schedule, boundaries: Boundaries, times: Vector, check: Callable[[], None]
 ) -> tuple[Exercised, float]:
     """Return when how many exercise, and the estimated error of the probabilities.
 
     It is how far they move when every mesh has half its points, and when the boundary moves by its own error, with the
     mass that the laws between events missed.
+
+    Parameters
+    ----------
+    schedule : Schedule
+        Of a contract that is held now.
+    boundaries : callable
+        From increasing times to an `ExerciseBoundary`.
+    times : Vector, shape (m,)
+        At which the cumulative probabilities are to be right.
+    check : callable
+        Called between the steps of the work; may raise.
     """
-
-    def boundaries(at: Vector) -> ExerciseBoundary:
-        check()
-        return exercise_boundary(option, market, at, tolerance=BOUNDARY_TOLERANCE, interrupt=interrupt)
-
     finder = RegionFinder(schedule, boundaries, INTERVALS)
     last = schedule.segments[-1]
     spans: list[list[Span]] = []
     regions: list[Region | None] = []
     for segment in schedule.segments:
-        followed = segment.exercisable and option.exercise == "american"
-        spans.append(finder.spans(segment) if followed else [Span(segment.start, segment.end)])
+        spans.append(finder.spans(segment) if segment.exercisable else [Span(segment.start, segment.end)])
         regions.append(finder.at_end(segment) if segment.exercise_at_end and segment is not last else None)
     errors = [span.error for part in spans for span in part]
     errors += [region.error for region in regions if region is not None]
 
     def run(count: int, shift: float) -> Exercised:
-        return ExerciseMarch(schedule, count, shift, check).run(spans, regions)
+        march = ExerciseMarch if schedule.local is None else DensityMarch
+        return march(schedule, count, shift, check).run(spans, regions)
 
     fine, coarse, moved = run(INTERVALS, 0.0), run(INTERVALS // 2, 0.0), run(INTERVALS // 2, max(errors))
 

@@ -102,7 +102,7 @@ class ExerciseMarch:
         if self.schedule.spot > 0.0:
             self.laws = [PointMass(math.log(self.schedule.spot), 1.0)]
         else:
-            self._exercise_without_spot(1.0, 0)
+            exercise_without_spot(self.schedule, self.found, 1.0, 0)
         for k, segment in enumerate(segments):
             self.check()
             for span in spans[k]:
@@ -180,25 +180,7 @@ class ExerciseMarch:
             self.laws = [law for law in parts if law is not None]
         lost = before - math.fsum(law.mass for law in self.laws)
         if lost > 0.0:
-            self._exercise_without_spot(lost, following)
-
-    def _exercise_without_spot(self, mass: float, first: int) -> None:
-        """Note when those exercise whose spot is zero from the start of segment `first` on."""
-        if not self.schedule.is_put:
-            self.found.worthless += mass
-            return
-        expiry = self.schedule.segments[-1].end
-        best, when, growth = math.inf, expiry, 0.0
-        for segment in self.schedule.segments[first:]:
-            if segment.exercisable and growth <= best:
-                best, when = growth, segment.start
-            growth += segment.rate * segment.duration
-            if (segment.exercise_at_end or segment.end == expiry) and growth <= best:
-                best, when = growth, segment.end
-        if when < expiry:
-            self.found.bursts.append((when, mass))
-        else:
-            self.found.at_expiry += mass
+            exercise_without_spot(self.schedule, self.found, lost, following)
 
     def _expire(self, last: Segment) -> None:
         """Note who exercises at expiry."""
@@ -211,6 +193,25 @@ class ExerciseMarch:
         gained = below if self.schedule.is_put else left - below
         self.found.at_expiry += gained
         self.found.worthless += left - gained
+
+
+def exercise_without_spot(schedule: Schedule, found: Exercised, mass: float, first: int) -> None:
+    """Note when those exercise whose spot is zero from the start of segment `first` on."""
+    if not schedule.is_put:
+        found.worthless += mass
+        return
+    expiry = schedule.segments[-1].end
+    best, when, growth = math.inf, expiry, 0.0
+    for segment in schedule.segments[first:]:
+        if segment.exercisable and growth <= best:
+            best, when = growth, segment.start
+        growth += segment.rate * segment.duration
+        if (segment.exercise_at_end or segment.end == expiry) and growth <= best:
+            best, when = growth, segment.end
+    if when < expiry:
+        found.bursts.append((when, mass))
+    else:
+        found.at_expiry += mass
 
 
 def _shifted(edge: Callable[[Vector], Vector] | None, by: float) -> Callable[[Vector], Vector]:

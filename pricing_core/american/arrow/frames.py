@@ -42,7 +42,9 @@ def price_frame(frame: AnyFrame, settings: PricingSettings, threads: int | None)
     """
     table = known_frame(frame)
     contracts = contracts_of(table)
-    added = schema_of_results(table, settings.greeks, greek_errors=settings.greek_errors)
+    added = schema_of_results(
+        table, settings.greeks, greek_errors=settings.greek_errors, advice=settings.advice
+    )
     if contracts.num_rows:
         warn_of(unusual(contracts.combine_chunks().to_batches()[0], settings), callers=3)
     return with_results(table, _results(contracts, added, settings, threads))  # type: ignore[no-any-return]
@@ -69,7 +71,7 @@ def contracts_of(table: Any) -> pa.Table:
     return contracts
 
 
-def schema_of_results(table: Any, greeks: Greeks, *, greek_errors: bool) -> pa.Schema:
+def schema_of_results(table: Any, greeks: Greeks, *, greek_errors: bool, advice: bool = False) -> pa.Schema:
     """Return the columns that the results of a `known_frame` have, without their messages.
 
     Raises
@@ -78,7 +80,7 @@ def schema_of_results(table: Any, greeks: Greeks, *, greek_errors: bool) -> pa.S
         A column of the frame has the name of a result.
     """
     names = _names(table)
-    added = result_schema(names, greeks, greek_errors=greek_errors)
+    added = result_schema(names, greeks, greek_errors=greek_errors, advice=advice)
     check_results(names, [*added.names, "message"])
     return added
 

@@ -74,7 +74,7 @@ def price_read(
 
 def results_schema(names: Sequence[str], settings: PricingSettings) -> pa.Schema:
     """Return the columns of the results for columns of these names, the message the last."""
-    schema = result_schema(names, settings.greeks, greek_errors=settings.greek_errors)
+    schema = result_schema(names, settings.greeks, greek_errors=settings.greek_errors, advice=settings.advice)
     return schema.append(pa.field("message", pa.string()))
 
 

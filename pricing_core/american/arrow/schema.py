@@ -42,7 +42,11 @@ def _near_miss(name: str, names: Sequence[str]) -> str | None:
 
 
 def result_schema(
-    names: Sequence[str], greeks: Greeks = "standard", *, greek_errors: bool = False
+    names: Sequence[str],
+    greeks: Greeks = "standard",
+    *,
+    greek_errors: bool = False,
+    advice: bool = False,
 ) -> pa.Schema:
     """Return the columns of the results for an input of these columns.
 
@@ -52,7 +56,7 @@ def result_schema(
     >>> [name for name in standard if name not in result_schema(["spot"], "none").names][-2:]
     ['delta_sticky_moneyness', 'dividend_sensitivities']
     """
-    fields = price_fields(greeks, names, greek_errors=greek_errors)
+    fields = price_fields(greeks, names, greek_errors=greek_errors, advice=advice)
     return pa.schema([(field.name, ARROW_TYPES[field.kind]) for field in fields])
 
 

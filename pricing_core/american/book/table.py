@@ -37,7 +37,7 @@ class Table:
     greeks : {"none", "standard", "extended"}
     columns : container of str
         Those of the table of contracts.
-    greek_errors : bool
+    greek_errors, advice : bool
 
     Attributes
     ----------
@@ -47,11 +47,13 @@ class Table:
         Numbers, NaN where there is none, flags and texts; the message as well.
     """
 
-    def __init__(self, count: int, greeks: Greeks, columns: Container[str], *, greek_errors: bool) -> None:
+    def __init__(
+        self, count: int, greeks: Greeks, columns: Container[str], *, greek_errors: bool, advice: bool = False
+    ) -> None:
         self.count = count
         self.columns: dict[str, NDArray[Any]] = {}
         self._lists: dict[str, list[tuple[Rows, Ragged]]] = {}
-        fields = price_fields(greeks, columns, greek_errors=greek_errors)
+        fields = price_fields(greeks, columns, greek_errors=greek_errors, advice=advice)
         self.names = (*(field.name for field in fields), "message")
         for field in fields:
             if field.kind == "number":
@@ -95,6 +97,11 @@ class Table:
             lists = getattr(prices, name)
             if lists.values.size:
                 parts.append((np.arange(self.count)[rows], lists))
+
+    def advise(self, rows: Rows | slice, advice: Mapping[str, Vector]) -> None:
+        """Write the columns of advice of some rows."""
+        for name, column in advice.items():
+            self.columns[name][rows] = column + 0.0
 
     def refuse(self, faults: Mapping[int, InvalidInputError]) -> None:
         """Write why some rows are no contracts."""

@@ -38,6 +38,8 @@ class Diagnostics:
         Largest natural residual of the finest solve's complementarity problems, as a fraction of the strike.
     fitted : bool
         Exponential fitting was needed (the drift dominates the diffusion on the finest grid): first order only.
+    message : str
+        Why there is no price, or what of the contract lies outside the nodes of a local volatility.
     """
 
     solves: int = 0
@@ -45,6 +47,7 @@ class Diagnostics:
     resolution: Resolution | None = None
     lcp_residual: float = 0.0
     fitted: bool = False
+    message: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,6 +185,7 @@ def valuation(
             resolution=prices.resolution[row],
             lcp_residual=prices.residual.item(row),
             fitted=bool(prices.fitted[row]),
+            message=prices.message[row],
         ),
     )
 

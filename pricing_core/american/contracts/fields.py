@@ -287,6 +287,15 @@ GREEK_ERRORS = Field(
     default=False,
     example=True,
 )
+ADVICE = Field(
+    "advice",
+    "flag",
+    "",
+    "Whether advice on exercise comes with each price of a table: how likely it is and when, and what a day of waiting "
+    "costs; 30 ms a contract, with events or a local volatility some tenths of a second",
+    default=False,
+    example=True,
+)
 GREEKS_UNITS = Field(
     "greeks_units",
     "choice",

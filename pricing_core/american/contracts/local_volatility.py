@@ -121,6 +121,10 @@ class LocalVolatility:
         ]
         return cls(years, np.exp(together), np.array(rows))
 
+    def __repr__(self) -> str:
+        """Return the numbers of its nodes."""
+        return f"LocalVolatility({self.times.size} times, {self.spots.size} spots)"
+
     def __eq__(self, other: object) -> bool:
         """Whether all nodes and values are the same."""
         if not isinstance(other, LocalVolatility):
@@ -142,6 +146,27 @@ class LocalVolatility:
         """Return sigma at each of its times and at k spots, shape (m, k)."""
         with np.errstate(divide="ignore"):
             return _interpolated(np.log(self.spots), self.values, self._slopes, np.log(spots))
+
+    def mean_variance(self, start: float, end: float) -> Vector:
+        """Return the mean of sigma**2 between two times at the nodes of the spot, shape (n,)."""
+        weights = mean_weights(self.times, np.array([start]), np.array([end]))
+        mean: Vector = (weights @ self.values**2)[0]
+        return mean
+
+    def extrapolated(self, spot: float, strike: float, expiry: float) -> str:
+        """Return one sentence on what of a contract lies outside the nodes, or nothing."""
+        axes = (("spot", spot, self.spots), ("strike", strike, self.spots), ("expiry", expiry, self.times))
+        outside = [
+            name
+            for name, place, nodes in axes
+            if nodes.size > 1 and (place > nodes[-1] or (name != "expiry" and place < nodes[0]))
+        ]
+        if not outside:
+            return ""
+        verb = "lies" if len(outside) == 1 else "lie"
+        return (
+            f"{' and '.join(outside)} {verb} outside the nodes of the local volatility, which is flat there"
+        )
 
     def variance_slope(self, spot: float) -> float:
         """Return d sigma**2 / dS now."""
@@ -226,10 +251,16 @@ def mean_weights(nodes: Vector, starts: Vector, ends: Vector) -> Matrix:
     """Return what they count for in the interpolant's mean over k intervals, shape (k, m)."""
     weights = hat_weights(nodes, 0.5 * (starts + ends))
     first, last = np.searchsorted(nodes, starts, side="right"), np.searchsorted(nodes, ends)
-    for row in np.flatnonzero((last > first) & (ends > starts)).tolist():
-        cuts = np.concatenate([[starts[row]], nodes[first[row] : last[row]], [ends[row]]])
-        widths = np.diff(cuts) / (ends[row] - starts[row])
-        weights[row] = widths @ hat_weights(nodes, 0.5 * (cuts[1:] + cuts[:-1]))
+    rows = np.flatnonzero((last > first) & (ends > starts)).tolist()
+    if not rows:
+        return weights
+    cuts = [np.concatenate([[starts[row]], nodes[first[row] : last[row]], [ends[row]]]) for row in rows]
+    middles = hat_weights(nodes, np.concatenate([0.5 * (cut[1:] + cut[:-1]) for cut in cuts]))
+    done = 0
+    for row, cut in zip(rows, cuts, strict=True):
+        widths = np.diff(cut) / (ends[row] - starts[row])
+        weights[row] = widths @ middles[done : done + widths.size]
+        done += widths.size
     return weights
 
 

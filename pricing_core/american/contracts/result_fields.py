@@ -313,6 +313,34 @@ ADVICE_FIELDS = (
     ),
     ResultField("method", "text", "", "How boundary and prices were computed", "closed-form, premium-march"),
 )
+# The columns that a table of prices has on request.
+ADVICE_COLUMN_FIELDS = (
+    ResultField(
+        "exercise_probability", "number", "", "Risk-neutral probability of exercise before expiry", 0.4874
+    ),
+    ResultField("exercise_probability_error", "number", "", "Estimated error of exercise_probability", 2e-5),
+    ResultField(
+        "expected_exercise_time",
+        "number",
+        "years",
+        "Expected time of exercise, given that it is before expiry",
+        0.644,
+    ),
+    ResultField(
+        "assignment_probability",
+        "number",
+        "",
+        "Risk-neutral probability that the short side is assigned at all, at expiry included",
+        0.4874,
+    ),
+    ResultField(
+        "cost_of_waiting",
+        "number",
+        "money",
+        "What a holder loses who does not exercise for a day, 1/365 year",
+        0.0,
+    ),
+)
 # What an answer that is not read from a table of prices says besides, so that it can be reproduced.
 PROVENANCE_FIELDS = tuple(
     field for field in PRICE_FIELDS if field.name in ("engine_version", "instruction_set")
@@ -328,7 +356,11 @@ UNITS_FIELD = ResultField(
 
 
 def price_fields(
-    greeks: Greeks, columns: Container[str] | None = None, *, greek_errors: bool = False
+    greeks: Greeks,
+    columns: Container[str] | None = None,
+    *,
+    greek_errors: bool = False,
+    advice: bool = False,
 ) -> tuple[ResultField, ...]:
     """Return the outputs of a price at a value of `greeks`.
 
@@ -338,6 +370,8 @@ def price_fields(
         Those of a table of contracts: lists for an input that it does not have are left out.
     greek_errors : bool
         Whether the errors of these Greeks follow.
+    advice : bool
+        Whether advice on exercise follows.
 
     Examples
     --------
@@ -351,6 +385,10 @@ def price_fields(
     given = ("always", *GREEKS.choices[1 : GREEKS.choices.index(greeks) + 1])
     return tuple(
         field
-        for field in (*PRICE_FIELDS, *(GREEK_ERROR_FIELDS if greek_errors else ()))
+        for field in (
+            *PRICE_FIELDS,
+            *(GREEK_ERROR_FIELDS if greek_errors else ()),
+            *(ADVICE_COLUMN_FIELDS if advice else ()),
+        )
         if field.given in given and (columns is None or not field.per or field.per in columns)
     )

@@ -49,24 +49,22 @@ def simulate(option: Option, market: Market, paths: int, steps: int, seed: int) 
             low, high = _ends(option, market, segment, asked)
         else:
             low, high = np.full(steps + 1, math.nan), np.full(steps + 1, math.nan)
-        drift = segment.rate - segment.dividend_yield - 0.5 * segment.volatility**2
         _take(place, when, alive, low[0], high[0], segment.start)
         for i in range(steps):
             dt = times[i + 1] - times[i]
             if dt <= 0.0:
                 continue
             half = random.standard_normal(paths // 2)
-            before = place
-            place = before + drift * dt + segment.volatility * math.sqrt(dt) * np.concatenate([half, -half])
+            before, volatility = place, _volatility(schedule, segment, 0.5 * (times[i] + times[i + 1]), place)
+            drift = segment.rate - segment.dividend_yield - 0.5 * volatility**2
+            place = before + drift * dt + volatility * math.sqrt(dt) * np.concatenate([half, -half])
             chance = random.random(paths)
             for start, end, side in ((high[i], high[i + 1], 1.0), (low[i], low[i + 1], -1.0)):
                 if not (math.isfinite(start) and math.isfinite(end)):
                     continue
                 gap, later = side * (before - start), side * (place - end)
                 outside = alive & (gap >= 0.0)
-                bridge = np.exp(
-                    -2.0 * np.maximum(gap, 0.0) * np.maximum(later, 0.0) / (segment.volatility**2 * dt)
-                )
+                bridge = np.exp(-2.0 * np.maximum(gap, 0.0) * np.maximum(later, 0.0) / (volatility**2 * dt))
                 met = outside & ((later <= 0.0) | (chance < bridge))
                 when[met] = 0.5 * (times[i] + times[i + 1])
                 alive &= ~met
@@ -81,6 +79,13 @@ def simulate(option: Option, market: Market, paths: int, steps: int, seed: int) 
     strike = option.strike - schedule.segments[-1].escrow_at(option.expiry)
     gains = alive & ((np.exp(place) < strike) if option.is_put else (np.exp(place) > strike))
     return Simulated(when, float(gains.mean()), float((alive & ~gains).mean()))
+
+
+def _volatility(schedule, segment, time: float, place: Vector) -> Vector | float:
+    """Return the volatility of every path in a step, that of the place where it begins."""
+    if schedule.local is None:
+        return segment.volatility
+    return schedule.local.volatility.at(time, np.exp(place))
 
 
 def _take(place: Vector, when: Vector, alive: Vector, low: float, high: float, time: float) -> None:

@@ -9,7 +9,6 @@ from scipy.stats import norm
 
 from pricing_core.american import (
     CashDividend,
-    LocalVolatility,
     Market,
     Option,
     PiecewiseConstant,
@@ -218,9 +217,6 @@ def test_events_close_together_change_nothing_where_nothing_happens():
 
 def test_what_is_not_supported_is_told():
     option = Option("put", 100.0, 1.0)
-    local = LocalVolatility([0.0, 1.0], [80.0, 120.0], [[0.2, 0.3], [0.2, 0.3]])
-    with pytest.raises(InvalidInputError, match="a number or a curve in advice"):
-        exercise_advice(option, Market(100.0, 0.05, local))
     with pytest.raises(InvalidInputError, match="above 0 in advice"):
         exercise_advice(option, Market(100.0, 0.05, 0.0))
     with pytest.raises(InvalidInputError, match="times"):

@@ -187,3 +187,49 @@ def test_axe_finds_nothing(page: Page, width: int, scheme: str, state: str, axe:
     )
     told = [(one["id"], [node["target"] for node in one["nodes"]][:4]) for one in json.loads(found)]
     assert told == []
+
+
+SMILE = {
+    "times": [0, 1],
+    "spots": [60, 80, 100, 125, 160],
+    "values": [[0.36, 0.28, 0.22, 0.2, 0.2], [0.4, 0.3, 0.25, 0.22, 0.22]],
+}
+
+
+def advised(page: Page) -> str:
+    """Wait for the advice, and return its sentence."""
+    page.eventually(lambda: page.script("return document.body.dataset.advice") == "current", "advice")
+    return page.at("#exercised-chart .says").text
+
+
+def test_advice_says_when_the_option_will_be_exercised_and_what_waiting_costs(page: Page) -> None:
+    page.open(PUT)
+    assert "probability 48.7 %" in advised(page)
+    assert "after 0.644 years" in advised(page)
+    assert "loses 0.517" in page.at("#waiting-chart .says").text
+    page.type("spot", "70")
+    page.settled()
+    assert advised(page) == "It is best exercised now."
+    page.type("volatility", "0")
+    page.settled()
+    page.eventually(lambda: "There is no advice" in page.at("#exercised-chart .says").text, "no advice")
+
+
+def test_a_volatility_by_spot_is_typed_as_json_and_stands_in_the_link(page: Page) -> None:
+    page.open(PUT)
+    flat = page.price()
+    page.type("volatility", json.dumps(SMILE))
+    page.eventually(lambda: page.price() != flat, "another price")
+    page.settled()
+    assert "exercised before expiry" in advised(page).lower()
+    assert page.number("delta_sticky_moneyness") is not None
+    price, address = page.price(), page.script("return location.href")
+    page.browser.get("about:blank")
+    page.browser.get(address)
+    page.settled()
+    assert page.price() == price
+    assert json.loads(str(page.at("#volatility").get_property("value"))) == SMILE
+    page.type("volatility", json.dumps(SMILE | {"spots": [60, 80, 100, 125, 120]}))
+    page.eventually(lambda: page.error_at("volatility") != "", "an error")
+    page.type("volatility", "{no json")
+    page.eventually(lambda: page.error_at("volatility") != "", "an error")

@@ -88,24 +88,30 @@ class _Numbers:
         The meshes of all segments, one after the other.
     first : int array, shape (M + 1,)
         Where each begins.
-    excess : array, shape (S, R, N)
-        What local volatilities exceed the segments' by, of the schedule and then of the directions that move it.
+    variances : array, shape (S, m, N)
+        Of a local volatility at its times, of the schedule and then of the directions that move it.
+    weights : Matrix, shape (R, m)
+        What each time counts for in every step, or in all steps of a segment.
     first_row : int array, shape (M + 1,)
         Where the rows of each segment begin.
+    reference : float
+        As in `LocalTerms`.
     """
 
     segments: Matrix
     times: Vector
     first: NDArray[np.int64]
-    excess: NDArray[np.float64]
+    variances: NDArray[np.float64]
+    weights: Matrix
     first_row: NDArray[np.int64]
+    reference: float
 
     @classmethod
     def of(cls, problem: SweepProblem) -> _Numbers:
         """Return those of a problem."""
         strike, (times, first) = problem.schedule.strike, _meshes(problem)
         rows = [[*_terms(s, strike), 0, *_rights(s)] for s in problem.schedule.segments]
-        return cls(np.array(rows), times, first, *_excess(problem, times, first))
+        return cls(np.array(rows), times, first, *_local(problem, times, first))
 
     def arguments(self, problem: SweepProblem) -> tuple[Any, ...]:
         """Return what the kernel asks for one sweep."""
@@ -123,8 +129,7 @@ class _Numbers:
             np.array(problem.watched),
             _direction_columns(request.directions, len(segments)),
             np.array([direction.step for direction in request.directions]),
-            self.excess,
-            self.first_row,
+            (self.variances, self.weights, self.first_row, self.reference),
         )
 
     def sweep(self, problem: SweepProblem, swept: tuple[Any, ...]) -> Sweep:
@@ -145,7 +150,7 @@ class _Numbers:
             self.times.size - len(problem.parts),
             residual,
             fitted,
-            values.size * (WORKING_ARRAYS + TANGENT_ARRAYS * len(request.directions)) + self.excess.size,
+            values.size * (WORKING_ARRAYS + TANGENT_ARRAYS * len(request.directions)) + self.variances.size,
             tangents if request.directions else None,
         )
 
@@ -198,21 +203,19 @@ def _direction_columns(directions: tuple[Direction, ...], segments: int) -> NDAr
     return np.array(rows).reshape(len(directions), segments, 2, 6)
 
 
-def _excess(
+def _local(
     problem: SweepProblem, times: Vector, first: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the excess of the schedule's volatility, and of those of the directions that move it, and first rows."""
+) -> tuple[NDArray[np.float64], Matrix, NDArray[np.int64], float]:
+    """Return the variances of the schedule and of the directions that move it, weights, first rows and reference."""
     request, schedule = problem.request, problem.schedule
     if schedule.local is None:
-        return np.zeros((1, 0, 0)), np.zeros(first.size, dtype=np.int64)
+        return np.zeros((1, 0, 0)), np.zeros((0, 0)), np.zeros(first.size, dtype=np.int64), 0.0
     moved = [d for d in request.directions if d.moves_surface]
-    schedules = [schedule, *(side for d in moved for side in (d.up, d.down))]
     surfaces = []
-    for each in schedules:
+    for each in (schedule, *(side for d in moved for side in (d.up, d.down))):
         assert each.local is not None
-        nodes = NodeVolatility.of(each.local, request.grid, schedule.strike)
-        spans = zip(schedule.segments, pairwise(first.tolist()), strict=True)
-        surfaces.append([nodes.in_steps(segment, times[start:end]) for segment, (start, end) in spans])
-    counts = [len(rows) for rows in surfaces[0]]
-    excess = np.array([np.concatenate(parts) for parts in surfaces])
-    return excess, np.cumsum([0, *counts])
+        surfaces.append(NodeVolatility.of(each.local, request.grid, schedule.strike))
+    spans = zip(schedule.segments, pairwise(first.tolist()), strict=True)
+    rows = [surfaces[0].weights_of_steps(segment, times[start:end]) for segment, (start, end) in spans]
+    variances = np.array([surface.variance for surface in surfaces])
+    return variances, np.concatenate(rows), np.cumsum([0, *map(len, rows)]), schedule.local.reference

@@ -27,8 +27,10 @@ from pricing_core.american.engines.method_of_lines.refinement import (
     limit_of,
     value_on_same_grids,
 )
+from pricing_core.american.engines.method_of_lines.sharing import solve_shared
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
 from pricing_core.american.engines.method_of_lines.sweep import FAILURES
+from pricing_core.american.engines.method_of_lines.sweep_problem import SharedSweeps
 from pricing_core.american.engines.method_of_lines.tangents import STICKY, Direction, directions_of, moved
 from pricing_core.american.engines.price_bounds import range_of
 from pricing_core.arrays import BoolVector, Matrix, Vector
@@ -75,12 +77,17 @@ class MethodOfLines:
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Price some contracts at a time; what fails numerically has the status "out_of_domain"."""
+        if request.share_solves and book.count > 1:
+            return solve_shared(book, request, self._solve)
+        return self._solve(book, request, None)
+
+    def _solve(self, book: Book, request: Request, shared: SharedSweeps | None) -> Prices:
         least, most = range_of(book)
         ranges = [*zip(least.tolist(), most.tolist(), strict=True)]
         found: list[Prices] = []
         for first in range(0, book.count, TOGETHER):
             rows = range(first, min(first + TOGETHER, book.count))
-            works = [self._row(book, request, row, ranges[row]) for row in rows]
+            works = [self._row(book, request, row, ranges[row], shared) for row in rows]
             found += done_together(works, request.interrupt)
         return concatenated(found)
 
@@ -91,19 +98,28 @@ class MethodOfLines:
         found = np.ones(times.size, dtype=bool)
         return Boundaries(ends[:, 0], ends[:, 1], np.full(times.size, math.nan), found)
 
-    def _row(self, book: Book, request: Request, row: int, within: tuple[float, float]) -> Work[Prices]:
+    def _row(
+        self,
+        book: Book,
+        request: Request,
+        row: int,
+        within: tuple[float, float],
+        shared: SharedSweeps | None,
+    ) -> Work[Prices]:
         if request.is_interrupted():
             return prices(1, status="deadline", method="none")
         rows = slice(row, row + 1)
         try:
-            return (yield from self._priced(book.part(rows), request.take(rows), within))
+            return (yield from self._priced(book.part(rows), request.take(rows), within, shared))
         except FAILURES as error:
             return prices(1, status="out_of_domain", method="none", message=str(error))
 
-    def _priced(self, book: Book, request: Request, within: tuple[float, float]) -> Work[Prices]:
+    def _priced(
+        self, book: Book, request: Request, within: tuple[float, float], shared: SharedSweeps | None
+    ) -> Work[Prices]:
         """Price a book of one contract, `within` its bounds of no arbitrage."""
         extended, tolerance = request.greeks == "extended", request.tolerance.item(0)
-        solver = make_solver(book.schedule(0), tolerance, self.lcp_method, request.interrupt)
+        solver = make_solver(book.schedule(0), tolerance, self.lcp_method, request.interrupt, shared)
         if request.greeks != "none":
             solver = replace(
                 solver, directions=directions_of(book, extended=extended, interrupt=request.interrupt)
@@ -129,8 +145,13 @@ class MethodOfLines:
         strike, value, errors = book.strike, estimate.american[0], estimate.errors[0]
         if extended:
             columns |= _charm(book, value, errors)
+        message = ""
+        if solver.schedule.local is not None:
+            surface, expiry = solver.schedule.local.volatility, book.expiry.item(0)
+            message = surface.extrapolated(book.spot.item(0), strike.item(0), expiry)
         return priced(
             book,
+            message=message,
             value=np.clip(strike * value[0], *within),
             european=np.clip(strike * estimate.european[0, 0], 0.0, within[1]),
             error=strike * errors[0],

@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pricing_core.american.book.resolution import LARGEST_STRETCHING
-from pricing_core.american.contracts.local_volatility import mean_weights
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError
 
 SMALLEST_SPREAD = 1e-4  # Smallest standard deviation of ln S that a grid is made for; chosen.
-PLACES = 4001  # Number of places at which a local volatility is looked at for that; chosen.
+PLACES = 1001  # Number of places at which a local volatility is looked at for how far the spot moves; chosen.
 FURTHEST = 100.0  # Largest |ln(S/K)| of a node; chosen far inside the range of floating-point numbers.
 REACHES_ZERO = 0.5  # Share of the lowest spot that dividends take from which the grid goes down to 0; chosen.
 # Smallest share of the spot left by proportional dividends above which it does not; chosen.
@@ -126,8 +125,8 @@ class Reach:
         return SpotRange(0.0, high, SHIFT * max(undivided, SMALLEST_SPOT * lowest), self.spread, self.tails)
 
 
-def reach(schedule: Schedule, truncation: float) -> Reach:
-    """Return how far the spot moves.
+def reach(schedule: Schedule, truncation: float, spots: tuple[float, ...] = ()) -> Reach:
+    """Return how far the spot moves from the strike, and from its own place or from these, in units of the strike.
 
     ln S stays within sqrt(2 ln(20/truncation)) standard deviations of every path of its mean, under the pricing
     measure and under that of the stock (a call weighs its payoff by S): what happens outside changes the value by
@@ -138,7 +137,8 @@ def reach(schedule: Schedule, truncation: float) -> Reach:
     deviations = math.sqrt(2.0 * math.log(20.0 / truncation))
     down = up = width = deviations * spread
     if schedule.local is not None:
-        down, up = _local_widths(schedule, deviations)
+        starts = [schedule.strike * s for s in spots] if spots else [schedule.spot]
+        down, up = _local_widths(schedule, deviations, [*starts, schedule.strike])
     falls = rises = 0.0
     smallest_kept = 1.0
     for segment in schedule.segments:
@@ -153,8 +153,8 @@ def reach(schedule: Schedule, truncation: float) -> Reach:
     return Reach(falls - down, rises + up, paid, smallest_kept < SMALLEST_KEPT, spread, max(tails, 1.0))
 
 
-def _local_widths(schedule: Schedule, deviations: float) -> tuple[float, float]:
-    """Return how far ln S moves down and up from the spot or the strike, whichever is more.
+def _local_widths(schedule: Schedule, deviations: float, starts: list[float]) -> tuple[float, float]:
+    """Return how far ln S moves down and up from some places, from the one where it is most.
 
     So many standard deviations are where the integral of d ln S / sigma is as many roots of the expiry (Varadhan 1967),
     sigma the root mean square over time.
@@ -162,19 +162,18 @@ def _local_widths(schedule: Schedule, deviations: float) -> tuple[float, float]:
     assert schedule.local is not None
     surface, segments = schedule.local.volatility, schedule.segments
     shift = segments[0].volatility - schedule.local.reference
-    weights = mean_weights(surface.times, np.zeros(1), np.array([segments[-1].end]))
+    logarithms, mean = np.log(surface.spots), np.sqrt(surface.mean_variance(0.0, segments[-1].end))
+    slowness = 1.0 / np.maximum(mean + shift, SMALLEST_SPREAD)
     distances = FURTHEST * np.linspace(0.0, 1.0, PLACES) ** 2
     enough = deviations * math.sqrt(segments[-1].end)
     widths = []
     for side in (-1.0, 1.0):
-        for start in (schedule.spot, schedule.strike):
-            places = np.exp(math.log(start) + side * distances)
-            volatility = np.sqrt(weights @ surface.at_nodes_of_time(places) ** 2)[0] + shift
-            slowness = 1.0 / np.maximum(volatility, SMALLEST_SPREAD)
-            steps = 0.5 * (slowness[1:] + slowness[:-1]) * np.diff(distances)
+        for start in starts:
+            slow = np.interp(math.log(start) + side * distances, logarithms, slowness)
+            steps = 0.5 * (slow[1:] + slow[:-1]) * np.diff(distances)
             passed = np.concatenate([[0.0], np.cumsum(steps)])
             widths.append(float(np.interp(enough, passed, distances)))
-    return max(widths[:2]), max(widths[2:])
+    return max(widths[: len(starts)]), max(widths[len(starts) :])
 
 
 def _moved(s: float, distance: float) -> float:

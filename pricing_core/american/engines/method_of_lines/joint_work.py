@@ -7,7 +7,7 @@ lanes of the kernel.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Hashable, Sequence
 from functools import partial
 from typing import NamedTuple, TypeVar
 
@@ -68,7 +68,7 @@ def done_together(works: Sequence[Work[T]], interrupt: Callable[[], bool] | None
 def _answers(
     requests: Sequence[SweepRequest], interrupt: Callable[[], bool] | None
 ) -> list[Answer | Exception | None]:
-    swept = sweep_together(requests, interrupt)
+    swept = _swept(requests, interrupt)
     sweeps = [sweep for sweep in swept if isinstance(sweep, Sweep)]
     spots = [
         request.schedule.spot / request.schedule.strike
@@ -84,3 +84,26 @@ def _answers(
         at_spot = next(local)
         answers.append(at_spot if isinstance(at_spot, Exception) else Answer(sweep, at_spot))
     return answers
+
+
+def _swept(
+    requests: Sequence[SweepRequest], interrupt: Callable[[], bool] | None
+) -> list[Sweep | Exception | None]:
+    """Return what `sweep_together` does, with equal sweeps of contracts that share them done once."""
+    found: dict[Hashable, Sweep | Exception | None] = {}
+    keys: list[tuple[Hashable, ...]] = []
+    wanted: list[int] = []
+    for place, request in enumerate(requests):
+        shared = request.shared
+        keys.append((place,) if shared is None else (id(shared), request.key))
+        if shared is not None and keys[-1][1] in shared.found:
+            found[keys[-1]] = shared.found[keys[-1][1]]
+        elif keys[-1] not in found:
+            found[keys[-1]] = None
+            wanted.append(place)
+    swept = sweep_together([requests[place] for place in wanted], interrupt)
+    for place, sweep in zip(wanted, swept, strict=True):
+        found[keys[place]], shared = sweep, requests[place].shared
+        if shared is not None and sweep is not None:
+            shared.found[keys[place][1]] = sweep
+    return [found[key] for key in keys]

@@ -21,7 +21,7 @@ from pricing_core.american.engines.method_of_lines.grid import (
 from pricing_core.american.engines.method_of_lines.joint_work import Work, done
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
 from pricing_core.american.engines.method_of_lines.sweep import SMALLEST_SHARE
-from pricing_core.american.engines.method_of_lines.sweep_problem import Sweep, SweepRequest
+from pricing_core.american.engines.method_of_lines.sweep_problem import SharedSweeps, Sweep, SweepRequest
 from pricing_core.american.engines.method_of_lines.tangents import Direction
 from pricing_core.arrays import Matrix
 
@@ -93,6 +93,8 @@ class ScheduleSolver:
         What the ends of the range neglect, as a fraction of the strike.
     directions : tuple of Direction
         The P parameters whose derivatives are wanted.
+    shared : SharedSweeps, optional
+        Of contracts that differ in the spot alone: the range is theirs, and each sweep is done once.
     """
 
     schedule: Schedule
@@ -102,6 +104,7 @@ class ScheduleSolver:
     lcp_method: LCPMethod = "tridiagonal"
     interrupt: Callable[[], bool] | None = None
     directions: tuple[Direction, ...] = ()
+    shared: SharedSweeps | None = None
 
     @property
     def spot(self) -> float:
@@ -121,7 +124,12 @@ class ScheduleSolver:
             Whether the one without is wanted; its values are NaN otherwise.
         """
         request = SweepRequest(
-            self.schedule, self._grid(resolution), resolution, self.lcp_method, directions=self.directions
+            self.schedule,
+            self._grid(resolution),
+            resolution,
+            self.lcp_method,
+            directions=self.directions,
+            shared=self.shared,
         )
         requests = [request]
         if held and any(s.exercisable or s.exercise_at_end for s in self.schedule.segments):
@@ -154,7 +162,8 @@ class ScheduleSolver:
     ) -> Work[tuple[ExerciseRegion, ...] | None]:
         """Return the exercise regions at these times in s = S/K of the spot that diffuses, None where interrupted."""
         grid = self._grid(resolution)
-        (answer,) = yield [SweepRequest(self.schedule, grid, resolution, self.lcp_method, times)]
+        request = SweepRequest(self.schedule, grid, resolution, self.lcp_method, times, shared=self.shared)
+        (answer,) = yield [request]
         return None if answer is None else answer.sweep.regions
 
     def exercised(self, sweep: Sweep) -> Matrix:
@@ -183,26 +192,35 @@ def make_solver(
     tolerance: float,
     lcp_method: LCPMethod = "tridiagonal",
     interrupt: Callable[[], bool] | None = None,
+    shared: SharedSweeps | None = None,
 ) -> ScheduleSolver:
-    """Choose the range: what the spot and the strike may become, or the spot alone where these do not meet."""
+    """Choose the range: what the spots and the strike may become, or the spots alone where these do not meet.
+
+    The spots are the schedule's own, or those of the contracts that share sweeps.
+    """
     truncation = min(TRUNCATION_SHARE * tolerance, LARGEST_TRUNCATION)
-    spot = schedule.spot / schedule.strike
-    moves = reach(schedule, truncation)
-    span, of_strike = moves.range_of(spot, spot), moves.range_of(1.0, 1.0)
+    spots = (schedule.spot / schedule.strike,) if shared is None else shared.spots
+    low, high = min(spots), max(spots)
+    moves = reach(schedule, truncation, (low, high))
+    span, of_strike = moves.range_of(low, high), moves.range_of(1.0, 1.0)
     together = span.low < of_strike.high and of_strike.low < span.high
     if together:
-        span = moves.range_of(min(spot, 1.0), max(spot, 1.0))
-    return ScheduleSolver(schedule, span, together, truncation, lcp_method, interrupt)
+        span = moves.range_of(min(low, 1.0), max(high, 1.0))
+    return ScheduleSolver(schedule, span, together, truncation, lcp_method, interrupt, shared=shared)
 
 
 def solver_at_strike(
-    schedule: Schedule, tolerance: float, interrupt: Callable[[], bool] | None
+    schedule: Schedule,
+    tolerance: float,
+    interrupt: Callable[[], bool] | None,
+    shared: SharedSweeps | None = None,
 ) -> ScheduleSolver:
     """Return a solver whose range is that of the strike: for the exercise region, which the spot does not change.
 
     A put's may shrink to nothing before a cash dividend, and is followed there.
     """
-    solver = make_solver(replace(schedule, spot=schedule.strike), tolerance, interrupt=interrupt)
+    at_strike = replace(schedule, spot=schedule.strike)
+    solver = replace(make_solver(at_strike, tolerance, interrupt=interrupt), shared=shared)
     if schedule.is_put and any(segment.amount > 0.0 for segment in schedule.segments):
         return replace(solver, span=solver.span.down_to_zero())
     return solver

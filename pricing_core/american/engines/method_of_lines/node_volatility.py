@@ -48,11 +48,15 @@ class NodeVolatility:
 
     def at(self, time: float) -> Vector:
         """Return what the volatility exceeds the reference by at a time, years from now, shape (N,)."""
-        excess: Vector = self._excess(hat_weights(self.times, np.array([time])))[0]
+        return self.excess(hat_weights(self.times, np.array([time]))[0])
+
+    def excess(self, weights: Vector) -> Vector:
+        """Return the same for a weighted mean of the variances at its times, shape (N,)."""
+        excess: Vector = np.sqrt(weights @ self.variance) - self.reference
         return excess
 
-    def in_steps(self, segment: Segment, mesh: Vector) -> Matrix:
-        """Return the same for the steps of a segment, shape (k, N), k = 1 where no step differs from another.
+    def weights_of_steps(self, segment: Segment, mesh: Vector) -> Matrix:
+        """Return what the times count for in the steps of a segment, shape (k, m), k = 1 where all steps are alike.
 
         Parameters
         ----------
@@ -60,8 +64,4 @@ class NodeVolatility:
             Years before the segment's end, increasing.
         """
         weights = mean_weights(self.times, segment.end - mesh[1:], segment.end - mesh[:-1])
-        return self._excess(weights[:1] if (weights == weights[0]).all() else weights)
-
-    def _excess(self, weights: Matrix) -> Matrix:
-        excess: Matrix = np.sqrt(weights @ self.variance) - self.reference
-        return excess
+        return weights[:1] if (weights == weights[0]).all() else weights

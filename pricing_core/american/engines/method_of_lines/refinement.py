@@ -48,7 +48,7 @@ EUROPEAN_SHARE = 0.5
 # of the difference between the last two solves, which a region of exercise narrower than a few cells makes; calibrated.
 CHANCE, STEP_SHARE = 1.0 / 4.0, 1.0 / 8.0
 # The same of a local volatility, whose kinks lie anywhere in the cells; calibrated.
-LOCAL_STEP_SHARE = 0.5
+LOCAL_STEP_SHARE = 0.25
 # Smallest width of a cell, as a share of the spot, in which a boundary is not looked for; chosen.
 WIDE_CELL = 0.05
 # Factor of the error estimates of derivatives by parameters, which converge less regularly; calibrated.
@@ -151,7 +151,7 @@ def estimating(
         )
     if found.interrupted or not (_region_is_elsewhere(solver, found.region) or _is_coarse(solver, found)):
         return found
-    region = yield from _region_elsewhere(solver.schedule, tolerance, solver.interrupt)
+    region = yield from _region_elsewhere(solver, tolerance)
     return replace(found, region=region)
 
 
@@ -366,14 +366,14 @@ def _is_coarse(solver: ScheduleSolver, found: Estimate) -> bool:
     return bool(nodes[above] - nodes[above - 1] > WIDE_CELL * s)
 
 
-def _region_elsewhere(
-    schedule: Schedule, tolerance: float, interrupt: Callable[[], bool] | None
-) -> Work[ExerciseRegion]:
+def _region_elsewhere(seen: ScheduleSolver, tolerance: float) -> Work[ExerciseRegion]:
     """Return the exercise region now as seen from the strike, or from where it begins; empty where interrupted."""
+    schedule, interrupt, shared = seen.schedule, seen.interrupt, seen.shared
     near, _ = first_boundaries(schedule)
-    solvers = [solver_at_strike(schedule, tolerance, interrupt)]
+    solvers = [solver_at_strike(schedule, tolerance, interrupt, shared)]
     if _lies_elsewhere(near, schedule.strike):
-        solvers.append(make_solver(replace(schedule, spot=near), tolerance, interrupt=interrupt))
+        at_start = make_solver(replace(schedule, spot=near), tolerance, interrupt=interrupt)
+        solvers.append(replace(at_start, shared=shared))
     region = EMPTY_REGION
     for solver in solvers:
         resolution = _for_boundaries(solver, tolerance)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field
 
 from pricing_core.american.book.resolution import Resolution
 from pricing_core.american.contracts.schedule import Schedule, Segment
@@ -12,6 +12,22 @@ from pricing_core.american.engines.method_of_lines.grid import Grid
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
 from pricing_core.american.engines.method_of_lines.tangents import Direction
 from pricing_core.arrays import BoolVector, Matrix, Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedSweeps:
+    """The sweeps of contracts that differ in the spot alone, in units of their strikes, on one range of spots.
+
+    Parameters
+    ----------
+    spots : tuple of float
+        S/K of every contract.
+    found : dict
+        Sweeps, or what they raised, by the key of their request.
+    """
+
+    spots: tuple[float, ...]
+    found: dict[Hashable, Sweep | Exception] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,6 +44,8 @@ class SweepRequest:
         The parameters whose derivatives the kernel carries along.
     never_exercised : bool
         The European option with the same events is wanted.
+    shared : SharedSweeps, optional
+        Where equal sweeps for other contracts are kept.
     """
 
     schedule: Schedule
@@ -37,6 +55,19 @@ class SweepRequest:
     times: tuple[float, ...] = ()
     directions: tuple[Direction, ...] = ()
     never_exercised: bool = False
+    shared: SharedSweeps | None = None
+
+    @property
+    def key(self) -> Hashable:
+        """What settles the sweep: requests with equal keys, and strikes that make no difference, have one answer."""
+        schedule = self.schedule
+        directions = tuple(
+            (side.segments, side.local, d.step) for d in self.directions for side in (d.up, d.down)
+        )
+        return (
+            *(schedule.is_put, schedule.segments, schedule.local, directions, self.grid.nodes.tobytes()),
+            *(self.resolution, self.lcp_method, self.times, self.never_exercised),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +113,11 @@ class SweepProblem:
         return 1.0 if self.schedule.is_put else -1.0
 
     @property
-    def watched(self) -> tuple[float, float]:
-        """Where the operator's order matters: the strike and the spot, in strikes."""
-        return 1.0, self.schedule.spot / self.schedule.strike
+    def watched(self) -> tuple[float, ...]:
+        """Where the operator's order matters: the strike and the spots, in strikes."""
+        shared = self.request.shared
+        spots = (self.schedule.spot / self.schedule.strike,) if shared is None else shared.spots
+        return 1.0, *spots
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -207,10 +207,14 @@ def arguments(**changes):
         "watched": np.ones(1),
         "directions": np.zeros((0, 1, 2, 6)),
         "steps": np.zeros(0),
-        "excess": np.zeros((1, 0, 0)),
-        "first_row": np.array([0, 0]),
+        "local": (np.zeros((1, 0, 0)), np.zeros((0, 0)), np.array([0, 0]), 0.0),
     }
     return given | changes
+
+
+def flat(value):
+    """Return the entries of a tuple, or the one value."""
+    return value if isinstance(value, tuple) else (value,)
 
 
 def swept(given, interrupt=None):
@@ -221,15 +225,22 @@ def swept(given, interrupt=None):
 
 @needs_kernel
 def test_no_argument_is_modified_and_views_with_strides_will_do():
-    given = arguments(excess=np.linspace(0.0, 0.1, 14).reshape(1, 1, 14), first_row=np.array([0, 1]))
-    before = {name: np.copy(value) for name, value in given.items()}
+    variances = np.linspace(0.04, 0.1, 28).reshape(1, 2, 14)
+    given = arguments(local=(variances, np.array([[0.4, 0.6]]), np.array([0, 1]), 0.2))
+
+    def each(do, value):
+        if isinstance(value, tuple):
+            return tuple(each(do, entry) for entry in value)
+        return do(value) if isinstance(value, np.ndarray) else value
+
+    before = {name: each(np.copy, value) for name, value in given.items()}
     strided = {
-        name: np.repeat(value, 2, axis=0)[::2] if isinstance(value, np.ndarray) else value
-        for name, value in given.items()
+        name: each(lambda array: np.repeat(array, 2, axis=0)[::2], value) for name, value in given.items()
     }
     np.testing.assert_array_equal(swept(given)[0], swept(strided)[0])
     for name, value in before.items():
-        np.testing.assert_array_equal(given[name], value)
+        for old, new in zip(flat(value), flat(given[name]), strict=True):
+            np.testing.assert_array_equal(old, new)
 
 
 @needs_kernel
@@ -243,9 +254,19 @@ def test_no_argument_is_modified_and_views_with_strides_will_do():
         ({"scheme": 2}, "scheme must be 0 or 1"),
         ({"directions": np.zeros((1, 1, 2, 6))}, "directions must have the shape"),
         ({"directions": np.zeros((1, 2, 2, 6)), "steps": np.ones(1)}, "directions must have the shape"),
-        ({"first_row": np.array([0, 2])}, "first_row must"),
-        ({"excess": np.zeros((1, 2, 14)), "first_row": np.array([0, 2])}, "excess must have no row, one, or"),
-        ({"excess": np.zeros((1, 1, 13)), "first_row": np.array([0, 1])}, "excess must have no row, one, or"),
+        ({"local": (np.zeros((1, 0, 0)), np.zeros((0, 0)), np.array([0, 2]), 0.0)}, "first_row must"),
+        (
+            {"local": (np.zeros((1, 1, 14)), np.ones((2, 1)), np.array([0, 2]), 0.0)},
+            "weights must have no row",
+        ),
+        (
+            {"local": (np.zeros((1, 1, 13)), np.ones((1, 1)), np.array([0, 1]), 0.0)},
+            "weights must have no row",
+        ),
+        (
+            {"local": (np.zeros((1, 2, 14)), np.ones((1, 1)), np.array([0, 1]), 0.0)},
+            "weights must have no row",
+        ),
     ],
 )
 def test_what_does_not_fit_is_refused(changes, told):
