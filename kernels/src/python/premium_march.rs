@@ -24,10 +24,11 @@ fn level(steps: usize) -> PyResult<usize> {
 /// (n,), and `limits`, (n, 7), the errors allowed in each of the values, or None to leave out the derivatives by the
 /// parameters. `fewest` and `most` bound the number of time steps of the finest march.
 ///
-/// Returns numbers, (n, 14): V/K, its first and second derivative by x, the European V/K, the derivatives of V/K by rate,
-/// dividend and spread at fixed x, the error estimate of V/K, ln(S*/K), and how far the five derivatives are apart in the
-/// last two marches. With `spread_step`, a share of the spread, (n, 22): its derivatives by x and each of rate, dividend
-/// and spread, and by spread twice, and how far these four are apart, NaN where exercised. Then exercised, settled and
+/// Returns numbers, (n, 9): V/K, its first and second derivative by x, the European V/K, the derivatives of V/K by rate,
+/// dividend and spread at fixed x, the error estimate of V/K and ln(S*/K). With limits, (n, 14): how far the five
+/// derivatives are apart in the last two marches as well. With limits and `spread_step`, a share of the spread, (n, 22):
+/// the derivatives by x and each of rate, dividend and spread, and by spread twice, and how far these four are apart, NaN
+/// where exercised. Then exercised, settled and
 /// steps, each (n,). Nothing of a spot that is not settled may be used. `interrupt`, a function or None, is asked every few
 /// milliseconds whether the work shall end; what has not been marched then is not settled, and what has been keeps its
 /// error estimate.
