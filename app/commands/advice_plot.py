@@ -143,7 +143,7 @@ def _fan(option: Option, market: Market) -> tuple[Vector, Matrix]:
 
 def _fan_on_grid(schedule: Schedule) -> tuple[Vector, Matrix]:
     """Return the same of a local volatility, from the density of the spot on a grid."""
-    march, times, fan = DensityMarch(schedule, FAN_TIMES), [], []
+    march, times, fan = DensityMarch(schedule, FAN_TIMES, 0.0, lambda: None), [], []
     march.count = 2  # steps of a part
     spots = schedule.strike * march.grid.nodes
     for k, segment in enumerate(schedule.segments):
