@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from app.known_names import among
+from app.service.clients import client_of
 from app.service.contract_schema import CURVE, DATE, DATE_IN_WORDS, KEYS, LOCAL, NUMBER
 from app.service.errors import (
     BodyTimeoutError,
@@ -30,6 +31,8 @@ Location: TypeAlias = tuple[int | str, ...]
 # The kinds that a rate or a time may be of, and their types in JSON.
 KINDS = {NUMBER: "number", CURVE: "object", DATE: "string", LOCAL: "object"}
 LENGTHS = ("too_long", "too_short")  # kinds of fault, as pydantic calls them
+# Bytes of a body that every request may hold without a word; what is longer shares the memory of long bodies. Chosen.
+UNCOUNTED = 1 << 16
 OF_NUMBERS = ("float_type", "finite_number", "greater_than_equal", "less_than_equal")
 
 
@@ -97,6 +100,19 @@ def too_late(limits: RouteLimits) -> BodyTimeoutError:
     return BodyTimeoutError(f"the body must arrive within {limits.body_seconds:g} s")
 
 
+def hold_memory(request: Request, count: int) -> None:
+    """Count bytes of a long body as held until the request has been answered.
+
+    Raises
+    ------
+    ClientLimitError, OverloadedError
+        Its client, or all together, hold as much as they may.
+    """
+    memory, client = request.app.state.body_memory, client_of(request)
+    memory.take(client, count)
+    request.state.at_end.append(lambda: memory.give_back(client, count))
+
+
 async def _read_bytes(request: Request, limits: RouteLimits) -> bytes:
     check_length(request, limits)
     raw = bytearray()
@@ -106,6 +122,8 @@ async def _read_bytes(request: Request, limits: RouteLimits) -> bytes:
                 raw += part
                 if len(raw) > limits.body_bytes:
                     raise too_large(limits)
+                if len(raw) > UNCOUNTED:
+                    hold_memory(request, len(part))
     except TimeoutError:
         raise too_late(limits) from None
     return bytes(raw)
