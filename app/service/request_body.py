@@ -1,6 +1,7 @@
 """A request's body: bounded in size and time, declared as JSON, validated against a model."""
 
 import asyncio
+import functools
 import math
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, TypeAlias, TypeVar
@@ -13,6 +14,7 @@ from app.known_names import among
 from app.service.clients import client_of
 from app.service.contract_schema import CURVE, DATE, DATE_IN_WORDS, KEYS, LOCAL, NUMBER
 from app.service.errors import (
+    SHOWN_ERRORS,
     BodyTimeoutError,
     BodyTooLargeError,
     InvalidRequestError,
@@ -130,11 +132,12 @@ async def _read_bytes(request: Request, limits: RouteLimits) -> bytes:
 
 
 def _faults(error: ValidationError, model: type[BaseModel]) -> list[InvalidInputError]:
+    """Return the first of what is wrong: no more are told, and a body may have a thousand."""
     return [
         _unknown_key(found["loc"], list(model.model_fields))
         if found["type"] == "extra_forbidden"
         else InvalidInputError(_path(found["loc"]), _value(found), _allowed(found, model))
-        for found in error.errors(include_url=False)
+        for found in error.errors(include_url=False)[:SHOWN_ERRORS]
     ]
 
 
@@ -161,11 +164,17 @@ def _allowed(found: ErrorDetails, model: type[BaseModel]) -> str:
     }
     allowed = words.get(found["type"], found["msg"].removeprefix("Input should be "))
     if found["type"] in OF_NUMBERS:
-        schema = schema_at(inline_schema(model), found["loc"])
+        schema = schema_at(_schema_of(model), found["loc"])
         allowed = range_in_words(schema.get("minimum", -math.inf), schema.get("maximum", math.inf))
     if found["loc"][-1] != NUMBER:
         return allowed
     return f"{allowed} or {CURVE_IN_WORDS if found['loc'][0] in KEYS else DATE_IN_WORDS}"
+
+
+@functools.cache
+def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    """Return the model's schema, which takes milliseconds to make."""
+    return inline_schema(model)
 
 
 def schema_at(schema: dict[str, Any], location: Location) -> dict[str, Any]:

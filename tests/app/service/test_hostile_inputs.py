@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
+from app.service import request_body
 from tests.problems.needs_kernel import needs_kernel
 
 JSON = {"content-type": "application/json"}
@@ -406,3 +407,28 @@ def test_other_addresses_and_methods_are_problems_too(
     answer = client.request(method, address)
     assert_problem(answer, status, name)
     assert ("allow" in answer.headers) == (status == 405)
+
+
+@pytest.mark.parametrize("address", ADDRESSES)
+@pytest.mark.parametrize("kind", ["numbers", "keys"])
+def test_of_a_thousand_faults_ten_are_looked_into(
+    client: TestClient, question: dict[str, Any], monkeypatch: pytest.MonkeyPatch, address: str, kind: str
+) -> None:
+    looked = []
+    for name in ("schema_at", "_unknown_key"):
+        of_one = getattr(request_body, name)
+        monkeypatch.setattr(
+            request_body, name, lambda *told, of_one=of_one: (looked.append(told), of_one(*told))[1]
+        )
+    made = []
+    of_model = request_body.inline_schema
+    monkeypatch.setattr(request_body, "inline_schema", lambda model: (made.append(model), of_model(model))[1])
+    wrong = {
+        "numbers": {"cash_dividends": [{"time": -1, "amount": -1}] * 100},
+        "keys": {f"k{number}": 1 for number in range(300)},
+    }
+    for _ in range(2):
+        problem = assert_problem(client.post(address, json=question | wrong[kind]), 422, "invalid-input")
+        assert 1 <= len(problem["errors"]) <= 10
+    assert len(looked) == 2 * 10
+    assert len(made) <= 1
