@@ -80,7 +80,9 @@ class Settings(BaseSettings):
     deadline_seconds: float = Field(
         default=10.0, gt=0.0, le=3600.0, description="For a question, waiting included."
     )
-    max_body_bytes: int = Field(default=65_536, ge=256, le=1 << 30, description="Of a request.")
+    max_body_bytes: int = Field(
+        default=1 << 20, ge=256, le=1 << 30, description="Of a request for one contract."
+    )
     max_batch_bytes: int = Field(default=1 << 26, ge=256, le=1 << 30, description="Of a body of /v1/batch.")
     batch_deadline_seconds: float = Field(
         default=60.0,

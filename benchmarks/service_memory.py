@@ -1,9 +1,9 @@
 """Does the memory of the service grow? Minutes of mixed questions at a moderate rate, and the processes' memory.
 
 Two workers are asked for random prices on kept connections, 50 a second; besides, in turn, on connections of their
-own, for an implied volatility that takes until the deadline, a boundary, a surface, the metrics, a batch in each form,
-a body that is not valid, and by a client that leaves before it is answered. Every minute the resident memory of each
-process is printed. Run from the root of the project, with --quick for one minute:
+own, for an implied volatility with 600 dividends, a boundary, a surface, advice on exercise, the metrics, a batch in
+each form, a body that is not valid, and by a client that leaves before it is answered. Every minute the resident memory
+of each process is printed. Run from the root of the project, with --quick for one minute:
 .venv/bin/python -m benchmarks.service_memory
 """
 
@@ -53,6 +53,7 @@ def questions() -> list[tuple[str, bytes, float]]:
         ("search", as_http("/v1/implied-volatility", SEARCH), 60.0),
         ("boundary", as_http("/v1/boundary", CONTRACT), 60.0),
         ("surface", as_http("/v1/surface", surface), 60.0),
+        ("advice", as_http("/v1/exercise-advice", CONTRACT | {"exercise_start": 0.5}), 60.0),
         ("metrics", f"GET /metrics HTTP/1.1\r\nHost: {HOST}\r\n\r\n".encode(), 60.0),
         ("not valid", as_http("/v1/price", CONTRACT | {"spot": "much"}), 60.0),
         ("leaves", as_http("/v1/implied-volatility", SEARCH), LEAVES_AFTER),

@@ -12,7 +12,7 @@ from app.service.errors import BodyTooLargeError, ClientLimitError, OverloadedEr
 from app.service.request_body import too_large, too_late
 from app.service.work.route_limits import RouteLimits
 
-LONGEST_LINE = 1 << 16  # bytes; chosen: that of the body of a single contract by default
+LONGEST_LINE = 1 << 20  # bytes; chosen: those of the body of a single contract by default
 LINES_AT_A_TIME, MOST_LINES = 1 << 20, 4096  # bytes and number of lines that are read together; chosen
 
 

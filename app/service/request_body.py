@@ -1,6 +1,7 @@
 """A request's body: bounded in size and time, declared as JSON, validated against a model."""
 
 import asyncio
+import functools
 import math
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, TypeAlias, TypeVar
@@ -10,8 +11,10 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from app.known_names import among
+from app.service.clients import client_of
 from app.service.contract_schema import CURVE, DATE, DATE_IN_WORDS, KEYS, LOCAL, NUMBER
 from app.service.errors import (
+    SHOWN_ERRORS,
     BodyTimeoutError,
     BodyTooLargeError,
     InvalidRequestError,
@@ -30,6 +33,8 @@ Location: TypeAlias = tuple[int | str, ...]
 # The kinds that a rate or a time may be of, and their types in JSON.
 KINDS = {NUMBER: "number", CURVE: "object", DATE: "string", LOCAL: "object"}
 LENGTHS = ("too_long", "too_short")  # kinds of fault, as pydantic calls them
+# Bytes of a body that every request may hold without a word; what is longer shares the memory of long bodies. Chosen.
+UNCOUNTED = 1 << 16
 OF_NUMBERS = ("float_type", "finite_number", "greater_than_equal", "less_than_equal")
 
 
@@ -97,6 +102,19 @@ def too_late(limits: RouteLimits) -> BodyTimeoutError:
     return BodyTimeoutError(f"the body must arrive within {limits.body_seconds:g} s")
 
 
+def hold_memory(request: Request, count: int) -> None:
+    """Count bytes of a long body as held until the request has been answered.
+
+    Raises
+    ------
+    ClientLimitError, OverloadedError
+        Its client, or all together, hold as much as they may.
+    """
+    memory, client = request.app.state.body_memory, client_of(request)
+    memory.take(client, count)
+    request.state.at_end.append(lambda: memory.give_back(client, count))
+
+
 async def _read_bytes(request: Request, limits: RouteLimits) -> bytes:
     check_length(request, limits)
     raw = bytearray()
@@ -106,17 +124,20 @@ async def _read_bytes(request: Request, limits: RouteLimits) -> bytes:
                 raw += part
                 if len(raw) > limits.body_bytes:
                     raise too_large(limits)
+                if len(raw) > UNCOUNTED:
+                    hold_memory(request, len(part))
     except TimeoutError:
         raise too_late(limits) from None
     return bytes(raw)
 
 
 def _faults(error: ValidationError, model: type[BaseModel]) -> list[InvalidInputError]:
+    """Return the first of what is wrong: no more are told, and a body may have a thousand."""
     return [
         _unknown_key(found["loc"], list(model.model_fields))
         if found["type"] == "extra_forbidden"
         else InvalidInputError(_path(found["loc"]), _value(found), _allowed(found, model))
-        for found in error.errors(include_url=False)
+        for found in error.errors(include_url=False)[:SHOWN_ERRORS]
     ]
 
 
@@ -143,11 +164,17 @@ def _allowed(found: ErrorDetails, model: type[BaseModel]) -> str:
     }
     allowed = words.get(found["type"], found["msg"].removeprefix("Input should be "))
     if found["type"] in OF_NUMBERS:
-        schema = schema_at(inline_schema(model), found["loc"])
+        schema = schema_at(_schema_of(model), found["loc"])
         allowed = range_in_words(schema.get("minimum", -math.inf), schema.get("maximum", math.inf))
     if found["loc"][-1] != NUMBER:
         return allowed
     return f"{allowed} or {CURVE_IN_WORDS if found['loc'][0] in KEYS else DATE_IN_WORDS}"
+
+
+@functools.cache
+def _schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    """Return the model's schema, which takes milliseconds to make."""
+    return inline_schema(model)
 
 
 def schema_at(schema: dict[str, Any], location: Location) -> dict[str, Any]:

@@ -138,6 +138,24 @@ def test_the_service_answers(client: Any, question: dict[str, Any]) -> None:
     assert implied.json()["volatility"] == pytest.approx(flat.volatility, abs=1e-6)
 
 
+def test_the_service_takes_the_largest_one(client: Any, question: dict[str, Any]) -> None:
+    rng = np.random.default_rng(4)
+    largest = {
+        "times": np.linspace(0.0, 2.0, 100).tolist(),
+        "spots": np.linspace(20.0, 300.0, 100).tolist(),
+        "values": rng.uniform(0.19, 0.21, (100, 100)).tolist(),
+    }
+    asked = question | {"volatility": largest, "tolerance": 1e-2, "greeks": "none"}
+    assert len(json.dumps(asked)) > 100_000
+    answer = client.post("/v1/price", json=asked)
+    assert answer.status_code == 200, answer.text
+    assert 5.0 < answer.json()["price"] < 7.0
+    row = json.dumps({name: value for name, value in asked.items() if name != "greeks"})
+    headers = {"Content-Type": "application/x-ndjson"}
+    batch = client.post("/v1/batch?greeks=none", content=f"{row}\n{row}\n", headers=headers)
+    assert [json.loads(line)["price"] for line in batch.text.splitlines()] == [answer.json()["price"]] * 2
+
+
 @pytest.mark.parametrize(
     "changes",
     [

@@ -156,3 +156,11 @@ def test_what_is_no_surface_is_refused_by_name(changes, field):
 def test_a_mapping_with_other_keys_is_refused():
     with pytest.raises(InvalidInputError, match="volatility"):
         Market(100.0, 0.05, {"times": [0.0], "spots": [1.0]})
+
+
+def test_a_surface_of_a_hundred_million_numbers_is_refused_before_it_is_copied():
+    axis, values = np.arange(1.0, 10_001.0), np.broadcast_to(0.2, (10_000, 10_000))
+    for times, spots in ((axis, axis), ([0.0], [100.0])):
+        with pytest.raises(InvalidInputError, match="numbers") as raised:
+            LocalVolatility(times, spots, values)
+        assert raised.value.field in ("times", "values")

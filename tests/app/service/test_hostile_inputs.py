@@ -6,11 +6,12 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
+from app.service import request_body
 from tests.problems.needs_kernel import needs_kernel
 
 JSON = {"content-type": "application/json"}
 CANARY = "Xq7canary"
-ADDRESSES = ["/v1/price", "/v1/boundary", "/v1/implied-volatility"]
+ADDRESSES = ["/v1/price", "/v1/boundary", "/v1/implied-volatility", "/v1/exercise-advice"]
 DATED = {"expiry": None, "valuation_date": "2026-01-01", "expiration_date": "2027-01-01"}
 
 
@@ -362,15 +363,30 @@ def test_another_content_type_is_a_415(
 
 
 def test_a_body_declared_too_long_is_a_413(client: TestClient) -> None:
-    body = json.dumps({"times": [0.5] * 20_000})
-    assert len(body) > 65_536
+    body = json.dumps({"times": [0.5] * 250_000})
+    assert len(body) > 1 << 20
     answer = client.post("/v1/boundary", content=body, headers=JSON)
     assert_problem(answer, 413, "body-too-large")
     assert answer.headers["connection"] == "close"
 
 
+def test_long_bodies_share_one_memory_and_short_ones_need_none(
+    client: TestClient, question: dict[str, Any]
+) -> None:
+    memory = client.app.state.body_memory  # type: ignore[attr-defined]
+    memory.take("testclient", (1 << 26) - 70_000)  # of 64 MiB, as if by another request of this client
+    long = json.dumps(question) + 80_000 * " "
+    answer = client.post("/v1/price", content=long, headers=JSON)
+    assert_problem(answer, 429, "client-limit")
+    assert client.post("/v1/price", json=question).status_code == 200
+    memory.give_back("testclient", 20_000)
+    assert client.post("/v1/price", content=long, headers=JSON).status_code == 200
+    memory.give_back("testclient", (1 << 26) - 90_000)
+    assert not memory._held  # all of it has been given back
+
+
 def test_a_body_of_undeclared_length_is_cut_off_with_a_413(client: TestClient) -> None:
-    parts = (b"[" * 1_024 for _ in range(100))  # sent in chunks, without a length
+    parts = (b"[" * 65_536 for _ in range(20))  # sent in chunks, without a length
     assert_problem(client.post("/v1/price", content=parts, headers=JSON), 413, "body-too-large")
 
 
@@ -391,3 +407,28 @@ def test_other_addresses_and_methods_are_problems_too(
     answer = client.request(method, address)
     assert_problem(answer, status, name)
     assert ("allow" in answer.headers) == (status == 405)
+
+
+@pytest.mark.parametrize("address", ADDRESSES)
+@pytest.mark.parametrize("kind", ["numbers", "keys"])
+def test_of_a_thousand_faults_ten_are_looked_into(
+    client: TestClient, question: dict[str, Any], monkeypatch: pytest.MonkeyPatch, address: str, kind: str
+) -> None:
+    looked = []
+    for name in ("schema_at", "_unknown_key"):
+        of_one = getattr(request_body, name)
+        monkeypatch.setattr(
+            request_body, name, lambda *told, of_one=of_one: (looked.append(told), of_one(*told))[1]
+        )
+    made = []
+    of_model = request_body.inline_schema
+    monkeypatch.setattr(request_body, "inline_schema", lambda model: (made.append(model), of_model(model))[1])
+    wrong = {
+        "numbers": {"cash_dividends": [{"time": -1, "amount": -1}] * 100},
+        "keys": {f"k{number}": 1 for number in range(300)},
+    }
+    for _ in range(2):
+        problem = assert_problem(client.post(address, json=question | wrong[kind]), 422, "invalid-input")
+        assert 1 <= len(problem["errors"]) <= 10
+    assert len(looked) == 2 * 10
+    assert len(made) <= 1

@@ -91,7 +91,7 @@ def test_a_client_that_leaves_ends_its_batch() -> None:
 def test_an_answer_that_cannot_be_ended_is_broken_off_and_the_log_says_why(server: Server) -> None:
     with sent(server, HEAD, chunk(LINE)) as connection:
         begun = received(connection, 1)
-        connection.sendall(chunk(b"x" * 70_000))
+        connection.sendall(chunk(b"x" * 1_100_000))
         rest = everything(connection)
     assert not (begun + rest).endswith(b"0\r\n\r\n")
     assert eventually(lambda: any("a line" in str(line.get("reason")) for line in server.log))

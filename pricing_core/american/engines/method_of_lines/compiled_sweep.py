@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,8 @@ from pricing_core.stepping.implicit import SDIRK2_THETA
 
 # Number of arrays over the nodes that the kernel works with, and that it needs for each derivative; counted.
 WORKING_ARRAYS, TANGENT_ARRAYS = 40, 14
+# The numbers of a segment that a parameter may change.
+TERMS = attrgetter("rate", "dividend_yield", "volatility", "amount", "escrow")
 RIGHTS = slice(7, 9)  # The columns of a segment that say whether the holder may exercise.
 # The kernel's number of a scheme, and the scheme's implicit weight.
 KERNEL_SCHEMES: dict[Scheme, tuple[int, float]] = {
@@ -67,7 +70,11 @@ def sweep_by_kernel(
     for before, problem in pairwise(problems):
         same = problem.parts is before.parts
         numbers.append(numbers[-1] if same else _Numbers.of(problem))
-    arguments = [n.arguments(problem) for n, problem in zip(numbers, problems, strict=True)]
+    arguments = []
+    for n, problem in zip(numbers, problems, strict=True):
+        if interrupt is not None and interrupt():  # many directions take long
+            return [None] * len(problems)
+        arguments.append(n.arguments(problem))
     found = kernel.sweep_schedules(arguments, interrupt)
     if found is None:
         return [None] * len(problems)
@@ -175,9 +182,9 @@ def _meshes(problem: SweepProblem) -> tuple[Vector, NDArray[np.int64]]:
 
 
 def _terms(segment: Segment, strike: float) -> tuple[float, ...]:
-    """Return the numbers of a segment that a parameter may change."""
-    amounts = segment.amount / strike, segment.escrow / strike
-    return segment.rate, segment.dividend_yield, segment.volatility, *amounts
+    """Return them, amounts in strikes."""
+    *rates, amount, escrow = TERMS(segment)
+    return *rates, amount / strike, escrow / strike
 
 
 def _rights(segment: Segment) -> tuple[float, bool, bool]:
@@ -188,19 +195,19 @@ def _direction_columns(directions: tuple[Direction, ...], segments: int) -> NDAr
     """Return the segments' numbers with more and with less of each of P parameters, shape (P, M, 2, 6)."""
     if not directions:
         return np.zeros((0, segments, 2, 6))
-    surfaces = 1
-    rows = []
-    for d in directions:
-        numbers = (0, 0)
-        if d.moves_surface:
-            numbers, surfaces = (surfaces, surfaces + 1), surfaces + 2
-        pairs = zip(d.up.segments, d.down.segments, strict=True)
-        rows += [
-            [*_terms(s, d.up.strike), number]
-            for pair in pairs
-            for s, number in zip(pair, numbers, strict=True)
-        ]
-    return np.array(rows).reshape(len(directions), segments, 2, 6)
+    sides = [(d.up.segments, d.down.segments) for d in directions]
+    # Most segments are the same objects in all directions, of which there is one for each of many dividends.
+    different = {id(s): s for pair in sides for side in pair for s in side}
+    places = {key: place for place, key in enumerate(different)}
+    terms = np.array([TERMS(s) for s in different.values()])
+    chosen = [places[id(s)] for up, down in sides for pair in zip(up, down, strict=True) for s in pair]
+    columns = np.zeros((len(directions), segments, 2, 6))
+    columns[..., :5] = terms[chosen].reshape(len(directions), segments, 2, 5)
+    columns[..., 3:5] /= np.array([d.up.strike for d in directions])[:, None, None, None]
+    moving = [k for k, d in enumerate(directions) if d.moves_surface]
+    for number, k in enumerate(moving):
+        columns[k, :, :, 5] = 1 + 2 * number, 2 + 2 * number
+    return columns
 
 
 def _local(

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.american.book.ragged import starts
+from pricing_core.american.contracts.schedule import SAME_TIME
 from pricing_core.american.engines.multiplier_collocation.levels import (
     AMOUNT,
     ESCROW,
@@ -35,7 +36,6 @@ FURTHEST_MOVE = 4.0
 LARGEST_REST = 0.5
 # Where the boundary of a whole life is looked for, in standard deviations of ln S below that spot; chosen.
 SEEN_FROM = 1.5
-SAME_TIME = 1e-12  # Distance within which two times are the same, years; chosen.
 SMALLEST_REST = (
     1e-3  # Share of a spot that a dividend leaves at least, so that its logarithm is finite; chosen.
 )
@@ -88,14 +88,15 @@ def begun_at(packed: Packed, times: Vector) -> Packed:
     Where the spot drops then, the contract may not be exercised: just before, no put is exercised far below.
     """
     ends = np.cumsum(packed.segments[:, DURATION])
-    places = np.searchsorted(ends - SAME_TIME, times, side="right")
+    same = SAME_TIME * ends[-1]
+    places = np.searchsorted(ends - same, times, side="right")
     counts = ends.size - places
     segments = np.concatenate([packed.segments[place:] for place in places])
     first = starts(counts)
     segments[first[:-1], DURATION] = ends[places] - times
     before = np.maximum(places - 1, 0)
     drops = (packed.segments[before, FRACTION] > 0.0) | (packed.segments[before, AMOUNT] > 0.0)
-    at_drop = (np.abs(ends[before] - times) <= SAME_TIME) & drops
+    at_drop = (np.abs(ends[before] - times) <= same) & drops
     segments[first[:-1], EXERCISABLE] *= ~at_drop
     return Packed(np.repeat(packed.sign, times.size), np.zeros(times.size), first, segments)
 

@@ -37,5 +37,5 @@ def is_served(book: Book) -> BoolVector:
 def log_moneyness(book: Book) -> Vector:
     """Return ln(S/K) of the spot that diffuses, shape (n,)."""
     spot = book.spot - book.escrow_now() if book.escrowed.any() else book.spot
-    with np.errstate(divide="ignore"):  # a spot of 0
+    with np.errstate(divide="ignore", invalid="ignore"):  # a spot of 0, or below what is escrowed by rounding
         return np.log(spot) - np.log(book.strike)

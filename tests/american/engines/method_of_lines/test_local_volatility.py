@@ -9,6 +9,7 @@ from pricing_core import kernel
 from pricing_core.american import LocalVolatility, Market, Option, PiecewiseConstant, exercise_boundary, price
 from pricing_core.american.book.book import Book
 from pricing_core.american.engines.closed_form import ClosedForm
+from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
 from pricing_core.american.engines.premium_march import PremiumMarch
@@ -207,6 +208,41 @@ def test_estimates_cover_the_errors_on_random_surfaces():
         count += 1
         covered += abs(found.price - truth.price) <= found.error_estimate + truth.error_estimate
     assert covered >= 0.97 * count
+
+
+def few_nodes(rng):
+    """Return a surface of few nodes whose values have nothing to do with each other."""
+    times = np.cumsum(rng.uniform(0.01, 0.5, rng.integers(1, 8)))
+    spots = 50.0 * np.exp(np.cumsum(rng.uniform(0.02, 0.4, rng.integers(1, 9))))
+    return LocalVolatility(times, spots, rng.uniform(0.05, 0.9, (times.size, spots.size)))
+
+
+def noise(rng):
+    """Return a skew of many nodes with noise of 30 % at each."""
+    times, spots = np.linspace(0.0, 1.5, rng.integers(2, 20)), np.geomspace(40.0, 250.0, rng.integers(10, 60))
+    noisy = np.exp(0.3 * rng.normal(size=(times.size, spots.size)))
+    return LocalVolatility(times, spots, 0.25 * (spots / 100.0) ** -0.5 * noisy)
+
+
+@needs_kernel
+@pytest.mark.nightly
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-5])
+@pytest.mark.parametrize("surface", [few_nodes, noise])
+def test_estimates_cover_the_errors_on_rough_surfaces(surface, tolerance):
+    rng = np.random.default_rng(21)
+    contracts = []
+    for _ in range(400):
+        volatility = surface(rng)
+        kind = "put" if rng.uniform() < 0.5 else "call"
+        option = Option(kind, 100.0 * np.exp(rng.normal(0.0, 0.15)), rng.uniform(0.1, 1.5))
+        contracts.append((option, Market(100.0, rng.uniform(0.0, 0.08), volatility, rng.uniform(0.0, 0.08))))
+    book = Book.of(contracts)
+    found, truth = (
+        MethodOfLines().solve(book, Request(np.full(book.count, each), "none"))
+        for each in (tolerance, tolerance / 30.0)
+    )
+    covered = np.abs(found.value - truth.value) <= found.error + truth.error
+    assert covered.mean() >= 0.98
 
 
 def test_without_the_kernel_the_same_is_found(monkeypatch):

@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from pricing_core.american import Market, Option, exercise_boundary, price, price_many
+from pricing_core.american.book.book import Book
+from pricing_core.american.engines.multiplier_collocation.far_boundary import DURATION, EXERCISABLE, begun_at
+from pricing_core.american.engines.multiplier_collocation.levels import pack
 from pricing_core.roots import find_root
 from tests.problems.needs_kernel import needs_kernel
 
@@ -122,3 +125,14 @@ def test_a_book_has_the_boundaries_of_its_contracts():
         },
     }
     np.testing.assert_allclose(price_many(columns, greeks="none")["exercise_boundary"], alone, rtol=1e-12)
+
+
+@pytest.mark.parametrize("expiry", [1e-12, 1e-6, 1.0])
+def test_contracts_begun_later_are_those_of_any_unit_of_time(expiry):
+    """The first time is before the dividend, the second that of it, the third after it."""
+    market = Market(50.0, 0.05, 0.2, cash_dividends=[{"time": 0.5 * expiry, "amount": 1.0}])
+    packed = pack(Book.of([(Option("put", STRIKE, expiry), market)]))
+    begun = begun_at(packed, np.array([0.2, 0.5, 0.7]) * expiry)
+    assert begun.first.tolist() == [0, 2, 3, 4]
+    assert begun.segments[:, DURATION] == pytest.approx(np.array([0.3, 0.5, 0.5, 0.3]) * expiry, rel=1e-9)
+    assert begun.segments[:, EXERCISABLE].tolist() == [1.0, 1.0, 0.0, 1.0]
