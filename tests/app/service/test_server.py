@@ -88,7 +88,7 @@ def test_a_huge_declared_body_is_refused_before_it_is_sent(server: Server) -> No
 
 
 def test_a_huge_chunked_body_is_cut_off(server: Server) -> None:
-    block = b"4000\r\n" + b"[" * 0x4000 + b"\r\n"
+    block = b"40000\r\n" + b"[" * 0x40000 + b"\r\n"
     received = answer_to(server, head("Transfer-Encoding: chunked"), *[block] * 5, pause=0.02)
     assert received.startswith(b"HTTP/1.1 413 ")
 

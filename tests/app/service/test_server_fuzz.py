@@ -16,7 +16,7 @@ from tests.app.service.extreme_bodies import Body, bodies, value_bounds
 from tests.app.service.server_process import Server, running
 from tests.problems.needs_kernel import needs_kernel
 
-DEADLINE = 1.0
+DEADLINE = 0.5
 CLIENTS = 2  # as many as the server has threads, so that nobody waits for one
 STATUSES = {200, 400, 408, 413, 415, 422, 503}
 ROUNDING = 1e-12
