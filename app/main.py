@@ -110,5 +110,4 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
         yield
     finally:
         app.state.draining.set()
-        app.state.cheap_lane.close()
         app.state.expensive_lane.close()

@@ -53,6 +53,15 @@ struct SolvedPuts {
     boundary: Vec<f64>,
 }
 
+impl SolvedPuts {
+    /// What was found of each put.
+    fn rows(&self) -> Vec<&[f64]> {
+        self.numbers
+            .chunks(self.numbers.len() / PUTS.len())
+            .collect()
+    }
+}
+
 fn puts(set: InstructionSet, tolerance: f64) -> SolvedPuts {
     let column = |k: usize| PUTS.map(|put| put[k]);
     let (rate, dividend, spread, x) = (column(0), column(1), column(2), column(3));
@@ -183,9 +192,7 @@ fn marches_agree_on_every_instruction_set() {
     for set in InstructionSet::available() {
         let found = puts(set, 1e-6);
         assert_eq!(found.settled, expected.settled);
-        let per_spot = expected.numbers.len() / PUTS.len();
-        let (ours, theirs) = (&found.numbers, &expected.numbers);
-        for (found, expected) in ours.chunks(per_spot).zip(theirs.chunks(per_spot)) {
+        for (found, expected) in found.rows().into_iter().zip(expected.rows()) {
             let (numbers, second) = found.split_at(premium_march::COLUMNS);
             let (expected, expected_second) = expected.split_at(premium_march::COLUMNS);
             assert_agree(numbers, expected, (set, portable));
@@ -216,15 +223,13 @@ const PUBLISHED_PUT: f64 = 0.060_903_707;
 #[test]
 fn marches_have_known_values_on_every_instruction_set() {
     for set in InstructionSet::available() {
-        let found = puts(set, 1e-8).numbers;
-        assert!((found[0] - PUBLISHED_PUT).abs() < 1e-8, "{set:?}");
+        let found = puts(set, 1e-8);
+        let rows = found.rows();
+        assert!((rows[0][0] - PUBLISHED_PUT).abs() < 1e-8, "{set:?}");
         // r = q = 5 %, volatility 25 %: from an integral equation.
-        assert!((found[4] - 0.095_694_452_99).abs() < 1e-8, "{set:?}");
+        assert!((rows[4][0] - 0.095_694_452_99).abs() < 1e-8, "{set:?}");
         // Black and Scholes of the first: 5.5735260.
-        assert!(
-            (found[3 * PUTS.len()] - 0.055_735_260).abs() < 1e-9,
-            "{set:?}"
-        );
+        assert!((rows[0][3] - 0.055_735_260).abs() < 1e-9, "{set:?}");
     }
 }
 
@@ -260,10 +265,11 @@ fn the_engines_agree_on_flat_puts() {
         .map(|&[rate, dividend, spread, x]| (1.0, x, vec![flat(rate, dividend, spread)]))
         .collect();
     for set in InstructionSet::available() {
-        let march = puts(set, 1e-7).numbers;
+        let march = puts(set, 1e-7);
+        let march = march.rows();
         let (collocation, settled) = schedules(set, &rows, 1e-8);
         for k in (0..PUTS.len()).filter(|&k| settled[k]) {
-            let difference = (march[k] - collocation[k]).abs();
+            let difference = (march[k][0] - collocation[k]).abs();
             assert!(difference < 2e-7, "put {k} on {set:?}: {difference}");
         }
     }

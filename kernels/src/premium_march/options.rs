@@ -400,7 +400,7 @@ impl Row {
 
     /// Vanna, volga and charm, and their errors.
     ///
-    /// A call's delta is v - v_x, v being the put with spot and strike exchanged, and x its ln(K/S).
+    /// A call's delta is v - `v_x`, v being the put with spot and strike exchanged, and x its ln(K/S).
     fn second_order(&self, found: &Found) -> [f64; 6] {
         let (scale, spread) = (self.scale(), self.volatility * self.root);
         let value = found.error + ROUNDING;

@@ -57,13 +57,15 @@ def lies_high(book: Book, value: Vector) -> BoolVector:
     """Tell quickly which values may lie above the largest price without arbitrage: no other one does."""
     if book.escrowed.any():
         return np.ones(book.count, dtype=bool)
-    segments = book.segments
+    largest, segments = np.where(book.is_put, book.strike, book.spot), book.segments
+    if segments.exercisable.all():  # then the bound is at least what exercise may bring
+        return np.asarray(value > largest)
     is_put = book.is_put if book.is_simple else book.per_segment(book.is_put)
     carried = np.where(is_put, segments.rate, segments.dividend_yield) * segments.duration
     with np.errstate(divide="ignore"):
         lost = carried if book.is_plain else carried - np.where(is_put, 0.0, np.log1p(-segments.fraction))
     lost = lost if book.is_simple else np.add.reduceat(lost, book.first[:-1])
-    held: BoolVector = value > np.where(book.is_put, book.strike, book.spot) * np.exp(-np.maximum(lost, 0.0))
+    held: BoolVector = value > largest * np.exp(-np.maximum(lost, 0.0))
     return held
 
 

@@ -53,7 +53,6 @@ def test_what_never_happens_has_no_expected_time(client: TestClient, question: d
         ({"times": [0.5] * 1001}, "times"),
         ({"times": [CANARY]}, "times[0]"),
         ({"volatility": 0.0}, "volatility"),
-        ({"volatility": {"times": [1.0], "spots": [100.0], "values": [[0.2]]}}, "volatility"),
         ({"spot": None}, "spot"),
         ({"greeks": "none"}, "key of the body"),
     ],

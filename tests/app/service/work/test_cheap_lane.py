@@ -1,7 +1,6 @@
 """The lane of cheap prices: each answer is what `price` says, whoever else is asked about in the same call."""
 
 import asyncio
-import threading
 from collections.abc import Awaitable, Callable
 from typing import Any, TypeVar
 
@@ -20,11 +19,7 @@ CHEAP = 1e-3  # seconds that each is expected to take
 
 def in_a_lane(scenario: Callable[[CheapLane], Awaitable[Result]]) -> Result:
     async def run() -> Result:
-        lane = CheapLane()
-        try:
-            return await asyncio.wait_for(scenario(lane), 30.0)
-        finally:
-            lane.close()
+        return await asyncio.wait_for(scenario(CheapLane()), 30.0)
 
     return asyncio.run(run())
 
@@ -83,30 +78,3 @@ def test_one_that_fails_or_is_no_longer_wanted_costs_nobody_else_the_answer(
     (first, failed, last), later = in_a_lane(scenario)
     assert failed is None
     assert first == last == later == price(good, market, tolerance=1e-4)
-
-
-def test_the_loop_goes_on_while_several_are_priced_and_one_alone_needs_no_thread(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    together, gate, threads = cheap_lane.price_together, threading.Event(), list[threading.Thread]()
-
-    def slow(some: Any, *others: Any) -> Any:
-        threads.append(threading.current_thread())
-        assert len(some) == 1 or gate.wait(10.0)
-        return together(some, *others)
-
-    monkeypatch.setattr(cheap_lane, "price_together", slow)
-    option, market = Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2)
-
-    async def scenario(lane: CheapLane) -> None:
-        await lane.price(option, market, 1e-4, "standard", CHEAP)
-        several = [lane.price(option, market, 1e-4, "standard", CHEAP) for _ in range(3)]
-        waiting = asyncio.gather(*several)
-        while len(threads) < 2:
-            await asyncio.sleep(0.001)
-        gate.set()  # by the loop, which goes on
-        assert None not in await waiting
-
-    in_a_lane(scenario)
-    assert threads[0] is threading.main_thread()
-    assert threads[1] is not threading.main_thread()
