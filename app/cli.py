@@ -20,7 +20,14 @@ from app.command_failures import (
     tell_in_json,
     tell_in_words,
 )
-from app.commands.contract_arguments import Contract, names, number, numbers, takes_contract
+from app.commands.contract_arguments import (
+    Contract,
+    names,
+    number,
+    number_or_curve,
+    numbers,
+    takes_contract,
+)
 
 app = typer.Typer(
     help="American options solved as linear complementarity systems, and the systems themselves.",
@@ -410,6 +417,78 @@ def explain_command(
             output_format=output_format,
         )
         raise typer.Exit(SOME_REJECTED if incomplete else 0)
+
+
+@app.command("chain")
+def chain_command(
+    source: Annotated[
+        str, typer.Argument(metavar="INPUT", help="quotes of one underlying: .csv, .json or .parquet")
+    ],
+    folder: Annotated[Path, typer.Argument(metavar="OUTPUT_DIR", help="made where it is missing")],
+    format_: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            help="auto, generic, openbb, cboe, optionmetrics, orats, polygon, tradier, yfinance, thetadata, ibkr or "
+            "optionsdx",
+        ),
+    ] = "auto",
+    rate: Annotated[
+        Any,
+        typer.Option(
+            "--rate",
+            parser=number_or_curve,
+            metavar="FLOAT|JSON",
+            help='1/year, continuously compounded, or {"times": [...], "values": [...]}',
+        ),
+    ] = None,
+    rates: Annotated[
+        str | None,
+        typer.Option(
+            "--rates", metavar="FILE", help="zero rates: columns time or days, and rate; or a curve in JSON"
+        ),
+    ] = None,
+    dividends: Annotated[
+        str | None,
+        typer.Option(
+            "--dividends", metavar="FILE", help="cash dividends: columns ex_date or time, and amount"
+        ),
+    ] = None,
+    valuation_date: Annotated[
+        str | None,
+        typer.Option(
+            "--valuation-date", metavar="DATE", help="ISO date or local date-time; default: the quotes' own"
+        ),
+    ] = None,
+    underlying_price: Annotated[
+        float | None,
+        typer.Option(
+            "--underlying-price", parser=number, metavar="FLOAT", help="money, for files that lack it"
+        ),
+    ] = None,
+    tolerance: ToleranceArgument = 1e-6,
+    threads: ThreadsArgument = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="no summary")] = False,
+) -> None:
+    """Fit quotes: carry, volatilities, a surface without arbitrage, a local volatility; tables and a report."""
+    with one_line_errors(), interrupted_by_signals():
+        from app.commands.chain_command import fit_file  # noqa: PLC0415
+        from pricing_core.batch.local_threads import threads_or_all  # noqa: PLC0415
+
+        complete = fit_file(
+            source,
+            folder,
+            format_=format_,
+            rate=rate,
+            rates=rates,
+            dividends=dividends,
+            valuation_date=valuation_date,
+            underlying_price=underlying_price,
+            tolerance=tolerance,
+            threads=threads_or_all(threads),
+            quiet=quiet,
+        )
+        raise typer.Exit(0 if complete else SOME_REJECTED)
 
 
 @app.command("simulate")

@@ -27,6 +27,7 @@ with needs_extra("service"):
     from app.service.routes import (
         batch,
         boundary,
+        chain,
         exercise_advice,
         health,
         implied_volatility,
@@ -74,7 +75,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.state.metrics = Metrics()
     app.state.ledger = ConnectionLedger(settings)
     keys = read_keys(settings.api_keys_file) if settings.api_keys_file else ()
-    for module in (price, batch, boundary, surface, exercise_advice, implied_volatility):
+    for module in (price, batch, boundary, surface, exercise_advice, implied_volatility, chain):
         app.include_router(module.router, **_with_keys(keys))
     for module in (health, metrics, docs_page, page):
         app.include_router(module.router)

@@ -83,12 +83,14 @@ class Settings(BaseSettings):
     max_body_bytes: int = Field(
         default=1 << 20, ge=256, le=1 << 30, description="Of a request for one contract."
     )
-    max_batch_bytes: int = Field(default=1 << 26, ge=256, le=1 << 30, description="Of a body of /v1/batch.")
+    max_batch_bytes: int = Field(
+        default=1 << 26, ge=256, le=1 << 30, description="Of a body of /v1/batch or /v1/chain."
+    )
     batch_deadline_seconds: float = Field(
         default=60.0,
         gt=0.0,
         le=3600.0,
-        description="For such a body; rows that are not priced then have the status deadline.",
+        description="For such a body; rows of a batch that are not priced then have the status deadline.",
     )
     body_seconds: float = Field(
         default=10.0, gt=0.0, le=3600.0, description="To receive the body of a request."

@@ -65,7 +65,9 @@ def _operation(
         yield "<h3>Request</h3>"
         yield from _fields(schema)
         example = json.dumps(schema["examples"][0])
-        address = f"http://127.0.0.1:8000{path}"
+        wanted = [one for one in operation.get("parameters", []) if one.get("required")]
+        query = "&".join(f"{one['name']}={one['example']}" for one in wanted)
+        address = f"http://127.0.0.1:8000{path}" + (f"?{query}" if query else "")
         command = f"curl {address} -H 'Content-Type: application/json' -d '{example}'"
         yield f"<pre>{escape(command)}</pre>"
     for status, response in operation["responses"].items():

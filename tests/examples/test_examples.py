@@ -11,6 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp, trapezoid
 
 from pricing_core.american import price_many
+from pricing_core.chains import fit_chain, read_chain
+from pricing_core.chains.side_files import read_dividends
 from tests.problems.control_problems import lowered_cart
 
 ROOT = Path(__file__).parents[2]
@@ -134,3 +136,17 @@ def test_the_scenarios_of_a_book_and_its_day_have_their_headlines(capsys: pytest
     }
     profit = price_many(moved, tolerance=1e-5)["price"] - price_many(columns, tolerance=1e-5)["price"]
     assert crash == pytest.approx(100.0 * profit @ np.array(book["quantity"]), rel=1e-9)
+
+
+def test_the_file_of_quotes_is_one_that_is_fitted(capsys, monkeypatch, tmp_path):
+    names = runpy.run_path(str(EXAMPLES / "chain" / "make_quotes.py"))
+    monkeypatch.setitem(names["main"].__globals__, "OUT", tmp_path)
+    names["main"]()
+    assert capsys.readouterr().out.startswith("216 quotes in ")
+    quotes = read_chain(tmp_path / "quotes.csv")
+    fit = fit_chain(quotes, names["RATE"], cash_dividends=read_dividends(str(tmp_path / "dividends.csv")))
+    off = np.abs(fit.carry["dividend_yield"].to_numpy() - names["DIVIDEND_YIELD"])
+    assert np.all(off < 3.0 * fit.carry["standard_error"].to_numpy())  # prices are rounded to cents
+    assert np.all(off[2:] < 1e-4)
+    assert fit.flags == {"one_sided": 4, "crossed": 3}
+    assert fit.share_within_after >= 0.99

@@ -47,6 +47,33 @@ def read_stream(body: bytes | bytearray) -> tuple[list[str], list[pa.RecordBatch
         raise InvalidArrowError("the body is not one Arrow stream from its schema to its end") from None
 
 
+def flat_table(body: bytes | bytearray, most_rows: int) -> pa.Table:
+    """Return a stream of plain columns of any names, checked in full.
+
+    Raises
+    ------
+    InvalidArrowError
+        It is no Arrow stream, or a compressed one.
+    InvalidInputError
+        A column is no plain column of numbers, text or dates, or holds too long a text.
+    BodyTooLargeError
+        It has more rows.
+    """
+    try:
+        _check_messages(body)
+        with pa.ipc.open_stream(pa.BufferReader(pa.py_buffer(body))) as stream:
+            for place, field in enumerate(stream.schema, start=1):
+                if not (
+                    _is_flat(field.type) or pa.types.is_null(field.type) or pa.types.is_boolean(field.type)
+                ):
+                    allowed = "a column of numbers, text or dates"
+                    raise InvalidInputError(f"column {place}", Told("its type"), allowed)
+            batches = [_checked(batch) for batch in _batches(stream, most_rows)]
+            return pa.Table.from_batches(batches, stream.schema)
+    except (pa.ArrowException, OSError, struct.error, IndexError, UnicodeError):
+        raise InvalidArrowError("the body is not one Arrow stream from its schema to its end") from None
+
+
 @dataclass(frozen=True, slots=True)
 class ArrowRows:
     """Rows to be priced together, shape (n,)."""
@@ -167,12 +194,12 @@ def _is_plain_list(found: pa.DataType) -> bool:
     return bool(pa.types.is_list(found) or pa.types.is_large_list(found))
 
 
-def _batches(stream: pa.RecordBatchReader) -> Iterator[pa.RecordBatch]:
+def _batches(stream: pa.RecordBatchReader, most_rows: int = MOST_ROWS) -> Iterator[pa.RecordBatch]:
     rows = 0
     for batch in stream:
         rows += batch.num_rows
-        if rows > MOST_ROWS:
-            raise BodyTooLargeError(f"a batch must not have more than {MOST_ROWS} rows")
+        if rows > most_rows:
+            raise BodyTooLargeError(f"a batch must not have more than {most_rows} rows")
         if batch.num_rows:
             yield batch
 

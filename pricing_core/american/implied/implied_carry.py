@@ -28,6 +28,9 @@ COARSE_SHARE = (
 )
 # Tolerance of the implied volatilities, in those of the prices: a premium moves less than its price does; chosen.
 VOLATILITY_TOLERANCES = 4.0
+# Number of passes after which the pairs that count stay the same, so that none comes and goes for ever; chosen.
+CHOOSING_PASSES = 6
+NEAR = 2.0  # Distance from the median, in widths of the quotes, at which a pair always counts; chosen.
 SMALLEST_SLOPE, LARGEST_SLOPE = -0.5, 0.8  # Limits of the slope that the secant believes; chosen.
 ROBUST = 3.0 * 1.4826  # Three standard deviations of a normal distribution, in median absolute deviations.
 
@@ -62,14 +65,42 @@ class ImpliedCarry:
     status: NDArray[np.object_]
 
 
-class _Carry(NamedTuple):
-    """What is known of the stock of one expiry, the spot without yield and dividends up to then."""
+class ExpiryCarry(NamedTuple):
+    """What is known of the stock of one expiry, the spot without yield and dividends up to then.
+
+    Parameters
+    ----------
+    pairs : Pairs, optional
+        Those nearest the money, m of them, whether or not they count.
+    stock : Vector, shape (m,)
+        What each of them says of the discounted forward, its early exercise premiums taken out.
+    used : bool array, shape (m,)
+        Which of them count.
+    """
 
     forward: float = math.nan
     dividend_yield: float = math.nan
     residual: float = math.nan
     pairs_used: int = 0
     status: str = "no_pairs"
+    pairs: Pairs | None = None
+    stock: Vector = np.empty(0)
+    used: BoolVector = np.empty(0, dtype=bool)
+
+
+class Premiums(NamedTuple):
+    """The early exercise premiums of pairs at the mean of both implied volatilities; arrays of shape (m,).
+
+    Parameters
+    ----------
+    identified : bool array
+        Whether both volatilities were found.
+    call_less_put : Vector
+        Money per unit of underlying.
+    """
+
+    identified: BoolVector
+    call_less_put: Vector
 
 
 def implied_carry(
@@ -83,8 +114,8 @@ def implied_carry(
         C - P = X - K e^{-rT},    X = S e^{-qT} less the dividends given,
 
     gives a new yield, until it settles: then both implied volatilities agree. The pairs' X are averaged with weights
-    1/width**2, leaving out those that are farther from the median than their own width and three robust standard
-    deviations. European parity on American prices, without this, is biased by the difference of the premiums.
+    1/width**2, leaving out those that are farther from the median than twice their own width and three robust
+    standard deviations. European parity on American prices, without this, is biased by the difference of the premiums.
 
     Parameters
     ----------
@@ -118,18 +149,14 @@ def implied_carry(
     """
     tolerance = TOLERANCE.check(tolerance)
     read = read_chain(chain)
-    carries = [
-        _carry(read, read.pairs.take(read.pairs.group == group), expiry, tolerance, threads)
-        for group, expiry in enumerate(read.expiries.tolist())
-    ]
-    forwards, yields, residuals, used, statuses = zip(*carries, strict=True) if carries else ((),) * 5
+    carries = [carry_of_expiry(read, group, tolerance, threads) for group in range(read.expiries.size)]
     return ImpliedCarry(
         expiry=read.expiries,
-        forward=np.array(forwards, dtype=np.float64),
-        dividend_yield=np.array(yields, dtype=np.float64),
-        residual=np.array(residuals, dtype=np.float64),
-        pairs_used=np.array(used, dtype=np.int64),
-        status=np.array(statuses, dtype=object),
+        forward=np.array([carry.forward for carry in carries], dtype=np.float64),
+        dividend_yield=np.array([carry.dividend_yield for carry in carries], dtype=np.float64),
+        residual=np.array([carry.residual for carry in carries], dtype=np.float64),
+        pairs_used=np.array([carry.pairs_used for carry in carries], dtype=np.int64),
+        status=np.array([carry.status for carry in carries], dtype=object),
     )
 
 
@@ -138,7 +165,7 @@ def discount(rate: Curve, time: float) -> float:
     return math.exp(-integral(rate, time))
 
 
-def stock_value(market: Market, dividend_yield: float, expiry: float) -> float:
+def stock_value(market: Market, dividend_yield: Curve, expiry: float) -> float:
     """Return what the underlying to be had at expiry is worth now: its forward, discounted.
 
     That is S e^{-qT} less the dividends before, each with the yield that it would have paid. A spot that falls below
@@ -146,53 +173,71 @@ def stock_value(market: Market, dividend_yield: float, expiry: float) -> float:
     """
     due = [d for d in market.cash_dividends if 0.0 < d.time <= expiry]
     drops = [(d.time, 0, d.fraction) for d in market.proportional_dividends if 0.0 < d.time <= expiry]
-    value, last = market.spot, 0.0
+    value, paid = market.spot, 0.0
     if market.dividend_model == "escrowed":
         value -= math.fsum(d.amount * discount(market.rate, d.time) for d in due)
     else:
         drops += [(d.time, 1, d.amount) for d in due]
     for time, kind, size in sorted(drops):  # on one date the proportional one comes first
-        value *= math.exp(-dividend_yield * (time - last))
+        so_far = integral(dividend_yield, time)
+        value *= math.exp(paid - so_far)
         value -= size * (discount(market.rate, time) if kind else value)
-        last = time
-    return value * math.exp(-dividend_yield * (expiry - last))
+        paid = so_far
+    return value * math.exp(paid - integral(dividend_yield, expiry))
 
 
-def _carry(chain: Chain, pairs: Pairs, expiry: float, tolerance: float, threads: int | None) -> _Carry:
-    """Iterate on the yield of one expiry, from that of European parity."""
-    market, discounted = chain.market, discount(chain.market.rate, expiry)
+def carry_of_expiry(chain: Chain, group: int, tolerance: float, threads: int | None) -> ExpiryCarry:
+    """Iterate on the yield of one expiry, the `group`-th of the chain, from that of European parity."""
+    market, expiry = chain.market, float(chain.expiries[group])
+    discounted = discount(market.rate, expiry)
+    pairs = chain.pairs.take(chain.pairs.group == group)
     middle = stock_value(market, 0.0, expiry) / discounted
-    nearest = np.argsort(np.abs(pairs.strike - middle), kind="stable")[:PAIRS]
-    pairs = pairs.take(nearest)
-    parity = pairs.call - pairs.put + pairs.strike * discounted
-    everywhere = np.ones(parity.size, dtype=bool)
-    estimate = _estimate(chain, parity, pairs.width, everywhere, expiry)
+    pairs = pairs.take(np.argsort(np.abs(pairs.strike - middle), kind="stable")[:PAIRS])
+    parity = parity_stock(pairs, discounted)
+    estimate = estimate_stock(market, pairs, parity, np.ones(parity.size, dtype=bool), expiry)
     if chain.exercise == "european" or estimate.status != "ok":
         return _inside(estimate)
     here, before, now = _clipped(estimate.dividend_yield), (math.nan, math.nan), max(COARSE, tolerance)
-    for _ in range(MOST_PASSES):
-        identified, premium = _premiums(chain, pairs, here, now, threads)
-        estimate = _estimate(chain, parity - premium, pairs.width, identified, expiry)
+    for count in range(MOST_PASSES):
+        premiums = early_premiums(market, pairs, here, now, threads)
+        stock = parity - premiums.call_less_put
+        fixed = estimate.used & premiums.identified
+        if count < CHOOSING_PASSES or not fixed.any():
+            estimate = estimate_stock(market, pairs, stock, premiums.identified, expiry)
+        else:
+            estimate = mean_stock(market, pairs, stock, fixed, expiry)
         if estimate.status != "ok":
             return estimate
         found = estimate.dividend_yield
         change = estimate.forward * discounted - stock_value(market, here, expiry)
         if now <= tolerance and abs(change) <= SETTLED * tolerance * market.spot:
             return _inside(estimate)
-        now = max(min(COARSE_SHARE * abs(change) / market.spot, now), tolerance)
+        at, now = now, max(min(COARSE_SHARE * abs(change) / market.spot, now), tolerance)
         slope = (found - before[1]) / (here - before[0])
         slope = 0.0 if math.isnan(slope) else min(max(slope, SMALLEST_SLOPE), LARGEST_SLOPE)
         there = _clipped(here + (found - here) / (1.0 - slope))
-        if there == here:
+        if there != here:
+            here, before = there, (here, found)
+        elif at <= tolerance:
             break
-        here, before = there, (here, found)
-    return _Carry(status="no_convergence")
+    return ExpiryCarry(status="no_convergence")
 
 
-def _inside(estimate: _Carry) -> _Carry:
+def parity_stock(pairs: Pairs, discounted: float) -> Vector:
+    """Return what each pair says of the discounted forward if call and put are European.
+
+    Parameters
+    ----------
+    discounted : float
+        What a unit of money at expiry is worth now.
+    """
+    return pairs.call - pairs.put + pairs.strike * discounted
+
+
+def _inside(estimate: ExpiryCarry) -> ExpiryCarry:
     """Return the estimate if its yield is one that a market may have."""
     if estimate.status == "ok" and estimate.dividend_yield != _clipped(estimate.dividend_yield):
-        return _Carry(status="no_convergence")
+        return ExpiryCarry(status="no_convergence")
     return estimate
 
 
@@ -200,19 +245,29 @@ def _clipped(dividend_yield: float) -> float:
     return min(max(dividend_yield, DIVIDEND_YIELD.least), DIVIDEND_YIELD.most)
 
 
-def _premiums(
-    chain: Chain, pairs: Pairs, dividend_yield: float, tolerance: float, threads: int | None
-) -> tuple[BoolVector, Vector]:
-    """Return which pairs have two volatilities, and the call's early exercise premium less the put's at their mean."""
+def early_premiums(
+    market: Market,
+    pairs: Pairs,
+    dividend_yield: Curve | Vector | list[Curve],
+    tolerance: float,
+    threads: int | None,
+) -> Premiums:
+    """Return the early exercise premiums of calls less those of puts, at the mean of their implied volatilities.
+
+    Parameters
+    ----------
+    dividend_yield : float, PiecewiseConstant, or Vector or list of length 2 m
+        One for all, or that of every call and then of every put.
+    """
     count = pairs.strike.size
     columns: dict[str, Any] = {
         "option_type": np.repeat(["call", "put"], count),
         "strike": np.tile(pairs.strike, 2),
         "expiry": np.tile(pairs.expiry, 2),
-        "spot": chain.market.spot,
-        "rate": chain.market.rate,
+        "spot": market.spot,
+        "rate": market.rate,
         "dividend_yield": dividend_yield,
-        **{name: value for name in DIVIDENDS if (value := getattr(chain.market, name)) not in ((), "spot")},
+        **{name: value for name in DIVIDENDS if (value := getattr(market, name)) not in ((), "spot")},
     }
     prices = np.concatenate([pairs.call, pairs.put])
     loose = min(VOLATILITY_TOLERANCES * tolerance, TOLERANCE.most)
@@ -222,22 +277,29 @@ def _premiums(
     columns["volatility"] = np.tile(np.where(identified, volatility, np.nan), 2)
     table = price_columns(columns, PricingSettings(tolerance, "none"), threads)
     call, put = table["early_exercise_premium"].reshape(2, count)
-    return identified & np.isfinite(call) & np.isfinite(put), call - put
+    return Premiums(identified & np.isfinite(call) & np.isfinite(put), call - put)
 
 
-def _estimate(chain: Chain, stock: Vector, width: Vector, identified: BoolVector, expiry: float) -> _Carry:
+def estimate_stock(
+    market: Market, pairs: Pairs, stock: Vector, identified: BoolVector, expiry: float
+) -> ExpiryCarry:
     """Return what the pairs' discounted forwards tell together."""
-    stock, width = stock[identified], width[identified]
-    if not stock.size:
-        return _Carry()
-    median = _weighted_median(stock, 1.0 / width)
+    if not identified.any():
+        return ExpiryCarry()
+    median = _weighted_median(stock[identified], 1.0 / pairs.width[identified])
     distance = np.abs(stock - median)
-    used = distance <= np.maximum(width, ROBUST * float(np.median(distance)))
-    weight = 1.0 / width[used] ** 2
+    limit = np.maximum(NEAR * pairs.width, ROBUST * float(np.median(distance[identified])))
+    return mean_stock(market, pairs, stock, identified & (distance <= limit), expiry)
+
+
+def mean_stock(market: Market, pairs: Pairs, stock: Vector, used: BoolVector, expiry: float) -> ExpiryCarry:
+    """Return what the pairs' discounted forwards tell together if these count."""
+    weight = 1.0 / pairs.width[used] ** 2
     mean = float(np.average(stock[used], weights=weight))
     residual = math.sqrt(float(np.average((stock[used] - mean) ** 2, weights=weight)))
-    found = _yield_of(chain.market, mean, expiry)
-    return _Carry(mean / discount(chain.market.rate, expiry), found, residual, int(used.sum()), "ok")
+    found = yield_of_stock(market, mean, expiry)
+    forward = mean / discount(market.rate, expiry)
+    return ExpiryCarry(forward, found, residual, int(used.sum()), "ok", pairs, stock, used)
 
 
 def _weighted_median(values: Vector, weights: Vector) -> float:
@@ -246,7 +308,7 @@ def _weighted_median(values: Vector, weights: Vector) -> float:
     return float(values[order[np.searchsorted(shares, 0.5 * shares[-1])]])
 
 
-def _yield_of(market: Market, stock: float, expiry: float) -> float:
+def yield_of_stock(market: Market, stock: float, expiry: float) -> float:
     """Return the yield at which `stock_value` is `stock`; infinite where there is none."""
     found = 0.0
     for _ in range(MOST_PASSES):

@@ -31,8 +31,11 @@ class Simulated:
 
 
 def simulate(option: Option, market: Market, paths: int, steps: int, seed: int) -> Simulated:
-    """Return when each of the paths is exercised; antithetic."""
-    random = np.random.default_rng(seed)
+    """Return when each of the paths is exercised; antithetic.
+
+    Who meets the boundary in a step does so at any time of it, equally likely.
+    """
+    random, within = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     schedule = make_schedule(option, market)
     place = np.full(paths, math.log(schedule.spot))
     when = np.full(paths, math.inf)
@@ -66,7 +69,7 @@ def simulate(option: Option, market: Market, paths: int, steps: int, seed: int) 
                 outside = alive & (gap >= 0.0)
                 bridge = np.exp(-2.0 * np.maximum(gap, 0.0) * np.maximum(later, 0.0) / (volatility**2 * dt))
                 met = outside & ((later <= 0.0) | (chance < bridge))
-                when[met] = 0.5 * (times[i] + times[i + 1])
+                when[met] = times[i] + dt * within.random(int(met.sum()))
                 alive &= ~met
         if last:
             break

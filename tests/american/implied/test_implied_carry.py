@@ -323,3 +323,13 @@ def test_the_quotes_of_a_real_chain_have_implied_volatilities_with_cash_dividend
     count, share = share_identified(read_aapl(), {"cash_dividends": listed_dividends()}, 1e-5)
     assert count > 2000
     assert share >= 0.95
+
+
+def test_a_pair_whose_first_guess_is_exact_tells_its_yield():
+    contracts = {"option_type": ["call", "put"], "strike": 100.0, "expiry": 0.5, "spot": 100.0, "rate": 0.05}
+    prices = price_many({**contracts, "dividend_yield": 0.05, "volatility": 0.2}, tolerance=1e-8)["price"]
+    carry = implied_carry(
+        {**contracts, "option_price": prices}
+    )  # r = q: parity holds for American options too
+    assert carry.status.tolist() == ["ok"]
+    assert carry.dividend_yield[0] == pytest.approx(0.05, abs=1e-7)

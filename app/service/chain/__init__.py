@@ -1,0 +1,1 @@
+"""`POST /v1/chain`: quotes of one underlying in, the tables of their fit out."""

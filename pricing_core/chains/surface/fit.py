@@ -1,0 +1,203 @@
+"""From volatilities to a surface without arbitrage: SVI per expiry, eSSVI across, and smooth corrections on top."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from pricing_core.american.contracts.market import Market
+from pricing_core.arrays import Vector
+from pricing_core.chains.surface.coordinates import Coordinates
+from pricing_core.chains.surface.essvi import ESSVI, calibrate_essvi
+from pricing_core.chains.surface.implied_surface import ExpiryFit, ImpliedSurface
+from pricing_core.chains.surface.repair import without_arbitrage
+from pricing_core.chains.surface.smile_basis import SmileBasis
+from pricing_core.chains.surface.smile_quotes import SmileQuotes
+from pricing_core.chains.surface.smoothing import Posterior, Scales, SmoothingProblem
+from pricing_core.chains.surface.svi import FEWEST_QUOTES, SVI, calibrate_svi
+from pricing_core.errors import InvalidInputError, Told
+
+SMALLEST = 0.02  # Smallest deviation that counts, as a share of the median one of an expiry; chosen.
+FARTHEST = 4.0  # Residuals, in estimated deviations, beyond which a quote loses weight; chosen.
+GAUSSIAN = 1.4826  # Standard deviation of a Gaussian in its median absolute deviations.
+NEGLIGIBLE = 0.1  # Residuals, in stated deviations, up to which none does; chosen.
+REWEIGHTINGS = 3  # Number of times that far quotes lose weight, and the scales are estimated again.
+USUAL_SLOPE = 0.3  # Slope of the wings of a smile that is not known, in sqrt(theta); chosen.
+
+
+@dataclass(frozen=True, slots=True)
+class _Smile:
+    """The quotes of an expiry in the surface's coordinate."""
+
+    quotes: SmileQuotes
+    x: Vector
+    variance: Vector
+    deviation: Vector
+    svi: SVI | None
+
+    @property
+    def columns(self) -> tuple[Vector, Vector, Vector]:
+        return self.x, self.variance, self.deviation
+
+    @property
+    def problem(self) -> str:
+        """Say what is thin about it."""
+        if self.x.size < FEWEST_QUOTES:
+            return f"{self.x.size} quotes: the shape of the smile comes from the expiries beside it"
+        if self.x[0] > 0.0 or self.x[-1] < 0.0:
+            return "all quotes on one side of the forward: the other side comes from the expiries beside it"
+        return ""
+
+
+def fit_surface(
+    quotes: Sequence[SmileQuotes], market: Market, *, scales: Scales | None = None
+) -> ImpliedSurface:
+    """Fit a surface without butterfly and calendar arbitrage to volatilities, weighted by their deviations.
+
+    Every expiry has an SVI of its own (quasi-explicit calibration), from which an eSSVI across the expiries begins;
+    the smiles are that eSSVI with corrections that are as smooth as the quotes allow (`smoothing`), moved as little as
+    needed until the absence of arbitrage is proved (`arbitrage`, `repair`). An expiry that cannot be fitted is passed
+    over, and its status says why.
+
+    Parameters
+    ----------
+    quotes : sequence of SmileQuotes
+        One per expiry, in any order.
+    market : Market
+        Spot, rate, yield (with what it costs to borrow) and dividends. Its volatility is not used.
+    scales : Scales, optional
+        Those of a fit to the same quotes, which then are not estimated.
+
+    Returns
+    -------
+    ImpliedSurface
+
+    Raises
+    ------
+    InvalidInputError
+        No expiry has a usable quote, an expiry comes twice, or dividends are escrowed or worth the spot.
+    """
+    ordered = sorted(quotes, key=lambda smile: smile.expiry)
+    told = Told(f"{len(ordered)} expiries")
+    for early, late in pairwise(ordered):
+        if early.expiry == late.expiry:
+            raise InvalidInputError("expiry", late.expiry, "given once")
+    usable = [smile for smile in ordered if smile.expiry > 0.0 and smile.usable.any()]
+    if not usable:
+        raise InvalidInputError("quotes", told, "some with a usable volatility")
+    coordinates = Coordinates(market, usable[-1].expiry)
+    smiles = [smile for smile in (_read(each, coordinates) for each in usable) if smile is not None]
+    if not smiles:
+        raise InvalidInputError(
+            "quotes", f"{len(ordered)} expiries", "some with a strike above the dividends due"
+        )
+    backbone = calibrate_essvi([smile.columns for smile in smiles], _starts(smiles))
+    posterior = _smoothed(smiles, backbone, scales)
+    repaired = without_arbitrage(posterior)
+    return ImpliedSurface(
+        coordinates,
+        repaired.variance,
+        posterior.covariance,
+        _statuses(ordered, smiles, backbone, repaired.variance.smile),
+        repaired.proof,
+        posterior.scales,
+        repaired.programmes,
+    )
+
+
+def _read(quotes: SmileQuotes, coordinates: Coordinates) -> _Smile | None:
+    """Return the usable quotes of an expiry in the surface's coordinate; none where there is none."""
+    keep = np.flatnonzero(quotes.usable)
+    strike, volatility = quotes.strike[keep], quotes.volatility[keep]
+    variance, by_volatility = coordinates.variance(volatility, strike, quotes.expiry)
+    x = coordinates.x(strike, quotes.expiry)
+    deviation = by_volatility * quotes.deviation[keep]
+    sound = np.isfinite(x) & np.isfinite(variance) & (deviation > 0.0) & np.isfinite(deviation)
+    if not sound.any():
+        return None
+    order = np.argsort(x[sound], kind="stable")
+    x, variance, deviation = (column[sound][order] for column in (x, variance, deviation))
+    deviation = np.maximum(deviation, SMALLEST * np.median(deviation))
+    svi = calibrate_svi(x, variance, deviation) if np.unique(x).size >= FEWEST_QUOTES else None
+    return _Smile(quotes, x, variance, deviation, svi)
+
+
+def _starts(smiles: Sequence[_Smile]) -> list[ESSVI]:
+    """Return where the search of the backbone begins: level, slope and bend of SVI at the money."""
+    found: list[ESSVI] = []
+    for smile in smiles:
+        usual = found[-1].psi / math.sqrt(found[-1].theta) if found else 2.0 * USUAL_SLOPE
+        if smile.svi is None:
+            near = int(np.argmin(np.abs(smile.x)))
+            theta = float(smile.variance[near])
+            found.append(ESSVI(theta, *(2 * [0.5 * usual * math.sqrt(theta)])))
+            continue
+        money = np.array([0.0])
+        theta = max(float(smile.svi.at(money)[0]), 1e-8)
+        slope = float(smile.svi.slope(money)[0])
+        reach = 0.1 * math.sqrt(theta)
+        low, high = smile.svi.slope(np.array([-reach, reach]))
+        bend = max(float(high - low) / (2.0 * reach), 0.0)
+        psi = max(math.sqrt(2.0 * theta * bend + slope**2), 1.2 * abs(slope), 0.1 * math.sqrt(theta))
+        found.append(ESSVI(theta, 0.5 * (psi - slope), 0.5 * (psi + slope)))
+    return found
+
+
+def _smoothed(smiles: Sequence[_Smile], backbone: Sequence[ESSVI], scales: Scales | None) -> Posterior:
+    """Return the most probable smiles, quotes far away from them having lost weight."""
+    z = [smile.x / math.sqrt(own.theta) for smile, own in zip(smiles, backbone, strict=True)]
+    basis = SmileBasis.covering(min(float(each[0]) for each in z), max(float(each[-1]) for each in z))
+    expiries = np.array([smile.quotes.expiry for smile in smiles])
+    problem = SmoothingProblem(basis, expiries, backbone, [smile.columns for smile in smiles])
+    posterior = Posterior(problem, problem.most_likely() if scales is None else scales)
+    loss = [np.ones(smile.x.size) for smile in smiles]
+    for _ in range(REWEIGHTINGS):
+        noise = posterior.scales.noise
+        stated = [np.abs(r) * noise * lost for r, lost in zip(posterior.residuals(), loss, strict=True)]
+        usual = min(noise, GAUSSIAN * float(np.median(np.concatenate(stated))))
+        limit = max(FARTHEST * usual, NEGLIGIBLE)
+        loss = [np.maximum(each / limit, 1.0) ** 2 for each in stated]
+        if all(float(lost.max()) <= 1.0 for lost in loss):
+            break
+        columns = [
+            (smile.x, smile.variance, smile.deviation * lost)
+            for smile, lost in zip(smiles, loss, strict=True)
+        ]
+        weighted = replace(problem, smiles=columns)
+        posterior = Posterior(weighted, weighted.most_likely(posterior.scales) if scales is None else scales)
+    return posterior
+
+
+def _statuses(
+    ordered: Sequence[SmileQuotes], smiles: Sequence[_Smile], backbone: Sequence[ESSVI], smile_at: object
+) -> tuple[ExpiryFit, ...]:
+    """Return what was fitted to each expiry, in their order."""
+    fitted = {id(smile.quotes): i for i, smile in enumerate(smiles)}
+    found = []
+    for quotes in ordered:
+        i = fitted.get(id(quotes))
+        if i is None:
+            message = "no quote with a volatility and a deviation above 0"
+            found.append(ExpiryFit(quotes.expiry, "invalid_input", message, 0, quotes.forward))
+            continue
+        smile = smiles[i]
+        rest = (smile.variance - smile_at(i, smile.x).value) / smile.deviation  # type: ignore[operator]
+        found.append(
+            ExpiryFit(
+                quotes.expiry,
+                "thin" if smile.problem else "ok",
+                smile.problem,
+                smile.x.size,
+                quotes.forward,
+                float(smile.x[0]),
+                float(smile.x[-1]),
+                float(np.sqrt(np.mean(rest**2))),
+                smile.svi,
+                backbone[i],
+            )
+        )
+    return tuple(found)

@@ -1,0 +1,91 @@
+"""The surface and the local volatility of the smiles of a chain, where they can be fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pricing_core.american.contracts.local_volatility import LocalVolatility
+from pricing_core.american.contracts.market import Market
+from pricing_core.arrays import Vector
+from pricing_core.chains.interruption import check_interrupt
+from pricing_core.chains.surface.correct import correct
+from pricing_core.chains.surface.dupire import dupire
+from pricing_core.chains.surface.fit import fit_surface
+from pricing_core.chains.surface.implied_surface import ImpliedSurface
+from pricing_core.chains.surface.smile_quotes import AmericanQuotes, SmileQuotes
+from pricing_core.errors import InvalidInputError, NumericalError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitted:
+    """What could be fitted to the smiles, see `ChainFit`; `message` says why something is missing."""
+
+    smiles: tuple[SmileQuotes, ...]
+    model_price: Vector
+    surface: ImpliedSurface | None = None
+    local_volatility: LocalVolatility | None = None
+    share_within_before: float = float("nan")
+    share_within_after: float = float("nan")
+    message: str = ""
+
+
+def fit_surfaces(
+    smiles: Sequence[SmileQuotes],
+    market: Market,
+    quotes: AmericanQuotes,
+    exercise: str,
+    interrupt: Callable[[], bool] | None,
+) -> Fitted:
+    """Fit a surface to the smiles, and a local volatility under which the prices meet the quotes.
+
+    What cannot be fitted is None, with the reason; European quotes need no correction.
+
+    Raises
+    ------
+    NumericalError
+        The interrupt came.
+    """
+    count = quotes.strike.size
+    check_interrupt(interrupt)
+    try:
+        surface = fit_surface(smiles, market)
+    except (InvalidInputError, NumericalError) as fault:
+        return without_surface(smiles, count, f"surface: {fault}")
+    check_interrupt(interrupt)
+    try:
+        if exercise == "european":
+            return _european(smiles, market, quotes, surface)
+        found = correct(surface, market, quotes, interrupt=interrupt)
+    except (InvalidInputError, NumericalError) as fault:
+        check_interrupt(interrupt)
+        message = f"local volatility: {fault}"
+        return replace(without_surface(smiles, count, message), surface=surface)
+    return Fitted(
+        tuple(smiles),
+        found.model_price,
+        found.surface,
+        found.local_volatility,
+        found.share_within_before,
+        found.share_within_after,
+    )
+
+
+def without_surface(smiles: Sequence[SmileQuotes], count: int, message: str) -> Fitted:
+    """Return that nothing was fitted to the smiles of so many quotes, and why."""
+    return Fitted(tuple(smiles), np.full(count, np.nan), message=message)
+
+
+def _european(
+    smiles: Sequence[SmileQuotes], market: Market, quotes: AmericanQuotes, surface: ImpliedSurface
+) -> Fitted:
+    price = np.full(quotes.strike.size, np.nan)
+    for expiry in np.unique(quotes.expiry[quotes.usable]).tolist():
+        for side in ("call", "put"):
+            rows = quotes.usable & (quotes.expiry == expiry) & (quotes.option_type == side)
+            price[rows] = surface.european_price(side, quotes.strike[rows], expiry)
+    inside = (price >= quotes.bid) & (price <= quotes.ask)
+    share = float(inside[quotes.usable].mean())
+    return Fitted(tuple(smiles), price, surface, dupire(surface, market), share, share)

@@ -1,0 +1,132 @@
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+import pytest
+from fastapi.testclient import TestClient
+
+from app.main import create_app
+from app.settings import Settings
+from pricing_core.chains import fit_chain, read_chain
+from tests.app.service.test_hostile_inputs import CANARY, assert_problem
+
+SAMPLES = Path(__file__).parents[3] / "data" / "chains"
+CSV, JSON, ARROW = "text/csv", "application/json", "application/vnd.apache.arrow.stream"
+QUERY = "?rate=0.04"
+
+
+def arrow_of(path: Path) -> bytes:
+    table = pa_csv.read_csv(path)
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, table.schema) as stream:
+        stream.write_table(table)
+    return bytes(sink.getvalue().to_pybytes())
+
+
+def ask(client: TestClient, content: bytes, form: str, query: str = QUERY) -> Any:
+    return client.post(f"/v1/chain{query}", content=content, headers={"Content-Type": form})
+
+
+def test_the_answer_is_the_fit_of_the_library_in_every_form(client: TestClient) -> None:
+    path = SAMPLES / "generic.csv"
+    answers = [
+        ask(client, path.read_bytes(), CSV),
+        ask(client, arrow_of(path), ARROW),
+        ask(client, (SAMPLES / "openbb.json").read_bytes(), JSON),
+    ]
+    assert [answer.status_code for answer in answers] == [200] * 3, answers[0].text
+    first, second, third = (answer.json() for answer in answers)
+    fit = fit_chain(read_chain(path), 0.04)
+    assert first["flags"] == dict(fit.flags)
+    for table in ("carry", "pairs"):
+        names = fit.carry.schema.names if table == "carry" else fit.pairs.schema.names
+        for name in names:
+            wanted = getattr(fit, table)[name].to_pylist()
+            if name == "expiration":
+                wanted = [day.isoformat() for day in wanted]
+            assert first[table][name] == second[table][name] == third[table][name] == wanted, name
+    for name in ("mid_volatility", "european_price", "model_price", "status", "flags"):
+        assert first["quotes"][name] == fit.quotes[name].to_pylist()
+    assert fit.local_volatility is not None
+    assert np.array_equal(first["local_volatility"]["values"], fit.local_volatility.values)
+    assert first["share_within_after"] == fit.share_within_after
+
+
+def test_parameters_stand_in_the_query(client: TestClient) -> None:
+    content = (SAMPLES / "yfinance.csv").read_bytes()
+    query = (
+        "?rate=%7B%22times%22%3A%5B1%5D%2C%22values%22%3A%5B0.04%5D%7D&format=yfinance&valuation_date=2026-03-02"
+        "&underlying_price=100&tolerance=1e-5&cash_dividends=%5B%7B%22ex_date%22%3A%222026-06-01%22%2C%22amount%22%3A0.5%7D%5D"
+    )
+    answer = ask(client, content, CSV, query)
+    assert answer.status_code == 200, answer.text
+    assert answer.json()["carry"]["status"] == ["ok", "ok"]
+
+
+def test_a_row_that_cannot_be_read_has_a_status_and_is_not_repeated(client: TestClient) -> None:
+    text = (SAMPLES / "generic.csv").read_text().replace("100.0,C,3.7", f"{CANARY},C,3.7", 1)
+    answer = ask(client, text.encode(), CSV)
+    assert answer.status_code == 200, answer.text
+    found = answer.json()
+    assert found["flags"]["unreadable"] == 1
+    assert CANARY not in str(found["quotes"]["message"])
+
+
+@pytest.mark.parametrize(
+    ("query", "field"),
+    [
+        ("", "rate"),
+        ("?rate=x", "rate"),
+        ("?rate=%7B%7D", "rate"),
+        ("?rate=0.04&rates=1", "query"),
+        ("?rate=0.04&rate=0.05", "query"),
+        ("?rate=0.04&format=bloomberg", "format"),
+        ("?rate=0.04&underlying_price=-1", "underlying_price"),
+        ("?rate=0.04&valuation_date=yesterday", "valuation_date"),
+        ("?rate=0.04&tolerance=2", "tolerance"),
+        ("?rate=0.04&cash_dividends=3", "cash_dividends"),
+        ("?rate=0.04&cash_dividends=%5B%7B%22amount%22%3A1%7D%5D", "cash_dividends[0].time"),
+    ],
+)
+def test_a_wrong_parameter_is_named(client: TestClient, query: str, field: str) -> None:
+    answer = ask(client, (SAMPLES / "generic.csv").read_bytes(), CSV, query)
+    problem = assert_problem(answer, 422, "invalid-input")
+    assert problem["errors"][0]["field"] == field
+
+
+@pytest.mark.parametrize(
+    ("content", "form", "status", "kind"),
+    [
+        (b"a,b\n1,2\n", CSV, 422, "invalid-input"),
+        (b"", CSV, 422, "invalid-input"),
+        (b"\xff\xfe", CSV, 422, "invalid-input"),
+        (b'a,"b\n1,2\n', CSV, 422, "invalid-input"),
+        (b"[1]", JSON, 422, "invalid-json"),
+        (b'{"a": NaN}', JSON, 422, "invalid-json"),
+        (b'{"results": [1, 2]}', JSON, 422, "invalid-input"),
+        (b'{"strike": [1], "bid": [1, 2]}', JSON, 422, "invalid-input"),
+        (b"no stream", ARROW, 422, "invalid-arrow"),
+        (b"a\n" + b"1\n" * 20_001, CSV, 413, "body-too-large"),
+        (b" " * (1 << 21) + b"{}", JSON, 413, "body-too-large"),
+        (b"strike", "text/plain", 415, "unsupported-media-type"),
+    ],
+)
+def test_a_body_that_is_no_chain_is_a_problem(
+    client: TestClient, content: bytes, form: str, status: int, kind: str
+) -> None:
+    assert_problem(ask(client, content, form), status, kind)
+
+
+def test_other_answers_than_json_are_not_acceptable(client: TestClient) -> None:
+    headers = {"Content-Type": CSV, "Accept": "text/html"}
+    answer = client.post(f"/v1/chain{QUERY}", content=(SAMPLES / "generic.csv").read_bytes(), headers=headers)
+    assert_problem(answer, 406, "not-acceptable")
+
+
+def test_a_fit_that_takes_too_long_is_told_by_the_deadline() -> None:
+    with TestClient(create_app(Settings(batch_deadline_seconds=0.02))) as hurried:
+        answer = ask(hurried, (SAMPLES / "generic.csv").read_bytes(), CSV)
+        assert_problem(answer, 503, "deadline")
+        assert answer.headers["Retry-After"]
