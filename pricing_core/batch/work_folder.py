@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from threading import get_ident
 from typing import Protocol
 
 import pyarrow as pa
@@ -58,8 +59,11 @@ class LocalFolder:
     path: Path
 
     def write(self, name: str, content: pa.Buffer) -> None:
-        """Write under a temporary name, wait until the disk has it, and rename."""
-        half = self.path / f"{name}{HALF}"
+        """Write under a temporary name, wait until the disk has it, and rename.
+
+        The name is this thread's own: one of a run that was given up may still write the same file.
+        """
+        half = self.path / f"{name}.{os.getpid()}-{get_ident()}{HALF}"
         try:
             with half.open("wb") as file:
                 file.write(content)
