@@ -4,8 +4,8 @@ from typing import Any, NamedTuple
 
 from fastapi import Request
 
-from app.known_names import among
 from app.service.errors import InvalidRequestError
+from app.service.query_parameters import query_parameters
 from pricing_core.american.contracts.fields import (
     ADVICE,
     GREEK_ERRORS,
@@ -15,7 +15,7 @@ from pricing_core.american.contracts.fields import (
     GreeksUnits,
 )
 from pricing_core.american.pricing_settings import PricingSettings
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError
 from pricing_core.plain_number import read_number
 
 FLAGS = {"true": True, "false": False}
@@ -63,14 +63,8 @@ def batch_question(request: Request) -> BatchQuestion:
     InvalidRequestError
         A parameter is unknown, given twice, or not what it must be.
     """
-    given = request.query_params.multi_items()
-    found = dict(given)
     try:
-        for name in found:
-            if name not in NAMES:
-                raise InvalidInputError("query", Told("unknown"), f"of the names {among(NAMES, name)}")
-        if len(found) < len(given):
-            raise InvalidInputError("query", Told("a name twice"), "without a name twice")
+        found = query_parameters(request, NAMES)
         units = _choice("greeks_units", found, GREEKS_UNITS.choices, GREEKS_UNITS.default)
         settings = PricingSettings(
             TOLERANCE.check(read_number("tolerance", found.get("tolerance", TOLERANCE.default))),

@@ -5,8 +5,8 @@ from typing import Any
 
 from fastapi import Request
 
-from app.known_names import among
 from app.service.errors import InvalidRequestError
+from app.service.query_parameters import query_parameters
 from pricing_core.american.contracts.fields import RATE, TOLERANCE
 from pricing_core.american.contracts.json_text import parse_cell
 from pricing_core.chains import vendor_maps
@@ -79,15 +79,8 @@ def chain_question(request: Request) -> ChainQuestion:
     InvalidRequestError
         A parameter is missing, unknown, given twice, or not what it must be.
     """
-    given = request.query_params.multi_items()
-    found = dict(given)
     try:
-        for name in found:
-            if name not in NAMES:
-                raise InvalidInputError("query", Told("unknown"), f"of the names {among(NAMES, name)}")
-        if len(found) < len(given):
-            raise InvalidInputError("query", Told("a name twice"), "without a name twice")
-        return _question(found)
+        return _question(query_parameters(request, NAMES))
     except InvalidInputError as fault:
         raise InvalidRequestError([fault]) from None
 

@@ -150,7 +150,8 @@ pub fn price_options(
     let mut columns = Columns::with_capacity(count, greeks);
     let mut last: Option<Put> = None;
     for at in (0..count).map(row_of) {
-        let (row, put) = (options.row(at), options.row(at).put());
+        let row = options.row(at);
+        let put = row.put();
         let continues = shared && last.is_some_and(|last| last.compare(&put).is_eq());
         columns.push(&row, &put, options.tolerance[at], continues);
         last = Some(put);
