@@ -23,7 +23,7 @@ from pricing_core.arrays import (
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcp import Method
 from pricing_core.lcs.mode_selection import OnNonUnique
-from pricing_core.lcs.time_stepping import Multipliers, Scheme
+from pricing_core.lcs.time_stepping import ImpulseScheme, Multipliers, Scheme
 from pricing_core.stepping import FixedStep, PIController
 
 Rebound: TypeAlias = Callable[[Vector, Vector, IndexSet], tuple[Vector, Vector]]
@@ -88,10 +88,11 @@ class TimeStepping:
 
     Parameters
     ----------
-    scheme : {"auto", "implicit-euler", "sdirk2", "theta", "moreau"}
+    scheme : {"auto", "implicit-euler", "sdirk2", "theta", "moreau", "stewart-trinkle"}
         "auto" takes the second-order "sdirk2" for relative degree 0 and 1, where the state is continuous after the
-        start, and "implicit-euler" for relative degree 2, where it may jump at any time. "moreau" is for mechanical
-        systems alone, whose impacts it takes as impulses: "auto" means it there where the restitution is > 0.
+        start, and "implicit-euler" for relative degree 2, where it may jump at any time. "moreau" and
+        "stewart-trinkle" are for mechanical systems alone, whose impacts and friction they take as impulses: "auto"
+        means "moreau" there where the restitution is > 0 or there is friction.
     theta : float, optional
         Implicit weight of the schemes "theta" and "moreau", from 1/2 to 1; 1/2 if missing.
     step : float, optional
@@ -116,7 +117,7 @@ class TimeStepping:
         "theta" and "moreau", a tolerance with a constant step.
     """
 
-    scheme: Scheme | Literal["auto", "moreau"] = "auto"
+    scheme: Scheme | ImpulseScheme | Literal["auto"] = "auto"
     theta: float | None = None
     step: float | None = None
     tolerance: float | None = None
@@ -125,7 +126,7 @@ class TimeStepping:
     multipliers: Multipliers = "any"
 
     def __post_init__(self) -> None:
-        check_choice("scheme", self.scheme, ("auto", *get_args(Scheme), "moreau"))
+        check_choice("scheme", self.scheme, ("auto", *get_args(Scheme), *get_args(ImpulseScheme)))
         check_choice("lcp_method", self.lcp_method, get_args(Method))
         check_choice("multipliers", self.multipliers, get_args(Multipliers))
         for name, (read, holds, allowed) in _NUMBERS.items():

@@ -10,7 +10,7 @@ import numpy as np
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, RelativeDegreeError
 from pricing_core.lcs.system import LCS
-from pricing_core.lcs.time_stepping import LCSState, Scheme
+from pricing_core.lcs.time_stepping import ImpulseScheme, LCSState, Scheme
 from pricing_core.lcs.trajectory import Event, Trajectory
 from pricing_core.lcs.transfer import relative_degree
 from pricing_core.stepping import ImplicitEuler, Sdirk2, ThetaMethod
@@ -22,7 +22,7 @@ LARGEST_RELATIVE_DEGREE = {"sdirk2": 1, "theta": 1, "implicit-euler": 2}
 THETA = 0.5
 
 
-def choose_scheme(system: LCS, scheme: Scheme | Literal["auto", "moreau"]) -> Scheme:
+def choose_scheme(system: LCS, scheme: Scheme | ImpulseScheme | Literal["auto"]) -> Scheme:
     """Return the scheme that "auto" stands for, or the given one if it can converge.
 
     Raises
@@ -30,14 +30,14 @@ def choose_scheme(system: LCS, scheme: Scheme | Literal["auto", "moreau"]) -> Sc
     RelativeDegreeError
         It cannot.
     InvalidInputError
-        It is "moreau", which asks for positions and velocities.
+        It asks for positions and velocities.
 
     Examples
     --------
     >>> choose_scheme(LCS([[0.0]], [[1.0]], [[1.0]]), "auto")
     'sdirk2'
     """
-    if scheme == "moreau":
+    if scheme == "moreau" or scheme == "stewart-trinkle":  # noqa: PLR1714 - so that the type is narrowed
         raise InvalidInputError("scheme", scheme, "another one for this system: it is for a MechanicalSystem")
     degree = relative_degree(system)
     chosen: Scheme = ("sdirk2" if degree <= 1 else "implicit-euler") if scheme == "auto" else scheme

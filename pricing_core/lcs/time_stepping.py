@@ -17,6 +17,7 @@ from pricing_core.lcs.system import LCS
 from pricing_core.stepping import OneStepMethod, Step
 
 Scheme: TypeAlias = Literal["implicit-euler", "sdirk2", "theta"]
+ImpulseScheme: TypeAlias = Literal["moreau", "stewart-trinkle"]  # of mechanical systems
 Multipliers: TypeAlias = Literal["any", "least-norm"]
 REMEMBERED_STEP_SIZES = 16
 

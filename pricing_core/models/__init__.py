@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pricing_core.lcs import PiecewiseConstant
+from pricing_core.models.box_stack import box_stack
 from pricing_core.models.characteristic import Characteristic
 from pricing_core.models.circuits.circuit_lcs import CircuitLCS
 from pricing_core.models.circuits.diode_circuit import DiodeCircuit
 from pricing_core.models.circuits.run import CircuitRun
 from pricing_core.models.circuits.signals import Sine
+from pricing_core.models.contact_trajectory import ContactTrajectory
 from pricing_core.models.control.solution import OptimalControl
+from pricing_core.models.friction import friction_directions
 from pricing_core.models.hamiltonian import HamiltonianSystem, HamiltonianTrajectory
 from pricing_core.models.mechanics import MechanicalSystem
 from pricing_core.models.named_characteristics import (
@@ -31,6 +34,7 @@ __all__ = [
     "CircuitLCS",
     "CircuitRun",
     "CollocatedControl",
+    "ContactTrajectory",
     "ControlAffineProblem",
     "DiodeCircuit",
     "HamiltonianSystem",
@@ -43,8 +47,10 @@ __all__ = [
     "RelaySystem",
     "Sine",
     "StateConstrainedLQ",
+    "box_stack",
     "coulomb_friction",
     "dead_zone",
+    "friction_directions",
     "gain_schedule",
     "ideal_diode",
     "relay_step",

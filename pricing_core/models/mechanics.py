@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import TypeGuard, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from pricing_core.arrays import IndexSet, Matrix, Vector, as_matrix, as_share, as_square_matrix, as_vector
+from pricing_core.arrays import Matrix, Vector, as_matrix, as_share, as_square_matrix, as_vector
 from pricing_core.errors import InvalidInputError, Told
-from pricing_core.lcp import LCP, least_norm_solution, solve
 from pricing_core.lcs import (
     LCS,
     EventDriven,
@@ -23,7 +23,11 @@ from pricing_core.lcs import (
 from pricing_core.lcs.simulate import simulate_without_energy
 from pricing_core.lcs.simulation_method import SimulationMethod, as_method
 from pricing_core.lcs.simulation_times import checked_span, checked_times
-from pricing_core.models.moreau import simulate_by_impulses
+from pricing_core.lcs.time_stepping import ImpulseScheme
+from pricing_core.models.contacts import Contacts, contacts_of
+from pricing_core.models.friction import as_friction, as_tangents
+from pricing_core.models.impulse_steps import simulate_by_impulses
+from pricing_core.models.newtons_law import NewtonsLaw
 
 PENETRATES = 1e-12
 SYMMETRIC = 1e-12
@@ -37,6 +41,10 @@ class MechanicalSystem:
     collision. With a coefficient of restitution e Newton's law takes its place: F v+ >= -e F v- where there is
     contact, with equality where there is an impulse.
 
+    With tangents and friction, Coulomb's law holds at each contact: sliding at velocity tangent v is opposed by a force
+    of friction times u_i along the tangent, and without sliding the force is whatever holds, up to that. Such a system
+    is simulated in terms of impulses, by `TimeStepping`.
+
     Parameters
     ----------
     mass : array_like, shape (n, n)
@@ -48,11 +56,17 @@ class MechanicalSystem:
     offset : array_like, shape (k,), optional
     restitution : float
         e, from 0 to 1.
+    tangents : array_like, shape (k, n) or (k, m, n), optional
+        In the plane the tangent of each contact: tangents @ v are the sliding velocities. In space m directions at each
+        contact, see `friction_directions`: the cone of Coulomb's law becomes a polyhedral one within it.
+    friction : array_like, shape (k,), optional
+        The coefficients of friction, >= 0; given together with the tangents.
 
     Raises
     ------
     InvalidInputError
-        Shapes that do not fit, a mass matrix that is not symmetric and positive definite, e outside [0, 1].
+        Shapes that do not fit, a mass matrix that is not symmetric and positive definite, e outside [0, 1], directions
+        that do not oppose every sliding velocity, a negative friction, tangents or friction without the other.
 
     Examples
     --------
@@ -62,6 +76,14 @@ class MechanicalSystem:
     >>> impact = ball.simulate([1.0], [0.0], (0.0, 1.0)).events[0]
     >>> round(impact.time, 6), round(impact.energy_lost, 6)
     (0.451524, 9.81)
+
+    A block of mass 1 that slides at 2 m/s along x with friction 1/4 stops after 2/(g/4) seconds:
+
+    >>> block = MechanicalSystem(np.eye(2), np.zeros((2, 2)), np.zeros((2, 2)), [[0, 1]], force=[0, -9.81],
+    ...                          tangents=[[1, 0]], friction=[0.25])
+    >>> run = block.simulate([0, 0], [2, 0], (0, 1), method=TimeStepping(step=1e-3))
+    >>> round(float(run(1.0)[0]), 3), round(2**2 / (2 * 0.25 * 9.81), 3)
+    (0.815, 0.815)
     """
 
     mass: Matrix
@@ -71,6 +93,8 @@ class MechanicalSystem:
     force: PiecewiseConstant | Exosystem
     offset: Vector
     restitution: float
+    tangents: NDArray[np.float64] | None
+    friction: Vector | None
 
     def __init__(
         self,
@@ -81,6 +105,8 @@ class MechanicalSystem:
         force: ArrayLike | PiecewiseConstant | Exosystem | None = None,
         offset: ArrayLike | None = None,
         restitution: float = 0.0,
+        tangents: ArrayLike | None = None,
+        friction: ArrayLike | None = None,
     ) -> None:
         M = as_square_matrix("mass", mass)
         n = M.shape[0]
@@ -106,9 +132,26 @@ class MechanicalSystem:
         object.__setattr__(self, "force", force)
         object.__setattr__(self, "offset", as_vector("offset", np.zeros(k) if offset is None else offset, k))
         object.__setattr__(self, "restitution", as_share("restitution", restitution))
+        for name, given, other in (("tangents", tangents, friction), ("friction", friction, tangents)):
+            if given is None and other is not None:
+                raise InvalidInputError(name, Told("missing"), "given together with tangents and friction")
+        object.__setattr__(self, "tangents", None if tangents is None else as_tangents(tangents, k, n))
+        object.__setattr__(self, "friction", None if friction is None else as_friction(friction, k))
+
+    def contacts(self) -> Contacts:
+        """Return the rows of the contacts and of their friction, as time stepping takes them."""
+        return contacts_of(self.F, self.tangents, self.friction)
 
     def to_lcs(self) -> LCS:
-        """Return the system of x = (q, q'): relative degree 2, G(s) = F (s^2 M + s D + K)^-1 F^T (11.88)."""
+        """Return the system of x = (q, q'): relative degree 2, G(s) = F (s^2 M + s D + K)^-1 F^T (11.88).
+
+        Raises
+        ------
+        InvalidInputError
+            There is friction, whose bound is another unknown: that is no system of this kind.
+        """
+        if self.friction is not None:
+            raise InvalidInputError("friction", self.friction, "left out for a linear complementarity system")
         n, k = self.mass.shape[0], self.F.shape[0]
         inverse = cho_factor(self.mass)
         rates = cho_solve(inverse, np.hstack([-self.stiffness, -self.damping]))
@@ -138,9 +181,16 @@ class MechanicalSystem:
     ) -> Trajectory:
         """Simulate from q0 and v0 over t_span; x = (q, q'), and jumps carry the energy that they lose.
 
-        Time stepping reports no impacts but those at the start; later the velocity changes from step to step. By the
-        scheme "moreau", which "auto" means where the restitution is > 0, u is the impulse of a step over its length,
-        and 0 at the start; tolerances are those of q.
+        Time stepping reports no impacts but those at the start; later the velocity changes from step to step. The
+        schemes "moreau", which "auto" means where the restitution is > 0 or there is friction, and "stewart-trinkle",
+        for systems without restitution, go by impulses and return a `ContactTrajectory`: u is the impulse of a step
+        over its length, and 0 at the start; tolerances are those of q.
+
+        Both find impulses whatever jams, and where K and D are symmetric positive semidefinite the energy v^T M v/2 +
+        q^T K q/2 never grows by more than the work of the force, but for rounding: the rebound that Newton's law asks
+        for is reduced where it would, as with friction it may (`ContactTrajectory.bounded_steps` counts these steps).
+        "stewart-trinkle" loses energy in every step, with an error of order 1; "moreau" is of order 2 where nothing
+        touches, conserves the energy there, and is of order 1 at impacts and changes of contact.
 
         Parameters
         ----------
@@ -152,7 +202,8 @@ class MechanicalSystem:
         ------
         InvalidInputError
             q0 violates a constraint, or an argument lies outside what is allowed; with a restitution e > 0, another
-            time-stepping scheme than "moreau", or another law of rebound than Newton's.
+            time-stepping scheme than "moreau", or another law of rebound than Newton's; with friction, another method
+            than time stepping by impulses, or multipliers of least norm.
         """
         n = self.mass.shape[0]
         position, velocity = as_vector("q0", q0, n), as_vector("v0", v0, n)
@@ -166,7 +217,7 @@ class MechanicalSystem:
             )
         x0 = np.concatenate([position, velocity])
         chosen = as_method(method)
-        if isinstance(chosen, TimeStepping) and self._is_moreaus(chosen):
+        if self._goes_by_impulses(chosen):
             span = checked_span(t_span)
             reported = None if t_eval is None else checked_times(t_eval, span)
             return simulate_by_impulses(self, x0, span, reported, chosen, interrupt)
@@ -188,8 +239,27 @@ class MechanicalSystem:
             ),
         )
 
-    def _is_moreaus(self, method: TimeStepping) -> bool:
-        return method.scheme == "moreau" or (method.scheme == "auto" and self.restitution > 0.0)
+    def _goes_by_impulses(self, method: EventDriven | TimeStepping) -> TypeGuard[TimeStepping]:
+        """Tell whether the run goes by impulses, or raise InvalidInputError where friction asks for that in vain."""
+        rough = self.friction is not None
+        if not isinstance(method, TimeStepping):
+            if rough:
+                raise InvalidInputError(
+                    "method", Told("event-driven"), "a TimeStepping(...) where there is friction"
+                )
+            return False
+        by_impulses = method.scheme in get_args(ImpulseScheme) or (
+            method.scheme == "auto" and (rough or self.restitution > 0.0)
+        )
+        if rough and not by_impulses:
+            raise InvalidInputError(
+                "scheme", method.scheme, '"moreau" or "stewart-trinkle" where there is friction'
+            )
+        if rough and method.multipliers != "any":
+            raise InvalidInputError("multipliers", method.multipliers, '"any" where there is friction')
+        if method.scheme == "stewart-trinkle" and self.restitution > 0.0:
+            raise InvalidInputError("scheme", method.scheme, '"moreau" where the restitution is > 0')
+        return by_impulses
 
     def _with_newtons_law(self, method: EventDriven | TimeStepping) -> EventDriven | TimeStepping:
         """Return the method with the law of impact that the restitution asks for."""
@@ -200,53 +270,11 @@ class MechanicalSystem:
         if method.rebound is not None:
             raise InvalidInputError("rebound", Told("a law"), "left out where the restitution is > 0")
         response = cho_solve(cho_factor(self.mass), self.F.T)
-        return replace(method, rebound=_NewtonsLaw(self.F, response, self.restitution))
+        return replace(method, rebound=NewtonsLaw(self.F, response, self.restitution))
 
     def _kinetic(self, x: Vector) -> float:
         v = x[self.mass.shape[0] :]
         return float(0.5 * v @ self.mass @ v)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _NewtonsLaw:
-    """F v+ >= -e F v- where there is contact, with equality where there is an impulse.
-
-    Parameters
-    ----------
-    normals : Matrix, shape (k, n)
-        F.
-    response : Matrix, shape (n, k)
-        M^-1 F^T.
-    restitution : float
-        e.
-    """
-
-    normals: Matrix
-    response: Matrix
-    restitution: float
-    _known: dict[IndexSet, tuple[Matrix, bool]] = field(default_factory=dict, init=False, repr=False)
-
-    def __call__(self, before: Vector, after: Vector, contacts: IndexSet) -> tuple[Vector, Vector]:
-        """Return the state after an impact, and the impulse: of least norm where that is open."""
-        k, n = self.normals.shape
-        index, v = list(contacts), before[n:]
-        normals, response = self.normals[index], self.response[:, index]
-        if contacts not in self._known:
-            delassus = normals @ response
-            is_open = len(index) > 1 and bool(np.linalg.matrix_rank(delassus) < len(index))
-            self._known[contacts] = delassus, is_open
-        delassus, is_open = self._known[contacts]
-        q = (1.0 + self.restitution) * (normals @ v)
-        if len(index) == 1 and delassus[0, 0] > 0.0:
-            held = np.maximum(-q / delassus[0], 0.0)
-        else:
-            problem = LCP(delassus, q)
-            held = solve(problem).z
-            if is_open:
-                held = least_norm_solution(problem, held)
-        impulse = np.zeros(k)
-        impulse[index] = held
-        return np.concatenate([after[:n], v + response @ held]), impulse
 
 
 def _accelerations(
