@@ -58,14 +58,15 @@ def ball(friction, restitution=0.0, gravity=G, radius=0.3):
     )
 
 
-@pytest.mark.parametrize(("scheme", "share"), [("moreau", 1e-3), ("stewart-trinkle", 1.1)])
+@pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("friction", [0.1, 0.4, 1.3])
-def test_a_sliding_block_stops_where_coulomb_says(scheme, share, friction):
-    """It stops after v/(mu g), at v^2/(2 mu g); the implicit scheme is v h/2 short, Moreau's but for the last step."""
-    speed, h = 3.0, 1e-3
+def test_a_sliding_block_stops_where_coulomb_says(scheme, friction):
+    """It stops after v/(mu g), at v^2/(2 mu g); Moreau's scheme misses it by mu g h^2/8, the implicit one by v h/2."""
+    speed, h = 3.0, 4e-3
     stop, distance = speed / (friction * G), speed**2 / (2.0 * friction * G)
     run = block(friction).simulate([0.0, 0.0], [speed, 0.0], (0.0, 1.5 * stop), method=steps(scheme, h))
-    assert run.x[-1] == pytest.approx([distance, 0.0, 0.0, 0.0], abs=0.5 * speed * h * share + 1e-6)
+    missed = 0.126 * friction * G * h**2 + (scheme == "stewart-trinkle") * 0.51 * speed * h
+    assert run.x[-1] == pytest.approx([distance, 0.0, 0.0, 0.0], abs=missed)
     moving = run.t[np.abs(run.x[:, 2]) > 1e-9]
     assert moving[-1] == pytest.approx(stop, abs=1.1 * h)
     slides = (run.t > 0.0) & (run.t < stop - h)
@@ -200,13 +201,13 @@ def test_a_stack_of_ten_slides_down_a_slope_as_one(scheme):
 
 
 def test_boxes_that_fall_askew_come_to_rest_on_each_other():
-    q = np.zeros((10, 3))
-    q[:, 1], q[:, 2] = 0.05 * np.arange(1, 11), 0.01 * (-1.0) ** np.arange(10)
-    stack = box_stack(np.ones(10), np.ones(10), np.full(10, 0.5), np.full(10, 0.5), restitution=0.2)
-    run = stack.simulate(q.ravel(), np.zeros(30), (0.0, 3.0), method=steps("moreau", 5e-3))
-    assert np.abs(run.x[-1, 30:]).max() <= 1e-9
+    q = np.zeros((5, 3))
+    q[:, 1], q[:, 2] = 0.05 * np.arange(1, 6), 0.01 * (-1.0) ** np.arange(5)
+    stack = box_stack(np.ones(5), np.ones(5), np.full(5, 0.5), np.full(5, 0.5), restitution=0.2)
+    run = stack.simulate(q.ravel(), np.zeros(15), (0.0, 2.0), method=steps("moreau", 1e-2))
+    assert np.abs(run.x[-1, 15:]).max() <= 1e-9
     assert run.y.min() >= 0.0
-    assert run.u[-1] == pytest.approx(0.5 * G * np.repeat(np.arange(10, 0, -1), 2), rel=1e-8)
+    assert run.u[-1] == pytest.approx(0.5 * G * np.repeat(np.arange(5, 0, -1), 2), rel=1e-8)
 
 
 def rod(friction, angle=math.pi / 4.0):
