@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from app.commands.labels import Labels, check_different
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs import Event, Trajectory
 from pricing_core.models.trajectory import ModelTrajectory, Pieces
@@ -28,12 +29,15 @@ class Columns:
         Title in pictures.
     names : tuple of str
     values : Matrix, shape (m, len(names))
+    units : tuple of str
+        One for each name, empty where it is not known; or none at all.
     """
 
     symbol: str
     title: str
     names: tuple[str, ...]
     values: Matrix
+    units: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,32 +129,25 @@ class Simulation:
     model: str = ""
 
 
-def of_trajectory(
-    trajectory: Trajectory,
-    *,
-    states: Sequence[str] | None = None,
-    multipliers: Sequence[str] | None = None,
-    slacks: Sequence[str] | None = None,
-) -> Simulation:
+def of_trajectory(trajectory: Trajectory, labels: Labels | None = None) -> Simulation:
     """Return the simulation of a trajectory; without names the columns are x1, ..., u1, ..., y1, ...."""
-    names = tuple(states or numbered("x", trajectory.x.shape[1]))
-    u = tuple(multipliers or numbered("u", trajectory.u.shape[1]))
-    y = tuple(slacks or numbered("y", trajectory.y.shape[1]))
-
-    def samples(run: Trajectory) -> Samples:
-        columns = (
-            Columns("x", "state", names, run.x),
-            Columns("u", "multiplier", u, run.u),
-            Columns("y", "slack", y, run.y),
-        )
-        return Samples("t", run.t, columns)
-
-    return of_samples(
-        trajectory, samples(trajectory), samples(trajectory.refined(CURVE_POINTS)), names, Modes(y)
+    return of_run(
+        trajectory,
+        trajectory,
+        (("x", "state"), ("u", "multiplier"), ("y", "slack")),
+        labels,
+        lambda names: Modes(names["y"]),
     )
 
 
-def of_model(run: ModelTrajectory, titles: tuple[str, str], *, modes: Modes | None = None) -> Simulation:
+def of_model(
+    run: ModelTrajectory,
+    titles: tuple[str, str],
+    labels: Labels | None = None,
+    *,
+    elements: str = "u",
+    piece_names: tuple[str, ...] | None = (),
+) -> Simulation:
     """Return the simulation of a model in its own variables.
 
     Parameters
@@ -158,21 +155,42 @@ def of_model(run: ModelTrajectory, titles: tuple[str, str], *, modes: Modes | No
     run : ModelTrajectory
     titles : (str, str)
         Titles of u and y in pictures.
-    modes : Modes, optional
-        The number of each element's piece where missing.
+    labels : Labels, optional
+    elements : {"u", "y"}
+        Whose names the elements have.
+    piece_names : tuple of str, optional
+        Words for the pieces that elements are on: numbers where it is empty. None: a mode is where y vanishes.
     """
-    states, count = numbered("x", run.x.shape[1]), run.u.shape[1]
-    modes = modes or Modes(numbered("u", count), run.pieces)
+    return of_run(
+        run.lcs,
+        run,
+        (("x", "state"), ("u", titles[0]), ("y", titles[1])),
+        labels,
+        lambda names: Modes(names[elements], None if piece_names is None else run.pieces, piece_names or ()),
+    )
 
-    def samples(run: ModelTrajectory) -> Samples:
+
+def of_run(
+    trajectory: Trajectory,
+    run: Trajectory | ModelTrajectory,
+    kinds: Sequence[tuple[str, str]],
+    labels: Labels | None,
+    modes: Callable[[Mapping[str, tuple[str, ...]]], Modes],
+) -> Simulation:
+    """Return the simulation of a run whose attributes are the quantities, by symbol and title."""
+    said = labels or Labels({}, {})
+    counts = {symbol: getattr(run, symbol).shape[1] for symbol, _ in kinds}
+    names = {symbol: said.names_of(symbol, count) for symbol, count in counts.items()}
+    check_different([name for part in names.values() for name in part])
+
+    def samples(at: Trajectory | ModelTrajectory) -> Samples:
         columns = (
-            Columns("x", "state", states, run.x),
-            Columns("u", titles[0], numbered("u", count), run.u),
-            Columns("y", titles[1], numbered("y", count), run.y),
+            Columns(symbol, title, names[symbol], getattr(at, symbol), said.units_of(symbol, counts[symbol]))
+            for symbol, title in kinds
         )
-        return Samples("t", run.t, columns)
+        return Samples("t", at.t, tuple(columns), said.time)
 
-    return of_samples(run.lcs, samples(run), samples(run.refined(CURVE_POINTS)), states, modes)
+    return of_samples(trajectory, samples(run), samples(run.refined(CURVE_POINTS)), names["x"], modes(names))
 
 
 def of_samples(
@@ -198,14 +216,3 @@ def of_samples(
             "forced": trajectory.forced,
         },
     )
-
-
-def numbered(letter: str, count: int) -> tuple[str, ...]:
-    """Return x1, x2, ....
-
-    Examples
-    --------
-    >>> numbered("x", 3)
-    ('x1', 'x2', 'x3')
-    """
-    return tuple(f"{letter}{i + 1}" for i in range(count))

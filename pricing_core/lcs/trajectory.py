@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pricing_core.arrays import IndexSet, Matrix, Vector, as_real_array, as_whole_number
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs.flow import Flow, evaluate_each, evaluate_states
+from pricing_core.lcs.run_table import named_columns, table_of
 from pricing_core.lcs.system import LCS
 from pricing_core.lcs.uniqueness import has_unique_state
+
+if TYPE_CHECKING:
+    import pyarrow
 
 MOST_POINTS = 10_000_000
 EventKind = Literal["switch", "jump", "input", "grazing", "zeno"]
@@ -125,6 +130,46 @@ class Trajectory:
             ..., None
         ]
         return np.asarray((1.0 - weight) * self.x[left] + weight * self.x[right])
+
+    def to_table(
+        self,
+        *,
+        states: Sequence[str] | None = None,
+        multipliers: Sequence[str] | None = None,
+        slacks: Sequence[str] | None = None,
+    ) -> pyarrow.Table:
+        """Return the run as a `pyarrow.Table` of m rows: t, and a column for each component of x, u and y.
+
+        Parameters
+        ----------
+        states, multipliers, slacks : sequence of str, optional
+            Names of the columns; x1, ..., u1, ..., y1, ... where missing.
+
+        Raises
+        ------
+        InvalidInputError
+            Names that are not one for each column, or not different.
+        MissingExtraError
+            pyarrow, of the extra "batch", is not installed.
+
+        Examples
+        --------
+        >>> one = np.ones((1, 1))
+        >>> run = Trajectory(np.zeros(1), np.ones((1, 2)), 0 * one, one, (), "finished", "", 0, 0, 0)
+        >>> run.to_table(states=["voltage", "current"]).column_names
+        ['t', 'voltage', 'current', 'u1', 'y1']
+        """
+        return table_of(named_columns(self.t, self._parts(states, multipliers, slacks)))
+
+    def _parts(
+        self, states: Sequence[str] | None, multipliers: Sequence[str] | None, slacks: Sequence[str] | None
+    ) -> list[tuple[str, str, NDArray[np.float64], Sequence[str] | None]]:
+        """Return what `named_columns` takes."""
+        return [
+            ("states", "x", self.x, states),
+            ("multipliers", "u", self.u, multipliers),
+            ("slacks", "y", self.y, slacks),
+        ]
 
     def refined(self, count: int) -> Trajectory:
         """Return the run at `count` times or somewhat more, evenly over the interval, and at each event twice.

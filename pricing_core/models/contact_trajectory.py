@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,16 @@ class ContactTrajectory(Trajectory):
     friction_force: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     slip: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
     bounded_steps: int = 0
+
+    def _parts(
+        self, states: Sequence[str] | None, multipliers: Sequence[str] | None, slacks: Sequence[str] | None
+    ) -> list[tuple[str, str, NDArray[np.float64], Sequence[str] | None]]:
+        """Return what `named_columns` takes: friction1, ... and slip1, ... as well, contact by contact."""
+        return [
+            *Trajectory._parts(self, states, multipliers, slacks),
+            ("friction_force", "friction", self.friction_force, None),
+            ("slip", "slip", self.slip, None),
+        ]
 
 
 def of_steps(run: Trajectory, system: MechanicalSystem, bounded_steps: int) -> ContactTrajectory:

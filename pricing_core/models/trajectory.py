@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,10 @@ from numpy.typing import ArrayLike
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs import Event, Trajectory
 from pricing_core.lcs.flow import Flow, evaluate_each
+from pricing_core.lcs.run_table import named_columns, table_of
+
+if TYPE_CHECKING:
+    import pyarrow
 
 Pieces: TypeAlias = tuple[int, ...]
 External: TypeAlias = Callable[[Matrix, Matrix, Matrix], tuple[Matrix, Matrix]]
@@ -89,6 +93,34 @@ class ModelTrajectory:
     def __call__(self, t: ArrayLike) -> Matrix:
         """Return x(t), shape (n,) for a scalar, (len(t), n) for a vector."""
         return self.lcs(t)
+
+    def to_table(
+        self,
+        *,
+        states: Sequence[str] | None = None,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+    ) -> pyarrow.Table:
+        """Return the run as a `pyarrow.Table` of m rows: t, and a column for each component of x, u and y.
+
+        Parameters
+        ----------
+        states, inputs, outputs : sequence of str, optional
+            Names of the columns; x1, ..., u1, ..., y1, ... where missing.
+
+        Raises
+        ------
+        InvalidInputError
+            Names that are not one for each column, or not different.
+        MissingExtraError
+            pyarrow, of the extra "batch", is not installed.
+        """
+        parts = [
+            ("states", "x", self.x, states),
+            ("inputs", "u", self.u, inputs),
+            ("outputs", "y", self.y, outputs),
+        ]
+        return table_of(named_columns(self.t, parts))
 
     def refined(self, count: int) -> ModelTrajectory:
         """Return the run at `count` times or somewhat more, as `pricing_core.lcs.Trajectory.refined` does."""

@@ -5,6 +5,7 @@ from typing import Any
 
 from app.commands.model_keys import VECTOR, Key
 from app.commands.models.inputs import INPUT
+from app.commands.models.labels import label_keys, labels_in
 from app.commands.models.method import METHOD, method_in
 from app.commands.models.plant import PLANT
 from app.commands.models.times import SPAN_AND_TIMES, times_in
@@ -22,6 +23,7 @@ KEYS: Mapping[str, Key] = {
     "x0": VECTOR.described("n numbers: the state at the start", required=True),
     **SPAN_AND_TIMES,
     **METHOD,
+    **label_keys({"x": "of the n states", "u": "of the k multipliers", "y": "of the k slacks"}),
 }
 
 
@@ -37,4 +39,4 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
     trajectory = simulate_lcs(
         system, values["x0"], values["t_span"], method=method_in(values), t_eval=times_in(values)
     )
-    return of_trajectory(trajectory)
+    return of_trajectory(trajectory, labels_in(values))

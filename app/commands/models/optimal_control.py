@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from app.commands.labels import numbered
 from app.commands.model_keys import INTEGER, MATRIX, NUMBER, VECTOR, Key
-from app.commands.simulation import Columns, Modes, Samples, Simulation, numbered
+from app.commands.simulation import Columns, Modes, Samples, Simulation
 from pricing_core.lcs import Event
 from pricing_core.lcs.trajectory import EventKind
 from pricing_core.models import OptimalControl, StateConstrainedLQ

@@ -5,6 +5,7 @@ from typing import Any
 
 from app.commands.model_keys import VECTOR, Key
 from app.commands.models.characteristics import CHARACTERISTICS
+from app.commands.models.labels import label_keys, labels_in
 from app.commands.models.method import METHOD, method_in
 from app.commands.models.plant import PLANT
 from app.commands.models.times import SPAN_AND_TIMES, times_in
@@ -17,6 +18,9 @@ KEYS: Mapping[str, Key] = {
     "x0": VECTOR.described("n numbers: the state at the start", required=True),
     **SPAN_AND_TIMES,
     **METHOD,
+    **label_keys(
+        {"x": "of the n states", "u": "of the k characteristics' values", "y": "of their arguments"}
+    ),
 }
 
 
@@ -32,4 +36,4 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         values["A"], values["B"], values["C"], values.get("D"), values["characteristics"]
     )
     run = system.simulate(values["x0"], values["t_span"], method=method_in(values), t_eval=times_in(values))
-    return of_model(run, ("value u", "argument y"))
+    return of_model(run, ("value u", "argument y"), labels_in(values))

@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.commands.model_keys import MATRIX, VECTOR, Key, keys_for, object_schema, read_object
+from app.commands.models.labels import label_keys, labels_in
 from app.commands.models.method import METHOD, method_in
 from app.commands.models.times import SPAN_AND_TIMES, times_in
-from app.commands.simulation import Modes, Simulation, numbered, of_model
+from app.commands.simulation import Simulation, of_model
 from pricing_core.models import ProjectedSystem
 
 AFFINE = {
@@ -23,6 +24,7 @@ KEYS: Mapping[str, Key] = {
     "x0": VECTOR.described("n numbers with H x0 >= h: the state at the start", required=True),
     **SPAN_AND_TIMES,
     **CHOICES,
+    **label_keys({"x": "of the n states", "u": "of the k multipliers", "y": "of the k slacks"}),
 }
 
 
@@ -39,4 +41,4 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         system = ProjectedSystem((F["matrix"], F["vector"]), values["H"], values["h"])
     method = method_in(values, CHOICES)
     run = system.simulate(values["x0"], values["t_span"], method=method, t_eval=times_in(values))
-    return of_model(run, ("multiplier", "slack"), modes=Modes(numbered("y", run.y.shape[1])))
+    return of_model(run, ("multiplier", "slack"), labels_in(values), elements="y", piece_names=None)

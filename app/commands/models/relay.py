@@ -5,10 +5,11 @@ from typing import Any
 
 from app.commands.model_keys import VECTOR, Key, choice
 from app.commands.models.inputs import NUMBER_OR_VECTOR
+from app.commands.models.labels import label_keys, labels_in
 from app.commands.models.method import METHOD, method_in
 from app.commands.models.plant import PLANT
 from app.commands.models.times import SPAN_AND_TIMES, times_in
-from app.commands.simulation import Modes, Simulation, numbered, of_model
+from app.commands.simulation import Simulation, of_model
 from pricing_core.models import RelaySystem
 
 SYSTEM: Mapping[str, Key] = {
@@ -24,6 +25,7 @@ KEYS: Mapping[str, Key] = {
         "which complementarity system is simulated; input-output where missing"
     ),
     **METHOD,
+    **label_keys({"x": "of the n states", "u": "of the k relays' outputs", "y": "of their inputs"}),
 }
 PIECES = ("upper", "slides", "lower")
 
@@ -44,5 +46,4 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         method=method_in(values),
         t_eval=times_in(values),
     )
-    modes = Modes(numbered("u", run.u.shape[1]), run.pieces, PIECES)
-    return of_model(run, ("relay output", "relay input"), modes=modes)
+    return of_model(run, ("relay output", "relay input"), labels_in(values), piece_names=PIECES)

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import Event, Trajectory
+from pricing_core.lcs.run_table import table_of
 from pricing_core.models.circuits.checked import checked_words
 from pricing_core.models.circuits.circuit_lcs import CircuitLCS
 from pricing_core.models.circuits.equations import GROUND
+
+if TYPE_CHECKING:
+    import pyarrow
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +61,18 @@ class CircuitRun:
         """Return the run at `count` times or somewhat more, as `pricing_core.lcs.Trajectory.refined` does."""
         fine = read_run(self.circuit, self.trajectory.refined(count), self.start, from_elements=False)
         return replace(fine, energy_lost_at_start=self.energy_lost_at_start)
+
+    def to_table(self) -> pyarrow.Table:
+        """Return the run as a `pyarrow.Table` of m rows: t, v(NODE) of all nodes but ground, i(NAME) of all elements.
+
+        Raises
+        ------
+        MissingExtraError
+            pyarrow, of the extra "batch", is not installed.
+        """
+        voltages = {f"v({node})": values for node, values in self.voltages.items() if node != GROUND}
+        currents = {f"i({name})": values for name, values in self.currents.items()}
+        return table_of({"t": self.t, **voltages, **currents})
 
     def voltage(self, plus: str, minus: str = GROUND) -> Vector:
         """Return v(plus) - v(minus) at the times t.

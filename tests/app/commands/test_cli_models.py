@@ -14,13 +14,14 @@ MODELS = Path(__file__).parents[3] / "examples" / "models"
 PNG = b"\x89PNG\r\n\x1a\n"
 EXAMPLES = (
     *("relays_to_origin", "saturation", "oligopoly"),
-    *("bouncing_ball", "rectifier_netlist", "railway", "cart_to_floor"),
+    *("bouncing_ball", "spinning_ball", "rectifier_netlist", "railway", "cart_to_floor"),
 )
 COLUMNS = {
     "relays_to_origin": "t x1 x2 u1 u2 y1 y2",
     "saturation": "t x1 u1 y1",
     "oligopoly": "t x1 x2 x3 u1 u2 u3 u4 u5 u6 y1 y2 y3 y4 y5 y6",
     "bouncing_ball": "t q1 v1 u1 y1",
+    "spinning_ball": "t|x|height|rotation|x'|height'|rotation'|force floor|friction floor|slip floor|gap floor",
     "rectifier_netlist": "t v(in) v(out) i(V1) i(D1) i(C1) i(R1)",
     "railway": "k|west|west ring|east|east ring",
     "cart_to_floor": "t x1 x2 u1 lambda1 lambda2 eta1",
@@ -97,6 +98,22 @@ def test_the_ball_rests_after_infinitely_many_bounces(answer: Any) -> None:
     assert (found["q"][-1], found["v"][-1], found["u"][-1]) == ([0.0], [0.0], [9.81])
     assert found["events"][-1]["time"] == pytest.approx(3.0 * math.sqrt(2.0 / 9.81), rel=1e-12)
     assert found["names"]["x"] == ["q1", "v1"]
+
+
+def test_a_spinning_ball_comes_to_roll_where_its_point_of_contact_stops(answer: Any) -> None:
+    """The velocity of its point of contact, 5 m/s, falls by 7/2 of what friction takes from x'."""
+    found = answer("spinning_ball")
+    assert found["v"][-1] == pytest.approx([1.0 - 2.0 / 7.0 * 5.0, 0.0, 30.0 / 7.0], abs=1e-9)
+    assert (found["slip"][-1], found["friction"][-1]) == ([pytest.approx(0.0, abs=1e-12)],) * 2
+    assert found["names"]["u"] == ["force floor"]
+    nearer = answer("spinning_ball", scheme="stewart-trinkle", restitution=0)
+    assert nearer["v"][-1] == pytest.approx(found["v"][-1], abs=1e-9)
+
+
+def test_states_have_names_of_their_own(answer: Any) -> None:
+    found = answer("relays_to_origin", names={"x": ["left", "right"]}, units={"x": ["m", "V"], "t": "s"})
+    assert found["names"]["x"] == ["left", "right"]
+    assert found["names"]["u"] == ["u1", "u2"]
 
 
 def test_a_chair_on_four_legs_shares_its_weight(answer: Any) -> None:
@@ -196,6 +213,24 @@ def test_every_example_has_a_table_columns_and_a_picture(pricing: Any, name: str
 
 
 WRONG = [
+    ("spinning_ball", {"friction": None}, "friction = missing: must be given together with tangents"),
+    ("spinning_ball", {"friction": [-1]}, "friction = [-1]: must be coefficients >= 0"),
+    ("spinning_ball", {"tangents": [[1]]}, "tangents = shape (1, 1): must be of shape (1, 3) in the plane"),
+    ("spinning_ball", {"tangents": [[["a"]]]}, "tangents[0][0][0] = 'a': must be a number"),
+    ("spinning_ball", {"method": None}, 'h = 0.002: must be left out with method="event-driven"'),
+    ("spinning_ball", {"method": None, "h": None}, "method = event-driven: must be a TimeStepping(...)"),
+    ("spinning_ball", {"scheme": "stewart-trinkle"}, "scheme = 'stewart-trinkle': must be \"moreau\""),
+    ("spinning_ball", {"names": {"q": ["x"]}}, "names.q = 1 of them: must be 3, one for each component"),
+    (
+        "spinning_ball",
+        {"names": {"q": ["x", "x", "y"]}},
+        "names = 'x': must be different from all other names",
+    ),
+    ("spinning_ball", {"names": {"x": ["x"]}}, "key = 'names.x': must be one of q, contacts"),
+    ("spinning_ball", {"units": {"q": ["m"]}}, "units.q = 1 of them: must be 3, one for each component"),
+    ("spinning_ball", {"units": {"t": 3}}, "units.t = 3: must be a text"),
+    ("relays_to_origin", {"names": {"x": "ab"}}, "names.x = 'ab': must be a list of texts"),
+    ("saturation", {"names": {"x": ["t"]}}, "names = 't': must be different from all other names"),
     ("relays_to_origin", {"B": None}, "B = missing: must be n x k, by rows"),
     ("relays_to_origin", {"E": 1}, "key = 'E': must be one of model, A, B, C, D, lower, upper, "),
     ("relays_to_origin", {"A": [[1, 2], [3]]}, "A[1] = 1 numbers: must be as long as the first row"),

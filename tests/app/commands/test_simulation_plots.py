@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from app.commands.labels import Labels
 from app.commands.model_files import MODULES, simulate_model
 from app.commands.simulation import Columns, Simulation, of_trajectory
 from app.commands.simulation_plots import TITLES, panels_of, simulation_figure
@@ -12,7 +13,9 @@ from tests.problems.lcs_systems import two_carts
 
 
 def carts() -> Simulation:
-    return of_trajectory(simulate(two_carts(), [0.0, 0.0, 0.5, 0.5], (0.0, 9.0)), states=["a", "b", "c", "d"])
+    return of_trajectory(
+        simulate(two_carts(), [0.0, 0.0, 0.5, 0.5], (0.0, 9.0)), Labels({"x": ["a", "b", "c", "d"]}, {})
+    )
 
 
 def test_states_stand_above_multipliers_and_slacks() -> None:
