@@ -2,14 +2,16 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from app.commands.labels import Labels, check_different
+from app.commands.mode_band import Band, of_active_pairs, of_pieces
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs import Event, Trajectory
 from pricing_core.models.trajectory import ModelTrajectory, Pieces
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 CURVE_POINTS = 1_500  # Number of points of a curve in a picture.
@@ -58,6 +60,34 @@ class Samples:
     points: Vector
     columns: tuple[Columns, ...]
     unit: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Orbit:
+    """Two states along a run, as finely as a picture wants them.
+
+    Parameters
+    ----------
+    names, units : (str, str)
+    points : Vector, shape (m,)
+        The times; a jump is two rows with equal times.
+    values : Matrix, shape (m, 2)
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    points: Vector
+    values: Matrix
+
+
+class Scene(Protocol):
+    """What an animation shows beside the curves, in axes of its own."""
+
+    def prepare(self, axes: "Axes") -> None:
+        """Draw what does not move, and set the limits."""
+
+    def show(self, time: float) -> None:
+        """Move the rest to where it is at a time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,6 +146,12 @@ class Simulation:
         Draws the model's own picture, in the place of the curves.
     model : str
         Name of the model, as in its file.
+    band : Band, optional
+        The modes over time.
+    orbit : Orbit, optional
+        The phase plane, where there are two states.
+    scene : Scene, optional
+        What an animation shows beside the curves.
     """
 
     headline: str
@@ -127,6 +163,9 @@ class Simulation:
     facts: Mapping[str, Any]
     picture: "Callable[[], Figure] | None" = None
     model: str = ""
+    band: Band | None = None
+    orbit: Orbit | None = None
+    scene: Scene | None = None
 
 
 def of_trajectory(trajectory: Trajectory, labels: Labels | None = None) -> Simulation:
@@ -194,10 +233,19 @@ def of_run(
 
 
 def of_samples(
-    trajectory: Trajectory, samples: Samples, curves: Samples, states: tuple[str, ...], modes: Modes
+    trajectory: Trajectory,
+    samples: Samples,
+    curves: Samples,
+    states: tuple[str, ...],
+    modes: Modes,
+    band: Band | None = None,
 ) -> Simulation:
-    """Return the simulation with the events and counters of a trajectory."""
+    """Return the simulation with the events and counters of a trajectory; the band is that of the modes if missing."""
     count = len(trajectory.events)
+    if band is None and modes.pieces is None:
+        band = of_active_pairs(trajectory, modes.names, "= 0")
+    elif band is None and modes.pieces is not None:
+        band = of_pieces(trajectory, modes.names, modes.pieces, modes.piece_names)
     return Simulation(
         headline=(
             f"{trajectory.status} ({trajectory.scheme}): "
@@ -215,4 +263,16 @@ def of_samples(
             "rejected": trajectory.rejected,
             "forced": trajectory.forced,
         },
+        band=band,
+        orbit=_orbit(trajectory, curves, states),
     )
+
+
+def _orbit(trajectory: Trajectory, curves: Samples, states: tuple[str, ...]) -> Orbit | None:
+    if len(states) != 2:
+        return None
+    units = {
+        name: unit for kind in curves.columns for name, unit in zip(kind.names, kind.units, strict=False)
+    }
+    run = trajectory.refined(CURVE_POINTS)
+    return Orbit(states, tuple(units.get(name, "") for name in states), run.t, run.x)

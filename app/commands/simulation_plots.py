@@ -1,22 +1,27 @@
-"""The picture of a simulation: states, then multipliers and slacks, over time, with the events marked."""
+"""The picture of a simulation: quantities over time with events and modes, and the phase plane of two states."""
 
 from collections.abc import Sequence
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, Literal, NamedTuple
 
 import numpy as np
 
 from app.commands.boundary_plot import DOTS_PER_INCH, GREY
-from app.commands.simulation import ROUNDING, Columns, Samples, Simulation
-from pricing_core.arrays import Vector
+from app.commands.mode_band import Band
+from app.commands.simulation import ROUNDING, Columns, Orbit, Samples, Simulation
+from pricing_core.arrays import Matrix, Vector
 from pricing_core.extras import needs_extra
 
 with needs_extra("plot"):
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, FigureBase
+    from matplotlib.gridspec import SubplotSpec
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
 
 # Okabe and Ito's colours, which colour-blind readers can tell apart.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4d4d4d")
+BAND_COLOURS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7", "#b8bfc6", "#4d4d4d")
 EVENT_COLOURS = {
     "switch": GREY,
     "jump": "#c1121f",
@@ -24,7 +29,7 @@ EVENT_COLOURS = {
     "grazing": "#2a9d8f",
     "input": "#b08900",
 }
-STYLES = ("-", "--", "-.", ":")
+STYLES: tuple[Literal["-", "--", "-.", ":"], ...] = ("-", "--", "-.", ":")
 AXES = {"t": "time", "k": "step"}
 TITLES = {
     "lcs": "Linear complementarity system",
@@ -36,9 +41,14 @@ TITLES = {
     "optimal-control": "Optimal control",
     "max-plus": "Max-plus linear system",
 }
+WIDTH, ORBIT = 9.0, 4.6  # of the curves, and of the phase plane, in inches
 SAME_SCALE = 25.0  # quantities within this factor share a panel
 NAMED = 12  # lines in a legend
 CROWDED = 30  # events that are drawn firmly
+BANDS = 12  # rows of modes
+EQUAL = 1e-2  # share of a panel's height below which two lines are one to the eye
+ALWAYS, OFTEN = 0.97, 0.1  # shares of the points from which on lines are equal, and equal in part
+DASH = 5.0  # length of a dash of lines that share a place, in line widths
 
 
 class Panel(NamedTuple):
@@ -63,26 +73,49 @@ def draw_simulation(simulation: Simulation, file: BinaryIO) -> None:
 
 def simulation_figure(simulation: Simulation) -> Figure:
     """Return the picture as a figure."""
-    samples = simulation.curves
+    samples, band, orbit = simulation.curves, simulation.band, simulation.orbit
     panels = [panel for columns in samples.columns for panel in panels_of(columns)]
-    figure = Figure(figsize=(9.0, 1.5 + 1.9 * len(panels)), layout="constrained")
+    heights = [1.9] * len(panels) + ([] if band is None else [0.25 + 0.22 * _rows(band)])
+    height = 1.6 + sum(heights)
+    figure = Figure(figsize=(WIDTH + ORBIT * (orbit is not None), height), layout="constrained")
     figure.suptitle(f"{TITLES.get(simulation.model, 'Simulation')}\n{simulation.headline}", fontsize=11)
-    grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, panel in zip(grid, panels, strict=True):
-        _draw_panel(axes, samples, panel)
-        _mark_events(axes, simulation)
-    figure.align_ylabels(grid)
-    grid[-1].set_xlabel(axis_label(samples))
-    grid[-1].ticklabel_format(axis="x", scilimits=(-2, 5))
-    if samples.points.size > 1:
-        grid[-1].set_xlim(samples.points[0], samples.points[-1])
-    handles, names = grid[0].get_legend_handles_labels()
+    left: FigureBase = figure
+    right: FigureBase = figure
+    if orbit is not None:
+        left, right = figure.subfigures(1, 2, width_ratios=[WIDTH, ORBIT], squeeze=False)[0]
+    grid = left.add_gridspec(len(heights), 1, height_ratios=heights)
+    column = draw_curves(left, [grid[i] for i in range(len(heights))], simulation, panels)
+    if orbit is not None:
+        rest = max(height - 1.0 - ORBIT, 0.1)
+        draw_orbit(right.add_subplot(right.add_gridspec(2, 1, height_ratios=[ORBIT, rest])[0]), orbit)
+    handles, names = column[0].get_legend_handles_labels()
     events = [(handle, name) for handle, name in zip(handles, names, strict=True) if name in EVENT_COLOURS]
     if events:
-        figure.legend(
-            *zip(*events, strict=True), loc="outside lower center", ncols=len(events), frameon=False
-        )
+        left.legend(*zip(*events, strict=True), loc="outside lower center", ncols=len(events), frameon=False)
     return figure
+
+
+def draw_curves(
+    figure: FigureBase, places: Sequence[SubplotSpec], simulation: Simulation, panels: Sequence[Panel]
+) -> list[Axes]:
+    """Draw panels, and the band of modes where there is one, below each other over one axis of time."""
+    samples, band = simulation.curves, simulation.band
+    column: list[Axes] = []
+    for place in places:
+        column.append(figure.add_subplot(place, sharex=column[0] if column else None))
+    for axes, panel in zip(column, panels, strict=False):
+        _draw_panel(axes, samples, panel)
+        _mark_events(axes, simulation)
+    if band is not None:
+        _draw_band(column[-1], band)
+    for axes in column[:-1]:
+        axes.tick_params(labelbottom=False)
+    figure.align_ylabels(column)
+    column[-1].set_xlabel(axis_label(samples))
+    column[-1].ticklabel_format(axis="x", scilimits=(-2, 5))
+    if samples.points.size > 1:
+        column[-1].set_xlim(samples.points[0], samples.points[-1])
+    return column
 
 
 def axis_label(samples: Samples) -> str:
@@ -93,44 +126,88 @@ def axis_label(samples: Samples) -> str:
     >>> axis_label(Samples("t", np.zeros(1), (), unit="s")), axis_label(Samples("k", np.zeros(1), ()))
     ('time t (s)', 'step k')
     """
-    unit = f" ({samples.unit})" if samples.unit else ""
-    return f"{AXES.get(samples.axis, '')} {samples.axis}{unit}".lstrip()
+    return with_unit(f"{AXES.get(samples.axis, '')} {samples.axis}".lstrip(), samples.unit)
+
+
+def with_unit(name: str, unit: str) -> str:
+    """Return a name with its unit in brackets, where that is known."""
+    return f"{name} ({unit})" if unit else name
 
 
 def panels_of(columns: Columns) -> list[Panel]:
-    """Group quantities of one kind by their size, the largest first.
+    """Group quantities of one kind by their unit and size, the largest first.
 
-    Those that are zero but for rounding join the last group.
+    Those that are zero but for rounding join the last group of their unit.
     """
-    sizes = np.max(np.abs(columns.values), axis=0, initial=0.0)
+    units = columns.units or ("",) * len(columns.names)
+    return [
+        panel
+        for unit in dict.fromkeys(units)
+        for panel in _of_one_unit(columns, unit, [i for i, own in enumerate(units) if own == unit])
+    ]
+
+
+def _of_one_unit(columns: Columns, unit: str, members: list[int]) -> list[Panel]:
+    sizes = np.max(np.abs(columns.values), axis=0, initial=0.0)[members]
     sizes[sizes <= ROUNDING * np.max(sizes, initial=0.0)] = 0.0
     groups: list[list[int]] = []
+    largest = 0.0
     for i in np.argsort(-sizes, kind="stable").tolist():
-        if groups and (sizes[i] == 0.0 or sizes[i] * SAME_SCALE >= sizes[groups[-1][0]]):
-            groups[-1].append(i)
+        if groups and (sizes[i] == 0.0 or sizes[i] * SAME_SCALE >= largest):
+            groups[-1].append(members[i])
         else:
-            groups.append([i])
+            groups.append([members[i]])
+            largest = sizes[i]
     return [
-        Panel(columns.title, [columns.names[i] for i in group], [columns.values[:, i] for i in group])
+        Panel(
+            with_unit(columns.title, unit),
+            [columns.names[i] for i in group],
+            [columns.values[:, i] for i in group],
+        )
         for group in map(sorted, groups)
     ]
 
 
+def overlaps(lines: Sequence[Vector]) -> Matrix:
+    """Return for each two lines the share of the points at which the eye cannot tell them apart.
+
+    Examples
+    --------
+    >>> overlaps([np.array([0.0, 1.0]), np.array([0.0, 2.0])])
+    array([[1. , 0.5],
+           [0.5, 1. ]])
+    """
+    height = max(
+        (float(np.ptp(line[np.isfinite(line)])) for line in lines if np.isfinite(line).any()), default=0.0
+    )
+    table = np.array(lines)
+    return np.asarray(np.mean(np.abs(table[:, None] - table) <= EQUAL * height, axis=2))
+
+
 def _draw_panel(axes: Axes, samples: Samples, panel: Panel) -> None:
+    shares = overlaps(panel.lines)
+    handles, names = [], []
     for i, (name, line) in enumerate(zip(panel.names, panel.lines, strict=True)):
+        equal = np.flatnonzero(shares[i] >= ALWAYS).tolist()
+        over = np.count_nonzero((shares[i, i + 1 :] >= OFTEN) & (shares[i, i + 1 :] < ALWAYS))
+        colour, style = COLOURS[i % len(COLOURS)], STYLES[i // len(COLOURS) % len(STYLES)]
+        # Lines that are equal are drawn in turn, dash by dash; one that others lie upon in part is wider.
+        dashes = (equal.index(i) * DASH, (DASH, (len(equal) - 1) * DASH))
         axes.plot(
             samples.points,
             line,
-            color=COLOURS[i % len(COLOURS)],
-            linestyle=STYLES[i // len(COLOURS) % len(STYLES)],
-            linewidth=max(2.4 - 0.4 * i, 1.2),  # a line shows behind another that coincides with it
+            color=colour,
+            linestyle=dashes if len(equal) > 1 else style,
+            linewidth=3.4 if over and len(equal) == 1 else 1.7,
             label=name,
             marker="o" if samples.points.size == 1 else "",
+            dash_capstyle="butt",
         )
+        handles.append(Line2D([], [], color=colour, linestyle=style, linewidth=1.7))
+        names.append(name if equal[0] == i else f"{name} = {panel.names[equal[0]]}")
     axes.set_ylabel(panel.title)
     axes.grid(color="#e3e7eb", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
-    handles, names = axes.get_legend_handles_labels()
     axes.legend(
         handles[:NAMED],
         _shortened(names),
@@ -144,6 +221,50 @@ def _draw_panel(axes: Axes, samples: Samples, panel: Panel) -> None:
 def _shortened(names: Sequence[str]) -> list[str]:
     hidden = len(names) - NAMED
     return list(names) if hidden <= 0 else [*names[: NAMED - 1], f"... {hidden + 1} more"]
+
+
+def _rows(band: Band) -> int:
+    return min(len(band.names), BANDS)
+
+
+def _draw_band(axes: Axes, band: Band) -> None:
+    shown = _rows(band)
+    for row in range(shown):
+        bars = band.bars(row)
+        colours = [BAND_COLOURS[state % len(BAND_COLOURS)] for _, _, state in bars]
+        axes.broken_barh([bar[:2] for bar in bars], (row - 0.4, 0.8), facecolors=colours, linewidth=0.0)
+    axes.set_yticks(range(shown), _shortened(band.names)[:shown])
+    axes.set_ylim(shown - 0.5, -0.5)
+    axes.set_ylabel("mode")
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+    used = sorted({state for row in range(shown) for *_, state in band.bars(row)})
+    patches = [
+        Patch(color=BAND_COLOURS[state % len(BAND_COLOURS)], label=band.words[state]) for state in used
+    ]
+    if patches:
+        axes.legend(
+            handles=patches, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, handlelength=1.2
+        )
+
+
+def draw_orbit(axes: Axes, orbit: Orbit) -> None:
+    """Draw one state against the other, from a filled to an open circle; jumps are dotted."""
+    x = np.array(orbit.values)
+    jumps = np.flatnonzero(np.diff(orbit.points) == 0.0)
+    pieces = np.split(np.arange(len(x)), jumps + 1)
+    for piece in pieces:
+        axes.plot(*x[piece].T, color=COLOURS[0], linewidth=1.4)
+    for i in jumps.tolist():
+        axes.plot(*x[i : i + 2].T, color=EVENT_COLOURS["jump"], linewidth=1.0, linestyle=":")
+    axes.plot(*x[0], "o", color=COLOURS[0], label="start")
+    axes.plot(*x[-1], "o", color=COLOURS[0], markerfacecolor="white", label="end")
+    axes.set_xlabel(with_unit(orbit.names[0], orbit.units[0]))
+    axes.set_ylabel(with_unit(orbit.names[1], orbit.units[1]))
+    axes.set_title("phase plane", fontsize=10)
+    axes.grid(color="#e3e7eb", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(frameon=False, fontsize=9)
 
 
 def _mark_events(axes: Axes, simulation: Simulation) -> None:

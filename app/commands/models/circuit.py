@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from app.commands.mode_band import Band, of_active_pairs
 from app.commands.model_keys import TEXT, VECTOR, Key
 from app.commands.models.circuit_elements import ELEMENTS
 from app.commands.models.method import METHOD, method_in
@@ -43,6 +44,7 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         _samples(run.refined(CURVE_POINTS)),
         run.circuit.state_names,
         Modes(run.circuit.slack_names),
+        _band(run),
     )
     return replace(simulation, facts={**simulation.facts, "energy_lost_at_start": run.energy_lost_at_start})
 
@@ -74,6 +76,13 @@ def circuit_of(values: Mapping[str, Any]) -> DiodeCircuit:
     return circuit
 
 
+def _band(run: CircuitRun) -> Band | None:
+    """Return where each diode conducts: its reverse voltage is the slack and zero, or its current is and is not."""
+    slacks = run.circuit.slack_names
+    names = [slack.partition("(")[2].rstrip(")") for slack in slacks]
+    return of_active_pairs(run.trajectory, names, "conducts", [slack.startswith("i(") for slack in slacks])
+
+
 def _samples(run: CircuitRun) -> Samples:
     voltages = {f"v({node})": values for node, values in run.voltages.items() if node != GROUND}
     currents = {f"i({branch})": values for branch, values in run.currents.items()}
@@ -81,8 +90,13 @@ def _samples(run: CircuitRun) -> Samples:
         "t",
         run.t,
         tuple(
-            Columns(symbol, title, tuple(columns), np.column_stack(list(columns.values())))
-            for symbol, title, columns in (("v", "voltage (V)", voltages), ("i", "current (A)", currents))
+            Columns(
+                symbol, title, tuple(columns), np.column_stack(list(columns.values())), (unit,) * len(columns)
+            )
+            for symbol, title, unit, columns in (
+                ("v", "voltage", "V", voltages),
+                ("i", "current", "A", currents),
+            )
         ),
         unit="s",
     )

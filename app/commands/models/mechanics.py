@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.commands.labels import Labels, check_different, numbered
+from app.commands.mode_band import of_contacts
 from app.commands.model_keys import MATRIX, NUMBER, VECTOR, Key, array_schema, choice
 from app.commands.models.inputs import INPUT
 from app.commands.models.labels import label_keys, labels_in
@@ -82,7 +83,9 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         return Samples("t", at.t, _kinds(at, labels_in(values)), labels_in(values).time)
 
     states, modes = kinds[0].names + kinds[1].names, Modes(next(c.names for c in kinds if c.symbol == "y"))
-    return of_samples(run, samples(run), samples(run.refined(CURVE_POINTS)), states, modes)
+    contacts = labels_in(values).names_of("contacts", run.u.shape[1], numbered("contact ", run.u.shape[1]))
+    band = of_contacts(run, contacts)
+    return of_samples(run, samples(run), samples(run.refined(CURVE_POINTS)), states, modes, band)
 
 
 def _kinds(run: Trajectory, labels: Labels) -> tuple[Columns, ...]:

@@ -20,7 +20,7 @@ def carts() -> Simulation:
 
 def test_states_stand_above_multipliers_and_slacks() -> None:
     figure = simulation_figure(carts())
-    assert [axes.get_ylabel() for axes in figure.axes] == ["state", "multiplier", "slack"]
+    assert [axes.get_ylabel() for axes in figure.axes] == ["state", "multiplier", "slack", "mode"]
     assert [line.get_label() for line in figure.axes[0].get_lines()] == ["a", "b", "c", "d"]
 
 
@@ -37,7 +37,7 @@ def test_quantities_of_very_different_size_have_panels_of_their_own() -> None:
     problem = diode_bridge()
     figure = simulation_figure(of_trajectory(simulate(problem.system, problem.x0, (0.0, 1e-3))))
     labels = [axes.get_ylabel() for axes in figure.axes]
-    assert labels == ["state", "state", "multiplier", "multiplier", "slack", "slack"]
+    assert labels == ["state", "state", "multiplier", "multiplier", "slack", "slack", "mode", "x2"]
 
 
 def test_what_is_zero_throughout_makes_no_panel() -> None:
@@ -48,7 +48,7 @@ def test_what_is_zero_throughout_makes_no_panel() -> None:
 
 def test_every_kind_of_event_is_explained_once() -> None:
     figure = simulation_figure(of_trajectory(simulate(two_relays(), [3.0, 1.0], (0.0, 3.0))))
-    (legend,) = figure.legends
+    (legend,) = (legend for part in figure.subfigs for legend in part.legends)
     assert [text.get_text() for text in legend.get_texts()] == ["switch", "zeno"]
 
 
@@ -74,8 +74,109 @@ def test_a_picture_has_a_title_and_its_axes_names_and_units() -> None:
     figure = simulation_figure(simulation)
     assert figure.get_suptitle().splitlines() == ["Circuit with ideal diodes", simulation.headline]
     assert {axes.get_ylabel() for axes in figure.axes} == {"voltage (V)", "current (A)"}
+    assert simulation.band is None
     assert figure.axes[-1].get_xlabel() == "time t (s)"
 
 
 def test_every_model_has_a_title() -> None:
     assert set(TITLES) == set(MODULES)
+
+
+def ball(**changes: object) -> Simulation:
+    """Return a ball that falls on a floor and stops there by its friction."""
+    model: dict[str, object] = {
+        "model": "mechanics",
+        "mass": [[1, 0, 0], [0, 1, 0], [0, 0, 0.004]],
+        "F": [[0, 1, 0]],
+        "force": [0, -9.81, 0],
+        "tangents": [[1, 0, 0.1]],
+        "friction": [0.2],
+        "q0": [0, 0.05, 0],
+        "v0": [1, 0, 0],
+        "t_span": [0, 1],
+        "method": "time-stepping",
+        "h": 0.01,
+        "names": {"q": ["x", "height", "turn"], "contacts": ["floor"]},
+        "units": {"t": "s", "q": ["m", "m", "rad"], "u": "N", "y": "m", "slip": "m/s"},
+    }
+    return simulate_model({**model, **changes})
+
+
+def test_names_and_units_of_the_model_stand_in_its_picture() -> None:
+    figure = simulation_figure(ball())
+    assert [axes.get_ylabel() for axes in figure.axes] == [
+        *("position (m)", "position (rad)", "velocity (m/s)", "velocity (rad/s)", "contact force (N)"),
+        *("friction force (N)", "slip velocity (m/s)", "gap (m)", "mode"),
+    ]
+    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["x", "height"]
+    assert figure.axes[-1].get_xlabel() == "time t (s)"
+
+
+def test_the_band_says_when_a_contact_slides_and_when_it_sticks() -> None:
+    """It lands after 0.101 s; the impact takes 0.7 m/s of the 1 m/s at the contact, friction the rest in 0.044 s."""
+    band = ball().band
+    assert band is not None
+    assert (band.names, band.words) == (("floor",), ("sticks", "slides"))
+    words = [band.words_at(time) for time in (0.05, 0.125, 0.9)]
+    assert words == [[""], ["slides"], ["sticks"]]
+    axes = simulation_figure(ball()).axes[-1]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["floor"]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["sticks", "slides"]
+
+
+def test_the_band_of_an_event_driven_run_changes_at_its_events() -> None:
+    simulation = carts()
+    assert simulation.band is not None
+    starts = sorted({start for row in range(2) for start, _, _ in simulation.band.bars(row)})
+    assert starts == pytest.approx([0.0, *(event.time for event in simulation.events)])
+    for event in simulation.events:
+        after = [i for i, word in enumerate(simulation.band.words_at(event.time + 1e-6)) if word]
+        assert tuple(after) == event.mode_after
+
+
+def test_the_band_of_relays_names_their_pieces_and_that_of_diodes_whether_they_conduct() -> None:
+    relays = simulate_model(
+        {"model": "relay", "A": [[0]], "B": [[1]], "C": [[1]], "x0": [1], "t_span": [0, 2]}
+    )
+    assert relays.band is not None
+    assert [relays.band.words_at(time) for time in (0.5, 1.5)] == [["lower"], ["slides"]]
+    netlist = "V1 in 0 SIN(0 10 50)\nD1 in out\nR1 out 0 1k\n"
+    circuit = simulate_model({"model": "circuit", "netlist": netlist, "t_span": [0, 0.02]})
+    assert circuit.band is not None
+    assert [circuit.band.words_at(time) for time in (0.005, 0.015)] == [["conducts"], [""]]
+    assert circuit.band.names == ("D1",)
+
+
+def test_equal_curves_are_drawn_in_turn_and_the_legend_says_so() -> None:
+    system = LCS(-np.eye(3), np.zeros((3, 1)), np.eye(3)[:1], g=[1.0])
+    figure = simulation_figure(of_trajectory(simulate(system, [1.0, 1.0, 2.0], (0.0, 1.0))))
+    first, second, third = figure.axes[0].get_lines()
+    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["x1", "x2 = x1", "x3"]
+    dashes = [line._unscaled_dash_pattern for line in (first, second)]
+    assert dashes == [(0.0, (5.0, 5.0)), (5.0, (5.0, 5.0))]
+    assert third.get_linestyle() == "-"
+
+
+def test_two_states_have_a_phase_plane_with_jumps_of_their_own() -> None:
+    model = {
+        "model": "mechanics",
+        "mass": [[1]],
+        "F": [[1]],
+        "force": [-10],
+        "restitution": 0.5,
+        "q0": [1],
+        "v0": [0],
+        "t_span": [0, 0.6],
+        "names": {"q": ["height"]},
+        "units": {"q": "m", "t": "s"},
+    }
+    axes = simulation_figure(simulate_model(model)).axes[-1]
+    assert (axes.get_title(), axes.get_xlabel(), axes.get_ylabel()) == (
+        "phase plane",
+        "height (m)",
+        "height' (m/s)",
+    )
+    (jump,) = [line for line in axes.get_lines() if line.get_linestyle() == ":"]
+    assert jump.get_xydata() == pytest.approx(
+        np.array([[0.0, -np.sqrt(20.0)], [0.0, 0.5 * np.sqrt(20.0)]]), abs=1e-12
+    )
