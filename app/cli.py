@@ -499,6 +499,12 @@ def simulate_command(
     as_json: JsonArgument = False,
     csv: CsvArgument = None,
     plot: PlotArgument = None,
+    animate: Annotated[
+        Path | None,
+        typer.Option(
+            "--animate", metavar="FILE.gif", help="draw an animation of a mechanical system or a circuit"
+        ),
+    ] = None,
     schema: Annotated[bool, typer.Option("--schema", help="print the JSON Schema of model files")] = False,
 ) -> None:
     """Simulate a complementarity system: where it ends, and what happens on the way."""
@@ -517,7 +523,7 @@ def simulate_command(
         from app.commands.output_files import check_output_files, write_columns  # noqa: PLC0415
         from app.commands.simulation_tables import print_simulation, simulation_columns, simulation_json  # noqa: PLC0415
 
-        check_output_files(csv, plot)
+        check_output_files(csv, plot, animate)
         simulation = simulate_file(source)
         if csv is not None:
             write_columns(csv, simulation_columns(simulation))
@@ -527,10 +533,16 @@ def simulate_command(
 
             with replacement(plot) as file:
                 draw_simulation(simulation, file)
+        if animate is not None:
+            from app.commands.animation import animate_simulation  # noqa: PLC0415
+            from pricing_core.replacement import replacement  # noqa: PLC0415
+
+            with replacement(animate) as file:
+                animate_simulation(simulation, file)
         with standard_output():
             if as_json:
                 print(simulation_json(simulation))
-            elif csv is None and plot is None:
+            elif csv is None and plot is None and animate is None:
                 print_simulation(simulation)
 
 

@@ -163,6 +163,11 @@ def matrix_of(row: Key, allowed: str) -> Key:
     return Key(read, rows.schema)
 
 
+def object_of(keys: Mapping[str, Key]) -> Key:
+    """Return the key that takes an object of these keys."""
+    return Key(lambda field, value: read_object(field, value, keys), object_schema(keys))
+
+
 def built(make: Callable[..., Any], keys: Mapping[str, Key]) -> Key:
     """Return the key that takes an object of these keys, and makes of it what a function of the library returns."""
 

@@ -11,6 +11,7 @@ from pricing_core.lcs import Event, Trajectory
 from pricing_core.models.trajectory import ModelTrajectory, Pieces
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -86,8 +87,8 @@ class Scene(Protocol):
     def prepare(self, axes: "Axes") -> None:
         """Draw what does not move, and set the limits."""
 
-    def show(self, time: float) -> None:
-        """Move the rest to where it is at a time."""
+    def show(self, time: float) -> "list[Artist]":
+        """Move the rest to where it is at a time, and return it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,8 +151,8 @@ class Simulation:
         The modes over time.
     orbit : Orbit, optional
         The phase plane, where there are two states.
-    scene : Scene, optional
-        What an animation shows beside the curves.
+    scene : function, optional
+        Returns what an animation shows beside the curves.
     """
 
     headline: str
@@ -165,7 +166,7 @@ class Simulation:
     model: str = ""
     band: Band | None = None
     orbit: Orbit | None = None
-    scene: Scene | None = None
+    scene: Callable[[], Scene] | None = None
 
 
 def of_trajectory(trajectory: Trajectory, labels: Labels | None = None) -> Simulation:

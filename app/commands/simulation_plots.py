@@ -1,6 +1,7 @@
 """The picture of a simulation: quantities over time with events and modes, and the phase plane of two states."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import BinaryIO, Literal, NamedTuple
 
 import numpy as np
@@ -221,6 +222,14 @@ def _draw_panel(axes: Axes, samples: Samples, panel: Panel) -> None:
 def _shortened(names: Sequence[str]) -> list[str]:
     hidden = len(names) - NAMED
     return list(names) if hidden <= 0 else [*names[: NAMED - 1], f"... {hidden + 1} more"]
+
+
+def shorter_band(simulation: Simulation) -> Simulation:
+    """Return the simulation with as many rows of modes as a picture shows."""
+    band = simulation.band
+    if band is None or len(band.names) <= BANDS:
+        return simulation
+    return replace(simulation, band=replace(band, names=band.names[:BANDS], states=band.states[:, :BANDS]))
 
 
 def _rows(band: Band) -> int:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from app.commands.model_keys import TEXT, VECTOR, Key
 from app.commands.models.circuit_elements import ELEMENTS
 from app.commands.models.method import METHOD, method_in
 from app.commands.models.times import SPAN_AND_TIMES, times_in
-from app.commands.simulation import CURVE_POINTS, Columns, Modes, Samples, Simulation, of_samples
+from app.commands.simulation import CURVE_POINTS, Columns, Modes, Samples, Scene, Simulation, of_samples
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.models import CircuitRun, DiodeCircuit
 from pricing_core.models.circuits.equations import GROUND
@@ -46,7 +47,11 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         Modes(run.circuit.slack_names),
         _band(run),
     )
-    return replace(simulation, facts={**simulation.facts, "energy_lost_at_start": run.energy_lost_at_start})
+    return replace(
+        simulation,
+        scene=partial(_scene, run, circuit, simulation.band),
+        facts={**simulation.facts, "energy_lost_at_start": run.energy_lost_at_start},
+    )
 
 
 def circuit_of(values: Mapping[str, Any]) -> DiodeCircuit:
@@ -74,6 +79,12 @@ def circuit_of(values: Mapping[str, Any]) -> DiodeCircuit:
         add = getattr(circuit, element["kind"])
         add(**{name: value for name, value in element.items() if name != "kind"})
     return circuit
+
+
+def _scene(run: CircuitRun, circuit: DiodeCircuit, band: Band | None) -> Scene:
+    from app.commands.circuit_scene import CircuitScene  # noqa: PLC0415 - it takes matplotlib
+
+    return CircuitScene(run.refined(CURVE_POINTS), circuit.elements, band)
 
 
 def _band(run: CircuitRun) -> Band | None:

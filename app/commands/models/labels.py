@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from app.commands.labels import Labels
-from app.commands.model_keys import TEXT, Key, list_of, object_schema, read_object
+from app.commands.model_keys import TEXT, Key, list_of, object_of
 
 NAMES = list_of(TEXT, "a list of texts")
 UNITS = Key(
@@ -25,8 +25,10 @@ def label_keys(names: Mapping[str, str], units: Mapping[str, str] | None = None)
     of_units = {symbol: UNITS.described(text) for symbol, text in (names if units is None else units).items()}
     of_units["t"] = TEXT.described("of the time")
     return {
-        "names": _object(of_names).described("what tables and pictures call the quantities"),
-        "units": _object(of_units).described("which pictures state: one for all components, or one for each"),
+        "names": object_of(of_names).described("what tables and pictures call the quantities"),
+        "units": object_of(of_units).described(
+            "which pictures state: one for all components, or one for each"
+        ),
     }
 
 
@@ -40,7 +42,3 @@ def labels_in(values: Mapping[str, Any]) -> Labels:
     (('charge',), ('u1', 'u2'), ('',), 's')
     """
     return Labels(values.get("names", {}), values.get("units", {}))
-
-
-def _object(keys: Mapping[str, Key]) -> Key:
-    return Key(lambda field, value: read_object(field, value, keys), object_schema(keys))

@@ -1,16 +1,29 @@
 """The model "mechanics": M q'' + D q' + K q = F^T u + force, 0 <= y = F q + offset _|_ u >= 0 (11.85)-(11.87)."""
 
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from app.commands.labels import Labels, check_different, numbered
-from app.commands.mode_band import of_contacts
-from app.commands.model_keys import MATRIX, NUMBER, VECTOR, Key, array_schema, choice
+from app.commands.mode_band import Band, of_contacts
+from app.commands.model_keys import (
+    MATRIX,
+    NUMBER,
+    TEXT,
+    VECTOR,
+    Key,
+    array_schema,
+    choice,
+    list_of,
+    object_of,
+)
 from app.commands.models.inputs import INPUT
 from app.commands.models.labels import label_keys, labels_in
 from app.commands.models.method import METHOD, method_in
 from app.commands.models.times import SPAN_AND_TIMES, times_in
-from app.commands.simulation import CURVE_POINTS, Columns, Modes, Samples, Simulation, of_samples
+from app.commands.simulation import CURVE_POINTS, Columns, Modes, Samples, Scene, Simulation, of_samples
+from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcs import Trajectory
 from pricing_core.models import ContactTrajectory, MechanicalSystem
 
@@ -51,6 +64,25 @@ UNITS = {
 SCHEMES = choice("auto", "implicit-euler", "sdirk2", "theta", "moreau", "stewart-trinkle").described(
     "of time stepping; auto is moreau with friction or restitution"
 )
+NAME = TEXT.described("the name of a coordinate, as in names, or q1, q2, ...")
+BODY = {
+    "shape": choice("box", "disc").described("what it looks like", required=True),
+    "width": NUMBER.described("of a box"),
+    "height": NUMBER.described("of a box"),
+    "radius": NUMBER.described("of a disc"),
+    "at": list_of(NUMBER, "two numbers", minItems=2, maxItems=2).described(
+        "its middle where the coordinates are 0; the floor is at height 0", required=True
+    ),
+    "x": NAME,
+    "y": NAME,
+    "turn": NAME,
+}
+DRAWING = {
+    "bodies": list_of(object_of(BODY), "a list of bodies", minItems=1).described(
+        "boxes and discs", required=True
+    ),
+    "slope": NUMBER.described("angle of the floor in radians, downhill to the right; 0 where missing"),
+}
 KEYS: Mapping[str, Key] = {
     **SYSTEM,
     "q0": VECTOR.described("n numbers: the position at the start", required=True),
@@ -59,6 +91,7 @@ KEYS: Mapping[str, Key] = {
     **METHOD,
     "scheme": SCHEMES,
     **label_keys(NAMES, UNITS),
+    "drawing": object_of(DRAWING).described("what an animation shows; points on tracks where missing"),
 }
 
 
@@ -85,7 +118,35 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
     states, modes = kinds[0].names + kinds[1].names, Modes(next(c.names for c in kinds if c.symbol == "y"))
     contacts = labels_in(values).names_of("contacts", run.u.shape[1], numbered("contact ", run.u.shape[1]))
     band = of_contacts(run, contacts)
-    return of_samples(run, samples(run), samples(run.refined(CURVE_POINTS)), states, modes, band)
+    curves = samples(run.refined(CURVE_POINTS))
+    simulation = of_samples(run, samples(run), curves, states, modes, band)
+    drawing = values.get("drawing")
+    _check_drawing(drawing, kinds[0].names)
+    return replace(simulation, scene=partial(_scene, curves, band, drawing))
+
+
+def _check_drawing(drawing: Mapping[str, Any] | None, coordinates: tuple[str, ...]) -> None:
+    """Raise InvalidInputError where a body lacks its size, or moves with something that is no coordinate."""
+    for i, body in enumerate(drawing["bodies"] if drawing else ()):
+        field = f"drawing.bodies[{i}]"
+        for name in ("radius",) if body["shape"] == "disc" else ("width", "height"):
+            if name not in body:
+                raise InvalidInputError(f"{field}.{name}", Told("missing"), f"given for a {body['shape']}")
+            if body[name] <= 0.0:
+                raise InvalidInputError(f"{field}.{name}", body[name], "> 0")
+        for name in ("x", "y", "turn"):
+            if name in body and body[name] not in coordinates:
+                raise InvalidInputError(f"{field}.{name}", body[name], "one of " + ", ".join(coordinates))
+
+
+def _scene(curves: Samples, band: Band | None, drawing: Mapping[str, Any] | None) -> Scene:
+    from app.commands.mechanics_scene import BodyScene, TrackScene  # noqa: PLC0415 - it takes matplotlib
+
+    if drawing is None:
+        return TrackScene(curves.points, [kind for kind in curves.columns if kind.symbol in ("q", "y")], band)
+    places = curves.columns[0]
+    by_name = dict(zip(places.names, places.values.T, strict=True))
+    return BodyScene(curves.points, by_name, drawing["bodies"], drawing.get("slope", 0.0))
 
 
 def _kinds(run: Trajectory, labels: Labels) -> tuple[Columns, ...]:

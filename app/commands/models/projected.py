@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from app.commands.model_keys import MATRIX, VECTOR, Key, keys_for, object_schema, read_object
+from app.commands.model_keys import MATRIX, VECTOR, Key, keys_for, object_of
 from app.commands.models.labels import label_keys, labels_in
 from app.commands.models.method import METHOD, method_in
 from app.commands.models.times import SPAN_AND_TIMES, times_in
@@ -16,9 +16,7 @@ AFFINE = {
 }
 CHOICES = {name: METHOD[name] for name in ("method", "max_events", "rtol", "atol")}  # h is a vector here
 KEYS: Mapping[str, Key] = {
-    "F": Key(lambda field, value: read_object(field, value, AFFINE), object_schema(AFFINE)).described(
-        "F(x) = matrix x + vector", required=True
-    ),
+    "F": object_of(AFFINE).described("F(x) = matrix x + vector", required=True),
     "H": MATRIX.described("k x n, by rows", required=True),
     "h": VECTOR.described("k numbers", required=True),
     "x0": VECTOR.described("n numbers with H x0 >= h: the state at the start", required=True),
