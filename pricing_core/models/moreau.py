@@ -13,11 +13,10 @@ from pricing_core.lcp import LCP, Method, solve
 from pricing_core.lcs.time_stepping import Multipliers
 from pricing_core.models.energy_bound import EnergyBalance
 from pricing_core.models.impulse_dynamics import ImpulseDynamics, Motion
-from pricing_core.models.stewart_trinkle import StewartTrinkle
+from pricing_core.models.stewart_trinkle import ROUNDING, StewartTrinkle
 
 EPSILON = float(np.finfo(np.float64).eps)
 INEXACT = 1e-6  # share of the velocities that rounding in the impulses may cost
-ROUNDING = 1e-12  # share of the largest change of a gap below which one is closed
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,8 @@ from pricing_core.lcp import Method
 from pricing_core.lcs.time_stepping import Multipliers
 from pricing_core.models.impulse_dynamics import ImpulseDynamics, Motion
 
+ROUNDING = 1e-12  # share of the largest change of a gap below which one is closed
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StewartTrinkle:
@@ -46,15 +48,16 @@ class StewartTrinkle:
             The LCP, which has a solution, was not solved.
         """
         system, contacts = self.dynamics.system, self.dynamics.contacts
-        free = self.dynamics.free_velocity(start, force, h)
+        end = free = self.dynamics.free_velocity(start, force, h)
         response = self.dynamics.response(h)
         gap = np.maximum(system.F @ start.q + system.offset, 0.0)
-        impulse = contacts.impulses(
-            response.coupling,
-            free,
-            gap / h,
-            np.ones(gap.size, dtype=np.bool_),
-            (self.lcp_method, self.multipliers),
-        )
-        end = free + response.by_impulse @ impulse
-        return Motion(start.q + h * end, end, impulse)
+        impulse, active = np.zeros(len(contacts.rows)), np.zeros(gap.size, dtype=np.bool_)
+        while True:  # until no constraint that was left out is violated
+            change = h * (system.F @ end)
+            touching = (gap + change <= ROUNDING * np.max(np.abs(change), initial=0.0)) & ~active
+            if not touching.any():
+                return Motion(start.q + h * end, end, impulse)
+            active |= touching
+            choice = (self.lcp_method, self.multipliers)
+            impulse = contacts.impulses(response.coupling, free, gap / h, active, choice)
+            end = free + response.by_impulse @ impulse
