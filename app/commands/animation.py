@@ -26,7 +26,8 @@ with needs_extra("plot"):
 
 FRAMES, FRAMES_A_SECOND = 120, 20
 SIZE, DOTS_PER_INCH = (11.0, 5.6), 80
-PANELS = 3  # beside the scene
+LEGEND_SIZE = 7.0
+PANELS = 3  # beside the scene, one for each kind of quantity
 
 
 class OrbitScene:
@@ -70,10 +71,11 @@ def animate_simulation(simulation: Simulation, file: BinaryIO, *, frames: int = 
     stage = left.add_subplot()
     scene.prepare(stage)
     shown = shorter_band(simulation)
-    panels = [panel for columns in shown.curves.columns for panel in panels_of(columns)][:PANELS]
-    heights = [1.0] * len(panels) + ([] if shown.band is None else [0.12 + 0.09 * len(shown.band.names)])
+    kinds = shown.curves.columns
+    panels = [panels_of(columns, kinds)[0] for columns in kinds if columns.names][:PANELS]
+    heights = [1.0] * len(panels) + ([] if shown.band is None else [0.15 + 0.14 * len(shown.band.names)])
     grid = right.add_gridspec(len(heights), 1, height_ratios=heights)
-    column = draw_curves(right, [grid[i] for i in range(len(heights))], shown, panels)
+    column = draw_curves(right, [grid[i] for i in range(len(heights))], shown, panels, LEGEND_SIZE)
     cursors = [axes.axvline(points[0], color="black", linewidth=1.0) for axes in column]
     clock = left.text(0.02, 0.02, "", fontsize=10)
     moving: list[Artist] = [*scene.show(float(points[0])), *cursors, clock]

@@ -5,8 +5,8 @@ and schema (`model_keys`); a model that may be stated in several forms has `FORM
 its title. `simulate(values) -> Simulation` takes what the keys read, builds the library's object and runs it. A new
 model is such a module and one line of `MODULES`: reading, errors, table, CSV, JSON, picture and schema then come by
 themselves. Models whose library returns a `Trajectory` end with `of_trajectory`, those with a `ModelTrajectory` with
-`of_model`; others make a `Simulation` of their own. `models.inputs`, `models.method`, `models.plant` and `models.times`
-hold keys that several models share.
+`of_model`; others make a `Simulation` of their own. `models.inputs`, `models.labels`, `models.method`, `models.plant`
+and `models.times` hold keys that several models share.
 """
 
 from collections.abc import Mapping
@@ -74,7 +74,7 @@ def simulate_file(path: Path) -> Simulation:
 def simulate_model(content: Mapping[str, Any]) -> Simulation:
     """Run a model whose file is parsed; see `simulate_file`.
 
-    Where a model has several forms, that one is read which knows the most of the keys.
+    Where a model has several forms, that one is read which knows the most of the keys, then which lacks the fewest.
 
     Examples
     --------
@@ -86,10 +86,15 @@ def simulate_model(content: Mapping[str, Any]) -> Simulation:
         raise InvalidInputError("model", Told("missing"), "one of " + ", ".join(MODULES))
     name = choice(*MODULES).read("model", content["model"])
     model = _model(name)
-    keys = max(_forms(name, model).values(), key=lambda form: len(form.keys() & content.keys()))
+    keys = max(_forms(name, model).values(), key=lambda form: _likeness(form, content))
     values = read_object("", content, keys)
     with keys_for(KEYS_OF_FIELDS):
         return replace(model.simulate(values), model=name)
+
+
+def _likeness(form: Mapping[str, Key], content: Mapping[str, Any]) -> tuple[int, int]:
+    lacking = sum(key.required and name not in content for name, key in form.items())
+    return len(form.keys() & content.keys()), -lacking
 
 
 def schema() -> dict[str, Any]:

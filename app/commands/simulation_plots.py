@@ -75,7 +75,7 @@ def draw_simulation(simulation: Simulation, file: BinaryIO) -> None:
 def simulation_figure(simulation: Simulation) -> Figure:
     """Return the picture as a figure."""
     samples, band, orbit = simulation.curves, simulation.band, simulation.orbit
-    panels = [panel for columns in samples.columns for panel in panels_of(columns)]
+    panels = [panel for columns in samples.columns for panel in panels_of(columns, samples.columns)]
     heights = [1.9] * len(panels) + ([] if band is None else [0.25 + 0.22 * _rows(band)])
     height = 1.6 + sum(heights)
     figure = Figure(figsize=(WIDTH + ORBIT * (orbit is not None), height), layout="constrained")
@@ -97,7 +97,11 @@ def simulation_figure(simulation: Simulation) -> Figure:
 
 
 def draw_curves(
-    figure: FigureBase, places: Sequence[SubplotSpec], simulation: Simulation, panels: Sequence[Panel]
+    figure: FigureBase,
+    places: Sequence[SubplotSpec],
+    simulation: Simulation,
+    panels: Sequence[Panel],
+    legend_size: float = 10.0,
 ) -> list[Axes]:
     """Draw panels, and the band of modes where there is one, below each other over one axis of time."""
     samples, band = simulation.curves, simulation.band
@@ -105,10 +109,10 @@ def draw_curves(
     for place in places:
         column.append(figure.add_subplot(place, sharex=column[0] if column else None))
     for axes, panel in zip(column, panels, strict=False):
-        _draw_panel(axes, samples, panel)
+        _draw_panel(axes, samples, panel, legend_size)
         _mark_events(axes, simulation)
     if band is not None:
-        _draw_band(column[-1], band)
+        _draw_band(column[-1], band, legend_size)
     for axes in column[:-1]:
         axes.tick_params(labelbottom=False)
     figure.align_ylabels(column)
@@ -135,35 +139,46 @@ def with_unit(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit else name
 
 
-def panels_of(columns: Columns) -> list[Panel]:
+def panels_of(columns: Columns, others: Sequence[Columns] = ()) -> list[Panel]:
     """Group quantities of one kind by their unit and size, the largest first.
 
-    Those that are zero but for rounding join the last group of their unit.
+    Those that are zero but for rounding, beside all of their kind and all others in their unit, join the last group of
+    their unit, and are drawn as zero.
     """
     units = columns.units or ("",) * len(columns.names)
-    return [
-        panel
-        for unit in dict.fromkeys(units)
-        for panel in _of_one_unit(columns, unit, [i for i, own in enumerate(units) if own == unit])
-    ]
+    sizes = _sizes(columns)
+    panels = []
+    for unit in dict.fromkeys(units):
+        members = [i for i, own in enumerate(units) if own == unit]
+        alike = [
+            size
+            for other in others
+            for size, own in zip(_sizes(other), other.units, strict=False)
+            if unit and own == unit
+        ]
+        rounding = ROUNDING * max([*sizes, *alike], default=0.0)
+        panels += _of_one_unit(columns, unit, members, np.where(sizes > rounding, sizes, 0.0))
+    return panels
 
 
-def _of_one_unit(columns: Columns, unit: str, members: list[int]) -> list[Panel]:
-    sizes = np.max(np.abs(columns.values), axis=0, initial=0.0)[members]
-    sizes[sizes <= ROUNDING * np.max(sizes, initial=0.0)] = 0.0
+def _sizes(columns: Columns) -> Vector:
+    return np.asarray(np.max(np.abs(columns.values), axis=0, initial=0.0))
+
+
+def _of_one_unit(columns: Columns, unit: str, members: list[int], sizes: Vector) -> list[Panel]:
     groups: list[list[int]] = []
     largest = 0.0
-    for i in np.argsort(-sizes, kind="stable").tolist():
+    for i in sorted(members, key=lambda member: -sizes[member]):
         if groups and (sizes[i] == 0.0 or sizes[i] * SAME_SCALE >= largest):
-            groups[-1].append(members[i])
+            groups[-1].append(i)
         else:
-            groups.append([members[i]])
+            groups.append([i])
             largest = sizes[i]
     return [
         Panel(
             with_unit(columns.title, unit),
             [columns.names[i] for i in group],
-            [columns.values[:, i] for i in group],
+            [columns.values[:, i] if sizes[i] > 0.0 else 0.0 * columns.values[:, i] for i in group],
         )
         for group in map(sorted, groups)
     ]
@@ -185,7 +200,7 @@ def overlaps(lines: Sequence[Vector]) -> Matrix:
     return np.asarray(np.mean(np.abs(table[:, None] - table) <= EQUAL * height, axis=2))
 
 
-def _draw_panel(axes: Axes, samples: Samples, panel: Panel) -> None:
+def _draw_panel(axes: Axes, samples: Samples, panel: Panel, legend_size: float) -> None:
     shares = overlaps(panel.lines)
     handles, names = [], []
     for i, (name, line) in enumerate(zip(panel.names, panel.lines, strict=True)):
@@ -207,6 +222,9 @@ def _draw_panel(axes: Axes, samples: Samples, panel: Panel) -> None:
         handles.append(Line2D([], [], color=colour, linestyle=style, linewidth=1.7))
         names.append(name if equal[0] == i else f"{name} = {panel.names[equal[0]]}")
     axes.set_ylabel(panel.title)
+    if not any(np.nan_to_num(line).any() for line in panel.lines):
+        axes.set_ylim(-1.0, 1.0)
+        axes.set_yticks([0.0])
     axes.grid(color="#e3e7eb", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(
@@ -216,6 +234,8 @@ def _draw_panel(axes: Axes, samples: Samples, panel: Panel) -> None:
         bbox_to_anchor=(1.0, 0.5),
         frameon=False,
         handlelength=1.6,
+        fontsize=legend_size,
+        labelspacing=0.05 * legend_size,
     )
 
 
@@ -236,7 +256,7 @@ def _rows(band: Band) -> int:
     return min(len(band.names), BANDS)
 
 
-def _draw_band(axes: Axes, band: Band) -> None:
+def _draw_band(axes: Axes, band: Band, size: float) -> None:
     shown = _rows(band)
     for row in range(shown):
         bars = band.bars(row)
@@ -246,7 +266,7 @@ def _draw_band(axes: Axes, band: Band) -> None:
     axes.set_ylim(shown - 0.5, -0.5)
     axes.set_ylabel("mode")
     axes.spines[["top", "right", "left"]].set_visible(False)
-    axes.tick_params(axis="y", length=0)
+    axes.tick_params(axis="y", length=0, labelsize=size)
     used = sorted({state for row in range(shown) for *_, state in band.bars(row)})
     patches = [
         Patch(color=BAND_COLOURS[state % len(BAND_COLOURS)], label=band.words[state]) for state in used

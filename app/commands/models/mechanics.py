@@ -10,20 +10,19 @@ from app.commands.mode_band import Band, of_contacts
 from app.commands.model_keys import (
     MATRIX,
     NUMBER,
-    TEXT,
     VECTOR,
     Key,
     array_schema,
     choice,
-    list_of,
-    object_of,
 )
+from app.commands.models.boxes import BOXES, with_boxes
+from app.commands.models.drawing import KEY as DRAWING
+from app.commands.models.drawing import check_drawing
 from app.commands.models.inputs import INPUT
 from app.commands.models.labels import label_keys, labels_in
 from app.commands.models.method import METHOD, method_in
 from app.commands.models.times import SPAN_AND_TIMES, times_in
 from app.commands.simulation import CURVE_POINTS, Columns, Modes, Samples, Scene, Simulation, of_samples
-from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcs import Trajectory
 from pricing_core.models import ContactTrajectory, MechanicalSystem
 
@@ -64,25 +63,6 @@ UNITS = {
 SCHEMES = choice("auto", "implicit-euler", "sdirk2", "theta", "moreau", "stewart-trinkle").described(
     "of time stepping; auto is moreau with friction or restitution"
 )
-NAME = TEXT.described("the name of a coordinate, as in names, or q1, q2, ...")
-BODY = {
-    "shape": choice("box", "disc").described("what it looks like", required=True),
-    "width": NUMBER.described("of a box"),
-    "height": NUMBER.described("of a box"),
-    "radius": NUMBER.described("of a disc"),
-    "at": list_of(NUMBER, "two numbers", minItems=2, maxItems=2).described(
-        "its middle where the coordinates are 0; the floor is at height 0", required=True
-    ),
-    "x": NAME,
-    "y": NAME,
-    "turn": NAME,
-}
-DRAWING = {
-    "bodies": list_of(object_of(BODY), "a list of bodies", minItems=1).described(
-        "boxes and discs", required=True
-    ),
-    "slope": NUMBER.described("angle of the floor in radians, downhill to the right; 0 where missing"),
-}
 KEYS: Mapping[str, Key] = {
     **SYSTEM,
     "q0": VECTOR.described("n numbers: the position at the start", required=True),
@@ -91,8 +71,9 @@ KEYS: Mapping[str, Key] = {
     **METHOD,
     "scheme": SCHEMES,
     **label_keys(NAMES, UNITS),
-    "drawing": object_of(DRAWING).described("what an animation shows; points on tracks where missing"),
+    "drawing": DRAWING,
 }
+FORMS = {"mechanics": KEYS, "mechanics of boxes": {**BOXES, **SPAN_AND_TIMES, **METHOD, "scheme": SCHEMES}}
 
 
 def simulate(values: Mapping[str, Any]) -> Simulation:
@@ -101,42 +82,28 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
     Parameters
     ----------
     values : mapping
-        What `KEYS` read.
+        What `KEYS` read, or the keys of boxes.
     """
+    values = with_boxes(values) if "boxes" in values else values
     given = {name: values[name] for name in SYSTEM if name in values}
-    n = len(given["mass"])
+    n, k = len(given["mass"]), len(given["F"])
     at_rest = {name: [[0] * n] * n for name in ("damping", "stiffness")}
-    run = MechanicalSystem(**at_rest | given).simulate(
+    system, labels, drawing = MechanicalSystem(**at_rest | given), labels_in(values), values.get("drawing")
+    contacts = labels.names_of("contacts", k, numbered("contact ", k))
+    check_drawing(drawing, labels.names_of("q", n))
+    run = system.simulate(
         values["q0"], values["v0"], values["t_span"], method=method_in(values), t_eval=times_in(values)
     )
-    kinds = _kinds(run, labels_in(values))
-    check_different([name for columns in kinds for name in columns.names])
 
     def samples(at: Trajectory) -> Samples:
-        return Samples("t", at.t, _kinds(at, labels_in(values)), labels_in(values).time)
+        return Samples("t", at.t, _kinds(at, labels), labels.time)
 
-    states, modes = kinds[0].names + kinds[1].names, Modes(next(c.names for c in kinds if c.symbol == "y"))
-    contacts = labels_in(values).names_of("contacts", run.u.shape[1], numbered("contact ", run.u.shape[1]))
+    rows, curves = samples(run), samples(run.refined(CURVE_POINTS))
+    check_different([name for columns in rows.columns for name in columns.names])
+    positions, velocities, *_, gaps = rows.columns
     band = of_contacts(run, contacts)
-    curves = samples(run.refined(CURVE_POINTS))
-    simulation = of_samples(run, samples(run), curves, states, modes, band)
-    drawing = values.get("drawing")
-    _check_drawing(drawing, kinds[0].names)
+    simulation = of_samples(run, rows, curves, positions.names + velocities.names, Modes(gaps.names), band)
     return replace(simulation, scene=partial(_scene, curves, band, drawing))
-
-
-def _check_drawing(drawing: Mapping[str, Any] | None, coordinates: tuple[str, ...]) -> None:
-    """Raise InvalidInputError where a body lacks its size, or moves with something that is no coordinate."""
-    for i, body in enumerate(drawing["bodies"] if drawing else ()):
-        field = f"drawing.bodies[{i}]"
-        for name in ("radius",) if body["shape"] == "disc" else ("width", "height"):
-            if name not in body:
-                raise InvalidInputError(f"{field}.{name}", Told("missing"), f"given for a {body['shape']}")
-            if body[name] <= 0.0:
-                raise InvalidInputError(f"{field}.{name}", body[name], "> 0")
-        for name in ("x", "y", "turn"):
-            if name in body and body[name] not in coordinates:
-                raise InvalidInputError(f"{field}.{name}", body[name], "one of " + ", ".join(coordinates))
 
 
 def _scene(curves: Samples, band: Band | None, drawing: Mapping[str, Any] | None) -> Scene:

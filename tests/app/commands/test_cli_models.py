@@ -14,7 +14,7 @@ MODELS = Path(__file__).parents[3] / "examples" / "models"
 PNG = b"\x89PNG\r\n\x1a\n"
 EXAMPLES = (
     *("relays_to_origin", "saturation", "oligopoly"),
-    *("bouncing_ball", "spinning_ball", "rectifier_netlist", "railway", "cart_to_floor"),
+    *("bouncing_ball", "spinning_ball", "sliding_boxes", "rectifier_netlist", "railway", "cart_to_floor"),
 )
 COLUMNS = {
     "relays_to_origin": "t x1 x2 u1 u2 y1 y2",
@@ -22,6 +22,13 @@ COLUMNS = {
     "oligopoly": "t x1 x2 x3 u1 u2 u3 u4 u5 u6 y1 y2 y3 y4 y5 y6",
     "bouncing_ball": "t q1 v1 u1 y1",
     "spinning_ball": "t|x|height|rotation|x'|height'|rotation'|force floor|friction floor|slip floor|gap floor",
+    "sliding_boxes": (
+        "t x1 y1 turn1 x2 y2 turn2 x3 y3 turn3 x1' y1' turn1' x2' y2' turn2' x3' y3' turn3'|"
+        "force left1|force right1|force left2|force right2|force left3|force right3|"
+        "friction left1|friction right1|friction left2|friction right2|friction left3|friction right3|"
+        "slip left1|slip right1|slip left2|slip right2|slip left3|slip right3|"
+        "gap left1|gap right1|gap left2|gap right2|gap left3|gap right3"
+    ),
     "rectifier_netlist": "t v(in) v(out) i(V1) i(D1) i(C1) i(R1)",
     "railway": "k|west|west ring|east|east ring",
     "cart_to_floor": "t x1 x2 u1 lambda1 lambda2 eta1",
@@ -108,6 +115,20 @@ def test_a_spinning_ball_comes_to_roll_where_its_point_of_contact_stops(answer: 
     assert found["names"]["u"] == ["force floor"]
     nearer = answer("spinning_ball", scheme="stewart-trinkle", restitution=0)
     assert nearer["v"][-1] == pytest.approx(found["v"][-1], abs=1e-9)
+
+
+def test_a_box_slides_off_its_speed_on_two_that_rest(answer: Any) -> None:
+    """From 1.5 m/s, held back by 0.4 g."""
+    found = answer("sliding_boxes")
+    assert found["q"][-1] == pytest.approx([0.0] * 6 + [1.5**2 / (0.8 * 9.81), 0.0, 0.0], abs=1e-4)
+    one = answer(
+        "sliding_boxes",
+        boxes={"mass": [2], "width": [1], "height": [1], "friction": [0.5], "slope": 0.4},
+        v0=[0, 0, 0],
+    )
+    assert found["names"]["q"][:3] == ["x1", "y1", "turn1"]
+    assert one["names"]["q"] == ["x", "y", "turn"]
+    assert one["q"][-1] == pytest.approx([0.0] * 3, abs=1e-12)  # tan 0.4 < 0.5
 
 
 def test_states_have_names_of_their_own(answer: Any) -> None:
@@ -197,6 +218,15 @@ def test_a_max_plus_system_may_be_given_by_matrices_with_minus_infinity(simulate
     assert ["x1", "8"] in lines
 
 
+def _names(columns: str) -> list[str]:
+    """Return names that are parted by bars, or the words of what has none."""
+    if "|" not in columns:
+        return columns.split()
+    return [
+        name for part in columns.split("|") for name in (part.split() if part.startswith("t ") else [part])
+    ]
+
+
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_every_example_has_a_table_columns_and_a_picture(pricing: Any, name: str, tmp_path: Path) -> None:
     table, picture, path = tmp_path / "out.csv", tmp_path / "out.png", MODELS / f"{name}.json"
@@ -207,7 +237,7 @@ def test_every_example_has_a_table_columns_and_a_picture(pricing: Any, name: str
     with table.open(newline="") as file:
         rows = list(csv.reader(file))
     columns = COLUMNS[name]
-    assert rows[0] == columns.split("|" if "|" in columns else None)
+    assert rows[0] == _names(columns)
     assert len({len(row) for row in rows}) == 1
     assert picture.read_bytes().startswith(PNG)
 
@@ -223,12 +253,21 @@ WRONG = [
     ("spinning_ball", {"names": {"q": ["x"]}}, "names.q = 1 of them: must be 3, one for each component"),
     (
         "spinning_ball",
-        {"names": {"q": ["x", "x", "y"]}},
+        {"names": {"q": ["x", "x", "y"]}, "drawing": None},
         "names = 'x': must be different from all other names",
     ),
     ("spinning_ball", {"names": {"x": ["x"]}}, "key = 'names.x': must be one of q, contacts"),
     ("spinning_ball", {"units": {"q": ["m"]}}, "units.q = 1 of them: must be 3, one for each component"),
     ("spinning_ball", {"units": {"t": 3}}, "units.t = 3: must be a text"),
+    ("sliding_boxes", {"boxes": {"mass": [1]}}, "boxes.width = missing: must be of each box"),
+    ("sliding_boxes", {"boxes": 3}, "boxes = 3: must be an object with the keys mass, width"),
+    (
+        "sliding_boxes",
+        {"boxes": {"mass": [1], "width": [0], "height": [1], "friction": [1]}},
+        "boxes.width = [0]: must be one or more numbers > 0",
+    ),
+    ("sliding_boxes", {"v0": [1]}, "v0 = "),
+    ("sliding_boxes", {"names": {"q": ["x"]}}, "key = 'names': must be one of model, boxes, q0"),
     ("relays_to_origin", {"names": {"x": "ab"}}, "names.x = 'ab': must be a list of texts"),
     ("saturation", {"names": {"x": ["t"]}}, "names = 't': must be different from all other names"),
     ("relays_to_origin", {"B": None}, "B = missing: must be n x k, by rows"),
@@ -300,12 +339,14 @@ def test_constraints_that_exclude_each_other_are_named(simulate: Any) -> None:
     assert "row 1" in errors
 
 
-def test_the_schema_of_max_plus_keeps_its_two_forms(pricing: Any) -> None:
+def test_the_schemas_of_max_plus_and_mechanics_have_two_forms(pricing: Any) -> None:
     _, output, _ = pricing("simulate", "--schema")
     models = {model["title"]: model for model in json.loads(output)["oneOf"]}
     forms = models["max-plus"]["oneOf"]
     assert [form["required"][1] for form in forms] == ["A", "transitions"]
-    assert models["mechanics"]["required"] == ["model", "mass", "F", "q0", "v0", "t_span"]
+    by_matrices, by_boxes = models["mechanics"]["oneOf"]
+    assert by_matrices["required"] == ["model", "mass", "F", "q0", "v0", "t_span"]
+    assert by_boxes["required"] == ["model", "boxes", "t_span"]
     assert models["circuit"]["properties"]["netlist"]["type"] == "string"
 
 
