@@ -117,7 +117,7 @@ def draw_curves(
         axes.tick_params(labelbottom=False)
     figure.align_ylabels(column)
     column[-1].set_xlabel(axis_label(samples))
-    column[-1].ticklabel_format(axis="x", scilimits=(-2, 5))
+    column[-1].ticklabel_format(axis="x", scilimits=(-3, 5))
     if samples.points.size > 1:
         column[-1].set_xlim(samples.points[0], samples.points[-1])
     return column

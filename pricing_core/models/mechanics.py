@@ -186,9 +186,9 @@ class MechanicalSystem:
         for systems without restitution, go by impulses and return a `ContactTrajectory`: u is the impulse of a step
         over its length, and 0 at the start; tolerances are those of q.
 
-        Both find impulses whatever jams, and where K and D are symmetric positive semidefinite the energy v^T M v/2 +
-        q^T K q/2 never grows by more than the work of the force, but for rounding: the rebound that Newton's law asks
-        for is reduced where it would, as with friction it may (`ContactTrajectory.bounded_steps` counts these steps).
+        There are impulses for both whatever jams. Where K and D are symmetric positive semidefinite the energy
+        v^T M v/2 + q^T K q/2 never grows by more than the work of the force, but for rounding: where Newton's rebound
+        would let it, as with friction it may, it is reduced (`ContactTrajectory.bounded_steps` counts these steps).
         "stewart-trinkle" loses energy in every step, with an error of order 1; "moreau" is of order 2 where nothing
         touches, conserves the energy there, and is of order 1 at impacts and changes of contact.
 

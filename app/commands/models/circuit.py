@@ -47,8 +47,10 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         Modes(run.circuit.slack_names),
         _band(run),
     )
+    units = tuple("V" if name.startswith("v(") else "A" for name in run.circuit.state_names)
     return replace(
         simulation,
+        orbit=None if simulation.orbit is None else replace(simulation.orbit, units=units),
         scene=partial(_scene, run, circuit, simulation.band),
         facts={**simulation.facts, "energy_lost_at_start": run.energy_lost_at_start},
     )
