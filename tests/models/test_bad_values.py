@@ -15,8 +15,10 @@ from pricing_core.models import (
     PiecewiseLinearSystem,
     ProjectedSystem,
     RelaySystem,
+    box_stack,
     coulomb_friction,
     dead_zone,
+    friction_directions,
     gain_schedule,
     relay_step,
     resistor,
@@ -52,6 +54,18 @@ def ball(**given):
     return MechanicalSystem(**{"mass": [[1]], "damping": [[0]], "stiffness": [[0]], "F": [[1]], **given})
 
 
+def rough_ball(**given):
+    return ball(**{"tangents": [[1]], "friction": [0.5], **given})
+
+
+def boxes(**given):
+    return box_stack(**{"mass": [1], "width": [1], "height": [1], "friction": [1], **given})
+
+
+def directions(**given):
+    return friction_directions(**{"first": [1, 0], "second": [0, 1], "m": 4, **given})
+
+
 def thrown(**given):
     return ball().simulate(**{"q0": [1.0], "v0": [0.0], "t_span": (0, 1), **given})
 
@@ -77,6 +91,9 @@ TAKEN = [
     ("method", lambda value: polylines().simulate([1.0], (0, 1), method=value)),
     ("method", lambda value: DiodeCircuit().resistor("R", "a", "0", 1).simulate((0, 1), method=value)),
     *by_name(ball, "mass", "damping", "stiffness", "F", "force", "offset", "restitution"),
+    *by_name(rough_ball, "tangents", "friction"),
+    *by_name(boxes, "mass", "width", "height", "friction", "slope", "gravity", "restitution"),
+    *by_name(directions, "first", "second", "m"),
     *by_name(thrown, "q0", "v0", "t_span", "method", "t_eval"),
     ("q", lambda value: ball().energy(value, [1.0])),
     ("v", lambda value: ball().energy([1.0], value)),
