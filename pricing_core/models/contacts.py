@@ -93,9 +93,13 @@ class Contacts:
         q = self.rows[used] @ free
         q[: contacts.size] += wanted[contacts]
         q[np.abs(q) <= ROUNDING * np.max(np.abs(q), initial=0.0)] = 0.0
-        problem = LCP(*self._with_cones(coupling[np.ix_(used, used)], q, contacts, sliding))
-        method, multipliers = choice
-        found = _solution(problem, method) if sliding.size else solve(problem, method=method).z
+        M, (method, multipliers) = coupling[np.ix_(used, used)], choice
+        if sliding.size:
+            problem = LCP(*self._with_cones(M, q, contacts, sliding))
+            found = _solution(problem, method)
+        else:
+            problem = LCP(M, q)
+            found = solve(problem, method=method).z
         if multipliers == "least-norm":
             found = least_norm_solution(problem, found)
         impulse = np.zeros(len(self.rows))
@@ -131,14 +135,17 @@ def _solution(problem: LCP, method: Method) -> Vector:
     """
     if method != "auto":
         return solve(problem, method=method).z
+    with suppress(NumericalError):
+        return follow_path(problem, None, None, DEFAULT_TOLERANCE, TimeLimit(None)).z
     irregular = 1.0 + np.modf(GOLDEN * np.arange(1, problem.size + 1))[0]
     diagonal = np.diag(problem.dense())
     # A velocity for contacts, an impulse for cones.
     scale = np.where(diagonal > 0.0, 1.0, 1.0 / np.mean(diagonal[diagonal > 0.0]))
     added = PERTURBATION * np.max(np.abs(problem.q)) * irregular * scale
-    for nearby in (problem, LCP(problem.M, problem.q + added)):
-        with suppress(NumericalError):
-            return follow_path(nearby, None, None, DEFAULT_TOLERANCE, TimeLimit(None)).z
+    with suppress(NumericalError):
+        return follow_path(
+            LCP(problem.M, problem.q + added), None, None, DEFAULT_TOLERANCE, TimeLimit(None)
+        ).z
     return solve(problem).z
 
 
