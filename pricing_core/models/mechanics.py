@@ -186,11 +186,12 @@ class MechanicalSystem:
         for systems without restitution, go by impulses and return a `ContactTrajectory`: u is the impulse of a step
         over its length, and 0 at the start; tolerances are those of q.
 
-        There are impulses for both whatever jams. Where K and D are symmetric positive semidefinite the energy
-        v^T M v/2 + q^T K q/2 never grows by more than the work of the force, but for rounding: where Newton's rebound
-        would let it, as with friction it may, it is reduced (`ContactTrajectory.bounded_steps` counts these steps).
-        "stewart-trinkle" loses energy in every step, with an error of order 1; "moreau" is of order 2 where nothing
-        touches, conserves the energy there, and is of order 1 at impacts and changes of contact.
+        There are impulses for both whatever jams, as Painleve's rod does; where there are several, one is taken. Where
+        K and D are symmetric positive semidefinite the energy v^T M v/2 + q^T K q/2 never grows by more than the work
+        of the force, but for rounding: a rebound by Newton's law that would let it, as with friction it may, is reduced
+        (`ContactTrajectory.bounded_steps` counts these steps). "stewart-trinkle" loses energy in every step, with an
+        error of order 1; "moreau" is of order 2 where nothing touches, conserves the energy there, and is of order 1 at
+        impacts and changes of contact.
 
         Parameters
         ----------
