@@ -172,9 +172,7 @@ def plan_differences(book: Book, *, extended: bool, share: float = 1.0) -> Diffe
         _by_pieces(plan, book, steps)
         sizes |= {"vanna": book.count, "volga": book.count}
         sizes |= {BUCKETS[name]: getattr(book.listed, name).values.size for name in CURVES}
-    bumped = plan.books[0]
-    for part in plan.books[1:]:
-        bumped = bumped.joined(part)
+    bumped = Book.concatenated(plan.books)
     return Differences(bumped, np.concatenate(plan.rows), tuple(plan.terms), sizes, book.listed)
 
 
