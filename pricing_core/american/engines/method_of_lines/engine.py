@@ -121,9 +121,7 @@ class MethodOfLines:
         extended, tolerance = request.greeks == "extended", request.tolerance.item(0)
         solver = make_solver(book.schedule(0), tolerance, self.lcp_method, request.interrupt, shared)
         if request.greeks != "none":
-            solver = replace(
-                solver, directions=directions_of(book, extended=extended, interrupt=request.interrupt)
-            )
+            solver = replace(solver, directions=directions_of(book, extended=extended))
         estimate = yield from estimating(
             solver,
             tolerance,
@@ -199,9 +197,12 @@ def _derivatives(book: Book, solver: ScheduleSolver, estimate: Estimate, request
     schedule = solver.schedule
     if schedule.local is None or not columns["complete"]:
         return columns
+    surfaces = (moved(schedule.local, by) for by in (SURFACE_DIFFERENCE, -SURFACE_DIFFERENCE))
     sides = [
-        value_on_same_grids(estimate, replace(solver, schedule=moved(schedule, by), directions=()))[0]
-        for by in (SURFACE_DIFFERENCE, -SURFACE_DIFFERENCE)
+        value_on_same_grids(
+            estimate, replace(solver, schedule=replace(schedule, local=surface), directions=())
+        )[0]
+        for surface in surfaces
     ]
     by_surface = (sides[0] - sides[1]) / (2.0 * SURFACE_DIFFERENCE)
     columns |= _sticky(book, estimate.american[0, 1], math.nan, by_surface, math.nan)
