@@ -37,6 +37,8 @@ from pricing_core.arrays import BoolVector, Matrix, Vector
 
 # Number of contracts whose solves are done together, which fills the kernel's lanes; chosen: a deadline may lose all.
 TOGETHER = 128
+# Number of derivatives above which the price is found without them first: a deadline may come before theirs; chosen.
+MANY_DIRECTIONS = 32
 VOLGA_STEP = 0.04  # Step of the volatility for volga, as a share of the largest one; calibrated.
 SURFACE_DIFFERENCE = 1e-3  # How far a surface is moved in ln S for a difference of prices; chosen.
 SPOT_STEP = 1e-4  # Step of the spot for the third derivative of the formula, as a share of it; chosen.
@@ -122,15 +124,12 @@ class MethodOfLines:
         solver = make_solver(book.schedule(0), tolerance, self.lcp_method, request.interrupt, shared)
         if request.greeks != "none":
             solver = replace(solver, directions=directions_of(book, extended=extended))
-        estimate = yield from estimating(
-            solver,
-            tolerance,
-            scheme=self.scheme,
-            resolution=self.resolution,
-            exact=_exact_control(book, solver.directions)
-            if book.local is not None
-            else _exact_european(book, solver.directions, extended=extended),
-        )
+        price_alone: Estimate | None = None
+        if len(solver.directions) > MANY_DIRECTIONS:
+            price_alone = yield from self._estimating(book, replace(solver, directions=()), request)
+        estimate = yield from self._estimating(book, solver, request)
+        if not estimate.levels and price_alone is not None:
+            estimate = replace(price_alone, interrupted=True)
         if not estimate.levels:
             european = _exact_european(book)
             known = math.nan if european is None else book.strike.item(0) * european[0, 0]
@@ -168,6 +167,18 @@ class MethodOfLines:
             fitted=np.array([finest.fitted]),
             resolution=np.array([finest.resolution], dtype=object),
             **columns,
+        )
+
+    def _estimating(self, book: Book, solver: ScheduleSolver, request: Request) -> Work[Estimate]:
+        extended = request.greeks == "extended"
+        return estimating(
+            solver,
+            request.tolerance.item(0),
+            scheme=self.scheme,
+            resolution=self.resolution,
+            exact=_exact_control(book, solver.directions)
+            if book.local is not None
+            else _exact_european(book, solver.directions, extended=extended),
         )
 
 
