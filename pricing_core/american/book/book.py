@@ -17,7 +17,7 @@ from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.curves import times_of
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.schedule import Schedule, Segment, make_schedule
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import BoolVector, Vector, every, some
 
 Rows: TypeAlias = NDArray[np.intp]
 CURVES = ("rate", "dividend_yield", "volatility")  # the market's parameters that may be curves
@@ -135,7 +135,7 @@ class Book:
 
     def __post_init__(self) -> None:
         segments = self.segments
-        plain = self.is_simple and not (segments.fraction.any() or segments.due.any())
+        plain = self.is_simple and not (some(segments.fraction) or some(segments.due))
         object.__setattr__(self, "is_plain", plain)
 
     @classmethod
@@ -241,7 +241,7 @@ class Book:
         Money, shape (m,); 0 in the spot model. t years before the segment's end it is e^{-rate t} times that.
         """
         escrow = np.zeros(self.segments.end.size)
-        if self.escrowed.any():
+        if some(self.escrowed):
             due = np.where(self.per_segment(self.escrowed), self.segments.due, 0.0)
             discount = np.exp(-self.segments.rate * self.segments.duration)
             due_later = np.zeros(self.count)
@@ -252,7 +252,7 @@ class Book:
 
     def escrow_now(self) -> Vector:
         """Return what the cash dividends due are worth now in the escrowed model, money, shape (n,)."""
-        if not self.escrowed.any():
+        if not some(self.escrowed):
             return np.zeros(self.count)
         now = self.first_segments()
         return self.escrow()[self.first[:-1]] * np.exp(-now.rate * now.duration)
@@ -260,7 +260,7 @@ class Book:
     def drops(self) -> Vector:
         """Return the amounts by which the spot that diffuses drops at the ends of the segments, money, (m,)."""
         due = self.segments.due
-        return np.where(self.per_segment(self.escrowed), 0.0, due) if self.escrowed.any() else due
+        return np.where(self.per_segment(self.escrowed), 0.0, due) if some(self.escrowed) else due
 
     def european(self) -> Book:
         """Return the same contracts without early exercise."""
@@ -269,7 +269,7 @@ class Book:
 
     def take(self, rows: Rows) -> Book:
         """Return some of the contracts, in the order asked for."""
-        if rows.size == self.count and bool((rows == np.arange(rows.size)).all()):
+        if rows.size == self.count and bool(every(rows == np.arange(rows.size))):
             return self
         first, chosen = (np.arange(rows.size + 1), rows) if self.is_simple else gather(self.first, rows)
         return Book(
