@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +21,13 @@ from pricing_core.arrays import (
 )
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs.overflow import check_size
+from pricing_core.lcs.run_table import named_columns, table_of
 from pricing_core.lcs.simulation_times import checked_span
 from pricing_core.models.hamiltonian_flow import Energy, Function, Gradient, HamiltonianFlow
 from pricing_core.models.hamiltonian_impacts import MotionWithImpacts, closed_gap
+
+if TYPE_CHECKING:
+    import pyarrow
 
 MOST_STEPS = 1_000_000
 
@@ -48,6 +54,32 @@ class HamiltonianTrajectory:
     impulses: Matrix
     gaps: Matrix
     energy: Vector
+
+    def to_table(
+        self, *, coordinates: Sequence[str] | None = None, momenta: Sequence[str] | None = None
+    ) -> pyarrow.Table:
+        """Return the run as a `pyarrow.Table` of m rows: t, q1, ..., p1, ..., impulse1, ..., gap1, ..., energy.
+
+        Parameters
+        ----------
+        coordinates, momenta : sequence of str, optional
+            Names of the columns of q and p.
+
+        Raises
+        ------
+        InvalidInputError
+            Names that are not one for each column, or not different.
+        MissingExtraError
+            pyarrow, of the extra "batch", is not installed.
+        """
+        parts = [
+            ("coordinates", "q", self.q, coordinates),
+            ("momenta", "p", self.p, momenta),
+            ("impulses", "impulse", self.impulses, None),
+            ("gaps", "gap", self.gaps, None),
+            ("energy", "energy", self.energy, ["energy"]),
+        ]
+        return table_of(named_columns(self.t, parts))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

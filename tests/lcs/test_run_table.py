@@ -5,7 +5,13 @@ import pytest
 
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import LCS, TimeStepping, simulate
-from pricing_core.models import DiodeCircuit, MechanicalSystem, RelaySystem, friction_directions
+from pricing_core.models import (
+    DiodeCircuit,
+    HamiltonianSystem,
+    MechanicalSystem,
+    RelaySystem,
+    friction_directions,
+)
 
 
 def decay():
@@ -69,3 +75,15 @@ def test_friction_has_its_columns():
         assert table.column_names[7:] == ["u1", "y1", *friction, *slip]
         total = np.array([table[name].to_numpy() for name in friction])
         assert np.abs(total).sum(axis=0)[1:] == pytest.approx(1.0)
+
+
+def test_a_hamiltonian_run_has_its_energy_in_a_column():
+    fall = HamiltonianSystem(
+        energy=lambda q, p: 0.5 * p @ p + 10.0 * q[0],
+        gradient=lambda q, p: (np.array([10.0]), p),
+        constraints=lambda q: q,
+        constraint_jacobian=lambda q: np.eye(1),
+    ).simulate([1.0], [0.0], (0.0, 0.4), steps=4)
+    table = fall.to_table(coordinates=["height"])
+    assert table.column_names == ["t", "height", "p1", "impulse1", "gap1", "energy"]
+    assert table["energy"].to_numpy() == pytest.approx(10.0)

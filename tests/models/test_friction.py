@@ -89,15 +89,15 @@ def test_controlled_steps_find_the_stop_by_themselves():
     assert run.accepted < 500
 
 
-@pytest.mark.parametrize("m", [4, 6, 8, 16])
+@pytest.mark.parametrize("m", [4, 8])
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_polyhedral_cone_brakes_less_by_at_most_its_stated_error(scheme, m):
     """Along a direction by mu g, between two by cos(pi/m) of that."""
-    friction, speed, h = 0.5, 1.0, 1e-3
+    friction, speed, h = 0.5, 1.0, 2e-3
     for angle, brake in ((0.0, friction * G), (math.pi / m, friction * G * math.cos(math.pi / m))):
         way = np.array([math.cos(angle), math.sin(angle)])
         run = puck(friction, m).simulate(
-            [0.0, 0.0, 0.0], [*(speed * way), 0.0], (0.0, 0.5), method=steps(scheme, h)
+            [0.0, 0.0, 0.0], [*(speed * way), 0.0], (0.0, 0.4), method=steps(scheme, h)
         )
         assert run.x[-1, :2] == pytest.approx(speed**2 / (2.0 * brake) * way, abs=0.6 * speed * h)
         assert run.x[-1, 3:] == pytest.approx(np.zeros(3), abs=1e-12)
@@ -113,9 +113,10 @@ def test_a_block_on_a_slope_sticks_up_to_its_angle_of_friction_and_slides_beyond
     assert np.abs(run.x).max() <= 1e-13
     assert run.friction_force[1:, 0] == pytest.approx(-force[0], rel=1e-12)
     friction = 0.7 * math.tan(angle)
-    run = block(friction, force).simulate([0.0, 0.0], [0.0, 0.0], (0.0, 1.0), method=steps(scheme, 1e-3))
+    run = block(friction, force).simulate([0.0, 0.0], [0.0, 0.0], (0.0, 1.0), method=steps(scheme, 1e-2))
     rate = G * (math.sin(angle) - friction * math.cos(angle))
-    assert run.x[-1] == pytest.approx([rate / 2.0, 0.0, rate, 0.0], abs=rate * 6e-4)
+    missed = 5.1e-3 * rate if scheme == "stewart-trinkle" else 1e-12  # rate h/2 at the end
+    assert run.x[-1] == pytest.approx([rate / 2.0, 0.0, rate, 0.0], abs=missed)
 
 
 @pytest.mark.parametrize("friction", [0.02, 0.1, 0.25, 1.0])

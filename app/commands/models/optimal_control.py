@@ -5,8 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from app.commands.labels import numbered
+from app.commands.labels import Labels, check_different, numbered
+from app.commands.mode_band import BLANK, Band
 from app.commands.model_keys import INTEGER, MATRIX, NUMBER, VECTOR, Key
+from app.commands.models.labels import label_keys, labels_in
 from app.commands.simulation import Columns, Modes, Samples, Simulation
 from pricing_core.lcs import Event
 from pricing_core.lcs.trajectory import EventKind
@@ -24,7 +26,16 @@ PROBLEM: Mapping[str, Key] = {
 KEYS: Mapping[str, Key] = {
     **PROBLEM,
     "intervals": INTEGER.described("of the collocation that finds the structure; 200 where missing"),
+    **label_keys(
+        {
+            "x": "of the n states",
+            "u": "of the m controls",
+            "lambda": "of the costates",
+            "eta": "of the multipliers",
+        }
+    ),
 }
+SOLVING = ("intervals",)
 
 
 def simulate(values: Mapping[str, Any]) -> Simulation:
@@ -36,8 +47,11 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         What `KEYS` read.
     """
     problem = StateConstrainedLQ(**{name: values[name] for name in PROBLEM if name in values})
-    answer = problem.solve(**{name: values[name] for name in KEYS if name in values and name not in PROBLEM})
-    samples, names = _samples(answer), numbered("x", answer.x.shape[1])
+    answer = problem.solve(**{name: values[name] for name in SOLVING if name in values})
+    labels = labels_in(values)
+    samples = _samples(answer, labels)
+    names = samples.columns[0].names
+    check_different([name for columns in samples.columns for name in columns.names])
     count = answer.switching_times.size
     return Simulation(
         headline=f"{answer.status}: cost {answer.cost:.10g}, {count} switching time{'s' * (count != 1)}",
@@ -46,6 +60,7 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         events=tuple(_events(answer)),
         state_names=names,
         modes=Modes(numbered("y", answer.multiplier.shape[1])),
+        band=_band(answer),
         facts={
             "status": answer.status,
             "cost": answer.cost,
@@ -67,15 +82,35 @@ def _events(answer: OptimalControl) -> Iterator[Event]:
         yield Event(time, kind, x, x, atoms.get(time, nothing), before, after)
 
 
-def _samples(answer: OptimalControl) -> Samples:
-    n, m, k = answer.x.shape[1], answer.control.shape[1], answer.multiplier.shape[1]
+def _band(answer: OptimalControl) -> Band | None:
+    """Return when each constraint is active."""
+    k = answer.multiplier.shape[1]
+    if not answer.arcs or not k:
+        return None
+    edges = np.array([answer.t[0], *answer.switching_times, answer.t[-1]])
+    states = np.array([[0 if i in arc else BLANK for i in range(k)] for arc in answer.arcs])
+    return Band(numbered("constraint ", k), edges, states, ("active",))
+
+
+def _samples(answer: OptimalControl, labels: Labels) -> Samples:
+    kinds = (
+        ("x", "state", answer.x),
+        ("u", "control", answer.control),
+        ("lambda", "costate", answer.costate),
+        ("eta", "multiplier", answer.multiplier),
+    )
     return Samples(
         "t",
         answer.t,
-        (
-            Columns("x", "state", numbered("x", n), answer.x),
-            Columns("u", "control", numbered("u", m), answer.control),
-            Columns("lambda", "costate", numbered("lambda", n), answer.costate),
-            Columns("eta", "multiplier", numbered("eta", k), answer.multiplier),
+        tuple(
+            Columns(
+                symbol,
+                title,
+                labels.names_of(symbol, table.shape[1]),
+                table,
+                labels.units_of(symbol, table.shape[1]),
+            )
+            for symbol, title, table in kinds
         ),
+        labels.time,
     )
