@@ -246,7 +246,7 @@ class MechanicalSystem:
         if not isinstance(method, TimeStepping):
             if rough:
                 raise InvalidInputError(
-                    "method", Told("event-driven"), "a TimeStepping(...) where there is friction"
+                    "method", "event-driven", '"time-stepping" or a TimeStepping(...) where there is friction'
                 )
             return False
         by_impulses = method.scheme in get_args(ImpulseScheme) or (

@@ -34,7 +34,8 @@ class Moreau:
 
     Newton's law with friction, or the projection, may gain energy. Where they would, the motion taken is the one
     between this and that of Stewart and Trinkle, which gains none, that conserves the energy: it violates no
-    constraint, and its impulses lie in the cones of friction, for all of these are convex.
+    constraint, and its impulses lie in the cones of friction, for all of these are convex. Where both slide the same
+    way, or both stick, friction is Coulomb's; elsewhere it may be less than mu p in such a step.
 
     Parameters
     ----------

@@ -248,7 +248,11 @@ WRONG = [
     ("spinning_ball", {"tangents": [[1]]}, "tangents = shape (1, 1): must be of shape (1, 3) in the plane"),
     ("spinning_ball", {"tangents": [[["a"]]]}, "tangents[0][0][0] = 'a': must be a number"),
     ("spinning_ball", {"method": None}, 'h = 0.002: must be left out with method="event-driven"'),
-    ("spinning_ball", {"method": None, "h": None}, "method = event-driven: must be a TimeStepping(...)"),
+    (
+        "spinning_ball",
+        {"method": None, "h": None},
+        "method = 'event-driven': must be \"time-stepping\" or a TimeStepping(...)",
+    ),
     ("spinning_ball", {"scheme": "stewart-trinkle"}, "scheme = 'stewart-trinkle': must be \"moreau\""),
     ("spinning_ball", {"names": {"q": ["x"]}}, "names.q = 1 of them: must be 3, one for each component"),
     (
