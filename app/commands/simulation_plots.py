@@ -49,6 +49,7 @@ CROWDED = 30  # events that are drawn firmly
 BANDS = 12  # rows of modes
 EQUAL = 1e-2  # share of a panel's height below which two lines are one to the eye
 ALWAYS, OFTEN = 0.97, 0.1  # shares of the points from which on lines are equal, and equal in part
+COMPARED = 1000  # points at which lines are compared, or somewhat more
 DASH = 5.0  # length of a dash of lines that share a place, in line widths
 
 
@@ -196,8 +197,8 @@ def overlaps(lines: Sequence[Vector]) -> Matrix:
     height = max(
         (float(np.ptp(line[np.isfinite(line)])) for line in lines if np.isfinite(line).any()), default=0.0
     )
-    table = np.array(lines)
-    return np.asarray(np.mean(np.abs(table[:, None] - table) <= EQUAL * height, axis=2))
+    table = np.array(lines)[:, :: max(1, lines[0].size // COMPARED)]
+    return np.array([np.mean(np.abs(table - line) <= EQUAL * height, axis=1) for line in table])
 
 
 def _draw_panel(axes: Axes, samples: Samples, panel: Panel, legend_size: float) -> None:
