@@ -8,10 +8,11 @@ from app.commands.simulation import Orbit, Scene, Simulation
 from app.commands.simulation_plots import (
     COLOURS,
     TITLES,
+    Legend,
     draw_curves,
     draw_orbit,
     panels_of,
-    shorter_band,
+    rows_of,
 )
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, Told
@@ -26,7 +27,7 @@ with needs_extra("plot"):
 
 FRAMES, FRAMES_A_SECOND = 120, 20
 SIZE, DOTS_PER_INCH = (11.0, 5.6), 80
-LEGEND_SIZE = 7.0
+SMALL = Legend(7.0, 6, 6)
 PANELS = 3  # beside the scene, one for each kind of quantity
 
 
@@ -70,12 +71,13 @@ def animate_simulation(simulation: Simulation, file: BinaryIO, *, frames: int = 
     left, right = figure.subfigures(1, 2, width_ratios=[1.0, 1.1], squeeze=False)[0]
     stage = left.add_subplot()
     scene.prepare(stage)
-    shown = shorter_band(simulation)
-    kinds = shown.curves.columns
+    kinds = simulation.curves.columns
     panels = [panels_of(columns, kinds)[0] for columns in kinds if columns.names][:PANELS]
-    heights = [1.0] * len(panels) + ([] if shown.band is None else [0.15 + 0.14 * len(shown.band.names)])
+    heights = [1.0] * len(panels) + (
+        [] if simulation.band is None else [0.15 + 0.14 * rows_of(simulation.band, SMALL)]
+    )
     grid = right.add_gridspec(len(heights), 1, height_ratios=heights)
-    column = draw_curves(right, [grid[i] for i in range(len(heights))], shown, panels, LEGEND_SIZE)
+    column = draw_curves(right, [grid[i] for i in range(len(heights))], simulation, panels, SMALL)
     cursors = [axes.axvline(points[0], color="black", linewidth=1.0) for axes in column]
     clock = left.text(0.02, 0.02, "", fontsize=10)
     moving: list[Artist] = [*scene.show(float(points[0])), *cursors, clock]

@@ -13,7 +13,7 @@ from pricing_core.models.trajectory import Pieces
 
 States = NDArray[np.int_]
 BLANK = -1  # the state that is not drawn
-AT_REST = 1e-9  # share of the largest slip velocity below which a contact sticks
+AT_REST = 1e-9  # share of the largest velocity below which a contact sticks
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,7 +72,8 @@ def of_contacts(run: Trajectory, names: Sequence[str]) -> Band | None:
     if run.t.size < 2:
         return None
     speed = np.abs(run.slip).reshape(run.t.size, len(names), -1).max(axis=2)
-    sliding = speed > AT_REST * max(float(speed.max()), 1e-300)
+    fastest = max(float(speed.max()), float(np.abs(run.x[:, run.x.shape[1] // 2 :]).max()))
+    sliding = speed > AT_REST * fastest
     states = np.where(run.u > 0.0, sliding.astype(int), BLANK)[1:]
     return Band(tuple(names), run.t, states, ("sticks", "slides"))
 

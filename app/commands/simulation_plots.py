@@ -1,7 +1,6 @@
 """The picture of a simulation: quantities over time with events and modes, and the phase plane of two states."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import BinaryIO, Literal, NamedTuple
 
 import numpy as np
@@ -44,13 +43,19 @@ TITLES = {
 }
 WIDTH, ORBIT = 9.0, 4.6  # of the curves, and of the phase plane, in inches
 SAME_SCALE = 25.0  # quantities within this factor share a panel
-NAMED = 12  # lines in a legend
 CROWDED = 30  # events that are drawn firmly
-BANDS = 12  # rows of modes
 EQUAL = 1e-2  # share of a panel's height below which two lines are one to the eye
 ALWAYS, OFTEN = 0.97, 0.1  # shares of the points from which on lines are equal, and equal in part
 COMPARED = 1000  # points at which lines are compared, or somewhat more
 DASH = 5.0  # length of a dash of lines that share a place, in line widths
+
+
+class Legend(NamedTuple):
+    """How large the names beside a panel are, how many lines are named, and how many rows of modes are shown."""
+
+    size: float
+    names: int
+    rows: int
 
 
 class Panel(NamedTuple):
@@ -59,6 +64,9 @@ class Panel(NamedTuple):
     title: str
     names: list[str]
     lines: list[Vector]
+
+
+FULL = Legend(10.0, 12, 12)
 
 
 def draw_simulation(simulation: Simulation, file: BinaryIO) -> None:
@@ -77,7 +85,9 @@ def simulation_figure(simulation: Simulation) -> Figure:
     """Return the picture as a figure."""
     samples, band, orbit = simulation.curves, simulation.band, simulation.orbit
     panels = [panel for columns in samples.columns for panel in panels_of(columns, samples.columns)]
-    heights = [1.9] * len(panels) + ([] if band is None else [0.25 + 0.22 * _rows(band)])
+    heights = [max(1.9, 0.5 + 0.2 * min(len(panel.names), FULL.names)) for panel in panels] + (
+        [] if band is None else [0.25 + 0.22 * rows_of(band)]
+    )
     height = 1.6 + sum(heights)
     figure = Figure(figsize=(WIDTH + ORBIT * (orbit is not None), height), layout="constrained")
     figure.suptitle(f"{TITLES.get(simulation.model, 'Simulation')}\n{simulation.headline}", fontsize=11)
@@ -102,7 +112,7 @@ def draw_curves(
     places: Sequence[SubplotSpec],
     simulation: Simulation,
     panels: Sequence[Panel],
-    legend_size: float = 10.0,
+    legend: Legend = FULL,
 ) -> list[Axes]:
     """Draw panels, and the band of modes where there is one, below each other over one axis of time."""
     samples, band = simulation.curves, simulation.band
@@ -110,10 +120,10 @@ def draw_curves(
     for place in places:
         column.append(figure.add_subplot(place, sharex=column[0] if column else None))
     for axes, panel in zip(column, panels, strict=False):
-        _draw_panel(axes, samples, panel, legend_size)
+        _draw_panel(axes, samples, panel, legend)
         _mark_events(axes, simulation)
     if band is not None:
-        _draw_band(column[-1], band, legend_size)
+        _draw_band(column[-1], band, legend)
     for axes in column[:-1]:
         axes.tick_params(labelbottom=False)
     figure.align_ylabels(column)
@@ -201,7 +211,7 @@ def overlaps(lines: Sequence[Vector]) -> Matrix:
     return np.array([np.mean(np.abs(table - line) <= EQUAL * height, axis=1) for line in table])
 
 
-def _draw_panel(axes: Axes, samples: Samples, panel: Panel, legend_size: float) -> None:
+def _draw_panel(axes: Axes, samples: Samples, panel: Panel, legend: Legend) -> None:
     shares = overlaps(panel.lines)
     handles, names = [], []
     for i, (name, line) in enumerate(zip(panel.names, panel.lines, strict=True)):
@@ -215,7 +225,7 @@ def _draw_panel(axes: Axes, samples: Samples, panel: Panel, legend_size: float) 
             line,
             color=colour,
             linestyle=dashes if len(equal) > 1 else style,
-            linewidth=3.4 if over and len(equal) == 1 else 1.7,
+            linewidth=3.4 if over and len(equal) == 1 and style == "-" else 1.7,
             label=name,
             marker="o" if samples.points.size == 1 else "",
             dash_capstyle="butt",
@@ -229,45 +239,38 @@ def _draw_panel(axes: Axes, samples: Samples, panel: Panel, legend_size: float) 
     axes.grid(color="#e3e7eb", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(
-        handles[:NAMED],
-        _shortened(names),
+        handles[: legend.names],
+        _shortened(names, legend.names),
         loc="center left",
         bbox_to_anchor=(1.0, 0.5),
         frameon=False,
         handlelength=1.6,
-        fontsize=legend_size,
-        labelspacing=0.05 * legend_size,
+        fontsize=legend.size,
+        labelspacing=0.05 * legend.size,
     )
 
 
-def _shortened(names: Sequence[str]) -> list[str]:
-    hidden = len(names) - NAMED
-    return list(names) if hidden <= 0 else [*names[: NAMED - 1], f"... {hidden + 1} more"]
+def _shortened(names: Sequence[str], most: int) -> list[str]:
+    hidden = len(names) - most
+    return list(names) if hidden <= 0 else [*names[: most - 1], f"... {hidden + 1} more"]
 
 
-def shorter_band(simulation: Simulation) -> Simulation:
-    """Return the simulation with as many rows of modes as a picture shows."""
-    band = simulation.band
-    if band is None or len(band.names) <= BANDS:
-        return simulation
-    return replace(simulation, band=replace(band, names=band.names[:BANDS], states=band.states[:, :BANDS]))
+def rows_of(band: Band, legend: Legend = FULL) -> int:
+    """Return how many rows of modes are shown."""
+    return min(len(band.names), legend.rows)
 
 
-def _rows(band: Band) -> int:
-    return min(len(band.names), BANDS)
-
-
-def _draw_band(axes: Axes, band: Band, size: float) -> None:
-    shown = _rows(band)
+def _draw_band(axes: Axes, band: Band, legend: Legend) -> None:
+    shown = rows_of(band, legend)
     for row in range(shown):
         bars = band.bars(row)
         colours = [BAND_COLOURS[state % len(BAND_COLOURS)] for _, _, state in bars]
         axes.broken_barh([bar[:2] for bar in bars], (row - 0.4, 0.8), facecolors=colours, linewidth=0.0)
-    axes.set_yticks(range(shown), _shortened(band.names)[:shown])
+    axes.set_yticks(range(shown), _shortened(band.names, legend.rows))
     axes.set_ylim(shown - 0.5, -0.5)
     axes.set_ylabel("mode")
     axes.spines[["top", "right", "left"]].set_visible(False)
-    axes.tick_params(axis="y", length=0, labelsize=size)
+    axes.tick_params(axis="y", length=0, labelsize=legend.size)
     used = sorted({state for row in range(shown) for *_, state in band.bars(row)})
     patches = [
         Patch(color=BAND_COLOURS[state % len(BAND_COLOURS)], label=band.words[state]) for state in used
