@@ -433,6 +433,6 @@ def test_boxes_have_sizes(arguments, sentence):
         box_stack(*arguments)
     with pytest.raises(InvalidInputError, match=r"slope = 2\.0: must be between"):
         box_stack([1.0], [1.0], [1.0], [0.5], slope=2.0)
-    with pytest.raises(InvalidInputError, match="m = 2: must be a whole number >= 3"):
+    with pytest.raises(InvalidInputError, match="m = 2: must be a whole number from 3 to 360"):
         friction_directions([1, 0], [0, 1], 2)
     assert friction_directions([Fraction(1), 0], [0, 1], 3).shape == (3, 2)
