@@ -18,13 +18,24 @@ ROUNDING = 1e-14  # share of the terms of an energy that is rounding
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EnergyBalance:
-    """What a step adds to v^T M v/2 + q^T K q/2 beyond the work of its force, from the motion at its start."""
+    """What a step adds to v^T M v/2 + q^T K q/2 beyond the work of its force, from the motion at its start.
+
+    Parameters
+    ----------
+    system : MechanicalSystem
+    start : Motion
+    force : Vector, shape (n,)
+        Throughout the step.
+    h : float
+    free : Vector, shape (n,)
+        The velocity at the end without impulses: what they take away measures rounding where all is at rest.
+    """
 
     system: MechanicalSystem
     start: Motion
     force: Vector
     h: float
-    exchanged: float  # the energy of the velocity that the forces alone would add in the step
+    free: Vector
 
     def gain(self, end: Motion) -> float:
         """Return the energy gained; negative damping may bring some, which is not counted."""
@@ -33,10 +44,11 @@ class EnergyBalance:
         kinetic = 0.5 * float((end.v - v) @ system.mass @ (end.v + v))
         elastic = 0.5 * float((end.q - q) @ system.stiffness @ (end.q + q))
         work = float(self.force @ (end.q - q))
-        mean = 0.5 * (self.start.v + end.v)
-        brought = max(0.0, -self.h * float(mean @ self.system.damping @ mean))
+        mean, added = 0.5 * (v + end.v), self.free - v
+        brought = max(0.0, -self.h * float(mean @ system.damping @ mean))
         gained = kinetic + elastic - work - brought
-        size = abs(elastic) + abs(work) + abs(kinetic) + 0.5 * float(v @ system.mass @ v) + self.exchanged
+        terms = 0.5 * float(v @ system.mass @ v + added @ system.mass @ added)
+        size = abs(elastic) + abs(work) + abs(kinetic) + terms
         return 0.0 if abs(gained) <= ROUNDING * size else gained
 
     def farthest(self, safe: Motion, wanted: Motion, gained: float) -> tuple[Motion, float]:

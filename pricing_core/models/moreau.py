@@ -71,9 +71,7 @@ class Moreau:
             return self.bound.move(start, force, h), 0.0
         if not own.impulse.any():
             return own, 1.0
-        added = free - start.v
-        exchanged = 0.5 * float(added @ self.dynamics.system.mass @ added)
-        balance = EnergyBalance(self.dynamics.system, start, force, h, exchanged)
+        balance = EnergyBalance(self.dynamics.system, start, force, h, free)
         gained = balance.gain(own)
         if gained <= 0.0:
             return own, 1.0
