@@ -28,4 +28,5 @@ autodoc_default_options = {"members": True, "imported-members": True, "undoc-mem
 napoleon_google_docstring = False
 napoleon_use_param = False  # or words in types become links to names
 napoleon_use_rtype = False
-suppress_warnings = ["misc.highlighting_failure"]  # JSON is printed with dots where it goes on
+# Docstrings state types in words, of which some are names in several modules; JSON is printed with dots where it goes on.
+suppress_warnings = ["ref.python", "misc.highlighting_failure"]
