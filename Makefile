@@ -20,7 +20,7 @@ SAY_KERNEL := $(BIN)/python -c "import pricing_core as p; name = p.kernel_name()
 # cargo and the build backend must agree on the interpreter, or each would recompile the other's work.
 export PYO3_PYTHON := $(abspath $(BIN)/python)
 
-.PHONY: help demo test check benchmark nightly wheels image lock clean
+.PHONY: help demo test check benchmark docs nightly wheels image lock clean
 .DEFAULT_GOAL := help
 
 help:  ## show this list
@@ -45,6 +45,10 @@ check: $(VENV)/.installed-for-tests  ## what is checked before the tests: style,
 benchmark: $(VENV)/.installed-for-tests  ## run every benchmark quickly, into build/benchmarks; BENCHMARK_FLAGS= measures in full
 	$(BIN)/pricing benchmark $(BENCHMARK_FLAGS) --output build/benchmarks
 
+docs: $(VENV)/.installed-for-docs  ## build the documentation into site, without the network; every warning is an error
+	rm -rf site
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going docs site
+
 nightly: $(VENV)/.installed-for-tests  ## run the long accuracy tests
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m nightly
 
@@ -58,7 +62,7 @@ lock:  ## write constraints.txt and requirements.txt anew: the newest versions t
 	scratch=$$(mktemp -d) && trap 'rm -rf "$$scratch"' EXIT && \
 	$(PYTHON) -m venv "$$scratch" && \
 	"$$scratch/bin/python" -m pip install --quiet --upgrade pip && \
-	PRICING_CORE_KERNEL=none "$$scratch/bin/python" -m pip install --quiet --editable '.[all]' --group test --group release \
+	PRICING_CORE_KERNEL=none "$$scratch/bin/python" -m pip install --quiet --editable '.[all]' --group test --group docs --group release \
 		$(BUILD_TOOLS) && \
 	{ echo '# Exact versions of everything that is installed; written by `make lock`.'; \
 	  "$$scratch/bin/python" -m pip freeze --all --exclude-editable; } > "$$scratch/constraints.txt" && \
@@ -69,7 +73,7 @@ lock:  ## write constraints.txt and requirements.txt anew: the newest versions t
 	mv "$$scratch/requirements.txt" requirements.txt
 
 clean:  ## remove the virtual environment and everything that was built or written
-	rm -rf $(VENV) build dist *.egg-info kernels/target examples/out
+	rm -rf $(VENV) build dist site *.egg-info kernels/target examples/out
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	rm -f pricing_core/_kernels*.so
 	find app benchmarks examples pricing_core tests -name __pycache__ -prune -exec rm -rf {} +
@@ -91,6 +95,10 @@ $(VENV)/.installed-for-tests: $(VENV)/.build-tools $(SOURCES)
 	$(INSTALL) --no-build-isolation --editable '.[all]' --group test
 	@$(SAY_KERNEL)
 	touch $(VENV)/.installed $@
+
+$(VENV)/.installed-for-docs: $(VENV)/.installed
+	$(INSTALL) --group docs
+	touch $@
 
 $(VENV)/.installed-for-release: $(VENV)/.installed-for-tests
 	$(INSTALL) --group release

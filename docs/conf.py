@@ -1,0 +1,32 @@
+"""How Sphinx builds the site: `make docs`. Nothing is loaded from elsewhere when it is read."""
+
+import sys
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
+
+from pricing_core import __version__
+
+project = "pricing-core"
+author = copyright = "pricing-core developers"
+release = version = __version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "extension"]
+exclude_patterns = ["extension/*"]
+html_theme = "furo"
+html_title = "pricing-core"
+html_show_sphinx = False
+html_copy_source = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_math_renderer = "mathml"
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 3
+default_role = "code"  # as docstrings mean it
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # docstrings state the types
+autodoc_default_options = {"members": True, "imported-members": True, "undoc-members": False}
+napoleon_google_docstring = False
+napoleon_use_param = False  # or words in types become links to names
+napoleon_use_rtype = False
+# Docstrings state types in words, of which some are names in several modules; JSON is printed with dots where it goes on.
+suppress_warnings = ["ref.python", "misc.highlighting_failure"]

@@ -1,0 +1,88 @@
+"""What a script can see of the language of the code: comments, docstrings, words that have a plainer one."""
+
+import ast
+import inspect
+import io
+import re
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+CODE = [path for folder in ("pricing_core", "app", "benchmarks", "examples") for path in (ROOT / folder).rglob("*.py")]
+RUST = sorted((ROOT / "kernels/src").rglob("*.rs"))
+# Private metaphors, each with the word that is meant.
+INSTEAD = {
+    "rung": "degree",
+    "outset": "onset of contact",
+    "stretch of time": "segment",
+    "sight": "evaluation at the spot",
+}
+METAPHOR = re.compile(r"\b(" + "|".join(INSTEAD) + r")s?\b", re.IGNORECASE)
+# Endings of a summary: a sentence or question, or the colon before a list or a formula.
+ENDINGS = (".", "?", "!", ":", "::")
+
+
+def docstrings(path: Path) -> Iterator[tuple[str, ast.AST, str]]:
+    """Yield name, node and docstring of the module, its classes and its functions."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            text = ast.get_docstring(node)
+            if text:
+                yield getattr(node, "name", path.stem), node, text
+
+
+def place(path: Path, line: int | str) -> str:
+    return f"{path.relative_to(ROOT)}:{line}"
+
+
+def test_no_comment_begins_with_of():
+    found = [
+        place(path, token.start[0])
+        for path in CODE
+        for token in tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline)
+        if token.type == tokenize.COMMENT and re.match(r"#+\s*Of\b", token.string)
+    ]
+    found += [
+        place(path, number)
+        for path in RUST
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if re.match(r"\s*//[/!]?\s*Of\b", line)
+    ]
+    assert not found
+
+
+def test_no_private_metaphors():
+    found = [
+        f"{place(path, number)}: {match[0]}, say {INSTEAD[match[1].lower()]}"
+        for path in (*CODE, *RUST, *(ROOT / "docs").glob("*.md"), ROOT / "README.md")
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        for match in METAPHOR.finditer(line)
+    ]
+    assert not found
+
+
+def test_docstrings_are_sentences():
+    found = []
+    for path in CODE:
+        for name, node, text in docstrings(path):
+            summary = text.split("\n\n")[0]
+            starts = re.match(r"[A-Z0-9`\"'{(/$-]", summary) or summary.startswith(name) or "=" in summary.split(".")[0]
+            if not starts or not summary.rstrip().endswith(ENDINGS):
+                found.append(f"{place(path, getattr(node, 'lineno', 1))}: {summary[:70]}")
+    assert not found
+
+
+def public_functions(path: Path) -> Iterator[tuple[str, ast.FunctionDef, str]]:
+    """Yield the public functions of a module and its public classes, with the docstrings that may name their parameters."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            yield node.name, node, ast.get_docstring(node) or ""
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            own = ast.get_docstring(node) or ""
+            for method in node.body:
+                if isinstance(method, ast.FunctionDef) and not method.name.startswith("_"):
+                    yield f"{node.name}.{method.name}", method, own + (ast.get_docstring(method) or "")
