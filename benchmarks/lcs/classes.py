@@ -305,7 +305,7 @@ def _mechanical(system: MechanicalSystem, q0: Vector, v0: Vector, end: float, re
 
 
 def _passive(system: LCS, x0: Vector, end: float) -> Case:
-    """|x|**2 / 2 is a storage function."""
+    """Hold that |x|**2 / 2 is a storage function."""
 
     def fault(run: Trajectory) -> str:
         stored = np.sum(run.x**2, axis=1)

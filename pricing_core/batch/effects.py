@@ -44,7 +44,7 @@ Contract: TypeAlias = tuple[Option, Market]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Side:
-    """n contracts as one of two tables has them, with their results.
+    """Contracts, n of them, as one of two tables has them, with their results.
 
     Parameters
     ----------

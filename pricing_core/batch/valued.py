@@ -17,7 +17,7 @@ from pricing_core.batch.scenario import Scenario
 
 @dataclass(frozen=True, eq=False)
 class Valued:
-    """n contracts under m scenarios.
+    """The values of n contracts under m scenarios.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ class Exosystem:
 
     @property
     def size(self) -> int:
-        """m, the number of components."""
+        """The number m of components."""
         return int(self.output.shape[0])
 
     @property

@@ -44,7 +44,7 @@ LADDER = (
 
 
 class State(NamedTuple):
-    """z, and the sizes of the terms that its entries are sums of: their rounding is a share of these."""
+    """The vector z, and the sizes of the terms that its entries are sums of: their rounding is a share of these."""
 
     z: Vector  # (N,)
     sizes: Vector  # (N,)

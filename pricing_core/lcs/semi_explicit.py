@@ -19,7 +19,7 @@ DIFFERENCE = 1.5e-8  # square root of the rounding unit: of a variable, or of 1 
 
 
 class Linearisation(NamedTuple):
-    """f, h and their derivatives at a point."""
+    """The functions f and h and their derivatives at a point."""
 
     f: Vector  # (n,)
     h: Vector  # (k,)

@@ -58,7 +58,7 @@ class PiecewiseConstant:
 
     @property
     def size(self) -> int:
-        """n, the number of components."""
+        """The number n of components."""
         return int(self.values.shape[1])
 
     def after(self, t: float) -> Vector:

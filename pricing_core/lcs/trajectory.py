@@ -65,7 +65,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """x(t), u(t), y(t) at the times of the steps, or at `t_eval` where that was given.
+    """The state x(t), u(t) and y(t) at the times of the steps, or at `t_eval` where that was given.
 
     Calling it gives x, right-continuous: exactly as it flows where the run was driven by events, linear between
     stored times where it stepped. Without `t_eval` the time of an event is stored twice, before and after.

@@ -16,7 +16,7 @@ LARGEST_STEPS = 10_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MaxPlusTrajectory:
-    """x(0), ..., x(K) and, where there is a C, y(0), ..., y(K).
+    """The states x(0), ..., x(K) and, where there is a C, y(0), ..., y(K).
 
     Parameters
     ----------

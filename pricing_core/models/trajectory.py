@@ -46,7 +46,7 @@ class Reading(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelTrajectory:
-    """x(t), and the inputs u and outputs y of the linear system as its elements connect them.
+    """The state x(t), and the inputs u and outputs y of the linear system as its elements connect them.
 
     Calling it gives x(t), as `pricing_core.lcs.Trajectory` does.
 

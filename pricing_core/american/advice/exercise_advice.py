@@ -28,7 +28,7 @@ from pricing_core.errors import InvalidInputError, NumericalError
 DAILY = "daily"
 EVEN_STEPS = 50  # Number of steps of the times where none are given; chosen.
 INTERVALS = 128  # Number of intervals of the mesh between two events; chosen.
-BOUNDARY_TOLERANCE = 1e-8  # Of the boundary, which is found to a tenth of its root; chosen.
+BOUNDARY_TOLERANCE = 1e-8  # Tolerance of the boundary, which is found to a tenth of its root; chosen.
 ROUNDING = 1e-12  # Smallest error that is claimed of a probability; chosen.
 INTERRUPTED = "interrupted before the advice was complete: allow more time"
 

@@ -100,7 +100,7 @@ class Listed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Book:
-    """n contracts, each a schedule of at least one segment; a contract without events has one.
+    """Contracts, n of them, each a schedule of at least one segment; a contract without events has one.
 
     Parameters
     ----------

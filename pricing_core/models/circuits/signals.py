@@ -22,7 +22,7 @@ MOST_PERIODS = 1e5  # and some for each of these
 
 @dataclass(frozen=True, slots=True)
 class Sine:
-    """offset + amplitude sin(2 pi frequency t + phase), t in seconds.
+    """The signal offset + amplitude sin(2 pi frequency t + phase), t in seconds.
 
     Parameters
     ----------

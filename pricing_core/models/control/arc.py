@@ -28,7 +28,7 @@ class Arc:
 
     @property
     def size(self) -> int:
-        """d, the dimension of V_I."""
+        """The dimension d of V_I."""
         return int(self.basis.shape[1])
 
     @property

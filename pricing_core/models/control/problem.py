@@ -34,7 +34,7 @@ class LQData:
 
     @property
     def slack_sizes(self) -> Vector:
-        """|C| |x0| + |bound|, shape (k,): what a slack is compared with; 1 where that is zero."""
+        """What a slack is compared with: |C| |x0| + |bound|, shape (k,), and 1 where that is zero."""
         sizes = np.abs(self.C) @ np.abs(self.x0) + np.abs(self.bound)
         return np.where(sizes > 0.0, sizes, 1.0)
 

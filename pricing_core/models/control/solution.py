@@ -20,7 +20,7 @@ NOTHING = 1e-10  # Share of the largest atom or costate below which an atom is n
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OptimalControl:
-    """x, u and the multipliers of the maximum principle, in the signs of (11.24): u = B^T lambda.
+    """The state x, the control u and the multipliers of the maximum principle, in the signs of (11.24): u = B^T lambda.
 
     lambda' = Q x - A^T lambda - C^T eta between the atoms, lambda(t+) = lambda(t-) - C^T eta({t}) at an atom, and
     lambda(T-) = C^T eta({T}), so that lambda(T) = 0 (11.24b) holds behind the last atom.

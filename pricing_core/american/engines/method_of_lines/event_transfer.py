@@ -54,7 +54,7 @@ class ValueFunction(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Payoff:
-    """max(sign (1 - s), 0): sign 1 for a put, -1 for a call (11.47)."""
+    """The payoff max(sign (1 - s), 0), sign 1 for a put and -1 for a call (11.47)."""
 
     sign: float
 

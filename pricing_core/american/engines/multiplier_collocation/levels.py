@@ -41,7 +41,7 @@ VIOLATION, ERROR = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Packed:
-    """n contracts with m segments in all, money in strikes.
+    """Contracts, n of them with m segments in all, money in strikes.
 
     Parameters
     ----------
