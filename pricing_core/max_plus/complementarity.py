@@ -210,7 +210,7 @@ def _row(weights: Sequence[float]) -> Expression:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Form:
-    """The sum of `state` v, slack[k] a_k and `constant`."""
+    """The linear form state v + sum of slack[k] a_k + constant."""
 
     state: Vector
     slack: dict[int, float]
