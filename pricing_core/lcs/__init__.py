@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pricing_core.lcs.distributions import InitialSolution, initial_solution
-from pricing_core.lcs.exosystem import Exosystem, piecewise_linear, sine
+from pricing_core.lcs.exosystem import Exosystem, JoinedExosystem, piecewise_linear, pulses, sine
 from pricing_core.lcs.frequency_witness import FrequencyWitness
 from pricing_core.lcs.geometry import ModeGeometry, mode_geometry
 from pricing_core.lcs.ill_posedness import IllPosedness
@@ -41,6 +41,7 @@ __all__ = [
     "FrequencyWitness",
     "IllPosedness",
     "InitialSolution",
+    "JoinedExosystem",
     "LCSStage",
     "LCSState",
     "LeadingCoefficients",
@@ -67,6 +68,7 @@ __all__ = [
     "one_step_problem",
     "passivity",
     "piecewise_linear",
+    "pulses",
     "rational_complementarity",
     "relative_degree",
     "simulate",

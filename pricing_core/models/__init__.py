@@ -8,6 +8,8 @@ from pricing_core.models.circuits.circuit_lcs import CircuitLCS
 from pricing_core.models.circuits.diode_circuit import DiodeCircuit
 from pricing_core.models.circuits.run import CircuitRun
 from pricing_core.models.circuits.signals import Sine
+from pricing_core.models.circuits.steady_state import SteadyState
+from pricing_core.models.circuits.switches import Pulse
 from pricing_core.models.control.solution import OptimalControl
 from pricing_core.models.hamiltonian import HamiltonianSystem, HamiltonianTrajectory
 from pricing_core.models.mechanics import MechanicalSystem
@@ -40,9 +42,11 @@ __all__ = [
     "PiecewiseConstant",
     "PiecewiseLinearSystem",
     "ProjectedSystem",
+    "Pulse",
     "RelaySystem",
     "Sine",
     "StateConstrainedLQ",
+    "SteadyState",
     "coulomb_friction",
     "dead_zone",
     "gain_schedule",

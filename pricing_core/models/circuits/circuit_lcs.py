@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pricing_core.arrays import Matrix, Vector
-from pricing_core.lcs import LCS
+from pricing_core.lcs import LCS, Event, Trajectory
 from pricing_core.models.circuits.readings import Readings, SourceSignals
 
 
@@ -34,6 +34,8 @@ class CircuitLCS:
         All node voltages and branch currents.
     element_states : Readings
         The voltages of all capacitors and the currents of all inductors.
+    entry : Matrix, shape (n, m)
+        W: x = W s.
     storage : Matrix
         M: the stored energy is s^T M s / 2 with these s.
     initial_element_states : Vector
@@ -50,6 +52,7 @@ class CircuitLCS:
     is_passive: bool
     readings: Readings
     element_states: Readings
+    entry: Matrix
     storage: Matrix
     initial_element_states: Vector
     sources: SourceSignals
@@ -75,3 +78,20 @@ class CircuitLCS:
         """
         change = after - before
         return 0.5 * float(change @ self.storage @ change)
+
+    def read(self, trajectory: Trajectory) -> Matrix:
+        """Return all readings along a trajectory of the system, shape (m, readings)."""
+        return self.readings(trajectory.x, trajectory.u, self.sources.along(trajectory.t))
+
+    def energy_of_event(self, event: Event, start: float) -> float:
+        """Return what is lost at an event of a run that begins at `start`."""
+        after = self.sources.after(event.time)
+        before = self.sources.before(event.time) if event.time > start else after
+        return self.energy_of_jump(
+            self.states_of_elements(event.x_before, before), self.states_of_elements(event.x_after, after)
+        )
+
+    def energy_lost_at_start(self, start: float) -> float:
+        """Return what the elements' initial voltages and currents lose at once."""
+        settled = self.states_of_elements(self.x0, self.sources.after(start))
+        return self.energy_of_jump(self.initial_element_states, settled)

@@ -1,17 +1,20 @@
-"""The builder of circuits with ideal diodes (11.2.1)."""
+"""The builder of circuits with diodes and switches (11.2.1)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from typing import Self
 
 from numpy.typing import ArrayLike
 
-from pricing_core.errors import InfeasibleError, InvalidInputError, NotFoundError
+from pricing_core.arrays import as_number, as_vector, check_callable
+from pricing_core.errors import InfeasibleError, InvalidInputError, NotFoundError, NumericalError, Told
 from pricing_core.lcs.simulate import simulate_without_energy
-from pricing_core.lcs.simulation_method import SimulationMethod
-from pricing_core.lcs.simulation_times import checked_span
-from pricing_core.models.circuits.assembly import assemble
+from pricing_core.lcs.simulation_method import EventDriven, SimulationMethod, as_method
+from pricing_core.lcs.simulation_times import checked_span, checked_times
+from pricing_core.models.characteristic import Characteristic
+from pricing_core.models.circuits.assembly import assemble, initial_states
+from pricing_core.models.circuits.characteristic_element import NonlinearResistor
 from pricing_core.models.circuits.checked import checked_words
 from pricing_core.models.circuits.circuit_lcs import CircuitLCS
 from pricing_core.models.circuits.elements import (
@@ -33,6 +36,9 @@ from pricing_core.models.circuits.sources import (
     VoltageControlled,
     VoltageSource,
 )
+from pricing_core.models.circuits.steady_state import SteadyState, find_steady_state
+from pricing_core.models.circuits.switched_circuit import SwitchedCircuit
+from pricing_core.models.circuits.switches import Control, Switch
 from pricing_core.models.circuits.unlimited import unlimited
 
 
@@ -146,9 +152,49 @@ class DiodeCircuit:
         ends = primary_plus, primary_minus, secondary_plus, secondary_minus
         return self.add(Transformer(name, *ends, ratio))
 
-    def diode(self, name: str, anode: str, cathode: str) -> Self:
-        """Add an ideal diode: no voltage while it conducts, no current while it blocks."""
-        return self.add(Diode(name, anode, cathode))
+    def diode(
+        self, name: str, anode: str, cathode: str, forward_voltage: Number = 0, resistance: Number = 0
+    ) -> Self:
+        """Add a diode: forward_voltage + resistance i while it conducts, no current while it blocks."""
+        return self.add(Diode(name, anode, cathode, forward_voltage, resistance))
+
+    def nonlinear_resistor(self, name: str, plus: str, minus: str, characteristic: Characteristic) -> Self:
+        """Add an element whose voltage and current lie on a piecewise linear curve of points (volts, amperes)."""
+        return self.add(NonlinearResistor(name, plus, minus, characteristic))
+
+    def switch(
+        self,
+        name: str,
+        plus: str,
+        minus: str,
+        control: Control | tuple[str, str, Number, Number],
+        resistance: Number = 0,
+        off_resistance: Number | None = None,
+    ) -> Self:
+        """Add a switch, which carries current either way while it is closed.
+
+        Parameters
+        ----------
+        control : Pulse, PiecewiseConstant of 0 and 1, or (node, node, threshold, hysteresis)
+            The last closes it where the voltage between the nodes rises above threshold + hysteresis, and opens it
+            where that falls below threshold - hysteresis; it is open at the start in between.
+        resistance, off_resistance : number
+            Ohms while it is closed and open; 0 and None for an ideal switch.
+        """
+        return self.add(Switch(name, plus, minus, control, resistance, off_resistance))  # type: ignore[arg-type]
+
+    def transistor(
+        self,
+        name: str,
+        drain: str,
+        source: str,
+        control: Control | tuple[str, str, Number, Number],
+        resistance: Number = 0,
+        body_diode_voltage: Number = 0,
+    ) -> Self:
+        """Add a field-effect transistor as a switch, and its body diode NAME.body from source to drain."""
+        self.switch(name, drain, source, control, resistance)
+        return self.diode(f"{name}.body", source, drain, body_diode_voltage)
 
     def voltage_source(self, name: str, plus: str, minus: str, value: Value) -> Self:
         """Add a voltage source: a number, `Sine`, `PiecewiseConstant` or `piecewise_linear(times, values)`."""
@@ -182,11 +228,16 @@ class DiodeCircuit:
         """Add a current source of gain i(control), control the name of an element."""
         return self.add(CurrentControlled(name, plus, minus, control, gain, of_voltage=False))
 
-    def to_lcs(self) -> CircuitLCS:
+    def to_lcs(self, closed: Collection[str] | None = None) -> CircuitLCS:
         """Return the linear complementarity system of the circuit, with rational entries.
 
         Capacitor loops and inductor cut-sets are reduced to independent states. Each diode has its current as the
         multiplier and its reverse voltage as the slack, or the other way round, such that the system exists (11.5).
+
+        Parameters
+        ----------
+        closed : collection of str, optional
+            The switches that are closed; needed where there are switches.
 
         Raises
         ------
@@ -208,7 +259,16 @@ class DiodeCircuit:
         >>> model.system.A, model.system.B, model.system.C, model.system.D
         (array([[0.]]), array([[-0.5]]), array([[-1.]]), array([[5.]]))
         """
-        return assemble(self.elements)
+        switched = SwitchedCircuit(self.elements)
+        names = [switch.name for switch in switched.switches]
+        if names and closed is None:
+            raise InvalidInputError(
+                "closed", Told("missing"), f"some of the switches {', '.join(names)}, or ()"
+            )
+        for name in closed or ():
+            if name not in names:
+                raise InvalidInputError("closed", name, f"a switch: {', '.join(names) or 'there is none'}")
+        return assemble(switched.placed(tuple(name in (closed or ()) for name in names)))
 
     def simulate(
         self,
@@ -246,10 +306,14 @@ class DiodeCircuit:
         >>> run.voltage("b")[-1:].round(12), run.events[0].energy_lost
         (array([2.]), 3.0)
         """
-        circuit, span = self.to_lcs(), checked_span(t_span)
+        span = checked_span(t_span)
         for element in self.elements:
             if isinstance(element, VoltageSource | CurrentSource):
                 check_periods(element.name, element.value, span)
+        switched = SwitchedCircuit(self.elements)
+        if switched.switches:
+            return self._switched_run(switched, span, x0, method, t_eval, interrupt)
+        circuit = self.to_lcs()
         try:
             trajectory = simulate_without_energy(
                 circuit.system,
@@ -260,8 +324,92 @@ class DiodeCircuit:
                 interrupt=interrupt,
             )
         except (InfeasibleError, NotFoundError) as error:
-            advice = unlimited(self.elements)
-            if advice is None:
-                raise
-            raise type(error)(f"{advice}: {error}") from error
-        return read_run(circuit, trajectory, span[0], from_elements=x0 is None)
+            raise _advised(error, self.elements) from error
+        return read_run(circuit, trajectory, span[0], ends_of(self.elements), from_elements=x0 is None)
+
+    def steady_state(
+        self,
+        period: float | None = None,
+        x0: ArrayLike | None = None,
+        *,
+        method: EventDriven | None = None,
+        tolerance: float = 1e-11,
+    ) -> SteadyState:
+        """Find a periodic solution, by Newton's method on the map over one period.
+
+        Its derivative is exact, events included, whichever modes a period goes through. An oscillation without a clock
+        has no given period, and is not found.
+
+        Parameters
+        ----------
+        period : float, optional
+            Seconds; the longest of all sources and controls if missing.
+        x0 : array_like, shape (m,), optional
+            A state near the solution: voltages of all capacitors and currents of all inductors, in the order in which
+            they were added. The elements' initial values if missing.
+        method : EventDriven, optional
+        tolerance : float
+            Largest change over a period, as a share of the largest voltage or current.
+
+        Raises
+        ------
+        InvalidInputError
+            See `to_lcs`; or a period after which a source or control does not begin anew.
+        NotFoundError
+            No periodic solution was found, which proves nothing.
+        NumericalError
+            See `pricing_core.lcs.simulate`.
+
+        Examples
+        --------
+        A buck converter halves its voltage:
+
+        >>> from pricing_core.models import Pulse
+        >>> circuit = DiodeCircuit().voltage_source("V1", "in", "0", 12).diode("D1", "0", "x")
+        >>> circuit = circuit.switch("S1", "in", "x", Pulse(period=10e-6, width=5e-6))
+        >>> circuit = circuit.inductor("L1", "x", "out", 1e-4).capacitor("C1", "out", "0", 1e-4)
+        >>> steady = circuit.resistor("R1", "out", "0", 2).steady_state()
+        >>> round(steady.run.mean("v(out)"), 9), round(steady.efficiency(["R1"], ["V1"]), 9), steady.is_stable
+        (6.0, 1.0, True)
+        """
+        circuit = SwitchedCircuit(self.elements)
+        chosen = EventDriven() if method is None else method
+        if not isinstance(chosen, EventDriven) or chosen.rebound is not None:
+            raise InvalidInputError("method", method, "an EventDriven without another law of rebound")
+        count = initial_states(self.elements).size
+        start = None if x0 is None else as_vector("x0", x0, count)
+        allowed = as_number("tolerance", tolerance)
+        if allowed <= 0.0:
+            raise InvalidInputError("tolerance", tolerance, "a number > 0")
+        return find_steady_state(circuit, ends_of(self.elements), period, start, chosen, allowed)
+
+    def _switched_run(
+        self,
+        switched: SwitchedCircuit,
+        span: tuple[float, float],
+        x0: ArrayLike | None,
+        method: SimulationMethod,
+        t_eval: ArrayLike | None,
+        interrupt: Callable[[], bool] | None,
+    ) -> CircuitRun:
+        chosen = as_method(method)
+        if not isinstance(chosen, EventDriven) or chosen.rebound is not None:
+            raise InvalidInputError("method", method, '"event-driven" for a circuit with switches')
+        given = initial_states(self.elements)
+        start = given if x0 is None else as_vector("x0", x0, given.size)
+        reported = None if t_eval is None else checked_times(t_eval, span)
+        if interrupt is not None:
+            check_callable("interrupt", interrupt, "nothing")
+        trajectory, record = switched.simulate(span, start, chosen, reported, interrupt)
+        return read_run(record, trajectory, span[0], ends_of(self.elements), from_elements=x0 is None)
+
+
+def ends_of(elements: Sequence[Element]) -> dict[str, tuple[str, str]]:
+    """Return the nodes of every branch."""
+    return {branch.name: (branch.plus, branch.minus) for element in elements for branch in element.branches}
+
+
+def _advised(error: NumericalError, elements: Sequence[Element]) -> NumericalError:
+    """Return the error with what may be wrong with the circuit."""
+    advice = unlimited(elements)
+    return error if advice is None else type(error)(f"{advice}: {error}")
