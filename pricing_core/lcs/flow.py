@@ -39,6 +39,8 @@ class Flow:
         Largest of the terms that the state at the start is a sum of.
     closed : ClosedForm, optional
         Of the last step, where that is longer than one Taylor polynomial reaches.
+    final : Vector, shape (d,), optional
+        The coordinates at the end, where they are known.
     falls : Vector, shape (d,), optional
         What becomes negative where the flow ends, as a function of the coordinates; none where its end is given.
     """
@@ -52,6 +54,7 @@ class Flow:
     largest: float = 0.0
     closed: ClosedForm | None = None
     falls: Vector | None = None
+    final: Vector | None = None
 
     @property
     def mode(self) -> IndexSet:
@@ -76,6 +79,8 @@ class Flow:
 
     def coordinates_at(self, t: float) -> Vector:
         """Return the coordinates at a time of this flow, shape (d,)."""
+        if t == self.end and self.final is not None:
+            return self.final
         step = max(bisect_right(self.times, t) - 1, 0)
         elapsed = (t - self.times[step]) * self.form.units.rate
         start = self.coordinates[step][None]
@@ -165,21 +170,27 @@ def _by_mode(
     starts = [
         (flow, begin, c) for flow in flows for begin, c in zip(flow.times, flow.coordinates, strict=True)
     ]
+    lasts = np.cumsum([len(flow.times) for flow in flows]) - 1
+    ends = {id(flow): last for flow, last in zip(flows, lasts.tolist(), strict=True)}  # the last step of each
     rows_of: dict[tuple[int, int], list[int]] = {}
     for row, step in enumerate(steps.tolist()):
         flow = starts[step][0]
         rows_of.setdefault((id(flow.dynamics), id(flow.closed)), []).append(row)
     for rows in rows_of.values():
-        held = [starts[step] for step in steps[rows].tolist()]
-        flow = held[0][0]
-        elapsed = (t[rows] - np.array([begin for _, begin, _ in held])) * flow.form.units.rate
-        c = _flowed(flow.dynamics, flow.closed, np.array([c for _, _, c in held]), elapsed)
-        yield rows, flow, c
+        held = []
+        for step, time in zip(steps[rows].tolist(), t[rows].tolist(), strict=True):
+            flow, begin, c = starts[step]
+            at_end = time == flow.end and flow.final is not None and step == ends[id(flow)]
+            held.append((time, flow.final) if at_end else (begin, c))
+        flow = starts[steps[rows[0]]][0]
+        elapsed = (t[rows] - np.array([begin for begin, _ in held])) * flow.form.units.rate
+        yield rows, flow, _flowed(flow.dynamics, flow.closed, np.array([c for _, c in held]), elapsed)
 
 
 def _flowed(dynamics: ModeDynamics, closed: ClosedForm | None, starts: Matrix, elapsed: Vector) -> Matrix:
     """Return the coordinates so long after these starts, in the form's units of time, shape (m, d)."""
-    c = dynamics.flowed(starts, np.minimum(elapsed / dynamics.step, LONGER))
+    c, moved = starts.copy(), np.flatnonzero(elapsed)
+    c[moved] = dynamics.flowed(starts[moved], np.minimum(elapsed[moved] / dynamics.step, LONGER))
     for row in np.flatnonzero(elapsed > LONGER * dynamics.step):
         if closed is not None:
             c[row] = closed.states(starts[row], elapsed[row : row + 1])[0]

@@ -108,7 +108,7 @@ class FlowToEvent:
                 terms = np.maximum(np.maximum(sizes, known), np.abs(dynamics.scaled_rate) @ np.abs(start))
                 crossed = _falling(dynamics, State(values, terms)) if end == t1 else []
             if crossed or t >= end or (slow is not None and slow.is_all_of(values)):
-                flow.end = t
+                flow.end, flow.final = t, values
                 flow.falls = watched[crossed[0]] if crossed else None
                 return FlowEnd(t, State(values, sizes), crossed, is_low)
 
@@ -137,7 +137,7 @@ class FlowToEvent:
         length = (end - flow.times[-1]) * self.record.form.units.rate
         values = flow.closed.states(c.z, np.array([length]))[0]
         check_size(values, end)
-        flow.end = end
+        flow.end, flow.final = end, values
         return FlowEnd(end, State(values, np.maximum(c.sizes, np.abs(values))), [], False)
 
     def _note_touching(

@@ -16,6 +16,7 @@ from pricing_core.linalg.rational import (
     as_fractions,
     rational_array,
     rounded,
+    sparse_product,
 )
 from pricing_core.linalg.rational_definite import negative_vector
 from pricing_core.models.circuits.circuit_lcs import CircuitLCS
@@ -57,10 +58,10 @@ def assemble(elements: Sequence[Element], *, shared: bool = False) -> CircuitLCS
     states = solved_states(full, W, k)
     unknowns = solved_unknowns(full, states, u)
     X, U, E = slice(0, n), slice(n, n + k), slice(n + k, None)
-    slopes = W @ equations.rate @ unknowns
+    slopes = sparse_product(sparse_product(W, equations.rate), unknowns)
     A, B, C, D = slopes[:, X], slopes[:, U], unknowns[y][:, X], unknowns[y][:, U]
     M = equations.M
-    Q = states[:, X].T @ M @ states[:, X]
+    Q = sparse_product(sparse_product(states[:, X].T, M), states[:, X])
     values = [value for _, value in source_values(elements, with_one=shared)]
     branches = {branch.name for element in elements for branch in element.branches}
     sources = SourceSignals(
@@ -162,5 +163,5 @@ def _satisfies(
     Q: RationalMatrix, A: RationalMatrix, B: RationalMatrix, C: RationalMatrix, D: RationalMatrix
 ) -> bool:
     """Tell whether the matrix of (11.6) is negative semidefinite."""
-    coupling = Q @ B - C.T
-    return negative_vector(-np.block([[A.T @ Q + Q @ A, coupling], [coupling.T, -(D + D.T)]])) is None
+    coupling, change = sparse_product(Q, B) - C.T, sparse_product(Q, A)
+    return negative_vector(-np.block([[change.T + change, coupling], [coupling.T, -(D + D.T)]])) is None

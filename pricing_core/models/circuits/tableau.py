@@ -44,6 +44,10 @@ class Tableau(NamedTuple):
     @property
     def rate(self) -> RationalMatrix:
         """M^-1 Phi, shape (n, a)."""
+        rest = self.M.copy()
+        np.fill_diagonal(rest, fmpq(0))
+        if not rest.any():
+            return np.asarray(self.Phi / self.M.diagonal()[:, None])
         return from_flint(to_flint(self.M).solve(to_flint(self.Phi)))
 
 
