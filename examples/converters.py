@@ -1,6 +1,6 @@
 """Five DC-DC converters in their periodic steady state, each held against the laws of textbooks.
 
-Run it from the root of the project: .venv/bin/python examples/converters.py [FOLDER]
+Run it from the root of the project: .venv/bin/python examples/converters.py
 
 The laws are those of Erickson and Maksimovic, Fundamentals of Power Electronics (2020), chapters 2, 3 and 5. Some
 follow from the mean voltage of an inductor, which is zero, and are exact; the others neglect the ripple of the output,
@@ -8,7 +8,6 @@ and hold to the larger tolerances that are printed.
 """
 
 import math
-import sys
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -135,7 +134,7 @@ for axes, (name, found) in zip(figure.subplots(len(runs), sharex=True), runs.ite
     axes.grid(alpha=0.3)
 figure.align_ylabels()
 axes.set_xlabel("microseconds of one period")
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "examples/out")
+folder = Path(__file__).parent / "out"
 folder.mkdir(parents=True, exist_ok=True)
 figure.savefig(folder / "converters.png", dpi=120)
 print(f"wrote {folder / 'converters.png'}")
