@@ -9,7 +9,7 @@ import numpy as np
 from app.commands.model_keys import TEXT, VECTOR, Key
 from app.commands.models.circuit_elements import ELEMENTS
 from app.commands.models.method import METHOD, method_in
-from app.commands.models.times import SPAN_AND_TIMES, times_in
+from app.commands.models.times import SPAN_AND_TIMES, T_SPAN, times_in
 from app.commands.simulation import CURVE_POINTS, Columns, Modes, Samples, Simulation, of_samples
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.models import CircuitRun, DiodeCircuit
@@ -23,6 +23,7 @@ KEYS: Mapping[str, Key] = {
     **CIRCUIT,
     "x0": VECTOR.described("the independent states; the elements' initial values where missing"),
     **SPAN_AND_TIMES,
+    "t_span": T_SPAN.described("[start, end]; that of the netlist's .tran where missing"),
     **METHOD,
 }
 
@@ -36,7 +37,9 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         What `KEYS` read.
     """
     circuit, method = circuit_of(values), method_in(values)
-    run = circuit.simulate(values["t_span"], values.get("x0"), method=method, t_eval=times_in(values))
+    span = values.get("t_span", circuit.t_span)
+    times = None if span is None else times_in({**values, "t_span": span})
+    run = circuit.simulate(span, values.get("x0"), method=method, t_eval=times)
     simulation = of_samples(
         run.trajectory,
         _samples(run),
@@ -44,7 +47,10 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         run.circuit.state_names,
         Modes(run.circuit.slack_names),
     )
-    return replace(simulation, facts={**simulation.facts, "energy_lost_at_start": run.energy_lost_at_start})
+    facts = {**simulation.facts, "energy_lost_at_start": run.energy_lost_at_start}
+    if circuit.notes:
+        facts["notes"] = list(circuit.notes)
+    return replace(simulation, facts=facts)
 
 
 def circuit_of(values: Mapping[str, Any]) -> DiodeCircuit:

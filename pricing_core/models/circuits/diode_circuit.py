@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from pathlib import Path
 from typing import Self
 
 from numpy.typing import ArrayLike
@@ -27,7 +28,7 @@ from pricing_core.models.circuits.elements import (
     Transformer,
 )
 from pricing_core.models.circuits.equations import Number
-from pricing_core.models.circuits.netlist import read_netlist
+from pricing_core.models.circuits.netlist.reader import Netlist, read_netlist
 from pricing_core.models.circuits.run import CircuitRun, read_run
 from pricing_core.models.circuits.signals import Value, check_periods
 from pricing_core.models.circuits.sources import (
@@ -63,21 +64,32 @@ class DiodeCircuit:
     def __init__(self) -> None:
         self._elements: dict[str, Element] = {}
         self._taken: dict[str, str] = {}  # every name of an element or branch, and whose it is
+        self.notes: tuple[str, ...] = ()  # what of a netlist was read otherwise than SPICE does, or left out
+        self.t_span: tuple[float, float] | None = None  # from a netlist's .tran, in seconds
 
     @classmethod
     def from_netlist(cls, text: str) -> Self:
         """Read the circuit from a netlist in a subset of SPICE's language.
 
         One element a line, its kind by the first letter of its name: R, C, L (with IC=), D, V, I (a number, DC number,
-        SIN(offset amplitude hertz 0 0 degrees) or PWL(time value ...)), E, G, F, H (controlled by two nodes or by the
-        current of any element), K (coupled inductors), and X for an ideal transformer, with the four nodes and the
-        ratio. Engineering suffixes; lines that begin with * and what follows ; are comments, + continues a line, .end
-        ends. Case does not matter. Unlike SPICE's, a title begins with *.
+        SIN, PULSE, EXP or PWL), E, G, F, H (controlled by two nodes or by the current of any element), K (coupled
+        inductors), S and W (switches, with ON or OFF), and X for an instance of a subcircuit, or for an ideal
+        transformer with four nodes and the ratio. Numbers such as 4.7k, 4k7, 100n, 2MEG, 5mil; names of parameters;
+        expressions in braces or quotes, which are evaluated as such and never run as programs. Lines that begin with *
+        and what follows ; are comments, + continues a line, .end ends. Case does not matter. A first line that cannot
+        be read as an element is the title.
+
+        .param NAME=expression; .subckt and .ends; .ic for the voltages of capacitors and the currents of inductors;
+        .tran for t_span; .model of type D, SW (VT, VH, RON, ROFF), VSWITCH (VON, VOFF) and CSW (IT, IH). A diode's
+        model without parameters is ideal; with some it is a drop of N 25.85 mV ln(1 + I/IS) at I = 10 mA, or at
+        .options diode_current=I, in series with RS. Without ROFF an open switch carries no current. `notes` says what
+        was read so and what was left out.
 
         Raises
         ------
         InvalidInputError
-            A line that is none of these; the message names it.
+            A line that is none of these; the message names it and says why. A file is included by
+            `from_netlist_file` alone.
 
         Examples
         --------
@@ -89,10 +101,29 @@ class DiodeCircuit:
         >>> circuit.simulate((0.0, 0.1)).voltage("out")[-1:].round(9)
         array([10.])
         """
-        circuit = cls()
-        for element in read_netlist(text):
-            circuit.add(element)
-        return circuit
+        return cls()._read(read_netlist(text))
+
+    @classmethod
+    def from_netlist_file(cls, path: str | Path) -> Self:
+        """Read the circuit from a file, which may include others from its folder; see `from_netlist`.
+
+        Raises
+        ------
+        InvalidInputError
+            The file cannot be read; a line is none of a netlist's, or includes a file outside the folder.
+        """
+        file = Path(path)
+        try:
+            text = file.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise InvalidInputError("netlist", str(path), f"a file that can be read: {error}") from None
+        return cls()._read(read_netlist(text, file.parent))
+
+    def _read(self, netlist: Netlist) -> Self:
+        for element in netlist.elements:
+            self.add(element)
+        self.notes, self.t_span = tuple(netlist.notes), netlist.t_span
+        return self
 
     @property
     def elements(self) -> tuple[Element, ...]:
@@ -272,7 +303,7 @@ class DiodeCircuit:
 
     def simulate(
         self,
-        t_span: tuple[float, float],
+        t_span: tuple[float, float] | None = None,
         x0: ArrayLike | None = None,
         *,
         method: SimulationMethod = "event-driven",
@@ -283,6 +314,8 @@ class DiodeCircuit:
 
         Parameters
         ----------
+        t_span : (float, float), optional
+            That of the netlist's .tran if missing.
         x0 : array_like, shape (n,), optional
             In the order of `CircuitLCS.state_names`; from the elements' initial voltages and currents if missing.
         method, t_eval, interrupt
@@ -306,7 +339,9 @@ class DiodeCircuit:
         >>> run.voltage("b")[-1:].round(12), run.events[0].energy_lost
         (array([2.]), 3.0)
         """
-        span = checked_span(t_span)
+        if t_span is None and self.t_span is None:
+            raise InvalidInputError("t_span", Told("missing"), "given, or in the netlist as .tran")
+        span = checked_span(self.t_span if t_span is None else t_span)  # type: ignore[arg-type]
         for element in self.elements:
             if isinstance(element, VoltageSource | CurrentSource):
                 check_periods(element.name, element.value, span)

@@ -25,8 +25,10 @@ from pricing_core.models.circuits.assembly import assemble
 from pricing_core.models.circuits.circuit_lcs import CircuitLCS
 from pricing_core.models.circuits.elements import Capacitor, Element, Inductor, pairs_of
 from pricing_core.models.circuits.equations import GROUND, ONE
+from pricing_core.models.circuits.gates import with_clocks, without_effect
 from pricing_core.models.circuits.readings import Readings
 from pricing_core.models.circuits.signals import stacked
+from pricing_core.models.circuits.sources import CurrentSource, VoltageSource
 from pricing_core.models.circuits.switches import (
     Switch,
     Threshold,
@@ -57,6 +59,7 @@ class SwitchedCircuit:
     )
 
     def __post_init__(self) -> None:
+        self.elements = with_clocks(self.elements)
         self.switches = tuple(element for element in self.elements if isinstance(element, Switch))
 
     def system(self, positions: Positions) -> CircuitLCS:
@@ -123,9 +126,14 @@ class SwitchedCircuit:
             for i, switch in enumerate(self.switches)
             if not isinstance(switch.control, Threshold)
         }
-        signal = self.signal
+        signal, idle = self.signal, without_effect(self.elements)
+        values = [
+            element.value
+            for element in self.elements
+            if isinstance(element, VoltageSource | CurrentSource) and element.name not in idle
+        ]
         close = min((resolution(control) for control in clocks.values()), default=0.0)
-        times = [signal.knots(*span), *(instants(control, *span) for control in clocks.values())]
+        times = [stacked(values).knots(*span), *(instants(control, *span) for control in clocks.values())]
         merged = distinct(np.concatenate(times), close)
         looked = np.concatenate([[span[0]], merged])
         closed = np.tile(np.array(self.start_positions(), dtype=bool), (looked.size, 1))
@@ -241,9 +249,14 @@ def _guard(circuit: CircuitLCS, control: Threshold, closed: bool) -> tuple[Vecto
     readings, sources = circuit.readings, circuit.sources
     place = {name: i for i, name in enumerate(readings.names)}
     X, U, E = (np.zeros(part.shape[1]) for part in (readings.X, readings.U, readings.E))
-    for node, sign in ((control.plus, 1.0), (control.minus, -1.0)):
-        if node != GROUND:
-            row = place[f"v({node})"]
+    ends = (
+        (("i", control.plus, 1.0),)
+        if not control.minus
+        else (("v", control.plus, 1.0), ("v", control.minus, -1.0))
+    )
+    for kind, name, sign in ends:
+        if (kind, name) != ("v", GROUND):
+            row = place[f"{kind}({name})"]
             X, U, E = X + sign * readings.X[row], U + sign * readings.U[row], E + sign * readings.E[row]
     threshold, width = float(control.threshold), float(control.hysteresis)
     E[sources.names.index(ONE)] -= threshold - width if closed else threshold + width

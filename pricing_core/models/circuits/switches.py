@@ -74,7 +74,8 @@ class Pulse:
 class Threshold:
     """Closes where v(plus) - v(minus) rises above threshold + hysteresis, opens where it falls below their difference.
 
-    In between it stays as it is; at the start it is open there, unless `closed` says otherwise.
+    In between it stays as it is; at the start it is open there, unless `closed` says otherwise. Without `minus` it is
+    the current of the element `plus`.
     """
 
     plus: str
@@ -124,6 +125,11 @@ class Switch:
     def branches(self) -> tuple[Branch, ...]:
         """One."""
         return (Branch(self.name, self.plus, self.minus),)
+
+    @property
+    def equations(self) -> tuple[Row, ...]:
+        """None before its position is known."""
+        return ()
 
     def at(self, closed: bool) -> SwitchAt:
         """Return the element that it is in one of its positions."""

@@ -45,7 +45,10 @@ def _check_references(elements: Sequence[Element], branches: Sequence[Branch], n
     names = {branch.name for branch in branches}
     for element in elements:
         control = element.switch.control if isinstance(element, SwitchAt) else None
-        for node in (control.plus, control.minus) if isinstance(control, Threshold) else ():
+        if isinstance(control, Threshold) and not control.minus and control.plus not in names:
+            allowed = "an element of the circuit that carries a current"
+            raise InvalidInputError(f"control of {element.name}", control.plus, allowed)
+        for node in (control.plus, control.minus) if isinstance(control, Threshold) and control.minus else ():
             if node not in nodes:
                 raise InvalidInputError(f"control of {element.name}", node, "a node of the circuit")
     inductors = {element.name for element in elements if isinstance(element, Inductor)}
