@@ -63,9 +63,7 @@ def test_a_report_has_a_sentence_and_a_panel_for_each_problem(monkeypatch: pytes
             PeerRun(problem, "nosnoc", 1e-3, None, None, "not installed"),
         ]
 
-    monkeypatch.setattr(
-        simulation_peers, "PROBLEMS", dict.fromkeys(simulation_peers.PROBLEMS, dry_friction)
-    )
+    monkeypatch.setattr(simulation_peers, "PROBLEMS", dict.fromkeys(simulation_peers.PROBLEMS, dry_friction))
     names = iter(simulation_peers.STEPS)
     monkeypatch.setattr(simulation_peers, "_of_system", lambda *_: some(next(names)))
     monkeypatch.setattr(simulation_peers, "_of_beads", lambda _: some("beads"))

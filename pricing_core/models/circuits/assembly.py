@@ -18,7 +18,6 @@ from pricing_core.linalg.rational import (
     rounded,
     sparse_product,
 )
-from pricing_core.linalg.rational_definite import negative_vector
 from pricing_core.models.circuits.circuit_lcs import CircuitLCS
 from pricing_core.models.circuits.elements import Capacitor, Element, Inductor
 from pricing_core.models.circuits.equations import ONE, Number, Symbol
@@ -84,7 +83,7 @@ def assemble(elements: Sequence[Element], *, shared: bool = False) -> CircuitLCS
         multiplier_names=tuple(_port_name(equations.unknowns[j]) for j in u),
         slack_names=tuple(_port_name(equations.unknowns[j]) for j in y),
         stored_energy=rounded(Q),
-        is_passive=_satisfies(Q, A, B, C, D),
+        exact_energy=Q,
         readings=Readings(
             tuple("{}({})".format(*equations.unknowns[j]) for j in named),
             *(rounded(unknowns[named][:, part]) for part in (X, U, E)),
@@ -157,11 +156,3 @@ def _state_names(
             name += f" {sign} {factor}{source}".rstrip() + "'" * order
         names.append(name)
     return tuple(names)
-
-
-def _satisfies(
-    Q: RationalMatrix, A: RationalMatrix, B: RationalMatrix, C: RationalMatrix, D: RationalMatrix
-) -> bool:
-    """Tell whether the matrix of (11.6) is negative semidefinite."""
-    coupling, change = sparse_product(Q, B) - C.T, sparse_product(Q, A)
-    return negative_vector(-np.block([[change.T + change, coupling], [coupling.T, -(D + D.T)]])) is None
