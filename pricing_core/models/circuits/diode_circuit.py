@@ -30,7 +30,7 @@ from pricing_core.models.circuits.elements import (
 from pricing_core.models.circuits.equations import Number
 from pricing_core.models.circuits.netlist.reader import Netlist, read_netlist
 from pricing_core.models.circuits.run import CircuitRun, read_run
-from pricing_core.models.circuits.signals import Value, check_periods
+from pricing_core.models.circuits.signals import MOST_PULSES, Value, check_count, check_periods
 from pricing_core.models.circuits.sources import (
     CurrentControlled,
     CurrentSource,
@@ -39,7 +39,7 @@ from pricing_core.models.circuits.sources import (
 )
 from pricing_core.models.circuits.steady_state import SteadyState, find_steady_state
 from pricing_core.models.circuits.switched_circuit import SwitchedCircuit
-from pricing_core.models.circuits.switches import Control, Switch
+from pricing_core.models.circuits.switches import Control, Pulse, Switch
 from pricing_core.models.circuits.unlimited import unlimited
 
 
@@ -345,6 +345,8 @@ class DiodeCircuit:
         for element in self.elements:
             if isinstance(element, VoltageSource | CurrentSource):
                 check_periods(element.name, element.value, span)
+            if isinstance(element, Switch) and isinstance(element.control, Pulse):
+                check_count(element.name, element.control.period, span, MOST_PULSES)
         switched = SwitchedCircuit(self.elements)
         if switched.switches:
             return self._switched_run(switched, span, x0, method, t_eval, interrupt)

@@ -16,7 +16,8 @@ from pricing_core.models.circuits.checked import SMALLEST, checked_number, settl
 from pricing_core.models.circuits.equations import Number
 
 MOST_KNOTS = 20_000  # of lists of times; a run takes about a millisecond for each
-MOST_PERIODS = 1e5  # and some for each of these
+MOST_PERIODS = 1e5  # of sines; and some for each of these
+MOST_PULSES = 2e5  # periods of pulses and of clocks, of about 2 kB and some tenths of a millisecond each
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,13 +85,16 @@ def stacked(values: Sequence[Value]) -> Exosystem:
 def check_periods(name: str, value: Value, t_span: tuple[float, float]) -> None:
     """Refuse an interval of so many periods that no simulation would come to its end."""
     if isinstance(value, Sine):
-        frequency = value.frequency
-    else:
-        frequency = 1.0 / value.period if isinstance(value, Exosystem) and value.period is not None else 0.0
-    if frequency * (t_span[1] - t_span[0]) > MOST_PERIODS:
-        longest = MOST_PERIODS / frequency
+        check_count(name, 1.0 / value.frequency, t_span, MOST_PERIODS)
+    elif isinstance(value, Exosystem) and value.period is not None:
+        check_count(name, value.period, t_span, MOST_PULSES)
+
+
+def check_count(name: str, period: float, t_span: tuple[float, float], most: float) -> None:
+    """Refuse an interval of more periods than that."""
+    if t_span[1] - t_span[0] > (1.0 + 1e-9) * most * period:
         raise InvalidInputError(
-            "t_span", t_span, f"no longer than {longest:g} s: {MOST_PERIODS:g} periods of {name}"
+            "t_span", t_span, f"no longer than {most * period:g} s: {most:g} periods of {name}"
         )
 
 

@@ -87,7 +87,11 @@ def test_every_kind_of_element_is_read():
         ("C1 a 0 1 IC=2 ic=3", r"line 2 .* must be with one value of ic"),
         pytest.param("R1 a 0 " + "9" * 5000, r"must be a number such as", id="5000 digits"),
         pytest.param("R1 a 0 1e" + "9" * 5000, r"must be a number such as", id="an exponent of 5000 digits"),
-        ("Q1 a b c", r"= 'Q1': must be an element whose name begins with one of R C L D V.*title"),
+        (
+            "Q1 a b c",
+            r"line 2 .* = 'Q1 a b c': must be a switch, S<name> with a model of type SW, and a diode",
+        ),
+        ("T1 a b c", r"= 'T1': must be an element whose name begins with one of R C L D V.*title"),
         ("C1 a 0 1 IC=", r"must be of the form \.\.\. NAME=value"),
         ("c0 a 0 1", r"= 'c0': must be a name that no other element has"),
         ("D1 a 0 m 4", r"must be of the form D<name> anode cathode \[model\]"),

@@ -69,6 +69,24 @@ def test_losses_are_those_of_the_resistances():
     assert steady.efficiency(["R1"], ["V1"]) == pytest.approx(load / (load + lost), rel=1e-10)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_all_powers_of_a_converter_with_losses_add_up_to_nothing(seed):
+    rng = np.random.default_rng(seed)
+    duty, ohms, drop, on, esr = rng.uniform([0.2, 2.0, 0.2, 0.01, 0.01], [0.7, 200.0, 0.8, 0.2, 0.2])
+    circuit = (
+        DiodeCircuit().voltage_source("V", "in", "0", 12).switch("S", "in", "x", Pulse(T, duty * T), on, 1e5)
+    )
+    circuit.diode("D", "0", "x", drop, 0.02).inductor("L", "x", "y", 1e-4).resistor("RL", "y", "out", esr)
+    circuit.capacitor("C", "out", "e", 2e-5).resistor("RC", "e", "0", esr).resistor("R", "out", "0", ohms)
+    run = circuit.steady_state().run
+    powers = {name: run.power(name) for name in run.currents}
+    assert sum(powers.values()) == pytest.approx(0.0, abs=1e-11 * -powers["V"])
+    assert powers["C"] == pytest.approx(0.0, abs=1e-10 * -powers["V"])
+    assert powers["L"] == pytest.approx(0.0, abs=1e-10 * -powers["V"])
+    assert powers["R"] == pytest.approx(run.rms("v(out)") ** 2 / ohms, rel=1e-11)
+    assert powers["D"] == pytest.approx(drop * run.mean("i(D)") + 0.02 * run.rms("i(D)") ** 2, rel=1e-10)
+
+
 def test_the_steady_state_is_where_a_long_run_ends():
     circuit = buck(0.4, 40.0, farads=1e-5)
     steady = circuit.steady_state()

@@ -151,6 +151,12 @@ def test_a_switch_that_its_own_voltage_turns_on_and_off_is_an_error():
         circuit.simulate((0.0, 1e-3))
 
 
+def test_more_periods_than_memory_holds_are_refused():
+    circuit = DiodeCircuit().voltage_source("V1", "a", "0", 5).switch("S1", "a", "b", Pulse(1e-9, 5e-10))
+    with pytest.raises(InvalidInputError, match=r"t_span = .* no longer than 0.0002 s: 200000 periods of S1"):
+        circuit.resistor("R1", "b", "0", 1).simulate((0.0, 1.0))
+
+
 def test_shorted_sources_name_the_switches():
     circuit = DiodeCircuit().voltage_source("V1", "a", "0", 5).switch("S1", "a", "x", Pulse(1, 0.5))
     circuit.switch("S2", "x", "0", Pulse(1, 0.5, 0.2)).resistor("R", "x", "0", 1)

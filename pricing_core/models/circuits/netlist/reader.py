@@ -215,6 +215,11 @@ def _with_initial(
 def _element(card: Card, place: Place) -> Element:
     """Return the element that a card states."""
     letter = card.words[0][0].upper()
+    if letter in "MQJ":
+        allowed = (
+            "a switch, S<name> with a model of type SW, and a diode beside it: transistors are read as such"
+        )
+        raise card.line.fault(allowed)
     if letter not in _READERS:
         allowed = f"an element whose name begins with one of {' '.join(_READERS)}; a title begins with *"
         raise InvalidInputError(card.field, card.words[0], allowed)
