@@ -12,14 +12,21 @@ from typing import Any
 import numpy as np
 
 
+LONG = 2.0  # seconds
+
+
 def main(problem: str, answer: str) -> None:
     """Read a problem, and write the answer to another file."""
     kernel = importlib.import_module("siconos.kernel")
     given = dict(np.load(problem))
     run = _beads if "F" in given else _system
-    begin = time.perf_counter()
-    x = run(kernel, given)
-    seconds = time.perf_counter() - begin
+    seconds = float("inf")
+    for _ in range(3):  # the least time counts, as for ours; long runs are made once
+        begin = time.perf_counter()
+        x = run(kernel, given)
+        seconds = min(seconds, time.perf_counter() - begin)
+        if seconds > LONG:
+            break
     np.savez(answer, x=x, seconds=seconds)
 
 

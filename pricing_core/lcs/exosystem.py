@@ -22,7 +22,7 @@ from pricing_core.arrays import (
     as_square_matrix,
     as_vector,
 )
-from pricing_core.errors import InvalidInputError, NumericalError
+from pricing_core.errors import InvalidInputError, NumericalError, Told
 
 SAME_INSTANT = 1e-12  # of a period: how closely its times are told apart
 
@@ -206,6 +206,11 @@ class JoinedExosystem(Exosystem):
     parts: tuple[Exosystem, ...]
 
     def __init__(self, parts: Sequence[Exosystem], output: ArrayLike) -> None:
+        if not isinstance(parts, list | tuple) or not parts:
+            raise InvalidInputError("parts", parts, "a list of exosystems, one or more")
+        for i, part in enumerate(parts):
+            if not isinstance(part, Exosystem):
+                raise InvalidInputError(f"parts[{i}]", Told(type(part).__name__), "an Exosystem")
         start = min(float(part.times[0]) for part in parts)
         states = np.concatenate([part.state_after(start) for part in parts])
         Exosystem.__init__(self, block_diag(*(part.generator for part in parts)), output, states, (start,))

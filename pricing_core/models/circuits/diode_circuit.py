@@ -112,10 +112,12 @@ class DiodeCircuit:
         InvalidInputError
             The file cannot be read; a line is none of a netlist's, or includes a file outside the folder.
         """
+        if not isinstance(path, str | Path):
+            raise InvalidInputError("path", path, "the name of a file")
         file = Path(path)
         try:
             text = file.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
+        except (OSError, ValueError) as error:
             raise InvalidInputError("netlist", str(path), f"a file that can be read: {error}") from None
         return cls()._read(read_netlist(text, file.parent))
 
@@ -296,6 +298,8 @@ class DiodeCircuit:
             raise InvalidInputError(
                 "closed", Told("missing"), f"some of the switches {', '.join(names)}, or ()"
             )
+        if closed is not None and not isinstance(closed, list | tuple | set | frozenset):
+            raise InvalidInputError("closed", closed, "a list of names of switches")
         for name in closed or ():
             if name not in names:
                 raise InvalidInputError("closed", name, f"a switch: {', '.join(names) or 'there is none'}")

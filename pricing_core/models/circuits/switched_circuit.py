@@ -3,10 +3,10 @@
 A switch is no complementary pair: its position is given from outside, by a clock or a threshold. So the circuit is a
 sequence of diode circuits, each with the states, the pairs and the uniqueness that theory gives it, whether a switch
 has resistances (then all share one state space) or none (then some capacitors or inductors are joined in one position,
-and x = W s has fewer entries). What passes from one to the next are the voltages of all capacitors and the
-currents of all inductors, s. W annihilates the jumps that the new position makes in an instant, so that charges of nodes
-and fluxes of loops are kept exactly; what diodes add to the jump follows from the rational complementarity problem.
-A threshold is one more function of the state that must not become negative, and is located as outputs are.
+and x = W s has fewer entries). What passes from one to the next are the voltages of all capacitors and the currents of
+all inductors, s. W annihilates the jumps that the new position makes in an instant, so that charges of nodes and fluxes
+of loops are kept exactly; what diodes add to the jump follows from the rational complementarity problem. A threshold is
+one more function of the state that must not become negative, and is located as outputs are.
 """
 
 from __future__ import annotations
