@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-
 LONG = 2.0  # seconds
 
 
