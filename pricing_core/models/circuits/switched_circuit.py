@@ -19,8 +19,8 @@ import numpy as np
 from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.errors import InvalidInputError, NumericalError
 from pricing_core.lcs import Event, EventDriven, Exosystem, Trajectory
-from pricing_core.lcs.exosystem import distinct
 from pricing_core.lcs.guards import Guards
+from pricing_core.lcs.joined_exosystem import distinct
 from pricing_core.lcs.mode_selection import OnNonUnique
 from pricing_core.lcs.switched import (
     Configuration,
