@@ -31,6 +31,8 @@ from pricing_core.errors import NumericalError
 from pricing_core.lcs import EventDriven, TimeStepping, simulate
 
 HERE = Path(__file__).parent / "lcs"
+# Matrices of a few rows gain nothing from threads, which wait for each other where other work fills the cores.
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 LIMIT = 120.0  # seconds that a peer may take for one run
 REFERENCES = ("regulated converter",)  # where the reference is our own run from event to event
 LONG = 2.0  # seconds from which on one of our runs is timed once
@@ -116,7 +118,7 @@ def run(*, quick: bool) -> Report:
         but for the regulated converter of Siconos' examples, whose reference is our run from event to event; the others
         approach it as their steps shrink. Ours are the chapter's implicit Euler steps, second-order steps, Moreau's
         steps for the beads, all of constant length, and the runs from event to event. Siconos takes the same steps by
-        EulerMoreauOSI and MoreauJeanOSI. Of nosnoc the time of its solver counts, without that of building it.
+        EulerMoreauOSI and MoreauJeanOSI, on one thread. Of nosnoc the time of its solver counts, without that of building it.
 
         {"Not installed here: " + ", ".join(missing) + "." if missing else "All peers were installed."}
 
@@ -241,7 +243,14 @@ def _peer(
         np.savez(asked, **{name: np.asarray(value) for name, value in given.items()})  # type: ignore[arg-type]
         command = [python, str(HERE / _SCRIPTS[peer]), str(asked), str(answer)]
         try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, check=False)
+            done = subprocess.run(
+                command,
+                capture_output=True,
+                text=True,
+                timeout=LIMIT,
+                check=False,
+                env=os.environ | ONE_THREAD,
+            )
         except subprocess.TimeoutExpired:
             return PeerRun(problem, peer, step, None, None, f"not in {LIMIT:g} s")
         if done.returncode or not answer.exists():
@@ -290,6 +299,7 @@ def _figure(runs: Sequence[PeerRun]) -> Figure:
         axes.set_xlabel("milliseconds")
         axes.set_ylabel("error")
         axes.grid(which="major", alpha=0.3)
+        axes.xaxis.set_minor_formatter("")
     handles = [
         figure.axes[0].plot([], [], f"{marker}-", color=colour, label=method)[0]
         for method, (colour, marker) in STYLES.items()

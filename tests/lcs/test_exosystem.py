@@ -103,7 +103,9 @@ def test_steps_of_a_train_are_told_apart_after_a_hundred_thousand_periods() -> N
 
 
 def test_what_is_no_train_is_refused() -> None:
-    with pytest.raises(InvalidInputError, match=r"period = 1.0: must be longer than rise, width and fall, 1.5"):
+    with pytest.raises(
+        InvalidInputError, match=r"period = 1.0: must be longer than rise, width and fall, 1.5"
+    ):
         pulses(0, 1, period=1, width=1, rise=0.5)
     with pytest.raises(InvalidInputError, match=r"parts\[1\] = int: must be an Exosystem"):
         JoinedExosystem([sine(1.0, 50.0), 3], [[1.0]])  # type: ignore[list-item]
