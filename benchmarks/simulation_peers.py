@@ -118,7 +118,8 @@ def run(*, quick: bool) -> Report:
         but for the regulated converter of Siconos' examples, whose reference is our run from event to event; the others
         approach it as their steps shrink. Ours are the chapter's implicit Euler steps, second-order steps, Moreau's
         steps for the beads, all of constant length, and the runs from event to event. Siconos takes the same steps by
-        EulerMoreauOSI and MoreauJeanOSI, on one thread. Of nosnoc the time of its solver counts, without that of building it.
+        EulerMoreauOSI and MoreauJeanOSI, on one thread. Of nosnoc the time of its solver counts, without that of
+        building it.
 
         {"Not installed here: " + ", ".join(missing) + "." if missing else "All peers were installed."}
 

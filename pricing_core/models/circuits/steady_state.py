@@ -30,6 +30,7 @@ MOST_STEPS = 60
 PATIENCE = 6  # steps that do not help: between modes the change may grow for a while
 DIFFERENCE = 1e-6  # share of the states by which they are moved where the derivative is not known
 LOOSE = 1e3  # times the tolerance, where no step changes less: rounding
+KEEPS = 1e-9  # how far from 1 a multiplier is 1
 WHOLE = 1e-9  # how closely a period must hold whole periods of every source
 
 
@@ -140,7 +141,8 @@ def find_steady_state(
     _check_repeats(circuit, span)
     turn = PeriodMap(circuit, span, method, circuit.start_positions())
     kinds = np.array(
-        [isinstance(e, Capacitor) for e in circuit.elements if isinstance(e, Capacitor | Inductor)]
+        [isinstance(e, Capacitor) for e in circuit.elements if isinstance(e, Capacitor | Inductor)],
+        dtype=bool,
     )
     s, best, least = _settled(turn, s, SETTLING), s, np.inf
     patience, periods = PATIENCE, SETTLING
@@ -156,7 +158,14 @@ def find_steady_state(
             periods, patience = 2 * periods, PATIENCE
             s = _settled(turn, best, periods)
             continue
-        step = np.linalg.lstsq(turn.derivative(trajectory, record, s) - np.eye(s.size), -change)[0]
+        derivative = turn.derivative(trajectory, record, s)
+        kept = _kept(derivative, change, record)
+        if kept and iteration >= PATIENCE:
+            raise NotFoundError(
+                f"no periodic solution of period {length:g} s: {kept} keeps what it gains in a period. Let no mean "
+                "voltage lie across an inductor, and no mean current flow into a capacitor, without a resistance"
+            )
+        step = np.linalg.lstsq(derivative - np.eye(s.size), -change)[0]
         try:  # the step may lead to a state that nothing holds in: a period later it does
             s, turn.positions = turn.after(s + step)
         except NumericalError:
@@ -166,6 +175,17 @@ def find_steady_state(
         f"state changes by {least:.1e} of its size in a period; nothing proved. Give x0 nearer to it, or a multiple of "
         "the period"
     )
+
+
+def _kept(derivative: Matrix, change: Vector, record: SwitchedRecord) -> str:
+    """Return the states that a period adds to without looking at them, none where there are none."""
+    values, left = np.linalg.eig(derivative.T)
+    for value, row in zip(values, left.T, strict=True):
+        gained = abs(row @ change)
+        if abs(value - 1.0) <= KEEPS and gained > 0.1 * float(np.abs(row) @ np.abs(change)) > 0.0:
+            names = record.state_names
+            return ", ".join(names[j] for j in np.flatnonzero(np.abs(row) > 0.1 * np.abs(row).max()))
+    return ""
 
 
 def _found(

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, NotFoundError
 from pricing_core.lcs import EventDriven
 from pricing_core.models import DiodeCircuit, Pulse, Sine
 from pricing_core.models.circuits.steady_state import PeriodMap
@@ -143,6 +143,19 @@ def test_a_hysteretic_control_has_its_derivative_too():
 def test_what_no_period_can_be_asked_for_is_refused(arguments, message):
     with pytest.raises(InvalidInputError, match=message):
         buck(0.4, 2.0).steady_state(**arguments)
+
+
+def test_what_accumulates_has_no_steady_state():
+    circuit = buck(0.4, 2.0).inductor("L9", "in", "0", 1e-3)
+    with pytest.raises(NotFoundError, match=r"period 1e-05 s: i\(L9\) keeps what it gains in a period"):
+        circuit.steady_state()
+
+
+def test_a_circuit_without_states_is_steady_at_once():
+    circuit = DiodeCircuit().voltage_source("V1", "a", "0", Sine(10, 50)).diode("D1", "a", "b")
+    steady = circuit.resistor("R1", "b", "0", 5).steady_state()
+    assert steady.x0.size == 0
+    assert steady.run.mean("v(b)") == pytest.approx(10 / math.pi, rel=1e-12)
 
 
 def test_a_circuit_without_a_clock_needs_a_period():
