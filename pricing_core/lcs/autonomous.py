@@ -93,7 +93,7 @@ def autonomous_form(system: LCS) -> AutonomousForm:
     array([2., 1.])
     """
     n = system.shape[0]
-    combined, inputs = with_inputs_as_states(system)
+    combined, inputs = with_inputs_as_states(system, rounded=n + system.shape[1] > EXACT_SIZE)
     A_seen, C_seen = combined.A.copy(), combined.C.copy()
     for part in (A_seen[:n, n:], C_seen[:, n:]):  # an offset of rounding size sets no unit
         part[np.abs(part) <= NOTHING * np.abs(part).max(axis=0, initial=0.0)] = 0.0
@@ -103,12 +103,12 @@ def autonomous_form(system: LCS) -> AutonomousForm:
     return AutonomousForm(_balanced(combined, units, is_exact), units, n, inputs, is_exact, system)
 
 
-def with_inputs_as_states(system: LCS) -> tuple[LCS, tuple[Exosystem, ...]]:
-    """Return the system of (x, w) in the units given, and the exosystems whose states w are."""
+def with_inputs_as_states(system: LCS, *, rounded: bool = False) -> tuple[LCS, tuple[Exosystem, ...]]:
+    """Return the system of (x, w) in the units given, rounded or not, and the exosystems whose states w are."""
     n, k = system.shape
     f, g = (as_exosystem(signal) for signal in (system.f, system.g))
     inputs = (f,) if _share_states(system.f, system.g) else (f, g)
-    A, B, C, D = system.given
+    A, B, C, D = (system.A, system.B, system.C, system.D) if rounded else system.given
     size = sum(signal.generator.shape[0] for signal in inputs)
     to_f, to_g = np.zeros((n, size)), np.zeros((k, size))
     to_f[:, : f.output.shape[1]] = f.output

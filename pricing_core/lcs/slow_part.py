@@ -50,7 +50,7 @@ class SlowPart:
     def is_all_of(self, c: Vector) -> bool:
         """Tell whether the fast part of these coordinates is no more than rounding."""
         fast = c - self.back @ (self.take @ c)
-        return float(np.linalg.norm(fast)) <= max(self.dead * float(np.linalg.norm(c)), NOTHING)
+        return math.sqrt(fast @ fast) <= max(self.dead * math.sqrt(c @ c), NOTHING)
 
 
 def slow_part(dynamics: ModeDynamics) -> SlowPart | None:

@@ -203,3 +203,45 @@ def test_the_state_may_switch_no_more_often_than_allowed():
 def test_what_is_no_switch_is_refused(build, message):
     with pytest.raises(InvalidInputError, match=message):
         build(DiodeCircuit().resistor("R", "a", "0", 1))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_circuits_with_switches_obey_kirchhoff_and_their_diodes(seed):
+    rng, period = np.random.default_rng(seed), 1e-5
+    circuit = DiodeCircuit().voltage_source("V", "n0", "0", Sine(10, 2e4, offset=5) if seed % 2 else 12)
+    nodes = ["0", "n0", "n1", "n2", "n3"]
+    for node in nodes[2:]:
+        circuit.resistor(f"R{node}", node, "0", rng.uniform(1, 100))
+    for j in range(int(rng.integers(5, 10))):
+        a, b = (nodes[i] for i in rng.choice(len(nodes), 2, replace=False))
+        kind = rng.integers(0, 4)
+        if kind == 0:
+            circuit.capacitor(f"C{j}", a, b, rng.uniform(1e-7, 1e-5), rng.normal())
+        elif kind == 1:
+            circuit.inductor(f"L{j}", a, b, rng.uniform(1e-5, 1e-3))
+        elif kind == 2:
+            circuit.diode(f"D{j}", a, b, rng.choice([0.0, 0.7]), rng.uniform(0.01, 1))
+        else:
+            clock = Pulse(period, rng.uniform(0.1, 0.9) * period, rng.uniform(0, 1) * period)
+            circuit.switch(f"S{j}", a, b, clock, rng.uniform(0.01, 1), rng.choice([None, 1e6]))
+    circuit.switch("S", "n1", "n2", Pulse(period, 0.5 * period), 0.1)
+    run = circuit.simulate((0.0, 4 * period)).refined(400)
+    largest = max(float(np.abs(values).max()) for values in run.currents.values())
+    for node in nodes[1:]:
+        out = sum(
+            (1 if ends[0] == node else -1) * run.currents[name]
+            for name, ends in run.ends.items()
+            if node in ends
+        )
+        assert out == pytest.approx(0.0, abs=1e-10 * largest)
+    closed = run.circuit.closed(run.trajectory)
+    for element in circuit.elements:
+        i, v = run.current(element.name), run.voltage(*run.ends[element.name])
+        if element.name[0] == "D":
+            left = element.forward_voltage + element.resistance * i - v
+            assert min(i.min() / largest, left.min()) >= -1e-9
+            assert np.abs(i * left).max() <= 1e-9 * largest
+        elif element.name[0] == "S":
+            on = closed[element.name]
+            assert v[on] == pytest.approx(element.resistance * i[on], abs=1e-9)
+            assert i[~on] == pytest.approx(v[~on] / (element.off_resistance or np.inf), abs=1e-9 * largest)
