@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pricing_core.lcs.distributions import InitialSolution, initial_solution
-from pricing_core.lcs.exosystem import Exosystem, piecewise_linear, sine
+from pricing_core.lcs.exosystem import Exosystem, piecewise_linear, pulses, sine
 from pricing_core.lcs.frequency_witness import FrequencyWitness
 from pricing_core.lcs.geometry import ModeGeometry, mode_geometry
 from pricing_core.lcs.ill_posedness import IllPosedness
+from pricing_core.lcs.joined_exosystem import JoinedExosystem
 from pricing_core.lcs.markov import LeadingMarkovParameter, leading_markov_parameter, markov_parameters
 from pricing_core.lcs.nonlinear import simulate_nonlinear
 from pricing_core.lcs.one_step_problem import OneStepProblem, one_step_problem
@@ -41,6 +42,7 @@ __all__ = [
     "FrequencyWitness",
     "IllPosedness",
     "InitialSolution",
+    "JoinedExosystem",
     "LCSStage",
     "LCSState",
     "LeadingCoefficients",
@@ -67,6 +69,7 @@ __all__ = [
     "one_step_problem",
     "passivity",
     "piecewise_linear",
+    "pulses",
     "rational_complementarity",
     "relative_degree",
     "simulate",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.arrays import IndexSet, Matrix, Vector
 from pricing_core.errors import NumericalError
 from pricing_core.lcs.balancing import Units, balancing_units
 from pricing_core.lcs.exosystem import Exosystem
@@ -39,6 +39,11 @@ class AutonomousForm:
         Whether ranks are decided in rational arithmetic: for small systems whose numbers look meant as they are.
     given : LCS
         The system of x as it was given.
+    readout : Matrix, shape (m, N), optional
+        What a run reports in the place of x, as a function of z in the units given: where several systems follow each
+        other, whose x differ.
+    exchanged : tuple of int
+        The pairs that a run reports with u and y exchanged.
     """
 
     system: LCS
@@ -47,6 +52,17 @@ class AutonomousForm:
     inputs: tuple[Exosystem, ...]
     is_exact: bool
     given: LCS
+    readout: Matrix | None = None
+    exchanged: IndexSet = ()
+
+    def reported(self, z: Matrix) -> Matrix:
+        """Return the states that a run reports, for z in the form's units, shape (..., N)."""
+        given = z * self.units.state
+        return given[..., : self.states] if self.readout is None else np.asarray(given @ self.readout.T)
+
+    def reported_mode(self, mode: IndexSet) -> IndexSet:
+        """Return the pairs whose reported y is zero, or those whose reported u is, back."""
+        return tuple(sorted({*mode}.symmetric_difference(self.exchanged)))
 
     def state_after(self, x: Vector, t: float) -> Vector:
         """Return z with the inputs as they are just after t, shape (n + p,)."""
@@ -54,7 +70,7 @@ class AutonomousForm:
 
     def knots(self, t0: float, t1: float) -> list[float]:
         """Return the times strictly inside at which an input starts anew."""
-        return sorted({float(t) for signal in self.inputs for t in signal.jumps if t0 < t < t1})
+        return sorted({t for signal in self.inputs for t in signal.knots(t0, t1).tolist()})
 
 
 def autonomous_form(system: LCS) -> AutonomousForm:
@@ -77,7 +93,7 @@ def autonomous_form(system: LCS) -> AutonomousForm:
     array([2., 1.])
     """
     n = system.shape[0]
-    combined, inputs = with_inputs_as_states(system)
+    combined, inputs = with_inputs_as_states(system, rounded=n + system.shape[1] > EXACT_SIZE)
     A_seen, C_seen = combined.A.copy(), combined.C.copy()
     for part in (A_seen[:n, n:], C_seen[:, n:]):  # an offset of rounding size sets no unit
         part[np.abs(part) <= NOTHING * np.abs(part).max(axis=0, initial=0.0)] = 0.0
@@ -87,12 +103,12 @@ def autonomous_form(system: LCS) -> AutonomousForm:
     return AutonomousForm(_balanced(combined, units, is_exact), units, n, inputs, is_exact, system)
 
 
-def with_inputs_as_states(system: LCS) -> tuple[LCS, tuple[Exosystem, ...]]:
-    """Return the system of (x, w) in the units given, and the exosystems whose states w are."""
+def with_inputs_as_states(system: LCS, *, rounded: bool = False) -> tuple[LCS, tuple[Exosystem, ...]]:
+    """Return the system of (x, w) in the units given, rounded or not, and the exosystems whose states w are."""
     n, k = system.shape
     f, g = (as_exosystem(signal) for signal in (system.f, system.g))
     inputs = (f,) if _share_states(system.f, system.g) else (f, g)
-    A, B, C, D = system.given
+    A, B, C, D = (system.A, system.B, system.C, system.D) if rounded else system.given
     size = sum(signal.generator.shape[0] for signal in inputs)
     to_f, to_g = np.zeros((n, size)), np.zeros((k, size))
     to_f[:, : f.output.shape[1]] = f.output
@@ -149,5 +165,4 @@ def _share_states(f: PiecewiseConstant | Exosystem, g: PiecewiseConstant | Exosy
     """Tell whether both inputs were given as outputs of one exosystem."""
     if not (isinstance(f, Exosystem) and isinstance(g, Exosystem)):
         return False
-    pairs = ((f.generator, g.generator), (f.states, g.states), (f.times, g.times))
-    return all(np.array_equal(one, other) for one, other in pairs)
+    return f.shares_states_with(g)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -12,8 +12,9 @@ from pricing_core.arrays import IndexSet, Vector
 from pricing_core.lcs.accumulation import Accumulation
 from pricing_core.lcs.autonomous import autonomous_form
 from pricing_core.lcs.contact_order import depends_on_order
-from pricing_core.lcs.flow import evaluate, evaluate_each
+from pricing_core.lcs.flow import evaluate, evaluate_each, flow_at, flow_of_each
 from pricing_core.lcs.flow_to_event import FlowEnd, FlowToEvent
+from pricing_core.lcs.guards import Guards
 from pricing_core.lcs.landing import Landings
 from pricing_core.lcs.mode_dynamics import ModeDynamics, State
 from pricing_core.lcs.mode_selection import ModeSelector
@@ -38,13 +39,26 @@ def drive_by_events(
     form = autonomous_form(system)
     record = RunRecord(form, method.max_events)
     selector = ModeSelector(form, has_unique_steps(form), method.on_nonunique)
-    status = _Run(record, selector, t_span, method, interrupt).simulate(x0)
+    status = EventRun(record, selector, t_span, method, interrupt).simulate(x0)
+    return assembled(record, status, t_eval, system if method.rebound is None else None)
+
+
+def assembled(
+    record: RunRecord,
+    status: Literal["finished", "interrupted"],
+    t_eval: Vector | None,
+    system: LCS | None,
+) -> Trajectory:
+    """Return the trajectory of the flows and events noted, at t_eval or at the ends of all steps."""
     flows = tuple(record.flows)
     if t_eval is None:  # the time of an event twice, before and after it
-        times, x, u, y = evaluate_each(flows, [np.array([*flow.times, flow.end]) for flow in flows])
+        each = [np.array([*flow.times, flow.end]) for flow in flows]
+        times, x, u, y = evaluate_each(flows, each)
+        flow_of = flow_of_each(each)
     else:
         times = t_eval[t_eval <= flows[-1].end]
         x, u, y = evaluate(flows, times)
+        flow_of = flow_at(flows, times)
     return Trajectory(
         t=times,
         x=x,
@@ -56,49 +70,80 @@ def drive_by_events(
         accepted=sum(len(flow.times) for flow in flows),
         rejected=0,
         forced=0,
-        system=system if method.rebound is None else None,
+        system=system,
         flows=flows,
+        flow_of=flow_of,
     )
 
 
+class Reached(NamedTuple):
+    """Where a mode has led to, and the guards that end the configuration there."""
+
+    time: float
+    dynamics: ModeDynamics
+    c: State
+    guards: tuple[int, ...] = ()
+
+
 @dataclass(slots=True, eq=False)
-class _Run:
-    """One simulation under way."""
+class EventRun:
+    """One simulation under way.
+
+    Parameters
+    ----------
+    record : RunRecord
+    selector : ModeSelector
+    span : (float, float)
+    method : EventDriven
+    interrupt : callable, optional
+    guards : Guards, optional
+        What ends `follow` besides time.
+    """
 
     record: RunRecord
     selector: ModeSelector
     span: tuple[float, float]
     method: EventDriven
     interrupt: Callable[[], bool] | None
+    guards: Guards | None = None
     flow: FlowToEvent = field(init=False)
     landings: Landings = field(init=False)
     accumulation: Accumulation = field(init=False)
 
     def __post_init__(self) -> None:
-        self.flow = FlowToEvent(self.record, self.selector, self.span, self.interrupt)
+        self.flow = FlowToEvent(self.record, self.selector, self.span, self.interrupt, self.guards)
         self.landings = Landings(self.record, self.selector, self.method.rebound)
         self.accumulation = Accumulation(self.record, self.selector, self.span)
 
     def simulate(self, x0: Vector) -> Literal["finished", "interrupted"]:
+        """Simulate from x0 over the whole span, with the inputs of the system."""
         (t0, t1), form = self.span, self.record.form
         knots = form.knots(t0, t1)
         x = x0
         mode: IndexSet = ()
         for begin, end in zip([t0, *knots], [*knots, t1], strict=True):
-            z = form.state_after(x, begin) / form.units.state
-            state = State(z, np.full(z.size, float(np.abs(z).max(initial=0.0))))
-            entered = self._enter(state, begin, mode, "input" if begin > t0 else None, None)
-            reached = self._follow(*entered, begin, end)
+            reached = self.follow(*self.enter(x, begin, mode, "input" if begin > t0 else None), begin, end)
             if reached is None:
                 return "interrupted"
-            dynamics, c = reached
-            x, mode = self.record.state(dynamics.basis @ c.z), dynamics.mode
+            x, mode = self.record.state(reached.dynamics.basis @ reached.c.z), reached.dynamics.mode
         return "finished"
 
-    def _follow(
-        self, dynamics: ModeDynamics, c: State, t: float, end: float
-    ) -> tuple[ModeDynamics, State] | None:
-        """Go from event to event up to `end`; return the mode and its coordinates there, None if interrupted."""
+    def enter(
+        self, x: Vector, t: float, near: IndexSet, kind: EventKind | None
+    ) -> tuple[ModeDynamics, State]:
+        """Go on from x at t with the inputs as they are just after it."""
+        return self.enter_whole(self.record.form.state_after(x, t), t, near, kind)
+
+    def enter_whole(
+        self, xw: Vector, t: float, near: IndexSet, kind: EventKind | None
+    ) -> tuple[ModeDynamics, State]:
+        """Go on from (x, w) at t, w the states of the inputs."""
+        z = xw / self.record.form.units.state
+        state = State(z, np.full(z.size, float(np.abs(z).max(initial=0.0))))
+        return self._enter(state, t, near, kind, None)
+
+    def follow(self, dynamics: ModeDynamics, c: State, t: float, end: float) -> Reached | None:
+        """Go from event to event up to `end` or a guard; return what is reached, None if interrupted."""
         accumulation = self.accumulation
         while True:
             reached = self.flow.follow(dynamics, c, t, end)
@@ -107,7 +152,11 @@ class _Run:
             accumulation.stalled = accumulation.stalled + 1 if reached.time == t else 0
             t, c = reached.time, reached.c
             if not reached.crossed and t >= end:
-                return dynamics, c
+                return Reached(t, dynamics, c)
+            pairs = dynamics.outputs.shape[0]
+            guards = tuple(i - pairs for i in reached.crossed if i >= pairs)
+            if guards:
+                return Reached(t, dynamics, c, guards)
             if not reached.crossed:
                 slow = self.selector.slow_part(dynamics)
                 assert slow is not None  # the fast part has died out

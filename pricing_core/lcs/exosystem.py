@@ -6,10 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 
 from pricing_core.arrays import (
+    BoolVector,
     Matrix,
     Vector,
     as_array,
@@ -21,6 +22,8 @@ from pricing_core.arrays import (
     as_vector,
 )
 from pricing_core.errors import InvalidInputError, NumericalError
+
+SAME_INSTANT = 1e-12  # of a period: how closely its times are told apart
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +42,8 @@ class Exosystem:
         w just after each of the times.
     times : array_like, shape (r,), optional
         Increasing; 0 where missing.
+    period : float, optional
+        From the second of the times on, w starts anew at all times[i] + j period, j = 0, 1, ....
 
     Raises
     ------
@@ -58,9 +63,16 @@ class Exosystem:
     output: Matrix  # (m, p)
     states: Matrix  # (r, p)
     times: Vector  # (r,)
+    period: float | None
 
     def __init__(
-        self, generator: ArrayLike, output: ArrayLike, states: ArrayLike, times: ArrayLike = (0.0,)
+        self,
+        generator: ArrayLike,
+        output: ArrayLike,
+        states: ArrayLike,
+        times: ArrayLike = (0.0,),
+        *,
+        period: float | None = None,
     ) -> None:
         S = as_square_matrix("generator", generator)
         rows = as_array("states", states)
@@ -72,8 +84,25 @@ class Exosystem:
         E = as_matrix("output", output)
         if E.shape[1] != S.shape[0]:
             raise InvalidInputError("output", f"{E.shape[1]} columns", f"{S.shape[0]} columns")
+        if period is not None:
+            length = float(knots[-1] - knots[min(1, knots.size - 1)])
+            if knots.size < 2 or not as_number("period", period) > length:
+                raise InvalidInputError(
+                    "period", period, f"longer than the times that are repeated, {length:g}"
+                )
         for name, value in (("generator", S), ("output", E), ("states", w), ("times", knots)):
             object.__setattr__(self, name, value)
+        object.__setattr__(self, "period", period)
+
+    def with_output(self, output: Matrix) -> Exosystem:
+        """Return the same w seen through another matrix E, shape (m, p)."""
+        return Exosystem(self.generator, output, self.states, self.times, period=self.period)
+
+    def shares_states_with(self, other: Exosystem) -> bool:
+        """Tell whether both have the same w."""
+        pairs = ((self.generator, other.generator), (self.states, other.states), (self.times, other.times))
+        same = all(np.array_equal(one, another) for one, another in pairs)
+        return same and self.period == other.period
 
     @property
     def size(self) -> int:
@@ -82,12 +111,62 @@ class Exosystem:
 
     @property
     def jumps(self) -> Vector:
-        """The times at which w starts anew."""
+        """The times at which w starts anew, those of the first period where they repeat."""
         return self.times[1:]
+
+    def knots(self, t0: float, t1: float) -> Vector:
+        """Return the times strictly inside an interval at which w starts anew."""
+        found = self.times[1:]
+        if self.period is not None and found.size:
+            first = max(math.floor((t0 - float(found[-1])) / self.period), 0)
+            last = max(math.ceil((t1 - float(found[0])) / self.period), first)
+            found = (np.arange(first, last + 1)[:, None] * self.period + found).ravel()
+        return found[(found > t0) & (found < t1)]
 
     def state_after(self, t: float) -> Vector:
         """Return w just after t, shape (p,)."""
-        return self._state(t, int(np.searchsorted(self.times, as_number("t", t), side="right")) - 1)
+        return np.asarray(self.states_along(np.array([as_number("t", t)]), np.array([False]))[0])
+
+    def state_before(self, t: float) -> Vector:
+        """Return w just before t, shape (p,)."""
+        return np.asarray(self.states_along(np.array([as_number("t", t)]), np.array([True]))[0])
+
+    def states_along(self, t: Vector, before: BoolVector) -> Matrix:
+        """Return w just after each of the times, or just before it, shape (m, p)."""
+        pieces, elapsed = self._pieces(t, before)
+        starts = self.states[pieces]
+        slopes = starts @ self.generator.T
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = starts + elapsed[:, None] * slopes  # a constant, or a ramp
+            curved = (elapsed != 0.0) & (slopes @ self.generator.T).any(axis=1)
+            for row in np.flatnonzero(curved) if not self._turns else ():
+                found[row] = expm(self.generator * elapsed[row]) @ starts[row]
+            if self._turns and curved.any():
+                omega = float(self.generator[0, 1])
+                angles = omega * elapsed[curved, None]
+                found[curved] = starts[curved] * np.cos(angles) + slopes[curved] * (np.sin(angles) / omega)
+        for row in np.flatnonzero(~np.isfinite(found).all(axis=1)):
+            raise NumericalError(f"the input overflows at t = {t[row]:.12g}")
+        return found
+
+    @property
+    def _turns(self) -> bool:
+        """Whether w goes round in a circle."""
+        S = self.generator
+        return S.shape == (2, 2) and S[0, 1] != 0.0 and S[1, 0] == -S[0, 1] and not np.diag(S).any()
+
+    def _pieces(self, t: Vector, before: BoolVector) -> tuple[NDArray[np.intp], Vector]:
+        """Return which of the states each of the times follows, and after how long."""
+        if self.period is None:
+            sides = (np.searchsorted(self.times, t, side=side) for side in ("left", "right"))
+            pieces = np.maximum(np.where(before, *sides) - 1, 0)
+            return pieces, t - self.times[pieces]
+        close = np.maximum(SAME_INSTANT * self.period, 4.0 * np.spacing(np.abs(t)))
+        looked = np.where(before, t - close, t + close)
+        turns = np.maximum(np.floor((looked - self.times[1]) / self.period), 0.0)
+        pieces = np.searchsorted(self.times, looked - turns * self.period, side="right") - 1
+        elapsed = t - turns * self.period - self.times[np.maximum(pieces, 0)]
+        return np.maximum(pieces, 0), np.where(pieces >= 0, np.maximum(elapsed, 0.0), elapsed)
 
     def after(self, t: float) -> Vector:
         """Return the value just after t, shape (m,)."""
@@ -99,20 +178,60 @@ class Exosystem:
 
     def before(self, t: float) -> Vector:
         """Return the value just before t, shape (m,)."""
-        return np.asarray(
-            self.output @ self._state(t, int(np.searchsorted(self.times, as_number("t", t), side="left")) - 1)
-        )
+        return np.asarray(self.output @ self.state_before(t))
 
-    def _state(self, t: float, piece: int) -> Vector:
-        piece = max(piece, 0)
-        elapsed = t - float(self.times[piece])
-        if elapsed == 0.0:
-            return np.asarray(self.states[piece])
-        with np.errstate(over="ignore", invalid="ignore"):
-            state = np.asarray(expm(self.generator * elapsed) @ self.states[piece])
-        if not np.isfinite(state).all():
-            raise NumericalError(f"the input overflows at t = {t:.12g}")
-        return state
+
+def pulses(
+    low: float,
+    high: float,
+    period: float,
+    width: float,
+    rise: float = 0.0,
+    fall: float = 0.0,
+    delay: float = 0.0,
+) -> Exosystem:
+    """Return a train of trapezoidal pulses: low up to `delay`, then high for `width` in every period.
+
+    Parameters
+    ----------
+    rise, fall : float
+        How long the ramps take, which lie before and after `width`; 0 for a step.
+
+    Examples
+    --------
+    >>> train = pulses(0.0, 5.0, period=10.0, width=4.0, rise=1.0, fall=1.0)
+    >>> [train.after(t).item() for t in (-1.0, 0.5, 3.0, 5.5, 8.0, 13.0)]
+    [0.0, 2.5, 5.0, 2.5, 0.0, 5.0]
+    """
+    read = {
+        "low": low,
+        "high": high,
+        "period": period,
+        "width": width,
+        "rise": rise,
+        "fall": fall,
+        "delay": delay,
+    }
+    low, high, period, width, rise, fall, delay = (as_number(name, value) for name, value in read.items())
+    for name, value in (("width", width), ("rise", rise), ("fall", fall)):
+        if value < 0.0:
+            raise InvalidInputError(name, value, ">= 0")
+    if not rise + width + fall < period:
+        raise InvalidInputError(
+            "period", period, f"longer than rise, width and fall, {rise + width + fall:g}"
+        )
+    corners = [(delay - period, low, 0.0)]
+    for lasts, start, slope in (
+        (rise, low, high - low),
+        (width, high, 0.0),
+        (fall, high, low - high),
+        (period, low, 0.0),
+    ):
+        if lasts > 0.0:
+            corners.append((delay, start, slope / lasts))
+        delay += lasts
+    times, values, slopes = np.array(corners).T
+    return Exosystem([[0, 1], [0, 0]], [[1, 0]], np.column_stack([values, slopes]), times, period=period)
 
 
 def sine(amplitude: ArrayLike, frequency: float, phase: float = 0.0, offset: ArrayLike = 0.0) -> Exosystem:

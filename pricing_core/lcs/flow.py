@@ -39,6 +39,10 @@ class Flow:
         Largest of the terms that the state at the start is a sum of.
     closed : ClosedForm, optional
         Of the last step, where that is longer than one Taylor polynomial reaches.
+    final : Vector, shape (d,), optional
+        The coordinates at the end, where they are known.
+    falls : Vector, shape (d,), optional
+        What becomes negative where the flow ends, as a function of the coordinates; none where its end is given.
     """
 
     form: AutonomousForm
@@ -49,11 +53,25 @@ class Flow:
     coordinates: list[Vector] = field(default_factory=list)
     largest: float = 0.0
     closed: ClosedForm | None = None
+    falls: Vector | None = None
+    final: Vector | None = None
 
     @property
     def mode(self) -> IndexSet:
-        """I."""
-        return self.dynamics.mode
+        """I, as it is reported."""
+        return self.form.reported_mode(self.dynamics.mode)
+
+    def marks(self) -> Vector:
+        """Return the times between which one Taylor polynomial reaches, from start to end."""
+        marks = np.array([*self.times, self.end])
+        length = self.dynamics.step / self.form.units.rate
+        pieces = np.maximum(np.ceil(np.diff(marks) / length - (LONGER - 1.0)), 1.0).astype(int)
+        if pieces.max(initial=1) == 1:
+            return marks
+        parts = [
+            np.linspace(a, b, n, endpoint=False) for a, b, n in zip(marks, marks[1:], pieces, strict=False)
+        ]
+        return np.concatenate([*parts, marks[-1:]])
 
     def at(self, t: Vector) -> tuple[Matrix, Matrix, Matrix]:
         """Return x, u and y at times of this flow, shapes (m, n), (m, k), (m, k)."""
@@ -61,6 +79,8 @@ class Flow:
 
     def coordinates_at(self, t: float) -> Vector:
         """Return the coordinates at a time of this flow, shape (d,)."""
+        if t == self.end and self.final is not None:
+            return self.final
         step = max(bisect_right(self.times, t) - 1, 0)
         elapsed = (t - self.times[step]) * self.form.units.rate
         start = self.coordinates[step][None]
@@ -74,11 +94,10 @@ def evaluate(flows: Sequence[Flow], t: Vector) -> tuple[Matrix, Matrix, Matrix]:
 
 def evaluate_states(flows: Sequence[Flow], t: Vector) -> Matrix:
     """Return x at times in any order, right-continuous, shape (m, n)."""
-    form = flows[0].form
-    z = np.empty((t.size, form.system.shape[0]))
-    for rows, dynamics, c in _by_mode(flows, _steps_at(flows, t), t):
-        z[rows] = c @ dynamics.basis.T
-    return np.asarray((z * form.units.state)[:, : form.states])
+    x = np.empty((t.size, flows[0].form.reported(np.zeros((1, flows[0].form.system.shape[0]))).shape[1]))
+    for rows, flow, c in _by_mode(flows, _steps_at(flows, t), t):
+        x[rows] = flow.form.reported(c @ flow.dynamics.basis.T)
+    return x
 
 
 def _steps_at(flows: Sequence[Flow], t: Vector) -> NDArray[np.intp]:
@@ -97,41 +116,81 @@ def evaluate_each(flows: Sequence[Flow], times: Sequence[Vector]) -> tuple[Vecto
     return together, *_in_steps(flows, np.concatenate(steps), together)
 
 
+def flow_of_each(times: Sequence[Vector]) -> NDArray[np.intp]:
+    """Return for each row of `evaluate_each` the number of its flow."""
+    return np.repeat(np.arange(len(times)), [len(t) for t in times])
+
+
+def flow_at(flows: Sequence[Flow], t: Vector) -> NDArray[np.intp]:
+    """Return for each row of `evaluate` the number of its flow."""
+    return np.maximum(np.searchsorted([flow.start for flow in flows], t, side="right") - 1, 0)
+
+
 def _in_steps(flows: Sequence[Flow], steps: NDArray[np.intp], t: Vector) -> tuple[Matrix, Matrix, Matrix]:
     """Return x, u and y at times of these steps, counted over all flows; where u is not unique, the least."""
-    form = flows[0].form
-    n, k = form.system.shape
-    z, u, y = (np.empty((t.size, size)) for size in (n, k, k))
-    for rows, dynamics, c in _by_mode(flows, steps, t):
-        z[rows], u[rows], y[rows] = _values(form.system, dynamics, c)
+    groups: dict[int, tuple[AutonomousForm, list[tuple[list[int], tuple[Matrix, Matrix, Matrix]]]]] = {}
+    for rows, flow, c in _by_mode(flows, steps, t):
+        values = _values(flow.form.system, flow.dynamics, c)
+        groups.setdefault(id(flow.form), (flow.form, []))[1].append((rows, values))
+    largest = max(flow.largest for flow in flows)
+    if not groups:
+        (n, k), form = flows[0].form.system.shape, flows[0].form
+        return form.reported(np.zeros((0, n))), np.zeros((0, k)), np.zeros((0, k))
+    found: list[Matrix] = []
+    for form, parts in groups.values():
+        rows = [row for group, _ in parts for row in group]
+        z, u, y = (np.vstack(columns) for columns in zip(*(values for _, values in parts), strict=True))
+        order = np.argsort(rows)
+        place = np.array(rows)[order]
+        reported = _reported(form, z[order], u[order], y[order], t[place], largest)
+        if not found:
+            found = [np.empty((t.size, columns.shape[1])) for columns in reported]
+        for columns, part in zip(found, reported, strict=True):
+            columns[place] = part
+    x, u, y = found
+    return x, u, y
+
+
+def _reported(
+    form: AutonomousForm, z: Matrix, u: Matrix, y: Matrix, t: Vector, largest: float
+) -> tuple[Matrix, Matrix, Matrix]:
+    """Return x, u and y in the units given, or what is reported in their place."""
     pair = form.units.pair
     u, y = least_norm_multipliers(form.given, u * pair, y / pair)
-    u, y = consistent_pairs(form.system, z, u / pair, y * pair, t, max(flow.largest for flow in flows))
-    return (z * form.units.state)[:, : form.states], u * pair, y / pair
+    u, y = consistent_pairs(form.system, z, u / pair, y * pair, t, largest)
+    u, y = u * pair, y / pair
+    exchanged = np.isin(np.arange(u.shape[1]), form.exchanged)
+    return form.reported(z), np.where(exchanged, y, u), np.where(exchanged, u, y)
 
 
 def _by_mode(
     flows: Sequence[Flow], steps: NDArray[np.intp], t: Vector
-) -> Iterator[tuple[list[int], ModeDynamics, Matrix]]:
-    """Yield for each mode its dynamics, which of the times lie in it, and the coordinates there."""
+) -> Iterator[tuple[list[int], Flow, Matrix]]:
+    """Yield for each mode one of its flows, which of the times lie in it, and the coordinates there."""
     starts = [
         (flow, begin, c) for flow in flows for begin, c in zip(flow.times, flow.coordinates, strict=True)
     ]
+    lasts = np.cumsum([len(flow.times) for flow in flows]) - 1
+    ends = {id(flow): last for flow, last in zip(flows, lasts.tolist(), strict=True)}  # the last step of each
     rows_of: dict[tuple[int, int], list[int]] = {}
     for row, step in enumerate(steps.tolist()):
         flow = starts[step][0]
         rows_of.setdefault((id(flow.dynamics), id(flow.closed)), []).append(row)
     for rows in rows_of.values():
-        held = [starts[step] for step in steps[rows].tolist()]
-        flow = held[0][0]
-        elapsed = (t[rows] - np.array([begin for _, begin, _ in held])) * flow.form.units.rate
-        c = _flowed(flow.dynamics, flow.closed, np.array([c for _, _, c in held]), elapsed)
-        yield rows, flow.dynamics, c
+        held = []
+        for step, time in zip(steps[rows].tolist(), t[rows].tolist(), strict=True):
+            flow, begin, c = starts[step]
+            at_end = time == flow.end and flow.final is not None and step == ends[id(flow)]
+            held.append((time, flow.final) if at_end else (begin, c))
+        flow = starts[steps[rows[0]]][0]
+        elapsed = (t[rows] - np.array([begin for begin, _ in held])) * flow.form.units.rate
+        yield rows, flow, _flowed(flow.dynamics, flow.closed, np.array([c for _, c in held]), elapsed)
 
 
 def _flowed(dynamics: ModeDynamics, closed: ClosedForm | None, starts: Matrix, elapsed: Vector) -> Matrix:
     """Return the coordinates so long after these starts, in the form's units of time, shape (m, d)."""
-    c = dynamics.flowed(starts, np.minimum(elapsed / dynamics.step, LONGER))
+    c, moved = starts.copy(), np.flatnonzero(elapsed)
+    c[moved] = dynamics.flowed(starts[moved], np.minimum(elapsed[moved] / dynamics.step, LONGER))
     for row in np.flatnonzero(elapsed > LONGER * dynamics.step):
         if closed is not None:
             c[row] = closed.states(starts[row], elapsed[row : row + 1])[0]

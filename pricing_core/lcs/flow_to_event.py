@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from pricing_core.arrays import Matrix, Vector
 from pricing_core.kernel import taylor_step
 from pricing_core.lcs.closed_form import ClosedForm
 from pricing_core.lcs.flow import Flow
+from pricing_core.lcs.guards import Guards
 from pricing_core.lcs.mode_dynamics import DEGREE, ModeDynamics, State
 from pricing_core.lcs.mode_selection import ModeSelector
 from pricing_core.lcs.overflow import check_size
@@ -48,17 +49,31 @@ class FlowToEvent:
     span : (float, float)
         The interval of the run.
     interrupt : callable, optional
+    guards : Guards, optional
+        What else must not become negative.
     """
 
     record: RunRecord
     selector: ModeSelector
     span: tuple[float, float]
     interrupt: Callable[[], bool] | None
+    guards: Guards | None = None
+    _watched: dict[int, Matrix] = field(default_factory=dict, init=False, repr=False)
+
+    def watched(self, dynamics: ModeDynamics) -> Matrix:
+        """Return what must not become negative, as functions of the coordinates: the outputs, then the guards."""
+        if self.guards is None:
+            return dynamics.outputs
+        key = id(dynamics)  # all dynamics are kept
+        if key not in self._watched:
+            self._watched[key] = np.vstack([dynamics.outputs, self.guards.rows(self.record.form, dynamics)])
+        return self._watched[key]
 
     def follow(self, dynamics: ModeDynamics, c: State, t: float, end: float) -> FlowEnd | None:
         """Flow until an output crosses zero, the fast part has died out, or the interval ends; None if interrupted.
 
-        What crosses zero at a knot of the input is left to the input after the knot.
+        Guards that cross are numbered after the outputs. What crosses zero at a knot of the input is left to the input
+        after the knot.
         """
         form = self.record.form
         slow = self.selector.slow_part(dynamics)
@@ -68,6 +83,7 @@ class FlowToEvent:
         t0, t1 = self.span
         close = max(AT_THE_END * (t1 - t0), 4.0 * math.ulp(max(abs(t0), abs(t1))))
         values, sizes = c
+        watched = self.watched(dynamics)
         while True:
             flow.times.append(t)
             flow.coordinates.append(values)
@@ -79,7 +95,7 @@ class FlowToEvent:
             reach = min(1.0, (end - t) / length) if end > t else 0.0
             start, known = values, sizes
             place, crossed, values, sizes, flat, is_slow, may_touch = taylor_step(
-                dynamics.scaled_rate, dynamics.outputs, start, sizes, reach, CROSSES
+                dynamics.scaled_rate, watched, start, sizes, reach, CROSSES
             )
             check_size(sizes, t)
             if may_touch:
@@ -92,7 +108,8 @@ class FlowToEvent:
                 terms = np.maximum(np.maximum(sizes, known), np.abs(dynamics.scaled_rate) @ np.abs(start))
                 crossed = _falling(dynamics, State(values, terms)) if end == t1 else []
             if crossed or t >= end or (slow is not None and slow.is_all_of(values)):
-                flow.end = t
+                flow.end, flow.final = t, values
+                flow.falls = watched[crossed[0]] if crossed else None
                 return FlowEnd(t, State(values, sizes), crossed, is_low)
 
     def _is_quiet(self, c: State, end: float, flow: Flow) -> bool:
@@ -109,7 +126,7 @@ class FlowToEvent:
         closed = self.selector.closed_form(dynamics)
         if closed is None:
             return False
-        if not (_stays_away(dynamics, closed, c, length) and _agrees(dynamics, closed, c.z)):
+        if not (_stays_away(self.watched(dynamics), closed, c, length) and _agrees(dynamics, closed, c.z)):
             return False
         flow.closed = closed
         return True
@@ -120,7 +137,7 @@ class FlowToEvent:
         length = (end - flow.times[-1]) * self.record.form.units.rate
         values = flow.closed.states(c.z, np.array([length]))[0]
         check_size(values, end)
-        flow.end = end
+        flow.end, flow.final = end, values
         return FlowEnd(end, State(values, np.maximum(c.sizes, np.abs(values))), [], False)
 
     def _note_touching(
@@ -133,7 +150,9 @@ class FlowToEvent:
         tolerances = CROSSES * np.maximum(dynamics.output_sizes @ swept, 1e-290)
         for touch in touching_places(terms @ dynamics.outputs.T, place, tolerances):
             x = self.record.state(dynamics.basis @ (touch ** np.arange(len(terms)) @ terms))
-            event = Event(t + touch * length, "grazing", x, x, self.record.no_impulse(), flow.mode, flow.mode)
+            event = Event(
+                t + touch * length, "grazing", x, x, self.record.no_impulse(), dynamics.mode, dynamics.mode
+            )
             self.record.note(event)
 
 
@@ -166,10 +185,10 @@ def _expansion(dynamics: ModeDynamics, c: Vector) -> Matrix:
     return np.array(terms)
 
 
-def _stays_away(dynamics: ModeDynamics, closed: ClosedForm, c: State, length: float) -> bool:
-    """Tell whether every output is positive, or zero, for so long."""
-    low, high = closed.bounds(dynamics.outputs, c.z, length)
-    levels = CROSSES * dynamics.output_sizes @ np.maximum(c.sizes, np.abs(c.z))
+def _stays_away(watched: Matrix, closed: ClosedForm, c: State, length: float) -> bool:
+    """Tell whether everything that is watched is positive, or zero, for so long."""
+    low, high = closed.bounds(watched, c.z, length)
+    levels = CROSSES * np.abs(watched) @ np.maximum(c.sizes, np.abs(c.z))
     return bool(((low > levels) | ((low >= -levels) & (high <= levels))).all())
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -46,9 +46,21 @@ class RunRecord:
                 f"{self.max_events} events by t = {event.time:.12g}; {self.repeated(event.time)}: raise "
                 "max_events, or look for a Zeno point there"
             )
+        if self.form.exchanged:
+            event = self._reported(event)
         if event.kind != "grazing":
             self.first_event = min(self.first_event, event.time)
         self.events.append(event)
+
+    def _reported(self, event: Event) -> Event:
+        """Return the event with the modes that are reported; of an exchanged pair the impulse of u is that of y."""
+        before, after = (
+            None if mode is None else self.form.reported_mode(mode)
+            for mode in (event.mode_before, event.mode_after)
+        )
+        impulse = event.impulse.copy()
+        impulse[list(self.form.exchanged)] = 0.0
+        return replace(event, mode_before=before, mode_after=after, impulse=impulse)
 
     def note_limit(self, t: float, before: State, after: State, modes: tuple[IndexSet, IndexSet]) -> None:
         """Add the limit of infinitely many events whose ratio is not known."""
@@ -61,8 +73,8 @@ class RunRecord:
         return f"the modes {', '.join(modes)} follow each other near t = {t:.12g} without end"
 
     def state(self, z: Vector) -> Vector:
-        """Return x, in the units given."""
-        return np.asarray((z * self.form.units.state)[: self.form.states])
+        """Return x, in the units given, or what is reported in its place."""
+        return np.asarray(self.form.reported(z))
 
     def no_impulse(self) -> Vector:
         """Return the impulse of what is not a jump."""

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import arb_mat, ctx, fmpq
 from numpy.typing import NDArray
-from scipy.linalg import schur, solve_sylvester
+from scipy.linalg import schur
+from scipy.linalg.lapack import dtrsyl
 
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.lcs.mode_dynamics import ModeDynamics, longest_step
@@ -50,7 +51,7 @@ class SlowPart:
     def is_all_of(self, c: Vector) -> bool:
         """Tell whether the fast part of these coordinates is no more than rounding."""
         fast = c - self.back @ (self.take @ c)
-        return float(np.linalg.norm(fast)) <= max(self.dead * float(np.linalg.norm(c)), NOTHING)
+        return math.sqrt(fast @ fast) <= max(self.dead * math.sqrt(c @ c), NOTHING)
 
 
 def slow_part(dynamics: ModeDynamics) -> SlowPart | None:
@@ -76,7 +77,7 @@ def slow_part(dynamics: ModeDynamics) -> SlowPart | None:
     )
     slow_block = triangular[fast:, fast:]
     # Q [I, X; 0, I] takes the rate to diag(fast, slow).
-    X = solve_sylvester(triangular[:fast, :fast], -slow_block, -triangular[:fast, fast:])
+    X = _coupling(triangular[:fast, :fast], slow_block, triangular[:fast, fast:])
     back = Q @ np.vstack([X, np.eye(slow_block.shape[0])])
     rows = coordinate_rows(back)
     scale = np.linalg.inv(back[rows])
@@ -105,6 +106,14 @@ def slow_part(dynamics: ModeDynamics) -> SlowPart | None:
     left = float(np.linalg.norm(dynamics.rate @ basis - basis @ whole[1]))
     least = float(np.abs(np.linalg.eigvals(triangular[:fast, :fast])).min())
     return SlowPart(slow, take, basis, max(DEAD, KEPT_UP * left / least))
+
+
+def _coupling(fast: Matrix, slow: Matrix, between: Matrix) -> Matrix:
+    """Return X with fast X - X slow = -between, both triangular but for blocks of two."""
+    if not slow.size:
+        return np.zeros((fast.shape[0], 0))
+    X, scale, _ = dtrsyl(fast, slow, -between, isgn=-1)
+    return np.asarray(X / scale)
 
 
 def _refined(

@@ -65,7 +65,7 @@ def _assemble(
 ) -> Trajectory:
     """Integrate between the times at which an input changes, with a jump wherever the state must."""
     t0, t1 = span
-    knots = sorted({float(k) for k in (*system.f.jumps, *system.g.jumps) if t0 < k < t1})
+    knots = sorted({*system.f.knots(t0, t1).tolist(), *system.g.knots(t0, t1).tolist()})
     times: list[float] = []
     states: list[LCSState] = []
     events: list[Event] = []

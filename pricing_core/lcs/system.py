@@ -82,6 +82,10 @@ class PiecewiseConstant:
         """The times at which the value changes."""
         return self.times[:-1]
 
+    def knots(self, t0: float, t1: float) -> Vector:
+        """Return the times strictly inside an interval at which the value changes."""
+        return self.jumps[(self.jumps > t0) & (self.jumps < t1)]
+
     def _piece_after(self, t: float) -> int:
         moment = as_number("t", t)
         if self.times.size == 1:

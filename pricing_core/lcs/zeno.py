@@ -75,6 +75,8 @@ def _round_length(events: list[Event]) -> int | None:
     """Return the least number of events after which the modes repeat, over `ROUNDS` rounds."""
     modes = [event.mode_after for event in events]
     for length in range(1, min(LONGEST_ROUND, (len(modes) - 1) // ROUNDS) + 1):
+        if modes[-1] != modes[-1 - length]:
+            continue
         window = modes[-ROUNDS * length :]
         if window == window[:length] * ROUNDS:
             return length

@@ -90,6 +90,27 @@ def exact_product(M: RationalMatrix, N: RationalMatrix) -> RationalMatrix:
     return from_flint(to_flint(M) * to_flint(N))
 
 
+def sparse_product(M: RationalMatrix, N: RationalMatrix) -> RationalMatrix:
+    """Return M N from the entries that are not zero, for matrices of which these are few.
+
+    Examples
+    --------
+    >>> sparse_product(rational_array(np.array([[1, 0], [2, 3]])), rational_array(np.array([[5], [7]]))).tolist()
+    [[5], [31]]
+    """
+    rows = [[(j, entry) for j, entry in enumerate(row) if entry] for row in N.tolist()]
+    product = np.full((M.shape[0], N.shape[1]), fmpq(0), dtype=object)
+    for i, row in enumerate(M.tolist()):
+        total: dict[int, fmpq] = {}
+        for factor, terms in zip(row, rows, strict=True):
+            if factor:
+                for j, entry in terms:
+                    total[j] = total[j] + factor * entry if j in total else factor * entry
+        for j, value in total.items():
+            product[i, j] = value
+    return product
+
+
 def exact_rank(M: RationalMatrix) -> int:
     """Return the rank of an (m, n) matrix.
 

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from pricing_core.errors import InvalidInputError
-from pricing_core.lcs import LCS, Exosystem, PiecewiseConstant, piecewise_linear, sine
+from pricing_core.lcs import (
+    LCS,
+    Exosystem,
+    JoinedExosystem,
+    PiecewiseConstant,
+    piecewise_linear,
+    pulses,
+    sine,
+)
 from pricing_core.lcs.autonomous import as_exosystem, autonomous_form
 
 
@@ -66,3 +74,42 @@ def test_the_autonomous_form_has_the_inputs_behind_the_state():
 def test_what_does_not_fit_is_refused_by_name(field, make):
     with pytest.raises(InvalidInputError, match=field):
         make()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_train_of_pulses_is_the_polyline_through_its_corners(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    low, high, delay = rng.normal(size=3)
+    rise, width, fall, rest = rng.uniform(0.1, 1.0, 4)
+    period = rise + width + fall + rest
+    train = pulses(low, high, period, width, rise, fall, delay)
+    corners = delay + np.cumsum([0.0, rise, width, fall])
+    times = np.concatenate([corners + j * period for j in range(6)])
+    polyline = piecewise_linear(times, np.tile([low, high, high, low], 6))
+    for t in rng.uniform(delay - 2.0, delay + 5.9 * period, 60).tolist():
+        assert train.after(t) == pytest.approx(polyline.after(t), abs=1e-12)
+    assert train.knots(delay - 1.0, delay + 5.5 * period) == pytest.approx(
+        times[(times > delay - 1.0) & (times < delay + 5.5 * period)], abs=1e-12
+    )
+
+
+def test_steps_of_a_train_are_told_apart_after_a_hundred_thousand_periods() -> None:
+    train = pulses(0.0, 1.0, period=1e-5, width=3e-6)
+    late = train.knots(0.99999, 1.0)
+    assert late == pytest.approx([0.99999 + 3e-6], abs=1e-15)
+    assert (train.before(late[0]), train.after(late[0])) == (1.0, 0.0)
+    for step in train.knots(0.9998, 0.99985).tolist():
+        assert train.before(step) != train.after(step)
+
+
+def test_what_is_no_train_is_refused() -> None:
+    with pytest.raises(
+        InvalidInputError, match=r"period = 1.0: must be longer than rise, width and fall, 1.5"
+    ):
+        pulses(0, 1, period=1, width=1, rise=0.5)
+    with pytest.raises(InvalidInputError, match=r"parts\[1\] = int: must be an Exosystem"):
+        JoinedExosystem([sine(1.0, 50.0), 3], [[1.0]])  # type: ignore[list-item]
+    with pytest.raises(
+        InvalidInputError, match=r"period = 1: must be longer than the times that are repeated"
+    ):
+        Exosystem([[0.0]], [[1.0]], [[0.0], [1.0], [2.0]], [0.0, 1.0, 3.0], period=1)

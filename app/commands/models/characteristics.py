@@ -67,7 +67,8 @@ def _read_characteristic(field: str, value: Any) -> Characteristic:
     return characteristic
 
 
+CHARACTERISTIC = Key(_read_characteristic, {"anyOf": [BY_POINTS.schema, BY_NAME.schema]})
 CHARACTERISTICS = list_of(
-    Key(_read_characteristic, {"anyOf": [BY_POINTS.schema, BY_NAME.schema]}),
+    CHARACTERISTIC,
     "a list with one characteristic for each input",
 )

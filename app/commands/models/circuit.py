@@ -11,7 +11,7 @@ from app.commands.mode_band import Band, of_active_pairs
 from app.commands.model_keys import TEXT, VECTOR, Key
 from app.commands.models.circuit_elements import ELEMENTS
 from app.commands.models.method import METHOD, method_in
-from app.commands.models.times import SPAN_AND_TIMES, times_in
+from app.commands.models.times import SPAN_AND_TIMES, T_SPAN, times_in
 from app.commands.simulation import CURVE_POINTS, Columns, Modes, Samples, Scene, Simulation, of_samples
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.models import CircuitRun, DiodeCircuit
@@ -25,6 +25,7 @@ KEYS: Mapping[str, Key] = {
     **CIRCUIT,
     "x0": VECTOR.described("the independent states; the elements' initial values where missing"),
     **SPAN_AND_TIMES,
+    "t_span": T_SPAN.described("[start, end]; that of the netlist's .tran where missing"),
     **METHOD,
 }
 
@@ -38,7 +39,9 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         What `KEYS` read.
     """
     circuit, method = circuit_of(values), method_in(values)
-    run = circuit.simulate(values["t_span"], values.get("x0"), method=method, t_eval=times_in(values))
+    span = values.get("t_span", circuit.t_span)
+    times = None if span is None else times_in({**values, "t_span": span})
+    run = circuit.simulate(span, values.get("x0"), method=method, t_eval=times)
     simulation = of_samples(
         run.trajectory,
         _samples(run),
@@ -48,11 +51,14 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
         _band(run),
     )
     units = tuple("V" if name.startswith("v(") else "A" for name in run.circuit.state_names)
+    facts = {**simulation.facts, "energy_lost_at_start": run.energy_lost_at_start}
+    if circuit.notes:
+        facts["notes"] = list(circuit.notes)
     return replace(
         simulation,
         orbit=None if simulation.orbit is None else replace(simulation.orbit, units=units),
         scene=partial(_scene, run, circuit, simulation.band),
-        facts={**simulation.facts, "energy_lost_at_start": run.energy_lost_at_start},
+        facts=facts,
     )
 
 

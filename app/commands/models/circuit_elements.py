@@ -16,11 +16,13 @@ from app.commands.model_keys import (
     read_number,
     read_object,
 )
+from app.commands.models.characteristics import CHARACTERISTIC
 from app.commands.models.inputs import CORNERS, GENERATED, PIECES
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcs import Exosystem, PiecewiseConstant, piecewise_linear
-from pricing_core.models import Sine
+from pricing_core.models import Pulse, Sine
 from pricing_core.models.circuits.quantity import quantity
+from pricing_core.models.circuits.switches import Threshold
 
 
 def _read_quantity(field: str, value: Any) -> float | Fraction:
@@ -52,6 +54,24 @@ VALUE = Key(
     {"anyOf": [*QUANTITY.schema["anyOf"], SIGNAL.schema]},
 )
 
+PULSE: Mapping[str, Key] = {
+    "period": QUANTITY.described("seconds", required=True),
+    "width": QUANTITY.described("seconds for which it is closed", required=True),
+    "delay": QUANTITY.described("seconds before the first pulse; 0 where missing"),
+}
+THRESHOLD: Mapping[str, Key] = {
+    "plus": TEXT.described("a node", required=True),
+    "minus": TEXT.described("a node", required=True),
+    "threshold": QUANTITY.described("volts between them", required=True),
+    "hysteresis": QUANTITY.described("volts above which it closes and below which it opens; 0 where missing"),
+}
+CONTROLS: Mapping[str, Key] = {
+    "pulse": built(Pulse, PULSE),
+    "piecewise_constant": built(PiecewiseConstant, PIECES),
+    "threshold": built(Threshold, THRESHOLD),
+}
+CLOCK = one_of(CONTROLS, "an object with one of " + ", ".join(CONTROLS))
+
 NODE = TEXT.described('a node; the ground is "0"', required=True)
 POSITIVE = QUANTITY.described('a positive number, or a text such as "4.7k" or "1/3"', required=True)
 INITIAL = QUANTITY.described("0 where missing")
@@ -70,7 +90,29 @@ KINDS: Mapping[str, Mapping[str, Key]] = {
         "second": INDUCTOR,
         "coefficient": QUANTITY.described("between -1 and 1, and not 0", required=True),
     },
-    "diode": {"anode": NODE, "cathode": NODE},
+    "diode": {
+        "anode": NODE,
+        "cathode": NODE,
+        "forward_voltage": INITIAL.described("volts while it conducts; 0 where missing"),
+        "resistance": INITIAL.described("ohms while it conducts; 0 where missing"),
+    },
+    "nonlinear_resistor": {
+        **ENDS,
+        "characteristic": CHARACTERISTIC.described("points of volts and amperes", required=True),
+    },
+    "switch": {
+        **ENDS,
+        "control": CLOCK.described("what closes and opens it", required=True),
+        "resistance": INITIAL.described("ohms while it is closed; 0 where missing"),
+        "off_resistance": QUANTITY.described("ohms while it is open; without end where missing"),
+    },
+    "transistor": {
+        "drain": NODE,
+        "source": NODE,
+        "control": CLOCK.described("what closes and opens it", required=True),
+        "resistance": INITIAL.described("ohms while it is closed; 0 where missing"),
+        "body_diode_voltage": INITIAL.described("volts while its body diode conducts; 0 where missing"),
+    },
     "transformer": {
         **dict.fromkeys(("primary_plus", "primary_minus", "secondary_plus", "secondary_minus"), NODE),
         "ratio": QUANTITY.described("of the voltages, primary over secondary", required=True),

@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pricing_core.arrays import Matrix
+from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.lcs import LCS, Exosystem
 from pricing_core.linalg.rational import (
@@ -16,11 +16,11 @@ from pricing_core.linalg.rational import (
     as_fractions,
     rational_array,
     rounded,
+    sparse_product,
 )
-from pricing_core.linalg.rational_definite import negative_vector
 from pricing_core.models.circuits.circuit_lcs import CircuitLCS
 from pricing_core.models.circuits.elements import Capacitor, Element, Inductor
-from pricing_core.models.circuits.equations import Number, Symbol
+from pricing_core.models.circuits.equations import ONE, Number, Symbol
 from pricing_core.models.circuits.hidden_constraints import (
     completed,
     continuous_coordinates,
@@ -29,15 +29,16 @@ from pricing_core.models.circuits.ports import chosen_multipliers
 from pricing_core.models.circuits.readings import Readings, SourceSignals
 from pricing_core.models.circuits.signals import Value, stacked
 from pricing_core.models.circuits.solution import solved_states, solved_unknowns
-from pricing_core.models.circuits.sources import CurrentSource, VoltageSource
-from pricing_core.models.circuits.tableau import tableau
+from pricing_core.models.circuits.tableau import source_values, tableau
 from pricing_core.models.circuits.topology import check_topology
 
 CONTINUOUS = 1e-9  # relative: smaller steps of a source are rounding
 
 
-def assemble(elements: Sequence[Element]) -> CircuitLCS:
+def assemble(elements: Sequence[Element], *, shared: bool = False) -> CircuitLCS:
     """Return the system of the circuit.
+
+    With `shared`, its f and g are outputs of one exosystem that all configurations of a circuit have in common.
 
     Hidden constraints are completed, multipliers chosen, the states expressed by coordinates x = W s that stay
     continuous when sources step, and everything else solved for (x, u, e, e', ...).
@@ -48,7 +49,7 @@ def assemble(elements: Sequence[Element]) -> CircuitLCS:
         See `DiodeCircuit.to_lcs`.
     """
     check_topology(elements)
-    equations = tableau(elements)
+    equations = tableau(elements, with_one=shared)
     full = completed(equations)
     u, y = chosen_multipliers(equations, full.K)
     W = continuous_coordinates(equations, full.P_s, u)
@@ -56,20 +57,25 @@ def assemble(elements: Sequence[Element]) -> CircuitLCS:
     states = solved_states(full, W, k)
     unknowns = solved_unknowns(full, states, u)
     X, U, E = slice(0, n), slice(n, n + k), slice(n + k, None)
-    slopes = W @ equations.rate @ unknowns
+    slopes = sparse_product(sparse_product(W, equations.rate), unknowns)
     A, B, C, D = slopes[:, X], slopes[:, U], unknowns[y][:, X], unknowns[y][:, U]
     M = equations.M
-    Q = states[:, X].T @ M @ states[:, X]
-    values = [e.value for e in elements if isinstance(e, VoltageSource | CurrentSource)]
+    Q = sparse_product(sparse_product(states[:, X].T, M), states[:, X])
+    values = [value for _, value in source_values(elements, with_one=shared)]
+    branches = {branch.name for element in elements for branch in element.branches}
     sources = SourceSignals(
         tuple(name for _, name in equations.sources),
         stacked(values),
         full.R.shape[1] // max(len(values), 1) - 1,
     )
     _check_steps(sources, rounded(unknowns[y][:, E]))
-    f, g = (_input(sources, values, rows) for rows in (slopes[:, E], unknowns[y][:, E]))
-    given = rational_array(np.array([_initial(e) for e in elements if isinstance(e, Capacitor | Inductor)]))
-    named = [j for j, (kind, _) in enumerate(equations.unknowns) if kind != "reverse"]
+    f, g = (_input(sources, values, rows, shared) for rows in (slopes[:, E], unknowns[y][:, E]))
+    given = rational_array(np.array(_initial(elements)))
+    named = [
+        j
+        for j, (kind, name) in enumerate(equations.unknowns)
+        if kind == "v" or (kind == "i" and name in branches)
+    ]
     return CircuitLCS(
         system=LCS(as_fractions(A), as_fractions(B), as_fractions(C), as_fractions(D), f, g),
         state_names=_state_names(elements, states[:, X], states[:, E], sources.names),
@@ -77,7 +83,7 @@ def assemble(elements: Sequence[Element]) -> CircuitLCS:
         multiplier_names=tuple(_port_name(equations.unknowns[j]) for j in u),
         slack_names=tuple(_port_name(equations.unknowns[j]) for j in y),
         stored_energy=rounded(Q),
-        is_passive=_satisfies(Q, A, B, C, D),
+        exact_energy=Q,
         readings=Readings(
             tuple("{}({})".format(*equations.unknowns[j]) for j in named),
             *(rounded(unknowns[named][:, part]) for part in (X, U, E)),
@@ -85,17 +91,18 @@ def assemble(elements: Sequence[Element]) -> CircuitLCS:
         element_states=Readings(
             tuple(name for _, name in equations.states), *(rounded(states[:, part]) for part in (X, U, E))
         ),
+        entry=rounded(W),
         storage=rounded(M),
-        initial_element_states=rounded(given),
+        initial_element_states=initial_states(elements),
         sources=sources,
     )
 
 
 def _input(
-    sources: SourceSignals, values: Sequence[Value], rows: RationalMatrix
+    sources: SourceSignals, values: Sequence[Value], rows: RationalMatrix, shared: bool
 ) -> ArrayLike | Exosystem | None:
     """Return the input rows (e, e', ...): a vector of exact numbers where all sources are constant."""
-    if all(isinstance(value, int | float | Fraction) for value in values):
+    if not shared and all(isinstance(value, int | float | Fraction) for value in values):
         constant = rational_array(np.array([*values, *[0] * (rows.shape[1] - len(values))], dtype=object))
         return as_fractions(rows @ constant)
     return sources.times(rounded(rows))
@@ -114,8 +121,17 @@ def _check_steps(sources: SourceSignals, g: Matrix) -> None:
             raise InvalidInputError("value of source", Told(name), remedy)
 
 
-def _initial(store: Capacitor | Inductor) -> Number:
-    return store.initial_voltage if isinstance(store, Capacitor) else store.initial_current
+def _initial(elements: Sequence[Element]) -> list[Number]:
+    return [
+        e.initial_voltage if isinstance(e, Capacitor) else e.initial_current
+        for e in elements
+        if isinstance(e, Capacitor | Inductor)
+    ]
+
+
+def initial_states(elements: Sequence[Element]) -> Vector:
+    """Return the voltages of all capacitors and the currents of all inductors as they are given."""
+    return np.array([float(value) for value in _initial(elements)])
 
 
 def _port_name(symbol: Symbol) -> str:
@@ -135,15 +151,8 @@ def _state_names(
         for column in np.flatnonzero(E[row] != 0).tolist():
             share, order = float(E[row, column]), column // len(sources)
             sign = "-" if share > 0 else "+"
-            factor = "" if abs(share) == 1.0 else f"{abs(share):g} "
-            name += f" {sign} {factor}{sources[column % len(sources)]}" + "'" * order
+            source = sources[column % len(sources)]
+            factor = "" if abs(share) == 1.0 and source != ONE else f"{abs(share):g} "
+            name += f" {sign} {factor}{source}".rstrip() + "'" * order
         names.append(name)
     return tuple(names)
-
-
-def _satisfies(
-    Q: RationalMatrix, A: RationalMatrix, B: RationalMatrix, C: RationalMatrix, D: RationalMatrix
-) -> bool:
-    """Tell whether the matrix of (11.6) is negative semidefinite."""
-    coupling = Q @ B - C.T
-    return negative_vector(-np.block([[A.T @ Q + Q @ A, coupling], [coupling.T, -(D + D.T)]])) is None

@@ -57,6 +57,14 @@ def checked_positive(field: str, value: Number) -> Number:
     return plain
 
 
+def checked_nonnegative(field: str, value: Number) -> Number:
+    """Return a number of Python's that is zero, or as large as a circuit's numbers are, or refuse."""
+    plain = checked_number(field, value)
+    if plain < 0 or 0 < plain < SMALLEST:
+        raise InvalidInputError(field, value, f"0 or a positive number of at least {SMALLEST:g}")
+    return plain
+
+
 def settle(element: object, name: str, value: object) -> None:
     """Set a field of a frozen value while it is made."""
     object.__setattr__(element, name, value)

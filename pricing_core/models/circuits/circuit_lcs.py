@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pricing_core.arrays import Matrix, Vector
-from pricing_core.lcs import LCS
+from pricing_core.lcs import LCS, Event, Trajectory
+from pricing_core.linalg.rational import RationalMatrix, rational_array, sparse_product
+from pricing_core.linalg.rational_definite import negative_vector
 from pricing_core.models.circuits.readings import Readings, SourceSignals
 
 
@@ -28,12 +30,14 @@ class CircuitLCS:
         "i(D1)" and "-v(D1)", or the other way round.
     stored_energy : Matrix, shape (n, n)
         Q: the energy is x^T Q x / 2 while the sources are zero.
-    is_passive : bool
-        Q satisfies (11.6), verified in exact arithmetic. Always so without controlled sources.
+    exact_energy : array of rational numbers, shape (n, n)
+        Q before rounding.
     readings : Readings
         All node voltages and branch currents.
     element_states : Readings
         The voltages of all capacitors and the currents of all inductors.
+    entry : Matrix, shape (n, m)
+        W: x = W s.
     storage : Matrix
         M: the stored energy is s^T M s / 2 with these s.
     initial_element_states : Vector
@@ -47,12 +51,21 @@ class CircuitLCS:
     multiplier_names: tuple[str, ...]
     slack_names: tuple[str, ...]
     stored_energy: Matrix
-    is_passive: bool
+    exact_energy: RationalMatrix
     readings: Readings
     element_states: Readings
+    entry: Matrix
     storage: Matrix
     initial_element_states: Vector
     sources: SourceSignals
+
+    @property
+    def is_passive(self) -> bool:
+        """Whether Q satisfies (11.6), decided in exact arithmetic; always so without controlled sources."""
+        Q = self.exact_energy
+        A, B, C, D = (rational_array(matrix) for matrix in self.system.given)
+        coupling, change = sparse_product(Q, B) - C.T, sparse_product(Q, A)
+        return negative_vector(-np.block([[change.T + change, coupling], [coupling.T, -(D + D.T)]])) is None
 
     def states_of_elements(self, x: Vector, sources: Vector) -> Vector:
         """Return s, the capacitor voltages and inductor currents, for x and the values of the sources."""
@@ -75,3 +88,20 @@ class CircuitLCS:
         """
         change = after - before
         return 0.5 * float(change @ self.storage @ change)
+
+    def read(self, trajectory: Trajectory) -> Matrix:
+        """Return all readings along a trajectory of the system, shape (m, readings)."""
+        return self.readings(trajectory.x, trajectory.u, self.sources.along(trajectory.t))
+
+    def energy_of_event(self, event: Event, start: float) -> float:
+        """Return what is lost at an event of a run that begins at `start`."""
+        after = self.sources.after(event.time)
+        before = self.sources.before(event.time) if event.time > start else after
+        return self.energy_of_jump(
+            self.states_of_elements(event.x_before, before), self.states_of_elements(event.x_after, after)
+        )
+
+    def energy_lost_at_start(self, start: float) -> float:
+        """Return what the elements' initial voltages and currents lose at once."""
+        settled = self.states_of_elements(self.x0, self.sources.after(start))
+        return self.energy_of_jump(self.initial_element_states, settled)

@@ -1,4 +1,4 @@
-"""The elements that store or dissipate energy, ideal diodes and ideal transformers, with their equations.
+"""The elements that store or dissipate energy, diodes and ideal transformers, with their equations.
 
 The current of a branch flows from its first node through the element to its second one.
 """
@@ -13,12 +13,13 @@ from pricing_core.linalg.rational import rational
 from pricing_core.models.circuits.checked import (
     SMALLEST,
     checked_ends,
+    checked_nonnegative,
     checked_number,
     checked_positive,
     checked_words,
     settle,
 )
-from pricing_core.models.circuits.equations import Number, Row, current, total, voltage
+from pricing_core.models.circuits.equations import Number, Row, constant, current, total, voltage
 
 
 class Branch(NamedTuple):
@@ -43,6 +44,12 @@ class Element(Protocol):
     @property
     def equations(self) -> tuple[Row, ...]:
         """Rows whose sums are zero."""
+
+
+def pairs_of(element: Element) -> tuple[str, ...]:
+    """Return the names of the element's complementary pairs: none for most."""
+    pairs: tuple[str, ...] = getattr(element, "pairs", ())
+    return pairs
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,14 +181,18 @@ class Coupling:
 
 @dataclass(frozen=True, slots=True)
 class Diode:
-    """An ideal diode: 0 <= i _|_ v(cathode) - v(anode) >= 0, i its current from anode to cathode."""
+    """A diode: 0 <= i _|_ v(cathode) - v(anode) + forward_voltage + resistance i >= 0, i from anode to cathode."""
 
     name: str
     anode: str
     cathode: str
+    forward_voltage: Number = 0
+    resistance: Number = 0
 
     def __post_init__(self) -> None:
         checked_ends(self.name, self.anode, self.cathode)
+        for name in ("forward_voltage", "resistance"):
+            settle(self, name, checked_nonnegative(f"{name} of {self.name}", getattr(self, name)))
 
     @property
     def branches(self) -> tuple[Branch, ...]:
@@ -190,8 +201,16 @@ class Diode:
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """Its reverse voltage gets a name; the rest is complementarity."""
-        return (total(voltage(self.cathode, self.anode), {("reverse", self.name): rational(-1)}),)
+        """What must not be negative gets a name; the rest is complementarity."""
+        drop = constant(self.forward_voltage) if self.forward_voltage else {}
+        slope = current(self.name, rational(self.resistance)) if self.resistance else {}
+        reverse: Row = {("reverse", self.name): rational(-1)}
+        return (total(voltage(self.cathode, self.anode), drop, slope, reverse),)
+
+    @property
+    def pairs(self) -> tuple[str, ...]:
+        """One."""
+        return (self.name,)
 
 
 @dataclass(frozen=True, slots=True)

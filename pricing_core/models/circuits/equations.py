@@ -8,12 +8,16 @@ from typing import Literal, TypeAlias
 
 from flint import fmpq
 
+from pricing_core.linalg.rational import rational
+
 GROUND = "0"
+ONE = ""  # the source whose value is always 1, in which constants are measured
 
 Number: TypeAlias = int | float | Fraction
 
-# "v" a node's voltage, "i" a branch's current, "reverse" a diode's voltage from cathode to anode, "state" the
-# voltage of a capacitor or the current of an inductor, "source" the value of an independent source.
+# "v" a node's voltage, "i" a branch's current, "reverse" what a diode's voltage from cathode to anode has above that of
+# conducting, "state" the voltage of a capacitor or the current of an inductor, "source" the value of an independent
+# source. An element that is piecewise linear has more pairs of an "i" and a "reverse" than branches.
 Kind: TypeAlias = Literal["v", "i", "reverse", "state", "source"]
 Symbol: TypeAlias = tuple[Kind, str]
 Row: TypeAlias = dict[Symbol, fmpq]
@@ -35,6 +39,17 @@ def voltage(plus: str, minus: str, factor: fmpq | int = 1) -> Row:
 def current(branch: str, factor: fmpq | int = 1) -> Row:
     """Return factor i(branch)."""
     return {("i", branch): fmpq(factor)}
+
+
+def constant(value: Number) -> Row:
+    """Return a constant number.
+
+    Examples
+    --------
+    >>> constant(0.7)
+    {('source', ''): 7/10}
+    """
+    return {("source", ONE): rational(value)}
 
 
 def total(*rows: Row) -> Row:

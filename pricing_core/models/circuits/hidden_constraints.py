@@ -12,7 +12,13 @@ import numpy as np
 from flint import fmpq
 
 from pricing_core.errors import InvalidInputError
-from pricing_core.linalg.rational import RationalMatrix, exact_image, exact_kernel, exact_solution
+from pricing_core.linalg.rational import (
+    RationalMatrix,
+    exact_image,
+    exact_kernel,
+    exact_solution,
+    sparse_product,
+)
 from pricing_core.models.circuits.tableau import Tableau
 
 
@@ -52,14 +58,14 @@ def completed(equations: Tableau) -> CompletedEquations:
     found = -1
     while True:
         free = exact_kernel(K.T).T  # combinations without a
-        P_s, R_s = _independent(free @ P, free @ R, equations, sources)
+        P_s, R_s = _independent(sparse_product(free, P), sparse_product(free, R), equations, sources)
         if len(P_s) == found:
             return CompletedEquations(P, K, R, P_s, R_s)
         found = len(P_s)
         zero = np.full((len(P_s), sources), fmpq(0), dtype=object)
         wider = np.hstack([equations.R, np.full((len(equations.R), R.shape[1]), fmpq(0), dtype=object)])
         P = np.vstack([equations.P, 0 * P_s])
-        K = np.vstack([equations.K, P_s @ rate])
+        K = np.vstack([equations.K, sparse_product(P_s, rate)])
         R = np.vstack([wider, np.hstack([zero, R_s])])
 
 
@@ -67,7 +73,7 @@ def _independent(
     P: RationalMatrix, R: RationalMatrix, equations: Tableau, sources: int
 ) -> tuple[RationalMatrix, RationalMatrix]:
     """Return independent rows that span those of P, R; refuse a row that binds sources alone."""
-    alone = exact_kernel(P.T).T @ R
+    alone = sparse_product(exact_kernel(P.T).T, R)
     if np.any(alone):
         columns = np.flatnonzero(np.any(alone != 0, axis=0)) % sources
         names = ", ".join(equations.sources[j][1] for j in sorted(set(columns.tolist())))
@@ -100,8 +106,8 @@ def continuous_coordinates(
     rate = np.delete(equations.rate, multipliers, axis=1)
     jumps = np.full((n, 0), fmpq(0), dtype=object)
     while True:
-        pairs = exact_kernel(np.hstack([equations.P @ jumps, K]))
-        larger = exact_image(rate @ pairs[jumps.shape[1] :])
+        pairs = exact_kernel(np.hstack([sparse_product(equations.P, jumps), K]))
+        larger = exact_image(sparse_product(rate, pairs[jumps.shape[1] :]))
         if larger.shape[1] == jumps.shape[1]:
             break
         jumps = larger

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pricing_core.errors import InvalidInputError
-from pricing_core.linalg.rational import RationalMatrix, exact_kernel, exact_rank
+from pricing_core.linalg.rational import RationalMatrix, exact_kernel, exact_rank, sparse_product
 from pricing_core.models.circuits.tableau import Tableau
 
 
@@ -43,12 +43,12 @@ def chosen_multipliers(equations: Tableau, K: RationalMatrix) -> tuple[list[int]
     """
     possible = exact_kernel(K)
     place = {symbol: j for j, symbol in enumerate(equations.unknowns)}
-    pairs = [(place["i", diode], place["reverse", diode]) for diode in equations.diodes]
+    pairs = [(place["i", diode], place["reverse", diode]) for diode in equations.pairs]
     multipliers = _independent(possible, pairs, [])
     if multipliers is None:
         remedy = "free to conduct or block: controlled sources fix both the current and the voltage of one"
-        raise InvalidInputError("diodes", ", ".join(equations.diodes), remedy)
-    loose = possible @ exact_kernel(possible[multipliers])
+        raise InvalidInputError("diodes", ", ".join(equations.pairs), remedy)
+    loose = sparse_product(possible, exact_kernel(possible[multipliers]))
     if loose.shape[1]:
         moved = [equations.unknowns[j] for j in np.flatnonzero(np.any(loose != 0, axis=1))]
         names = ", ".join(f"{kind}({name})" for kind, name in moved if kind != "reverse")

@@ -38,7 +38,7 @@ class SourceSignals:
 
     def times(self, M: Matrix) -> Exosystem:
         """Return the input M (e, e', ...)."""
-        return Exosystem(self.signal.generator, M @ self.output, self.signal.states, self.signal.times)
+        return self.signal.with_output(M @ self.output)
 
     def after(self, t: float) -> Vector:
         """Return the values just after t, shape ((derivatives + 1) e,)."""
@@ -46,7 +46,16 @@ class SourceSignals:
 
     def before(self, t: float) -> Vector:
         """Return the values just before t."""
-        return self.times(np.eye(self.output.shape[0])).before(t)
+        return np.asarray(self.output @ self.signal.state_before(t))
+
+    def along(self, t: Vector) -> Matrix:
+        """Return the values at times in order: before a step where a time comes twice, then after it."""
+        steps = (
+            np.isin(t, self.signal.knots(float(t[0]), float(t[-1]))) if t.size else np.zeros(0, dtype=bool)
+        )
+        first = np.zeros(t.size, dtype=bool)
+        first[1:-1] = (t[:-2] < t[1:-1]) & (t[1:-1] == t[2:])
+        return np.asarray(self.signal.states_along(t, steps & first) @ self.output.T)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

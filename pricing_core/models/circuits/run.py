@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -12,8 +13,39 @@ from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import Event, Trajectory
 from pricing_core.lcs.run_table import table_of
 from pricing_core.models.circuits.checked import checked_words
-from pricing_core.models.circuits.circuit_lcs import CircuitLCS
 from pricing_core.models.circuits.equations import GROUND
+from pricing_core.models.circuits.readings import Readings
+
+RIPPLE_POINTS = 4000  # of a run, besides its events
+
+
+class ReadableCircuit(Protocol):
+    """What a run reads a trajectory with."""
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states."""
+
+    @property
+    def multiplier_names(self) -> tuple[str, ...]:
+        """Names of the multipliers."""
+
+    @property
+    def slack_names(self) -> tuple[str, ...]:
+        """Names of the slacks."""
+
+    @property
+    def readings(self) -> Readings:
+        """All node voltages and branch currents, whose names are those of `read`."""
+
+    def read(self, trajectory: Trajectory) -> Matrix:
+        """Return them along a trajectory, shape (m, readings)."""
+
+    def energy_of_event(self, event: Event, start: float) -> float:
+        """Return what is lost at an event."""
+
+    def energy_lost_at_start(self, start: float) -> float:
+        """Return what the elements' initial voltages and currents lose at once."""
 
 if TYPE_CHECKING:
     import pyarrow
@@ -25,7 +57,7 @@ class CircuitRun:
 
     Parameters
     ----------
-    circuit : CircuitLCS
+    circuit : CircuitLCS, or SwitchedRecord of a circuit with switches
     start : float
         The time at which the simulation began.
     trajectory : Trajectory
@@ -38,14 +70,17 @@ class CircuitRun:
     currents : dict
         Currents of the elements, from the first node to the second one; a transformer has NAME.primary and
         NAME.secondary.
+    ends : dict
+        The nodes between which these currents flow.
     """
 
-    circuit: CircuitLCS
+    circuit: ReadableCircuit
     start: float
     trajectory: Trajectory
     energy_lost_at_start: float
     voltages: dict[str, Vector]
     currents: dict[str, Vector]
+    ends: dict[str, tuple[str, str]] = field(repr=False)
 
     @property
     def t(self) -> Vector:
@@ -59,7 +94,10 @@ class CircuitRun:
 
     def refined(self, count: int) -> CircuitRun:
         """Return the run at `count` times or somewhat more, as `pricing_core.lcs.Trajectory.refined` does."""
-        fine = read_run(self.circuit, self.trajectory.refined(count), self.start, from_elements=False)
+        return self._along(self.trajectory.refined(count))
+
+    def _along(self, trajectory: Trajectory) -> CircuitRun:
+        fine = read_run(self.circuit, trajectory, self.start, self.ends, from_elements=False)
         return replace(fine, energy_lost_at_start=self.energy_lost_at_start)
 
     def to_table(self) -> pyarrow.Table:
@@ -73,6 +111,54 @@ class CircuitRun:
         voltages = {f"v({node})": values for node, values in self.voltages.items() if node != GROUND}
         currents = {f"i({name})": values for name, values in self.currents.items()}
         return table_of({"t": self.t, **voltages, **currents})
+
+    def quantity(self, name: str) -> Vector:
+        """Return "v(node)", "v(node,node)" or "i(element)" at the times t.
+
+        Raises
+        ------
+        InvalidInputError
+            It is none of these, or the circuit has no such node or element.
+        """
+        checked_words("quantity", name)
+        kind, _, rest = name.partition("(")
+        inside = [word.strip() for word in rest[:-1].split(",")]
+        if kind not in ("v", "i") or not rest.endswith(")") or not len(inside) <= (2 if kind == "v" else 1):
+            raise InvalidInputError("quantity", name, "v(node), v(node,node) or i(element)")
+        return self.voltage(*inside) if kind == "v" else self.current(inside[0])
+
+    def mean(self, name: str) -> float:
+        """Return the mean of a quantity over the run, exact to rounding where the run was driven by events."""
+        fine, weights = self._quadrature()
+        return float(weights @ fine.quantity(name))
+
+    def rms(self, name: str) -> float:
+        """Return the root of the mean square of a quantity over the run."""
+        fine, weights = self._quadrature()
+        return math.sqrt(float(weights @ fine.quantity(name) ** 2))
+
+    def ripple(self, name: str) -> float:
+        """Return the difference of the largest and the least value, to about 1e-6 of itself."""
+        return float(np.ptp(self.refined(RIPPLE_POINTS).quantity(name)))
+
+    def power(self, element: str) -> float:
+        """Return the mean of the power that goes into an element, in watts: negative where it gives power.
+
+        Examples
+        --------
+        >>> from pricing_core.models import DiodeCircuit, Sine
+        >>> circuit = DiodeCircuit().voltage_source("V1", "a", "0", Sine(10, 50)).resistor("R1", "a", "0", 5)
+        >>> run = circuit.simulate((0.0, 0.02))
+        >>> round(run.power("R1"), 12), round(run.power("V1"), 12), round(run.rms("v(a)") ** 2, 9)
+        (10.0, -10.0, 50.0)
+        """
+        fine, weights = self._quadrature()
+        return float(weights @ (fine.current(element) * fine.voltage(*self.ends[element])))
+
+    def _quadrature(self) -> tuple[CircuitRun, Vector]:
+        """Return the run at nodes of a quadrature, and their weights, whose sum is 1."""
+        fine, weights = self.trajectory.quadrature()
+        return self._along(fine), weights
 
     def voltage(self, plus: str, minus: str = GROUND) -> Vector:
         """Return v(plus) - v(minus) at the times t.
@@ -102,47 +188,33 @@ class CircuitRun:
         return self.currents[branch]
 
 
-def read_run(circuit: CircuitLCS, trajectory: Trajectory, start: float, *, from_elements: bool) -> CircuitRun:
+def read_run(
+    circuit: ReadableCircuit,
+    trajectory: Trajectory,
+    start: float,
+    ends: dict[str, tuple[str, str]],
+    *,
+    from_elements: bool,
+) -> CircuitRun:
     """Return the run with everything read off the trajectory.
 
     Parameters
     ----------
+    ends : dict
+        The nodes of all branches.
     from_elements : bool
         The run started from the elements' initial voltages and currents.
     """
-    sources = _sources_along(circuit, trajectory.t)
-    values = circuit.readings(trajectory.x, trajectory.u, sources)
+    values = circuit.read(trajectory)
     voltages: dict[str, Vector] = {GROUND: np.zeros(trajectory.t.size)}
     currents: dict[str, Vector] = {}
     for name, column in zip(circuit.readings.names, values.T, strict=True):
         (voltages if name[0] == "v" else currents)[name[2:-1]] = column
-    events = tuple(_with_energy(circuit, event, start) for event in trajectory.events)
-    lost = 0.0
-    if from_elements:
-        settled = circuit.states_of_elements(circuit.x0, circuit.sources.after(start))
-        lost = circuit.energy_of_jump(circuit.initial_element_states, settled)
-    return CircuitRun(circuit, start, replace(trajectory, events=events), lost, voltages, currents)
-
-
-def _sources_along(circuit: CircuitLCS, t: Vector) -> Matrix:
-    """Return the sources at the times: before a step where a time comes twice, then after it."""
-    sources = circuit.sources
-    steps = set(sources.signal.jumps.tolist())
-    rows = []
-    for i, time in enumerate(t.tolist()):
-        is_before = time in steps and 0 < i < t.size - 1 and t[i - 1] < time == t[i + 1]
-        rows.append(sources.before(time) if is_before else sources.after(time))
-    return np.array(rows).reshape(t.size, sources.output.shape[0])
-
-
-def _with_energy(circuit: CircuitLCS, event: Event, start: float) -> Event:
-    sources = circuit.sources
-    after = sources.after(event.time)
-    before = sources.before(event.time) if event.time > start else after
-    jump = (
-        circuit.states_of_elements(event.x_before, before),
-        circuit.states_of_elements(event.x_after, after),
+    events = tuple(
+        replace(event, energy_lost=circuit.energy_of_event(event, start))
+        if event.kind in ("jump", "input")
+        else event
+        for event in trajectory.events
     )
-    if event.kind in ("jump", "input"):
-        return replace(event, energy_lost=circuit.energy_of_jump(*jump))
-    return event
+    lost = circuit.energy_lost_at_start(start) if from_elements else 0.0
+    return CircuitRun(circuit, start, replace(trajectory, events=events), lost, voltages, currents, ends)

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from pricing_core.arrays import Matrix
 from pricing_core.errors import InvalidInputError, Told
-from pricing_core.lcs import Exosystem, PiecewiseConstant
+from pricing_core.lcs import Exosystem, JoinedExosystem, PiecewiseConstant
 from pricing_core.models.circuits.checked import SMALLEST, checked_number, settle
 from pricing_core.models.circuits.equations import Number
 
-MOST_KNOTS = 20_000  # a run takes about a millisecond for each
-MOST_PERIODS = 1e5  # and some for each of these
+MOST_KNOTS = 20_000  # of lists of times; a run takes about a millisecond for each
+MOST_PERIODS = 1e5  # of sines; and some for each of these
+MOST_PULSES = 2e5  # periods of pulses and of clocks, of about 2 kB and some tenths of a millisecond each
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +55,7 @@ _CONSTANT = Exosystem([[0.0]], [[1.0]], [1.0])
 def stacked(values: Sequence[Value]) -> Exosystem:
     """Return the exosystem whose output has one component for each value.
 
-    Constants share one state, sines of the same frequency two; anything else brings its own. The states start anew at
-    the knots of all.
+    Constants share one state, sines of the same frequency two; anything else brings its own.
 
     Examples
     --------
@@ -75,22 +74,27 @@ def stacked(values: Sequence[Value]) -> Exosystem:
     none = {key: np.zeros((1, block.generator.shape[0])) for key, block in blocks.items()}
     rows = [np.hstack([row.get(key, zero) for key, zero in none.items()]) for row in weights]
     output = np.vstack([np.zeros((0, sum(zero.shape[1] for zero in none.values()))), *rows])
-    start = min(float(block.times[0]) for block in blocks.values())
-    times = np.unique(np.concatenate([[start], *(block.jumps for block in blocks.values())]))
-    if times.size > MOST_KNOTS:
+    knots = sum(block.jumps.size for block in blocks.values() if block.period is None)
+    if knots >= MOST_KNOTS:
         raise InvalidInputError(
-            "sources", Told(f"{times.size - 1} knots"), f"of fewer than {MOST_KNOTS} knots together"
+            "sources", Told(f"{knots} knots"), f"of fewer than {MOST_KNOTS} knots together"
         )
-    states = [np.concatenate([block.state_after(float(t)) for block in blocks.values()]) for t in times]
-    return Exosystem(block_diag(*(block.generator for block in blocks.values())), output, states, times)
+    return JoinedExosystem(list(blocks.values()), output)
 
 
 def check_periods(name: str, value: Value, t_span: tuple[float, float]) -> None:
     """Refuse an interval of so many periods that no simulation would come to its end."""
-    if isinstance(value, Sine) and value.frequency * (t_span[1] - t_span[0]) > MOST_PERIODS:
-        longest = MOST_PERIODS / value.frequency
+    if isinstance(value, Sine):
+        check_count(name, 1.0 / value.frequency, t_span, MOST_PERIODS)
+    elif isinstance(value, Exosystem) and value.period is not None:
+        check_count(name, value.period, t_span, MOST_PULSES)
+
+
+def check_count(name: str, period: float, t_span: tuple[float, float], most: float) -> None:
+    """Refuse an interval of more periods than that."""
+    if t_span[1] - t_span[0] > (1.0 + 1e-9) * most * period:
         raise InvalidInputError(
-            "t_span", t_span, f"no longer than {longest:g} s: {MOST_PERIODS:g} periods of {name}"
+            "t_span", t_span, f"no longer than {most * period:g} s: {most:g} periods of {name}"
         )
 
 

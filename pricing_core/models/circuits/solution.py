@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from flint import fmpq
 
-from pricing_core.linalg.rational import RationalMatrix, exact_solution
+from pricing_core.linalg.rational import RationalMatrix, exact_solution, sparse_product
 from pricing_core.models.circuits.hidden_constraints import CompletedEquations
 
 
@@ -40,7 +40,7 @@ def solved_unknowns(full: CompletedEquations, states: RationalMatrix, u: list[in
     unknowns, inputs = full.K.shape[1], full.R.shape[1]
     k = len(u)
     n = states.shape[1] - k - inputs
-    right = -(full.P @ states)
+    right = -sparse_product(full.P, states)
     right[:, n : n + k] -= full.K[:, u]
     right[:, n + k :] -= full.R
     others = [j for j in range(unknowns) if j not in u]

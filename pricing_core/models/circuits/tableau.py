@@ -16,11 +16,12 @@ from pricing_core.models.circuits.elements import (
     Branch,
     Capacitor,
     Coupling,
-    Diode,
     Element,
     Inductor,
+    pairs_of,
 )
-from pricing_core.models.circuits.equations import GROUND, Row, Symbol, current, symbols, total
+from pricing_core.models.circuits.equations import GROUND, ONE, Row, Symbol, current, symbols, total
+from pricing_core.models.circuits.signals import Value
 from pricing_core.models.circuits.sources import CurrentSource, VoltageSource
 
 
@@ -33,7 +34,7 @@ class Tableau(NamedTuple):
     states: tuple[Symbol, ...]
     unknowns: tuple[Symbol, ...]
     sources: tuple[Symbol, ...]
-    diodes: tuple[str, ...]
+    pairs: tuple[str, ...]
     M: RationalMatrix  # (n, n): capacitances and inductances
     Phi: RationalMatrix  # (n, a)
     P: RationalMatrix  # (m, n)
@@ -43,10 +44,14 @@ class Tableau(NamedTuple):
     @property
     def rate(self) -> RationalMatrix:
         """M^-1 Phi, shape (n, a)."""
+        rest = self.M.copy()
+        np.fill_diagonal(rest, fmpq(0))
+        if not rest.any():
+            return np.asarray(self.Phi / self.M.diagonal()[:, None])
         return from_flint(to_flint(self.M).solve(to_flint(self.Phi)))
 
 
-def tableau(elements: Sequence[Element]) -> Tableau:
+def tableau(elements: Sequence[Element], *, with_one: bool = False) -> Tableau:
     """Return the equations of a circuit whose topology was checked.
 
     Raises
@@ -65,31 +70,46 @@ def tableau(elements: Sequence[Element]) -> Tableau:
     """
     branches = [branch for element in elements for branch in element.branches]
     stores = [element for element in elements if isinstance(element, Capacitor | Inductor)]
-    diodes = tuple(element.name for element in elements if isinstance(element, Diode))
-    given = [e.name for e in elements if isinstance(e, VoltageSource | CurrentSource)]
+    pairs = tuple(name for element in elements for name in pairs_of(element))
     nodes = dict.fromkeys(
         node for branch in branches for node in (branch.plus, branch.minus) if node != GROUND
-    )
-    states, sources = symbols("state", (store.name for store in stores)), symbols("source", given)
-    unknowns = (
-        *symbols("v", nodes),
-        *symbols("i", (branch.name for branch in branches)),
-        *symbols("reverse", diodes),
     )
     rows = [
         *_current_laws(list(nodes), branches),
         *(row for element in elements for row in element.equations),
     ]
+    given = [name for name, _ in source_values(elements, with_one=with_one)]
+    states, sources = symbols("state", (store.name for store in stores)), symbols("source", given)
+    unknowns = (
+        *symbols("v", nodes),
+        *symbols("i", dict.fromkeys((*(branch.name for branch in branches), *pairs))),
+        *symbols("reverse", pairs),
+    )
     forces = [store.force for store in stores]
     return Tableau(
         states,
         unknowns,
         sources,
-        diodes,
+        pairs,
         _storage(elements, stores),
         _matrix(forces, unknowns),
         *(_matrix(rows, columns) for columns in (states, unknowns, sources)),
     )
+
+
+def source_values(elements: Sequence[Element], *, with_one: bool = False) -> list[tuple[str, Value]]:
+    """Return the independent sources with their values, and the constant 1 where an equation measures in it.
+
+    Or where that is wanted in any case.
+    """
+    values: list[tuple[str, Value]] = [
+        (element.name, element.value)
+        for element in elements
+        if isinstance(element, VoltageSource | CurrentSource)
+    ]
+    if with_one or any(("source", ONE) in row for element in elements for row in element.equations):
+        values.append((ONE, 1))
+    return values
 
 
 def _current_laws(nodes: list[str], branches: Sequence[Branch]) -> list[Row]:

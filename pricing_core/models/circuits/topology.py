@@ -14,6 +14,7 @@ from pricing_core.models.circuits.sources import (
     VoltageControlled,
     VoltageSource,
 )
+from pricing_core.models.circuits.switches import SwitchAt, Threshold
 
 
 def check_topology(elements: Sequence[Element]) -> None:
@@ -42,6 +43,14 @@ def check_topology(elements: Sequence[Element]) -> None:
 
 def _check_references(elements: Sequence[Element], branches: Sequence[Branch], nodes: set[str]) -> None:
     names = {branch.name for branch in branches}
+    for element in elements:
+        control = element.switch.control if isinstance(element, SwitchAt) else None
+        if isinstance(control, Threshold) and not control.minus and control.plus not in names:
+            allowed = "an element of the circuit that carries a current"
+            raise InvalidInputError(f"control of {element.name}", control.plus, allowed)
+        for node in (control.plus, control.minus) if isinstance(control, Threshold) and control.minus else ():
+            if node not in nodes:
+                raise InvalidInputError(f"control of {element.name}", node, "a node of the circuit")
     inductors = {element.name for element in elements if isinstance(element, Inductor)}
     for element in elements:
         if isinstance(element, VoltageControlled):

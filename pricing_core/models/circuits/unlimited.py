@@ -12,6 +12,7 @@ from pricing_core.models.circuits.sources import (
     VoltageControlled,
     VoltageSource,
 )
+from pricing_core.models.circuits.switches import SwitchAt
 
 
 def unlimited(elements: Sequence[Element]) -> str | None:
@@ -22,16 +23,21 @@ def unlimited(elements: Sequence[Element]) -> str | None:
     >>> unlimited([VoltageSource("V1", "a", "0", 5), Diode("D1", "a", "0")])
     'V1, D1 are a loop of voltage sources and diodes that nothing limits the current of; put a resistor in series'
     """
-    diodes = {element.name for element in elements if isinstance(element, Diode)}
+    diodes = {element.name for element in elements if isinstance(element, Diode) and not element.resistance}
     branches = [branch for element in elements for branch in element.branches]
     voltages = {element.name for element in elements if _is_source(element, of_voltage=True)}
-    inside = [branch for branch in branches if branch.name in diodes | voltages]
+    shorts = {e.name for e in elements if isinstance(e, SwitchAt) and e.closed and not e.switch.resistance}
+    inside = [branch for branch in branches if branch.name in diodes | voltages | shorts]
     loops = [branch.name for branch in inside if _connected(branch, [b for b in inside if b is not branch])]
     if diodes.intersection(loops) and voltages.intersection(loops):
         what = "a loop of voltage sources and diodes that nothing limits the current of; put a resistor in series"
         return f"{', '.join(loops)} are {what}"
     currents = {element.name for element in elements if _is_source(element, of_voltage=False)}
-    outside = [branch for branch in branches if branch.name not in diodes | currents]
+    diodes = {element.name for element in elements if isinstance(element, Diode)}
+    opened = {
+        e.name for e in elements if isinstance(e, SwitchAt) and not e.closed and not e.switch.off_resistance
+    }
+    outside = [branch for branch in branches if branch.name not in diodes | currents | opened]
     cuts = [b.name for b in branches if b.name in diodes | currents and not _connected(b, outside)]
     if diodes.intersection(cuts) and currents.intersection(cuts):
         what = "a cut-set of current sources and diodes that nothing limits the voltage of; put a resistor beside one"

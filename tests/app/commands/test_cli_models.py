@@ -15,6 +15,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 EXAMPLES = (
     *("relays_to_origin", "saturation", "oligopoly"),
     *("bouncing_ball", "spinning_ball", "sliding_boxes", "rectifier_netlist", "railway", "cart_to_floor"),
+    *("buck_converter", "hysteretic_relay", "buck_netlist"),
 )
 COLUMNS = {
     "relays_to_origin": "t x1 x2 u1 u2 y1 y2",
@@ -30,6 +31,9 @@ COLUMNS = {
         "gap left1|gap right1|gap left2|gap right2|gap left3|gap right3"
     ),
     "rectifier_netlist": "t v(in) v(out) i(V1) i(D1) i(C1) i(R1)",
+    "buck_converter": "t v(in) v(x) v(out) i(V1) i(S1) i(D1) i(L1) i(C1) i(R1)",
+    "buck_netlist": "t v(in) v(g) v(x) v(out) i(V1) i(VG) i(S1) i(D1) i(L1) i(C1) i(R1)",
+    "hysteretic_relay": "t v(in) v(a) i(V1) i(R1) i(C1) i(S1)",
     "railway": "k|west|west ring|east|east ring",
     "cart_to_floor": "t x1 x2 u1 lambda1 lambda2 eta1",
 }
@@ -150,6 +154,18 @@ def test_a_chair_on_four_legs_shares_its_weight(answer: Any) -> None:
         t_span=[0, 1],
     )
     assert found["u"][-1] == pytest.approx([2.0] * 4, rel=1e-12)
+
+
+def test_the_relay_switches_at_its_thresholds(answer: Any) -> None:
+    """The capacitor reaches 5 + 1 V after 1 ms ln(10/4)."""
+    first = answer("hysteretic_relay")["events"][0]
+    assert first["time"] == pytest.approx(1e-3 * math.log(10 / 4), rel=1e-12)
+
+
+def test_a_netlist_may_say_when_it_ends_and_what_it_left_out(answer: Any) -> None:
+    found = answer("buck_netlist")
+    assert found["t"][-1] == 5e-4
+    assert found["notes"][0].endswith("is taken for the title: Buck converter with a gate drive")
 
 
 def test_the_rectifier_discharges_through_its_resistor(answer: Any) -> None:

@@ -1,0 +1,1 @@
+"""Netlists in SPICE's language: lines, parameters, subcircuits, models and elements."""
