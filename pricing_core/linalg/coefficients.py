@@ -12,6 +12,8 @@ from pricing_core.arrays import Matrix, Vector, as_square_matrix
 from pricing_core.errors import InvalidInputError
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
+SYMMETRIC = 1e-14  # relative: entries that differ by less are taken to be equal
+
 Coefficients: TypeAlias = Matrix | csr_array | Tridiagonal
 
 
@@ -51,6 +53,30 @@ def dense(M: Coefficients) -> Matrix:
     if isinstance(M, Tridiagonal):
         return M.dense()
     return np.asarray(M.toarray()) if isinstance(M, csr_array) else M
+
+
+def sparse(M: Coefficients) -> csr_array:
+    """Return the matrix by sparse rows; one that is stored so is returned as it is."""
+    if isinstance(M, csr_array):
+        return M
+    if isinstance(M, np.ndarray):
+        return csr_array(M)
+    n = M.shape[0]
+    places = np.arange(n)
+    rows = np.concatenate([places[1:], places, places[:-1]])
+    columns = np.concatenate([places[:-1], places, places[1:]])
+    return csr_array((np.concatenate([M.lower, M.diagonal, M.upper]), (rows, columns)), shape=(n, n))
+
+
+def is_symmetric(M: Coefficients) -> bool:
+    """Tell whether M equals its transpose, each pair of entries to within rounding of the larger diagonal entry."""
+    if isinstance(M, Tridiagonal):
+        difference, size = np.abs(M.lower - M.upper), np.abs(M.diagonal).max(initial=0.0)
+    elif isinstance(M, csr_array):
+        difference, size = np.abs((M - M.T).data), np.abs(M.diagonal()).max(initial=0.0)
+    else:
+        difference, size = np.abs(M - M.T), np.abs(np.diagonal(M)).max(initial=0.0)
+    return bool(difference.max(initial=0.0) <= SYMMETRIC * size)
 
 
 def absolute(M: Coefficients) -> Coefficients:
