@@ -61,7 +61,7 @@ def test_the_kernel_refuses_what_is_no_matrix():
         pytest.skip("the twin trusts its callers")
     q, zero = np.ones(2), np.zeros(2)
     for indptr, indices in (([0, 1], [0, 1]), ([0, 1, 2], [0, 7]), ([0, 1, 2], [0, -1]), ([0, 2, 1], [0, 1])):
-        with pytest.raises(ValueError, match="indptr|indices"):
+        with pytest.raises(ValueError, match=r"indptr|indices"):
             kernel.sparse_sweeps(
                 np.array(indptr), np.array(indices), np.ones(2), q, zero, q, zero, 1.0, 0.0, 9, False
             )

@@ -75,6 +75,7 @@ MOST_POLICIES = 200  # linear systems; a few are usual
 LARGEST_PIVOT_TRIALS = 8
 GOLDEN = 0.6180339887498949
 OVER = "the end of the time"
+BEST = "; the best point met (`best`) has a residual of "
 PROOF = "a proof that there is no solution"
 COMBINED = "no z >= 0 has M z + q >= 0: a combination of its rows proves it"
 
@@ -220,7 +221,8 @@ def _summary(problem: Problem, failures: list[tuple[str, NumericalError]]) -> Nu
     tried = [name for name, _ in failures if name != OVER]
     best = _best(problem, [failure for _, failure in failures])
     others = f"; tried without success: {', '.join(tried)}" if len(tried) > 1 else ""
-    summary = type(last)(f"{last}{others}; the best point met (`best`) has a residual of {best.residual:.1e}")
+    said, _, _ = str(last).partition(BEST)
+    summary = type(last)(f"{said}{others}{BEST}{best.residual:.1e}")
     summary.best = best
     return summary
 
@@ -232,7 +234,8 @@ def _best(problem: Problem, failures: list[NumericalError]) -> LCPSolution:
     usable = [point for point in carried if point.z.shape == problem.q.shape and np.isfinite(point.w).all()]
     with np.errstate(all="ignore"):  # numbers near the end of the range make no residual, and lose
         residuals = [scaled_residual(problem, point.z) for point in (*usable, zero)]
-    return [*usable, zero][int(np.argmin(np.nan_to_num(residuals, nan=np.inf)))]
+    points: list[LCPSolution] = [*usable, zero]
+    return points[int(np.argmin(np.nan_to_num(residuals, nan=np.inf)))]
 
 
 def _too_large(problem: Problem) -> str:

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from scipy.sparse import csr_array
 
-from pricing_core.errors import InfeasibleError, RayTerminationError
+from pricing_core.errors import InfeasibleError, NumericalError, RayTerminationError
 from pricing_core.lcp.attempts import (
     LARGEST_DENSE,
     MOST_BLOCKS,
@@ -23,7 +23,7 @@ from pricing_core.lcp.attempts import (
 from pricing_core.lcp.block_pivoting import solve_block_pivoting
 from pricing_core.lcp.mixed import MixedLCP
 from pricing_core.lcp.mixed_reduction import Reduction, eliminated, one_sided, split
-from pricing_core.lcp.problem import DEFAULT_TOLERANCE, LCPSolution, verified
+from pricing_core.lcp.problem import DEFAULT_TOLERANCE, LCPSolution, inside, solution_of, verified
 from pricing_core.lcp.time_limit import TimeLimit
 
 REMEDY = "scale the rows and columns of M, or use method='block-pivoting'"
@@ -77,5 +77,10 @@ def _by_lcp(
         if reduction.is_exact:
             raise
         raise RayTerminationError(ROUNDED) from proof
+    except NumericalError as failure:
+        if failure.best is not None:
+            z = inside(problem, reduction.back(failure.best.z))
+            failure.best = solution_of(problem, z, failure.best.iterations, failure.best.method)
+        raise
     z = reduction.back(found.z)
     return verified(problem, z, found.iterations, found.method, DEFAULT_TOLERANCE, REMEDY)
