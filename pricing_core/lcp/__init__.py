@@ -21,6 +21,7 @@ from pricing_core.lcp.murty import solve_murty
 from pricing_core.lcp.policy_iteration import solve_policy_iteration
 from pricing_core.lcp.polyhedron import Face
 from pricing_core.lcp.problem import LCP, LCPSolution, natural_residual, scaled_residual
+from pricing_core.lcp.problem_files import ProblemFormat, read_problem, write_problem
 from pricing_core.lcp.psor import solve_psor
 from pricing_core.lcp.solve import solve
 from pricing_core.lcp.tridiagonal import (
@@ -41,6 +42,7 @@ __all__ = [
     "LCPSolution",
     "Method",
     "MixedLCP",
+    "ProblemFormat",
     "SolutionSet",
     "column_w_violation",
     "enumerate_solutions",
@@ -49,6 +51,7 @@ __all__ = [
     "is_p_matrix",
     "least_norm_solution",
     "natural_residual",
+    "read_problem",
     "scaled_residual",
     "solve",
     "solve_block_pivoting",
@@ -63,4 +66,5 @@ __all__ = [
     "solve_policy_iteration",
     "solve_psor",
     "solve_tridiagonal_m_matrix",
+    "write_problem",
 ]

@@ -9,14 +9,16 @@ from fractions import Fraction
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from pricing_core.arrays import Matrix, Vector
+from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.errors import NumericalError
+from pricing_core.lcp.complementary_basis import complementary_basis, exchanged
 from pricing_core.lcp.mixed import MixedLCP
 from pricing_core.lcp.problem import LCP
 from pricing_core.linalg.coefficients import Coefficients
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
 SMALLEST_RECIPROCAL_CONDITION = 1e-12
+LARGEST_SEARCHED_BASIS = 250  # order up to which ranks are decided, one for each unknown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,12 +53,14 @@ def eliminated(problem: MixedLCP) -> Reduction:
     """Return the LCP without the free unknowns, with a slack of its own for every second bound.
 
     With x the distances from the bounds, y the multipliers of the second bounds and d the widths between them,
-    w = M x + q + y and 0 <= d - x _|_ y >= 0. A positive semidefinite M gives an LCP that has such a matrix.
+    w = M x + q + y and 0 <= d - x _|_ y >= 0. The equations of the free unknowns determine those, or, where their
+    matrix is singular, others as well, whose w are unknowns of the LCP then. A positive semidefinite M gives an LCP
+    that has such a matrix.
 
     Raises
     ------
     NumericalError
-        The matrix of the free unknowns is singular.
+        There are free unknowns that the equations and the complementarity conditions do not determine.
 
     Examples
     --------
@@ -65,27 +69,33 @@ def eliminated(problem: MixedLCP) -> Reduction:
            [-1. ,  0. ]])
     """
     moved = _moved(problem)
-    free = np.isinf(problem.lower) & np.isinf(problem.upper)
-    held, M = ~free, moved.M_dense()
+    wide = _with_widths(moved.M_dense(), moved.q, moved.widths)
+    free = np.zeros(wide.size, dtype=np.bool_)
+    free[: problem.size] = np.isinf(problem.lower) & np.isinf(problem.upper)
     if not free.any():
-        lcp, rest = _with_widths(M, moved.q, moved.widths), None
-    else:
-        block = M[np.ix_(free, free)]
-        if not np.linalg.cond(block, 1) < 1.0 / SMALLEST_RECIPROCAL_CONDITION:
-            raise NumericalError("the matrix of the free unknowns is singular: they are split instead")
-        table = np.linalg.solve(block, np.column_stack([M[np.ix_(free, held)], moved.q[free]]))
-        reduced = M[np.ix_(held, held)] - M[np.ix_(held, free)] @ table[:, :-1]
-        q = moved.q[held] - M[np.ix_(held, free)] @ table[:, -1]
-        lcp, rest = _with_widths(reduced, q, moved.widths[held]), table
+        return Reduction(wide, lambda x: moved.back(x[: problem.size]), moved.is_exact)
+    pairs, M, held = np.diag((~free).astype(np.float64)), wide.dense(), ~free
+    traded = free if _is_regular(M[np.ix_(free, free)]) else _determined(pairs, M)
+    table = exchanged(pairs, M, traded, wide.q[:, None])
+    lcp = LCP(table[np.ix_(held, held)], table[held, -1])
 
     def back(x: Vector) -> Vector:
-        full = np.zeros(problem.size)
-        full[held] = x[: np.count_nonzero(held)]
-        if rest is not None:
-            full[free] = -rest[:, :-1] @ full[held] - rest[:, -1]
-        return moved.back(full)
+        chosen = np.zeros(wide.size)
+        chosen[held] = x
+        found = np.where(traded, table[:, :-1] @ chosen + table[:, -1], chosen)
+        return moved.back(found[: problem.size])
 
-    return Reduction(lcp, back, moved.is_exact and not free.any())
+    return Reduction(lcp, back, is_exact=False)
+
+
+def _is_regular(block: Matrix) -> bool:
+    return bool(np.linalg.cond(block, 1) < 1.0 / SMALLEST_RECIPROCAL_CONDITION)
+
+
+def _determined(pairs: Matrix, M: Matrix) -> BoolVector:
+    if len(M) > LARGEST_SEARCHED_BASIS:
+        raise NumericalError("the matrix of the free unknowns is singular: they are split instead")
+    return complementary_basis(pairs, M)
 
 
 def split(problem: MixedLCP) -> Reduction:

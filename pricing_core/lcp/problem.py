@@ -13,12 +13,14 @@ from pricing_core.arrays import Matrix, Vector, as_number, as_vector
 from pricing_core.errors import InvalidInputError, NumericalError
 from pricing_core.lcp.mixed import MixedLCP
 from pricing_core.lcp.row_scales import floored
-from pricing_core.linalg.coefficients import Coefficients, absolute, as_coefficients, dense
+from pricing_core.linalg.coefficients import Coefficients, absolute, as_coefficients, dense, sparse
+from pricing_core.linalg.equilibration import equilibration
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
 DEFAULT_TOLERANCE = 1e-10  # Default tolerance of the scaled residual.
 # Largest ratio of the scaled residual to the weight of q in it, which a singular submatrix exceeds.
 LARGEST_SHARE_OF_Q = 1e-5
+NEGLIGIBLE = 1e-15  # share of the largest unknown, each on its own scale, that is rounding
 ROUNDED = 1e-14  # a scaled residual that is rounding, whatever the scales of the rows
 SMALLEST_SCALE = 1e-290  # a row whose terms are all smaller is void: its reciprocal would overflow
 
@@ -221,6 +223,11 @@ def verified(
     error = _largest_part(problem, clipped, slack, sizes)
     if not error <= min(tolerance, ROUNDED):
         error = scaled_residual(problem, clipped)
+        if not error <= tolerance and isinstance(problem, MixedLCP):
+            rounded = without_rounding(problem, clipped)
+            if (rounded_error := scaled_residual(problem, rounded)) <= tolerance:
+                clipped, error = rounded, rounded_error
+                sizes, slack = _term_sizes(problem, clipped), problem.slack(clipped)
     found = LCPSolution(clipped, slack, _natural(problem, clipped, slack), iterations, method)
     if not error <= tolerance:
         raise missed(
@@ -229,6 +236,16 @@ def verified(
     if not error <= LARGEST_SHARE_OF_Q * _weight_of_data(problem, clipped, sizes):
         raise missed(f"{method} ended so far out that q is lost in rounding: {remedy}", found)
     return found
+
+
+def without_rounding(problem: Problem, z: Vector) -> Vector:
+    """Return z with zero for the unknowns that, on the scales of rows and columns, are rounding beside the largest.
+
+    An equation of free unknowns that are all such has no terms of any size of its own to measure its residual by.
+    """
+    _, column = equilibration(problem.M if isinstance(problem.M, np.ndarray) else sparse(problem.M))
+    size = np.abs(z) / column
+    return inside(problem, np.where(size <= NEGLIGIBLE * size.max(initial=0.0), 0.0, z))
 
 
 def inside(problem: Problem, z: Vector) -> Vector:
