@@ -18,7 +18,7 @@ from pricing_core.arrays import Vector
 from pricing_core.errors import InfeasibleError, NumericalError
 from pricing_core.lcp import LCP, scaled_residual, solve
 
-PEER = Path(__file__).parent / "lcs" / "siconos_lemke.py"
+PEER = Path(__file__).parent / "lcs" / "siconos_lcp.py"
 RIGHT = 1e-9  # scaled residual of an answer that counts as right
 LARGEST_COUNTED = 100  # larger problems are timed on a few members
 

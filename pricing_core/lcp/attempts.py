@@ -26,6 +26,7 @@ from pricing_core.lcp.exact import (
     values_by_search,
 )
 from pricing_core.lcp.feasibility import infeasibility_certificate
+from pricing_core.lcp.integer_programme import solve_by_integer_programme
 from pricing_core.lcp.lemke import follow_path
 from pricing_core.lcp.multigrid import solve_multigrid
 from pricing_core.lcp.murty import solve_murty
@@ -149,6 +150,8 @@ def automatic_attempts(problem: LCP, asked: Asked) -> Iterator[Attempt]:
                 yield Attempt(name, _timed(solver), "Lemke's paths gave no solution")
     if problem.size <= LARGEST_EXACT_ORDER:
         yield Attempt("exact", _timed(solve_exact), "floating point found no solution")
+        if problem.size > LARGEST_SEARCHED_ORDER:
+            yield Attempt("integer programme", _timed(solve_by_integer_programme), "no path gave a solution")
 
 
 def _structured_attempts(problem: LCP, asked: Asked) -> Iterator[Attempt]:

@@ -60,7 +60,8 @@ def solve(
        bimatrix games.
     6. For n > 20 Murty's least-index pivoting ("murty"), policy iteration ("policy-iteration").
     7. For n <= 60 Lemke's method in rational arithmetic ("exact"); for n <= 20 a search of the complementary cells in
-       rational arithmetic as well, so that the answer there is a solution or a proof that there is none.
+       rational arithmetic as well, so that the answer there is a solution or a proof that there is none; for larger
+       ones a mixed-integer linear programme of at most 500 nodes ("integer-programme").
 
     Steps 4 to 6 are left out for sparse problems with n > 3000, and dense matrices up to n = 10 begin with step 4. Up
     to n = 6, where other paths cost more, step 7 follows the first path of step 4 and its proof at once.
