@@ -22,6 +22,7 @@ from pricing_core.lcp.policy_iteration import solve_policy_iteration
 from pricing_core.lcp.polyhedron import Face
 from pricing_core.lcp.problem import LCP, LCPSolution, natural_residual, scaled_residual
 from pricing_core.lcp.problem_files import ProblemFormat, read_problem, write_problem
+from pricing_core.lcp.projected_gradients import solve_projected_gradients
 from pricing_core.lcp.psor import solve_psor
 from pricing_core.lcp.solve import solve
 from pricing_core.lcp.tridiagonal import (
@@ -64,6 +65,7 @@ __all__ = [
     "solve_multigrid",
     "solve_murty",
     "solve_policy_iteration",
+    "solve_projected_gradients",
     "solve_psor",
     "solve_tridiagonal_m_matrix",
     "write_problem",

@@ -42,6 +42,7 @@ from pricing_core.lcp.problem import (
     solution_of,
     verified,
 )
+from pricing_core.lcp.projected_gradients import solve_projected_gradients
 from pricing_core.lcp.psor import solve_psor
 from pricing_core.lcp.scaling import equilibrate
 from pricing_core.lcp.time_limit import TimeLimit
@@ -60,6 +61,7 @@ Method: TypeAlias = Literal[
     "tridiagonal",
     "multigrid",
     "block-pivoting",
+    "projected-gradients",
     "enumeration",
     "exact",
 ]
@@ -119,6 +121,14 @@ def single_methods(asked: Asked) -> dict[str, Callable[[Any, TimeLimit], LCPSolu
             partial(solve_multigrid, start=asked.start, tolerance=asked.tolerance, callback=asked.callback)
         ),
         "block-pivoting": _timed(partial(solve_block_pivoting, callback=asked.callback)),
+        "projected-gradients": _timed(
+            partial(
+                solve_projected_gradients,
+                start=asked.start,
+                tolerance=asked.tolerance,
+                callback=asked.callback,
+            )
+        ),
         "enumeration": _one_by_search,
         "exact": _timed(solve_exact),
     }

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.errors import NumericalError
 from pricing_core.lcp.problem import LCP, Problem
-from pricing_core.linalg.coefficients import Coefficients
+from pricing_core.linalg.coefficients import Coefficients, dense
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
 FACTORED_ONCE = (
@@ -112,7 +112,7 @@ def _dense_inverse(A: Matrix) -> Callable[[Vector], Vector]:
 
 def _principal(M: Coefficients, basic_set: BoolVector) -> Matrix | csr_array:
     index = np.flatnonzero(basic_set)
-    return M[index][:, index] if isinstance(M, csr_array) else M[np.ix_(index, index)]  # type: ignore[index]
+    return M[index][:, index] if isinstance(M, csr_array) else dense(M)[np.ix_(index, index)]
 
 
 def _singular(order: int) -> NumericalError:

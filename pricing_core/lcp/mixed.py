@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from pricing_core.arrays import Matrix, Vector, as_array, as_vector
 from pricing_core.errors import InvalidInputError
-from pricing_core.linalg.coefficients import Coefficients, as_coefficients, dense
+from pricing_core.linalg.coefficients import Coefficients, as_coefficients_or_operator, dense
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,7 +20,7 @@ class MixedLCP:
 
     Parameters
     ----------
-    M : array_like (n, n), scipy.sparse matrix or array (n, n), or Tridiagonal
+    M : array_like (n, n), scipy.sparse matrix or array (n, n), Tridiagonal, or scipy.sparse.linalg.LinearOperator
     q : array_like, shape (n,)
     lower, upper : float or array_like of shape (n,)
         lower <= upper; they may be infinite. An unknown between -inf and inf is free, and has the equation w = 0.
@@ -43,7 +43,7 @@ class MixedLCP:
     upper: Vector  # (n,)
 
     def __init__(self, M: object, q: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> None:
-        object.__setattr__(self, "M", as_coefficients("M", M))
+        object.__setattr__(self, "M", as_coefficients_or_operator("M", M))
         n = self.M.shape[0]
         object.__setattr__(self, "q", as_vector("q", q, n))
         object.__setattr__(self, "lower", _bounds("lower", lower, n, np.inf))

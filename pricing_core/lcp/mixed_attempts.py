@@ -31,7 +31,7 @@ ROUNDED = (
     "the problem with its bounds moved to zero, in which numbers were rounded, has no solution, which proves nothing "
     "here: move the bounds to numbers that floating point adds without rounding"
 )
-NATIVE = ("psor", "multigrid", "block-pivoting")
+NATIVE = ("psor", "multigrid", "block-pivoting", "projected-gradients")
 
 
 def mixed_attempts(problem: MixedLCP, method: Method, asked: Asked) -> Iterator[Attempt]:

@@ -13,7 +13,14 @@ from pricing_core.arrays import Matrix, Vector, as_number, as_vector
 from pricing_core.errors import InvalidInputError, NumericalError
 from pricing_core.lcp.mixed import MixedLCP
 from pricing_core.lcp.row_scales import floored
-from pricing_core.linalg.coefficients import Coefficients, absolute, as_coefficients, dense, sparse
+from pricing_core.linalg.coefficients import (
+    Coefficients,
+    absolute,
+    as_coefficients_or_operator,
+    dense,
+    is_operator,
+    sparse,
+)
 from pricing_core.linalg.equilibration import equilibration
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
@@ -31,7 +38,7 @@ class LCP:
 
     Parameters
     ----------
-    M : array_like (n, n), scipy.sparse matrix or array (n, n), or Tridiagonal
+    M : array_like (n, n), scipy.sparse matrix or array (n, n), Tridiagonal, or scipy.sparse.linalg.LinearOperator
         Kept as a read-only array, as a `csr_array` of its own, or as it is.
     q : array_like, shape (n,)
 
@@ -51,7 +58,7 @@ class LCP:
     q: Vector  # (n,)
 
     def __init__(self, M: object, q: ArrayLike) -> None:
-        object.__setattr__(self, "M", as_coefficients("M", M))
+        object.__setattr__(self, "M", as_coefficients_or_operator("M", M))
         object.__setattr__(self, "q", as_vector("q", q, self.M.shape[0]))
 
     @property
@@ -151,7 +158,9 @@ def scaled_residual(problem: Problem, z: Vector) -> float:
     slack = problem.slack(z)
     sizes = _term_sizes(problem, z)
     error = _largest_part(problem, z, slack, sizes)
-    return error if error <= ROUNDED else _largest_part(problem, z, slack, floored(problem.M, z, sizes))
+    if error <= ROUNDED or is_operator(problem.M):
+        return error
+    return _largest_part(problem, z, slack, floored(problem.M, z, sizes))
 
 
 def scaled_parts(problem: Problem, z: Vector) -> tuple[Vector, Vector]:
@@ -163,7 +172,7 @@ def scaled_parts(problem: Problem, z: Vector) -> tuple[Vector, Vector]:
 def weights_and_slack(problem: Problem, z: Vector) -> tuple[Vector, Vector]:
     """Return the factors max_k |m_ki| / s_k that give z_i its weight, and w / s, both of shape (n,)."""
     inverse = _inverse(_term_sizes(problem, z))
-    return _largest_in_column(absolute(problem.M), inverse), problem.slack(z) * inverse
+    return _weights(problem, z, inverse), problem.slack(z) * inverse
 
 
 def check_problem(problem: Problem) -> None:
@@ -187,7 +196,7 @@ def _inverse(sizes: Vector) -> Vector:
 
 def _parts(problem: Problem, z: Vector, slack: Vector, sizes: Vector) -> Vector:
     inverse = _inverse(sizes)
-    weight = _largest_in_column(absolute(problem.M), inverse)
+    weight = _weights(problem, z, inverse)
     if isinstance(problem, LCP):
         return np.minimum(z * weight, slack * inverse)
     with np.errstate(invalid="ignore"):  # infinity times a weight of zero: as good as unbounded
@@ -223,7 +232,7 @@ def verified(
     error = _largest_part(problem, clipped, slack, sizes)
     if not error <= min(tolerance, ROUNDED):
         error = scaled_residual(problem, clipped)
-        if not error <= tolerance and isinstance(problem, MixedLCP):
+        if not error <= tolerance and isinstance(problem, MixedLCP) and not is_operator(problem.M):
             rounded = without_rounding(problem, clipped)
             if (rounded_error := scaled_residual(problem, rounded)) <= tolerance:
                 clipped, error = rounded, rounded_error
@@ -265,15 +274,25 @@ def missed(message: str, found: LCPSolution) -> NumericalError:
 def _weight_of_data(problem: Problem, z: Vector, sizes: Vector) -> float:
     """Return max |q_i| / s_i: tiny where z nearly solves M z = 0 and any q would do. A bound that z meets adds to q."""
     given = np.abs(problem.q)
-    if isinstance(problem, MixedLCP):
+    if isinstance(problem, MixedLCP) and not is_operator(problem.M):
         met = np.where((z == problem.lower) | (z == problem.upper), np.abs(z), 0.0)
         given = given + np.asarray(absolute(problem.M) @ met)
     return float(np.divide(given, sizes, out=np.zeros_like(sizes), where=sizes > 0.0).max(initial=0.0))
 
 
 def _term_sizes(problem: Problem, z: Vector) -> Vector:
-    """Return s = |M| |z| + |q|, shape (n,)."""
+    """Return s = |M| |z| + |q|, shape (n,); for an operator max |M z| + max |q|, at most about the largest s."""
+    if is_operator(problem.M):
+        size = np.abs(problem.M @ z).max(initial=0.0) + np.abs(problem.q).max(initial=0.0)
+        return np.full(problem.size, size)
     return np.asarray(absolute(problem.M) @ np.abs(z)) + np.abs(problem.q)
+
+
+def _weights(problem: Problem, z: Vector, inverse: Vector) -> Vector:
+    """Return what multiplies z_i in `scaled_residual`, shape (n,); for an operator 1 / max |z|."""
+    if is_operator(problem.M):
+        return np.full(problem.size, 1.0 / max(float(np.abs(z).max(initial=0.0)), SMALLEST_SCALE))
+    return _largest_in_column(absolute(problem.M), inverse)
 
 
 def _largest_in_column(magnitude: Coefficients, row_factor: Vector) -> Vector:

@@ -10,8 +10,17 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from pricing_core.arrays import check_callable, check_choice
-from pricing_core.errors import NumericalError
-from pricing_core.lcp.attempts import LARGEST_DENSE, METHODS, Asked, Method, attempts, first_success
+from pricing_core.errors import InvalidInputError, NumericalError
+from pricing_core.lcp.attempts import (
+    LARGEST_DENSE,
+    METHODS,
+    Asked,
+    Attempt,
+    Method,
+    attempts,
+    first_success,
+    single_methods,
+)
 from pricing_core.lcp.basis import basic_point
 from pricing_core.lcp.mixed import MixedLCP
 from pricing_core.lcp.mixed_attempts import mixed_attempts
@@ -27,6 +36,7 @@ from pricing_core.lcp.problem import (
     verified,
 )
 from pricing_core.lcp.time_limit import TimeLimit
+from pricing_core.linalg.coefficients import is_operator
 
 WARM_TOLERANCE = 1e-13  # scaled residual at which a basic set from elsewhere is taken for the solution
 NEARLY_RIGHT = 0.3  # share of the indices with a wrong sign up to which the point of a start is mended
@@ -68,13 +78,14 @@ def solve(
 
     A `MixedLCP` whose unknowns have one bound each is solved as the LCP in the distances from it. Any other goes to
     step 2 where M is sparse, then to block pivoting, and for n <= 3000 to the LCPs in which free unknowns are
-    eliminated or split and every second bound has a slack.
+    eliminated or split and every second bound has a slack. A linear operator is made dense up to n = 3000; a larger
+    one, which must be symmetric positive definite, is solved by its products ("projected-gradients").
 
     Parameters
     ----------
     problem : LCP or MixedLCP
-    method : {"auto", "lemke", "murty", "psor", "policy", "tridiagonal", "multigrid", "block-pivoting", "enumeration", \
-"exact"}
+    method : {"auto", "lemke", "murty", "psor", "policy", "tridiagonal", "multigrid", "block-pivoting", \
+"projected-gradients", "enumeration", "exact"}
         "tridiagonal" is step 1 for any tridiagonal M, "exact" step 7, "enumeration" is
         `enumerate_solutions`, and the search of step 7 where it finds nothing; the others are the single methods.
     tolerance : float
@@ -89,8 +100,8 @@ def solve(
     time_limit : float, optional
         Seconds; compiled and other iterations end within some milliseconds of it, single factorisations do not.
     callback : callable, optional
-        Told (iteration, natural residual) by "multigrid" and "block-pivoting", asked for or chosen; ends the method
-        where it returns True. The other methods measure no residual on their way.
+        Told (iteration, natural residual) by "multigrid", "block-pivoting" and "projected-gradients", asked for or
+        chosen; ends the method where it returns True. The other methods measure no residual on their way.
 
     Returns
     -------
@@ -129,6 +140,8 @@ def solve(
     if problem.size == 0:
         return solution_of(problem, np.zeros(0), 0, method)
     asked = Asked(tolerance, start, callback)
+    if is_operator(problem.M):
+        return _by_products(problem, method, asked, limit)
     if isinstance(problem, MixedLCP):
         found = first_success(problem, mixed_attempts(problem, method, asked), limit)
     else:
@@ -139,6 +152,33 @@ def solve(
         return found  # verified at the default tolerance, or exact
     checked = verified(problem, found.z, found.iterations, found.method, tolerance, "raise the tolerance")
     return replace(checked, reason=found.reason)
+
+
+def _by_products(problem: Problem, method: Method, asked: Asked, limit: TimeLimit) -> LCPSolution:
+    """Solve a problem with a linear operator: by its products alone, or made dense where it is small."""
+    large = problem.size > LARGEST_DENSE
+    if large or method == "projected-gradients":
+        if method not in {"auto", "projected-gradients"}:
+            raise InvalidInputError(
+                "method", method, '"projected-gradients" for a linear operator of more than 3000 unknowns'
+            )
+        run = single_methods(asked)["projected-gradients"]
+        reason = "large linear operator" if method == "auto" else ""
+        return first_success(problem, [Attempt("projected-gradients", run, reason)], limit)
+    M = problem.dense()
+    made = (
+        LCP(M, problem.q)
+        if isinstance(problem, LCP)
+        else MixedLCP(M, problem.q, problem.lower, problem.upper)
+    )
+    return solve(
+        made,
+        method=method,
+        tolerance=asked.tolerance,
+        start=asked.start,
+        time_limit=limit.left(),
+        callback=asked.callback,
+    )
 
 
 def _from_start(problem: LCP, start: ArrayLike) -> LCPSolution | None:

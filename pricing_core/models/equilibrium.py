@@ -19,7 +19,8 @@ NOT_FOUND = (
     "simulate and see where the motion goes"
 )
 NONE_EXISTS = (
-    "there is no equilibrium: no x with H x >= h has F(x) = H^T u with u >= 0, which is proved for the numbers as given"
+    "there is no equilibrium: no x with H x >= h has F(x) = H^T u with u >= 0, which is proved for the numbers as "
+    "given"
 )
 CONVERGED = 1e-11  # residual, as a share of the size of x and F
 ACCEPTED = 1e-8
