@@ -72,11 +72,13 @@ SMALL = 10  # a dense matrix up to this order is not worth a look at its structu
 LARGEST_DENSE = (
     3000  # sparse problems up to this order are factored, and may be made dense for Lemke's method
 )
+LARGEST_FACTORED = 30_000  # order up to which sparse problems are factored where nothing else has helped
 BLOCKS = 100  # order of a dense matrix from which a few factorisations cost less than Lemke's pivots
 MOST_BLOCKS = 40
 MOST_POLICIES = 200  # linear systems; a few are usual
 LARGEST_PIVOT_TRIALS = 8
 GOLDEN = 0.6180339887498949
+FAR = 10.0  # times the residual of z = 0 up to which a point may be called the best that was met
 OVER = "the end of the time"
 BEST = "; the best point met (`best`) has a residual of "
 PROOF = "a proof that there is no solution"
@@ -190,6 +192,9 @@ def sparse_attempts(problem: Problem, asked: Asked) -> Iterator[Attempt]:
     # Its tolerance decides about a result at once, where that of direct methods is at rounding level anyway.
     run = partial(solve_multigrid, start=asked.start, callback=asked.callback)
     yield Attempt("multigrid", _timed(run), kind)
+    if LARGEST_DENSE < problem.size <= LARGEST_FACTORED:
+        direct = partial(solve_block_pivoting, max_iterations=MOST_BLOCKS, callback=asked.callback)
+        yield Attempt("block pivoting", _timed(direct), f"{kind}, on which multigrid did not end")
 
 
 SYMMETRIC = "sparse symmetric matrix, positive diagonal"
@@ -244,7 +249,8 @@ def _best(problem: Problem, failures: list[NumericalError]) -> LCPSolution:
     """Return the point with the smallest scaled residual that the failures carry, or the one nearest to zero."""
     zero = solution_of(problem, inside(problem, np.zeros(problem.size)), 0, "zero")
     carried = [failure.best for failure in failures if failure.best is not None]
-    usable = [point for point in carried if point.z.shape == problem.q.shape and np.isfinite(point.w).all()]
+    # Far out, where q is lost, scaled residuals are small: such a point is worse than none.
+    usable = [p for p in carried if p.z.shape == problem.q.shape and p.residual <= FAR * zero.residual]
     with np.errstate(all="ignore"):  # numbers near the end of the range make no residual, and lose
         residuals = [scaled_residual(problem, point.z) for point in (*usable, zero)]
     points: list[LCPSolution] = [*usable, zero]
@@ -254,7 +260,7 @@ def _best(problem: Problem, failures: list[NumericalError]) -> LCPSolution:
 def _too_large(problem: Problem) -> str:
     return (
         f"no method for a sparse matrix of order {problem.size} that is no H+ matrix, no Z-matrix and not symmetric; "
-        "try 'psor' or 'policy'"
+        "try 'block-pivoting', 'policy' or 'psor'"
     )
 
 

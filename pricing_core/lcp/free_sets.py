@@ -20,14 +20,16 @@ EPSILON = float(np.finfo(np.float64).eps)
 SWEEPS = 4  # before each linear system
 FIRST_SWEEPS = 6  # the rate of the second half shows whether sweeps alone are enough
 FAST = 0.5  # factor by which each sweep must lower the residual for that
-MOST_ITERATIONS = 100
+MOST_ITERATIONS = 200
 PROGRESS = 0.9  # factor of the least residual that counts as one
+NOTHING = 1e-12  # share by which z'Mz/2 + q'z must fall for that, where M is symmetric
 PATIENCE = 6  # iterations without one after which sweeps alone go on from the best point
 RESTING_SWEEPS, MOST_RESTS = 50, 5
 STALE = 0.02  # share of the unknowns that may change sides before the multigrid hierarchy is made afresh
 LOOSE, TIGHT = 0.05, 1e-4  # of linear systems: where the free set has changed, and where it is settled
-LINEAR_STEPS = 30
+LINEAR_STEPS, MOST_LINEAR_STEPS = 30, 480  # the first where a few are enough
 HALVINGS = 5
+DIVERGED = 1e10  # factor of the least residual from which on nothing is hoped for
 FALLING = "the residual of multigrid stopped falling, and nothing is proved"
 
 Report = Callable[[int, float, Vector], bool]  # of (iteration, residual, z): whether it is done
@@ -82,17 +84,20 @@ class FreeSets:
         IterationLimitError
             The residual stopped falling.
         """
-        best, best_z, waited, rests = np.inf, z, 0, 0
+        best, best_z, least, waited, rests = np.inf, z, np.inf, 0, 0
         step = _LinearStep(self)
         for iteration in range(MOST_ITERATIONS if limit is None else limit):
             z = self.swept(z, SWEEPS, clock)
             slack = self.M @ z + self.q
             residual = self.residual(z, slack)
-            if not np.isfinite(residual):
+            if not residual <= DIVERGED * min(best, 1e290):
                 break
             if report(iteration, residual, z):
                 return z, iteration
-            waited = 0 if residual < PROGRESS * best else waited + 1
+            measure = 0.5 * float(z @ (slack + self.q)) if self.symmetric else residual
+            falls = measure < least - abs(least) * NOTHING if self.symmetric else residual < PROGRESS * least
+            waited = 0 if falls or not np.isfinite(least) else waited + 1
+            least = min(least, measure)
             if residual < best:
                 best, best_z = residual, z
             if waited >= PATIENCE:
@@ -127,7 +132,7 @@ class _LinearStep:
         self.known: BoolVector = np.zeros(0, dtype=np.bool_)  # the set that the hierarchy was made for
         self.places: NDArray[np.integer] = np.zeros(0, dtype=np.int64)
         self.free: BoolVector | None = None  # of the last call
-        self.reliable = True
+        self.reliable, self.steps = True, LINEAR_STEPS
 
     def __call__(self, z: Vector, slack: Vector) -> Vector:
         level = self.level
@@ -136,12 +141,11 @@ class _LinearStep:
             return np.zeros_like(z)
         settled = self.free is not None and np.array_equal(free, self.free)
         self.free = free
-        if (
-            self.hierarchy is None
-            or not self.reliable
-            or np.count_nonzero(free != self.known) > STALE * z.size
-        ):
+        changed = np.count_nonzero(free != self.known) if self.hierarchy is not None else z.size
+        if self.hierarchy is None or changed > STALE * z.size or (changed and not self.reliable):
             self._prepare(free)
+        elif not self.reliable:
+            self.steps = min(2 * self.steps, MOST_LINEAR_STEPS)
         masked = LinearOperator(level.M.shape, matvec=self._product, dtype=np.float64)
         inverse = LinearOperator(level.M.shape, matvec=self._approximate, dtype=np.float64)
         step, self.reliable = solve_preconditioned(
@@ -150,7 +154,7 @@ class _LinearStep:
             inverse,
             symmetric=level.symmetric,
             tolerance=TIGHT if settled else LOOSE,
-            limit=LINEAR_STEPS,
+            limit=self.steps,
         )
         return step if np.isfinite(step).all() else np.zeros_like(z)
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import csr_array, diags_array
 
 from pricing_core.arrays import Vector, as_array, as_vector
 from pricing_core.errors import InvalidInputError, IterationLimitError
@@ -97,7 +98,12 @@ def solve_multigrid(
     if not (diagonal_of(M) > 0.0).all():
         least = float(diagonal_of(M).min(initial=0.0))
         raise InvalidInputError("M", least, "a matrix with a positive diagonal, for multigrid")
-    finest = FreeSets(M, problem.q, problem.lower, problem.upper, is_symmetric(M))
+    symmetric, q = is_symmetric(M), problem.q
+    if not symmetric:  # rows in other units have the same solutions, and may hide that M is symmetric
+        inverse = 1.0 / diagonal_of(M)
+        M, q = csr_array(diags_array(inverse) @ M), inverse * q
+        symmetric = is_symmetric(M)
+    finest = FreeSets(M, q, problem.lower, problem.upper, symmetric)
     watch = _Watch(problem, finest, callback)
     z, sweeps, done = finest.swept_out(_first_point(problem, start), watch.is_solved, MOST_SWEEPS, clock)
     if done:
@@ -155,13 +161,14 @@ class _Watch:
 
     def __init__(self, problem: Problem, level: FreeSets, callback: Callback | None) -> None:
         self.problem, self.level, self.callback = problem, level, callback
-        self.share = SHARE_OF_Q * float(np.abs(problem.q).max(initial=0.0))
+        self.share = SHARE_OF_Q * float(np.abs(level.q).max(initial=0.0))
         self.least, self.point = np.inf, level.q
 
     def is_solved(self, residual: float, z: Vector) -> bool:
         """Tell whether the residual is at its share of q, or at rounding level, and the scaled one small as well."""
-        near = residual <= self.share or residual <= self.level.rounding(z)
-        return near and scaled_residual(self.problem, z) <= SOLVED
+        if residual > self.share and residual > self.level.rounding(z):
+            return False
+        return scaled_residual(self.problem, z) <= SOLVED
 
     def __call__(self, iteration: int, residual: float, z: Vector) -> bool:
         if residual < self.least:

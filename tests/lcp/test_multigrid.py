@@ -122,3 +122,58 @@ def test_a_hierarchy_halves_the_order_and_its_cycle_is_symmetric():
     finer = hierarchy.transfers[0]
     unit = csr_array(finer.prolongation[finer.points])
     np.testing.assert_array_equal(unit.toarray(), np.eye(orders[1]))
+
+
+def grid(conductivity):
+    """Return the matrix of a square grid whose links conduct by the geometric means of their ends, order n."""
+    n = conductivity.size
+    index = np.arange(n).reshape(-1, round(n**0.5))
+    one = np.concatenate([index[:-1].ravel(), index[:, :-1].ravel()])
+    other = np.concatenate([index[1:].ravel(), index[:, 1:].ravel()])
+    links = np.sqrt(conductivity[one] * conductivity[other])
+    W = csr_array((links, (one, other)), shape=(n, n))
+    W = W + W.T
+    return csr_array(diags_array(np.asarray(W.sum(axis=1)).ravel()) - W)
+
+
+def hard(name):
+    random, n = np.random.default_rng(7), 3600
+    q, membrane = random.normal(size=n), csr_array(laplacian(60) / 3721.0)
+    scales = 10.0 ** random.uniform(-4.0, 4.0, n)
+    contrast = np.where(random.random(n) < 0.5, 1.0, 1e8)
+    return {
+        "conductivities that differ by 1e8": lambda: LCP(grid(contrast) + 1e-3 * diags_array(np.ones(n)), q),
+        "no boundary that holds": lambda: LCP(grid(np.ones(n)), q - q.mean() + 0.01),
+        "a plate": lambda: LCP(csr_array(membrane @ membrane), q),
+        "a plate between bounds": lambda: MixedLCP(csr_array(membrane @ membrane), 0.01 * q, -1.0, 1.0),
+        "rows in many units": lambda: LCP(csr_array(diags_array(scales) @ membrane), scales * q),
+        "rows and columns in many units": lambda: LCP(
+            csr_array(diags_array(scales) @ membrane @ diags_array(scales)), scales * q
+        ),
+    }[name]()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "conductivities that differ by 1e8",
+        "no boundary that holds",
+        "a plate",
+        "a plate between bounds",
+        "rows in many units",
+        "rows and columns in many units",
+    ],
+)
+def test_ill_conditioned_problems_are_solved(name):
+    problem = hard(name)
+    found = solve(problem)
+    assert found.method == "multigrid"
+    assert scaled_residual(problem, found.z) <= 1e-12
+
+
+def test_an_indefinite_problem_ends_with_its_best_point_before_long():
+    M = csr_array(laplacian(60) / 3721.0 - 0.5 * diags_array(np.ones(3600)))
+    problem = LCP(M, np.cos(np.arange(3600.0)))
+    with pytest.raises(NumericalError, match="tried without success: multigrid, block pivoting") as caught:
+        solve(problem)
+    assert caught.value.best.residual == natural_residual(problem, caught.value.best.z) <= 1.0
