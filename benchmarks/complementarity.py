@@ -16,17 +16,9 @@ DENSE = {False: (100, 200, 500, 1000, 2000), True: (50, 120)}
 LEMKE_UP_TO = 1000
 QUICK_SETS = 3
 WORDS = ("solved", "refused", "not found", "wrong", "not for it")
-# Okabe and Ito's colours and their shapes, which colour-blind readers can tell apart.
-STYLES = (
-    "#0072B2 o",
-    "#D55E00 s",
-    "#009E73 ^",
-    "#CC79A7 D",
-    "#E69F00 v",
-    "#56B4E9 P",
-    "#000000 X",
-    "#999999 *",
-)
+# Okabe and Ito's colours, which colour-blind readers can tell apart; with the shapes no two lines are alike.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+MARKERS = "os^DvPX*<>h"
 
 
 def run(*, quick: bool) -> Report:
@@ -95,8 +87,8 @@ def _large(runs: Sequence[LargeRun]) -> Section:
         The five-point obstacle problem with a wavy obstacle takes {largest.seconds:.2g} s at {largest.unknowns:,}
         unknowns, to a natural residual of {largest.residual:.0e} max |q|, in {largest.iterations} iterations; the
         process had used at most {largest.memory:.2g} GB by then. The slowest of all is {slowest.problem} at
-        {slowest.unknowns:,} unknowns with {slowest.seconds:.2g} s. Times are of single runs, without that of forming
-        the matrix.
+        {slowest.unknowns:,} unknowns with {slowest.seconds:.2g} s. Times are those of the processor in single runs, without
+        that of forming the matrix.
         """
     table = Table(LargeRun._fields, tuple(tuple(run) for run in runs), "sparse")
     return Section("Large sparse problems", text, (table,), (("scaling", _figure(runs)),))
@@ -112,13 +104,13 @@ def _figure(runs: Sequence[LargeRun]) -> Figure:
             for run in runs
             if (run.problem, run.solver) == (problem, solver) and run.seconds is not None
         ]
-        colour, marker = STYLES[k % len(STYLES)].split()
+        colour, marker = COLOURS[k % len(COLOURS)], MARKERS[k % len(MARKERS)]
         label = problem if solver == "solve" else f"{problem}, {solver}"
         if points:
             line = "-" if solver == "solve" else ":"
             axes.loglog(*zip(*points, strict=True), line, marker=marker, color=colour, label=label)
     axes.set_xlabel("unknowns")
-    axes.set_ylabel("seconds")
+    axes.set_ylabel("processor seconds")
     axes.grid(which="major", alpha=0.3)
     figure.legend(loc="outside right upper")
     return figure

@@ -73,7 +73,7 @@ LARGEST_DENSE = (
     3000  # sparse problems up to this order are factored, and may be made dense for Lemke's method
 )
 LARGEST_FACTORED = 30_000  # order up to which sparse problems are factored where nothing else has helped
-BLOCKS = 100  # order of a dense matrix from which a few factorisations cost less than Lemke's pivots
+BLOCKS = 200  # order of a dense matrix from which a few factorisations cost less than Lemke's pivots
 MOST_BLOCKS = 40
 MOST_POLICIES = 200  # linear systems; a few are usual
 LARGEST_PIVOT_TRIALS = 8

@@ -63,7 +63,7 @@ def solve(
     2. Sparse Z-, H+ or symmetric matrix with positive diagonal: up to n = 3000 policy iteration ("policy-iteration")
        and block pivoting ("block-pivoting"), then, and for larger ones at once, active sets with multigrid
        ("multigrid", or "projected-sweeps" where sweeps are enough): O(nnz) time and memory for elliptic problems.
-    3. Dense matrix with n >= 100: block principal pivoting, a few factorisations for a P-matrix.
+    3. Dense matrix with n >= 200: block principal pivoting, a few factorisations for a P-matrix.
     4. Lemke's method with its own covering vector ("lemke"), and with others ("lemke-restarted"). If they fail, an
        exact proof is looked for that {z >= 0, M z + q >= 0} is empty.
     5. Lemke's method from other bases ("lemke-pivoted"), which helps where every covering vector fails, as in
