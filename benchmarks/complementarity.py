@@ -87,8 +87,8 @@ def _large(runs: Sequence[LargeRun]) -> Section:
         The five-point obstacle problem with a wavy obstacle takes {largest.seconds:.2g} s at {largest.unknowns:,}
         unknowns, to a natural residual of {largest.residual:.0e} max |q|, in {largest.iterations} iterations; the
         process had used at most {largest.memory:.2g} GB by then. The slowest of all is {slowest.problem} at
-        {slowest.unknowns:,} unknowns with {slowest.seconds:.2g} s. Times are those of the processor in single runs, without
-        that of forming the matrix.
+        {slowest.unknowns:,} unknowns with {slowest.seconds:.2g} s. Times are those of the processor in single runs,
+        without that of forming the matrix.
         """
     table = Table(LargeRun._fields, tuple(tuple(run) for run in runs), "sparse")
     return Section("Large sparse problems", text, (table,), (("scaling", _figure(runs)),))
