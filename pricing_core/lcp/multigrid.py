@@ -10,7 +10,7 @@ from scipy.sparse import csr_array, diags_array
 
 from pricing_core.arrays import Vector, as_array, as_vector
 from pricing_core.errors import InvalidInputError, IterationLimitError
-from pricing_core.lcp.free_sets import FreeSets
+from pricing_core.lcp.free_sets import DIVERGED, FreeSets
 from pricing_core.lcp.problem import (
     DEFAULT_TOLERANCE,
     LCPSolution,
@@ -124,13 +124,14 @@ def _first_point(problem: Problem, start: ArrayLike | None) -> Vector:
     return inside(problem, as_vector("start", start, problem.size))
 
 
-def _from_coarser(finest: FreeSets, z: Vector, clock: TimeLimit) -> Vector:
+def _from_coarser(finest: FreeSets, first: Vector, clock: TimeLimit) -> Vector:
     """Return the point that the solutions of the coarser problems lead to, each solved from the coarser one.
 
-    It is z where coarser unknowns are no values of some of the finer ones.
+    It is `first` where coarser unknowns are no values of some of the finer ones, or where they
+    led far away, as for an indefinite M.
     """
     if finest.near_null is not None:
-        return z
+        return first
     hierarchy = Multigrid.of(finest.M, None)
     levels = [finest]
     for M, transfer in zip(hierarchy.matrices[1:], hierarchy.transfers, strict=True):
@@ -143,7 +144,9 @@ def _from_coarser(finest: FreeSets, z: Vector, clock: TimeLimit) -> Vector:
         goal = COARSE_SHARE * float(np.abs(level.q).max(initial=0.0))
         z, _ = level.improved(z, _Until(goal), clock, COARSE_ITERATIONS)
         z = np.asarray(transfer.prolongation @ z)
-    return np.clip(z, finest.lower, finest.upper)
+    z = np.clip(z, finest.lower, finest.upper)
+    swept, led = (finest.residual(at, finest.M @ at + finest.q) for at in (first, z))
+    return z if led <= DIVERGED * swept else first
 
 
 class _Until:
