@@ -552,7 +552,8 @@ def benchmark_command(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="NAME", help="engine-frontier, crank-nicolson, lcs-work-precision, max-plus; default: all"
+            metavar="NAME",
+            help="engine-frontier, crank-nicolson, lcs-work-precision, max-plus, complementarity; default: all",
         ),
     ] = None,
     quick: Annotated[

@@ -18,7 +18,7 @@ from pricing_core.arrays import Vector
 from pricing_core.errors import InfeasibleError, NumericalError
 from pricing_core.lcp import LCP, scaled_residual, solve
 
-PEER = Path(__file__).parent / "lcs" / "siconos_lemke.py"
+PEER = Path(__file__).parent / "lcs" / "siconos_lcp.py"
 RIGHT = 1e-9  # scaled residual of an answer that counts as right
 LARGEST_COUNTED = 100  # larger problems are timed on a few members
 
@@ -33,14 +33,14 @@ class Verdict(NamedTuple):
 def judged(posed: Posed, answer: Callable[[LCP], Vector]) -> Verdict:
     """Ask for an answer and judge it: a proof that there is none is wrong where there is one."""
     problem = LCP(posed.M, posed.q)
-    begin = time.perf_counter()
+    begin = time.process_time()
     try:
         z = answer(problem)
     except InfeasibleError:
-        return Verdict("wrong" if posed.is_solvable else "refused", time.perf_counter() - begin)
+        return Verdict("wrong" if posed.is_solvable else "refused", time.process_time() - begin)
     except NumericalError:
-        return Verdict("not found", time.perf_counter() - begin)
-    seconds = time.perf_counter() - begin
+        return Verdict("not found", time.process_time() - begin)
+    seconds = time.process_time() - begin
     right = (z >= 0.0).all() and scaled_residual(problem, z) <= RIGHT
     return Verdict("solved" if right else "wrong", seconds)
 

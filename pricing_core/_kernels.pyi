@@ -42,6 +42,20 @@ def projected_sor(
     max_sweeps: int,
     interrupt: Callable[[], bool] | None = None,
 ) -> tuple[Vector, int]: ...
+def sparse_sweeps(
+    indptr: NDArray[np.int64],
+    indices: NDArray[np.int64],
+    data: Vector,
+    q: Vector,
+    lower: Vector,
+    upper: Vector,
+    z: Vector,
+    relaxation: float,
+    tolerance: float,
+    max_sweeps: int,
+    alternating: bool,
+    interrupt: Callable[[], bool] | None = None,
+) -> tuple[Vector, int]: ...
 def price_options(
     is_put: BoolVector,
     spot: Vector,

@@ -21,6 +21,7 @@ KernelMissingWarning (UserWarning)     the compiled kernel was not built: option
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any
 
 SHOWN_CHARACTERS = 40
 
@@ -85,7 +86,15 @@ class DamagedPartError(PricingCoreError, OSError):
 
 
 class NumericalError(PricingCoreError, ArithmeticError):
-    """A well-posed question that the chosen method could not answer."""
+    """A well-posed question that the chosen method could not answer.
+
+    Attributes
+    ----------
+    best : LCPSolution or None
+        Of a complementarity problem, the point with the smallest residual that was met: no solution. Else None.
+    """
+
+    best: Any = None
 
 
 class InfeasibleError(NumericalError):

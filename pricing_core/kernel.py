@@ -9,7 +9,7 @@ import warnings
 from functools import cache
 from types import ModuleType
 
-from pricing_core import dense_twin, kernel_twin, mode_twin
+from pricing_core import dense_twin, kernel_twin, mode_twin, sparse_twin
 from pricing_core.errors import KernelMissingWarning
 
 # A kernel that is there but does not load raises: only a missing one is replaced.
@@ -22,6 +22,7 @@ except ImportError as _error:
 
 _small: ModuleType = kernel_twin if _compiled is None else _compiled
 _dense: ModuleType = dense_twin if _compiled is None else _compiled
+_sparse: ModuleType = sparse_twin if _compiled is None else _compiled
 _mode: ModuleType = mode_twin if _compiled is None else _compiled
 
 brennan_schwartz = _small.brennan_schwartz
@@ -33,6 +34,7 @@ leading_signs = _mode.leading_signs
 lemke = _dense.lemke
 policy_iteration = _small.policy_iteration
 projected_sor = _small.projected_sor
+sparse_sweeps = _sparse.sparse_sweeps
 taylor_step = _mode.taylor_step
 price_options = None if _compiled is None else _compiled.price_options
 solve_puts = None if _compiled is None else _compiled.solve_puts

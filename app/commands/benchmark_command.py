@@ -27,6 +27,7 @@ MODULES = {
     "crank-nicolson": "benchmarks.crank_nicolson",
     "lcs-work-precision": "benchmarks.lcs_work_precision",
     "max-plus": "benchmarks.max_plus",
+    "complementarity": "benchmarks.complementarity",
 }
 
 

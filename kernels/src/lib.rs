@@ -2,7 +2,8 @@
 //! option engines.
 //!
 //! - Solvers of 0 <= z, 0 <= w = M z + q, z w = 0 with a tridiagonal M: `brennan_schwartz`, `growing_basic_set`,
-//!   `policy_iteration`, `projected_sor`; with a dense one: `equilibrate`, `lemke`.
+//!   `policy_iteration`, `projected_sor`; with a dense one: `equilibrate`, `lemke`; with a sparse one,
+//!   between bounds: `sparse_sweeps`.
 //! - The flow of a mode of a linear complementarity system up to its first event, and the signs that select the next:
 //!   `taylor_step`, `enter`, `initial_signs`, `leading_signs`.
 //! - `segment_march`: the method of lines over a schedule of segments, with a tridiagonal problem per stage.
@@ -32,6 +33,7 @@ mod psor;
 #[cfg(feature = "python")]
 mod python;
 pub mod segment_march;
+mod sparse_sweeps;
 mod tridiagonal;
 
 pub use brennan_schwartz::brennan_schwartz;
@@ -43,6 +45,7 @@ pub use mode_flow::{taylor_step, StepEnd};
 pub use mode_signs::{enter, initial_signs, leading_signs, SignShares};
 pub use policy_iteration::{policy_iteration, Settling};
 pub use psor::{projected_sor, Sweeping};
+pub use sparse_sweeps::{sparse_sweeps, Bounds, SparseRows, SparseSweeping};
 pub use tridiagonal::Tridiagonal;
 
 /// max(0, x), except that NaN stays NaN: a breakdown must reach the caller.

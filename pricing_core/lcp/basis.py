@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgWarning, lu_factor, lu_solve
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import splu
 
 from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.errors import NumericalError
-from pricing_core.lcp.problem import LCP
-from pricing_core.linalg.coefficients import Coefficients
+from pricing_core.lcp.problem import LCP, Problem
+from pricing_core.linalg.coefficients import Coefficients, dense
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
+FACTORED_ONCE = (
+    50  # order from which two systems with one matrix cost more than its factors and their overhead
+)
 # Largest correction, as a share of the solution: a larger one says that not even three digits are known.
 LARGEST_CORRECTION = 1e-3
 
@@ -45,6 +52,24 @@ def basic_point(problem: LCP, basic_set: BoolVector) -> Vector:
     return z
 
 
+def point_between(problem: Problem, sides: NDArray[np.int8]) -> Vector:
+    """Return the z with w_i = 0 where the side is 0, z_i = lower_i where it is -1 and upper_i where it is 1.
+
+    Raises
+    ------
+    NumericalError
+        As `basic_point`.
+
+    Examples
+    --------
+    >>> point_between(LCP([[2.0, 1.0], [1.0, 2.0]], [-4.0, 1.0]), np.array([0, -1], dtype=np.int8))
+    array([2., 0.])
+    """
+    basic_set = sides == 0
+    held = np.where(basic_set, 0.0, np.where(sides < 0, problem.lower, problem.upper))
+    return np.where(basic_set, basic_point(LCP(problem.M, problem.slack(held)), basic_set), held)
+
+
 def decoupled(M: Tridiagonal, basic_set: BoolVector) -> Tridiagonal:
     """Return M with the rows and columns outside the basic set replaced by those of the identity."""
     linked = basic_set[1:] & basic_set[:-1]
@@ -64,7 +89,7 @@ def refined_solve(A: Matrix | csr_array, b: Vector) -> Vector:
         A is singular, exactly or because the refinement changes the leading digits.
     """
     try:
-        inverse = splu(A.tocsc()).solve if isinstance(A, csr_array) else partial(np.linalg.solve, A)
+        inverse = splu(A.tocsc()).solve if isinstance(A, csr_array) else _dense_inverse(A)
         with np.errstate(over="ignore", invalid="ignore"):
             x = np.asarray(inverse(b))
             correction = np.asarray(inverse(b - A @ x))
@@ -77,9 +102,17 @@ def refined_solve(A: Matrix | csr_array, b: Vector) -> Vector:
     return np.asarray(x + correction)
 
 
+def _dense_inverse(A: Matrix) -> Callable[[Vector], Vector]:
+    if len(A) < FACTORED_ONCE:
+        return partial(np.linalg.solve, A)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LinAlgWarning)  # a pivot of zero gives numbers that are not finite
+        return partial(lu_solve, lu_factor(A, check_finite=False), check_finite=False)
+
+
 def _principal(M: Coefficients, basic_set: BoolVector) -> Matrix | csr_array:
     index = np.flatnonzero(basic_set)
-    return M[index][:, index] if isinstance(M, csr_array) else M[np.ix_(index, index)]  # type: ignore[index]
+    return M[index][:, index] if isinstance(M, csr_array) else dense(M)[np.ix_(index, index)]
 
 
 def _singular(order: int) -> NumericalError:

@@ -150,7 +150,9 @@ def _least(M: Matrix, slack: Vector, sizes: Vector, known: Vector, directions: M
     at_foot = np.where(np.abs(at_foot) > ROUNDING * (heights + length), at_foot, 0.0)
     if (at_foot < 0.0).any():
         try:
-            dual = follow_path(LCP(rows @ rows.T, at_foot), None, None, FEASIBLE, TimeLimit(None)).z
+            products = rows @ rows.T
+            products[np.abs(products) <= ROUNDING] = 0.0  # of rows that have nothing to do with each other
+            dual = follow_path(LCP(products, at_foot), None, None, FEASIBLE, TimeLimit(None)).z
         except NumericalError:
             return None
         t, tight = t + rows.T @ dual, dual > 0.0

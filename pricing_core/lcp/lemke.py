@@ -16,7 +16,15 @@ from pricing_core.errors import (
 )
 from pricing_core.lcp.feasibility import infeasibility_certificate
 from pricing_core.lcp.policy_iteration import solve_policy_iteration
-from pricing_core.lcp.problem import DEFAULT_TOLERANCE, LCP, LCPSolution, as_tolerance, verified
+from pricing_core.lcp.problem import (
+    DEFAULT_TOLERANCE,
+    LCP,
+    LCPSolution,
+    as_tolerance,
+    inside,
+    solution_of,
+    verified,
+)
 from pricing_core.lcp.scaling import equilibrate
 from pricing_core.lcp.time_limit import TimeLimit
 
@@ -109,19 +117,27 @@ def follow_path(
         10_000 + 100 * problem.size if max_pivots is None else as_whole_number("max_pivots", max_pivots, 0)
     )
     end, z, basic_set, pivots = kernel.lemke(scaled.M, scaled.q, d, limit, time_limit)
-    if end == "ray":
-        raise RayTerminationError(
-            f"Lemke's method ended on a ray after {pivots} pivots, which proves nothing here: "
-            "try another covering vector, method='murty' or, for n <= 20, method='enumeration'"
-        )
-    if end == "interrupted":
-        time_limit.check(f"Lemke's method, at {pivots} pivots,")
     if end != "solved":
-        raise IterationLimitError(f"Lemke's method took {pivots} pivots without an end: raise max_pivots")
+        failure = _unfinished(end, pivots, time_limit)
+        failure.best = solution_of(problem, inside(problem, scaled.original(z)), pivots, "lemke")
+        raise failure
     try:
         return verified(problem, scaled.original(z), pivots, "lemke", tolerance, REMEDY)
     except NumericalError:
         return _mended(problem, basic_set, pivots, tolerance)
+
+
+def _unfinished(end: str, pivots: int, time_limit: TimeLimit) -> NumericalError:
+    if end == "ray":
+        return RayTerminationError(
+            f"Lemke's method ended on a ray after {pivots} pivots, which proves nothing here: "
+            "try another covering vector, method='murty' or, for n <= 20, method='enumeration'"
+        )
+    if end == "interrupted":
+        return IterationLimitError(
+            f"Lemke's method, at {pivots} pivots, did not end within time_limit = {time_limit.seconds} seconds"
+        )
+    return IterationLimitError(f"Lemke's method took {pivots} pivots without an end: raise max_pivots")
 
 
 def _mended(problem: LCP, basic_set: BoolVector, pivots: int, tolerance: float) -> LCPSolution:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -21,18 +19,12 @@ from pricing_core.lcp.problem import (
     verified,
 )
 from pricing_core.lcp.time_limit import TimeLimit
-from pricing_core.linalg.coefficients import diagonal_of
 from pricing_core.linalg.tridiagonal import Tridiagonal
 
 ROUNDING = 1e-14  # scaled: a smaller violation does not move its index to the other side
 REMEDY = "raise max_iterations, or use Lemke where M is no M-matrix"
 # Scaled residual that ends the iteration where rounding keeps indices moving.
 SOLVED = 1e-13
-SWEEPS = (40, 200, 1000)  # before policy iteration is tried, and again
-MOST_SWEEPS = 1000
-CHEAPLY_FACTORED = 3000  # order up to which policy iteration is tried before any sweep
-FAST = 0.965  # rate at which MOST_SWEEPS take changes to rounding
-MOST_FROM_SWEEPS = 200  # linear systems in each trial; a few are usual
 
 
 def solve_policy_iteration(
@@ -94,57 +86,6 @@ def solve_policy_iteration(
     else:
         z, iterations = _solve_general(problem, basic_set, limit, clock)
     return verified(problem, z, iterations, "policy-iteration", DEFAULT_TOLERANCE, "use Lemke")
-
-
-def solve_h_plus(problem: LCP, *, time_limit: float | None = None) -> LCPSolution:
-    """Solve an LCP with an H+ matrix: policy iteration for n <= 3000, else projected sweeps or both.
-
-    The sweeps z <- max(0, z - w / diag(M)) converge for every H+ matrix (Cottle, Pang, Stone 1992, section 5.3).
-    Where the first ones show that 1000 are enough they give the answer ("projected-sweeps"), without a factorisation.
-    Elsewhere policy iteration starts from the nearest point so far, and again from further sweeps where it goes round.
-
-    Raises
-    ------
-    NumericalError, IterationLimitError
-        Policy iteration did not end from any of the starts, or `time_limit`, in seconds, was too short.
-    """
-    check_type("problem", problem, LCP)
-    clock, z = TimeLimit(time_limit), np.zeros(problem.size)
-    failure = NumericalError("policy iteration was not tried")
-    if problem.size <= CHEAPLY_FACTORED:
-        with suppress(NumericalError):
-            return solve_policy_iteration(problem, max_iterations=MOST_FROM_SWEEPS, time_limit=time_limit)
-    for sweeps in SWEEPS:
-        z, rate, done = _swept(problem, z, sweeps, clock)
-        if rate < FAST:
-            z, _, further = _swept(problem, z, MOST_SWEEPS, clock)
-            with suppress(NumericalError):
-                return verified(
-                    problem, z, done + further, "projected-sweeps", SOLVED, "use policy iteration"
-                )
-        start = problem.slack(z) < diagonal_of(problem.M) * z
-        try:
-            return solve_policy_iteration(
-                problem, start=start, max_iterations=MOST_FROM_SWEEPS, time_limit=clock.left()
-            )
-        except NumericalError as error:
-            failure = error
-            clock.check("policy iteration")
-    raise failure
-
-
-def _swept(problem: LCP, z: Vector, sweeps: int, clock: TimeLimit) -> tuple[Vector, float, int]:
-    """Return z after projected sweeps, the rate at which their changes fell in the later half, and their number."""
-    diagonal, changes = diagonal_of(problem.M), []
-    for _ in range(sweeps):
-        clock.check("projected sweeps")
-        following = np.maximum(z - problem.slack(z) / diagonal, 0.0)
-        changes.append(float(np.max(np.abs(following - z), initial=0.0)))
-        z = following
-        if changes[-1] <= 0.01 * ROUNDING * float(np.max(z, initial=0.0)):
-            return z, 0.0, len(changes)
-    half = sweeps // 2
-    return z, float((changes[-1] / changes[half]) ** (1.0 / (sweeps - 1 - half))), sweeps
 
 
 def _solve_tridiagonal(

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from pricing_core.arrays import Vector
-from pricing_core.linalg.coefficients import Coefficients
+from pricing_core.linalg.coefficients import Coefficients, sparse
 from pricing_core.linalg.equilibration import equilibration
 
 FLOOR = 1e-6  # share of what reaches a row below which its own terms are no measure
@@ -17,7 +16,7 @@ def floored(M: Coefficients, z: Vector, sizes: Vector) -> Vector:
     """Return the sizes of the terms of each row, at least 1e-6 of what reaches the row through the couplings.
 
     With the rows and columns of M scaled to largest entries near 1, row i is reached by |m_ij| times what reaches row
-    j where z_j > 0, along up to six couplings: such a z_j carries the rounding of row j into row i.
+    j where z_j is not 0, along up to six couplings: such a z_j carries the rounding of row j into row i.
 
     Examples
     --------
@@ -26,11 +25,11 @@ def floored(M: Coefficients, z: Vector, sizes: Vector) -> Vector:
     >>> floored(np.array([[1.0, 0.0], [0.5, 1.0]]), np.array([1e-30, 0.0]), np.array([4.0, 1e-30]))
     array([4.e+00, 2.e-06])
     """
-    magnitude = abs(_sparse(M))
+    magnitude = abs(sparse(M))
     rows = np.repeat(np.arange(sizes.size), np.diff(magnitude.indptr))
     columns = magnitude.indices
     row, column = equilibration(M if isinstance(M, np.ndarray) else magnitude)
-    scaled = np.minimum(row[rows] * magnitude.data * column[columns], 1.0) * (z[columns] > 0.0)
+    scaled = np.minimum(row[rows] * magnitude.data * column[columns], 1.0) * (z[columns] != 0.0)
     reach = row * sizes
     for _ in range(STEPS):
         further = reach.copy()
@@ -39,15 +38,3 @@ def floored(M: Coefficients, z: Vector, sizes: Vector) -> Vector:
             break
         reach = further
     return np.asarray(np.maximum(sizes, FLOOR * reach / row))
-
-
-def _sparse(M: Coefficients) -> csr_array:
-    if isinstance(M, csr_array):
-        return M
-    if isinstance(M, np.ndarray):
-        return csr_array(M)
-    n = M.shape[0]
-    places = np.arange(n)
-    rows = np.concatenate([places[1:], places, places[:-1]])
-    columns = np.concatenate([places[:-1], places, places[1:]])
-    return csr_array((np.concatenate([M.lower, M.diagonal, M.upper]), (rows, columns)), shape=(n, n))

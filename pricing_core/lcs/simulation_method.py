@@ -104,7 +104,8 @@ class TimeStepping:
     absolute_tolerance : float or array_like of shape (n,), optional
         Of controlled steps, > 0, in the units of x: one number, or one for each state where their units differ; 1e-8 if
         missing. Kept as a float or a tuple.
-    lcp_method : {"auto", "lemke", "murty", "psor", "policy", "tridiagonal", "enumeration", "exact"}
+    lcp_method : {"auto", "lemke", "murty", "psor", "policy", "tridiagonal", "multigrid", "block-pivoting", \
+"projected-gradients", "enumeration", "exact"}
         See `pricing_core.lcp.solve`.
     multipliers : {"any", "least-norm"}
         Where the step's multipliers are not unique, those of least norm (for positive semidefinite problems; Han,

@@ -10,11 +10,18 @@ import numpy as np
 
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import InfeasibleError, IterationLimitError, NumericalError
-from pricing_core.lcp import LCP, infeasibility_certificate, solve
+from pricing_core.lcp import MixedLCP, solve
 from pricing_core.models.convex_set import ConvexSet, Polyhedron, active_set, jacobian
 from pricing_core.models.tangent_cone import project_velocity
 
-REGULAR = 1e-10  # reciprocal condition number from which on F's matrix is inverted
+NOT_FOUND = (
+    "no equilibrium was found, and none was proved not to exist: change the constraints so that x is bounded, or "
+    "simulate and see where the motion goes"
+)
+NONE_EXISTS = (
+    "there is no equilibrium: no x with H x >= h has F(x) = H^T u with u >= 0, which is proved for the numbers as "
+    "given"
+)
 CONVERGED = 1e-11  # residual, as a share of the size of x and F
 ACCEPTED = 1e-8
 ON_THE_DATA = 1e-7  # the same of an affine problem, as a share of the size that its data give x
@@ -45,7 +52,7 @@ class Equilibrium:
 
 
 def solve_affine(matrix: Matrix, vector: Vector, K: Polyhedron) -> Equilibrium:
-    """Solve (11.36) for F(x) = matrix x + vector on a polyhedron by one LCP, or two.
+    """Solve (11.36) for F(x) = matrix x + vector on a polyhedron by the mixed LCP in x, which is free, and u.
 
     An answer counts where it misses the variational inequality by no more than 1e-7 of the size that the data give x,
     however large it is itself.
@@ -57,55 +64,24 @@ def solve_affine(matrix: Matrix, vector: Vector, K: Polyhedron) -> Equilibrium:
     NumericalError
         No solution was found; there may be one.
 
-    Notes
-    -----
-    With a regular matrix x is eliminated: M = H matrix^-1 H^T. Where that is not so, or gives no answer, x = p - q with
-    p, q >= 0, whose LCP holds the data as they are: what proves it infeasible proves it of them.
-
     Examples
     --------
     >>> found = solve_affine(np.eye(2), np.array([1.0, 2.0]), Polyhedron(np.eye(2), np.zeros(2)))
     >>> found.x, found.u
     (array([0., 0.]), array([1., 2.]))
     """
-    for attempt in (_eliminated, _split):
-        found = attempt(matrix, vector, K)
-        if found is not None and _misses(matrix, vector, K, found[0]) <= ON_THE_DATA:
-            x, u = found
-            return Equilibrium(x, u, _residual(lambda at: matrix @ at + vector, K, x), "lcp")
-    raise NumericalError(
-        "no equilibrium was found, and none was proved not to exist: change the constraints so that x is bounded, or "
-        "simulate and see where the motion goes"
-    )
-
-
-def _eliminated(matrix: Matrix, vector: Vector, K: Polyhedron) -> tuple[Vector, Vector] | None:
-    """Return x and u from the LCP in u alone; None where the matrix is nearly singular or nothing was found."""
-    if not float(np.linalg.cond(matrix)) * REGULAR < 1.0:
-        return None
-    inner = np.linalg.solve(matrix, np.column_stack([K.H.T, -vector]))
+    n, k = vector.size, K.h.size
+    M = np.block([[matrix, -K.H.T], [K.H, np.zeros((k, k))]])
+    lower = np.append(np.full(n, -np.inf), np.zeros(k))
     try:
-        u = solve(LCP(K.H @ inner[:, :-1], K.H @ inner[:, -1] - K.h)).z
-    except NumericalError:  # of rounded products: it proves nothing of the data
-        return None
-    return inner[:, :-1] @ u + inner[:, -1], u
-
-
-def _split(matrix: Matrix, vector: Vector, K: Polyhedron) -> tuple[Vector, Vector] | None:
-    """Return x and u from the LCP in p, q and u; None where nothing was found."""
-    H, h, n = K.H, K.h, vector.size
-    M = np.block([[matrix, -matrix, -H.T], [-matrix, matrix, H.T], [H, -H, np.zeros((h.size, h.size))]])
-    problem = LCP(M, np.concatenate([vector, -vector, -h]))
-    try:
-        z = solve(problem).z
+        z = solve(MixedLCP(M, np.append(vector, -K.h), lower, np.inf)).z
+    except InfeasibleError:
+        raise InfeasibleError(NONE_EXISTS) from None
     except NumericalError:
-        if infeasibility_certificate(problem) is None:
-            return None
-        raise InfeasibleError(
-            "there is no equilibrium: no x with H x >= h has F(x) = H^T u with u >= 0, as a combination of these "
-            "conditions proves"
-        ) from None
-    return z[:n] - z[n : 2 * n], z[2 * n :]
+        raise NumericalError(NOT_FOUND) from None
+    if _misses(matrix, vector, K, z[:n]) > ON_THE_DATA:
+        raise NumericalError(NOT_FOUND)
+    return Equilibrium(z[:n], z[n:], _residual(lambda at: matrix @ at + vector, K, z[:n]), "lcp")
 
 
 def _misses(matrix: Matrix, vector: Vector, K: Polyhedron, x: Vector) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core.arrays import BoolVector, IndexSet, Matrix, Vector, as_matrix, as_square_matrix, as_vector
-from pricing_core.lcp.horizontal import complementary_basis
+from pricing_core.lcp.complementary_basis import complementary_basis
 from pricing_core.lcs import LCS
 from pricing_core.linalg.rational import exact_solution, rational_array, rounded
 

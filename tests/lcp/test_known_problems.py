@@ -14,11 +14,12 @@ from pricing_core.lcp import (
     infeasibility_certificate,
     natural_residual,
     solve,
+    solve_block_pivoting,
     solve_brennan_schwartz,
     solve_double_sweep,
     solve_exact,
-    solve_h_plus,
     solve_lemke,
+    solve_multigrid,
     solve_murty,
     solve_policy_iteration,
     solve_psor,
@@ -43,7 +44,9 @@ SOLVERS: dict[str, tuple[Solver, tuple[str, ...]]] = {
     ),
     "double sweep": (solve_double_sweep, ("tridiagonal", "one run")),
     "tridiagonal M-matrix": (solve_tridiagonal_m_matrix, ("tridiagonal", "M")),
-    "H+": (solve_h_plus, ("H+",)),
+    "multigrid, symmetric": (solve_multigrid, ("positive definite", "symmetric")),
+    "multigrid, H+": (solve_multigrid, ("H+",)),
+    "block pivoting": (solve_block_pivoting, ("P",)),
     "exact": (solve_exact, ("P",)),
     "solve, tridiagonal": (partial(solve, method="tridiagonal"), ("tridiagonal", "M")),
     "solve, exact": (partial(solve, method="exact"), ("P",)),
@@ -51,6 +54,8 @@ SOLVERS: dict[str, tuple[Solver, tuple[str, ...]]] = {
     "solve, murty": (partial(solve, method="murty"), ("P",)),
     "solve, psor": (partial(solve, method="psor"), ("H+",)),
     "solve, policy": (partial(solve, method="policy"), ("M",)),
+    "solve, multigrid": (partial(solve, method="multigrid"), ("H+",)),
+    "solve, block pivoting": (partial(solve, method="block-pivoting"), ("P",)),
 }
 UNIQUE_CASES = [
     pytest.param(solver, problem, id=f"{name}: {problem}")

@@ -28,6 +28,7 @@ def test_kept_products_stay():
 
 @example(seed=711)  # the least is zero
 @example(seed=3678)  # parts that are zero, or nearly, by accident
+@example(seed=3953)  # constraints that are orthogonal but for rounding
 @example(seed=9384)  # slacks that are zero for every solution
 @given(seed=st.integers(0, 10**6))
 @settings(max_examples=40, deadline=None)

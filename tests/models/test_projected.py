@@ -336,7 +336,7 @@ def test_known_equilibria_and_their_absence():
     point = ProjectedSystem(([[-1.0982186136401193]], [-2.0]), [[0.0], [1.0], [0.0], [-1.0]], [0.0] * 4)
     assert point.equilibrium().x.tolist() == [0.0]
     nowhere = ProjectedSystem((np.zeros((1, 1)), [-1.0]), [[1.0]], [0.0])
-    with pytest.raises(InfeasibleError, match="combination of these conditions"):
+    with pytest.raises(InfeasibleError, match="proved for the numbers as given"):
         nowhere.equilibrium()
 
 

@@ -7,6 +7,7 @@ mod mode;
 mod multiplier_collocation;
 mod premium_march;
 mod segment_march;
+mod sparse;
 mod tridiagonal;
 
 use pyo3::prelude::*;
@@ -34,6 +35,8 @@ mod _kernels {
     use super::premium_march::{march_boundaries, price_options, solve_puts};
     #[pymodule_export]
     use super::segment_march::sweep_schedules;
+    #[pymodule_export]
+    use super::sparse::sparse_sweeps;
     #[pymodule_export]
     use super::tridiagonal::{
         brennan_schwartz, growing_basic_set, policy_iteration, projected_sor,

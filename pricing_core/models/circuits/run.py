@@ -16,6 +16,9 @@ from pricing_core.models.circuits.checked import checked_words
 from pricing_core.models.circuits.equations import GROUND
 from pricing_core.models.circuits.readings import Readings
 
+if TYPE_CHECKING:
+    import pyarrow
+
 RIPPLE_POINTS = 4000  # of a run, besides its events
 
 
@@ -46,9 +49,6 @@ class ReadableCircuit(Protocol):
 
     def energy_lost_at_start(self, start: float) -> float:
         """Return what the elements' initial voltages and currents lose at once."""
-
-if TYPE_CHECKING:
-    import pyarrow
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -42,16 +42,18 @@ def test_without_a_name_all_benchmarks_run_and_their_reports_are_named(
         ("crank-nicolson", True),
         ("lcs-work-precision", True),
         ("max-plus", True),
+        ("complementarity", True),
     ]
     assert output == (
         f"engine-frontier: {folder}/engine-frontier.html (0 s)\n"
         f"crank-nicolson: {folder}/crank-nicolson.html (0 s)\n"
         f"lcs-work-precision: {folder}/lcs-work-precision.html (0 s)\n"
         f"max-plus: {folder}/max-plus.html (0 s)\n"
+        f"complementarity: {folder}/complementarity.html (0 s)\n"
     )
     assert sorted(path.name for path in folder.iterdir()) == [
         f"{name}.{ending}"
-        for name in ("crank-nicolson", "engine-frontier", "lcs-work-precision", "max-plus")
+        for name in ("complementarity", "crank-nicolson", "engine-frontier", "lcs-work-precision", "max-plus")
         for ending in ("html", "json", "md")
     ]
 
@@ -69,7 +71,7 @@ def test_an_unknown_name_ends_with_one_line_before_anything_runs(
     folder = tmp_path / "new"
     status, output, errors = pricing("benchmark", "crank-nicolson", "fastest", "--output", str(folder))
     assert (status, output, asked) == (2, "", [])
-    known = "engine-frontier, crank-nicolson, lcs-work-precision, max-plus"
+    known = "engine-frontier, crank-nicolson, lcs-work-precision, max-plus, complementarity"
     assert errors == f"pricing: benchmark = 'fastest': must be one of {known}\n"
     assert not folder.exists()
 
