@@ -1,17 +1,18 @@
 """What a script can see of the language of the code: comments, docstrings, words that have a plainer one."""
 
 import ast
-import inspect
 import io
 import re
 import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[1]
-CODE = [path for folder in ("pricing_core", "app", "benchmarks", "examples") for path in (ROOT / folder).rglob("*.py")]
+CODE = [
+    path
+    for folder in ("pricing_core", "app", "benchmarks", "examples")
+    for path in (ROOT / folder).rglob("*.py")
+]
 RUST = sorted((ROOT / "kernels/src").rglob("*.rs"))
 # Private metaphors, each with the word that is meant.
 INSTEAD = {
@@ -69,14 +70,18 @@ def test_docstrings_are_sentences():
     for path in CODE:
         for name, node, text in docstrings(path):
             summary = text.split("\n\n")[0]
-            starts = re.match(r"[A-Z0-9`\"'{(/$-]", summary) or summary.startswith(name) or "=" in summary.split(".")[0]
+            starts = (
+                re.match(r"[A-Z0-9`\"'{(/$-]", summary)
+                or summary.startswith(name)
+                or "=" in summary.split(".")[0]
+            )
             if not starts or not summary.rstrip().endswith(ENDINGS):
                 found.append(f"{place(path, getattr(node, 'lineno', 1))}: {summary[:70]}")
     assert not found
 
 
 def public_functions(path: Path) -> Iterator[tuple[str, ast.FunctionDef, str]]:
-    """Yield the public functions of a module and its public classes, with the docstrings that may name their parameters."""
+    """Yield public functions and methods with the docstrings that may name their parameters."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     for node in tree.body:
         if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):

@@ -8,14 +8,17 @@ from typing import Any
 
 from docutils import nodes
 from docutils.parsers.rst import Directive
-from extension.vocabulary import TABLES
 from latex2mathml.converter import convert
 from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 from sphinx.writers.html5 import HTML5Translator
 
+from extension.vocabulary import TABLES
+
 ROOT = Path(__file__).parents[2]
-BARS = re.compile(r"(?<!`)\|(?!`)")  # a bar outside of code, which is an absolute value or the sign of complementarity
+BARS = re.compile(
+    r"(?<!`)\|(?!`)"
+)  # a bar outside of code, which is an absolute value or the sign of complementarity
 
 
 class Vocabulary(Directive):

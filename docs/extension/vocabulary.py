@@ -5,9 +5,14 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from pricing_core.american.contracts.field import REQUIRED, Field
-from pricing_core.american.contracts.fields import CONTRACT_FIELDS, GREEK_ERRORS, GREEKS, GREEKS_UNITS, TOLERANCE
+from pricing_core.american.contracts.fields import (
+    CONTRACT_FIELDS,
+    GREEK_ERRORS,
+    GREEKS,
+    GREEKS_UNITS,
+    TOLERANCE,
+)
 from pricing_core.american.contracts.result_fields import PRICE_FIELDS, ResultField
-
 
 Row: TypeAlias = tuple[str, ...]
 Table: TypeAlias = tuple[Row, list[Row]]  # head and rows

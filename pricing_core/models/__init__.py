@@ -9,9 +9,9 @@ from pricing_core.models.circuits.circuit_lcs import CircuitLCS
 from pricing_core.models.circuits.diode_circuit import DiodeCircuit
 from pricing_core.models.circuits.run import CircuitRun
 from pricing_core.models.circuits.signals import Sine
-from pricing_core.models.contact_trajectory import ContactTrajectory
 from pricing_core.models.circuits.steady_state import SteadyState
 from pricing_core.models.circuits.switches import Pulse
+from pricing_core.models.contact_trajectory import ContactTrajectory
 from pricing_core.models.control.solution import OptimalControl
 from pricing_core.models.friction import friction_directions
 from pricing_core.models.hamiltonian import HamiltonianSystem, HamiltonianTrajectory
