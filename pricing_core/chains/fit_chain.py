@@ -19,27 +19,21 @@ from pricing_core.american.implied.carry_pairs import read_chain as read_pairs
 from pricing_core.american.implied.implied_carry import discount
 from pricing_core.american.price_book import checked_threads
 from pricing_core.arrays import BoolVector
+from pricing_core.chains.agreement import Agreement
 from pricing_core.chains.canonical import MESSAGE
-from pricing_core.chains.carry import Carry, fit_carry, refit_carry
+from pricing_core.chains.carry import Carry, fit_carry
 from pricing_core.chains.chain_fit import ChainFit, carry_table, pairs_table, quotes_table
 from pricing_core.chains.cleaning import Flags, as_words, counts, flag_quotes, usable
 from pricing_core.chains.forward_volatilities import of_forward
-from pricing_core.chains.interruption import check_interrupt
 from pricing_core.chains.quotes import Quotes, read_quotes
 from pricing_core.chains.read_chain import read_chain
-from pricing_core.chains.smile_premiums import smile_premiums
-from pricing_core.chains.smiles import american_quotes, core_of, lasting, smiles_of
-from pricing_core.chains.surface.fit import fit_surface
-from pricing_core.chains.surface.implied_surface import ImpliedSurface
+from pricing_core.chains.smiles import american_quotes, lasting, smiles_of
 from pricing_core.chains.surface.smile_quotes import SmileQuotes
-from pricing_core.chains.surface.smoothing import Scales
 from pricing_core.chains.surfaces import Fitted, fit_surfaces, without_surface
 from pricing_core.chains.volatilities import QuoteVolatilities, quote_volatilities, reconcile
-from pricing_core.errors import InvalidInputError, NumericalError, Told
+from pricing_core.errors import InvalidInputError, Told
 
 ANY_VOLATILITY = 0.2  # of a market whose volatility is what is looked for
-# Scales of a first surface that is an eSSVI, but for a thousandth: it needs no repair, and tells premiums well enough.
-NEARLY_ESSVI = Scales(noise=1.0, amplitude=1e-3, length=1.0, memory=1.0)
 
 
 def fit_chain(
@@ -104,18 +98,19 @@ def fit_chain(
     carry = fit_carry(pairs, **settings)
     flags["no_carry"] = np.full(good.size, not carry.is_known) & good
     stage = _volatilities(read, market, flags, good, carry, settings)
-    first = _first_surface(carry, stage, market, read.exercise, interrupt)
-    if first is not None and carry.pairs is not None:
-        premiums = smile_premiums(carry.pairs, first, first.coordinates.market, interrupt)
-        carry = refit_carry(pairs, carry, premiums)
-        stage = _volatilities(read, market, flags, good, carry, settings)
-    flags["put_call_mismatch"] = stage.mismatch
-    market = replace(market, dividend_yield=carry.curve)
     fitted = without_surface(stage.smiles, good.size, "surface: no pair of call and put tells the carry")
     if carry.is_known:
         smiles = lasting(stage.smiles)
         within = good & np.isin(read.expiry, [smile.expiry for smile in smiles])
-        fitted = fit_surfaces(smiles, market, american_quotes(read, within), read.exercise, interrupt)
+        agreement = Agreement(pairs, carry, market, american_quotes(read, within))
+        start = replace(market, dividend_yield=carry.curve)
+        fitted = fit_surfaces(smiles, start, agreement.quotes, read.exercise, agreement, interrupt)
+        if agreement.carry is not carry:
+            carry = agreement.carry
+            stage = _volatilities(read, market, flags, good, carry, settings)
+            fitted = replace(fitted, smiles=tuple(lasting(stage.smiles)))
+    market = replace(market, dividend_yield=carry.curve)
+    flags["put_call_mismatch"] = stage.mismatch
     table = quotes_table(read, stage.found, fitted.model_price, as_words(flags))
     return _fit(read, market, flags, carry, fitted, table)
 
@@ -140,20 +135,6 @@ def _volatilities(
         smile = of_forward(quotes, found, carry.forward[place], due[place])
     strikes, mismatch = reconcile(quotes, smile, good)
     return _Stage(found, smiles_of(strikes, carry), mismatch)
-
-
-def _first_surface(
-    carry: Carry, stage: _Stage, market: Market, exercise: str, interrupt: Callable[[], bool] | None
-) -> ImpliedSurface | None:
-    """Return the surface under which premiums are found again; None where there are none, or no surface."""
-    if not carry.is_known or exercise == "european":
-        return None
-    check_interrupt(interrupt)
-    try:
-        smiles = [core_of(smile) for smile in lasting(stage.smiles)]
-        return fit_surface(smiles, replace(market, dividend_yield=carry.curve), scales=NEARLY_ESSVI)
-    except (InvalidInputError, NumericalError):
-        return None
 
 
 def _fit(

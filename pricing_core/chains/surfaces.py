@@ -13,6 +13,7 @@ from pricing_core.arrays import Vector
 from pricing_core.chains.interruption import check_interrupt
 from pricing_core.chains.surface.correct import correct
 from pricing_core.chains.surface.dupire import dupire
+from pricing_core.chains.surface.early_exercise import Exercise
 from pricing_core.chains.surface.fit import fit_surface
 from pricing_core.chains.surface.implied_surface import ImpliedSurface
 from pricing_core.chains.surface.smile_quotes import AmericanQuotes, SmileQuotes
@@ -37,6 +38,7 @@ def fit_surfaces(
     market: Market,
     quotes: AmericanQuotes,
     exercise: str,
+    carry: Callable[[Exercise], Market],
     interrupt: Callable[[], bool] | None,
 ) -> Fitted:
     """Fit a surface to the smiles, and a local volatility under which the prices meet the quotes.
@@ -51,14 +53,15 @@ def fit_surfaces(
     count = quotes.strike.size
     check_interrupt(interrupt)
     try:
-        surface = fit_surface(smiles, market)
+        surface = fit_surface(smiles, market, interrupt=interrupt)
     except (InvalidInputError, NumericalError) as fault:
+        check_interrupt(interrupt)
         return without_surface(smiles, count, f"surface: {fault}")
     check_interrupt(interrupt)
     try:
         if exercise == "european":
             return _european(smiles, market, quotes, surface)
-        found = correct(surface, market, quotes, interrupt=interrupt)
+        found = correct(surface, market, quotes, carry=carry, interrupt=interrupt)
     except (InvalidInputError, NumericalError) as fault:
         check_interrupt(interrupt)
         message = f"local volatility: {fault}"

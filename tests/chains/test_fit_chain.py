@@ -202,7 +202,7 @@ def test_a_wrong_argument_is_named(known, options, field):
     assert caught.value.field == field
 
 
-@pytest.mark.parametrize("soon", [1, 6, 9, 11])
+@pytest.mark.parametrize("soon", [1, 4, 6, 100])
 def test_it_ends_when_it_is_told_to(known, soon):
     asked = []
 

@@ -7,6 +7,7 @@ mod mode;
 mod multiplier_collocation;
 mod premium_march;
 mod segment_march;
+mod strike_march;
 mod tridiagonal;
 
 use pyo3::prelude::*;
@@ -34,6 +35,8 @@ mod _kernels {
     use super::premium_march::{march_boundaries, price_options, solve_puts};
     #[pymodule_export]
     use super::segment_march::sweep_schedules;
+    #[pymodule_export]
+    use super::strike_march::march_strikes;
     #[pymodule_export]
     use super::tridiagonal::{
         brennan_schwartz, growing_basic_set, policy_iteration, projected_sor,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from pricing_core.american.implied.black_spread import black_time_value
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.chains.interruption import check_interrupt
 from pricing_core.chains.surface.dupire import dupire
-from pricing_core.chains.surface.early_exercise import HALF, USUAL, Exercise, Resolution, early_exercise
+from pricing_core.chains.surface.early_exercise import Exercise, early_exercise
 from pricing_core.chains.surface.fit import fit_surface
 from pricing_core.chains.surface.implied_surface import ImpliedSurface
 from pricing_core.chains.surface.smile_quotes import AmericanQuotes, SmileQuotes
@@ -88,7 +88,8 @@ def correct(
     market: Market,
     american_quotes: AmericanQuotes,
     *,
-    rounds: int = 2,
+    rounds: int = 3,
+    carry: Callable[[Exercise], Market] | None = None,
     interrupt: Callable[[], bool] | None = None,
 ) -> Correction:
     """Return the surface whose local volatility reprices American quotes.
@@ -103,6 +104,9 @@ def correct(
         Of the expiries of the surface, or others.
     rounds : int
         Largest number of rounds.
+    carry : callable, optional
+        Takes the early exercise of all quotes (premiums NaN where a quote is not two-sided), and returns the market
+        with the yield at which call and put then agree; without it the yield stays what it is.
     interrupt : callable, optional
         Asked between expiries and rounds; True ends the work.
 
@@ -120,23 +124,27 @@ def correct(
         )
     quotes = american_quotes.take(usable)
     local_volatility = dupire(surface, market)
-    exercise = _exercise(surface, local_volatility, quotes, USUAL, interrupt)
-    # Both errors are of second order, and what the grid misses hardly depends on the surface.
-    missed = (exercise.premium - _exercise(surface, local_volatility, quotes, HALF, interrupt).premium) / 3.0
-    first = repriced = _repriced(surface, local_volatility, quotes, exercise, missed)
+    exercise = _exercise(surface, local_volatility, quotes, interrupt)
+    first = repriced = _repriced(surface, local_volatility, quotes, exercise)
     informative = np.zeros(usable.size, dtype=np.bool_)
     changes: list[float] = []
     scales: Scales | None = None
     for _ in range(rounds):
+        if carry is not None:
+            held = _spread_out(american_quotes, usable, exercise.exercised.astype(np.float64)) == 1.0
+            premium = _spread_out(american_quotes, usable, repriced.premium)
+            market = carry(Exercise(premium, held))
+            surface = replace(surface, coordinates=replace(surface.coordinates, market=market))
+            repriced = _repriced(surface, local_volatility, quotes, exercise)
         smiles, informative = _smiles(surface, quotes, repriced)
         if not smiles:
             break
         check_interrupt(interrupt)
-        surface = fit_surface(smiles, market, scales=scales)
+        surface = fit_surface(smiles, market, scales=scales, interrupt=interrupt)
         scales = surface.scales
         local_volatility = dupire(surface, market)
-        exercise = _exercise(surface, local_volatility, quotes, USUAL, interrupt)
-        before, repriced = repriced, _repriced(surface, local_volatility, quotes, exercise, missed)
+        exercise = _exercise(surface, local_volatility, quotes, interrupt)
+        before, repriced = repriced, _repriced(surface, local_volatility, quotes, exercise)
         change = np.abs(repriced.price - before.price)
         changes.append(float(np.max(change)))
         if np.all(change < SETTLED * market.spot):
@@ -158,7 +166,6 @@ def _exercise(
     surface: ImpliedSurface,
     local_volatility: LocalVolatility,
     quotes: AmericanQuotes,
-    resolution: Resolution,
     interrupt: Callable[[], bool] | None,
 ) -> Exercise:
     """Return the early exercise of all quotes, 0 where it is certain to be worth nothing."""
@@ -180,7 +187,6 @@ def _exercise(
                 quotes.strike[rows],
                 expiry,
                 spread,
-                resolution,
             )
             premium[rows], exercised[rows] = found.premium, found.exercised
     return Exercise(premium, exercised)
@@ -191,7 +197,6 @@ def _repriced(
     local_volatility: LocalVolatility,
     quotes: AmericanQuotes,
     exercise: Exercise,
-    missed: Vector,
 ) -> _Repriced:
     """Price all quotes: the European price of the surface and the premium, the payoff where it is exercised."""
     price = np.empty(quotes.mid.size)
@@ -201,9 +206,8 @@ def _repriced(
             price[rows] = surface.european_price(option_type, quotes.strike[rows], expiry)
     spot = surface.coordinates.market.spot
     payoff = np.where(quotes.is_call, spot - quotes.strike, quotes.strike - spot)
-    premium = np.maximum(exercise.premium + missed, 0.0)
-    price = np.where(exercise.exercised, payoff, np.maximum(price + premium, payoff))
-    return _Repriced(local_volatility, premium, exercise.exercised, price)
+    price = np.where(exercise.exercised, payoff, np.maximum(price + exercise.premium, payoff))
+    return _Repriced(local_volatility, exercise.premium, exercise.exercised, price)
 
 
 def _smiles(

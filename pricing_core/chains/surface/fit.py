@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from pricing_core.american.contracts.market import Market
 from pricing_core.arrays import Vector
+from pricing_core.chains.interruption import check_interrupt
 from pricing_core.chains.surface.coordinates import Coordinates
 from pricing_core.chains.surface.essvi import ESSVI, calibrate_essvi
 from pricing_core.chains.surface.implied_surface import ExpiryFit, ImpliedSurface
@@ -54,7 +55,11 @@ class _Smile:
 
 
 def fit_surface(
-    quotes: Sequence[SmileQuotes], market: Market, *, scales: Scales | None = None
+    quotes: Sequence[SmileQuotes],
+    market: Market,
+    *,
+    scales: Scales | None = None,
+    interrupt: Callable[[], bool] | None = None,
 ) -> ImpliedSurface:
     """Fit a surface without butterfly and calendar arbitrage to volatilities, weighted by their deviations.
 
@@ -71,6 +76,8 @@ def fit_surface(
         Spot, rate, yield (with what it costs to borrow) and dividends. Its volatility is not used.
     scales : Scales, optional
         Those of a fit to the same quotes, which then are not estimated.
+    interrupt : callable, optional
+        Asked at every iteration; True ends the work.
 
     Returns
     -------
@@ -80,6 +87,8 @@ def fit_surface(
     ------
     InvalidInputError
         No expiry has a usable quote, an expiry comes twice, or dividends are escrowed or worth the spot.
+    NumericalError
+        The interrupt came, or the deviations are of too different sizes.
     """
     ordered = sorted(quotes, key=lambda smile: smile.expiry)
     told = Told(f"{len(ordered)} expiries")
@@ -90,17 +99,19 @@ def fit_surface(
     if not usable:
         raise InvalidInputError("quotes", told, "some with a usable volatility")
     coordinates = Coordinates(market, usable[-1].expiry)
-    smiles = [smile for smile in (_read(each, coordinates) for each in usable) if smile is not None]
+    smiles = [
+        smile for smile in (_read(each, coordinates, interrupt) for each in usable) if smile is not None
+    ]
     if not smiles:
         raise InvalidInputError(
             "quotes", f"{len(ordered)} expiries", "some with a strike above the dividends due"
         )
-    backbone = calibrate_essvi([smile.columns for smile in smiles], _starts(smiles))
-    posterior = _smoothed(smiles, backbone, scales)
-    repaired = without_arbitrage(posterior)
+    backbone = calibrate_essvi([smile.columns for smile in smiles], _starts(smiles), interrupt)
+    posterior = _smoothed(smiles, backbone, scales, interrupt)
+    repaired = without_arbitrage(posterior, interrupt)
     return ImpliedSurface(
         coordinates,
-        repaired.variance,
+        replace(repaired.variance, clock=coordinates.clock),
         posterior.covariance,
         _statuses(ordered, smiles, backbone, repaired.variance.smile),
         repaired.proof,
@@ -109,8 +120,11 @@ def fit_surface(
     )
 
 
-def _read(quotes: SmileQuotes, coordinates: Coordinates) -> _Smile | None:
+def _read(
+    quotes: SmileQuotes, coordinates: Coordinates, interrupt: Callable[[], bool] | None
+) -> _Smile | None:
     """Return the usable quotes of an expiry in the surface's coordinate; none where there is none."""
+    check_interrupt(interrupt)
     keep = np.flatnonzero(quotes.usable)
     strike, volatility = quotes.strike[keep], quotes.volatility[keep]
     variance, by_volatility = coordinates.variance(volatility, strike, quotes.expiry)
@@ -147,13 +161,18 @@ def _starts(smiles: Sequence[_Smile]) -> list[ESSVI]:
     return found
 
 
-def _smoothed(smiles: Sequence[_Smile], backbone: Sequence[ESSVI], scales: Scales | None) -> Posterior:
+def _smoothed(
+    smiles: Sequence[_Smile],
+    backbone: Sequence[ESSVI],
+    scales: Scales | None,
+    interrupt: Callable[[], bool] | None,
+) -> Posterior:
     """Return the most probable smiles, quotes far away from them having lost weight."""
     z = [smile.x / math.sqrt(own.theta) for smile, own in zip(smiles, backbone, strict=True)]
     basis = SmileBasis.covering(min(float(each[0]) for each in z), max(float(each[-1]) for each in z))
     expiries = np.array([smile.quotes.expiry for smile in smiles])
     problem = SmoothingProblem(basis, expiries, backbone, [smile.columns for smile in smiles])
-    posterior = Posterior(problem, problem.most_likely() if scales is None else scales)
+    posterior = Posterior(problem, problem.most_likely(None, interrupt) if scales is None else scales)
     loss = [np.ones(smile.x.size) for smile in smiles]
     for _ in range(REWEIGHTINGS):
         noise = posterior.scales.noise
@@ -168,7 +187,8 @@ def _smoothed(smiles: Sequence[_Smile], backbone: Sequence[ESSVI], scales: Scale
             for smile, lost in zip(smiles, loss, strict=True)
         ]
         weighted = replace(problem, smiles=columns)
-        posterior = Posterior(weighted, weighted.most_likely(posterior.scales) if scales is None else scales)
+        found = weighted.most_likely(posterior.scales, interrupt) if scales is None else scales
+        posterior = Posterior(weighted, found)
     return posterior
 
 

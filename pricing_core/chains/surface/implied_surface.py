@@ -16,7 +16,7 @@ from pricing_core.chains.surface.essvi import ESSVI
 from pricing_core.chains.surface.jet import Jet
 from pricing_core.chains.surface.smoothing import Scales
 from pricing_core.chains.surface.svi import SVI
-from pricing_core.chains.surface.total_variance import TotalVariance, between_expiries
+from pricing_core.chains.surface.total_variance import TotalVariance
 from pricing_core.errors import InvalidInputError
 
 COMPLEX_STEP = 1e-30  # Relative step of derivatives along the imaginary axis, which lose no digits.
@@ -132,13 +132,14 @@ class ImpliedSurface:
         """
         strikes, by_variance = np.asarray(strike, dtype=np.float64), self._volatility(strike, expiry)[1]
         x = self.coordinates.x(strikes.ravel(), expiry)
+        x = np.where(np.isfinite(x), x, 0.0)
         smiles, places = self.variance.smiles(x), range(self.expiries.size)
         gradient = {}
         for i in places:
             step = COMPLEX_STEP * np.maximum(np.abs(smiles[i].value), 1e-300)
             moved = list(smiles)
             moved[i] = Jet(smiles[i].value + 1j * step, smiles[i].first, smiles[i].second)
-            jet, _ = between_expiries(self.expiries, moved, expiry, self.variance.growth)
+            jet, _ = self.variance.between(moved, x, expiry)
             if np.iscomplexobj(jet.value) and np.any(np.imag(jet.value) != 0.0):
                 gradient[i] = np.imag(jet.value) / step
         spread = self.spread(x, [(i, 0, values) for i, values in gradient.items()])

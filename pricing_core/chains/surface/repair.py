@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import clarabel
 import numpy as np
 from scipy import sparse
 
 from pricing_core.arrays import BoolVector, Matrix, Vector
+from pricing_core.chains.interruption import check_interrupt
 from pricing_core.chains.surface.arbitrage import NoArbitrage, durrleman, prove
 from pricing_core.chains.surface.essvi import ESSVI
 from pricing_core.chains.surface.jet import Jet
@@ -25,6 +27,7 @@ NEAR = 0.5  # Constraints enter where less than this is left of g, or of the gro
 FAR = 4.0  # Constraints that hold by more standard deviations than this enter when they are missed; chosen.
 ENTRIES, MISSED = 2, 1e-4  # Largest number of times that they do, and what counts as missed; chosen.
 GAP = 1e-4  # Tolerance of a programme, in squared standard deviations.
+LOOSER = 10.0  # By how much more the smiles may vary in the distance than they are likely to; chosen.
 PRICE = 1e4  # Of a standard deviation by which a row is missed, in standard deviations; chosen.
 MIDDLE = 4.0  # Up to so many deviations from the money g itself is asked for, quoted or not; chosen.
 APART = 0.02  # Least distance of places where a condition is asked for, in deviations; chosen.
@@ -84,7 +87,7 @@ class _Asked:
         return _Asked(density, growth, WIDER * self.margin)
 
 
-def without_arbitrage(posterior: Posterior) -> Repaired:
+def without_arbitrage(posterior: Posterior, interrupt: Callable[[], bool] | None = None) -> Repaired:
     """Return the most probable smiles if they are proved free of arbitrage, or the nearest ones found that are.
 
     Distance is that of the posterior: as little probability as possible is given up. Each programme is linear about the
@@ -97,6 +100,7 @@ def without_arbitrage(posterior: Posterior) -> Repaired:
     for programme in range(PROGRAMMES):
         if proof.holds:
             return Repaired(variance, proof, programme)
+        check_interrupt(interrupt)
         asked = asked.and_at(proof, variance)
         goal = _programme(posterior, unknowns, variance, asked)
         if not np.isfinite(goal).all():
@@ -104,14 +108,15 @@ def without_arbitrage(posterior: Posterior) -> Repaired:
         unknowns = goal if programme == 0 else unknowns + DAMPED * (goal - unknowns)
         variance = variance_of(posterior, unknowns)
         proof = prove(variance)
-    return _from_within(posterior, unknowns)
+    return _from_within(posterior, unknowns, interrupt)
 
 
-def _from_within(posterior: Posterior, goal: Matrix) -> Repaired:
+def _from_within(posterior: Posterior, goal: Matrix, interrupt: Callable[[], bool] | None) -> Repaired:
     """Return the smiles between admissible ones and a goal that are nearest to it and proved."""
     for slope in PLAIN_SLOPES:
         plain = _of_one_shape(posterior, slope)
         for share in SHARES:
+            check_interrupt(interrupt)
             variance = variance_of(posterior, plain + share * (goal - plain))
             proof = prove(variance)
             if proof.holds:
@@ -131,12 +136,6 @@ def _of_one_shape(posterior: Posterior, slope: float) -> Matrix:
     found = np.zeros((problem.expiries.size, problem.block))
     found[:, : problem.basis.size] = shape - problem.mean
     return found
-
-
-def _distance(posterior: Posterior, unknowns: Matrix) -> float:
-    """Return the squared distance from the most probable smiles, in standard deviations."""
-    change = (unknowns - posterior.unknowns).ravel()
-    return float(change @ (_symmetric(posterior.precision) @ change))
 
 
 def variance_of(posterior: Posterior, unknowns: Matrix) -> TotalVariance:
@@ -175,8 +174,8 @@ def _nearest(posterior: Posterior, matrix: Matrix, bound: Vector) -> Matrix:
     In units in which the blocks of H on the diagonal are 1; each row is then divided by its length, about the standard
     deviation of what it bounds. Rows that hold by many of them enter only when they are missed.
     """
-    precision = _symmetric(posterior.precision)
-    units = _units(posterior)
+    precision = _looser(posterior)
+    units = _units(precision, posterior.problem.block)
     rows = sparse.csr_matrix(matrix) @ units
     lengths = np.maximum(np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1)).ravel()), 1e-300)
     distance = bound / lengths
@@ -210,11 +209,20 @@ def _least(hessian: sparse.csc_matrix, rows: sparse.csr_matrix, bound: Vector) -
     return np.asarray(solver.solve().x)[: hessian.shape[0]]
 
 
-def _units(posterior: Posterior) -> sparse.csc_matrix:
+def _looser(posterior: Posterior) -> sparse.csc_matrix:
+    """Return the metric of the distance: the precision, but for smiles that may vary more.
+
+    What moves the wings, where nothing is quoted, would else move what is quoted beside them.
+    """
+    scales = posterior.scales
+    prior = posterior.problem.precision(replace(scales, amplitude=LOOSER * scales.amplitude))
+    return _symmetric(posterior.problem.band / scales.noise**2 + prior)
+
+
+def _units(precision: sparse.csc_matrix, block: int) -> sparse.csc_matrix:
     """Return the inverse transposed Cholesky factors of the blocks of the precision on the diagonal."""
-    precision, block = _symmetric(posterior.precision), posterior.problem.block
     found = []
-    for start in range(0, posterior.problem.unknowns, block):
+    for start in range(0, precision.shape[0], block):
         own = precision[start : start + block, start : start + block].toarray()
         found.append(np.linalg.inv(np.linalg.cholesky(own)).T)
     return sparse.csc_matrix(sparse.block_diag(found))

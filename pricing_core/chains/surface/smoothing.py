@@ -15,7 +15,7 @@ on average.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -25,6 +25,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize
 
 from pricing_core.arrays import Matrix, Vector
+from pricing_core.chains.interruption import check_interrupt
 from pricing_core.chains.surface.essvi import ESSVI
 from pricing_core.chains.surface.smile_basis import DEGREE, SmileBasis
 from pricing_core.errors import NumericalError
@@ -200,7 +201,7 @@ class SmoothingProblem:
             + vague
         )
 
-    def most_likely(self, start: Scales | None = None) -> Scales:
+    def most_likely(self, start: Scales | None = None, interrupt: Callable[[], bool] | None = None) -> Scales:
         """Return the four numbers of the largest marginal likelihood (Nelder and Mead's simplex)."""
         first = CENTRES.copy() if start is None else start.logs()
         if start is None:
@@ -209,6 +210,7 @@ class SmoothingProblem:
         corners = first + np.vstack([np.zeros(4), np.diag([-1.0, 1.0, 0.3, 0.7])])
 
         def misfit(logs: Vector) -> float:
+            check_interrupt(interrupt)
             return self.misfit(Scales.of(logs))
 
         search: Any = {"initial_simplex": corners, "maxfev": EVALUATIONS, "xatol": 0.03, "fatol": 0.1}
