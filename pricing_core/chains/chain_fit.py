@@ -20,7 +20,7 @@ from pricing_core.chains.surface.smile_quotes import SmileQuotes
 from pricing_core.chains.volatilities import QuoteVolatilities
 
 OK = "ok"
-NOT_FITTED = "surface: no usable volatility, or less than a day left"
+NOT_FITTED = "surface: no usable volatility"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

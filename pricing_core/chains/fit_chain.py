@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from pricing_core.american.contracts.curves import Curve
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE
@@ -27,7 +28,7 @@ from pricing_core.chains.cleaning import Flags, as_words, counts, flag_quotes, u
 from pricing_core.chains.forward_volatilities import of_forward
 from pricing_core.chains.quotes import Quotes, read_quotes
 from pricing_core.chains.read_chain import read_chain
-from pricing_core.chains.smiles import american_quotes, lasting, smiles_of
+from pricing_core.chains.smiles import american_quotes, smiles_of
 from pricing_core.chains.surface.smile_quotes import SmileQuotes
 from pricing_core.chains.surfaces import Fitted, fit_surfaces, without_surface
 from pricing_core.chains.volatilities import QuoteVolatilities, quote_volatilities, reconcile
@@ -97,22 +98,20 @@ def fit_chain(
     pairs = _pairs(read, market, good)
     carry = fit_carry(pairs, **settings)
     flags["no_carry"] = np.full(good.size, not carry.is_known) & good
-    stage = _volatilities(read, market, flags, good, carry, settings)
-    fitted = without_surface(stage.smiles, good.size, "surface: no pair of call and put tells the carry")
+    fitted = without_surface(good.size, "surface: no pair of call and put tells the carry")
     if carry.is_known:
-        smiles = lasting(stage.smiles)
-        within = good & np.isin(read.expiry, [smile.expiry for smile in smiles])
-        agreement = Agreement(pairs, carry, market, american_quotes(read, within))
+        agreement = Agreement(pairs, carry, market, american_quotes(read, good))
+        # The other quotes, whose premiums are large, are of use once these are known.
+        rows = _out_of_the_money(read, carry) if read.exercise == "american" else good
+        smiles = _volatilities(read, market, rows & _priceable(read, flags), good, carry, settings).smiles
         start = replace(market, dividend_yield=carry.curve)
         fitted = fit_surfaces(smiles, start, agreement.quotes, read.exercise, agreement, interrupt)
-        if agreement.carry is not carry:
-            carry = agreement.carry
-            stage = _volatilities(read, market, flags, good, carry, settings)
-            fitted = replace(fitted, smiles=tuple(lasting(stage.smiles)))
+        carry = agreement.carry
+    stage = _volatilities(read, market, _priceable(read, flags), good, carry, settings)
     market = replace(market, dividend_yield=carry.curve)
     flags["put_call_mismatch"] = stage.mismatch
     table = quotes_table(read, stage.found, fitted.model_price, as_words(flags))
-    return _fit(read, market, flags, carry, fitted, table)
+    return _fit(read, market, flags, carry, fitted, stage, table)
 
 
 class _Stage(NamedTuple):
@@ -124,11 +123,16 @@ class _Stage(NamedTuple):
 
 
 def _volatilities(
-    quotes: Quotes, market: Market, flags: Flags, good: BoolVector, carry: Carry, settings: dict[str, Any]
+    quotes: Quotes,
+    market: Market,
+    priceable: BoolVector,
+    good: BoolVector,
+    carry: Carry,
+    settings: dict[str, Any],
 ) -> _Stage:
-    place = np.minimum(np.searchsorted(carry.expiry, quotes.expiry), max(carry.expiry.size - 1, 0))
+    place = _places(quotes, carry)
     yields = carry.dividend_yield[place] if carry.expiry.size else np.zeros(good.size)
-    found = quote_volatilities(quotes, _priceable(quotes, flags), market, yields, **settings)
+    found = quote_volatilities(quotes, priceable, market, yields, **settings)
     smile = found
     if market.cash_dividends and carry.expiry.size:
         due = np.array([discount(market.rate, expiry) for expiry in carry.expiry.tolist()])
@@ -137,8 +141,24 @@ def _volatilities(
     return _Stage(found, smiles_of(strikes, carry), mismatch)
 
 
+def _places(quotes: Quotes, carry: Carry) -> NDArray[np.intp]:
+    """Return the index of each row's expiry."""
+    return np.minimum(np.searchsorted(carry.expiry, quotes.expiry), max(carry.expiry.size - 1, 0))
+
+
+def _out_of_the_money(quotes: Quotes, carry: Carry) -> BoolVector:
+    found: BoolVector = quotes.is_call == (quotes.strike >= carry.forward[_places(quotes, carry)])
+    return found
+
+
 def _fit(
-    quotes: Quotes, market: Market, flags: Flags, carry: Carry, fitted: Fitted, table: pa.Table
+    quotes: Quotes,
+    market: Market,
+    flags: Flags,
+    carry: Carry,
+    fitted: Fitted,
+    stage: _Stage,
+    table: pa.Table,
 ) -> ChainFit:
     if fitted.local_volatility is not None:
         market = replace(market, volatility=fitted.local_volatility)
@@ -149,7 +169,7 @@ def _fit(
         flags=counts(flags),
         market=market,
         valuation=quotes.valuation,
-        smiles=fitted.smiles,
+        smiles=tuple(stage.smiles),
         surface=fitted.surface,
         local_volatility=fitted.local_volatility,
         share_within_before=fitted.share_within_before,

@@ -24,7 +24,6 @@ from pricing_core.errors import InvalidInputError, NumericalError
 class Fitted:
     """What could be fitted to the smiles, see `ChainFit`; `message` says why something is missing."""
 
-    smiles: tuple[SmileQuotes, ...]
     model_price: Vector
     surface: ImpliedSurface | None = None
     local_volatility: LocalVolatility | None = None
@@ -56,18 +55,17 @@ def fit_surfaces(
         surface = fit_surface(smiles, market, interrupt=interrupt)
     except (InvalidInputError, NumericalError) as fault:
         check_interrupt(interrupt)
-        return without_surface(smiles, count, f"surface: {fault}")
+        return without_surface(count, f"surface: {fault}")
     check_interrupt(interrupt)
     try:
         if exercise == "european":
-            return _european(smiles, market, quotes, surface)
+            return _european(market, quotes, surface)
         found = correct(surface, market, quotes, carry=carry, interrupt=interrupt)
     except (InvalidInputError, NumericalError) as fault:
         check_interrupt(interrupt)
         message = f"local volatility: {fault}"
-        return replace(without_surface(smiles, count, message), surface=surface)
+        return replace(without_surface(count, message), surface=surface)
     return Fitted(
-        tuple(smiles),
         found.model_price,
         found.surface,
         found.local_volatility,
@@ -76,14 +74,12 @@ def fit_surfaces(
     )
 
 
-def without_surface(smiles: Sequence[SmileQuotes], count: int, message: str) -> Fitted:
-    """Return that nothing was fitted to the smiles of so many quotes, and why."""
-    return Fitted(tuple(smiles), np.full(count, np.nan), message=message)
+def without_surface(count: int, message: str) -> Fitted:
+    """Return that nothing was fitted to so many quotes, and why."""
+    return Fitted(np.full(count, np.nan), message=message)
 
 
-def _european(
-    smiles: Sequence[SmileQuotes], market: Market, quotes: AmericanQuotes, surface: ImpliedSurface
-) -> Fitted:
+def _european(market: Market, quotes: AmericanQuotes, surface: ImpliedSurface) -> Fitted:
     price = np.full(quotes.strike.size, np.nan)
     for expiry in np.unique(quotes.expiry[quotes.usable]).tolist():
         for side in ("call", "put"):
@@ -91,4 +87,4 @@ def _european(
             price[rows] = surface.european_price(side, quotes.strike[rows], expiry)
     inside = (price >= quotes.bid) & (price <= quotes.ask)
     share = float(inside[quotes.usable].mean())
-    return Fitted(tuple(smiles), price, surface, dupire(surface, market), share, share)
+    return Fitted(price, surface, dupire(surface, market), share, share)

@@ -33,7 +33,8 @@ from pricing_core.errors import InvalidInputError, Told
 LARGEST_PREMIUM = 0.4
 NEAR = 4.5  # Farther out of the money, in standard deviations, an option has no premium; chosen.
 LEAST_VEGA = 1e-6  # Smallest vega, in spots, of a quote that tells a volatility; chosen.
-SETTLED = 5e-6  # Largest change of a model price, in spots, at which the rounds stop.
+# Changes of a model price, in spots and in the noise of its quote, the larger of which stops the rounds; chosen.
+SETTLED, SETTLED_IN_NOISE = 5e-6, 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +148,8 @@ def correct(
         before, repriced = repriced, _repriced(surface, local_volatility, quotes, exercise)
         change = np.abs(repriced.price - before.price)
         changes.append(float(np.max(change)))
-        if np.all(change < SETTLED * market.spot):
+        noise = 0.5 * surface.scales.noise * (quotes.ask - quotes.bid)
+        if np.all(change < np.maximum(SETTLED * market.spot, SETTLED_IN_NOISE * noise)):
             break
     return Correction(
         surface,

@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from pricing_core.american.contracts.market import Market
-from pricing_core.arrays import Vector
+from pricing_core.arrays import Matrix, Vector
 from pricing_core.chains.interruption import check_interrupt
+from pricing_core.chains.surface.arbitrage import NoArbitrage, prove
 from pricing_core.chains.surface.coordinates import Coordinates
 from pricing_core.chains.surface.essvi import ESSVI, calibrate_essvi
 from pricing_core.chains.surface.implied_surface import ExpiryFit, ImpliedSurface
@@ -20,6 +22,7 @@ from pricing_core.chains.surface.smile_basis import SmileBasis
 from pricing_core.chains.surface.smile_quotes import SmileQuotes
 from pricing_core.chains.surface.smoothing import Posterior, Scales, SmoothingProblem
 from pricing_core.chains.surface.svi import FEWEST_QUOTES, SVI, calibrate_svi
+from pricing_core.chains.surface.total_variance import TotalVariance, joined
 from pricing_core.errors import InvalidInputError, Told
 
 SMALLEST = 0.02  # Smallest deviation that counts, as a share of the median one of an expiry; chosen.
@@ -27,6 +30,13 @@ FARTHEST = 4.0  # Residuals, in estimated deviations, beyond which a quote loses
 GAUSSIAN = 1.4826  # Standard deviation of a Gaussian in its median absolute deviations.
 NEGLIGIBLE = 0.1  # Residuals, in stated deviations, up to which none does; chosen.
 REWEIGHTINGS = 3  # Number of times that far quotes lose weight, and the scales are estimated again.
+A_DAY = (
+    1.0 / 365.0
+)  # Years: the smiles of sooner expiries tell nothing of the others, and are fitted alone; measured.
+FARTHEST_OF_A_DAY = (
+    10.0  # Standard deviations from the forward beyond which their quotes do not count; chosen.
+)
+LAST_DAY_ABOVE = "less than a day left, and more total variance than the next expiry has"
 USUAL_SLOPE = 0.3  # Slope of the wings of a smile that is not known, in sqrt(theta); chosen.
 
 
@@ -65,8 +75,9 @@ def fit_surface(
 
     Every expiry has an SVI of its own (quasi-explicit calibration), from which an eSSVI across the expiries begins;
     the smiles are that eSSVI with corrections that are as smooth as the quotes allow (`smoothing`), moved as little as
-    needed until the absence of arbitrage is proved (`arbitrage`, `repair`). An expiry that cannot be fitted is passed
-    over, and its status says why.
+    needed until the absence of arbitrage is proved (`arbitrage`, `repair`). Expiries with less than a day left, whose
+    smiles are those of a single jump, are fitted on their own: their quotes would tie the next weeks to hours. An
+    expiry that cannot be fitted is passed over, and its status says why.
 
     Parameters
     ----------
@@ -75,7 +86,7 @@ def fit_surface(
     market : Market
         Spot, rate, yield (with what it costs to borrow) and dividends. Its volatility is not used.
     scales : Scales, optional
-        Those of a fit to the same quotes, which then are not estimated.
+        Those of a fit to nearly the same quotes, which then are not estimated again.
     interrupt : callable, optional
         Asked at every iteration; True ends the work.
 
@@ -103,20 +114,80 @@ def fit_surface(
         smile for smile in (_read(each, coordinates, interrupt) for each in usable) if smile is not None
     ]
     if not smiles:
-        raise InvalidInputError(
-            "quotes", f"{len(ordered)} expiries", "some with a strike above the dividends due"
-        )
-    backbone = calibrate_essvi([smile.columns for smile in smiles], _starts(smiles), interrupt)
-    posterior = _smoothed(smiles, backbone, scales, interrupt)
-    repaired = without_arbitrage(posterior, interrupt)
+        raise InvalidInputError("quotes", told, "some with a strike above the dividends due")
+    lasting = [smile for smile in smiles if smile.quotes.expiry >= A_DAY]
+    last_day = [smile for smile in smiles if smile.quotes.expiry < A_DAY]
+    groups = [group for group in (lasting, last_day) if group]
+    backbones = [
+        calibrate_essvi([smile.columns for smile in group], _starts(group), interrupt) for group in groups
+    ]
+    basis = _basis(smiles, [own for backbone in backbones[::-1] for own in backbone])
+    group = _fitted(basis, groups[0], backbones[0], scales, None, interrupt)
+    if lasting and last_day:
+        group = group.after(_fitted(basis, last_day, backbones[1], None, group.variance, interrupt))
     return ImpliedSurface(
         coordinates,
-        replace(repaired.variance, clock=coordinates.clock),
+        replace(group.variance, clock=coordinates.clock),
+        group.covariance,
+        _statuses(ordered, group),
+        group.proof,
+        group.scales,
+        group.programmes,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Smiles that are fitted together, and what is found."""
+
+    smiles: list[_Smile]
+    backbone: list[ESSVI]
+    variance: TotalVariance
+    covariance: Matrix
+    proof: NoArbitrage
+    scales: Scales
+    programmes: int
+
+    def after(self, soon: _Group) -> _Group:
+        """Return both groups as one, the other the earlier; this one alone where that has no proof."""
+        if not soon.proof.holds:
+            return self
+        variance = joined(soon.variance, self.variance)
+        return replace(
+            self,
+            smiles=soon.smiles + self.smiles,
+            backbone=soon.backbone + self.backbone,
+            variance=variance,
+            covariance=block_diag(soon.covariance, self.covariance),
+            proof=prove(variance),
+        )
+
+
+def _basis(smiles: Sequence[_Smile], backbone: Sequence[ESSVI]) -> SmileBasis:
+    """Return the splines that reach as far as all quotes do."""
+    z = [smile.x / math.sqrt(own.theta) for smile, own in zip(smiles, backbone, strict=True)]
+    return SmileBasis.covering(min(float(each[0]) for each in z), max(float(each[-1]) for each in z))
+
+
+def _fitted(
+    basis: SmileBasis,
+    smiles: list[_Smile],
+    backbone: list[ESSVI],
+    scales: Scales | None,
+    later: TotalVariance | None,
+    interrupt: Callable[[], bool] | None,
+) -> _Group:
+    """Return the group of smiles without arbitrage, nor with those that are later and given."""
+    posterior = _smoothed(basis, smiles, backbone, scales, interrupt)
+    found = without_arbitrage(posterior, later, interrupt)
+    return _Group(
+        smiles,
+        backbone,
+        found.variance,
         posterior.covariance,
-        _statuses(ordered, smiles, backbone, repaired.variance.smile),
-        repaired.proof,
+        found.proof,
         posterior.scales,
-        repaired.programmes,
+        found.programmes,
     )
 
 
@@ -133,6 +204,9 @@ def _read(
     sound = np.isfinite(x) & np.isfinite(variance) & (deviation > 0.0) & np.isfinite(deviation)
     if not sound.any():
         return None
+    if quotes.expiry < A_DAY:
+        near = variance[sound][np.argmin(np.abs(x[sound]))]
+        sound &= np.abs(x) <= FARTHEST_OF_A_DAY * math.sqrt(near)
     order = np.argsort(x[sound], kind="stable")
     x, variance, deviation = (column[sound][order] for column in (x, variance, deviation))
     deviation = np.maximum(deviation, SMALLEST * np.median(deviation))
@@ -162,14 +236,13 @@ def _starts(smiles: Sequence[_Smile]) -> list[ESSVI]:
 
 
 def _smoothed(
+    basis: SmileBasis,
     smiles: Sequence[_Smile],
     backbone: Sequence[ESSVI],
     scales: Scales | None,
     interrupt: Callable[[], bool] | None,
 ) -> Posterior:
     """Return the most probable smiles, quotes far away from them having lost weight."""
-    z = [smile.x / math.sqrt(own.theta) for smile, own in zip(smiles, backbone, strict=True)]
-    basis = SmileBasis.covering(min(float(each[0]) for each in z), max(float(each[-1]) for each in z))
     expiries = np.array([smile.quotes.expiry for smile in smiles])
     problem = SmoothingProblem(basis, expiries, backbone, [smile.columns for smile in smiles])
     posterior = Posterior(problem, problem.most_likely(None, interrupt) if scales is None else scales)
@@ -192,20 +265,19 @@ def _smoothed(
     return posterior
 
 
-def _statuses(
-    ordered: Sequence[SmileQuotes], smiles: Sequence[_Smile], backbone: Sequence[ESSVI], smile_at: object
-) -> tuple[ExpiryFit, ...]:
+def _statuses(ordered: Sequence[SmileQuotes], group: _Group) -> tuple[ExpiryFit, ...]:
     """Return what was fitted to each expiry, in their order."""
-    fitted = {id(smile.quotes): i for i, smile in enumerate(smiles)}
+    fitted = {id(smile.quotes): i for i, smile in enumerate(group.smiles)}
     found = []
     for quotes in ordered:
         i = fitted.get(id(quotes))
         if i is None:
-            message = "no quote with a volatility and a deviation above 0"
+            sound = quotes.expiry < A_DAY and quotes.usable.any()
+            message = LAST_DAY_ABOVE if sound else "no quote with a volatility and a deviation above 0"
             found.append(ExpiryFit(quotes.expiry, "invalid_input", message, 0, quotes.forward))
             continue
-        smile = smiles[i]
-        rest = (smile.variance - smile_at(i, smile.x).value) / smile.deviation  # type: ignore[operator]
+        smile = group.smiles[i]
+        rest = (smile.variance - group.variance.smile(i, smile.x).value) / smile.deviation
         found.append(
             ExpiryFit(
                 quotes.expiry,
@@ -217,7 +289,7 @@ def _statuses(
                 float(smile.x[-1]),
                 float(np.sqrt(np.mean(rest**2))),
                 smile.svi,
-                backbone[i],
+                group.backbone[i],
             )
         )
     return tuple(found)

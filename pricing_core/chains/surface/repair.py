@@ -16,7 +16,7 @@ from pricing_core.chains.surface.arbitrage import NoArbitrage, durrleman, prove
 from pricing_core.chains.surface.essvi import ESSVI
 from pricing_core.chains.surface.jet import Jet
 from pricing_core.chains.surface.smoothing import Posterior
-from pricing_core.chains.surface.total_variance import TotalVariance
+from pricing_core.chains.surface.total_variance import TotalVariance, joined
 
 PROGRAMMES = 5  # Largest number of quadratic programmes; chosen.
 DAMPED = 0.7  # Share of the way to the solution of each programme but the first; chosen.
@@ -27,7 +27,7 @@ NEAR = 0.5  # Constraints enter where less than this is left of g, or of the gro
 FAR = 4.0  # Constraints that hold by more standard deviations than this enter when they are missed; chosen.
 ENTRIES, MISSED = 2, 1e-4  # Largest number of times that they do, and what counts as missed; chosen.
 GAP = 1e-4  # Tolerance of a programme, in squared standard deviations.
-LOOSER = 10.0  # By how much more the smiles may vary in the distance than they are likely to; chosen.
+LOOSER = 10.0  # By how much more smiles may vary than they are likely to where only wings are moved; chosen.
 PRICE = 1e4  # Of a standard deviation by which a row is missed, in standard deviations; chosen.
 MIDDLE = 4.0  # Up to so many deviations from the money g itself is asked for, quoted or not; chosen.
 APART = 0.02  # Least distance of places where a condition is asked for, in deviations; chosen.
@@ -87,41 +87,66 @@ class _Asked:
         return _Asked(density, growth, WIDER * self.margin)
 
 
-def without_arbitrage(posterior: Posterior, interrupt: Callable[[], bool] | None = None) -> Repaired:
+def without_arbitrage(
+    posterior: Posterior,
+    later: TotalVariance | None = None,
+    interrupt: Callable[[], bool] | None = None,
+) -> Repaired:
     """Return the most probable smiles if they are proved free of arbitrage, or the nearest ones found that are.
 
     Distance is that of the posterior: as little probability as possible is given up. Each programme is linear about the
     smiles of the one before, and asks for the conditions where the proof failed as well. Where no programme leads to a
     proof, the smiles returned are those between some of one shape, which are admissible, and the last ones.
+
+    Parameters
+    ----------
+    posterior : Posterior
+    later : TotalVariance, optional
+        Smiles on the same splines that stay as they are, and lie above. The proof then has an entry for the first.
     """
     unknowns = posterior.unknowns
-    variance = variance_of(posterior, unknowns)
+    variance = _before(variance_of(posterior, unknowns), later)
     proof, asked = prove(variance), _Asked.nothing(variance.expiries.size)
+    metric = _metric(posterior, proof)
     for programme in range(PROGRAMMES):
         if proof.holds:
-            return Repaired(variance, proof, programme)
+            return Repaired(variance_of(posterior, unknowns), proof, programme)
         check_interrupt(interrupt)
         asked = asked.and_at(proof, variance)
-        goal = _programme(posterior, unknowns, variance, asked)
+        goal = _programme(posterior, metric, unknowns, variance, asked)
         if not np.isfinite(goal).all():
             break
         unknowns = goal if programme == 0 else unknowns + DAMPED * (goal - unknowns)
-        variance = variance_of(posterior, unknowns)
+        variance = _before(variance_of(posterior, unknowns), later)
+        metric = _symmetric(posterior.precision)
         proof = prove(variance)
-    return _from_within(posterior, unknowns, interrupt)
+    return _from_within(posterior, unknowns, later, interrupt)
 
 
-def _from_within(posterior: Posterior, goal: Matrix, interrupt: Callable[[], bool] | None) -> Repaired:
+def _from_within(
+    posterior: Posterior,
+    goal: Matrix,
+    later: TotalVariance | None,
+    interrupt: Callable[[], bool] | None,
+) -> Repaired:
     """Return the smiles between admissible ones and a goal that are nearest to it and proved."""
     for slope in PLAIN_SLOPES:
         plain = _of_one_shape(posterior, slope)
         for share in SHARES:
             check_interrupt(interrupt)
             variance = variance_of(posterior, plain + share * (goal - plain))
-            proof = prove(variance)
+            proof = prove(_before(variance, later))
             if proof.holds:
                 return Repaired(variance, proof, PROGRAMMES)
     return Repaired(variance, proof, PROGRAMMES)
+
+
+def _before(variance: TotalVariance, later: TotalVariance | None) -> TotalVariance:
+    """Return smiles with the first of those that are later and stay as they are."""
+    if later is None:
+        return variance
+    first = TotalVariance(later.basis, later.expiries[:1], later.theta[:1], later.coefficients[:1])
+    return joined(variance, first)
 
 
 def _apart(places: Vector, width: float) -> Vector:
@@ -145,10 +170,13 @@ def variance_of(posterior: Posterior, unknowns: Matrix) -> TotalVariance:
     return TotalVariance(problem.basis, problem.expiries, theta, posterior.coefficients(unknowns))
 
 
-def _programme(posterior: Posterior, unknowns: Matrix, variance: TotalVariance, asked: _Asked) -> Matrix:
+def _programme(
+    posterior: Posterior, metric: sparse.csc_matrix, unknowns: Matrix, variance: TotalVariance, asked: _Asked
+) -> Matrix:
     """Return the unknowns nearest to the most probable ones under the conditions, linear about the present ones."""
     rows, bounds = [], []
-    for i in range(variance.expiries.size):
+    fixed = posterior.problem.expiries.size  # the index of a smile that stays as it is
+    for i in range(fixed):
         places = _places(variance, i, asked.density[i])
         inside = _inside(posterior, i, places)
         found = [
@@ -156,26 +184,27 @@ def _programme(posterior: Posterior, unknowns: Matrix, variance: TotalVariance, 
             _outside(posterior, variance, i, places[~inside]),
             _slopes(posterior, variance, i),
         ]
-        if i > 0:
-            places = _places(variance, i, asked.growth[i])
-            found.append(_growth(posterior, variance, i, places, asked.margin))
-        for row, bound in found:
-            rows.append(row)
-            bounds.append(bound)
+        rows += [row for row, _ in found]
+        bounds += [bound for _, bound in found]
+    for i in range(1, variance.expiries.size):
+        row, bound = _growth(posterior, variance, i, _places(variance, i, asked.growth[i]), asked.margin)
+        rows.append(row)
+        bounds.append(bound)
     # Each row says: row @ change >= bound, the change being that from the present unknowns.
     matrix, bound = np.concatenate(rows), np.concatenate(bounds)
-    change = _nearest(posterior, matrix, bound + matrix @ (unknowns - posterior.unknowns).ravel())
+    change = _nearest(
+        metric, posterior.problem.block, matrix, bound + matrix @ (unknowns - posterior.unknowns).ravel()
+    )
     return np.asarray(posterior.unknowns + change.reshape(unknowns.shape))
 
 
-def _nearest(posterior: Posterior, matrix: Matrix, bound: Vector) -> Matrix:
+def _nearest(precision: sparse.csc_matrix, block: int, matrix: Matrix, bound: Vector) -> Matrix:
     """Return the change v of the most probable unknowns of least v' H v with matrix @ v >= bound.
 
     In units in which the blocks of H on the diagonal are 1; each row is then divided by its length, about the standard
     deviation of what it bounds. Rows that hold by many of them enter only when they are missed.
     """
-    precision = _looser(posterior)
-    units = _units(precision, posterior.problem.block)
+    units = _units(precision, block)
     rows = sparse.csr_matrix(matrix) @ units
     lengths = np.maximum(np.sqrt(np.asarray(rows.multiply(rows).sum(axis=1)).ravel()), 1e-300)
     distance = bound / lengths
@@ -209,14 +238,20 @@ def _least(hessian: sparse.csc_matrix, rows: sparse.csr_matrix, bound: Vector) -
     return np.asarray(solver.solve().x)[: hessian.shape[0]]
 
 
-def _looser(posterior: Posterior) -> sparse.csc_matrix:
-    """Return the metric of the distance: the precision, but for smiles that may vary more.
+def _metric(posterior: Posterior, proof: NoArbitrage) -> sparse.csc_matrix:
+    """Return the metric of the distance: the precision, or one that is looser if only wings beyond the quotes fail.
 
-    What moves the wings, where nothing is quoted, would else move what is quoted beside them.
+    The most probable smiles are stiff: what must bend a wing would move the quotes beside it, which say nothing of it.
     """
-    scales = posterior.scales
-    prior = posterior.problem.precision(replace(scales, amplitude=LOOSER * scales.amplitude))
-    return _symmetric(posterior.problem.band / scales.noise**2 + prior)
+    problem, scales = posterior.problem, posterior.scales
+    for quotes, *failures in zip(
+        problem.smiles, proof.butterfly_failures, proof.calendar_failures, strict=False
+    ):
+        places = np.concatenate(failures)
+        if np.any((places >= quotes[0][0]) & (places <= quotes[0][-1])):
+            return _symmetric(posterior.precision)
+    prior = problem.precision(replace(scales, amplitude=LOOSER * scales.amplitude))
+    return _symmetric(problem.band / scales.noise**2 + prior)
 
 
 def _units(precision: sparse.csc_matrix, block: int) -> sparse.csc_matrix:
@@ -316,12 +351,14 @@ def _growth(
     ends = np.array([-1.0, 1.0]) * 1e3 * math.sqrt(variance.theta[i]) * np.abs(variance.basis.breaks[[0, -1]])
     signs = np.array([[-1.0], [1.0]]) / math.sqrt(variance.theta[i])
     steeper = (variance.smile(i, ends).first - variance.smile(i - 1, ends).first) * signs[:, 0]
-    own = [_rows(posterior, i, x[near]).value * unit, _rows(posterior, i, ends).first * signs]
     other = [
         -(1.0 + margin * LEAST_GROWTH) * _rows(posterior, i - 1, x[near]).value * unit,
         -_rows(posterior, i - 1, ends).first * signs,
     ]
-    both = _at(posterior, i, np.concatenate(own)) + _at(posterior, i - 1, np.concatenate(other))
+    both = _at(posterior, i - 1, np.concatenate(other))
+    if i < posterior.problem.expiries.size:  # else the smile stays as it is
+        own = [_rows(posterior, i, x[near]).value * unit, _rows(posterior, i, ends).first * signs]
+        both += _at(posterior, i, np.concatenate(own))
     return both, np.concatenate([-growth[near] * unit, margin * LEAST_SLOPE - steeper])
 
 

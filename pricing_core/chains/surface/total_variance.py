@@ -107,6 +107,14 @@ class TotalVariance:
         return variance, variance.value * slope * pace / tau.value
 
 
+def joined(early: TotalVariance, late: TotalVariance) -> TotalVariance:
+    """Return the smiles of both, on the same splines, as one."""
+    expiries, theta = (
+        np.concatenate([getattr(each, name) for each in (early, late)]) for name in ("expiries", "theta")
+    )
+    return TotalVariance(early.basis, expiries, theta, np.vstack([early.coefficients, late.coefficients]))
+
+
 def window(expiries: Vector, time: float) -> range:
     """Return the indices of the expiries on which the total variance at a time depends."""
     if time < expiries[0] or expiries.size == 1:
