@@ -11,6 +11,7 @@ from pricing_core.american.contracts.market import Market
 from pricing_core.american.implied.carry_pairs import Chain
 from pricing_core.american.implied.implied_carry import Premiums
 from pricing_core.chains.carry import Carry, refit_carry
+from pricing_core.chains.surface.correct import Carried
 from pricing_core.chains.surface.early_exercise import Exercise
 from pricing_core.chains.surface.smile_quotes import AmericanQuotes
 
@@ -36,13 +37,17 @@ class Agreement:
             side: _rows_of(carry, quotes, quotes.is_call == (side == "call")) for side in ("call", "put")
         }
 
-    def __call__(self, exercise: Exercise) -> Market:
+    def __call__(self, exercise: Exercise) -> Carried:
         """Return the market with the yield at which call and put agree if early exercise is worth this."""
         premium = np.append(np.where(exercise.exercised, np.nan, exercise.premium), np.nan)
         difference = premium[self._rows["call"]] - premium[self._rows["put"]]
         premiums = Premiums(np.isfinite(difference), difference)
         self.carry = refit_carry(self._chain, self.carry, premiums)
-        return replace(self._market, dividend_yield=self.carry.curve)
+        errors = np.nan_to_num(self.carry.standard_error) * self.carry.expiry
+        return Carried(
+            replace(self._market, dividend_yield=self.carry.curve),
+            dict(zip(self.carry.expiry.tolist(), errors.tolist(), strict=True)),
+        )
 
 
 def _rows_of(carry: Carry, quotes: AmericanQuotes, side: NDArray[np.bool_]) -> NDArray[np.intp]:

@@ -110,7 +110,7 @@ def fit_chain(
     stage = _volatilities(read, market, _priceable(read, flags), good, carry, settings)
     market = replace(market, dividend_yield=carry.curve)
     flags["put_call_mismatch"] = stage.mismatch
-    table = quotes_table(read, stage.found, fitted.model_price, as_words(flags))
+    table = quotes_table(read, stage.found, fitted, as_words(flags))
     return _fit(read, market, flags, carry, fitted, stage, table)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow as pa
 
 from pricing_core.chains.chain_fit import ChainFit, numbers
+from pricing_core.chains.surface.dupire import local_volatility_error
 from pricing_core.chains.surface.implied_surface import ImpliedSurface
 
 PARAMETERS = ("a", "b", "rho", "m", "sigma")
@@ -49,14 +50,17 @@ def surface_table(surface: ImpliedSurface) -> pa.Table:
 
 
 def local_volatility_table(fit: ChainFit) -> pa.Table:
-    """Return a row per node: time (years), spot (money), volatility."""
-    local = fit.local_volatility
+    """Return a row per node: time (years), spot (money), volatility and its standard error."""
+    local, surface = fit.local_volatility, fit.surface
     assert local is not None
+    assert surface is not None
     times, spots = np.asarray(local.times), np.asarray(local.spots)
+    errors = [local_volatility_error(surface, fit.market, spots, time) for time in times.tolist()]
     return pa.table(
         {
             "time": numbers(np.repeat(times, spots.size)),
             "spot": numbers(np.tile(spots, times.size)),
             "volatility": numbers(np.ravel(local.values)),
+            "standard_error": numbers(np.concatenate(errors)),
         }
     )

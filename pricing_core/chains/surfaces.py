@@ -11,7 +11,7 @@ from pricing_core.american.contracts.local_volatility import LocalVolatility
 from pricing_core.american.contracts.market import Market
 from pricing_core.arrays import Vector
 from pricing_core.chains.interruption import check_interrupt
-from pricing_core.chains.surface.correct import correct
+from pricing_core.chains.surface.correct import Carried, correct
 from pricing_core.chains.surface.dupire import dupire
 from pricing_core.chains.surface.early_exercise import Exercise
 from pricing_core.chains.surface.fit import fit_surface
@@ -30,6 +30,7 @@ class Fitted:
     share_within_before: float = float("nan")
     share_within_after: float = float("nan")
     message: str = ""
+    price_error: Vector | None = None
 
 
 def fit_surfaces(
@@ -37,7 +38,7 @@ def fit_surfaces(
     market: Market,
     quotes: AmericanQuotes,
     exercise: str,
-    carry: Callable[[Exercise], Market],
+    carry: Callable[[Exercise], Carried],
     interrupt: Callable[[], bool] | None,
 ) -> Fitted:
     """Fit a surface to the smiles, and a local volatility under which the prices meet the quotes.
@@ -71,6 +72,7 @@ def fit_surfaces(
         found.local_volatility,
         found.share_within_before,
         found.share_within_after,
+        price_error=found.price_error,
     )
 
 
@@ -80,11 +82,12 @@ def without_surface(count: int, message: str) -> Fitted:
 
 
 def _european(market: Market, quotes: AmericanQuotes, surface: ImpliedSurface) -> Fitted:
-    price = np.full(quotes.strike.size, np.nan)
+    price, error = (np.full(quotes.strike.size, np.nan) for _ in range(2))
     for expiry in np.unique(quotes.expiry[quotes.usable]).tolist():
         for side in ("call", "put"):
             rows = quotes.usable & (quotes.expiry == expiry) & (quotes.option_type == side)
             price[rows] = surface.european_price(side, quotes.strike[rows], expiry)
+            error[rows] = surface.price_error(side, quotes.strike[rows], expiry)
     inside = (price >= quotes.bid) & (price <= quotes.ask)
     share = float(inside[quotes.usable].mean())
-    return Fitted(price, surface, dupire(surface, market), share, share)
+    return Fitted(price, surface, dupire(surface, market), share, share, price_error=error)

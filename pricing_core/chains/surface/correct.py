@@ -9,20 +9,22 @@ of its own: a fixed point, which two or three rounds reach, for the premium hard
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pricing_core.american.contracts.curves import Curve, PiecewiseConstant
 from pricing_core.american.contracts.local_volatility import LocalVolatility
 from pricing_core.american.contracts.market import Market
-from pricing_core.american.implied.black_spread import black_time_value
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.chains.interruption import check_interrupt
 from pricing_core.chains.surface.dupire import dupire
 from pricing_core.chains.surface.early_exercise import Exercise, early_exercise
 from pricing_core.chains.surface.fit import fit_surface
+from pricing_core.chains.surface.forward_greeks import forward_greeks
 from pricing_core.chains.surface.implied_surface import ImpliedSurface
 from pricing_core.chains.surface.smile_quotes import AmericanQuotes, SmileQuotes
 from pricing_core.chains.surface.smoothing import Scales
@@ -31,10 +33,20 @@ from pricing_core.errors import InvalidInputError, Told
 # Largest early exercise premium, as a share of what an option is worth beyond its payoff, of a quote that tells a
 # volatility: above it the premium takes back most of what the European price gains; chosen.
 LARGEST_PREMIUM = 0.4
+LEAST_SHARE = (
+    1.0 / 3.0
+)  # Least share of a European price's error that an American one has before it is exercised; measured.
 NEAR = 4.5  # Farther out of the money, in standard deviations, an option has no premium; chosen.
 LEAST_VEGA = 1e-6  # Smallest vega, in spots, of a quote that tells a volatility; chosen.
 # Changes of a model price, in spots and in the noise of its quote, the larger of which stops the rounds; chosen.
 SETTLED, SETTLED_IN_NOISE = 5e-6, 0.5
+
+
+class Carried(NamedTuple):
+    """A market with the carry of a chain, and the standard errors of ln(forward) by expiry, years."""
+
+    market: Market
+    forward_error: Mapping[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +57,9 @@ class Correction:
     ----------
     surface : ImpliedSurface
     local_volatility : LocalVolatility
-    model_price, early_exercise_premium : Vector, shape (n,)
-        Money, of each quote under the local volatility; NaN for a quote that is not two-sided.
+    model_price, price_error, early_exercise_premium : Vector, shape (n,)
+        Money, of each quote under the local volatility; NaN for a quote that is not two-sided. price_error is the
+        standard error of model_price.
     exercised : BoolVector, shape (n,)
         Whether exercise is optimal now.
     informative : BoolVector, shape (n,)
@@ -61,6 +74,7 @@ class Correction:
     surface: ImpliedSurface
     local_volatility: LocalVolatility
     model_price: Vector
+    price_error: Vector
     early_exercise_premium: Vector
     exercised: BoolVector
     informative: BoolVector
@@ -90,10 +104,13 @@ def correct(
     american_quotes: AmericanQuotes,
     *,
     rounds: int = 3,
-    carry: Callable[[Exercise], Market] | None = None,
+    carry: Callable[[Exercise], Carried] | None = None,
     interrupt: Callable[[], bool] | None = None,
 ) -> Correction:
     """Return the surface whose local volatility reprices American quotes.
+
+    The standard errors of prices are those of European ones, less the share of what options are worth beyond their
+    payoff that is their premium: early exercise takes back what they gain. Of those that are exercised they are 0.
 
     Parameters
     ----------
@@ -107,7 +124,7 @@ def correct(
         Largest number of rounds.
     carry : callable, optional
         Takes the early exercise of all quotes (premiums NaN where a quote is not two-sided), and returns the market
-        with the yield at which call and put then agree; without it the yield stays what it is.
+        with the yield at which call and put then agree; without it the yield stays what it is, and certain.
     interrupt : callable, optional
         Asked between expiries and rounds; True ends the work.
 
@@ -129,15 +146,18 @@ def correct(
     first = repriced = _repriced(surface, local_volatility, quotes, exercise)
     informative = np.zeros(usable.size, dtype=np.bool_)
     changes: list[float] = []
+    certain: Mapping[float, float] = {}
+    carried = Carried(market, certain)
     scales: Scales | None = None
     for _ in range(rounds):
         if carry is not None:
             held = _spread_out(american_quotes, usable, exercise.exercised.astype(np.float64)) == 1.0
             premium = _spread_out(american_quotes, usable, repriced.premium)
-            market = carry(Exercise(premium, held))
+            carried = carry(Exercise(premium, held))
+            market = carried.market
             surface = replace(surface, coordinates=replace(surface.coordinates, market=market))
             repriced = _repriced(surface, local_volatility, quotes, exercise)
-        smiles, informative = _smiles(surface, quotes, repriced)
+        smiles, informative = _smiles(surface, quotes, repriced, carried.forward_error)
         if not smiles:
             break
         check_interrupt(interrupt)
@@ -155,6 +175,7 @@ def correct(
         surface,
         repriced.local_volatility,
         _spread_out(american_quotes, usable, repriced.price),
+        _spread_out(american_quotes, usable, _price_errors(surface, quotes, repriced)),
         _spread_out(american_quotes, usable, repriced.premium),
         _spread_out(american_quotes, usable, repriced.exercised.astype(np.float64)) == 1.0,
         _spread_out(american_quotes, usable, informative.astype(np.float64)) == 1.0,
@@ -202,26 +223,49 @@ def _repriced(
 ) -> _Repriced:
     """Price all quotes: the European price of the surface and the premium, the payoff where it is exercised."""
     price = np.empty(quotes.mid.size)
-    for expiry in np.unique(quotes.expiry).tolist():
-        for option_type in ("put", "call"):
-            rows = np.flatnonzero((quotes.expiry == expiry) & (quotes.option_type == option_type))
-            price[rows] = surface.european_price(option_type, quotes.strike[rows], expiry)
-    spot = surface.coordinates.market.spot
-    payoff = np.where(quotes.is_call, spot - quotes.strike, quotes.strike - spot)
+    for expiry, option_type, rows in _groups(quotes):
+        price[rows] = surface.european_price(option_type, quotes.strike[rows], expiry)
+    payoff = _payoff(surface, quotes)
     price = np.where(exercise.exercised, payoff, np.maximum(price + exercise.premium, payoff))
     return _Repriced(local_volatility, exercise.premium, exercise.exercised, price)
 
 
+def _price_errors(surface: ImpliedSurface, quotes: AmericanQuotes, repriced: _Repriced) -> Vector:
+    """Return the standard errors of the prices, see `correct`."""
+    error = np.empty(quotes.mid.size)
+    for expiry, option_type, rows in _groups(quotes):
+        error[rows] = surface.price_error(option_type, quotes.strike[rows], expiry)
+    beyond = np.maximum(repriced.price - _payoff(surface, quotes), 0.0)
+    held = np.maximum(beyond / np.maximum(beyond + repriced.premium, np.finfo(float).tiny), LEAST_SHARE)
+    return np.where(repriced.exercised, 0.0, error * held)
+
+
+def _groups(quotes: AmericanQuotes) -> Iterator[tuple[float, str, NDArray[np.intp]]]:
+    """Yield expiry, option type and rows of the quotes that share these."""
+    for expiry in np.unique(quotes.expiry).tolist():
+        for option_type in ("put", "call"):
+            rows = np.flatnonzero((quotes.expiry == expiry) & (quotes.option_type == option_type))
+            yield expiry, option_type, rows
+
+
+def _payoff(surface: ImpliedSurface, quotes: AmericanQuotes) -> Vector:
+    """Return what exercise now brings, 0 or more."""
+    spot = surface.coordinates.market.spot
+    return np.maximum(np.where(quotes.is_call, spot - quotes.strike, quotes.strike - spot), 0.0)
+
+
 def _smiles(
-    surface: ImpliedSurface, quotes: AmericanQuotes, repriced: _Repriced
+    surface: ImpliedSurface,
+    quotes: AmericanQuotes,
+    repriced: _Repriced,
+    forward_error: Mapping[float, float],
 ) -> tuple[list[SmileQuotes], BoolVector]:
     """Return the volatilities that the mids mean, the premiums as they are, and which quotes they come from.
 
     To first order about the surface, so that the noise of a quote stays as it is whatever its sign.
     """
     spot = surface.coordinates.market.spot
-    payoff = np.maximum(np.where(quotes.is_call, spot - quotes.strike, quotes.strike - spot), 0.0)
-    beyond = np.maximum(repriced.price - payoff, 1e-12 * spot)
+    beyond = np.maximum(repriced.price - _payoff(surface, quotes), 1e-12 * spot)
     informative = ~repriced.exercised & (repriced.premium < LARGEST_PREMIUM * beyond) & (quotes.bid > 0.0)
     found = []
     for expiry in np.unique(quotes.expiry).tolist():
@@ -229,15 +273,26 @@ def _smiles(
         rows = rows[np.argsort(quotes.strike[rows], kind="stable")]
         forward, strike = surface.coordinates.forward(expiry), quotes.strike[rows]
         volatility, k = surface.volatility(strike, expiry), np.log(strike / forward)
-        unit = np.minimum(forward, strike) * surface.coordinates.discount(expiry) * math.sqrt(expiry)
-        vega = black_time_value(np.abs(k), volatility * math.sqrt(expiry))[1] * unit
+        discount = surface.coordinates.discount(expiry)
+        gained, delta = forward_greeks("call", forward, strike, volatility, expiry)
+        vega, delta = discount * gained, discount * np.where(quotes.is_call[rows], delta, delta - 1.0)
         told = vega > LEAST_VEGA * spot
         informative[rows[~told]] = False
         if told.any():
             changed = volatility + (quotes.mid - repriced.price)[rows] / vega
             deviation = 0.5 * (quotes.ask - quotes.bid)[rows] / vega
-            columns = (column[told] for column in (k, strike, changed, deviation))
-            found.append(SmileQuotes(expiry, forward, *columns))
+            found.append(
+                SmileQuotes(
+                    expiry,
+                    forward,
+                    k[told],
+                    strike[told],
+                    changed[told],
+                    deviation[told],
+                    forward_error.get(expiry, 0.0),
+                    -forward * (delta / vega)[told],
+                )
+            )
     return found, informative
 
 

@@ -48,6 +48,7 @@ class _Smile:
     x: Vector
     variance: Vector
     deviation: Vector
+    by_forward: Vector  # of the variance
     svi: SVI | None
 
     @property
@@ -129,6 +130,8 @@ def fit_surface(
         coordinates,
         replace(group.variance, clock=coordinates.clock),
         group.covariance,
+        group.by_forward,
+        np.array([smile.quotes.forward_error for smile in group.smiles]),
         _statuses(ordered, group),
         group.proof,
         group.scales,
@@ -144,6 +147,7 @@ class _Group:
     backbone: list[ESSVI]
     variance: TotalVariance
     covariance: Matrix
+    by_forward: Matrix
     proof: NoArbitrage
     scales: Scales
     programmes: int
@@ -159,6 +163,7 @@ class _Group:
             backbone=soon.backbone + self.backbone,
             variance=variance,
             covariance=block_diag(soon.covariance, self.covariance),
+            by_forward=block_diag(soon.by_forward, self.by_forward),
             proof=prove(variance),
         )
 
@@ -180,11 +185,14 @@ def _fitted(
     """Return the group of smiles without arbitrage, nor with those that are later and given."""
     posterior = _smoothed(basis, smiles, backbone, scales, interrupt)
     found = without_arbitrage(posterior, later, interrupt)
+    shifts = [smile.by_forward / own[2] for smile, own in zip(smiles, posterior.problem.smiles, strict=True)]
+    errors = np.array([smile.quotes.forward_error for smile in smiles])
     return _Group(
         smiles,
         backbone,
         found.variance,
         posterior.covariance,
+        posterior.responses(shifts) * errors,
         found.proof,
         posterior.scales,
         found.programmes,
@@ -208,10 +216,13 @@ def _read(
         near = variance[sound][np.argmin(np.abs(x[sound]))]
         sound &= np.abs(x) <= FARTHEST_OF_A_DAY * math.sqrt(near)
     order = np.argsort(x[sound], kind="stable")
-    x, variance, deviation = (column[sound][order] for column in (x, variance, deviation))
+    by_forward = by_volatility * quotes.by_forward[keep]  # type: ignore[index]
+    x, variance, deviation, by_forward = (
+        column[sound][order] for column in (x, variance, deviation, by_forward)
+    )
     deviation = np.maximum(deviation, SMALLEST * np.median(deviation))
     svi = calibrate_svi(x, variance, deviation) if np.unique(x).size >= FEWEST_QUOTES else None
-    return _Smile(quotes, x, variance, deviation, svi)
+    return _Smile(quotes, x, variance, deviation, by_forward, svi)
 
 
 def _starts(smiles: Sequence[_Smile]) -> list[ESSVI]:

@@ -286,6 +286,24 @@ class Posterior:
         covariance: Matrix = columns.T @ solved
         return covariance
 
+    def responses(self, shifts: Sequence[Vector]) -> Matrix:
+        """Return what the coefficients of all smiles change by if the quotes of an expiry do, shape (m n, m).
+
+        Parameters
+        ----------
+        shifts : sequence of Vector, shape (n_i,)
+            What the quotes of each expiry change by, in their deviations.
+        """
+        problem, n = self.problem, self.problem.basis.size
+        sides = np.zeros((problem.unknowns, problem.expiries.size))
+        for i, (design, shift) in enumerate(zip(problem.designs, shifts, strict=True)):
+            sides[i * problem.block : (i + 1) * problem.block, i] = design.T @ shift / self.scales.noise**2
+        solved = cho_solve_banded((self.factor, True), sides, check_finite=False)
+        found = np.empty((n * problem.expiries.size, problem.expiries.size))
+        for i, own in enumerate(problem.maps):
+            found[i * n : (i + 1) * n] = own @ solved[i * problem.block : (i + 1) * problem.block]
+        return found
+
 
 def _correlation(expiries: Vector, memory: float) -> tuple[Vector, Vector]:
     """Return diagonal and subdiagonal of the inverse of the correlation e^(-|ln T_i - ln T_j|/memory)."""
