@@ -66,6 +66,9 @@ class Carry:
         The yield from expiry to expiry.
     pairs : Pairs, pair_residual : Vector, pair_used : bool array, each of shape (m,)
         The pairs that were looked at, what each misses parity by, money, and which count.
+    stock, stock_error : Vector
+        What the stock to be had at each expiry is worth now by its own pairs, and the standard error of that, money;
+        NaN where the status is not "ok".
     told : tuple of ExpiryCarry
         What the pairs of each expiry tell on their own.
     gain : Vector
@@ -83,6 +86,8 @@ class Carry:
     pairs: Pairs | None
     pair_residual: Vector
     pair_used: NDArray[np.bool_]
+    stock: Vector
+    stock_error: Vector
     told: tuple[ExpiryCarry, ...]
     gain: Vector
 
@@ -276,6 +281,9 @@ def _result(
     for row, place in enumerate(known):
         share = np.where(np.arange(times.size) <= row, lengths, 0.0) / times[row]
         error[place] = math.sqrt(float(share @ covariance @ share))
+    own, own_error = (np.full(chain.expiries.size, math.nan) for _ in range(2))
+    own[known] = [_stock(chain, carry) for carry in fitted]
+    own_error[known] = np.maximum(_errors(fitted) * gain, FLOOR * chain.market.spot)
     expiries = chain.expiries.tolist()
     stock = [stock_value(chain.market, curve, time) for time in expiries]
     residuals = [carry.stock - stock[place] for carry, place in zip(fitted, known, strict=True)]
@@ -293,6 +301,8 @@ def _result(
         pairs=_joined(fitted),
         pair_residual=np.concatenate(residuals),
         pair_used=np.concatenate([carry.used for carry in fitted]),
+        stock=own,
+        stock_error=own_error,
         told=tuple(found),
         gain=gain,
     )
@@ -316,6 +326,8 @@ def _unknown(chain: Chain, found: list[ExpiryCarry]) -> Carry:
         pairs=None,
         pair_residual=nothing,
         pair_used=nothing.astype(bool),
+        stock=np.full(count, math.nan),
+        stock_error=np.full(count, math.nan),
         told=tuple(found),
         gain=nothing,
     )

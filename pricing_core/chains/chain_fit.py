@@ -14,6 +14,7 @@ from pricing_core.arrays import Vector
 from pricing_core.chains.canonical import MESSAGE
 from pricing_core.chains.carry import Carry
 from pricing_core.chains.expiry_time import Moment
+from pricing_core.chains.implied_dividends import ImpliedDividends
 from pricing_core.chains.quotes import Quotes
 from pricing_core.chains.surface.implied_surface import ImpliedSurface
 from pricing_core.chains.surface.smile_quotes import SmileQuotes
@@ -42,6 +43,8 @@ class ChainFit:
     pairs : pyarrow.Table
         Every call and put that the carry was looked for in: expiry, strike, residual (what they miss parity by, money),
         width (of their quotes, money) and used.
+    dividends : pyarrow.Table
+        The cash dividends of the market: time (years), amount (money) and, where it is implied, its standard_error.
     flags : mapping of str to int
         How many rows have each flag.
     market : Market
@@ -61,6 +64,7 @@ class ChainFit:
     quotes: pa.Table
     carry: pa.Table
     pairs: pa.Table
+    dividends: pa.Table
     flags: Mapping[str, int]
     market: Market
     valuation: Moment
@@ -159,6 +163,18 @@ def pairs_table(carry: Carry) -> pa.Table:
     columns = {"expiry": expiry, "strike": strike, "residual": carry.pair_residual, "width": width}
     table = {name: numbers(column) for name, column in columns.items()}
     return pa.table({**table, "used": pa.array(carry.pair_used, pa.bool_())})
+
+
+def dividends_table(market: Market, implied: ImpliedDividends) -> pa.Table:
+    """Return the cash dividends of a market, some of them implied."""
+    errors = dict(zip(implied.time.tolist(), implied.standard_error.tolist(), strict=True))
+    dividends = market.cash_dividends
+    columns = {
+        "time": [each.time for each in dividends],
+        "amount": [each.amount for each in dividends],
+        "standard_error": [errors.get(each.time) for each in dividends],
+    }
+    return pa.table({name: pa.array(column, pa.float64()) for name, column in columns.items()})
 
 
 def numbers(column: Vector) -> pa.Array:

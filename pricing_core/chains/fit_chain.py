@@ -23,9 +23,16 @@ from pricing_core.arrays import BoolVector
 from pricing_core.chains.agreement import Agreement
 from pricing_core.chains.canonical import MESSAGE
 from pricing_core.chains.carry import Carry, fit_carry
-from pricing_core.chains.chain_fit import ChainFit, carry_table, pairs_table, quotes_table
+from pricing_core.chains.chain_fit import ChainFit, carry_table, dividends_table, pairs_table, quotes_table
 from pricing_core.chains.cleaning import Flags, as_words, counts, flag_quotes, usable
 from pricing_core.chains.forward_volatilities import of_forward
+from pricing_core.chains.implied_dividends import (
+    NONE_IMPLIED,
+    filled,
+    imply_dividends,
+    is_implied,
+    with_dividends,
+)
 from pricing_core.chains.quotes import Quotes, read_quotes
 from pricing_core.chains.read_chain import read_chain
 from pricing_core.chains.smiles import american_quotes, smiles_of
@@ -65,7 +72,8 @@ def fit_chain(
         Risk-free, 1/year, continuously compounded.
     cash_dividends, proportional_dividends : sequence
         Those that are known: `CashDividend`, `ProportionalDividend`, or mappings with "ex_date" or "time" and "amount"
-        or "fraction".
+        or "fraction". A cash dividend without an amount, or of None, has the one that the quotes imply, if nothing but
+        dividends is paid (`imply_dividends`); what they do not explain is part of the yield.
     valuation_date : str, date or datetime, optional
         Local time of the market; the quotes' own by default. Without a time of day expiries are whole days / 365.
     tolerance : float
@@ -91,10 +99,18 @@ def fit_chain(
     if rate is None:
         raise InvalidInputError("rate", Told("missing"), "given: a number or a curve, 1/year")
     read = read_quotes(_canonical(quotes), valuation_date)
-    market = _market(read, rate, cash_dividends, proportional_dividends)
+    market = _market(read, rate, filled(cash_dividends), proportional_dividends)
     flags = flag_quotes(read)
     good = usable(flags)
     settings: dict[str, Any] = {"tolerance": tolerance, "threads": threads, "interrupt": interrupt}
+    implied = NONE_IMPLIED
+    if any(is_implied(each) for each in cash_dividends):
+        wanted = _market(read, rate, filled([each for each in cash_dividends if is_implied(each)]), ())
+        given = [each for each in cash_dividends if not is_implied(each)]
+        market = _market(read, rate, given, proportional_dividends)
+        times = np.unique([each.time for each in wanted.cash_dividends])
+        implied = imply_dividends(market, times, lambda one: fit_carry(_pairs(read, one, good), **settings))
+        market = with_dividends(market, implied.time, implied.amount)
     pairs = _pairs(read, market, good)
     carry = fit_carry(pairs, **settings)
     flags["no_carry"] = np.full(good.size, not carry.is_known) & good
@@ -111,7 +127,7 @@ def fit_chain(
     market = replace(market, dividend_yield=carry.curve)
     flags["put_call_mismatch"] = stage.mismatch
     table = quotes_table(read, stage.found, fitted, as_words(flags))
-    return _fit(read, market, flags, carry, fitted, stage, table)
+    return _fit(read, market, flags, carry, fitted, stage, table, dividends_table(market, implied))
 
 
 class _Stage(NamedTuple):
@@ -159,6 +175,7 @@ def _fit(
     fitted: Fitted,
     stage: _Stage,
     table: pa.Table,
+    dividends: pa.Table,
 ) -> ChainFit:
     if fitted.local_volatility is not None:
         market = replace(market, volatility=fitted.local_volatility)
@@ -166,6 +183,7 @@ def _fit(
         quotes=table,
         carry=carry_table(quotes, carry),
         pairs=pairs_table(carry),
+        dividends=dividends,
         flags=counts(flags),
         market=market,
         valuation=quotes.valuation,

@@ -13,8 +13,8 @@ PARAMETERS = ("a", "b", "rho", "m", "sigma")
 
 
 def tables_of(fit: ChainFit) -> dict[str, pa.Table]:
-    """Return the tables of a fit by name: quotes, carry, pairs; surface and local_volatility where there are any."""
-    tables = {"quotes": fit.quotes, "carry": fit.carry, "pairs": fit.pairs}
+    """Return quotes, carry, pairs and dividends by name; surface and local_volatility where there are any."""
+    tables = {"quotes": fit.quotes, "carry": fit.carry, "pairs": fit.pairs, "dividends": fit.dividends}
     if fit.surface is not None:
         tables["surface"] = surface_table(fit.surface)
     if fit.local_volatility is not None:
