@@ -99,7 +99,8 @@ def test_with_noise_errors_lie_within_two_standard_errors_in_95_of_100_cases(
 
     """
     known = known_chain(name, dividends=dividends)
-    found = [ratios(known, SEEDS + seed) for seed in range(CHAINS)]
+    first = SEEDS + CHAINS * CLASSES.index(name)
+    found = [ratios(known, first + seed) for seed in range(CHAINS)]
     for quantity in found[0]:
         within = [float(np.mean(np.abs(each[quantity]) <= 2.0)) for each in found]
         square = [float(np.mean(each[quantity] ** 2)) for each in found]
@@ -107,4 +108,4 @@ def test_with_noise_errors_lie_within_two_standard_errors_in_95_of_100_cases(
             scatter = float(np.std(values, ddof=1)) / math.sqrt(CHAINS)
             print(f"{name}, {quantity}: {said} {np.mean(values):.3f} +- {scatter:.3f}")
             assert abs(np.mean(values) - expected) < 3.0 * scatter + besides, (quantity, said)
-            assert scatter < (0.03 if said == "share" else 0.25), (quantity, said)
+            assert scatter < (0.03 if said == "share" else 0.3), (quantity, said)
