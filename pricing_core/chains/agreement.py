@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.implied.carry_pairs import Chain
 from pricing_core.american.implied.implied_carry import Premiums
-from pricing_core.chains.carry import Carry, refit_carry
+from pricing_core.chains.carry import Carry
+from pricing_core.chains.fit_carry import refit_carry
 from pricing_core.chains.surface.correct import Carried
 from pricing_core.chains.surface.early_exercise import Exercise
 from pricing_core.chains.surface.smile_quotes import AmericanQuotes

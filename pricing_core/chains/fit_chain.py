@@ -22,9 +22,10 @@ from pricing_core.american.price_book import checked_threads
 from pricing_core.arrays import BoolVector
 from pricing_core.chains.agreement import Agreement
 from pricing_core.chains.canonical import MESSAGE
-from pricing_core.chains.carry import Carry, fit_carry
+from pricing_core.chains.carry import Carry
 from pricing_core.chains.chain_fit import ChainFit, carry_table, dividends_table, pairs_table, quotes_table
 from pricing_core.chains.cleaning import Flags, as_words, counts, flag_quotes, usable
+from pricing_core.chains.fit_carry import fit_carry
 from pricing_core.chains.forward_volatilities import of_forward
 from pricing_core.chains.implied_dividends import (
     NONE_IMPLIED,
