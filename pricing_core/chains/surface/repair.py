@@ -76,8 +76,8 @@ def without_arbitrage(
             break
         unknowns = goal if programme == 0 else unknowns + DAMPED * (goal - unknowns)
         variance = _before(variance_of(posterior, unknowns), later)
-        metric = _symmetric(posterior.precision)
         proof = prove(variance)
+        metric = _metric(posterior, proof)
     return _from_within(posterior, unknowns, later, interrupt)
 
 
