@@ -245,7 +245,8 @@ def draw_residuals(fit: ChainFit) -> Figure | None:
         )
     below.set_xlabel("expiry (years)")
     below.set_ylabel("pair less parity (widths)")
-    below.legend(frameon=False, fontsize=8)
+    if fit.pairs.num_rows:
+        below.legend(frameon=False, fontsize=8)
     return figure
 
 
