@@ -48,6 +48,7 @@ fn on<R: Send>(set: InstructionSet, function: impl FnOnce() -> R + Send) -> R {
 }
 
 struct SolvedPuts {
+    count: usize,
     numbers: Vec<f64>,
     settled: Vec<bool>,
     boundary: Vec<f64>,
@@ -57,23 +58,24 @@ impl SolvedPuts {
     /// What was found of each put.
     fn rows(&self) -> Vec<&[f64]> {
         self.numbers
-            .chunks(self.numbers.len() / PUTS.len())
+            .chunks(self.numbers.len() / self.count)
             .collect()
     }
 }
 
-fn puts(set: InstructionSet, tolerance: f64) -> SolvedPuts {
-    let column = |k: usize| PUTS.map(|put| put[k]);
+fn puts(set: InstructionSet, rows: &[[f64; 4]], tolerance: f64) -> SolvedPuts {
+    let column = |k: usize| rows.iter().map(|put| put[k]).collect::<Vec<f64>>();
     let (rate, dividend, spread, x) = (column(0), column(1), column(2), column(3));
-    let first: Vec<usize> = (0..=PUTS.len()).collect();
-    let limits = vec![1.0; premium_march::VALUES * PUTS.len()];
+    let count = rows.len();
+    let first: Vec<usize> = (0..=count).collect();
+    let limits = vec![1.0; premium_march::VALUES * count];
     let puts = Puts {
         rate: &rate,
         dividend: &dividend,
         spread: &spread,
         first: &first,
         x: &x,
-        tolerance: &[tolerance; PUTS.len()],
+        tolerance: &vec![tolerance; count],
         limits: Some(&limits),
         spread_step: Some(0.2),
         levels: (2, premium_march::STEPS.len() - 1),
@@ -82,6 +84,7 @@ fn puts(set: InstructionSet, tolerance: f64) -> SolvedPuts {
     on(set, || {
         let solved = solve_puts(puts, 1);
         SolvedPuts {
+            count,
             numbers: solved.numbers,
             settled: solved.settled,
             boundary: march_boundaries(puts, 8).0,
@@ -187,10 +190,10 @@ fn the_best_instruction_set_is_one_of_those_available() {
 #[test]
 fn marches_agree_on_every_instruction_set() {
     let portable = InstructionSet::available()[0];
-    let expected = puts(portable, 1e-6);
+    let expected = puts(portable, &PUTS, 1e-6);
     assert!(expected.settled.iter().all(|&settled| settled));
     for set in InstructionSet::available() {
-        let found = puts(set, 1e-6);
+        let found = puts(set, &PUTS, 1e-6);
         assert_eq!(found.settled, expected.settled);
         for (found, expected) in found.rows().into_iter().zip(expected.rows()) {
             let (numbers, second) = found.split_at(premium_march::COLUMNS);
@@ -199,6 +202,27 @@ fn marches_agree_on_every_instruction_set() {
             assert_agree_to(SECOND_AGREEMENT, second, expected_second, (set, portable));
         }
         assert_agree(&found.boundary, &expected.boundary, (set, portable));
+    }
+}
+
+/// So many puts of one class of meshes are marched by a wide vector, one by a narrow one.
+const COPIES: usize = 5;
+
+#[test]
+fn a_put_has_the_same_bits_alone_and_beside_others() {
+    let beside: Vec<[f64; 4]> = PUTS.iter().flat_map(|put| [*put; COPIES]).collect();
+    for set in InstructionSet::available() {
+        let (beside, settled) = {
+            let found = puts(set, &beside, 1e-6);
+            let rows = found.rows().into_iter().step_by(COPIES);
+            (rows.map(<[f64]>::to_vec).collect::<Vec<_>>(), found.settled)
+        };
+        for (k, (put, beside)) in PUTS.iter().zip(beside).enumerate() {
+            let alone = puts(set, &[*put], 1e-6);
+            let bits = |numbers: &[f64]| numbers.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+            assert_eq!(alone.settled[0], settled[COPIES * k]);
+            assert_eq!(bits(&alone.numbers), bits(&beside), "put {k} on {set:?}");
+        }
     }
 }
 
@@ -223,7 +247,7 @@ const PUBLISHED_PUT: f64 = 0.060_903_707;
 #[test]
 fn marches_have_known_values_on_every_instruction_set() {
     for set in InstructionSet::available() {
-        let found = puts(set, 1e-8);
+        let found = puts(set, &PUTS, 1e-8);
         let rows = found.rows();
         assert!((rows[0][0] - PUBLISHED_PUT).abs() < 1e-8, "{set:?}");
         // r = q = 5 %, volatility 25 %: from an integral equation.
@@ -265,7 +289,7 @@ fn the_engines_agree_on_flat_puts() {
         .map(|&[rate, dividend, spread, x]| (1.0, x, vec![flat(rate, dividend, spread)]))
         .collect();
     for set in InstructionSet::available() {
-        let march = puts(set, 1e-7);
+        let march = puts(set, &PUTS, 1e-7);
         let march = march.rows();
         let (collocation, settled) = schedules(set, &rows, 1e-8);
         for k in (0..PUTS.len()).filter(|&k| settled[k]) {

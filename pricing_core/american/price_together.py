@@ -17,6 +17,7 @@ from pricing_core.american.engines.solve import ENGINES, solve
 
 def price_together(
     contracts: Sequence[tuple[Option, Market]],
+    book: Book,
     tolerances: Sequence[float],
     greeks: Greeks,
     interrupt: Callable[[], bool] | None = None,
@@ -27,13 +28,14 @@ def price_together(
     ----------
     contracts : sequence of (Option, Market)
         Whose spots are not out of all proportion to the strikes (`check_moneyness`).
+    book : Book
+        Of these contracts.
     tolerances : sequence of float
         One for each, as in `price`.
     interrupt : callable, optional
         Asked between steps of the work; True ends it, and what is not settled then is None.
     """
     request = Request(np.array(tolerances), greeks, interrupt=interrupt)
-    book = Book.of(contracts)
     prices = solve(book, request, engines=ENGINES[:-1])
     ready = (prices.status == "ok") & prices.complete
     return [

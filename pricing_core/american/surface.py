@@ -135,9 +135,7 @@ def value_surface(
         raise InvalidInputError("greeks", greeks, " or ".join(SURFACE_GREEKS))
     workers = checked_threads(threads)
     books = [_seen_from_spots(*seen_later(option, market, t), spot) for t in time.tolist()]
-    book = Book.of([])
-    for part in books:
-        book = book.joined(part)
+    book = Book.concatenated(books or [Book.of([])])
     request = Request(
         np.full(book.count, tolerance), greeks, share_solves=True, threads=workers, interrupt=interrupt
     )

@@ -28,7 +28,7 @@ def random_contracts(count):
 @needs_kernel
 def test_what_is_priced_together_is_priced_as_alone_or_left_to_the_method_of_lines():
     contracts = random_contracts(60)
-    together = price_together(contracts, [1e-5] * 60, "standard")
+    together = price_together(contracts, Book.of(contracts), [1e-5] * 60, "standard")
     assert sum(found is not None for found in together) > 50
     for (option, market), found in zip(contracts, together, strict=True):
         alone = price(option, market, tolerance=1e-5)
@@ -40,7 +40,9 @@ def test_what_is_priced_together_is_priced_as_alone_or_left_to_the_method_of_lin
 
 @needs_kernel
 def test_an_interrupt_leaves_nothing_half_done():
-    assert price_together(random_contracts(5), [1e-8] * 5, "standard", lambda: True) == [None] * 5
+    contracts = random_contracts(5)
+    found = price_together(contracts, Book.of(contracts), [1e-8] * 5, "standard", lambda: True)
+    assert found == [None] * 5
 
 
 @needs_kernel

@@ -15,10 +15,12 @@ from app.service.request_record import record_of
 from app.service.schemas import PriceRequest, PriceResponse
 from app.service.work.admission import answer_expensive, is_cheap
 from app.service.work.cheap_lane import CheapLane
-from app.service.work.cost_model import seconds_of_price
 from app.service.work.lanes import Interrupt
 from app.service.work.route_limits import for_contract
-from pricing_core.american import Valuation, price
+from pricing_core.american import Market, Option, Valuation, price
+from pricing_core.american.book.book import Book
+from pricing_core.american.contracts.tolerances import check_moneyness
+from pricing_core.american.expected_cost import expected_seconds
 
 router = APIRouter(tags=["pricing"])
 
@@ -44,8 +46,12 @@ async def post_price(
     tolerance, greeks = question.tolerance, question.greeks
 
     @functools.cache
+    def book() -> Book:
+        return checked_book(*contract())
+
+    @functools.cache
     def expected() -> float:
-        return seconds_of_price(*contract(), tolerance, greeks)
+        return expected_seconds(book(), tolerance, greeks)
 
     def work(interrupt: Interrupt) -> Valuation:
         return price(*contract(), tolerance=tolerance, greeks=greeks, interrupt=interrupt)
@@ -53,7 +59,7 @@ async def post_price(
     valuation: Valuation | None = None
     if is_cheap(request, expected):
         lane: CheapLane = request.app.state.cheap_lane
-        valuation = await lane.price(*contract(), tolerance, greeks, expected())
+        valuation = await lane.price(contract(), book(), tolerance, greeks, expected())
     if valuation is None:
         valuation = await answer_expensive(request, work)
     record_of(request).answered(valuation.status, valuation.method)
@@ -63,3 +69,15 @@ async def post_price(
     checked = PriceResponse(**in_units(found, question.greeks_units))
     # Written here: FastAPI would check it once more, and make a dictionary of it first.
     return Response(checked.model_dump_json(exclude_unset=True), media_type="application/json")
+
+
+def checked_book(option: Option, market: Market) -> Book:
+    """Return the book of one contract.
+
+    Raises
+    ------
+    InvalidInputError
+        Spot and strike are too far apart, or escrowed dividends are worth the spot or more.
+    """
+    check_moneyness(option, market.spot)
+    return Book.of([(option, market)])

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from app.service.work.cost_model import CHEAP_SECONDS
 from app.service.work.lanes import INLINE_SECONDS, inline, processor_limit
 from pricing_core.american import Market, Option, Valuation
+from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.american.price_together import price_together
 
@@ -18,8 +19,8 @@ MOST_SECONDS = (
 
 
 class _Asked(NamedTuple):
-    option: Option
-    market: Market
+    contract: tuple[Option, Market]
+    book: Book
     tolerance: float
     seconds: float
     answer: asyncio.Future[Valuation | None]
@@ -33,11 +34,17 @@ class CheapLane:
         self._waiting: defaultdict[Greeks, deque[_Asked]] = defaultdict(deque)
 
     async def price(
-        self, option: Option, market: Market, tolerance: float, greeks: Greeks, seconds: float
+        self, contract: tuple[Option, Market], book: Book, tolerance: float, greeks: Greeks, seconds: float
     ) -> Valuation | None:
-        """Return the price that is expected to take so many seconds, None where it takes much longer."""
+        """Return the price that is expected to take so many seconds, None where it takes much longer.
+
+        Parameters
+        ----------
+        book : Book
+            Of the contract alone.
+        """
         loop = asyncio.get_running_loop()
-        asked = _Asked(option, market, tolerance, seconds, loop.create_future())
+        asked = _Asked(contract, book, tolerance, seconds, loop.create_future())
         waiting = self._waiting[greeks]
         waiting.append(asked)
         if len(waiting) == 1:
@@ -64,9 +71,8 @@ class CheapLane:
 
 
 def _priced(now: list[_Asked], greeks: Greeks, seconds: float) -> list[Valuation | None]:
-    contracts = [(asked.option, asked.market) for asked in now]
-    tolerances = [asked.tolerance for asked in now]
-    work = functools.partial(price_together, contracts, tolerances, greeks)
+    contracts, books, tolerances = zip(*((one.contract, one.book, one.tolerance) for one in now), strict=True)
+    work = functools.partial(price_together, contracts, Book.concatenated(books), tolerances, greeks)
     try:
         # What was interrupted may be less exact than an undisturbed answer, and is not given.
         return inline(work, processor_limit(seconds)) or [None] * len(now)

@@ -3,7 +3,6 @@
 from pricing_core.american import Market, Option
 from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.fields import Greeks
-from pricing_core.american.contracts.tolerances import check_moneyness
 from pricing_core.american.expected_cost import expected_seconds
 
 CHEAP_SECONDS = 2e-3  # below which a question is answered at once; chosen
@@ -12,18 +11,6 @@ BOUNDARY_PRICES = 3.0  # cost of a boundary in prices without Greeks; measured, 
 ADVICE_SECONDS, ADVICE_BOUNDARIES = 0.06, 5.0
 # Cost of an implied volatility: seconds, and prices without Greeks; measured, typical.
 SEARCH_SECONDS, SEARCH_PRICES = 1.2e-3, 3.0
-
-
-def seconds_of_price(option: Option, market: Market, tolerance: float, greeks: Greeks) -> float:
-    """Return what a price is expected to cost.
-
-    Raises
-    ------
-    InvalidInputError
-        Spot and strike are too far apart, or escrowed dividends are worth the spot or more.
-    """
-    check_moneyness(option, market.spot)
-    return expected_seconds(Book.of([(option, market)]), tolerance, greeks)
 
 
 def seconds_of_surface(

@@ -217,11 +217,15 @@ register! { avx2, __m256d, 4,
     store(target, value) = _mm256_storeu_pd(target, value);
 }
 
-vector!(Portable, f64, portable, 1, 16: 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15);
+vector!(Portable, PortableNarrow, f64, portable, 1, 16: 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15);
+vector!(PortableNarrow, PortableNarrow, f64, portable, 1, 4: 0 1 2 3);
 #[cfg(target_arch = "x86_64")]
-vector!(Avx512, std::arch::x86_64::__m512d, avx512, 8, 2: 0 1);
+vector!(Avx512, Avx2Narrow, std::arch::x86_64::__m512d, avx512, 8, 2: 0 1);
 #[cfg(target_arch = "x86_64")]
-vector!(Avx2, std::arch::x86_64::__m256d, avx2, 4, 4: 0 1 2 3);
+vector!(Avx2, Avx2Narrow, std::arch::x86_64::__m256d, avx2, 4, 4: 0 1 2 3);
+// One register of 256 bits serves AVX-512 as well, whose processors have both instruction sets.
+#[cfg(target_arch = "x86_64")]
+vector!(Avx2Narrow, Avx2Narrow, std::arch::x86_64::__m256d, avx2, 4, 1: 0);
 
 /// Work that any vector type can do.
 pub trait Work {

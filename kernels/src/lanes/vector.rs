@@ -1,4 +1,4 @@
-//! Sixteen numbers, one option each, on which every operation works at once.
+//! Sixteen numbers, one option each, on which every operation works at once; or the first few of them.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -6,6 +6,9 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 pub const LANES: usize = 16;
 
 /// One number per option; instruction sets differ in how many of them lie in a register.
+///
+/// A narrow vector holds the numbers of the first `WIDTH` lanes alone, for work on fewer options than there are lanes. What
+/// it finds of one is the same to the last bit.
 pub trait Vector:
     Copy
     + Add<Output = Self>
@@ -14,13 +17,18 @@ pub trait Vector:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
+    /// The number of lanes that it holds.
+    const WIDTH: usize;
+    /// The narrow vector of the same instruction set.
+    type Narrow: Vector;
+
     /// The same number in every lane.
     fn all(x: f64) -> Self;
-    /// One number per lane.
+    /// One number per lane; those of lanes that it does not hold are not looked at.
     fn from_lanes(x: [f64; LANES]) -> Self;
-    /// The numbers of all lanes.
+    /// The numbers of all lanes; those that it does not hold are like the last that it holds.
     fn lanes(self) -> [f64; LANES];
-    /// The number of one lane, below `LANES`.
+    /// The number of one lane, below `WIDTH`.
     fn lane(&self, lane: usize) -> f64;
     /// `self` b + c, rounded once where the processor can.
     fn times_plus(self, b: Self, c: Self) -> Self;
@@ -75,7 +83,7 @@ pub trait Part<V> {
     fn run(self) -> Self::Result;
 }
 
-/// The sum of all lanes, always in the same order.
+/// The sum of all lanes, always in the same order; of a vector that holds them all.
 #[inline(always)]
 pub fn sum_of_lanes<V: Vector>(values: V) -> f64 {
     let mut lanes = values.lanes();
@@ -91,7 +99,7 @@ pub fn sum_of_lanes<V: Vector>(values: V) -> f64 {
 
 /// Implement `Vector` for an array of registers from the operations on one; written out, for nothing here may remain a call.
 macro_rules! vector {
-    ($name:ident, $register:ty, $ops:ident, $width:literal, $count:literal: $($i:tt)*) => {
+    ($name:ident, $narrow:ident, $register:ty, $ops:ident, $width:literal, $count:literal: $($i:tt)*) => {
         #[derive(Clone, Copy)]
         pub struct $name([$register; $count]);
 
@@ -109,6 +117,9 @@ macro_rules! vector {
         }
 
         impl Vector for $name {
+            const WIDTH: usize = $width * $count;
+            type Narrow = $narrow;
+
             #[inline(always)]
             fn all(x: f64) -> Self {
                 Self([$ops::all(x); $count])
@@ -123,6 +134,8 @@ macro_rules! vector {
                 let mut x = [0.0; LANES];
                 let (parts, _) = x.as_chunks_mut::<$width>();
                 $(parts[$i] = $ops::store(self.0[$i]);)*
+                let last = x[Self::WIDTH - 1];
+                x[Self::WIDTH..].fill(last);
                 x
             }
             #[inline(always)]

@@ -1,4 +1,4 @@
-//! At most sixteen marches side by side, refined together, and what they say of their spots.
+//! As many marches side by side as a vector holds, refined together, and what they say of their spots.
 
 use super::contracts::{Contracts, Puts};
 use super::error_estimate::{derivatives_are_met, is_hopeless, Comparison, COARSEST_CHECKED};
@@ -75,7 +75,7 @@ pub struct Group<'a, 'w, V> {
     work: &'w mut Workspace<V>,
 }
 
-/// At most sixteen of the spots.
+/// At most as many of the spots as a vector holds.
 struct Chunk<'a, V> {
     items: &'a [Item],
     spots: Spots<V>,
@@ -84,7 +84,7 @@ struct Chunk<'a, V> {
 }
 
 impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
-    /// The group of items of at most sixteen runs, those of one run next to each other.
+    /// The group of items of at most as many runs as the vectors hold, those of one run next to each other.
     ///
     /// With a factor on the spreads the evaluations continue u smoothly into the exercise region, for differences.
     #[inline(always)]
@@ -96,8 +96,8 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
     ) -> Self {
         let mut runs = [items[0].run; LANES];
         let mut lane = 0;
-        let mut chunks = Vec::with_capacity(items.len().div_ceil(LANES));
-        for items in items.chunks(LANES) {
+        let mut chunks = Vec::with_capacity(items.len().div_ceil(V::WIDTH));
+        for items in items.chunks(V::WIDTH) {
             let mut lanes = [0; LANES];
             for (place, item) in lanes.iter_mut().zip(items) {
                 if item.run != runs[lane] {

@@ -81,7 +81,7 @@ impl<V: Vector> Interpolation<V> {
         let mut values = [V::zero(); STENCIL];
         for (k, value) in values.iter_mut().enumerate() {
             let mut numbers = [0.0; LANES];
-            for l in 0..LANES {
+            for l in 0..V::WIDTH {
                 numbers[l] = state[self.first[l] + k].lane(self.lanes[l]);
             }
             *value = V::from_lanes(numbers);

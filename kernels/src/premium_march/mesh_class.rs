@@ -181,7 +181,7 @@ fn distance<V: Vector>(contracts: &Contracts<V>, tolerance: V, drift: V, decay: 
 mod tests {
     use super::*;
 
-    /// With the 24 arrays of `Workspace` these are at most 4 MiB of a thread.
+    /// With the 24 arrays of `Workspace` these are at most 4 MiB of a thread, and 1 MiB those of narrow vectors.
     #[test]
     #[allow(clippy::cast_possible_truncation)]
     fn no_mesh_has_more_than_a_thousand_nodes_or_so() {

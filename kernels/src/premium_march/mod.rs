@@ -57,8 +57,10 @@
 //! what the premium can be at most beyond the nodes (`error_estimate`). Where that misses the tolerance the put is marched with 2 M steps as well, and so on (`group`,
 //! `refinement`). Puts of one class of meshes (`mesh_class`) are marched side by side, one in each lane.
 //!
+//! At most four puts of one class are marched in a vector of four lanes, which takes less than half the time.
+//!
 //! The rows of `solve_puts` are independent, and its cost is about proportional to M^{3/2}. The arrays of a thread take at
-//! most 4 MiB, whatever it solves, those of its results about 300 bytes for each spot. Every march asks whether the work
+//! most 5 MiB, whatever it solves, those of its results about 300 bytes for each spot. Every march asks whether the work
 //! shall end. The chapter `docs/premium_march.md` tells the same with the literature.
 
 // Every operation must be compiled into the one function that has the instruction set.

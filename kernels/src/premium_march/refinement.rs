@@ -8,7 +8,7 @@ use super::group::{EarlierMarches, Group, Outcome, Refinement, COLUMNS, DERIVATI
 use super::mesh::STEPS;
 use super::mesh_class::classify;
 use super::spot_evaluation::VALUES;
-use super::work_items::{by_class, groups, Item};
+use super::work_items::{by_class, groups, run_count, Item};
 use crate::lanes::dispatch::Work;
 use crate::lanes::vector::{Vector, LANES};
 
@@ -37,6 +37,22 @@ struct Finished {
     european_by_spread_twice: f64,
 }
 
+/// What is still to be done after the marches so far.
+#[derive(Default)]
+struct Pending {
+    /// By level: the spots that are to be marched there on from what earlier marches said.
+    missed: [Vec<Item>; STEPS.len()],
+    earlier: Vec<EarlierMarches>,
+    /// The spots of this level whose second derivative by the spread is to be found.
+    finished: Vec<Finished>,
+}
+
+/// The arrays of groups of many runs and of few.
+struct Workspaces<V: Vector> {
+    wide: Workspace<V>,
+    narrow: Workspace<V::Narrow>,
+}
+
 impl Work for Task<'_> {
     type Result = ();
 
@@ -47,59 +63,37 @@ impl Work for Task<'_> {
         let puts = self.puts;
         let mut fresh: [Vec<Item>; STEPS.len()] = Default::default();
         self.sort_into_levels::<V>(&mut fresh);
-        let mut missed: [Vec<Item>; STEPS.len()] = Default::default();
-        let mut earlier = Vec::<EarlierMarches>::new();
-        let mut work = Workspace::<V>::new();
+        let mut pending = Pending::default();
+        let mut work = Workspaces::<V> {
+            wide: Workspace::new(),
+            narrow: Workspace::new(),
+        };
         let mut marched = 0_usize;
-        for level in 0..STEPS.len() {
-            let mut finished = Vec::new();
-            let refinement = Refinement {
-                level,
-                may_continue: level + 2 <= puts.levels.1,
-            };
+        for (level, fresh) in fresh.iter_mut().enumerate() {
             for continues in [false, true] {
                 let items = if continues {
-                    std::mem::take(&mut missed[level])
+                    std::mem::take(&mut pending.missed[level])
                 } else {
-                    std::mem::take(&mut fresh[level])
+                    std::mem::take(fresh)
                 };
                 for items in by_class(items).chunk_by(|a, b| a.class == b.class) {
                     for items in groups(items) {
-                        let mut group = Group::new(puts, items, None, &mut work);
-                        let known = continues.then_some(&earlier[..]);
-                        let told =
-                            marched.is_multiple_of(GROUPS_BETWEEN_QUESTIONS) && (puts.interrupt)();
-                        if told || group.march(level, items[0].class, known).is_none() {
+                        if marched.is_multiple_of(GROUPS_BETWEEN_QUESTIONS) && (puts.interrupt)() {
                             return;
                         }
                         marched += 1;
-                        group.report(refinement, |item, outcome| {
-                            self.store(item, level, &outcome);
-                            if outcome.earlier.is_none() && outcome.settled && !outcome.exercised {
-                                finished.push(Finished {
-                                    item,
-                                    premium: outcome.premium,
-                                    european_by_spread_twice: outcome.european_by_spread_twice,
-                                });
-                            }
-                            if let Some(kept) = outcome.earlier {
-                                let place = if continues {
-                                    earlier[item.earlier] = kept;
-                                    item.earlier
-                                } else {
-                                    earlier.push(kept);
-                                    earlier.len() - 1
-                                };
-                                missed[level + 2].push(Item {
-                                    earlier: place,
-                                    valued: item.valued || outcome.valued,
-                                    ..item
-                                });
-                            }
-                        });
+                        let found = if run_count(items) <= V::Narrow::WIDTH {
+                            self.march(items, level, continues, &mut pending, &mut work.narrow)
+                        } else {
+                            self.march(items, level, continues, &mut pending, &mut work.wide)
+                        };
+                        if found.is_none() {
+                            return;
+                        }
                     }
                 }
             }
+            let finished = std::mem::take(&mut pending.finished);
             if let Some(step) = puts.spread_step {
                 if self
                     .second_by_spread(level, &finished, step, &mut work)
@@ -150,6 +144,56 @@ impl Task<'_> {
         }
     }
 
+    /// March a group to this level, keep what is found, and note what is still to be done. None where the work is told to
+    /// end.
+    #[inline(always)]
+    fn march<W: Vector>(
+        &mut self,
+        items: &[Item],
+        level: usize,
+        continues: bool,
+        pending: &mut Pending,
+        work: &mut Workspace<W>,
+    ) -> Option<()> {
+        let Pending {
+            missed,
+            earlier,
+            finished,
+        } = pending;
+        let mut group = Group::new(self.puts, items, None, work);
+        let known = continues.then_some(&earlier[..]);
+        group.march(level, items[0].class, known)?;
+        let refinement = Refinement {
+            level,
+            may_continue: level + 2 <= self.puts.levels.1,
+        };
+        group.report(refinement, |item, outcome| {
+            self.store(item, level, &outcome);
+            if outcome.earlier.is_none() && outcome.settled && !outcome.exercised {
+                finished.push(Finished {
+                    item,
+                    premium: outcome.premium,
+                    european_by_spread_twice: outcome.european_by_spread_twice,
+                });
+            }
+            if let Some(kept) = outcome.earlier {
+                let place = if continues {
+                    earlier[item.earlier] = kept;
+                    item.earlier
+                } else {
+                    earlier.push(kept);
+                    earlier.len() - 1
+                };
+                missed[level + 2].push(Item {
+                    earlier: place,
+                    valued: item.valued || outcome.valued,
+                    ..item
+                });
+            }
+        });
+        Some(())
+    }
+
     /// Find the second derivative by the spread of spots whose last march was at this level: that of the European value,
     /// and the premium's difference of second order, from two more marches of each on the same mesh. None where the work
     /// is told to end.
@@ -159,7 +203,7 @@ impl Task<'_> {
         level: usize,
         finished: &[Finished],
         step: f64,
-        work: &mut Workspace<V>,
+        work: &mut Workspaces<V>,
     ) -> Option<()> {
         let puts = Puts {
             limits: None,
@@ -173,12 +217,14 @@ impl Task<'_> {
             for items in groups(items) {
                 let mut sides = [const { Vec::new() }; 2];
                 for (side, factor) in sides.iter_mut().zip([1.0 + step, 1.0 - step]) {
-                    let mut group = Group::new(puts, items, Some(factor), work);
                     if (puts.interrupt)() {
                         return None;
                     }
-                    group.march(level, items[0].class, None)?;
-                    *side = group.premiums(level);
+                    *side = if run_count(items) <= V::Narrow::WIDTH {
+                        premiums(puts, items, factor, level, &mut work.narrow)?
+                    } else {
+                        premiums(puts, items, factor, level, &mut work.wide)?
+                    };
                 }
                 for (item, (up, down)) in items.iter().zip(sides[0].iter().zip(&sides[1])) {
                     let here = &finished[item.earlier];
@@ -225,6 +271,20 @@ impl Task<'_> {
         self.settled[at] = found.settled;
         self.steps[at] = i64::try_from(STEPS[level]).unwrap_or(i64::MAX);
     }
+}
+
+/// The premiums of a group with another spread, as `Group::premiums`. None where the work is told to end.
+#[inline(always)]
+fn premiums<W: Vector>(
+    puts: Puts,
+    items: &[Item],
+    factor: f64,
+    level: usize,
+    work: &mut Workspace<W>,
+) -> Option<Vec<[f64; 2]>> {
+    let mut group = Group::new(puts, items, Some(factor), work);
+    group.march(level, items[0].class, None)?;
+    Some(group.premiums(level))
 }
 
 /// Keep the derivatives by x and each parameter, where there is room for them.

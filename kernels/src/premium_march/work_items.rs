@@ -53,3 +53,8 @@ pub fn groups(items: &[Item]) -> impl Iterator<Item = &[Item]> {
         (!group.is_empty()).then_some(group)
     })
 }
+
+/// The number of runs of a group.
+pub fn run_count(items: &[Item]) -> usize {
+    items.chunk_by(|a, b| a.run == b.run).count()
+}

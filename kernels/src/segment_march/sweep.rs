@@ -229,6 +229,9 @@ pub(super) struct Progress<'a> {
     watched: &'a [f64],
     /// The operator of the first step that was formed last, and the numbers that it is made of.
     operator: Option<(Terms<'a>, Rc<Rows>)>,
+    /// The directions that a segment so far depends on; the derivatives by all others are still zero.
+    joined: Vec<usize>,
+    /// Those by these directions.
     derivatives: Derivatives,
     sweep: Sweep,
     /// The number of segments that are still to be marched.
@@ -239,7 +242,7 @@ pub(super) struct Progress<'a> {
 pub(super) struct Leg<'a> {
     pub part: &'a Part<'a>,
     number: usize,
-    directions: &'a [Direction<'a>],
+    directions: Vec<&'a Direction<'a>>,
     pub grid: Rc<GridNumbers<'a>>,
     nodes: &'a [f64],
     pub rows: Rc<Rows>,
@@ -265,19 +268,19 @@ impl<'a> Progress<'a> {
         grid: Rc<GridNumbers<'a>>,
         watched: &'a [f64],
     ) -> Result<Self, KernelError> {
-        let (parts, directions) = (schedule.parts.len(), schedule.directions.len());
+        let parts = schedule.parts.len();
         for direction in schedule.directions {
             check_length("directions", &direction.terms, parts)?;
         }
-        let nodes = grid.nodes().len();
         Ok(Self {
             schedule,
             grid,
             watched,
             operator: None,
+            joined: Vec::new(),
             derivatives: Derivatives {
-                values: vec![vec![0.0; nodes]; directions],
-                at_zero: vec![0.0; directions],
+                values: Vec::new(),
+                at_zero: Vec::new(),
             },
             sweep: Sweep {
                 values: Vec::new(),
@@ -296,6 +299,12 @@ impl<'a> Progress<'a> {
     /// The next segment towards now, after the event at its end; None where none is left.
     pub fn next_leg(&mut self) -> Option<Leg<'a>> {
         let number = self.left.checked_sub(1)?;
+        self.join(number);
+        let directions: Vec<&'a Direction<'a>> = self
+            .joined
+            .iter()
+            .map(|&place| &self.schedule.directions[place])
+            .collect();
         let (schedule, nodes) = (self.schedule, self.grid.nodes());
         let (part, sign) = (&schedule.parts[number], schedule.sign);
         let (weights, zero) = (&self.grid.weights, self.sweep.at_zero);
@@ -307,12 +316,12 @@ impl<'a> Progress<'a> {
         };
         let event = part.event(sign);
         let before = event.before(&after, zero, nodes);
-        if !schedule.directions.is_empty() {
-            let by = |d: &Direction<'_>| {
+        if !directions.is_empty() {
+            let by = |d: &&Direction<'_>| {
                 let amount = d.change(number, |terms| terms.amount);
                 [amount, d.change(number, |terms| terms.escrow)]
             };
-            let changes: Vec<[f64; 2]> = schedule.directions.iter().map(by).collect();
+            let changes: Vec<[f64; 2]> = directions.iter().map(by).collect();
             let derivatives = &mut self.derivatives;
             event.derivatives_before(derivatives, &after, &before, &changes, nodes, weights);
         }
@@ -327,18 +336,31 @@ impl<'a> Progress<'a> {
         let mut leg = Leg {
             part,
             number,
-            directions: schedule.directions,
             grid: Rc::clone(&self.grid),
             nodes,
             rows: Rc::clone(rows),
             sign,
             lines: end_lines(nodes, &before.values),
             contact_at: [false; 2],
-            tangents: tangents_of(schedule.directions, number, differences, &self.derivatives),
+            tangents: tangents_of(&directions, number, differences, &self.derivatives),
+            directions,
             before,
         };
         leg.contact_at = leg.exercised_ends();
         Some(leg)
+    }
+
+    /// Join the directions that this segment is the first to depend on.
+    fn join(&mut self, number: usize) {
+        let nodes = self.grid.nodes().len();
+        for (place, direction) in self.schedule.directions.iter().enumerate() {
+            let [up, down] = &direction.terms[number];
+            if up != down && !self.joined.contains(&place) {
+                self.joined.push(place);
+                self.derivatives.values.push(vec![0.0; nodes]);
+                self.derivatives.at_zero.push(0.0);
+            }
+        }
     }
 
     /// Take what was marched over a segment.
@@ -382,7 +404,11 @@ impl<'a> Progress<'a> {
     }
 
     pub fn finish(mut self) -> Sweep {
-        self.sweep.derivatives = self.derivatives.values;
+        let nothing = vec![0.0; self.grid.nodes().len()];
+        self.sweep.derivatives = vec![nothing; self.schedule.directions.len()];
+        for (place, values) in self.joined.into_iter().zip(self.derivatives.values) {
+            self.sweep.derivatives[place] = values;
+        }
         self.sweep
     }
 }
@@ -510,7 +536,7 @@ impl Leg<'_> {
             return;
         }
         let differences = &self.grid.differences;
-        let changes = changes_of(self.directions, self.number, differences, step);
+        let changes = changes_of(&self.directions, self.number, differences, step);
         for (tangent, rows) in tangents.iter_mut().zip(changes) {
             tangent.lower = rows.lower;
             tangent.diagonal = rows.diagonal;
@@ -520,13 +546,13 @@ impl Leg<'_> {
 }
 
 fn tangents_of(
-    directions: &[Direction<'_>],
+    directions: &[&Direction<'_>],
     number: usize,
     differences: &Differences<'_>,
     derivatives: &Derivatives,
 ) -> Vec<Tangent> {
     let changes = changes_of(directions, number, differences, 0);
-    let of = |((direction, values), rows): ((&Direction<'_>, &Vec<f64>), Rows)| Tangent {
+    let of = |((direction, values), rows): ((&&Direction<'_>, &Vec<f64>), Rows)| Tangent {
         values: values.clone(),
         lower: rows.lower,
         diagonal: rows.diagonal,
@@ -542,7 +568,7 @@ fn tangents_of(
 
 /// The derivatives of the operator of a step by the parameters; most of these share one surface.
 fn changes_of<'a>(
-    directions: &[Direction<'a>],
+    directions: &[&Direction<'a>],
     number: usize,
     differences: &Differences<'_>,
     step: usize,
@@ -555,7 +581,7 @@ fn changes_of<'a>(
         let fresh = || (terms.surface, Rc::from(terms.excess()));
         Rc::clone(&known.insert(same.unwrap_or_else(fresh)).1)
     };
-    let of = |direction: &Direction<'a>| {
+    let of = |direction: &&Direction<'a>| {
         let [up, down] = direction.terms[number].map(|terms| terms.of_step(step));
         let [more, less] = [&up, &down].map(&mut excess_of);
         let (up, down) = (up.coefficients(&more), down.coefficients(&less));

@@ -17,7 +17,7 @@ from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.curves import times_of
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.schedule import Schedule, Segment, make_schedule
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import BoolVector, Vector, every, some
 
 Rows: TypeAlias = NDArray[np.intp]
 CURVES = ("rate", "dividend_yield", "volatility")  # the market's parameters that may be curves
@@ -57,10 +57,10 @@ class Segments:
         """Return some of them."""
         return Segments(*(getattr(self, name)[chosen] for name in self.__slots__))
 
-    def joined(self, other: Segments) -> Segments:
-        """Return these and then the others."""
-        names = self.__slots__
-        return Segments(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in names))
+    @classmethod
+    def concatenated(cls, parts: Sequence[Segments]) -> Segments:
+        """Return the segments of several, one behind the other."""
+        return cls(*map(np.concatenate, zip(*map(_columns_of, parts), strict=True)))
 
 
 _columns_of = attrgetter(*Segments.__slots__)
@@ -92,9 +92,10 @@ class Listed:
         """Return the lists of some contracts."""
         return Listed(*(getattr(self, name).take(rows) for name in self.__slots__))
 
-    def joined(self, other: Listed) -> Listed:
-        """Return these lists and then the others."""
-        return Listed(*(getattr(self, name).joined(getattr(other, name)) for name in self.__slots__))
+    @classmethod
+    def concatenated(cls, parts: Sequence[Listed]) -> Listed:
+        """Return the lists of several, one behind the other."""
+        return cls(*(Ragged.concatenated([getattr(part, name) for part in parts]) for name in cls.__slots__))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,7 +135,7 @@ class Book:
 
     def __post_init__(self) -> None:
         segments = self.segments
-        plain = self.is_simple and not (segments.fraction.any() or segments.due.any())
+        plain = self.is_simple and not (some(segments.fraction) or some(segments.due))
         object.__setattr__(self, "is_plain", plain)
 
     @classmethod
@@ -240,7 +241,7 @@ class Book:
         Money, shape (m,); 0 in the spot model. t years before the segment's end it is e^{-rate t} times that.
         """
         escrow = np.zeros(self.segments.end.size)
-        if self.escrowed.any():
+        if some(self.escrowed):
             due = np.where(self.per_segment(self.escrowed), self.segments.due, 0.0)
             discount = np.exp(-self.segments.rate * self.segments.duration)
             due_later = np.zeros(self.count)
@@ -251,7 +252,7 @@ class Book:
 
     def escrow_now(self) -> Vector:
         """Return what the cash dividends due are worth now in the escrowed model, money, shape (n,)."""
-        if not self.escrowed.any():
+        if not some(self.escrowed):
             return np.zeros(self.count)
         now = self.first_segments()
         return self.escrow()[self.first[:-1]] * np.exp(-now.rate * now.duration)
@@ -259,7 +260,7 @@ class Book:
     def drops(self) -> Vector:
         """Return the amounts by which the spot that diffuses drops at the ends of the segments, money, (m,)."""
         due = self.segments.due
-        return np.where(self.per_segment(self.escrowed), 0.0, due) if self.escrowed.any() else due
+        return np.where(self.per_segment(self.escrowed), 0.0, due) if some(self.escrowed) else due
 
     def european(self) -> Book:
         """Return the same contracts without early exercise."""
@@ -268,7 +269,7 @@ class Book:
 
     def take(self, rows: Rows) -> Book:
         """Return some of the contracts, in the order asked for."""
-        if rows.size == self.count and bool((rows == np.arange(rows.size)).all()):
+        if rows.size == self.count and bool(every(rows == np.arange(rows.size))):
             return self
         first, chosen = (np.arange(rows.size + 1), rows) if self.is_simple else gather(self.first, rows)
         return Book(
@@ -300,35 +301,22 @@ class Book:
             None if self.local is None else self.local[rows],
         )
 
-    def joined(self, other: Book) -> Book:
-        """Return these contracts and then the others."""
-        return Book(
-            np.concatenate([self.is_put, other.is_put]),
-            np.concatenate([self.strike, other.strike]),
-            np.concatenate([self.spot, other.spot]),
-            np.concatenate([self.escrowed, other.escrowed]),
-            join_starts(self.first, other.first),
-            self.segments.joined(other.segments),
-            self.listed.joined(other.listed),
-            self._joined_reduction(other),
-            self._joined_local(other),
+    @classmethod
+    def concatenated(cls, books: Sequence[Book]) -> Book:
+        """Return the contracts of at least one book, one behind the other."""
+        if len(books) == 1:
+            return books[0]
+        return cls(
+            np.concatenate([book.is_put for book in books]),
+            np.concatenate([book.strike for book in books]),
+            np.concatenate([book.spot for book in books]),
+            np.concatenate([book.escrowed for book in books]),
+            join_starts([book.first for book in books]),
+            Segments.concatenated([book.segments for book in books]),
+            Listed.concatenated([book.listed for book in books]),
+            _reduction_of(books),
+            _local_of_books(books),
         )
-
-    def _joined_reduction(self, other: Book) -> Reduction | None:
-        if self.reduction is None and other.reduction is None:
-            return None
-        mine, theirs = (book.reduction or Reduction.nothing(book.count) for book in (self, other))
-        return mine.joined(theirs)
-
-    def _joined_local(self, other: Book) -> NDArray[np.object_] | None:
-        if self.local is None and other.local is None:
-            return None
-        nothing = [np.full(book.count, None, dtype=object) for book in (self, other)]
-        mine, theirs = (
-            none if book.local is None else book.local
-            for book, none in zip((self, other), nothing, strict=True)
-        )
-        return np.concatenate([mine, theirs])
 
     def is_local(self) -> BoolVector:
         """Tell which contracts have a volatility that depends on the spot, shape (n,)."""
@@ -368,6 +356,21 @@ class Book:
         spot = self.spot.item(row) - (segments[0].escrow_at(0.0) if escrowed else 0.0)
         local = None if self.local is None else self.local[row]
         return Schedule(bool(self.is_put[row]), self.strike.item(row), spot, segments, local)
+
+
+def _reduction_of(books: Sequence[Book]) -> Reduction | None:
+    if all(book.reduction is None for book in books):
+        return None
+    return Reduction.concatenated([book.reduction or Reduction.nothing(book.count) for book in books])
+
+
+def _local_of_books(books: Sequence[Book]) -> NDArray[np.object_] | None:
+    if all(book.local is None for book in books):
+        return None
+    nothing = (np.full(book.count, None, dtype=object) for book in books)
+    return np.concatenate(
+        [none if book.local is None else book.local for book, none in zip(books, nothing, strict=True)]
+    )
 
 
 def _local_of(schedules: Sequence[Schedule]) -> NDArray[np.object_] | None:

@@ -49,8 +49,9 @@ class Ragged:
     @classmethod
     def concatenated(cls, parts: Sequence[Ragged]) -> Ragged:
         """Return the rows of several columns, one behind the other."""
-        counts = np.concatenate([part.counts() for part in parts])
-        return cls(starts(counts), np.concatenate([part.values for part in parts]))
+        return cls(
+            join_starts([part.first for part in parts]), np.concatenate([part.values for part in parts])
+        )
 
     def counts(self) -> NDArray[np.int64]:
         """Return the length of each list, shape (n,)."""
@@ -85,10 +86,6 @@ class Ragged:
         first, chosen = gather(self.first, rows)
         return Ragged(first, self.values[chosen])
 
-    def joined(self, other: Ragged) -> Ragged:
-        """Return these rows and then the others."""
-        return Ragged(join_starts(self.first, other.first), np.concatenate([self.values, other.values]))
-
     def replaced(self, rows: NDArray[np.intp], other: Ragged) -> Ragged:
         """Return the column with the lists of some rows taken, in their order, from another."""
         if self.values.size == 0 and other.values.size == 0:
@@ -96,7 +93,7 @@ class Ragged:
         count = self.first.size - 1
         place = np.arange(count)
         place[rows] = count + np.arange(rows.size)
-        return self.joined(other).take(place)
+        return Ragged.concatenated([self, other]).take(place)
 
 
 def starts(counts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -113,6 +110,6 @@ def gather(first: NDArray[np.int64], rows: NDArray[np.intp]) -> tuple[NDArray[np
     return together, np.repeat(first[rows] - together[:-1], counts) + np.arange(together[-1])
 
 
-def join_starts(first: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the starts of two columns put one behind the other."""
-    return np.concatenate([first, first[-1] + other[1:]])
+def join_starts(parts: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
+    """Return the starts of columns put one behind the other, from those of each."""
+    return starts(np.concatenate([np.diff(first) for first in parts]))

@@ -210,10 +210,9 @@ def _joined(
     contracts, faults = _read_singly(np.flatnonzero(rest).tolist(), table, arrays["tolerance"])
     faults |= refused
     places.append(np.array([*contracts], dtype=np.intp))
-    books.append(Book.of([*contracts.values()]))
-    book = books[0]
-    for part in books[1:]:
-        book = book.joined(part) if part.count else book
+    if contracts:
+        books.append(Book.of([*contracts.values()]))
+    book = Book.concatenated(books)
     together = np.concatenate(places)
     return ReadBook(sound.size, book, together, arrays["tolerance"][together], faults)
 

@@ -101,14 +101,15 @@ class Reduction:
         """Return that of some contracts."""
         return Reduction(*(taken(getattr(self, field.name), rows) for field in fields(self)))
 
-    def joined(self, other: Reduction) -> Reduction:
-        """Return that of these contracts and then the others."""
+    @classmethod
+    def concatenated(cls, parts: Sequence[Reduction]) -> Reduction:
+        """Return that of the contracts of several, one behind the other."""
         columns: list[Any] = []
-        for field in fields(self):
-            mine, theirs = getattr(self, field.name), getattr(other, field.name)
-            is_list = isinstance(mine, Ragged)
-            columns.append(mine.joined(theirs) if is_list else np.concatenate([mine, theirs]))
-        return Reduction(*columns)
+        for field in fields(cls):
+            pieces = [getattr(part, field.name) for part in parts]
+            is_list = isinstance(pieces[0], Ragged)
+            columns.append(Ragged.concatenated(pieces) if is_list else np.concatenate(pieces))
+        return cls(*columns)
 
     def stated(self, found: Prices, engine_yield: Ragged) -> Prices:
         """Return the prices of the contracts as they are stated from those that the engines found.

@@ -16,7 +16,7 @@ from pricing_core.american.engines.differences import plan_differences
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.held import ROUNDING, held_theta
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import BoolVector, Vector, every, some
 
 SMALLEST_SPREAD = 1e-12  # Standard deviation of ln S at expiry below which it makes no difference; chosen.
 SURE_SHARE = 0.1  # Largest effect of a volatility that is left out, as a share of the tolerance; chosen.
@@ -47,7 +47,7 @@ class ClosedForm:
         formula = has_formula(book) & (_deviation(book) >= SMALLEST_SPREAD) & (book.spot > 0.0)
         far = np.flatnonzero(is_far_out_of_the_money(book))  # where the formula rounds to a part of the spot
         formula[far] &= ~_is_certain(book.take(far))
-        if formula.all():
+        if every(formula):
             return _by_formula(book, request)
         rows = np.flatnonzero(formula)
         certain = _on_certain_path(book, request)
@@ -72,7 +72,7 @@ def has_formula(book: Book) -> BoolVector:
     if book.is_plain:
         return ~book.segments.exercisable | _never_exercised(book)
     drops = book.drops() > 0.0
-    lognormal = ~_any(book, drops) if drops.any() else np.ones(book.count, dtype=bool)
+    lognormal = ~_any(book, drops) if some(drops) else np.ones(book.count, dtype=bool)
     return lognormal & (~_may_exercise(book) | _never_exercised(book))
 
 
@@ -95,7 +95,7 @@ def _never_exercised(book: Book) -> BoolVector:
     """
     segments, is_put = book.segments, book.per_segment(book.is_put)
     earned = np.where(is_put, segments.rate, segments.dividend_yield)
-    if (earned > 0.0).all():
+    if every(earned > 0.0):
         return np.zeros(book.count, dtype=bool)
     paid = np.where(is_put, segments.dividend_yield, segments.rate)
     never: BoolVector = (earned <= 0.0) & (earned <= paid)
@@ -127,11 +127,11 @@ def _uncertain_by(book: Book) -> Vector:
 def _is_certain(book: Book) -> BoolVector:
     """Tell contracts of which the certain path may be all that matters, at the largest tolerance."""
     small, far = _deviation(book) <= LARGEST_UNCERTAINTY, is_far_out_of_the_money(book)
-    if small.any():
+    if some(small):
         rows = np.flatnonzero(small)
         part = book.take(rows)
         small[rows] = _uncertain_by(part) <= LARGEST_UNCERTAINTY * part.strike
-    if far.any():
+    if some(far):
         rows = np.flatnonzero(far)
         part = book.take(rows)
         small[rows] |= uncertainty(part) <= LARGEST_UNCERTAINTY * part.strike
@@ -144,7 +144,7 @@ def has_boundary_elsewhere(book: Book) -> BoolVector:
     They are those on a spot of 0, and those far out of the money.
     """
     diffuses: BoolVector = (book.spot == 0.0) | is_far_out_of_the_money(book)
-    if not diffuses.any():
+    if not some(diffuses):
         return diffuses
     at_strike = replace(book, spot=book.strike)
     diffuses &= ~has_formula(book) & (_uncertain_by(at_strike) > LARGEST_UNCERTAINTY * book.strike)
@@ -160,7 +160,7 @@ def _by_formula(book: Book, request: Request) -> Prices:
     columns = european_columns(book, request.greeks)
     # Nothing is more accurate than the formula: where rounding alone misses the tolerance, no other engine is asked.
     missed = columns["error"] > request.tolerance * book.strike
-    status = np.where(missed, "tolerance_not_met", "ok").astype(object) if missed.any() else "ok"
+    status = np.where(missed, "tolerance_not_met", "ok").astype(object) if some(missed) else "ok"
     return prices(
         book.count,
         settled=True,

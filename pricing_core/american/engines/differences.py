@@ -172,14 +172,21 @@ def plan_differences(book: Book, *, extended: bool, share: float = 1.0) -> Diffe
         _by_pieces(plan, book, steps)
         sizes |= {"vanna": book.count, "volga": book.count}
         sizes |= {BUCKETS[name]: getattr(book.listed, name).values.size for name in CURVES}
-    bumped = plan.books[0]
-    for part in plan.books[1:]:
-        bumped = bumped.joined(part)
+    bumped = Book.concatenated(plan.books)
     return Differences(bumped, np.concatenate(plan.rows), tuple(plan.terms), sizes, book.listed)
 
 
-def plan_directions(book: Book, *, extended: bool) -> list[tuple[str, int, Book, Book, float]]:
-    """Return (kind, entry, up, down, step) for the first derivatives of one contract by every parameter.
+class PlannedDirection(NamedTuple):
+    """The derivative `entry` of the column `kind` of `Prices`, and the contract with a step more and a step less."""
+
+    kind: str
+    entry: int
+    sides: tuple[Book, Book]
+    step: float
+
+
+def plan_directions(book: Book, *, extended: bool) -> list[PlannedDirection]:
+    """Return the first derivatives of one contract by every parameter.
 
     The bumped contracts are cut like the contract itself; nothing where a derivative asks for a further cut. Their
     steps are small, for numbers that are differentiated exactly.
@@ -205,7 +212,8 @@ def plan_directions(book: Book, *, extended: bool) -> list[tuple[str, int, Book,
     for kind, entry, name, where in shifts:
         step = DIRECTION_STEP * (book.strike.item(0) if name == "due" else 1.0 / max(expiry, 1.0))
         bumped = Bump(book, name, where)
-        planned.append((kind, entry, bumped(np.array([step])), bumped(np.array([-step])), step))
+        sides = bumped(np.array([step])), bumped(np.array([-step]))
+        planned.append(PlannedDirection(kind, entry, sides, step))
     return planned
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pricing_core.american.book.book import Book, Rows
 from pricing_core.american.engines.certain import certain_value
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import BoolVector, Vector, every, some
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,10 +55,10 @@ def range_of(book: Book) -> tuple[Vector, Vector]:
 
 def lies_high(book: Book, value: Vector) -> BoolVector:
     """Tell quickly which values may lie above the largest price without arbitrage: no other one does."""
-    if book.escrowed.any():
+    if some(book.escrowed):
         return np.ones(book.count, dtype=bool)
     largest, segments = np.where(book.is_put, book.strike, book.spot), book.segments
-    if segments.exercisable.all():  # then the bound is at least what exercise may bring
+    if every(segments.exercisable):  # then the bound is at least what exercise may bring
         return np.asarray(value > largest)
     is_put = book.is_put if book.is_simple else book.per_segment(book.is_put)
     carried = np.where(is_put, segments.rate, segments.dividend_yield) * segments.duration

@@ -17,7 +17,7 @@ from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
 from pricing_core.american.engines.premium_march import PremiumMarch
 from pricing_core.american.engines.price_bounds import lies_high, range_of
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import BoolVector, Vector, every, some
 from pricing_core.kernel import warn_where_missing
 
 CLOSED_FORM, PREMIUM_MARCH = ClosedForm(), PremiumMarch()
@@ -58,9 +58,9 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
         served = engine.serves(part)
         if best is not None:
             served = served & _is_worthwhile(engine, best.take(rows), part)
-        if served.all():
+        if every(served):
             found = engine.solve(part, wanted)
-        elif served.any():
+        elif some(served):
             places = np.flatnonzero(served)
             found = engine.solve(part.take(places), wanted.take(places))
             rows = rows[places]
@@ -68,7 +68,7 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
             continue
         best = _together(best, book.count, rows, found, allowed)
         done = best.settled & best.complete & (best.error <= allowed)
-        if done.all():
+        if every(done):
             return _completed(book, _within_bounds(book, best, allowed), request, engines)
         rows = np.flatnonzero(~(done | (best.status != "ok")))
         part, wanted = book.take(rows), request.take(rows)
@@ -105,7 +105,7 @@ def boundary_of(
     nothing = np.full(times.size, np.nan)
     best = Boundaries(nothing, nothing, nothing, np.zeros(times.size, dtype=bool))
     for engine in engines:
-        if engine.serves(book)[0] and not best.found.all():
+        if engine.serves(book)[0] and not every(best.found):
             best = best.completed_by(engine.boundary(book, times, request))
     if not book.is_plain or book.is_local()[0]:
         return best
@@ -188,7 +188,7 @@ def _with_greeks_of_payoffs(book: Book, best: Prices, request: Request) -> Price
     if request.greeks == "none":
         return best
     sure = best.exercised | (book.expiry == 0.0)
-    if not sure.any():
+    if not some(sure):
         return best
     columns: dict[str, Any] = {}
     if request.greeks == "extended":
@@ -208,7 +208,7 @@ def _with_greeks_of_payoffs(book: Book, best: Prices, request: Request) -> Price
 def _with_boundaries(book: Book, best: Prices, request: Request, engines: Sequence[Engine]) -> Prices:
     """Return the prices with the exercise boundaries of contracts whose spot tells nothing of them."""
     unknown = best.settled & np.isnan(best.boundary)
-    if not unknown.any():
+    if not some(unknown):
         return best
     rows = np.flatnonzero(unknown & has_boundary_elsewhere(book))
     if rows.size == 0:

@@ -116,8 +116,9 @@ def test_a_part_holds_consecutive_contracts(contracts, rows):
 @pytest.mark.parametrize(
     ("one", "other"), [(PLAIN, EVERYTHING), (EVERYTHING, PLAIN), (PLAIN, PLAIN), (PLAIN, [])]
 )
-def test_joined_books_are_one_behind_the_other(one, other):
-    assert_same_books(Book.of(one).joined(Book.of(other)), Book.of([*one, *other]))
+def test_concatenated_books_are_one_behind_the_other(one, other):
+    parts = [Book.of(one), Book.of(other), Book.of(one)]
+    assert_same_books(Book.concatenated(parts), Book.of([*one, *other, *one]))
 
 
 def test_places_go_through_every_segment_forward_and_backward():

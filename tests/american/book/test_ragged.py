@@ -27,9 +27,16 @@ def test_taking_rows_takes_their_lists(rows):
     assert lists(nothing) == [()] * len(rows)
 
 
-def test_joining_puts_one_behind_the_other():
-    assert lists(COLUMN.joined(COLUMN.take(np.array([3, 1])))) == [*ROWS, ROWS[3], ()]
-    assert lists(Ragged.empty(2).joined(Ragged.of([(7.0,)]))) == [(), (), (7.0,)]
+def test_concatenation_puts_one_behind_the_other():
+    some = COLUMN.take(np.array([3, 1]))
+    assert lists(Ragged.concatenated([COLUMN, some])) == [*ROWS, ROWS[3], ()]
+    assert lists(Ragged.concatenated([Ragged.empty(2), Ragged.of([(7.0,)]), some])) == [
+        (),
+        (),
+        (7.0,),
+        ROWS[3],
+        (),
+    ]
 
 
 def test_replacing_rows_takes_their_lists_in_order():
@@ -47,4 +54,4 @@ def test_starts_of_parts():
     together, chosen = gather(first, np.array([2, 0, 1]))
     assert together.tolist() == [0, 3, 5, 5]
     assert chosen.tolist() == [2, 3, 4, 0, 1]
-    assert join_starts(first, together).tolist() == [0, 2, 2, 5, 8, 10, 10]
+    assert join_starts([first, together]).tolist() == [0, 2, 2, 5, 8, 10, 10]

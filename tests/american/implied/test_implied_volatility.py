@@ -409,7 +409,7 @@ def bounds(option, market):
 def test_bounds_do_not_depend_on_the_volatility_or_on_the_other_rows():
     read = read_book(random_contracts(200, 3), 1e-6)
     dividends = read_book(with_dividends(random_contracts(50, 4), 5), 1e-6)
-    book = read.book.joined(dividends.book)
+    book = Book.concatenated([read.book, dividends.book])
     together = bounds_of(book)
     other = bounds_of(book.with_volatility(np.full(book.count, 1.7)))
     for name in together.__slots__:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from pricing_core.american.engines.method_of_lines.sweep_problem import (
     SweepProblem,
     regions_at,
 )
-from pricing_core.american.engines.method_of_lines.tangents import Direction
+from pricing_core.american.engines.method_of_lines.tangents import TERMS, Direction
 from pricing_core.american.engines.method_of_lines.time_mesh import prescribed_mesh
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import NumericalError
@@ -30,8 +29,6 @@ from pricing_core.stepping.implicit import SDIRK2_THETA
 
 # Number of arrays over the nodes that the kernel works with, and that it needs for each derivative; counted.
 WORKING_ARRAYS, TANGENT_ARRAYS = 40, 14
-# The numbers of a segment that a parameter may change.
-TERMS = attrgetter("rate", "dividend_yield", "volatility", "amount", "escrow")
 RIGHTS = slice(7, 9)  # The columns of a segment that say whether the holder may exercise.
 # The kernel's number of a scheme, and the scheme's implicit weight.
 KERNEL_SCHEMES: dict[Scheme, tuple[int, float]] = {
@@ -70,11 +67,7 @@ def sweep_by_kernel(
     for before, problem in pairwise(problems):
         same = problem.parts is before.parts
         numbers.append(numbers[-1] if same else _Numbers.of(problem))
-    arguments = []
-    for n, problem in zip(numbers, problems, strict=True):
-        if interrupt is not None and interrupt():  # many directions take long
-            return [None] * len(problems)
-        arguments.append(n.arguments(problem))
+    arguments = [n.arguments(problem) for n, problem in zip(numbers, problems, strict=True)]
     found = kernel.sweep_schedules(arguments, interrupt)
     if found is None:
         return [None] * len(problems)
@@ -182,9 +175,9 @@ def _meshes(problem: SweepProblem) -> tuple[Vector, NDArray[np.int64]]:
 
 
 def _terms(segment: Segment, strike: float) -> tuple[float, ...]:
-    """Return them, amounts in strikes."""
-    *rates, amount, escrow = TERMS(segment)
-    return *rates, amount / strike, escrow / strike
+    """Return the numbers of a segment that a parameter may change, amounts in strikes."""
+    rates = segment.rate, segment.dividend_yield, segment.volatility
+    return *rates, segment.amount / strike, segment.escrow / strike
 
 
 def _rights(segment: Segment) -> tuple[float, bool, bool]:
@@ -193,20 +186,13 @@ def _rights(segment: Segment) -> tuple[float, bool, bool]:
 
 def _direction_columns(directions: tuple[Direction, ...], segments: int) -> NDArray[np.float64]:
     """Return the segments' numbers with more and with less of each of P parameters, shape (P, M, 2, 6)."""
-    if not directions:
-        return np.zeros((0, segments, 2, 6))
-    sides = [(d.up.segments, d.down.segments) for d in directions]
-    # Most segments are the same objects in all directions, of which there is one for each of many dividends.
-    different = {id(s): s for pair in sides for side in pair for s in side}
-    places = {key: place for place, key in enumerate(different)}
-    terms = np.array([TERMS(s) for s in different.values()])
-    chosen = [places[id(s)] for up, down in sides for pair in zip(up, down, strict=True) for s in pair]
-    columns = np.zeros((len(directions), segments, 2, 6))
-    columns[..., :5] = terms[chosen].reshape(len(directions), segments, 2, 5)
-    columns[..., 3:5] /= np.array([d.up.strike for d in directions])[:, None, None, None]
-    moving = [k for k, d in enumerate(directions) if d.moves_surface]
-    for number, k in enumerate(moving):
-        columns[k, :, :, 5] = 1 + 2 * number, 2 + 2 * number
+    columns = np.zeros((len(directions), segments, 2, TERMS + 1))
+    moving = 0
+    for own, direction in zip(columns, directions, strict=True):
+        own[..., :TERMS] = direction.terms
+        if direction.surfaces:
+            own[..., TERMS] = 1 + 2 * moving, 2 + 2 * moving
+            moving += 1
     return columns
 
 
@@ -217,11 +203,8 @@ def _local(
     request, schedule = problem.request, problem.schedule
     if schedule.local is None:
         return np.zeros((1, 0, 0)), np.zeros((0, 0)), np.zeros(first.size, dtype=np.int64), 0.0
-    moved = [d for d in request.directions if d.moves_surface]
-    surfaces = []
-    for each in (schedule, *(side for d in moved for side in (d.up, d.down))):
-        assert each.local is not None
-        surfaces.append(NodeVolatility.of(each.local, request.grid, schedule.strike))
+    terms = (schedule.local, *(each for direction in request.directions for each in direction.surfaces))
+    surfaces = [NodeVolatility.of(each, request.grid, schedule.strike) for each in terms]
     spans = zip(schedule.segments, pairwise(first.tolist()), strict=True)
     rows = [surfaces[0].weights_of_steps(segment, times[start:end]) for segment, (start, end) in spans]
     variances = np.array([surface.variance for surface in surfaces])

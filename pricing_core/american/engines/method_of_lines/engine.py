@@ -37,6 +37,8 @@ from pricing_core.arrays import BoolVector, Matrix, Vector
 
 # Number of contracts whose solves are done together, which fills the kernel's lanes; chosen: a deadline may lose all.
 TOGETHER = 128
+# Number of derivatives above which the price is found without them first: a deadline may come before theirs; chosen.
+MANY_DIRECTIONS = 32
 VOLGA_STEP = 0.04  # Step of the volatility for volga, as a share of the largest one; calibrated.
 SURFACE_DIFFERENCE = 1e-3  # How far a surface is moved in ln S for a difference of prices; chosen.
 SPOT_STEP = 1e-4  # Step of the spot for the third derivative of the formula, as a share of it; chosen.
@@ -121,18 +123,13 @@ class MethodOfLines:
         extended, tolerance = request.greeks == "extended", request.tolerance.item(0)
         solver = make_solver(book.schedule(0), tolerance, self.lcp_method, request.interrupt, shared)
         if request.greeks != "none":
-            solver = replace(
-                solver, directions=directions_of(book, extended=extended, interrupt=request.interrupt)
-            )
-        estimate = yield from estimating(
-            solver,
-            tolerance,
-            scheme=self.scheme,
-            resolution=self.resolution,
-            exact=_exact_control(book, solver.directions)
-            if book.local is not None
-            else _exact_european(book, solver.directions, extended=extended),
-        )
+            solver = replace(solver, directions=directions_of(book, extended=extended))
+        price_alone: Estimate | None = None
+        if len(solver.directions) > MANY_DIRECTIONS:
+            price_alone = yield from self._estimating(book, replace(solver, directions=()), request)
+        estimate = yield from self._estimating(book, solver, request)
+        if not estimate.levels and price_alone is not None:
+            estimate = replace(price_alone, interrupted=True)
         if not estimate.levels:
             european = _exact_european(book)
             known = math.nan if european is None else book.strike.item(0) * european[0, 0]
@@ -172,6 +169,18 @@ class MethodOfLines:
             **columns,
         )
 
+    def _estimating(self, book: Book, solver: ScheduleSolver, request: Request) -> Work[Estimate]:
+        extended = request.greeks == "extended"
+        return estimating(
+            solver,
+            request.tolerance.item(0),
+            scheme=self.scheme,
+            resolution=self.resolution,
+            exact=_exact_control(book, solver.directions)
+            if book.local is not None
+            else _exact_european(book, solver.directions, extended=extended),
+        )
+
 
 def _derivatives(book: Book, solver: ScheduleSolver, estimate: Estimate, request: Request) -> dict[str, Any]:
     """Return the derivatives by the parameters as columns, and whether all are there."""
@@ -199,9 +208,12 @@ def _derivatives(book: Book, solver: ScheduleSolver, estimate: Estimate, request
     schedule = solver.schedule
     if schedule.local is None or not columns["complete"]:
         return columns
+    surfaces = (moved(schedule.local, by) for by in (SURFACE_DIFFERENCE, -SURFACE_DIFFERENCE))
     sides = [
-        value_on_same_grids(estimate, replace(solver, schedule=moved(schedule, by), directions=()))[0]
-        for by in (SURFACE_DIFFERENCE, -SURFACE_DIFFERENCE)
+        value_on_same_grids(
+            estimate, replace(solver, schedule=replace(schedule, local=surface), directions=())
+        )[0]
+        for surface in surfaces
     ]
     by_surface = (sides[0] - sides[1]) / (2.0 * SURFACE_DIFFERENCE)
     columns |= _sticky(book, estimate.american[0, 1], math.nan, by_surface, math.nan)

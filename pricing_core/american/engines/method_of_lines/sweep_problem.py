@@ -61,9 +61,7 @@ class SweepRequest:
     def key(self) -> Hashable:
         """What settles the sweep: requests with equal keys, and strikes that make no difference, have one answer."""
         schedule = self.schedule
-        directions = tuple(
-            (side.segments, side.local, d.step) for d in self.directions for side in (d.up, d.down)
-        )
+        directions = tuple((d.terms.tobytes(), d.surfaces, d.step) for d in self.directions)
         return (
             *(schedule.is_put, schedule.segments, schedule.local, directions, self.grid.nodes.tobytes()),
             *(self.resolution, self.lcp_method, self.times, self.never_exercised),

@@ -9,20 +9,23 @@ here is which parameters it is asked for.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pricing_core.american.book.book import Book
-from pricing_core.american.contracts.schedule import Schedule
+from pricing_core.american.contracts.schedule import LocalTerms
 from pricing_core.american.engines.differences import plan_directions
 
 STICKY = "delta_sticky_moneyness"
 SURFACE_STEP = 1e-4  # How far a surface is moved in ln S; chosen.
+TERMS = 5  # Number of a segment's numbers that a parameter may change.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Direction:
-    """A parameter: the schedule with a little more and a little less of it.
+    """A parameter, and the contract with a little more and a little less of it, cut like the contract itself.
 
     Parameters
     ----------
@@ -30,56 +33,57 @@ class Direction:
         The column of `Prices` that the derivative belongs to.
     entry : int
         The place in it.
-    up, down : Schedule
-        Cut like the schedule itself.
     step : float
-        Half of what they differ by.
+        Half of what the two differ by.
+    terms : array, shape (M, 2, TERMS)
+        Rate, dividend yield, volatility, amount and escrow of each segment, the last two in strikes.
+    spot : float
+        What the spot that diffuses changes by in units of the strike: escrowed dividends reduce it.
+    surfaces : tuple of LocalTerms
+        The two local volatilities, where the parameter changes more than their parallel shift; else nothing.
     """
 
     kind: str
     entry: int
-    up: Schedule
-    down: Schedule
     step: float
-
-    @property
-    def moves_surface(self) -> bool:
-        """Whether it changes the surface of a local volatility, beyond a parallel shift."""
-        return self.up.local != self.down.local
-
-    @property
-    def spot(self) -> float:
-        """What the spot that diffuses changes by in units of the strike: escrowed dividends reduce it."""
-        return (self.up.spot - self.down.spot) / (2.0 * self.step * self.up.strike)
+    terms: NDArray[np.float64]
+    spot: float = 0.0
+    surfaces: tuple[LocalTerms, ...] = ()
 
 
-def directions_of(
-    book: Book, *, extended: bool, only: str = "", interrupt: Callable[[], bool] | None = None
-) -> tuple[Direction, ...]:
-    """Return the parameters of a book of one contract; none where one asks for a further cut or when interrupted.
+def directions_of(book: Book, *, extended: bool, only: str = "") -> tuple[Direction, ...]:
+    """Return the parameters of a book of one contract; none where one asks for a further cut.
 
     Parameters
     ----------
     only : str
         The one kind that is wanted, if not all are.
-    interrupt : callable, optional
-        Asked before each of them: a contract may have hundreds.
     """
-    found: list[Direction] = []
-    for kind, entry, up, down, step in plan_directions(book, extended=extended):
-        if interrupt is not None and interrupt():
-            return ()
-        if not only or kind == only:
-            found.append(Direction(kind, entry, up.schedule(0), down.schedule(0), step))
-    schedule = book.schedule(0)
-    if schedule.local is not None and found and not only:
-        above, below = (moved(schedule, side * SURFACE_STEP) for side in (1.0, -1.0))
-        found.append(Direction(STICKY, 0, above, below, SURFACE_STEP))
+    planned = [each for each in plan_directions(book, extended=extended) if not only or each.kind == only]
+    if not planned:
+        return ()
+    strike, bumped = book.strike.item(0), Book.concatenated([side for each in planned for side in each.sides])
+    terms, shape = _terms(bumped), (len(planned), 2, -1, TERMS)
+    spots = (bumped.spot - bumped.escrow_now()).reshape(-1, 2)
+    found = [
+        Direction(each.kind, each.entry, each.step, own, (up - down) / (2.0 * each.step * strike))
+        for each, own, (up, down) in zip(
+            planned, terms.reshape(shape).swapaxes(1, 2), spots.tolist(), strict=True
+        )
+    ]
+    if book.local is not None and book.local[0] is not None and not only:
+        both = tuple(moved(book.local[0], side * SURFACE_STEP) for side in (1.0, -1.0))
+        found.append(Direction(STICKY, 0, SURFACE_STEP, np.stack([_terms(book)] * 2, axis=1), 0.0, both))
     return tuple(found)
 
 
-def moved(schedule: Schedule, by: float) -> Schedule:
-    """Return the schedule with the spots of its local volatility moved by so much in ln S."""
-    assert schedule.local is not None
-    surface = schedule.local.volatility.moved(math.exp(by))
-    return replace(schedule, local=replace(schedule.local, volatility=surface))
+def _terms(book: Book) -> NDArray[np.float64]:
+    """Return the numbers of every segment that a parameter may change, shape (m, TERMS)."""
+    segments, strike = book.segments, book.per_segment(book.strike)
+    rates = segments.rate, segments.dividend_yield, segments.volatility
+    return np.stack([*rates, book.drops() / strike, book.escrow() / strike], axis=1)
+
+
+def moved(local: LocalTerms, by: float) -> LocalTerms:
+    """Return a local volatility with its spots moved by so much in ln S."""
+    return replace(local, volatility=local.volatility.moved(math.exp(by)))

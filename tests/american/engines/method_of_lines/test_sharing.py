@@ -96,8 +96,18 @@ def test_strikes_and_spots_of_a_curve_share_every_sweep(swept, greeks):
     assert few < many / 10
 
 
-@pytest.mark.parametrize("option_type", ["put", "call"])
-@pytest.mark.parametrize("dividends", [(), (CashDividend(0.3, 2.0), CashDividend(0.8, 2.0))])
+TWICE = (CashDividend(0.3, 2.0), CashDividend(0.8, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("option_type", "dividends"),
+    [
+        ("put", ()),
+        pytest.param("put", TWICE, marks=pytest.mark.nightly),
+        pytest.param("call", (), marks=pytest.mark.nightly),
+        ("call", TWICE),
+    ],
+)
 def test_strikes_of_a_surface_are_interpolated_between_a_few(swept, option_type, dividends):
     strikes = np.linspace(65.0, 150.0, 200)
     contracts = [(Option(option_type, k, 1.0), market(cash_dividends=dividends)) for k in strikes.tolist()]

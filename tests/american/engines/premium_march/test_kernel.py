@@ -235,10 +235,11 @@ def test_a_signal_ends_the_work() -> None:
 
 
 def test_second_derivatives_are_those_of_the_first_ones() -> None:
-    book = random_book(300, seed=18)
-    book = replace(book, tolerance=np.full(300, 1e-6))
+    count = 100
+    book = random_book(count, seed=18)
+    book = replace(book, tolerance=np.full(count, 1e-6))
     numbers, exercised, settled, _ = solve(book, greeks=True)
-    exact = replace(book, tolerance=np.full(300, 1e-9))
+    exact = replace(book, tolerance=np.full(count, 1e-9))
 
     def difference(name: str, of: int) -> Vector:
         number = getattr(book, name)
@@ -251,12 +252,12 @@ def test_second_derivatives_are_those_of_the_first_ones() -> None:
 
     # Away from the boundary: there differences would straddle it.
     held = settled & ~exercised & (book.x > numbers[8] + 0.2 * book.spread) & (book.rate > 0.02)
-    assert held.sum() > 100
+    assert held.sum() > count / 3
     for row, name, of, unit in (
         (14, "rate", 1, book.spread),
         (15, "dividend", 1, book.spread),
-        (16, "spread", 1, np.ones(300)),
-        (17, "spread", 6, np.ones(300)),
+        (16, "spread", 1, np.ones(count)),
+        (17, "spread", 6, np.ones(count)),
     ):
         off = unit * np.abs(numbers[row] - difference(name, of))
         assert np.quantile(off[held], 0.9) < 1e-4

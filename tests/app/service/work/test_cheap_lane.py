@@ -10,6 +10,7 @@ import pytest
 from app.service.work import cheap_lane
 from app.service.work.cheap_lane import CheapLane
 from pricing_core.american import Market, Option, Valuation, price
+from pricing_core.american.book.book import Book
 from tests.problems.needs_kernel import needs_kernel
 
 Result = TypeVar("Result")
@@ -44,7 +45,12 @@ def test_prices_together_are_those_of_each_alone_in_several_rounds() -> None:
         found: list[Valuation | None] = []
         for start in range(0, len(asked), 20):
             some = asked[start : start + 20]
-            found += await asyncio.gather(*(lane.price(*one, CHEAP) for one in some))
+            found += await asyncio.gather(
+                *(
+                    lane.price((o, m), Book.of([(o, m)]), tolerance, greeks, CHEAP)
+                    for o, m, tolerance, greeks in some
+                )
+            )
         return found
 
     found = in_a_lane(scenario)
@@ -69,11 +75,14 @@ def test_one_that_fails_or_is_no_longer_wanted_costs_nobody_else_the_answer(
 
     async def scenario(lane: CheapLane) -> tuple[list[Valuation | None], Valuation | None]:
         options = [good, Option("put", 13.0, 1.0), good, good]
-        tasks = [asyncio.ensure_future(lane.price(o, market, 1e-4, "standard", CHEAP)) for o in options]
+        tasks = [
+            asyncio.ensure_future(lane.price((o, market), Book.of([(o, market)]), 1e-4, "standard", CHEAP))
+            for o in options
+        ]
         await asyncio.sleep(0.0)
         tasks[2].cancel()
         found = await asyncio.gather(*(tasks[k] for k in (0, 1, 3)))
-        return found, await lane.price(good, market, 1e-4, "standard", CHEAP)
+        return found, await lane.price((good, market), Book.of([(good, market)]), 1e-4, "standard", CHEAP)
 
     (first, failed, last), later = in_a_lane(scenario)
     assert failed is None
