@@ -21,6 +21,9 @@ def lemke(
     max_pivots: int,
     interrupt: Callable[[], bool] | None = None,
 ) -> tuple[str, Vector, BoolVector, int]: ...
+def march_strikes(
+    factors: Matrix, matrices: NDArray[np.float64], values: Matrix, obstacle: Matrix
+) -> Matrix: ...
 def policy_iteration(
     lower: Vector,
     diagonal: Vector,

@@ -32,6 +32,7 @@ growing_basic_set = _small.growing_basic_set
 initial_signs = _mode.initial_signs
 leading_signs = _mode.leading_signs
 lemke = _dense.lemke
+march_strikes = _small.march_strikes
 policy_iteration = _small.policy_iteration
 projected_sor = _small.projected_sor
 sparse_sweeps = _sparse.sparse_sweeps

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import BoolVector, Matrix, Vector
 
 Interrupt = Callable[[], bool] | None
 
@@ -217,3 +218,37 @@ def _joined(left: _Run, right: _Run) -> _Run:
     (p, a, b), (s, c, d) = left.first, right.last
     first = (p + b * outer[0], a + b * outer[1], b * outer[2])
     return _Run(left.start, right.to, first, (s + c * inner[0], c * inner[1], d + c * inner[2]))
+
+
+def march_strikes(factors: Matrix, matrices: NDArray[np.float64], values: Matrix, obstacle: Matrix) -> Matrix:
+    """Return the values after a march of American options, the first columns, and European ones, (nodes, columns).
+
+    Parameters
+    ----------
+    factors : (steps, 2)
+        Of the values now, and of those before, which are taken away.
+    matrices : (steps, 3, nodes)
+        Lower, middle and upper diagonal of each step.
+    values : (nodes, columns)
+    obstacle : (nodes, american)
+        Payoffs of the first columns, whose exercise region is at the first nodes.
+    """
+    now = before = values
+    american = obstacle.shape[1]
+    for (ahead, back), (lower, middle, upper) in zip(factors.tolist(), matrices, strict=True):
+        before, now = now, ahead * now - back * before
+        pivots = middle.copy()
+        for node in range(middle.size - 2, -1, -1):
+            share = upper[node] / pivots[node + 1]
+            pivots[node] -= share * lower[node + 1]
+            now[node] -= share * now[node + 1]
+        held = np.ones(american, dtype=np.bool_)
+        for node, pivot in enumerate(pivots.tolist()):
+            if node > 0:
+                now[node] -= lower[node] * now[node - 1]
+            floor = obstacle[node]
+            held &= (now[node, :american] <= pivot * floor) & (node < middle.size - 1)
+            now[node] /= pivot
+            free = np.maximum(now[node, :american], floor)
+            now[node, :american] = np.where(held, floor, free)
+    return now

@@ -254,3 +254,20 @@ def test_other_threads_run_while_the_compiled_kernel_works(compiled: ModuleType)
         naps += 1
     # With the interpreter lock held throughout, the first nap would end after the work.
     assert naps > 5
+
+
+@needs_kernel
+@given(st.integers(1, 4), st.integers(2, 30), st.integers(0, 5), st.integers(0, 5), seeds)
+def test_a_march_of_strikes_equals_its_twin(
+    steps: int, nodes: int, american: int, european: int, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    off = -rng.uniform(0.0, 1.0, (steps, 2, nodes))
+    middle = 1.0 + rng.uniform(0.0, 1.0, (steps, nodes)) - off.sum(axis=1)
+    matrices = np.stack([off[:, 0], middle, off[:, 1]], axis=1)
+    values = rng.uniform(0.0, 1.0, (nodes, american + european))
+    obstacle = np.sort(rng.uniform(0.0, 1.0, (nodes, american)), axis=0)[::-1]
+    factors = rng.uniform(0.5, 1.5, (steps, 2)) * np.array([1.0, 0.3])
+    found = kernel.march_strikes(factors, matrices, values, obstacle)
+    expected = kernel_twin.march_strikes(factors, matrices, values, obstacle)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)

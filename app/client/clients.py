@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Self, TypeVar, overload
 from urllib.parse import urlencode
@@ -12,6 +12,7 @@ import pyarrow as pa
 from numpy.typing import ArrayLike, NDArray
 
 from app.client import answers
+from app.client.chain import ChainAnswer, chain_answer, chain_question
 from app.client.exchange import Exchange, Question, exchange
 from app.client.questions import contract_question, contracts_table, table_question
 from pricing_core.american import (
@@ -46,7 +47,7 @@ def _headers(api_key: str | None) -> dict[str, str]:
 
 def _sent(question: Question) -> dict[str, Any]:
     """Return what httpx is told of a question."""
-    headers = {"Content-Type": question.media_type, "Accept": question.media_type}
+    headers = {"Content-Type": question.media_type, "Accept": question.accepted}
     return {"url": question.path, "content": question.body, "headers": headers}
 
 
@@ -271,6 +272,25 @@ class Client:
         contracts, read = _many(columns, greeks, greek_errors=greek_errors, advice=advice)
         return self._ask(_batch(contracts, tolerance, greeks, greek_errors=greek_errors, advice=advice), read)
 
+    def chain(
+        self,
+        quotes: Any,
+        rate: Any,
+        *,
+        cash_dividends: Sequence[Any] = (),
+        valuation_date: object = None,
+        tolerance: float = DEFAULT_TOLERANCE,
+    ) -> ChainAnswer:
+        """Fit the quotes of one underlying, as `pricing_core.chains.fit_chain` does; errors as in `price`.
+
+        Parameters
+        ----------
+        quotes : object
+            As there: a table that `read_chain` has returned, or what it reads.
+        """
+        question = chain_question(quotes, rate, cash_dividends, valuation_date, tolerance)
+        return self._ask(question, chain_answer)
+
     def _ask(self, question: Question, read: Reader[Answer]) -> Answer:
         return read(self._follow(exchange(question, self._attempts)))
 
@@ -393,6 +413,19 @@ class AsyncClient:
         return await self._ask(
             _batch(contracts, tolerance, greeks, greek_errors=greek_errors, advice=advice), read
         )
+
+    async def chain(
+        self,
+        quotes: Any,
+        rate: Any,
+        *,
+        cash_dividends: Sequence[Any] = (),
+        valuation_date: object = None,
+        tolerance: float = DEFAULT_TOLERANCE,
+    ) -> ChainAnswer:
+        """As `Client.chain`."""
+        question = chain_question(quotes, rate, cash_dividends, valuation_date, tolerance)
+        return await self._ask(question, chain_answer)
 
     async def _ask(self, question: Question, read: Reader[Answer]) -> Answer:
         return read(await self._follow(exchange(question, self._attempts)))

@@ -32,15 +32,22 @@ class Question:
         Behind the address of the service.
     body : bytes
     media_type : str
-        Of the body and of the answer.
+        Of the body, and of the answer unless `answer_type` is another.
     asked : mapping of str to object
         The fields of a single contract, for messages.
+    answer_type : str, optional
     """
 
     path: str
     body: bytes
     media_type: str
     asked: dict[str, Any]
+    answer_type: str | None = None
+
+    @property
+    def accepted(self) -> str:
+        """The media type of the answer."""
+        return self.answer_type or self.media_type
 
 
 Exchange: TypeAlias = Generator[
@@ -111,8 +118,8 @@ def _checked(response: httpx.Response, question: Question) -> httpx.Response:
     kind = _media_type(response)
     if response.status_code != httpx.codes.OK:
         raise _refusal(response, question)
-    if kind != question.media_type:
-        raise BrokenAnswerError(f"the answer must be {question.media_type}, and is {kind or 'of no kind'}")
+    if kind != question.accepted:
+        raise BrokenAnswerError(f"the answer must be {question.accepted}, and is {kind or 'of no kind'}")
     return response
 
 

@@ -31,7 +31,7 @@ def contract_question(path: str, option: Option, market: Market, *without: str, 
     if option.exercise != "bermudan":
         del asked["exercise_times"]
     asked |= {name: value for name, value in others.items() if value is not None}
-    return Question(path, json.dumps(asked, default=_plain).encode(), JSON, asked)
+    return Question(path, json.dumps(asked, default=plain).encode(), JSON, asked)
 
 
 def table_question(path: str, table: pa.Table) -> Question:
@@ -94,10 +94,11 @@ def _array(values: Sequence[Any]) -> pa.Array:
 
 
 def _text(cell: Any) -> str | None:
-    return cell if cell is None or isinstance(cell, str) else json.dumps(cell, default=_plain)
+    return cell if cell is None or isinstance(cell, str) else json.dumps(cell, default=plain)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """Return what JSON can hold in the place of a value that it cannot."""
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else str(value)

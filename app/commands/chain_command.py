@@ -68,7 +68,7 @@ def fit_file(
     if not quiet:
         with suppress(typer.Exit, OSError), standard_output():  # the files are there, whoever reads this
             print("\n".join(summary(fit, folder)))
-    return not fit.rejected and not fit.unfitted
+    return fit.surface is not None and not fit.rejected and not fit.unfitted
 
 
 def summary(fit: ChainFit, folder: Path) -> list[str]:
@@ -84,7 +84,11 @@ def summary(fit: ChainFit, folder: Path) -> list[str]:
     lines += [f"row {row}: {text}" for row, text in unread[:MOST_NAMED]]
     unfitted = list(fit.unfitted.items())
     lines += [f"{day}: {why}" for day, why in unfitted[:MOST_NAMED]]
-    if fit.local_volatility is not None:
+    thin = [] if fit.surface is None else [each for each in fit.surface.statuses if each.status == "thin"]
+    lines += [f"expiry in {365.0 * each.expiry:.1f} days: {each.message}" for each in thin[:MOST_NAMED]]
+    if fit.local_volatility is None:
+        lines.append(fit.surface_message)
+    else:
         before, after = fit.share_within_before, fit.share_within_after
         lines.append(f"within bid and ask: {before:.1%} before, {after:.1%} after the correction")
     return lines

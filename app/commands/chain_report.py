@@ -11,7 +11,10 @@ import pyarrow as pa
 
 from app.commands.boundary_plot import AMBER, BLUE, DOTS_PER_INCH, GREY, RED, draw_boundary_on
 from pricing_core.american import Option, exercise_boundary
+from pricing_core.american.contracts.curves import integral
+from pricing_core.american.implied.black_spread import black_spread
 from pricing_core.chains import FLAGS, ChainFit
+from pricing_core.chains.surface.smile_quotes import SmileQuotes
 from pricing_core.errors import NumericalError
 from pricing_core.extras import needs_extra
 from pricing_core.replacement import replacement
@@ -30,7 +33,10 @@ BOUNDARY_TOLERANCE = 1e-4  # of the boundaries, as a fraction of the strike: the
 def write_report(folder: Path, fit: ChainFit, name: str) -> None:
     """Write report.html and its pictures into a folder."""
     pictures: dict[str, tuple[str, Callable[[ChainFit], Figure | None]]] = {
-        "smiles": ("Smiles: bid to ask of every quote, puts red, calls blue, and the surface", draw_smiles),
+        "smiles": (
+            "Smiles: bid to ask of every quote out of the money, puts red, calls blue, and the surface",
+            draw_smiles,
+        ),
         "total_variance": ("Total variance against log-moneyness, one line per expiry", draw_total_variance),
         "forward": ("Forwards, and the yield that they imply, with two standard errors", draw_forward),
         "boundaries": ("Exercise boundaries under the local volatility", draw_boundaries),
@@ -61,7 +67,14 @@ def draw_smiles(fit: ChainFit) -> Figure | None:
     axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
     quotes = {
         name: np.array(fit.quotes[name].to_numpy(zero_copy_only=False), dtype=np.float64)
-        for name in ("expiry", "strike", "bid_volatility", "ask_volatility", "mid_volatility")
+        for name in (
+            "expiry",
+            "strike",
+            "bid_volatility",
+            "ask_volatility",
+            "mid_volatility",
+            "european_price",
+        )
     }
     is_call = np.array(fit.quotes["option_type"].to_pylist(), dtype=object) == "call"
     for place, smile in enumerate(fit.smiles):
@@ -81,9 +94,13 @@ def _draw_smile(
     here = quotes["expiry"] == smile.expiry
     out = here & (is_call == (quotes["strike"] >= smile.forward))  # the side out of the money
     for side, colour in ((is_call, BLUE), (~is_call, RED)):
-        rows = out & side & np.isfinite(quotes["mid_volatility"])
-        low = np.nan_to_num(quotes["bid_volatility"][rows], nan=0.0)
-        axes.vlines(quotes["strike"][rows], low, quotes["ask_volatility"][rows], color=colour, linewidth=1.0)
+        rows = np.flatnonzero(out & side & np.isfinite(quotes["mid_volatility"]))
+        factor = _of_forward(
+            fit, smile, {name: column[rows] for name, column in quotes.items()}, is_call[rows]
+        )
+        low = factor * np.nan_to_num(quotes["bid_volatility"][rows], nan=0.0)
+        high = factor * quotes["ask_volatility"][rows]
+        axes.vlines(quotes["strike"][rows], low, high, color=colour, linewidth=1.0)
     reach = WIDEST * float(np.median(smile.volatility)) * math.sqrt(smile.expiry)
     inside = smile.strike[np.abs(smile.log_moneyness) <= max(reach, 1e-3)]
     ends = (inside.min(), inside.max()) if inside.size else (smile.strike[0], smile.strike[-1])
@@ -98,6 +115,27 @@ def _draw_smile(
     axes.tick_params(labelsize=7)
 
 
+def _of_forward(
+    fit: ChainFit, smile: SmileQuotes, quotes: dict[str, np.ndarray], is_call: np.ndarray
+) -> np.ndarray:
+    """Return Black's volatilities of the forward over those in the table, which drop by dividends with the spot."""
+    if not fit.market.cash_dividends:
+        return np.ones(is_call.size)
+    discount = math.exp(-integral(fit.market.rate, smile.expiry))
+    strike, sign = quotes["strike"], np.where(is_call, 1.0, -1.0)
+    with np.errstate(all="ignore"):
+        payoff = np.maximum(sign * (smile.forward - strike), 0.0)
+        value = (quotes["european_price"] / discount - payoff) / np.minimum(smile.forward, strike)
+        spread = black_spread(np.abs(np.log(strike / smile.forward)), value)
+        found = spread / math.sqrt(smile.expiry) / quotes["mid_volatility"]
+    return np.where(np.isfinite(found), found, 1.0)
+
+
+def _told(expiry: float) -> str:
+    """Return the time to an expiry in days, or hours."""
+    return f"{365.0 * expiry:.0f} d" if expiry >= 1.0 / 365.0 else f"{24.0 * 365.0 * expiry:.0f} h"
+
+
 def draw_total_variance(fit: ChainFit) -> Figure | None:
     """Draw the total variances of the surface: where no lines cross there is no calendar arbitrage."""
     if fit.surface is None:
@@ -110,9 +148,7 @@ def draw_total_variance(fit: ChainFit) -> Figure | None:
         k = np.linspace(
             max(-reach, smile.log_moneyness[0]), min(reach, smile.log_moneyness[-1]), CURVE_POINTS
         )
-        axes.plot(
-            k, fit.surface.total_variance(k, smile.expiry), color=colour, label=f"{365 * smile.expiry:.0f} d"
-        )
+        axes.plot(k, fit.surface.total_variance(k, smile.expiry), color=colour, label=_told(smile.expiry))
     axes.set_xlabel("ln(strike/forward)")
     axes.set_ylabel("volatility^2 * expiry")
     axes.set_ylim(bottom=0.0)
@@ -130,7 +166,12 @@ def draw_forward(fit: ChainFit) -> Figure | None:
     )
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
-    above.plot(expiry, forward, "o-", color=BLUE, markersize=3.0, linewidth=1.0)
+    above.plot(expiry, forward, "o", color=BLUE, markersize=3.0)
+    if fit.surface is not None:
+        ends = [each.time for each in fit.market.cash_dividends if each.time < expiry.max()]
+        times = np.sort([*np.linspace(0.0, expiry.max(), CURVE_POINTS), *ends, *np.subtract(ends, 1e-6)])
+        curve = [fit.surface.coordinates.forward(max(time, 0.0)) for time in times.tolist()]
+        above.plot(times, curve, color=BLUE, linewidth=1.0)
     above.axhline(fit.market.spot, color=GREY, linewidth=0.8, linestyle="--")
     above.set_ylabel("forward (money)")
     for dividend in fit.market.cash_dividends:
@@ -139,8 +180,8 @@ def draw_forward(fit: ChainFit) -> Figure | None:
     below.errorbar(
         expiry, 1e4 * dividend_yield, 2e4 * np.nan_to_num(error), fmt="o", color=BLUE, markersize=3.0
     )
-    sure = np.isfinite(error) & (error < 0.01)
-    if sure.any():  # hours before an expiry the yield is not told
+    sure = np.isfinite(error) & (error < 0.01) & (expiry >= 1.0 / 365.0)
+    if sure.any():  # hours before an expiry the yield is hardly told: its bar goes on beyond the picture
         low, high = (1e4 * (dividend_yield + side * 2.0 * error)[sure] for side in (-1.0, 1.0))
         margin = 0.1 * (high.max() - low.min()) + 1.0
         below.set_ylim(low.min() - margin, high.max() + margin)
@@ -184,13 +225,15 @@ def draw_residuals(fit: ChainFit) -> Figure | None:
     above.axhspan(-1.0, 1.0, color=GREY, alpha=0.15)
     above.set_ylim(-4.0, 4.0)
     above.set_xlabel("strike (money)")
-    above.set_ylabel("half spreads")
+    above.set_ylabel("model less mid (half spreads)")
     pairs = {
         name: fit.pairs[name].to_numpy(zero_copy_only=False)
         for name in ("expiry", "residual", "width", "used")
     }
     for used, colour in ((True, BLUE), (False, RED)):
         kept = pairs["used"] == used
+        if not kept.any():
+            continue
         share = pairs["residual"][kept] / pairs["width"][kept]
         below.plot(
             pairs["expiry"][kept],
@@ -201,8 +244,9 @@ def draw_residuals(fit: ChainFit) -> Figure | None:
             label="used" if used else "left out",
         )
     below.set_xlabel("expiry (years)")
-    below.set_ylabel("widths")
-    below.legend(frameon=False, fontsize=8)
+    below.set_ylabel("pair less parity (widths)")
+    if fit.pairs.num_rows:
+        below.legend(frameon=False, fontsize=8)
     return figure
 
 

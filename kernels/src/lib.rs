@@ -7,6 +7,7 @@
 //! - The flow of a mode of a linear complementarity system up to its first event, and the signs that select the next:
 //!   `taylor_step`, `enter`, `initial_signs`, `leading_signs`.
 //! - `segment_march`: the method of lines over a schedule of segments, with a tridiagonal problem per stage.
+//! - `march_strikes`: options of all strikes of an expiry under one local volatility, on one grid.
 //! - `premium_march`: American puts in a flat market, by a march of their early exercise premium.
 //! - `multiplier_collocation`: American and Bermudan options with dividends, curves and exercise dates, by collocation of
 //!   the multiplier of their complementarity system.
@@ -34,6 +35,7 @@ mod psor;
 mod python;
 pub mod segment_march;
 mod sparse_sweeps;
+mod strike_march;
 mod tridiagonal;
 
 pub use brennan_schwartz::brennan_schwartz;
@@ -46,6 +48,7 @@ pub use mode_signs::{enter, initial_signs, leading_signs, SignShares};
 pub use policy_iteration::{policy_iteration, Settling};
 pub use psor::{projected_sor, Sweeping};
 pub use sparse_sweeps::{sparse_sweeps, Bounds, SparseRows, SparseSweeping};
+pub use strike_march::{march_strikes, StrikeSteps};
 pub use tridiagonal::Tridiagonal;
 
 /// max(0, x), except that NaN stays NaN: a breakdown must reach the caller.

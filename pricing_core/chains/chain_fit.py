@@ -14,13 +14,15 @@ from pricing_core.arrays import Vector
 from pricing_core.chains.canonical import MESSAGE
 from pricing_core.chains.carry import Carry
 from pricing_core.chains.expiry_time import Moment
+from pricing_core.chains.implied_dividends import ImpliedDividends
 from pricing_core.chains.quotes import Quotes
 from pricing_core.chains.surface.implied_surface import ImpliedSurface
 from pricing_core.chains.surface.smile_quotes import SmileQuotes
+from pricing_core.chains.surfaces import Fitted
 from pricing_core.chains.volatilities import QuoteVolatilities
 
 OK = "ok"
-NOT_FITTED = "surface: no usable volatility, or less than a day left"
+NOT_FITTED = "surface: no usable volatility"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,15 +33,18 @@ class ChainFit:
     ----------
     quotes : pyarrow.Table
         Every row of the input in order: its columns, then expiry (years), bid_volatility, mid_volatility,
-        ask_volatility (1/sqrt(year), early exercise taken out), european_price (at mid_volatility), model_price (under
-        the local volatility), status (of mid_volatility, as `implied_volatility` has it) and flags (words with commas
-        between them, see `FLAGS`).
+        ask_volatility (1/sqrt(year), early exercise taken out), european_price (at mid_volatility); of the surface
+        model_volatility (Black's of the forward), under the local volatility model_price, each with its standard error
+        in model_volatility_error and model_price_error; status (of mid_volatility, as `implied_volatility` has it) and
+        flags (words with commas between them, see `FLAGS`).
     carry : pyarrow.Table
         By expiration: expiration, expiry, forward, dividend_yield (the mean up to it, continuous, on top of the
         dividends that are given), standard_error (of the yield), residual (money), pairs_used, status.
     pairs : pyarrow.Table
         Every call and put that the carry was looked for in: expiry, strike, residual (what they miss parity by, money),
         width (of their quotes, money) and used.
+    dividends : pyarrow.Table
+        The cash dividends of the market: time (years), amount (money) and, where it is implied, its standard_error.
     flags : mapping of str to int
         How many rows have each flag.
     market : Market
@@ -59,6 +64,7 @@ class ChainFit:
     quotes: pa.Table
     carry: pa.Table
     pairs: pa.Table
+    dividends: pa.Table
     flags: Mapping[str, int]
     market: Market
     valuation: Moment
@@ -93,10 +99,10 @@ class ChainFit:
         return self.flags.get("unreadable", 0)
 
 
-def quotes_table(quotes: Quotes, found: QuoteVolatilities, model_price: Vector, flags: list[str]) -> pa.Table:
+def quotes_table(quotes: Quotes, found: QuoteVolatilities, fitted: Fitted, flags: list[str]) -> pa.Table:
     """Return every row with its results; missing numbers are null."""
     table = quotes.table
-    messages = table[MESSAGE]
+    messages, nothing = table[MESSAGE], np.full(quotes.strike.size, np.nan)
     table = table.drop_columns([MESSAGE])
     results = {
         "expiry": quotes.expiry,
@@ -104,7 +110,9 @@ def quotes_table(quotes: Quotes, found: QuoteVolatilities, model_price: Vector, 
         "mid_volatility": found.mid,
         "ask_volatility": found.ask,
         "european_price": found.european_price,
-        "model_price": model_price,
+        **_model_volatilities(quotes, fitted),
+        "model_price": fitted.model_price,
+        "model_price_error": nothing if fitted.price_error is None else fitted.price_error,
     }
     clashing = [name for name in (*results, "status", "flags") if name in table.schema.names]
     table = table.drop_columns(clashing)  # results of an earlier fit
@@ -113,6 +121,18 @@ def quotes_table(quotes: Quotes, found: QuoteVolatilities, model_price: Vector, 
     table = table.append_column("status", pa.array(found.status.tolist(), pa.string()))
     table = table.append_column("flags", pa.array(flags, pa.string()))
     return table.append_column(MESSAGE, messages)
+
+
+def _model_volatilities(quotes: Quotes, fitted: Fitted) -> dict[str, Vector]:
+    """Return the surface's volatilities at the quotes that have a model price, and their standard errors."""
+    value, error = (np.full(quotes.strike.size, np.nan) for _ in range(2))
+    priced = np.isfinite(fitted.model_price)
+    for expiry in np.unique(quotes.expiry[priced]).tolist():
+        assert fitted.surface is not None
+        rows = priced & (quotes.expiry == expiry)
+        value[rows] = fitted.surface.volatility(quotes.strike[rows], expiry)
+        error[rows] = fitted.surface.standard_error(quotes.strike[rows], expiry)
+    return {"model_volatility": value, "model_volatility_error": error}
 
 
 def carry_table(quotes: Quotes, carry: Carry) -> pa.Table:
@@ -143,6 +163,18 @@ def pairs_table(carry: Carry) -> pa.Table:
     columns = {"expiry": expiry, "strike": strike, "residual": carry.pair_residual, "width": width}
     table = {name: numbers(column) for name, column in columns.items()}
     return pa.table({**table, "used": pa.array(carry.pair_used, pa.bool_())})
+
+
+def dividends_table(market: Market, implied: ImpliedDividends) -> pa.Table:
+    """Return the cash dividends of a market, some of them implied."""
+    errors = dict(zip(implied.time.tolist(), implied.standard_error.tolist(), strict=True))
+    dividends = market.cash_dividends
+    columns = {
+        "time": [each.time for each in dividends],
+        "amount": [each.amount for each in dividends],
+        "standard_error": [errors.get(each.time) for each in dividends],
+    }
+    return pa.table({name: pa.array(column, pa.float64()) for name, column in columns.items()})
 
 
 def numbers(column: Vector) -> pa.Array:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from pricing_core.american.contracts.curves import Curve
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE
@@ -19,27 +20,29 @@ from pricing_core.american.implied.carry_pairs import read_chain as read_pairs
 from pricing_core.american.implied.implied_carry import discount
 from pricing_core.american.price_book import checked_threads
 from pricing_core.arrays import BoolVector
+from pricing_core.chains.agreement import Agreement
 from pricing_core.chains.canonical import MESSAGE
-from pricing_core.chains.carry import Carry, fit_carry, refit_carry
-from pricing_core.chains.chain_fit import ChainFit, carry_table, pairs_table, quotes_table
+from pricing_core.chains.carry import Carry
+from pricing_core.chains.chain_fit import ChainFit, carry_table, dividends_table, pairs_table, quotes_table
 from pricing_core.chains.cleaning import Flags, as_words, counts, flag_quotes, usable
+from pricing_core.chains.fit_carry import fit_carry
 from pricing_core.chains.forward_volatilities import of_forward
-from pricing_core.chains.interruption import check_interrupt
+from pricing_core.chains.implied_dividends import (
+    NONE_IMPLIED,
+    filled,
+    imply_dividends,
+    is_implied,
+    with_dividends,
+)
 from pricing_core.chains.quotes import Quotes, read_quotes
 from pricing_core.chains.read_chain import read_chain
-from pricing_core.chains.smile_premiums import smile_premiums
-from pricing_core.chains.smiles import american_quotes, core_of, lasting, smiles_of
-from pricing_core.chains.surface.fit import fit_surface
-from pricing_core.chains.surface.implied_surface import ImpliedSurface
+from pricing_core.chains.smiles import american_quotes, smiles_of
 from pricing_core.chains.surface.smile_quotes import SmileQuotes
-from pricing_core.chains.surface.smoothing import Scales
 from pricing_core.chains.surfaces import Fitted, fit_surfaces, without_surface
 from pricing_core.chains.volatilities import QuoteVolatilities, quote_volatilities, reconcile
-from pricing_core.errors import InvalidInputError, NumericalError, Told
+from pricing_core.errors import InvalidInputError, Told
 
 ANY_VOLATILITY = 0.2  # of a market whose volatility is what is looked for
-# Scales of a first surface that is an eSSVI, but for a thousandth: it needs no repair, and tells premiums well enough.
-NEARLY_ESSVI = Scales(noise=1.0, amplitude=1e-3, length=1.0, memory=1.0)
 
 
 def fit_chain(
@@ -70,7 +73,8 @@ def fit_chain(
         Risk-free, 1/year, continuously compounded.
     cash_dividends, proportional_dividends : sequence
         Those that are known: `CashDividend`, `ProportionalDividend`, or mappings with "ex_date" or "time" and "amount"
-        or "fraction".
+        or "fraction". A cash dividend without an amount, or of None, has the one that the quotes imply, if nothing but
+        dividends is paid (`imply_dividends`); what they do not explain is part of the yield.
     valuation_date : str, date or datetime, optional
         Local time of the market; the quotes' own by default. Without a time of day expiries are whole days / 365.
     tolerance : float
@@ -96,28 +100,35 @@ def fit_chain(
     if rate is None:
         raise InvalidInputError("rate", Told("missing"), "given: a number or a curve, 1/year")
     read = read_quotes(_canonical(quotes), valuation_date)
-    market = _market(read, rate, cash_dividends, proportional_dividends)
+    market = _market(read, rate, filled(cash_dividends), proportional_dividends)
     flags = flag_quotes(read)
     good = usable(flags)
     settings: dict[str, Any] = {"tolerance": tolerance, "threads": threads, "interrupt": interrupt}
+    implied = NONE_IMPLIED
+    if any(is_implied(each) for each in cash_dividends):
+        wanted = _market(read, rate, filled([each for each in cash_dividends if is_implied(each)]), ())
+        given = [each for each in cash_dividends if not is_implied(each)]
+        market = _market(read, rate, given, proportional_dividends)
+        times = np.unique([each.time for each in wanted.cash_dividends])
+        implied = imply_dividends(market, times, lambda one: fit_carry(_pairs(read, one, good), **settings))
+        market = with_dividends(market, implied.time, implied.amount)
     pairs = _pairs(read, market, good)
     carry = fit_carry(pairs, **settings)
     flags["no_carry"] = np.full(good.size, not carry.is_known) & good
-    stage = _volatilities(read, market, flags, good, carry, settings)
-    first = _first_surface(carry, stage, market, read.exercise, interrupt)
-    if first is not None and carry.pairs is not None:
-        premiums = smile_premiums(carry.pairs, first, first.coordinates.market, interrupt)
-        carry = refit_carry(pairs, carry, premiums)
-        stage = _volatilities(read, market, flags, good, carry, settings)
-    flags["put_call_mismatch"] = stage.mismatch
-    market = replace(market, dividend_yield=carry.curve)
-    fitted = without_surface(stage.smiles, good.size, "surface: no pair of call and put tells the carry")
+    fitted = without_surface(good.size, "surface: no pair of call and put tells the carry")
     if carry.is_known:
-        smiles = lasting(stage.smiles)
-        within = good & np.isin(read.expiry, [smile.expiry for smile in smiles])
-        fitted = fit_surfaces(smiles, market, american_quotes(read, within), read.exercise, interrupt)
-    table = quotes_table(read, stage.found, fitted.model_price, as_words(flags))
-    return _fit(read, market, flags, carry, fitted, table)
+        agreement = Agreement(pairs, carry, market, american_quotes(read, good))
+        # The other quotes, whose premiums are large, are of use once these are known.
+        rows = _out_of_the_money(read, carry) if read.exercise == "american" else good
+        smiles = _volatilities(read, market, rows & _priceable(read, flags), good, carry, settings).smiles
+        start = replace(market, dividend_yield=carry.curve)
+        fitted = fit_surfaces(smiles, start, agreement.quotes, read.exercise, agreement, interrupt)
+        carry = agreement.carry
+    stage = _volatilities(read, market, _priceable(read, flags), good, carry, settings)
+    market = replace(market, dividend_yield=carry.curve)
+    flags["put_call_mismatch"] = stage.mismatch
+    table = quotes_table(read, stage.found, fitted, as_words(flags))
+    return _fit(read, market, flags, carry, fitted, stage, table, dividends_table(market, implied))
 
 
 class _Stage(NamedTuple):
@@ -129,11 +140,16 @@ class _Stage(NamedTuple):
 
 
 def _volatilities(
-    quotes: Quotes, market: Market, flags: Flags, good: BoolVector, carry: Carry, settings: dict[str, Any]
+    quotes: Quotes,
+    market: Market,
+    priceable: BoolVector,
+    good: BoolVector,
+    carry: Carry,
+    settings: dict[str, Any],
 ) -> _Stage:
-    place = np.minimum(np.searchsorted(carry.expiry, quotes.expiry), max(carry.expiry.size - 1, 0))
+    place = _places(quotes, carry)
     yields = carry.dividend_yield[place] if carry.expiry.size else np.zeros(good.size)
-    found = quote_volatilities(quotes, _priceable(quotes, flags), market, yields, **settings)
+    found = quote_volatilities(quotes, priceable, market, yields, **settings)
     smile = found
     if market.cash_dividends and carry.expiry.size:
         due = np.array([discount(market.rate, expiry) for expiry in carry.expiry.tolist()])
@@ -142,22 +158,25 @@ def _volatilities(
     return _Stage(found, smiles_of(strikes, carry), mismatch)
 
 
-def _first_surface(
-    carry: Carry, stage: _Stage, market: Market, exercise: str, interrupt: Callable[[], bool] | None
-) -> ImpliedSurface | None:
-    """Return the surface under which premiums are found again; None where there are none, or no surface."""
-    if not carry.is_known or exercise == "european":
-        return None
-    check_interrupt(interrupt)
-    try:
-        smiles = [core_of(smile) for smile in lasting(stage.smiles)]
-        return fit_surface(smiles, replace(market, dividend_yield=carry.curve), scales=NEARLY_ESSVI)
-    except (InvalidInputError, NumericalError):
-        return None
+def _places(quotes: Quotes, carry: Carry) -> NDArray[np.intp]:
+    """Return the index of each row's expiry."""
+    return np.minimum(np.searchsorted(carry.expiry, quotes.expiry), max(carry.expiry.size - 1, 0))
+
+
+def _out_of_the_money(quotes: Quotes, carry: Carry) -> BoolVector:
+    found: BoolVector = quotes.is_call == (quotes.strike >= carry.forward[_places(quotes, carry)])
+    return found
 
 
 def _fit(
-    quotes: Quotes, market: Market, flags: Flags, carry: Carry, fitted: Fitted, table: pa.Table
+    quotes: Quotes,
+    market: Market,
+    flags: Flags,
+    carry: Carry,
+    fitted: Fitted,
+    stage: _Stage,
+    table: pa.Table,
+    dividends: pa.Table,
 ) -> ChainFit:
     if fitted.local_volatility is not None:
         market = replace(market, volatility=fitted.local_volatility)
@@ -165,10 +184,11 @@ def _fit(
         quotes=table,
         carry=carry_table(quotes, carry),
         pairs=pairs_table(carry),
+        dividends=dividends,
         flags=counts(flags),
         market=market,
         valuation=quotes.valuation,
-        smiles=fitted.smiles,
+        smiles=tuple(stage.smiles),
         surface=fitted.surface,
         local_volatility=fitted.local_volatility,
         share_within_before=fitted.share_within_before,

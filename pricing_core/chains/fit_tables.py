@@ -6,14 +6,15 @@ import numpy as np
 import pyarrow as pa
 
 from pricing_core.chains.chain_fit import ChainFit, numbers
+from pricing_core.chains.surface.dupire import local_volatility_error
 from pricing_core.chains.surface.implied_surface import ImpliedSurface
 
 PARAMETERS = ("a", "b", "rho", "m", "sigma")
 
 
 def tables_of(fit: ChainFit) -> dict[str, pa.Table]:
-    """Return the tables of a fit by name: quotes, carry, pairs; surface and local_volatility where there are any."""
-    tables = {"quotes": fit.quotes, "carry": fit.carry, "pairs": fit.pairs}
+    """Return quotes, carry, pairs and dividends by name; surface and local_volatility where there are any."""
+    tables = {"quotes": fit.quotes, "carry": fit.carry, "pairs": fit.pairs, "dividends": fit.dividends}
     if fit.surface is not None:
         tables["surface"] = surface_table(fit.surface)
     if fit.local_volatility is not None:
@@ -49,14 +50,17 @@ def surface_table(surface: ImpliedSurface) -> pa.Table:
 
 
 def local_volatility_table(fit: ChainFit) -> pa.Table:
-    """Return a row per node: time (years), spot (money), volatility."""
-    local = fit.local_volatility
+    """Return a row per node: time (years), spot (money), volatility and its standard error."""
+    local, surface = fit.local_volatility, fit.surface
     assert local is not None
+    assert surface is not None
     times, spots = np.asarray(local.times), np.asarray(local.spots)
+    errors = [local_volatility_error(surface, fit.market, spots, time) for time in times.tolist()]
     return pa.table(
         {
             "time": numbers(np.repeat(times, spots.size)),
             "spot": numbers(np.tile(spots, times.size)),
             "volatility": numbers(np.ravel(local.values)),
+            "standard_error": numbers(np.concatenate(errors)),
         }
     )

@@ -55,7 +55,7 @@ def read_rates(path: str, format_: str = "auto") -> Curve:
 
 
 def read_dividends(path: str) -> list[dict[str, Any]]:
-    """Return the cash dividends of a file with columns ex_date, or time in years, and amount, money.
+    """Return the cash dividends of a file with columns ex_date, or time in years, and amount, money, None where empty.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def read_dividends(path: str) -> list[dict[str, Any]]:
         )
     found: list[dict[str, Any]] = []
     for row in range(raw.count):
-        amount = _number(raw, "amount", row)
+        amount = None if _is_empty(raw, "amount", row) else _number(raw, "amount", row)
         if dated is None:
             found.append({"time": _number(raw, "time", row), "amount": amount})
             continue
@@ -100,6 +100,11 @@ def _time(raw: RawTable, row: int) -> float:
     if any(plain_name(name) == "days" for name in raw.columns):
         return _number(raw, "days", row) / DAYS_PER_YEAR
     return _number(raw, "time", row)
+
+
+def _is_empty(raw: RawTable, wanted: str, row: int) -> bool:
+    name = next((name for name in raw.columns if plain_name(name) == wanted), None)
+    return name is not None and is_missing(raw.columns[name][row])
 
 
 def _number(raw: RawTable, wanted: str, row: int) -> float:

@@ -37,25 +37,34 @@ def joint_yields(market: Market, times: Vector, stock: Vector, error: Vector) ->
         now, jacobian = _derived(market, times, values)
         jacobian, goal = jacobian / error[:, None], (stock - now) / error
         goal += jacobian @ values
-        fits = [_fit_at(jacobian, goal, change) for change in YIELD_CHANGES.tolist()]
-        evidence = np.array([fit[2] for fit in fits]) + np.log(
-            YIELD_CHANGES
-        )  # all changes alike, not their logarithms
-        weight = np.exp(evidence - evidence.max())
-        weight /= weight.sum()
-        means = np.array([fit[0] for fit in fits])
-        found = np.clip(weight @ means, DIVIDEND_YIELD.least, DIVIDEND_YIELD.most)
+        mean, covariance = random_walk(jacobian, goal)
+        found = np.clip(mean, DIVIDEND_YIELD.least, DIVIDEND_YIELD.most)
         step, values = float(np.abs(found - values).max()), found
         if step <= SETTLED:
             break
-    spread = means - values
+    return values, covariance
+
+
+def random_walk(jacobian: Matrix, goal: Vector) -> tuple[Vector, Matrix]:
+    """Return mean and covariance of a random walk x of which jacobian @ x is goal, with errors of size 1.
+
+    How far it goes in a step is one of `YIELD_CHANGES`, each of which counts as the goal makes it likely.
+    """
+    fits = [_fit_at(jacobian, goal, change) for change in YIELD_CHANGES.tolist()]
+    # All changes are alike before, not their logarithms.
+    evidence = np.array([fit[2] for fit in fits]) + np.log(YIELD_CHANGES)
+    weight = np.exp(evidence - evidence.max())
+    weight /= weight.sum()
+    means = np.array([fit[0] for fit in fits])
+    mean: Vector = weight @ means
+    spread = means - mean
     covariance = np.einsum("k,kij->ij", weight, np.array([fit[1] for fit in fits]))
-    return values, covariance + (spread.T * weight) @ spread
+    return mean, covariance + (spread.T * weight) @ spread
 
 
 def _fit_at(jacobian: Matrix, goal: Vector, change: float) -> tuple[Vector, Matrix, float]:
-    """Return mean, covariance and the logarithm of the evidence if the yield changes so much from expiry to expiry."""
-    count = goal.size
+    """Return mean, covariance and the logarithm of the evidence if the walk changes so much in a step."""
+    count = jacobian.shape[1]
     smooth = np.diff(np.eye(count), axis=0) / change
     matrix = np.vstack([jacobian, smooth])
     right = np.concatenate([goal, np.zeros(count - 1)])

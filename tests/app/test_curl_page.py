@@ -33,7 +33,7 @@ def pattern(printed: str) -> list[str]:
 
 
 def test_every_block_is_a_line_and_its_answer() -> None:
-    assert len(LINES) == PAGE.count("```sh") == 13
+    assert len(LINES) == PAGE.count("```sh") == 14
 
 
 @pytest.mark.parametrize(("line", "printed"), LINES, ids=[str(i) for i in range(len(LINES))])

@@ -61,6 +61,7 @@ CHAIN_RESPONSE: dict[str, Any] = {
                     "quotes": TABLE,
                     "carry": TABLE,
                     "pairs": TABLE,
+                    "dividends": TABLE,
                     "surface": TABLE,
                     "local_volatility": {"type": ["object", "null"]},
                     "flags": {"type": "object", "additionalProperties": {"type": "integer"}},
@@ -68,7 +69,16 @@ CHAIN_RESPONSE: dict[str, Any] = {
                     "share_within_before": {"type": ["number", "null"]},
                     "share_within_after": {"type": ["number", "null"]},
                 },
-                "required": ["quotes", "carry", "pairs", "surface", "local_volatility", "flags", "unfitted"],
+                "required": [
+                    "quotes",
+                    "carry",
+                    "pairs",
+                    "dividends",
+                    "surface",
+                    "local_volatility",
+                    "flags",
+                    "unfitted",
+                ],
             }
         }
     },

@@ -61,7 +61,7 @@ def answer_of(fit: ChainFit) -> dict[str, Any]:
     local = fit.local_volatility
     answer: dict[str, Any] = {
         name: tables[name].to_pydict() if name in tables else None
-        for name in ("quotes", "carry", "pairs", "surface")
+        for name in ("quotes", "carry", "pairs", "dividends", "surface")
     }
     answer["local_volatility"] = (
         None

@@ -48,7 +48,8 @@ PARAMETERS = [
     _parameter("format", "Whose columns the quotes have.", {"enum": [*FORMATS], "default": "auto"}),
     _parameter(
         "cash_dividends",
-        'JSON: a list of {"ex_date": ..., "amount": ...}, or with time (years) for ex_date.',
+        'JSON: a list of {"ex_date": ..., "amount": ...}, or with time (years) for ex_date; where an amount is left '
+        "out, it is the one that the quotes imply.",
         TEXT,
     ),
     _parameter(

@@ -8,6 +8,7 @@ mod multiplier_collocation;
 mod premium_march;
 mod segment_march;
 mod sparse;
+mod strike_march;
 mod tridiagonal;
 
 use pyo3::prelude::*;
@@ -37,6 +38,8 @@ mod _kernels {
     use super::segment_march::sweep_schedules;
     #[pymodule_export]
     use super::sparse::sparse_sweeps;
+    #[pymodule_export]
+    use super::strike_march::march_strikes;
     #[pymodule_export]
     use super::tridiagonal::{
         brennan_schwartz, growing_basic_set, policy_iteration, projected_sor,

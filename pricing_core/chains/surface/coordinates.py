@@ -25,6 +25,7 @@ from pricing_core.american.contracts.curves import Curve, integral, times_of
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.implied.black_spread import black_spread, black_time_value
 from pricing_core.arrays import Vector
+from pricing_core.chains.surface.total_variance import Clock
 from pricing_core.errors import InvalidInputError
 
 LARGEST_DISTANCE = (
@@ -86,6 +87,14 @@ class Coordinates:
     def yield_integral(self, time: float) -> float:
         """Return the integral of the yield, with all that adds to it, from now to a time."""
         return integral(self._yield, time)
+
+    @cached_property
+    def clock(self) -> Clock:
+        """At which pace X runs where dividends are due."""
+        times = sorted({time for time, _, _ in self._dividends})
+        starts = [0.0, *times]
+        ratios = [self.due(start) / (self.forward(start) - self.due(start)) for start in starts]
+        return Clock(tuple(times), tuple(ratios))
 
     def breaks(self, until: float) -> list[float]:
         """Return the times after 0 and before `until` at which D or the growth change their law."""

@@ -8,22 +8,28 @@ of its own: a fixed point, which two or three rounds reach, for the premium hard
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from pricing_core.american.contracts.curves import Curve, PiecewiseConstant
 from pricing_core.american.contracts.local_volatility import LocalVolatility
 from pricing_core.american.contracts.market import Market
-from pricing_core.american.implied.black_spread import black_time_value
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.chains.interruption import check_interrupt
 from pricing_core.chains.surface.dupire import dupire
-from pricing_core.chains.surface.early_exercise import HALF, USUAL, Exercise, Resolution, early_exercise
+from pricing_core.chains.surface.early_exercise import Exercise
 from pricing_core.chains.surface.fit import fit_surface
+from pricing_core.chains.surface.forward_greeks import forward_greeks
 from pricing_core.chains.surface.implied_surface import ImpliedSurface
+from pricing_core.chains.surface.reprice import (
+    Repriced,
+    exercise_of,
+    payoff_of,
+    price_errors,
+    repriced_by,
+)
 from pricing_core.chains.surface.smile_quotes import AmericanQuotes, SmileQuotes
 from pricing_core.chains.surface.smoothing import Scales
 from pricing_core.errors import InvalidInputError, Told
@@ -31,9 +37,16 @@ from pricing_core.errors import InvalidInputError, Told
 # Largest early exercise premium, as a share of what an option is worth beyond its payoff, of a quote that tells a
 # volatility: above it the premium takes back most of what the European price gains; chosen.
 LARGEST_PREMIUM = 0.4
-NEAR = 4.5  # Farther out of the money, in standard deviations, an option has no premium; chosen.
 LEAST_VEGA = 1e-6  # Smallest vega, in spots, of a quote that tells a volatility; chosen.
-SETTLED = 5e-6  # Largest change of a model price, in spots, at which the rounds stop.
+# Changes of a model price, in spots and in the noise of its quote, the larger of which stops the rounds; chosen.
+SETTLED, SETTLED_IN_NOISE = 5e-6, 0.5
+
+
+class Carried(NamedTuple):
+    """A market with the carry of a chain, and the standard errors of ln(forward) by expiry, years."""
+
+    market: Market
+    forward_error: Mapping[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +57,9 @@ class Correction:
     ----------
     surface : ImpliedSurface
     local_volatility : LocalVolatility
-    model_price, early_exercise_premium : Vector, shape (n,)
-        Money, of each quote under the local volatility; NaN for a quote that is not two-sided.
+    model_price, price_error, early_exercise_premium : Vector, shape (n,)
+        Money, of each quote under the local volatility; NaN for a quote that is not two-sided. price_error is the
+        standard error of model_price.
     exercised : BoolVector, shape (n,)
         Whether exercise is optimal now.
     informative : BoolVector, shape (n,)
@@ -60,6 +74,7 @@ class Correction:
     surface: ImpliedSurface
     local_volatility: LocalVolatility
     model_price: Vector
+    price_error: Vector
     early_exercise_premium: Vector
     exercised: BoolVector
     informative: BoolVector
@@ -68,30 +83,19 @@ class Correction:
     largest_changes: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Repriced:
-    """The quotes that are two-sided, priced under the local volatility of a surface."""
-
-    local_volatility: LocalVolatility
-    premium: Vector
-    exercised: BoolVector
-    price: Vector
-
-    def share_within(self, quotes: AmericanQuotes) -> float:
-        """Return the share of prices within bid and ask."""
-        inside = (self.price >= quotes.bid) & (self.price <= quotes.ask)
-        return float(np.mean(inside))
-
-
 def correct(
     surface: ImpliedSurface,
     market: Market,
     american_quotes: AmericanQuotes,
     *,
-    rounds: int = 2,
+    rounds: int = 3,
+    carry: Callable[[Exercise], Carried] | None = None,
     interrupt: Callable[[], bool] | None = None,
 ) -> Correction:
     """Return the surface whose local volatility reprices American quotes.
+
+    The standard errors of prices are those of European ones, less the share of what options are worth beyond their
+    payoff that is their premium: early exercise takes back what they gain. Of those that are exercised they are 0.
 
     Parameters
     ----------
@@ -103,6 +107,9 @@ def correct(
         Of the expiries of the surface, or others.
     rounds : int
         Largest number of rounds.
+    carry : callable, optional
+        Takes the early exercise of all quotes (premiums NaN where a quote is not two-sided), and returns the market
+        with the yield at which call and put then agree; without it the yield stays what it is, and certain.
     interrupt : callable, optional
         Asked between expiries and rounds; True ends the work.
 
@@ -120,31 +127,40 @@ def correct(
         )
     quotes = american_quotes.take(usable)
     local_volatility = dupire(surface, market)
-    exercise = _exercise(surface, local_volatility, quotes, USUAL, interrupt)
-    # Both errors are of second order, and what the grid misses hardly depends on the surface.
-    missed = (exercise.premium - _exercise(surface, local_volatility, quotes, HALF, interrupt).premium) / 3.0
-    first = repriced = _repriced(surface, local_volatility, quotes, exercise, missed)
+    exercise = exercise_of(surface, local_volatility, quotes, interrupt)
+    first = repriced = repriced_by(surface, local_volatility, quotes, exercise)
     informative = np.zeros(usable.size, dtype=np.bool_)
     changes: list[float] = []
+    certain: Mapping[float, float] = {}
+    carried = Carried(market, certain)
     scales: Scales | None = None
     for _ in range(rounds):
-        smiles, informative = _smiles(surface, quotes, repriced)
+        if carry is not None:
+            held = _spread_out(american_quotes, usable, exercise.exercised.astype(np.float64)) == 1.0
+            premium = _spread_out(american_quotes, usable, repriced.premium)
+            carried = carry(Exercise(premium, held))
+            market = carried.market
+            surface = replace(surface, coordinates=replace(surface.coordinates, market=market))
+            repriced = repriced_by(surface, local_volatility, quotes, exercise)
+        smiles, informative = _smiles(surface, quotes, repriced, carried.forward_error)
         if not smiles:
             break
         check_interrupt(interrupt)
-        surface = fit_surface(smiles, market, scales=scales)
+        surface = fit_surface(smiles, market, scales=scales, interrupt=interrupt)
         scales = surface.scales
         local_volatility = dupire(surface, market)
-        exercise = _exercise(surface, local_volatility, quotes, USUAL, interrupt)
-        before, repriced = repriced, _repriced(surface, local_volatility, quotes, exercise, missed)
+        exercise = exercise_of(surface, local_volatility, quotes, interrupt)
+        before, repriced = repriced, repriced_by(surface, local_volatility, quotes, exercise)
         change = np.abs(repriced.price - before.price)
         changes.append(float(np.max(change)))
-        if np.all(change < SETTLED * market.spot):
+        noise = 0.5 * surface.scales.noise * (quotes.ask - quotes.bid)
+        if np.all(change < np.maximum(SETTLED * market.spot, SETTLED_IN_NOISE * noise)):
             break
     return Correction(
         surface,
         repriced.local_volatility,
         _spread_out(american_quotes, usable, repriced.price),
+        _spread_out(american_quotes, usable, price_errors(surface, quotes, repriced)),
         _spread_out(american_quotes, usable, repriced.premium),
         _spread_out(american_quotes, usable, repriced.exercised.astype(np.float64)) == 1.0,
         _spread_out(american_quotes, usable, informative.astype(np.float64)) == 1.0,
@@ -154,68 +170,18 @@ def correct(
     )
 
 
-def _exercise(
-    surface: ImpliedSurface,
-    local_volatility: LocalVolatility,
-    quotes: AmericanQuotes,
-    resolution: Resolution,
-    interrupt: Callable[[], bool] | None,
-) -> Exercise:
-    """Return the early exercise of all quotes, 0 where it is certain to be worth nothing."""
-    market = surface.coordinates.market
-    premium, exercised = np.zeros(quotes.mid.size), np.zeros(quotes.mid.size, dtype=np.bool_)
-    for expiry in np.unique(quotes.expiry).tolist():
-        check_interrupt(interrupt)
-        spread = math.sqrt(float(surface.variance.at(np.zeros(1), expiry)[0].value[0]))
-        for option_type, sign in (("put", 1.0), ("call", -1.0)):
-            ahead = sign * np.log(quotes.strike / market.spot) > -NEAR * spread
-            rows = np.flatnonzero((quotes.expiry == expiry) & (quotes.option_type == option_type) & ahead)
-            if rows.size == 0 or _never_exercised(market, option_type, expiry):
-                continue
-            found = early_exercise(
-                local_volatility,
-                market,
-                surface.coordinates,
-                option_type,
-                quotes.strike[rows],
-                expiry,
-                spread,
-                resolution,
-            )
-            premium[rows], exercised[rows] = found.premium, found.exercised
-    return Exercise(premium, exercised)
-
-
-def _repriced(
-    surface: ImpliedSurface,
-    local_volatility: LocalVolatility,
-    quotes: AmericanQuotes,
-    exercise: Exercise,
-    missed: Vector,
-) -> _Repriced:
-    """Price all quotes: the European price of the surface and the premium, the payoff where it is exercised."""
-    price = np.empty(quotes.mid.size)
-    for expiry in np.unique(quotes.expiry).tolist():
-        for option_type in ("put", "call"):
-            rows = np.flatnonzero((quotes.expiry == expiry) & (quotes.option_type == option_type))
-            price[rows] = surface.european_price(option_type, quotes.strike[rows], expiry)
-    spot = surface.coordinates.market.spot
-    payoff = np.where(quotes.is_call, spot - quotes.strike, quotes.strike - spot)
-    premium = np.maximum(exercise.premium + missed, 0.0)
-    price = np.where(exercise.exercised, payoff, np.maximum(price + premium, payoff))
-    return _Repriced(local_volatility, premium, exercise.exercised, price)
-
-
 def _smiles(
-    surface: ImpliedSurface, quotes: AmericanQuotes, repriced: _Repriced
+    surface: ImpliedSurface,
+    quotes: AmericanQuotes,
+    repriced: Repriced,
+    forward_error: Mapping[float, float],
 ) -> tuple[list[SmileQuotes], BoolVector]:
     """Return the volatilities that the mids mean, the premiums as they are, and which quotes they come from.
 
     To first order about the surface, so that the noise of a quote stays as it is whatever its sign.
     """
     spot = surface.coordinates.market.spot
-    payoff = np.maximum(np.where(quotes.is_call, spot - quotes.strike, quotes.strike - spot), 0.0)
-    beyond = np.maximum(repriced.price - payoff, 1e-12 * spot)
+    beyond = np.maximum(repriced.price - payoff_of(surface, quotes), 1e-12 * spot)
     informative = ~repriced.exercised & (repriced.premium < LARGEST_PREMIUM * beyond) & (quotes.bid > 0.0)
     found = []
     for expiry in np.unique(quotes.expiry).tolist():
@@ -223,35 +189,27 @@ def _smiles(
         rows = rows[np.argsort(quotes.strike[rows], kind="stable")]
         forward, strike = surface.coordinates.forward(expiry), quotes.strike[rows]
         volatility, k = surface.volatility(strike, expiry), np.log(strike / forward)
-        unit = np.minimum(forward, strike) * surface.coordinates.discount(expiry) * math.sqrt(expiry)
-        vega = black_time_value(np.abs(k), volatility * math.sqrt(expiry))[1] * unit
+        discount = surface.coordinates.discount(expiry)
+        gained, delta = forward_greeks("call", forward, strike, volatility, expiry)
+        vega, delta = discount * gained, discount * np.where(quotes.is_call[rows], delta, delta - 1.0)
         told = vega > LEAST_VEGA * spot
         informative[rows[~told]] = False
         if told.any():
             changed = volatility + (quotes.mid - repriced.price)[rows] / vega
             deviation = 0.5 * (quotes.ask - quotes.bid)[rows] / vega
-            columns = (column[told] for column in (k, strike, changed, deviation))
-            found.append(SmileQuotes(expiry, forward, *columns))
+            found.append(
+                SmileQuotes(
+                    expiry,
+                    forward,
+                    k[told],
+                    strike[told],
+                    changed[told],
+                    deviation[told],
+                    forward_error.get(expiry, 0.0),
+                    -forward * (delta / vega)[told],
+                )
+            )
     return found, informative
-
-
-def _never_exercised(market: Market, option_type: str, expiry: float) -> bool:
-    """Whether early exercise is worth nothing: of a call without dividends and yield."""
-    if option_type == "put":
-        return False
-    paid = [each.time for each in market.cash_dividends] + [
-        each.time for each in market.proportional_dividends
-    ]
-    if any(0.0 < time <= expiry for time in paid):
-        return False
-    lowest_rate = min(_values(market.rate))
-    return all(most <= min(0.0, lowest_rate) for most in _values(market.dividend_yield)) and (
-        market.borrow_rate == 0.0 and market.underlying == "spot" and market.foreign_rate is None
-    )
-
-
-def _values(curve: Curve) -> tuple[float, ...]:
-    return curve.values if isinstance(curve, PiecewiseConstant) else (curve,)
 
 
 def _spread_out(quotes: AmericanQuotes, rows: np.ndarray, values: Vector) -> Vector:

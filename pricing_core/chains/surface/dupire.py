@@ -14,7 +14,6 @@ from pricing_core.chains.surface.arbitrage import durrleman
 from pricing_core.chains.surface.coordinates import Coordinates
 from pricing_core.chains.surface.implied_surface import COMPLEX_STEP, ImpliedSurface
 from pricing_core.chains.surface.jet import Jet
-from pricing_core.chains.surface.total_variance import between_expiries
 from pricing_core.errors import InvalidInputError
 
 BETWEEN = 3  # Number of nodes in time between two expiries, and before the first; chosen.
@@ -83,7 +82,7 @@ def local_volatility_error(surface: ImpliedSurface, market: Market, spots: Array
             parts = [smile.value, smile.first, smile.second]
             parts[order] = parts[order] + 1j * step
             moved = [*smiles[:i], Jet(*parts), *smiles[i + 1 :]]
-            jet, by_time = between_expiries(surface.expiries, moved, time, surface.variance.growth)
+            jet, by_time = surface.variance.between(moved, x, time)
             changed = np.imag(by_time / durrleman(x, jet)) / step
             if changed.any():
                 terms.append((i, order, changed))

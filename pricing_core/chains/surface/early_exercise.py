@@ -1,10 +1,9 @@
 """Early exercise premiums of all strikes of an expiry under one local volatility, from one march.
 
 The local volatility is the same for all strikes, so on one grid in ln S they share the matrix of every step, and a step
-for all of them is two triangular solves with many right sides. The linear complementarity problem of a step is solved
-exactly by Brennan and Schwartz's (1977) elimination: eliminate towards the exercise region, where the solution leaves
-the obstacle at the first node whose eliminated right side exceeds what contact up to there would give. The premium is
-the American less the European value of the same march, in which most of the error of the grid cancels.
+for all of them is one elimination with many right sides (`march_strikes` of the kernel), in which Brennan and
+Schwartz's (1977) substitution solves the linear complementarity problem exactly. The premium is the American less the
+European value of the same march, in which most of the error of the grid cancels.
 """
 
 from __future__ import annotations
@@ -15,8 +14,8 @@ from itertools import pairwise
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg.lapack import dtbtrs
 
+from pricing_core import kernel
 from pricing_core.american.contracts.curves import integral
 from pricing_core.american.contracts.local_volatility import LocalVolatility, hat_weights
 from pricing_core.american.contracts.market import Market
@@ -25,26 +24,8 @@ from pricing_core.chains.surface.coordinates import Coordinates
 
 REACH = 5.5  # How far the grid reaches from the spot, in standard deviations; chosen.
 FEWEST = 8  # Smallest number of steps between two events; chosen.
+HALF, STEPS = 200, 80  # Nodes on each side of the spot, and steps to an expiry without events; chosen.
 TINY = 1e-25  # Added to all values, in spots: far from the strike they would leave the normal floating-point numbers.
-
-
-@dataclass(frozen=True, slots=True)
-class Resolution:
-    """How fine a march is.
-
-    Parameters
-    ----------
-    half : int
-        Number of nodes on each side of the spot.
-    steps : int
-        Number of steps to an expiry without events; between events in proportion to the root of the time, at least 8.
-    """
-
-    half: int
-    steps: int
-
-
-USUAL, HALF = Resolution(90, 32), Resolution(45, 16)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +52,10 @@ def early_exercise(
     strike: Vector,
     expiry: float,
     spread: float,
-    resolution: Resolution = USUAL,
 ) -> Exercise:
-    """Return the early exercise premiums of options of one type and expiry.
+    """Return the early exercise premiums of options of one type and expiry, to about 5e-6 of the spot.
+
+    Those of two grids, one twice as fine as the other, extrapolated: both errors are of second order.
 
     Where exercise is optimal between two spots, as under negative rates, the inner boundary is found by projection, to
     first order in the step.
@@ -84,12 +66,10 @@ def early_exercise(
     spread : float
         Standard deviation of the logarithm of the spot at expiry, for the width of the grid.
     """
-    march = _March.of(local_volatility, market, coordinates, option_type, strike, expiry, spread, resolution)
-    american, european = march.values()
-    at = march.at_spot
-    payoff = march.obstacle[:, at]
-    premium = np.maximum(american[:, at] - european[:, at], 0.0)
-    return Exercise(premium, (american[:, at] <= payoff) & (payoff > 0.0))
+    given = (local_volatility, market, coordinates, option_type, strike, expiry, spread)
+    fine, coarse = (_March.of(*given, HALF // part, STEPS // part).exercise() for part in (1, 2))
+    premium = fine.premium + (fine.premium - coarse.premium) / 3.0
+    return Exercise(np.maximum(premium, 0.0), fine.exercised)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +80,12 @@ class _March:
     ----------
     spots : Vector, shape (N,)
         From the side of the exercise region: increasing for puts, decreasing for calls.
-    strike : Vector, shape (n, 1)
-    obstacle : Matrix, shape (n, N)
+    strike : Vector, shape (n,)
+    obstacle : Matrix, shape (N, n)
         The payoff at the nodes.
+    half, steps : int
+        Number of nodes on each side of the spot, and of steps to an expiry without events; between events in proportion
+        to the root of the time, at least `FEWEST`.
     variances : Matrix, shape (M, N)
         Squared local volatility at its own times.
     """
@@ -111,11 +94,12 @@ class _March:
     coordinates: Coordinates
     local_volatility: LocalVolatility
     expiry: float
-    resolution: Resolution
+    half: int
+    steps: int
     spots: Vector
     width: float
     sign: float
-    strike: Matrix
+    strike: Vector
     obstacle: Matrix
     variances: Matrix
 
@@ -129,48 +113,49 @@ class _March:
         strike: Vector,
         expiry: float,
         spread: float,
-        resolution: Resolution,
+        half: int,
+        steps: int,
     ) -> _March:
         """Return the march of options of one type and expiry."""
         sign = 1.0 if option_type == "put" else -1.0
         drift = abs(math.log(coordinates.forward(expiry) / market.spot))
-        half = resolution.half
         width = (REACH * spread + drift) / half
         spots = market.spot * np.exp(sign * width * np.arange(-half, half + 1))
-        column = strike[:, None]
-        obstacle = np.maximum(sign * (column - spots), 0.0)
+        obstacle = np.maximum(sign * (strike - spots[:, None]), 0.0)
         variances = local_volatility.at_nodes_of_time(spots) ** 2
         return cls(
             market,
             coordinates,
             local_volatility,
             expiry,
-            resolution,
+            half,
+            steps,
             spots,
             width,
             sign,
-            column,
+            strike,
             obstacle,
             variances,
         )
 
-    @property
-    def at_spot(self) -> int:
-        """Index of the spot."""
-        return self.resolution.half
+    def exercise(self) -> Exercise:
+        """Return what early exercise is worth at the spot."""
+        american, european = (values[self.half] for values in self.values())
+        payoff = self.obstacle[self.half]
+        return Exercise(american - european, (american <= payoff) & (payoff > 0.0))
 
     def values(self) -> tuple[Matrix, Matrix]:
-        """Return the American and the European values now, each of shape (n, N)."""
+        """Return the American and the European values now, each of shape (N, n)."""
         events = self._events()
         times = [self.expiry, *sorted((t for t in events if t < self.expiry), reverse=True), 0.0]
-        both = np.tile(self._payoff(*events.get(self.expiry, (1.0, 0.0))), (2, 1)) + TINY * self.market.spot
+        both = np.tile(self._payoff(*events.get(self.expiry, (1.0, 0.0))), (1, 2)) + TINY * self.market.spot
         if self.expiry in events:
-            both[: self.strike.size] = np.maximum(both[: self.strike.size], self.obstacle)
+            both[:, : self.strike.size] = np.maximum(both[:, : self.strike.size], self.obstacle)
         for late, early in pairwise(times):
             both = self._marched(both, late, early)
             if early in events and early > 0.0:
                 both = self._before(both, *events[early])
-        return both[: self.strike.size], both[self.strike.size :]
+        return both[:, : self.strike.size], both[:, self.strike.size :]
 
     def _events(self) -> dict[float, tuple[float, float]]:
         """Return the fraction kept and the amount paid at each ex-time up to expiry."""
@@ -190,8 +175,8 @@ class _March:
         return np.maximum(kept * self.spots - amount, 1e-12 * self.spots)
 
     def _payoff(self, kept: float, amount: float) -> Matrix:
-        """Return the means of the payoffs over the cells of the nodes, after a dividend, shape (n, N)."""
-        spots = self._after(kept, amount)
+        """Return the means of the payoffs over the cells of the nodes, after a dividend, shape (N, n)."""
+        spots = self._after(kept, amount)[:, None]
         low, high = (np.log(spots) + half * self.width for half in (-0.5, 0.5))
         edge = np.clip(np.log(self.strike), low, high)
         start, end = (low, edge) if self.sign > 0.0 else (edge, high)
@@ -201,29 +186,26 @@ class _March:
     def _before(self, both: Matrix, kept: float, amount: float) -> Matrix:
         """Return the values just before an ex-time: those after it at the spot less the dividend, or the payoff."""
         weights = _interpolation(self.spots, self._after(kept, amount), self.width * self.sign)
-        moved = np.ascontiguousarray((weights @ both.T).T)
-        count = self.strike.size
-        moved[:count] = np.maximum(moved[:count], self.obstacle)
+        moved, count = np.asarray(weights @ both), self.strike.size
+        moved[:, :count] = np.maximum(moved[:, :count], self.obstacle)
         return moved
 
     def _marched(self, both: Matrix, late: float, early: float) -> Matrix:
         """Return the values at an earlier time, no event between, by BDF2 with steps that are finer at both ends."""
-        steps = max(FEWEST, math.ceil(self.resolution.steps * math.sqrt((late - early) / self.expiry)))
+        steps = max(FEWEST, math.ceil(self.steps * math.sqrt((late - early) / self.expiry)))
         times = late - (late - early) * np.sin(0.5 * np.pi * np.arange(steps + 1) / steps) ** 2
         variances = hat_weights(self.local_volatility.times, times[1:]) @ self.variances
-        before, h_before = both, math.inf
-        for n, (end, start) in enumerate(pairwise(times.tolist())):
+        factors, matrices, h_before = [], [], math.inf
+        for variance, (end, start) in zip(variances, pairwise(times.tolist()), strict=True):
             ratio = (end - start) / h_before
             now = (1.0 + 2.0 * ratio) / (1.0 + ratio)
-            right = (1.0 + ratio) * both - (ratio**2 / (1.0 + ratio)) * before
-            before, h_before = both, end - start
-            both = self._solved(self._matrix(variances[n], now, start, end), right)
-        return both
+            factors.append((1.0 + ratio, ratio**2 / (1.0 + ratio)))
+            matrices.append(self._matrix(variance, now, start, end))
+            h_before = end - start
+        return np.asarray(kernel.march_strikes(np.array(factors), np.array(matrices), both, self.obstacle))
 
-    def _matrix(
-        self, variance: Vector, now: float, start: float, end: float
-    ) -> tuple[Vector, Vector, Vector]:
-        """Return now I - h L as its lower, middle and upper diagonal, each of shape (N,).
+    def _matrix(self, variance: Vector, now: float, start: float, end: float) -> Matrix:
+        """Return now I - h L as its lower, middle and upper diagonal, shape (3, N).
 
         L v = sigma^2 (v_xx - v_x)/2 + (r - q) v_x - r v; straight in S at both ends.
         """
@@ -236,35 +218,7 @@ class _March:
         lower, upper = second - slope, second + slope
         ends = self.sign * (rate - held) / self.width
         lower[0], upper[0], lower[-1], upper[-1] = 0.0, ends, -ends, 0.0
-        return -lower, now + rate + lower + upper, -upper
-
-    def _solved(self, matrix: tuple[Vector, Vector, Vector], right: Matrix) -> Matrix:
-        """Solve the complementarity problems of the American rows and the linear ones of the European rows."""
-        lower, middle, upper = matrix
-        pivots = _pivots(lower, middle, upper)
-        factors = np.ones((2, middle.size))
-        factors[0, 1:] = upper[:-1] / pivots[1:]
-        eliminated = dtbtrs(factors, right.T, uplo="U", overwrite_b=1)[0].T
-        count, g = self.strike.size, self.obstacle
-        contact = pivots * g
-        contact[:, 1:] += lower[1:] * g[:, :-1]
-        free = eliminated[:count] > contact
-        free[:, -1] = True
-        held = np.arange(middle.size) < np.argmax(free, axis=1)[:, None]
-        np.copyto(eliminated[:count], contact, where=held)
-        factors[0], factors[1, :-1] = pivots, lower[1:]
-        found = dtbtrs(factors, eliminated.T, uplo="L", overwrite_b=1)[0].T
-        np.maximum(found[:count], g, out=found[:count])
-        return np.asarray(found)
-
-
-def _pivots(lower: Vector, middle: Vector, upper: Vector) -> Vector:
-    """Return the pivots of the elimination from the last node to the first."""
-    found = middle.tolist()
-    low, high = lower.tolist(), upper.tolist()
-    for j in range(len(found) - 2, -1, -1):
-        found[j] -= high[j] * low[j + 1] / found[j + 1]
-    return np.array(found)
+        return np.array([-lower, now + rate + lower + upper, -upper])
 
 
 def _interpolation(spots: Vector, places: Vector, step: float) -> sparse.csr_matrix:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from pricing_core.arrays import Matrix, Vector
+from pricing_core.chains.interruption import check_interrupt
 
 LARGEST_SLOPE = 1.9  # Largest slope of a wing, below the 2 of Lee (2004).
 LEAST_GROWTH = 1e-4  # Least relative growth of the variance at the money from one expiry to the next; chosen.
@@ -64,7 +65,11 @@ class ESSVI:
         return 0.5 * (self.theta + chi * x + root), root
 
 
-def calibrate_essvi(smiles: Sequence[tuple[Vector, Vector, Vector]], starts: Sequence[ESSVI]) -> list[ESSVI]:
+def calibrate_essvi(
+    smiles: Sequence[tuple[Vector, Vector, Vector]],
+    starts: Sequence[ESSVI],
+    interrupt: Callable[[], bool] | None = None,
+) -> list[ESSVI]:
     """Fit a smile per expiry, in the order of the expiries, each within what the one before leaves free of arbitrage.
 
     Parameters
@@ -76,6 +81,7 @@ def calibrate_essvi(smiles: Sequence[tuple[Vector, Vector, Vector]], starts: Seq
     """
     found: list[ESSVI] = []
     for smile, start in zip(smiles, starts, strict=True):
+        check_interrupt(interrupt)
         found.append(_calibrated(smile, start, found[-1] if found else None))
     return found
 

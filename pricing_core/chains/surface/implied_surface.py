@@ -8,15 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pricing_core.american.contracts.local_volatility import hat_weights
 from pricing_core.american.implied.black_spread import black_time_value
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.chains.surface.arbitrage import NoArbitrage
 from pricing_core.chains.surface.coordinates import Coordinates
 from pricing_core.chains.surface.essvi import ESSVI
+from pricing_core.chains.surface.forward_greeks import forward_greeks
 from pricing_core.chains.surface.jet import Jet
 from pricing_core.chains.surface.smoothing import Scales
 from pricing_core.chains.surface.svi import SVI
-from pricing_core.chains.surface.total_variance import TotalVariance, between_expiries
+from pricing_core.chains.surface.total_variance import TotalVariance
 from pricing_core.errors import InvalidInputError
 
 COMPLEX_STEP = 1e-30  # Relative step of derivatives along the imaginary axis, which lose no digits.
@@ -71,7 +73,11 @@ class ImpliedSurface:
     variance : TotalVariance
         Total variance in that coordinate.
     covariance : Matrix, shape (m n, m n)
-        Of the coefficients of all smiles.
+        Of the coefficients of all smiles, the forwards being certain.
+    by_forward : Matrix, shape (m n, m)
+        What the coefficients change by with a standard error of each expiry's forward.
+    forward_error : Vector, shape (m,)
+        Standard errors of ln(forward).
     statuses : tuple of ExpiryFit
         For each of the expiries that were given.
     proof : NoArbitrage
@@ -85,6 +91,8 @@ class ImpliedSurface:
     coordinates: Coordinates
     variance: TotalVariance
     covariance: Matrix
+    by_forward: Matrix
+    forward_error: Vector
     statuses: tuple[ExpiryFit, ...]
     proof: NoArbitrage
     scales: Scales
@@ -128,28 +136,54 @@ class ImpliedSurface:
     def standard_error(self, strike: ArrayLike, expiry: float) -> Vector:
         """Return the standard errors of implied volatilities, at strikes of any shape.
 
-        They hold the noise of the quotes, estimated from their residuals, and what is not known between the quotes.
+        They hold the noise of the quotes, estimated from their residuals, what is not known between the quotes, and
+        what is not known of the forwards.
         """
         strikes, by_variance = np.asarray(strike, dtype=np.float64), self._volatility(strike, expiry)[1]
-        x = self.coordinates.x(strikes.ravel(), expiry)
-        smiles, places = self.variance.smiles(x), range(self.expiries.size)
-        gradient = {}
-        for i in places:
+        x, terms = self._terms(strikes.ravel(), expiry)
+        return np.asarray(self.spread(x, terms).reshape(strikes.shape) * by_variance)
+
+    def price_error(self, option_type: str, strike: ArrayLike, expiry: float) -> Vector:
+        """Return the standard errors of European prices, money, at strikes of any shape.
+
+        An error of the forward moves a price directly, and through the volatilities that the quotes then have.
+        """
+        strikes = np.asarray(strike, dtype=np.float64)
+        flat = strikes.ravel()
+        volatility, by_variance = self._volatility(flat, expiry)
+        forward, discount = self.coordinates.forward(expiry), self.coordinates.discount(expiry)
+        vega, delta = forward_greeks(option_type, forward, flat, volatility, expiry)
+        weights = hat_weights(self.expiries, np.array([expiry]))[0] * self.forward_error
+        x, terms = self._terms(flat, expiry)
+        factor = discount * vega * by_variance
+        terms = [(i, order, factor * values) for i, order, values in terms]
+        directly = discount * forward * delta[:, None] * weights
+        return np.asarray(self.spread(x, terms, directly).reshape(strikes.shape))
+
+    def _terms(self, strike: Vector, expiry: float) -> tuple[Vector, list[tuple[int, int, Vector]]]:
+        """Return the coordinates of strikes, and by what the smiles there count for the total variance."""
+        x = self.coordinates.x(strike, expiry)
+        x = np.where(np.isfinite(x), x, 0.0)
+        smiles, terms = self.variance.smiles(x), []
+        for i in range(self.expiries.size):
             step = COMPLEX_STEP * np.maximum(np.abs(smiles[i].value), 1e-300)
             moved = list(smiles)
             moved[i] = Jet(smiles[i].value + 1j * step, smiles[i].first, smiles[i].second)
-            jet, _ = between_expiries(self.expiries, moved, expiry, self.variance.growth)
+            jet, _ = self.variance.between(moved, x, expiry)
             if np.iscomplexobj(jet.value) and np.any(np.imag(jet.value) != 0.0):
-                gradient[i] = np.imag(jet.value) / step
-        spread = self.spread(x, [(i, 0, values) for i, values in gradient.items()])
-        return np.asarray(spread.reshape(strikes.shape) * by_variance)
+                terms.append((i, 0, np.imag(jet.value) / step))
+        return x, terms
 
-    def spread(self, x: Vector, terms: list[tuple[int, int, Vector]]) -> Vector:
+    def spread(
+        self, x: Vector, terms: list[tuple[int, int, Vector]], directly: Matrix | None = None
+    ) -> Vector:
         """Return the standard deviation of sums of smiles and their derivatives at the coordinate x, shape (k,).
 
         Parameters
         ----------
         terms : list of (expiry's index, order of the derivative 0 to 2, factors of shape (k,))
+        directly : Matrix, shape (k, m), optional
+            What is added with a standard error of each expiry's forward.
         """
         n = self.variance.basis.size
         rows = np.zeros((x.size, n * self.expiries.size))
@@ -161,8 +195,9 @@ class ImpliedSurface:
                 rows[:, i * n : (i + 1) * n] += factors[:, None] * by_order[order]
         used = np.flatnonzero(rows.any(axis=0))
         part = rows[:, used]
-        spread = np.einsum("ij,ij->i", part @ self.covariance[np.ix_(used, used)], part)
-        return np.asarray(np.sqrt(np.maximum(spread, 0.0)))
+        variance = np.einsum("ij,ij->i", part @ self.covariance[np.ix_(used, used)], part)
+        shifted = part @ self.by_forward[used] + (0.0 if directly is None else directly)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0) + (shifted**2).sum(axis=1)))
 
     def _volatility(self, strike: ArrayLike, expiry: float) -> tuple[Vector, Vector]:
         """Return volatilities and their derivatives by the total variance of X."""

@@ -29,6 +29,10 @@ class SmileQuotes:
         1/sqrt(year), at mid.
     deviation : Vector, shape (n,)
         Standard deviation of the volatility: half the width of bid to ask, in volatility.
+    forward_error : float
+        Standard error of ln(forward), in what is reported of the fit; 0 where the forward is certain.
+    by_forward : Vector, shape (n,), optional
+        What a volatility changes by with ln(forward), the price of the quote being what it is; 0 by default.
 
     A quote of which a number is missing (NaN) or a deviation is not above 0 is left out of a fit.
 
@@ -44,9 +48,13 @@ class SmileQuotes:
     strike: Vector
     volatility: Vector
     deviation: Vector
+    forward_error: float = 0.0
+    by_forward: Vector | None = None
 
     def __post_init__(self) -> None:
-        _read_columns(self, ("log_moneyness", "strike", "volatility", "deviation"))
+        if self.by_forward is None:
+            object.__setattr__(self, "by_forward", np.zeros(np.shape(self.deviation)))
+        _read_columns(self, ("log_moneyness", "strike", "volatility", "deviation", "by_forward"))
 
     @property
     def usable(self) -> BoolVector:

@@ -15,7 +15,7 @@ on average.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -25,6 +25,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.optimize import minimize
 
 from pricing_core.arrays import Matrix, Vector
+from pricing_core.chains.interruption import check_interrupt
 from pricing_core.chains.surface.essvi import ESSVI
 from pricing_core.chains.surface.smile_basis import DEGREE, SmileBasis
 from pricing_core.errors import NumericalError
@@ -200,7 +201,7 @@ class SmoothingProblem:
             + vague
         )
 
-    def most_likely(self, start: Scales | None = None) -> Scales:
+    def most_likely(self, start: Scales | None = None, interrupt: Callable[[], bool] | None = None) -> Scales:
         """Return the four numbers of the largest marginal likelihood (Nelder and Mead's simplex)."""
         first = CENTRES.copy() if start is None else start.logs()
         if start is None:
@@ -209,6 +210,7 @@ class SmoothingProblem:
         corners = first + np.vstack([np.zeros(4), np.diag([-1.0, 1.0, 0.3, 0.7])])
 
         def misfit(logs: Vector) -> float:
+            check_interrupt(interrupt)
             return self.misfit(Scales.of(logs))
 
         search: Any = {"initial_simplex": corners, "maxfev": EVALUATIONS, "xatol": 0.03, "fatol": 0.1}
@@ -283,6 +285,24 @@ class Posterior:
         solved = cho_solve_banded((self.factor, True), columns, check_finite=False)
         covariance: Matrix = columns.T @ solved
         return covariance
+
+    def responses(self, shifts: Sequence[Vector]) -> Matrix:
+        """Return what the coefficients of all smiles change by if the quotes of an expiry do, shape (m n, m).
+
+        Parameters
+        ----------
+        shifts : sequence of Vector, shape (n_i,)
+            What the quotes of each expiry change by, in their deviations.
+        """
+        problem, n = self.problem, self.problem.basis.size
+        sides = np.zeros((problem.unknowns, problem.expiries.size))
+        for i, (design, shift) in enumerate(zip(problem.designs, shifts, strict=True)):
+            sides[i * problem.block : (i + 1) * problem.block, i] = design.T @ shift / self.scales.noise**2
+        solved = cho_solve_banded((self.factor, True), sides, check_finite=False)
+        found = np.empty((n * problem.expiries.size, problem.expiries.size))
+        for i, own in enumerate(problem.maps):
+            found[i * n : (i + 1) * n] = own @ solved[i * problem.block : (i + 1) * problem.block]
+        return found
 
 
 def _correlation(expiries: Vector, memory: float) -> tuple[Vector, Vector]:

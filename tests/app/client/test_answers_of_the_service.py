@@ -4,6 +4,7 @@ import asyncio
 import random
 from collections.abc import Iterator
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import polars as pl
 import pyarrow as pa
 import pytest
 
-from app.client import AsyncClient, Client, ServiceRefusedError
+from app.client import AsyncClient, ChainAnswer, Client, ServiceRefusedError
 from pricing_core.american import (
     CashDividend,
     Market,
@@ -26,8 +27,11 @@ from pricing_core.american import (
     value_surface,
 )
 from pricing_core.american.contracts.dividends import ProportionalDividend
+from pricing_core.chains import fit_chain, read_chain
 from pricing_core.errors import InvalidInputError
 from tests.app.service.server_process import Server, running
+
+CHAIN = Path(__file__).parents[2] / "data" / "chains" / "generic.csv"
 
 
 @pytest.fixture(scope="module")
@@ -195,3 +199,22 @@ def test_a_service_that_wants_a_key_refuses_to_answer_without(tmp_path: Any) -> 
             with Client(address, key) as client, pytest.raises(ServiceRefusedError) as raised:
                 client.price(Option("put", 100.0, 1.0), Market(100.0, rate=0.05, volatility=0.2))
             assert raised.value.status == 401
+
+
+def test_a_chain_is_fitted_as_the_library_fits_it(client: Client, server: Server) -> None:
+    quotes, dividends = read_chain(CHAIN), [{"time": 0.1, "amount": 0.5}]
+    expected = fit_chain(quotes, 0.04, cash_dividends=dividends)
+
+    async def ask() -> ChainAnswer:
+        async with AsyncClient(f"http://127.0.0.1:{server.port}") as other:
+            return await other.chain(CHAIN, 0.04, cash_dividends=dividends)
+
+    for found in (client.chain(quotes, 0.04, cash_dividends=dividends), asyncio.run(ask())):
+        assert found.quotes["status"].to_pylist() == expected.quotes["status"].to_pylist()
+        assert found.carry["forward"].to_pylist() == pytest.approx(expected.carry["forward"].to_pylist())
+        assert found.dividends["amount"].to_pylist() == [0.5]
+        assert found.local_volatility is not None
+        np.testing.assert_allclose(found.local_volatility.values, expected.local_volatility.values, rtol=1e-6)
+        assert (dict(found.flags), dict(found.unfitted)) == (dict(expected.flags), expected.unfitted)
+    with pytest.raises(InvalidInputError, match="rate"):
+        client.chain(quotes, 5.0)

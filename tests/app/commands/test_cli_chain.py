@@ -14,7 +14,7 @@ from pricing_core.chains import fit_chain, read_chain
 
 SAMPLES = Path(__file__).parents[2] / "data" / "chains"
 PNG = b"\x89PNG"
-TABLES = ("quotes", "carry", "pairs", "surface", "local_volatility")
+TABLES = ("quotes", "carry", "pairs", "dividends", "surface", "local_volatility")
 PICTURES = ("smiles", "total_variance", "forward", "boundaries", "residuals")
 
 
@@ -58,6 +58,14 @@ def test_a_row_that_cannot_be_read_is_told_and_ends_with_1(tmp_path: Path) -> No
     found = pricing("chain", tmp_path / "quotes.csv", tmp_path / "out", "--rate", "0.04")
     assert found.returncode == 1
     assert "flagged unreadable: 1\nrow 1: underlying_price = 'oops': must be a number" in found.stdout
+
+
+def test_a_file_of_which_all_has_expired_ends_with_1(tmp_path: Path) -> None:
+    options = ("--rate", "0.04", "--valuation-date", "2036-01-02")
+    found = pricing("chain", SAMPLES / "generic.csv", tmp_path / "out", *options)
+    assert (found.returncode, found.stderr) == (1, "")
+    assert "flagged expired: 12\n" in found.stdout
+    assert found.stdout.endswith("surface: no pair of call and put tells the carry\n")
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from pricing_core.american import LocalVolatility, Market, implied_volatility_many, price_many
 from pricing_core.chains.surface.coordinates import Coordinates
 from pricing_core.chains.surface.correct import correct
-from pricing_core.chains.surface.early_exercise import HALF, USUAL, early_exercise
+from pricing_core.chains.surface.early_exercise import early_exercise
 from pricing_core.chains.surface.fit import fit_surface
 from pricing_core.chains.surface.smile_quotes import AmericanQuotes, SmileQuotes
 from pricing_core.errors import InvalidInputError
@@ -31,21 +31,18 @@ def test_premiums_extrapolated_are_those_of_the_engines_under_a_flat_volatility(
     )
     flat = LocalVolatility([0.0, 1.0], [50.0, 200.0], [[0.25, 0.25], [0.25, 0.25]])
     coordinates = Coordinates(market, expiry)
-    fine, coarse = (
-        early_exercise(flat, market, coordinates, option_type, strike, expiry, spread, resolution)
-        for resolution in (USUAL, HALF)
-    )
+    premiums = early_exercise(flat, market, coordinates, option_type, strike, expiry, spread)
     columns = {"option_type": option_type, "spot": 100.0, "strike": strike, "expiry": expiry, "rate": 0.05}
     columns |= {"dividend_yield": 0.03, "volatility": 0.25} | (
         {"cash_dividends": dividends} if dividends else {}
     )
     table = price_many(columns, tolerance=1e-8, greeks="none")
-    held = ~fine.exercised
-    found = (fine.premium + (fine.premium - coarse.premium) / 3.0)[held]
-    assert found == pytest.approx((table["price"] - table["european_price"])[held], abs=1.5e-5 * 100.0)
+    held = ~premiums.exercised
+    true = (table["price"] - table["european_price"])[held]
+    assert premiums.premium[held] == pytest.approx(true, abs=5e-6 * 100.0)
     ahead = np.where(option_type == "put", strike - 100.0, 100.0 - strike)
-    assert np.all(ahead[fine.exercised] > 0.0)
-    assert table["price"][fine.exercised] == pytest.approx(ahead[fine.exercised], abs=5e-5 * 100.0)
+    assert np.all(ahead[premiums.exercised] > 0.0)
+    assert table["price"][premiums.exercised] == pytest.approx(ahead[premiums.exercised], abs=1e-5 * 100.0)
 
 
 def american_chain(noise, seed):

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from pricing_core.american import Market
+from pricing_core.american.implied.black_spread import black_spread, black_time_value
 from pricing_core.chains.surface.coordinates import Coordinates
 from pricing_core.chains.surface.dupire import local_volatility_error, spot_volatility
 from pricing_core.chains.surface.fit import fit_surface
 from pricing_core.chains.surface.smile_quotes import SmileQuotes
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, NumericalError
 from tests.problems.smiles import EXPIRIES, TRUTHS, smile_quotes, spread_at
 
 MARKET = Market(100.0, rate=0.03, volatility=0.2, dividend_yield=0.01)
@@ -179,3 +180,43 @@ def test_quotes_that_contradict_each_other_still_give_a_proved_surface(seed):
     for expiry in (0.005, 0.01, 0.3, 2.0, 3.0):
         volatility = surface.volatility(np.array([60.0, 90.0, 100.0, 110.0, 160.0]), expiry)
         assert np.all((volatility > 0.0) & (volatility < 5.0))
+
+
+def of_a_jump(x):
+    """Return the volatilities over five hours of a spot that in one of ten cases moves three times as far."""
+    root = math.sqrt(0.0006)
+    usual, far = (black_time_value(np.abs(x), np.full(x.size, size * root))[0] for size in (0.25, 0.75))
+    return black_spread(np.abs(x), 0.9 * usual + 0.1 * far) / root
+
+
+@pytest.mark.parametrize("kind", ["usual", "jump", "above the next expiry"])
+def test_an_expiry_within_a_day_is_fitted_alone_and_changes_no_other(kind):
+    longer, (soon,) = smile_quotes(SSVI, MARKET), smile_quotes(SSVI, MARKET, expiries=(0.0006,))
+    volatility = {
+        "usual": soon.volatility,
+        "jump": of_a_jump(soon.log_moneyness),
+        "above the next expiry": 20.0 * soon.volatility,
+    }[kind]
+    quotes = SmileQuotes(
+        soon.expiry, soon.forward, soon.log_moneyness, soon.strike, volatility, soon.deviation
+    )
+    alone, together = fit_surface(longer, MARKET), fit_surface([quotes, *longer], MARKET)
+    assert together.proof.holds
+    assert len(together.statuses) == len(longer) + 1
+    for expiry in EXPIRIES:
+        _, strike, _ = within_two_deviations(SSVI, expiry)
+        assert together.volatility(strike, expiry) == pytest.approx(
+            alone.volatility(strike, expiry), abs=5e-5
+        )
+    if kind != "above the next expiry":
+        assert together.statuses[0].status == "ok"
+        near = np.abs(soon.log_moneyness) < 2.0 * spread_at(SSVI, soon.expiry)
+        found = together.volatility(quotes.strike[near], quotes.expiry)
+        assert found == pytest.approx(volatility[near], abs=4e-4)
+
+
+@pytest.mark.parametrize("asked", [1, 8, 20, 80])
+def test_every_iteration_asks_whether_to_go_on(asked):
+    answers = iter([False] * asked)
+    with pytest.raises(NumericalError, match="interrupted"):
+        fit_surface(smile_quotes(SSVI, MARKET), MARKET, interrupt=lambda: next(answers, True))

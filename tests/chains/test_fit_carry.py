@@ -4,7 +4,7 @@ import pytest
 from pricing_core.american import CashDividend, PiecewiseConstant, price_many
 from pricing_core.american.implied.carry_pairs import read_chain as read_pairs
 from pricing_core.american.implied.implied_carry import stock_value
-from pricing_core.chains.carry import fit_carry
+from pricing_core.chains.fit_carry import fit_carry
 from pricing_core.errors import NumericalError
 from tests.chains.chain_problems import EXPIRIES, RATE, displaced_chain
 
