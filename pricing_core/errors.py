@@ -1,21 +1,23 @@
-"""Every exception this library raises.
+"""Every exception this library raises, as a tree, and its warnings.
 
-PricingCoreError
-├── InvalidInputError (ValueError)     the question is wrong: field, value, what is allowed
-├── MissingExtraError (ImportError)    a module of an extra is not installed: the message says which extra
-├── ClusterError (ConnectionError)      workers are missing, lost, or of another version
-└── NumericalError (ArithmeticError)   the question stands, the method could not answer it
-    ├── InfeasibleError                proved: there is no solution
-    ├── NotFoundError                  no solution was found: nothing is proved
-    ├── RayTerminationError            Lemke's method stopped on a ray: nothing is proved
-    ├── IterationLimitError            an iteration did not converge within its limit
-    ├── RelativeDegreeError            the time-stepping scheme cannot converge for this system
-    ├── StepSizeError                  step-size control reached its smallest or its last step
-    ├── NonUniqueError                 a state has several continuations, and none was chosen
-    └── ZenoError                      infinitely many events accumulate, and nothing goes on from their limit
+::
 
-UnusualColumnWarning (UserWarning)     a column of a table looks like days, percent or cents
-KernelMissingWarning (UserWarning)     the compiled kernel was not built: options are priced 500 to 2,000 times slower
+    PricingCoreError
+    ├── InvalidInputError (ValueError)     the question is wrong: field, value, what is allowed
+    ├── MissingExtraError (ImportError)    a module of an extra is not installed: the message says which extra
+    ├── ClusterError (ConnectionError)      workers are missing, lost, or of another version
+    └── NumericalError (ArithmeticError)   the question stands, the method could not answer it
+        ├── InfeasibleError                proved: there is no solution
+        ├── NotFoundError                  no solution was found: nothing is proved
+        ├── RayTerminationError            Lemke's method stopped on a ray: nothing is proved
+        ├── IterationLimitError            an iteration did not converge within its limit
+        ├── RelativeDegreeError            the time-stepping scheme cannot converge for this system
+        ├── StepSizeError                  step-size control reached its smallest or its last step
+        ├── NonUniqueError                 a state has several continuations, and none was chosen
+        └── ZenoError                      infinitely many events accumulate, and nothing goes on from their limit
+
+    UnusualColumnWarning (UserWarning)     a column of a table looks like days, percent or cents
+    KernelMissingWarning (UserWarning)     there is no compiled kernel: options are priced 500 to 2,000 times slower
 """
 
 from __future__ import annotations

@@ -29,10 +29,11 @@ def test_the_extras_are_those_of_the_distribution():
     assert declared["all"] == [f"pricing-core[{','.join(sorted(EXTRAS, key=list(declared).index))}]"]
 
 
-def test_the_library_alone_needs_four_packages():
+def test_the_library_alone_needs_five_packages():
     assert {distribution(one) for one in PROJECT["dependencies"]} == {
         "numpy",
         "scipy",
+        "pyamg",
         "python_flint",
         "clarabel",
     }

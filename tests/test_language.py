@@ -70,24 +70,12 @@ def test_docstrings_are_sentences():
     for path in CODE:
         for name, node, text in docstrings(path):
             summary = text.split("\n\n")[0]
+            # A formula may come first.
             starts = (
                 re.match(r"[A-Z0-9`\"'{(/$-]", summary)
-                or summary.startswith(name)
                 or "=" in summary.split(".")[0]
+                or summary.startswith(name)
             )
             if not starts or not summary.rstrip().endswith(ENDINGS):
                 found.append(f"{place(path, getattr(node, 'lineno', 1))}: {summary[:70]}")
     assert not found
-
-
-def public_functions(path: Path) -> Iterator[tuple[str, ast.FunctionDef, str]]:
-    """Yield public functions and methods with the docstrings that may name their parameters."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
-            yield node.name, node, ast.get_docstring(node) or ""
-        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-            own = ast.get_docstring(node) or ""
-            for method in node.body:
-                if isinstance(method, ast.FunctionDef) and not method.name.startswith("_"):
-                    yield f"{node.name}.{method.name}", method, own + (ast.get_docstring(method) or "")

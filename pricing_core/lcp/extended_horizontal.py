@@ -66,7 +66,7 @@ class ExtendedHorizontalLCP:
 
 
 class ExtendedHorizontalSolution(NamedTuple):
-    """x^0, ..., x^m, the residual of the horizontal LCP, and the method that solved it."""
+    """The vectors x^0, ..., x^m, the residual of the horizontal LCP, and the method that solved it."""
 
     x: tuple[Vector, ...]
     residual: float

@@ -15,7 +15,7 @@ from pricing_core.chains.surface.total_variance import TotalVariance
 
 # What the first programme holds g, the relative growth of w, and w/theta above, and what the first two grow by.
 LEAST_DENSITY, LEAST_GROWTH, LEAST_VALUE, WIDER = 2e-3, 1e-3, 0.02, 1.15
-LEAST_SLOPE, MOST_SLOPE = 1e-3, 1.95  # Of the wings: as shares of sqrt(theta), and in x.
+LEAST_SLOPE, MOST_SLOPE = 1e-3, 1.95  # Slopes of the wings: as shares of sqrt(theta), and in x.
 NEAR = 0.5  # Constraints enter where less than this is left of g, or of the growth of w; chosen.
 MIDDLE = 4.0  # Up to so many deviations from the money g itself is asked for, quoted or not; chosen.
 APART = 0.02  # Least distance of places where a condition is asked for, in deviations; chosen.

@@ -1,4 +1,4 @@
-"""eSSVI: a smile per expiry with three parameters each, free of arbitrage by conditions in closed form."""
+"""Smiles of eSSVI: a smile per expiry with three parameters each, free of arbitrage by conditions in closed form."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Jet:
-    """f, f' and f'' at given places: three arrays of one shape, real or complex.
+    """A function f with f' and f'' at given places: three arrays of one shape, real or complex.
 
     Examples
     --------

@@ -23,9 +23,9 @@ FAR = 4.0  # Constraints that hold by more standard deviations than this enter w
 ENTRIES, MISSED = 2, 1e-4  # Largest number of times that they do, and what counts as missed; chosen.
 GAP = 1e-4  # Tolerance of a programme, in squared standard deviations.
 LOOSER = 10.0  # By how much more smiles may vary than they are likely to where only wings are moved; chosen.
-PRICE = 1e4  # Of a standard deviation by which a row is missed, in standard deviations; chosen.
+PRICE = 1e4  # Cost of a standard deviation by which a row is missed, in standard deviations; chosen.
 PLAIN_SLOPES = (0.2, 0.05)  # Slopes of the wings, in sqrt(theta), of admissible smiles; chosen.
-SHARES = (0.99, 0.97, 0.9, 0.8, 0.6, 0.4, 0.2, 0.1, 0.0)  # Of the way from those that are tried.
+SHARES = (0.99, 0.97, 0.9, 0.8, 0.6, 0.4, 0.2, 0.1, 0.0)  # Shares of the way from those that are tried.
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,7 @@ from pricing_core.chains.surface.essvi import ESSVI
 from pricing_core.chains.surface.smile_basis import DEGREE, SmileBasis
 from pricing_core.errors import NumericalError
 
-PARAMETERS = 3  # Of the backbone's smile.
+PARAMETERS = 3  # Number of parameters of the backbone's smile.
 # Prior standard deviations of their changes, relative to theta and sqrt(theta), and memory in ln T; chosen.
 LOOSE, LOOSE_MEMORY = np.array([0.5, 0.4, 0.4]), 2.0
 # Where the search for (noise, a, L, memory) begins, and how many factors of e each is usually away from there.

@@ -11,7 +11,7 @@ from scipy.optimize import minimize, nnls
 
 from pricing_core.arrays import Vector
 
-LARGEST_SLOPE = 2.0  # Of a wing of total variance (Lee 2004).
+LARGEST_SLOPE = 2.0  # Largest slope of a wing of total variance (Lee 2004).
 FEWEST_QUOTES = 5  # As many as SVI has parameters.
 SEARCH: Any = {"maxfev": 120, "xatol": 1e-4, "fatol": 1e-9}
 NARROWEST = 0.05  # Smallest width of the smile's bend in standard deviations; chosen.

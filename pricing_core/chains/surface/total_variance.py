@@ -24,7 +24,7 @@ NOWHERE = Jet(math.nan, math.nan, math.nan)  # A smile that is not asked for.
 
 @dataclass(frozen=True)
 class Clock:
-    """tau(x, T), see above, from D/(F - D), which is constant between dividends.
+    """The time tau(x, T), see above, from D/(F - D), which is constant between dividends.
 
     Parameters
     ----------
@@ -49,8 +49,9 @@ class Clock:
 
 @dataclass(frozen=True)
 class TotalVariance:
-    """w(x, T): at the expiry T_i the spline theta_i sum_j c_ij B_j(x/sqrt(theta_i)), in between monotone in T.
+    """The total variance w(x, T), monotone in T between the expiries.
 
+    At the expiry T_i it is the spline theta_i sum_j c_ij B_j(x/sqrt(theta_i)).
     ln w is a cubic in ln tau between two expiries, with the slopes of Fritsch and Butland (1984): monotone where the
     smiles do not cross, with derivatives that are continuous. Before the first expiry w is proportional to tau, which
     without dividends keeps a smile without butterfly arbitrage so; after the last it grows by the same amount at all x,

@@ -74,7 +74,7 @@ class SteadyState:
 
 @dataclass(slots=True, eq=False)
 class PeriodMap:
-    """s at the end of a period as a function of s at its start, with the positions of what the state switches."""
+    """The map from s at a period's start to s at its end, with the positions of state-controlled switches."""
 
     circuit: SwitchedCircuit
     span: tuple[float, float]
