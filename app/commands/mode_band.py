@@ -65,6 +65,20 @@ def of_active_pairs(
     return Band(tuple(names), edges, np.where(shown, 0, BLANK), (word,))
 
 
+def with_switches(
+    run: Trajectory, band: Band | None, names: Sequence[str], positions: Sequence[Sequence[bool]]
+) -> Band | None:
+    """Return the band with a row for each switch, which tells when it is closed; `positions` are those in each flow."""
+    edges, _ = _active(run)
+    closed = np.array(positions, dtype=bool)
+    if edges.size < 2 or not names or len(closed) != edges.size - 1:
+        return band
+    if band is None:
+        return Band(tuple(names), edges, np.where(closed, 0, BLANK), ("closed",))
+    states = np.hstack([np.where(closed, len(band.words), BLANK), band.states])
+    return Band((*names, *band.names), edges, states, (*band.words, "closed"))
+
+
 def of_contacts(run: Trajectory, names: Sequence[str]) -> Band | None:
     """Return the band of contacts: where they touch, with friction whether they stick or slide."""
     if not isinstance(run, ContactTrajectory) or run.friction_force.size == 0:

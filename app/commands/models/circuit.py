@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from app.commands.mode_band import Band, of_active_pairs
+from app.commands.mode_band import Band, of_active_pairs, with_switches
 from app.commands.model_keys import TEXT, VECTOR, Key
 from app.commands.models.circuit_elements import ELEMENTS
 from app.commands.models.method import METHOD, method_in
@@ -16,6 +16,7 @@ from app.commands.simulation import CURVE_POINTS, Columns, Modes, Samples, Scene
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.models import CircuitRun, DiodeCircuit
 from pricing_core.models.circuits.equations import GROUND
+from pricing_core.models.circuits.switched_circuit import SwitchedRecord
 
 CIRCUIT: Mapping[str, Key] = {
     "netlist": TEXT.described("in a subset of SPICE's language; either this or elements"),
@@ -96,10 +97,17 @@ def _scene(run: CircuitRun, circuit: DiodeCircuit, band: Band | None) -> Scene:
 
 
 def _band(run: CircuitRun) -> Band | None:
-    """Return where each diode conducts: its reverse voltage is the slack and zero, or its current is and is not."""
-    slacks = run.circuit.slack_names
+    """Return where each diode conducts: its reverse voltage is the slack and zero, or its current is and is not.
+
+    And where each switch is closed.
+    """
+    slacks, circuit = run.circuit.slack_names, run.circuit
     names = [slack.partition("(")[2].rstrip(")") for slack in slacks]
-    return of_active_pairs(run.trajectory, names, "conducts", [slack.startswith("i(") for slack in slacks])
+    band = of_active_pairs(run.trajectory, names, "conducts", [slack.startswith("i(") for slack in slacks])
+    if not isinstance(circuit, SwitchedRecord):
+        return band
+    switches = [switch.name for switch in circuit.circuit.switches]
+    return with_switches(run.trajectory, band, switches, circuit.positions)
 
 
 def _samples(run: CircuitRun) -> Samples:

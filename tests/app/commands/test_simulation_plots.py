@@ -147,6 +147,38 @@ def test_the_band_of_relays_names_their_pieces_and_that_of_diodes_whether_they_c
     assert circuit.band.names == ("D1",)
 
 
+def test_the_band_says_when_switches_are_closed_and_which_diodes_conduct_beside_them() -> None:
+    netlist = "V1 in 0 10\nS1 in x g 0 SW\nVG g 0 PULSE(0 1 0 0 0 4u 10u)\nD1 0 x\nL1 x out 1m\nR1 out 0 10\n"
+    netlist += ".model SW SW(VT=0.5 RON=1m)\n"
+    circuit = simulate_model({"model": "circuit", "netlist": netlist, "t_span": [0, 2e-5]})
+    assert circuit.band is not None
+    assert circuit.band.names == ("S1", "D1")
+    words = [circuit.band.words_at(time) for time in (2e-6, 7e-6, 1.2e-5, 1.7e-5)]
+    assert words == 2 * [["closed", ""], ["", "conducts"]]
+    alone = simulate_model(
+        {
+            "model": "circuit",
+            "elements": [
+                {"kind": "voltage_source", "name": "V1", "plus": "in", "minus": "0", "value": 10},
+                {"kind": "resistor", "name": "R1", "plus": "in", "minus": "a", "ohms": "1k"},
+                {"kind": "capacitor", "name": "C1", "plus": "a", "minus": "0", "farads": "1u"},
+                {
+                    "kind": "switch",
+                    "name": "S1",
+                    "plus": "a",
+                    "minus": "0",
+                    "resistance": 100,
+                    "control": {"threshold": {"plus": "a", "minus": "0", "threshold": 5, "hysteresis": 1}},
+                },
+            ],
+            "t_span": [0, 1e-3],
+        }
+    )
+    assert alone.band is not None
+    closes = 1e-3 * np.log(10 / 4)  # the capacitor reaches 6 V
+    assert [alone.band.words_at(closes + by) for by in (-1e-6, 1e-6)] == [[""], ["closed"]]
+
+
 def test_equal_curves_are_drawn_in_turn_and_the_legend_says_so() -> None:
     system = LCS(-np.eye(3), np.zeros((3, 1)), np.eye(3)[:1], g=[1.0])
     figure = simulation_figure(of_trajectory(simulate(system, [1.0, 1.0, 2.0], (0.0, 1.0))))
