@@ -123,7 +123,11 @@ def test_every_kind_of_element_is_read():
         (".param a", r"must be of the form .param NAME=expression"),
         (".param a=b b=a\nR1 a 0 {a}", r"line 2 .* must be free of circles: a is defined by itself"),
         (".param a=1 a=2", r"with one value of a"),
-        ("R1 a 0 {2*", r"line 2 .*: R1"),
+        ("R1 a 0 {2*", r"line 2 of the netlist = 'R1 a 0 \{2\*': must be with every brace and quote closed"),
+        ("R1 a 0 {2*5", r"must be with every brace and quote closed"),
+        ("R1 a 0 2*5}", r"must be with every brace and quote closed"),
+        (".param a={2*5\nR1 a 0 {a}", r"line 2 .* must be with every brace and quote closed"),
+        (".param a='2*5\nR1 a 0 {a}", r"line 2 .* must be with every brace and quote closed"),
         (
             "R1 a 0 {2*q}",
             r"line 2 of the netlist: R1 = '2\*q': must be an expression of known parameters: there is no q",

@@ -17,6 +17,7 @@ DEEPEST_INCLUDE = 10
 
 _COMMENT = re.compile(r";.*|(?<!\S)\$.*")
 # Expressions in braces or quotes are one word each; brackets and commas are blanks.
+_ENCLOSED = re.compile(r"\{[^{}]*\}|'[^']*'|\"[^\"]*\"")
 _WORD = re.compile(r"\{[^{}]*\}|'[^']*'|\"[^\"]*\"|[^\s(),={}'\"]+|=")
 
 
@@ -46,6 +47,11 @@ class Line:
         """Return the error that the line is not as allowed."""
         return InvalidInputError(self.field, self.text, allowed)
 
+    def check_enclosed(self) -> None:
+        """Refuse braces and quotes that are not closed."""
+        if any(mark in _ENCLOSED.sub("", self.text) for mark in "{}'\""):
+            raise self.fault("with every brace and quote closed")
+
     @property
     def words(self) -> tuple[str, ...]:
         """Its words, "=" among them."""
@@ -53,6 +59,7 @@ class Line:
 
     def options(self, start: int = 0) -> tuple[tuple[str, ...], dict[str, str]]:
         """Return the words from one on, and the NAME=value pairs taken off them, the names in lower case."""
+        self.check_enclosed()
         words = list(self.words[start:])
         options: dict[str, str] = {}
         while "=" in words:

@@ -59,6 +59,7 @@ def parameters_of(line: Line, text: str) -> dict[str, tuple[Line, str]]:
     >>> {name: text for name, (_, text) in parameters_of(line, line.text[6:]).items()}
     {'a': '2', 'b': 'a * 3', 'c': 'a+b'}
     """
+    line.check_enclosed()
     found: dict[str, tuple[Line, str]] = {}
     starts = list(_NAME.finditer(text))
     if not starts or text[: starts[0].start()].strip(" \t,"):
