@@ -46,16 +46,17 @@ def sparse_sweeps(
     pivots = [float(data[row][indices[row] == i].sum()) for i, row in enumerate(rows)]
     if 0.0 in pivots:
         raise ZeroDivisionError(f"pivot {pivots.index(0.0)} is zero")
-    for sweep in range(1, max_sweeps + 1):
-        settled = True
-        for i in range(n) if sweep % 2 or not alternating else range(n - 1, -1, -1):
-            slack = q[i] + data[rows[i]] @ x[indices[rows[i]]]
-            moved = x[i] - relaxation * (slack / pivots[i])
-            following = lower[i] if moved < lower[i] else upper[i] if moved > upper[i] else moved
-            settled &= bool(abs(following - x[i]) <= tolerance)  # False for NaN
-            x[i] = following
-        if settled:
-            return x, sweep
-        if interrupt is not None and interrupt():
-            break
+    with np.errstate(over="ignore", invalid="ignore"):  # where the sweeps diverge
+        for sweep in range(1, max_sweeps + 1):
+            settled = True
+            for i in range(n) if sweep % 2 or not alternating else range(n - 1, -1, -1):
+                slack = q[i] + data[rows[i]] @ x[indices[rows[i]]]
+                moved = x[i] - relaxation * (slack / pivots[i])
+                following = lower[i] if moved < lower[i] else upper[i] if moved > upper[i] else moved
+                settled &= bool(abs(following - x[i]) <= tolerance)  # False for NaN
+                x[i] = following
+            if settled:
+                return x, sweep
+            if interrupt is not None and interrupt():
+                break
     return x, max_sweeps + 1
