@@ -185,8 +185,8 @@ class PlannedDirection(NamedTuple):
     step: float
 
 
-def plan_directions(book: Book, *, extended: bool) -> list[PlannedDirection]:
-    """Return the first derivatives of one contract by every parameter.
+def plan_directions(book: Book, *, extended: bool, only: str = "") -> list[PlannedDirection]:
+    """Return the first derivatives of one contract by every parameter, or those of the one kind that is wanted.
 
     The bumped contracts are cut like the contract itself; nothing where a derivative asks for a further cut. Their
     steps are small, for numbers that are differentiated exactly.
@@ -210,6 +210,8 @@ def plan_directions(book: Book, *, extended: bool) -> list[PlannedDirection]:
                 shifts.append((BUCKETS[name], entry, name, (middle > start) & (middle < end)))
     planned = []
     for kind, entry, name, where in shifts:
+        if only and kind != only:
+            continue
         step = DIRECTION_STEP * (book.strike.item(0) if name == "due" else 1.0 / max(expiry, 1.0))
         bumped = Bump(book, name, where)
         sides = bumped(np.array([step])), bumped(np.array([-step]))

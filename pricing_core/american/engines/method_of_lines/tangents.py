@@ -59,7 +59,7 @@ def directions_of(book: Book, *, extended: bool, only: str = "") -> tuple[Direct
     only : str
         The one kind that is wanted, if not all are.
     """
-    planned = [each for each in plan_directions(book, extended=extended) if not only or each.kind == only]
+    planned = plan_directions(book, extended=extended, only=only)
     if not planned:
         return ()
     strike, bumped = book.strike.item(0), Book.concatenated([side for each in planned for side in each.sides])
