@@ -57,9 +57,8 @@ def test_an_example_that_fails_fails_the_run(tmp_path: Path, capsys: pytest.Capt
     assert (tmp_path / "out" / "02_fails.txt").read_text() == "no\n"
 
 
-@pytest.mark.parametrize("name", ["01_first_put", "03_dividends_and_curves"])
-def test_an_example_prints_what_the_readme_shows(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    printed = without_errors(printed_by(name, capsys))
+def test_an_example_prints_what_the_readme_shows(capsys: pytest.CaptureFixture[str]) -> None:
+    printed = without_errors(printed_by("01_first_put", capsys))
     shown = without_errors((ROOT / "README.md").read_text(encoding="utf-8"))
     start = shown.index(printed[0])
     assert shown[start : start + len(printed)] == printed
@@ -113,3 +112,9 @@ def test_the_file_of_quotes_is_one_that_is_fitted(capsys, monkeypatch, tmp_path)
     assert np.all(off[2:] < 1e-4)
     assert fit.flags == {"one_sided": 4, "crossed": 3}
     assert fit.share_within_after >= 0.99
+
+
+def test_the_readme_is_short_and_narrow() -> None:
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 150
+    assert max(map(len, lines)) < 120
