@@ -1,11 +1,15 @@
 """What a script can see of the language of the code: comments, docstrings, words that have a plainer one."""
 
 import ast
+import importlib
+import inspect
 import io
 import re
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 CODE = [
@@ -79,3 +83,55 @@ def test_docstrings_are_sentences():
             if not starts or not summary.rstrip().endswith(ENDINGS):
                 found.append(f"{place(path, getattr(node, 'lineno', 1))}: {summary[:70]}")
     assert not found
+
+
+# The packages whose names the reference of the documentation lists.
+PUBLIC = re.findall(
+    r"automodule:: (\S+)",
+    "".join(path.read_text() for path in sorted((ROOT / "docs/reference").glob("*.md"))),
+)
+
+
+def named_in(text: str, name: str) -> bool:
+    return re.search(rf"(?<!\w){re.escape(name)}(?!\w)", text) is not None
+
+
+def parameters(called: Callable[..., object]) -> list[str]:
+    try:
+        names = inspect.signature(called).parameters
+    except ValueError:  # A built-in class, such as that of texts, tells none.
+        return []
+    return [name for name in names if name not in ("self", "cls") and not name.startswith("_")]
+
+
+def methods(kind: type) -> Iterator[tuple[str, Callable[..., object]]]:
+    """Yield the public methods of a class, those that it has inherited from classes of ours included."""
+    for name, member in inspect.getmembers(kind):
+        function = getattr(member, "__func__", member)
+        public = not name.startswith("_") and inspect.isfunction(function)
+        if public and function.__module__.startswith(("app", "pricing_core")):
+            yield name, function
+
+
+@pytest.mark.parametrize("package", PUBLIC)
+def test_every_parameter_is_named_where_it_is_documented(package):
+    """A parameter of a function is in its docstring, one of a method in its own or that of its class."""
+    module = importlib.import_module(package)
+    missing = []
+    own_names = [name for name, value in vars(module).items() if getattr(value, "__module__", "") == package]
+    for name in getattr(module, "__all__", own_names):
+        public = getattr(module, name)
+        if inspect.isfunction(public):
+            missing += [
+                f"{name}: {one}" for one in parameters(public) if not named_in(public.__doc__ or "", one)
+            ]
+        elif inspect.isclass(public):
+            own = "\n".join(base.__doc__ or "" for base in public.__mro__ if base is not object)
+            built = [] if getattr(public, "_is_protocol", False) else parameters(public)
+            missing += [f"{name}: {one}" for one in built if not named_in(own, one)]
+            for method, function in methods(public):
+                text = f"{own}\n{function.__doc__}"
+                missing += [
+                    f"{name}.{method}: {one}" for one in parameters(function) if not named_in(text, one)
+                ]
+    assert not missing

@@ -90,6 +90,11 @@ def scenarios_of(
 ) -> tuple[Scenario, ...]:
     """Return every combination of the shifts; a list that is not given is one unshifted value.
 
+    Parameters
+    ----------
+    spot_shifts, volatility_shifts, rate_shifts, days_forward : sequence of float, optional
+        Values of the fields of `Scenario` that are combined, in its units.
+
     Raises
     ------
     InvalidInputError

@@ -161,12 +161,12 @@ def variables(n: int) -> tuple[Variable, ...]:
 
 
 def largest(*terms: Expression | float) -> Expression:
-    """Return the maximum of one or more expressions or numbers."""
+    """Return the maximum of the `terms`, one or more expressions or numbers."""
     return Largest(_terms(terms))
 
 
 def least(*terms: Expression | float) -> Expression:
-    """Return the minimum of one or more expressions or numbers."""
+    """Return the minimum of the `terms`, one or more expressions or numbers."""
     return Least(_terms(terms))
 
 

@@ -81,6 +81,10 @@ def sparse(A: object) -> csr_array:
     SciPy's own conversion of a dense matrix would drop the zeros and keep the -inf. Of its formats CSR, CSC and
     COO are taken, and of several entries at one place the largest counts; the others lose or make zeros.
 
+    Parameters
+    ----------
+    A : array_like or sparse, shape (m, n)
+
     Examples
     --------
     >>> sparse([[0.0, EPSILON], [EPSILON, 2.0]]).nnz
@@ -95,6 +99,10 @@ def sparse(A: object) -> csr_array:
 
 def dense(A: object) -> Numbers:
     """Return a matrix as an array, with -inf for what a sparse one does not store.
+
+    Parameters
+    ----------
+    A : array_like or sparse, shape (m, n)
 
     Examples
     --------

@@ -20,6 +20,10 @@ def throughput(system: MaxPlusSystem) -> Numbers:
 
     It is the inverse of the largest cycle time that the output sees; inf where it sees none above 0.
 
+    Parameters
+    ----------
+    system : MaxPlusSystem, with p outputs
+
     Examples
     --------
     >>> throughput(MaxPlusSystem([[2.0, 5.0], [3.0, 3.0]]))

@@ -148,13 +148,16 @@ class LocalVolatility:
             return _interpolated(np.log(self.spots), self.values, self._slopes, np.log(spots))
 
     def mean_variance(self, start: float, end: float) -> Vector:
-        """Return the mean of sigma**2 between two times at the nodes of the spot, shape (n,)."""
+        """Return the mean of sigma**2 from `start` to `end` (years) at the nodes of the spot, shape (n,)."""
         weights = mean_weights(self.times, np.array([start]), np.array([end]))
         mean: Vector = (weights @ self.values**2)[0]
         return mean
 
     def extrapolated(self, spot: float, strike: float, expiry: float) -> str:
-        """Return one sentence on what of a contract lies outside the nodes, or nothing."""
+        """Return one sentence that names what lies outside the nodes, of a contract's spot, strike and expiry.
+
+        The sentence is empty where all three lie inside.
+        """
         axes = (("spot", spot, self.spots), ("strike", strike, self.spots), ("expiry", expiry, self.times))
         outside = [
             name
@@ -175,7 +178,7 @@ class LocalVolatility:
         return float((high - low) / (2.0 * step))
 
     def moved(self, factor: float) -> LocalVolatility:
-        """Return the surface with every spot multiplied by a number above 0."""
+        """Return the surface with every spot multiplied by `factor`, a number above 0."""
         return LocalVolatility(self.times, factor * self.spots, self.values)
 
     def shifted(self, by: float) -> LocalVolatility:
@@ -196,9 +199,10 @@ class LocalVolatility:
         return LocalVolatility(times, self.spots, values)
 
     def reference(self, spot: float, strike: float, expiry: float) -> float:
-        """Return one volatility that stands for all where a size is asked for: the root mean square near by.
+        """Return one volatility that may stand for all of them where only the order of magnitude matters.
 
-        0 where all values are.
+        It is the root mean square up to `expiry` at the spot, the strike and their geometric mean, or the largest value
+        where that is 0.
         """
         places = np.array([spot, strike, np.sqrt(spot) * np.sqrt(strike)])
         mean = np.mean(

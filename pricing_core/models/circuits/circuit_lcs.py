@@ -102,6 +102,9 @@ class CircuitLCS:
         )
 
     def energy_lost_at_start(self, start: float) -> float:
-        """Return what the elements' initial voltages and currents lose at once."""
+        """Return the energy in joules that the initial voltages and currents lose at once.
+
+        The run begins at `start`, whose sources count.
+        """
         settled = self.states_of_elements(self.x0, self.sources.after(start))
         return self.energy_of_jump(self.initial_element_states, settled)

@@ -55,14 +55,14 @@ class Pulse:
             raise InvalidInputError("width", self.width, f"shorter than the period of {self.period:g} s")
 
     def closed_after(self, t: Vector) -> BoolVector:
-        """Return whether it is closed just after each of the times."""
+        """Return whether the switch is closed just after each of the times `t`, shape (m,)."""
         place = (t - self.delay) / self.period
         place = place + np.maximum(SAME_INSTANT, 4.0 * np.spacing(np.abs(place)))
         inside = place - np.floor(place) < self.width / self.period
         return np.asarray(inside & (place >= 0.0))
 
     def instants(self, t0: float, t1: float) -> Vector:
-        """Return the times strictly inside an interval at which it changes."""
+        """Return the times strictly between `t0` and `t1` at which the switch opens or closes."""
         first = max(math.floor((t0 - self.delay) / self.period), 0)
         count = max(math.ceil((t1 - self.delay) / self.period) - first + 1, 0)
         starts = self.delay + self.period * np.arange(first, first + count)
