@@ -30,8 +30,8 @@ class Verdict(NamedTuple):
     seconds: float
 
 
-def judged(posed: Posed, answer: Callable[[LCP], Vector]) -> Verdict:
-    """Ask for an answer and judge it: a proof that there is none is wrong where there is one."""
+def verdict_on(posed: Posed, answer: Callable[[LCP], Vector]) -> Verdict:
+    """Ask for an answer and return the verdict on it: a proof that there is none is wrong where there is one."""
     problem = LCP(posed.M, posed.q)
     begin = time.process_time()
     try:
@@ -73,7 +73,7 @@ def _peer_verdict(posed: Posed, results: np.lib.npyio.NpzFile, k: int) -> Verdic
 
 def by_us(problems: Sequence[Posed]) -> list[Verdict]:
     """Return what `solve` makes of them."""
-    return [judged(posed, lambda problem: solve(problem).z) for posed in problems]
+    return [verdict_on(posed, lambda problem: solve(problem).z) for posed in problems]
 
 
 def summary(verdicts: Sequence[Verdict] | None) -> str:

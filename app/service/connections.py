@@ -101,7 +101,7 @@ class BoundedConnection(H11Protocol):
         return self.client[0] if self.client else ""
 
     @property
-    def worth(self) -> tuple[bool, bool, float]:
+    def rank(self) -> tuple[bool, bool, float]:
         """Whether a request is in work, whether one was ever answered, and when the last one was, or it was opened."""
         return not self._is_idle(), self._has_answered, self._last
 

@@ -46,7 +46,7 @@ def tolerance_kept(portfolio: Portfolio, reference: Reference, tolerance: float)
     error = np.where(np.isfinite(distance), np.maximum(distance - reference.disagreement[rows], 0.0), np.inf)
     estimate = table["error_estimate"] / contracts.strike
     ok = table["status"] == "ok"
-    judged = (error > LEAST_ERROR) & np.isfinite(error)
+    counted = (error > LEAST_ERROR) & np.isfinite(error)
     return ToleranceKept(
         tolerance=tolerance,
         rows=len(rows),
@@ -56,6 +56,6 @@ def tolerance_kept(portfolio: Portfolio, reference: Reference, tolerance: float)
         ok_within_five=float(np.mean(error[ok] <= 5.0 * tolerance)) if ok.any() else np.nan,
         largest_ok=float(np.max(error[ok] / tolerance, initial=0.0)),
         honest=float(np.mean((estimate >= error / 2.0) | (error <= LEAST_ERROR))),
-        overestimate=float(np.median(estimate[judged] / error[judged])) if judged.any() else np.nan,
+        overestimate=float(np.median(estimate[counted] / error[counted])) if counted.any() else np.nan,
         microseconds=1e6 * seconds / len(rows),
     )

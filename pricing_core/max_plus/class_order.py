@@ -50,5 +50,5 @@ def loudest(graph: Arcs, label: IntVector, ratio: Numbers) -> Numbers:
     """
     own = np.empty(label.max() + 1, dtype=ratio.dtype)
     own[label] = ratio
-    silent = graph.weighing(np.full(graph.head.size, zero_like(ratio)))
+    silent = graph.with_weights(np.full(graph.head.size, zero_like(ratio)))
     return np.asarray(longest_between_classes(silent, label, own)[label])

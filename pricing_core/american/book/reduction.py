@@ -159,12 +159,16 @@ class Reduction:
                 # The yield holds the rate of the lag later, less the rate now unless it moves with that.
                 spans = [(1.0, start - lag, end - lag), (-1.0, start, end)] if lag > 0.0 else []
                 spans += [(1.0, start, end)] if follows else []
-                terms = [magnitude(weight) * number for weight, number in _weighed(grid, by_yield, spans)]
+                terms = [
+                    magnitude(weight) * number for weight, number in _with_weights(grid, by_yield, spans)
+                ]
                 terms.append(by_rate[piece - passed] if piece >= passed else 0.0)
                 terms.append(magnitude(-max(min(lag, end) - start, 0.0)) * value.item(row))
                 result[RATE + ending].append(math.fsum(terms))
             result[YIELD + ending] = [
-                math.fsum(weight * number for weight, number in _weighed(grid, by_yield, [(1.0, start, end)]))
+                math.fsum(
+                    weight * number for weight, number in _with_weights(grid, by_yield, [(1.0, start, end)])
+                )
                 for start, end in (_pieces(times[YIELD]) if by_yield and times[YIELD] else ())
             ]
         return result
@@ -194,7 +198,7 @@ def _pieces(times: tuple[float, ...]) -> list[tuple[float, float]]:
     return [*pairwise((0.0, *times[:-1], math.inf))]
 
 
-def _weighed(
+def _with_weights(
     grid: tuple[float, ...], numbers: tuple[float, ...], spans: Iterable[tuple[float, float, float]]
 ) -> Iterator[tuple[float, float]]:
     """Yield the numbers of the pieces of a grid, each with the sum of the weights of the spans that it lies in.

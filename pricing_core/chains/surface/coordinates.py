@@ -72,13 +72,13 @@ class Coordinates:
 
     def due(self, time: float) -> float:
         """Return D, the value at a time of the cash dividends after it, money."""
-        worth = math.fsum(amount / growth for at, amount, growth in self._dividends if at > time)
-        return self.growth(time) * worth
+        due = math.fsum(amount / growth for at, amount, growth in self._dividends if at > time)
+        return self.growth(time) * due
 
     def forward(self, time: float) -> float:
         """Return F, money."""
-        worth = math.fsum(amount / growth for at, amount, growth in self._dividends if at <= time)
-        return self.growth(time) * (self.market.spot - worth)
+        due = math.fsum(amount / growth for at, amount, growth in self._dividends if at <= time)
+        return self.growth(time) * (self.market.spot - due)
 
     def discount(self, time: float) -> float:
         """Return what one unit of money paid at a time is worth now."""
