@@ -24,7 +24,7 @@ LARGEST_COUNTED = 100  # larger problems are timed on a few members
 
 
 class Verdict(NamedTuple):
-    """What became of a problem: "solved", "refused", "wrong" or "not found", and the seconds it took."""
+    """The outcome of a problem: "solved", "refused", "wrong" or "not found", and the seconds it took."""
 
     word: str
     seconds: float
@@ -46,7 +46,7 @@ def verdict_on(posed: Posed, answer: Callable[[LCP], Vector]) -> Verdict:
 
 
 def by_siconos(problems: Sequence[Posed]) -> list[Verdict] | None:
-    """Return what Siconos' Lemke method makes of them, None where PRICING_SICONOS_PYTHON names no Python that has it.
+    """Return the verdicts on Siconos' Lemke method, None where PRICING_SICONOS_PYTHON names no Python that has it.
 
     An answer that does not solve the problem counts as not found where Siconos says so itself.
     """
@@ -72,7 +72,7 @@ def _peer_verdict(posed: Posed, results: np.lib.npyio.NpzFile, k: int) -> Verdic
 
 
 def by_us(problems: Sequence[Posed]) -> list[Verdict]:
-    """Return what `solve` makes of them."""
+    """Return the verdicts on `solve`."""
     return [verdict_on(posed, lambda problem: solve(problem).z) for posed in problems]
 
 

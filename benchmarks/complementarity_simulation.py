@@ -17,7 +17,7 @@ from pricing_core.errors import NumericalError
 
 
 class Count(NamedTuple):
-    """What became of the cases of a class."""
+    """How many cases of a class were solved, refused, wrong and not finished, and their times."""
 
     solved: int
     refused: int

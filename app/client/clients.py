@@ -1,4 +1,4 @@
-"""The two clients: each sends what an exchange asks for, and waits as it says."""
+"""The two clients, one that blocks and one for asyncio: each sends the requests of an exchange."""
 
 import asyncio
 import time

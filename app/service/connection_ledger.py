@@ -14,7 +14,7 @@ LEAST_SECONDS = 1.0  # between two lines of the log; chosen
 
 
 class Closable(Protocol):
-    """A connection, and how dispensable it is."""
+    """A connection that may be closed in favour of another one."""
 
     @property
     def address(self) -> str:
@@ -30,7 +30,7 @@ class Closable(Protocol):
         ...
 
     def make_room(self, reason: ServiceError) -> None:
-        """Close it for another; who waits for an answer is told the reason."""
+        """Close the connection in favour of another one; a client that waits for an answer is told the reason."""
         ...
 
 

@@ -11,7 +11,7 @@ CPU_INFORMATION = Path("/proc/cpuinfo")
 
 
 def machine_and_versions() -> dict[str, str | int]:
-    """Return what a reader needs to repeat the measurement."""
+    """Return the machine and the versions, with which the measurement can be repeated."""
     return {
         "cpu": cpu_model(),
         "cores": os.cpu_count() or "unknown",

@@ -39,14 +39,14 @@ FAMILIES = {LCS: _labels(LCS_METHODS), CRANK_NICOLSON: _labels(CRANK_NICOLSON_ME
 
 
 class Best(NamedTuple):
-    """The method of a family that needs the least for an error, and what it needs."""
+    """The method of a family that needs the least time or work for an error, and how much that is."""
 
     method: str
     cost: float
 
 
 class Verdict(NamedTuple):
-    """Who reaches an error of one output first; None where a family does not reach it at all."""
+    """The family that reaches an error of one output first; None where a family does not reach it at all."""
 
     output: str
     rmse: float
@@ -84,7 +84,7 @@ def best(
 
 
 def winner_sentences(found: Sequence[Verdict]) -> list[str]:
-    """Say for every output who wins at which error."""
+    """Say for every output which family reaches which error first."""
     return [
         f"{output.capitalize()}: "
         + "; ".join(_verdict_words(verdict) for verdict in found if verdict.output == output)

@@ -1,4 +1,4 @@
-"""Is the tolerance kept, and does the estimate estimate, on random contracts of a wide range?"""
+"""Is the tolerance kept, and do the error estimates hold, on random contracts of a wide range?"""
 
 from functools import partial
 from typing import NamedTuple
@@ -16,7 +16,7 @@ LEAST_ERROR = 1e-9
 
 
 class ToleranceKept(NamedTuple):
-    """Shares of the rows; errors are fractions of the strike, less what the reference itself may be wrong by.
+    """Shares of the rows; errors are fractions of the strike, less the possible error of the reference.
 
     `within`: error <= tolerance. `ok`: status. `ok_within_five`: of the ok rows, error <= 5 tolerances;
     `largest_ok` the largest error of an ok row, in tolerances. `honest`: estimate >= error/2, or an error

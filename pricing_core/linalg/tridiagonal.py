@@ -39,7 +39,7 @@ class Tridiagonal:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(n, n)."""
+        """The shape (n, n)."""
         return self.diagonal.size, self.diagonal.size
 
     def __matmul__(self, x: Vector) -> Vector:

@@ -60,7 +60,7 @@ class Variable(Expression):
     index: int
 
     def value_from(self, x: Vector, parts: Sequence[float]) -> float:
-        """Return x_i."""
+        """Return x_i, whatever the parts."""
         if not 0 <= self.index < len(x):
             raise InvalidInputError("x", Told(f"{len(x)} numbers"), f"long enough for variable {self.index}")
         return float(x[self.index])
@@ -86,7 +86,7 @@ class Sum(Expression):
 
     @property
     def parts(self) -> tuple[Expression, ...]:
-        """The terms."""
+        """The terms of the sum."""
         return self.terms
 
     def value_from(self, x: Vector, parts: Sequence[float]) -> float:
@@ -102,7 +102,7 @@ class Largest(Expression):
 
     @property
     def parts(self) -> tuple[Expression, ...]:
-        """The terms."""
+        """The terms of the maximum."""
         return self.terms
 
     def value_from(self, x: Vector, parts: Sequence[float]) -> float:
@@ -118,7 +118,7 @@ class Least(Expression):
 
     @property
     def parts(self) -> tuple[Expression, ...]:
-        """The terms."""
+        """The terms of the minimum."""
         return self.terms
 
     def value_from(self, x: Vector, parts: Sequence[float]) -> float:

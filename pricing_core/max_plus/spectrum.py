@@ -119,5 +119,5 @@ def spectral_nodes(graph: Arcs, solution: HowardSolution) -> BoolVector:
 
 
 def plain(value: Scalar) -> Scalar:
-    """Return Python's own number."""
+    """Return a number of NumPy as one of Python."""
     return value if isinstance(value, Fraction) else float(value)

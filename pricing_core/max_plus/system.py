@@ -159,7 +159,7 @@ class ImplicitSystem:
 
 
 def as_system(field: str, value: object) -> MaxPlusSystem:
-    """Return a system as it is.
+    """Return a system unchanged, or raise where it is none.
 
     Raises
     ------

@@ -42,7 +42,7 @@ class Decision:
 
 
 class StepSizeController(Protocol):
-    """Chooses step sizes."""
+    """A rule that accepts or rejects steps and chooses their sizes."""
 
     def first_h(self, span: float) -> float:
         """Return the first step for an interval of length `span`."""
@@ -69,7 +69,7 @@ class StepSizeController(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FixedStep:
-    """Always h; with h = inf the stop times alone are the steps."""
+    """Steps of a constant size h; with h = inf the stop times alone are the steps."""
 
     h: float = math.inf
 

@@ -54,7 +54,7 @@ class ImplicitEuler(Generic[ImplicitState]):
 
     @property
     def order(self) -> int:
-        """1."""
+        """The order of the method, 1."""
         return 1
 
     def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
@@ -82,7 +82,7 @@ class Sdirk2(Generic[ImplicitState]):
 
     @property
     def order(self) -> int:
-        """2."""
+        """The order of the method, 2."""
         return 2
 
     def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
@@ -112,7 +112,7 @@ class ThetaMethod(Generic[ImplicitState]):
 
     @property
     def order(self) -> int:
-        """2 or 1."""
+        """The order of the method: 2 for theta = 1/2, else 1."""
         return 2 if self.theta == 0.5 else 1
 
     def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:

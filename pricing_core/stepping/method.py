@@ -12,7 +12,7 @@ State = TypeVar("State")
 
 @dataclass(frozen=True, slots=True)
 class Step(Generic[State]):
-    """What one step produced.
+    """The result of one step.
 
     Parameters
     ----------
@@ -37,11 +37,11 @@ class OneStepMethod(Protocol[State]):
 
     @property
     def order(self) -> int:
-        """The order p."""
+        """The order p of the method."""
         ...
 
     def step(self, t: float, state: State, h: float) -> Step[State]:
-        """Go from t to t + h."""
+        """Return the step from t to t + h, which begins at `state`."""
         ...
 
 

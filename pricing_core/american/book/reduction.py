@@ -55,7 +55,7 @@ class Reduction:
 
     @classmethod
     def of(cls, contracts: Sequence[tuple[Option, Market]]) -> Reduction | None:
-        """Return that of these contracts; None where each is priced as it is stated."""
+        """Return the reduction of these contracts; None where the engines price each of them as it is stated."""
         if all(is_plain(option, market) for option, market in contracts):
             return None
         lags = [option.settlement_lag / DAYS_PER_YEAR for option, _ in contracts]
@@ -75,7 +75,7 @@ class Reduction:
 
     @classmethod
     def of_columns(cls, columns: Mapping[str, NDArray[Any]]) -> Reduction | None:
-        """Return that of contracts without curves; None where each is priced as it is stated.
+        """Return the reduction of contracts without curves; None where the engines price each of them as it is stated.
 
         Parameters
         ----------
@@ -93,17 +93,17 @@ class Reduction:
 
     @classmethod
     def nothing(cls, count: int) -> Reduction:
-        """Return that of so many contracts that are priced as they are stated."""
+        """Return the reduction of `count` contracts that the engines price as they are stated."""
         no, none = np.zeros(count, dtype=bool), Ragged.empty(count)
         return cls(np.zeros(count), np.ones(count), np.zeros(count), no, ~no, none, none)
 
     def take(self, rows: NDArray[np.intp]) -> Reduction:
-        """Return that of some contracts."""
+        """Return the reduction of some of the contracts."""
         return Reduction(*(taken(getattr(self, field.name), rows) for field in fields(self)))
 
     @classmethod
     def concatenated(cls, parts: Sequence[Reduction]) -> Reduction:
-        """Return that of the contracts of several, one behind the other."""
+        """Return the reductions of several books in one, in their order."""
         columns: list[Any] = []
         for field in fields(cls):
             pieces = [getattr(part, field.name) for part in parts]

@@ -240,7 +240,7 @@ def volatility_seen_from(volatility: Volatility, time: float) -> Volatility:
 
 
 def hat_weights(nodes: Vector, times: Vector) -> Matrix:
-    """Return what the values at m nodes count for in their linear interpolant at k times, shape (k, m)."""
+    """Return the weights of the values at m nodes in their linear interpolant at k times, shape (k, m)."""
     weights = np.zeros((times.size, nodes.size))
     rows, inside = np.arange(times.size), np.clip(times, nodes[0], nodes[-1])
     above = np.clip(np.searchsorted(nodes, inside), 1, max(nodes.size - 1, 1))
@@ -252,7 +252,7 @@ def hat_weights(nodes: Vector, times: Vector) -> Matrix:
 
 
 def mean_weights(nodes: Vector, starts: Vector, ends: Vector) -> Matrix:
-    """Return what they count for in the interpolant's mean over k intervals, shape (k, m)."""
+    """Return the weights of these values in the mean of the interpolant over k intervals, shape (k, m)."""
     weights = hat_weights(nodes, 0.5 * (starts + ends))
     first, last = np.searchsorted(nodes, starts, side="right"), np.searchsorted(nodes, ends)
     rows = np.flatnonzero((last > first) & (ends > starts)).tolist()

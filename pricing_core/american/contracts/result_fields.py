@@ -18,7 +18,7 @@ Kind: TypeAlias = Literal["number", "count", "flag", "text", "list", "matrix", "
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResultField:
-    """One output.
+    """One output, as users read it.
 
     Parameters
     ----------

@@ -94,7 +94,7 @@ class CircuitLCS:
         return self.readings(trajectory.x, trajectory.u, self.sources.along(trajectory.t))
 
     def energy_of_event(self, event: Event, start: float) -> float:
-        """Return what is lost at an event of a run that begins at `start`."""
+        """Return the energy in joules that is lost at an event of a run that begins at `start`."""
         after = self.sources.after(event.time)
         before = self.sources.before(event.time) if event.time > start else after
         return self.energy_of_jump(

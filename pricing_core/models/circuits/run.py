@@ -23,11 +23,11 @@ RIPPLE_POINTS = 4000  # of a run, besides its events
 
 
 class ReadableCircuit(Protocol):
-    """What a run reads a trajectory with."""
+    """The names and readings of a circuit, by which a run reads a trajectory."""
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """Names of the states."""
+        """The names of the states, in their order."""
 
     @property
     def multiplier_names(self) -> tuple[str, ...]:
@@ -42,10 +42,10 @@ class ReadableCircuit(Protocol):
         """All node voltages and branch currents, whose names are those of `read`."""
 
     def read(self, trajectory: Trajectory) -> Matrix:
-        """Return them along a trajectory, shape (m, readings)."""
+        """Return all readings along a trajectory, shape (m, readings)."""
 
     def energy_of_event(self, event: Event, start: float) -> float:
-        """Return what is lost at an event."""
+        """Return the energy in joules that is lost at an event."""
 
     def energy_lost_at_start(self, start: float) -> float:
         """Return what the elements' initial voltages and currents lose at once."""

@@ -123,12 +123,12 @@ class Switch:
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """One."""
+        """One branch, from plus to minus."""
         return (Branch(self.name, self.plus, self.minus),)
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """None before its position is known."""
+        """No rows: they depend on the position, which is not known yet."""
         return ()
 
     def at(self, closed: bool) -> SwitchAt:
@@ -152,17 +152,17 @@ class SwitchAt:
 
     @property
     def name(self) -> str:
-        """That of the switch."""
+        """The name of the switch."""
         return self.switch.name
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """Those of the switch."""
+        """The branch of the switch."""
         return self.switch.branches
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """Ohm's law, or no voltage, or no current."""
+        """One row: Ohm's law, no voltage, or no current."""
         switch = self.switch
         across, through = voltage(switch.plus, switch.minus), current(switch.name)
         if self.closed:
