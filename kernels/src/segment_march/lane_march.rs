@@ -505,7 +505,14 @@ impl<'a> Lane<'a> {
         clippy::cast_precision_loss,
         clippy::cast_sign_loss
     )]
-    fn check_contact(&mut self, lane: usize, found: &Found, rows: &mut [Row], h: f64, placed: &mut Placed) {
+    fn check_contact(
+        &mut self,
+        lane: usize,
+        found: &Found,
+        rows: &mut [Row],
+        h: f64,
+        placed: &mut Placed,
+    ) {
         self.stage.placed = None;
         if !self.leg.part.exercisable || self.stage.failed {
             return;
