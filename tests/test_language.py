@@ -149,6 +149,8 @@ PUBLIC = re.findall(
 
 
 def named_in(text: str, name: str) -> bool:
+    """Tell whether a docstring names a parameter outside its examples."""
+    text = re.sub(r"(?m)^[ \t]*>>>.*\n(?:^[ \t]*\S.*\n?)*", "", text)
     return re.search(rf"(?<!\w){re.escape(name)}(?!\w)", text) is not None
 
 
@@ -182,11 +184,11 @@ def test_every_parameter_is_named_where_it_is_documented(package):
                 f"{name}: {one}" for one in parameters(public) if not named_in(public.__doc__ or "", one)
             ]
         elif inspect.isclass(public):
-            own = "\n".join(base.__doc__ or "" for base in public.__mro__ if base is not object)
+            own = "\n\n".join(base.__doc__ or "" for base in public.__mro__ if base is not object)
             built = [] if getattr(public, "_is_protocol", False) else parameters(public)
             missing += [f"{name}: {one}" for one in built if not named_in(own, one)]
             for method, function in methods(public):
-                text = f"{own}\n{function.__doc__}"
+                text = f"{own}\n\n{function.__doc__}"
                 missing += [
                     f"{name}.{method}: {one}" for one in parameters(function) if not named_in(text, one)
                 ]

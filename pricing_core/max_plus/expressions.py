@@ -32,7 +32,7 @@ class Expression:
         return values_of((self,), as_vector("x", x))[0]
 
     def value_from(self, x: Vector, parts: Sequence[float]) -> float:
-        """Return the value from those of the parts."""
+        """Return the value at x from those of the `parts`."""
         raise InvalidInputError("expression", Told(type(self).__name__), "of max, min, plus and scaling")
 
     def __add__(self, other: Expression | float) -> Expression:
