@@ -45,6 +45,7 @@ INSTEAD = {
     "sights?": "evaluation at the spot",
     "judg(?:e[sd]?|ing|e?ments?)": "error estimate, decide or measure",
     "weigh(?:s|ed|ing)?": "quadrature weights, or to have a weight",
+    "(?:hears?|heard) (?:of|from)|unheard": "a path leads there",
     "the house": "who is meant",
     "what of it": "what is meant",
 }
