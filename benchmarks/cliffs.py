@@ -111,7 +111,7 @@ def sweeps() -> None:
 
 
 def shares(names: Sequence[str]) -> str:
-    """Return the share of each name in a list, in per cent."""
+    """Return how many of the names there are of each, in per cent."""
     return ", ".join(f"{name or 'none'} {n / len(names):.0%}" for name, n in Counter(names).most_common())
 
 

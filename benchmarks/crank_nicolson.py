@@ -15,7 +15,7 @@ from benchmarks.reporting.report import Report
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """The numbers of contracts, grids and repeats; pairs are (cells, steps)."""
+    """How much is solved; pairs are (cells, steps)."""
 
     note: str
     problems: tuple[str, ...]  # none: all
@@ -67,7 +67,7 @@ def run(*, quick: bool) -> Report:
 
 
 def compare(sizes: Sizes) -> Comparison:
-    """Make all measurements."""
+    """Measure everything."""
     problems = classic_problems(sizes.problems)
     few = tuple(problem for problem in problems if problem.name in sizes.order_problems)
     (year,), (quarter,) = classic_problems(("A",)), classic_problems(("C",))

@@ -32,7 +32,7 @@ OVERHEAD_ROWS = 1000
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """The number of contracts of each part."""
+    """How many contracts each part takes."""
 
     published: int
     everyday: int
@@ -84,7 +84,7 @@ def run(*, quick: bool) -> Report:
 
 
 def findings(sizes: Sizes) -> Findings:
-    """Make all measurements with as many contracts as the sizes say."""
+    """Measure everything on as many contracts as the sizes say."""
     published = andersen_lake_offengenden()
     overhead = None
     if american_engines.AVAILABLE:

@@ -48,7 +48,7 @@ class Dividends(NamedTuple):
     amounts: Matrix  # (n, 4), money
 
     def column(self) -> list[list[dict[str, float]]]:
-        """Return the dividends as a column of `price_many`."""
+        """Return what `price_many` takes."""
         return [
             [{"time": day / DAYS_PER_YEAR, "amount": amount} for day, amount in zip(*row, strict=True)]
             for row in zip(self.days.tolist(), self.amounts.tolist(), strict=True)
@@ -57,17 +57,17 @@ class Dividends(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Payers:
-    """Contracts of one type with cash dividends."""
+    """Contracts of one type and their dividends."""
 
     contracts: Portfolio
     dividends: Dividends
 
     def columns(self) -> dict[str, Any]:
-        """Return the contracts as columns of `price_many`."""
+        """Return what `price_many` takes."""
         return {**self.contracts.columns(), "cash_dividends": self.dividends.column()}
 
     def book(self) -> Book:
-        """Return the contracts as a `Book`, for the engines."""
+        """Return what the engines take."""
         columns = self.columns()
         rows = zip(*(c if isinstance(c, list) else c.tolist() for c in columns.values()), strict=True)
         return Book.of([contract_from(dict(zip(columns, row, strict=True))) for row in rows])
@@ -91,7 +91,7 @@ def random_book(option_type: str, count: int, seed: int = 6) -> Payers:
 
 @dataclass(slots=True)
 class Meter:
-    """The work of the kernel: schedules solved, European ones included, and seconds."""
+    """What the kernel did: schedules solved, European ones too, and seconds."""
 
     solves: int = 0
     seconds: float = 0.0
@@ -114,7 +114,7 @@ def metered() -> Iterator[Meter]:
 
 
 class Rate(NamedTuple):
-    """The time of a table of contracts in its quickest run; errors are fractions of the strike."""
+    """What a table of contracts takes, in its quickest run; errors are fractions of the strike."""
 
     per_second: float
     solves: float  # solves per contract
@@ -202,7 +202,7 @@ def report(option_type: str, rows: int = ROWS, seconds: float = SECONDS) -> None
 
 
 class Point(NamedTuple):
-    """The time of a price, and its error as root of the mean square, a fraction of the strike."""
+    """What a price takes and how far off it is, root of the mean square, as a fraction of the strike."""
 
     milliseconds: float
     error: float

@@ -1,4 +1,4 @@
-"""How far from the true values of 86 reference contracts is a price, how long does it take, and does its estimate hold?
+"""How far from the true values of 86 reference contracts is a price, what does it cost, and what does it claim?
 
 "beyond" counts the prices with status "ok" whose error exceeds the tolerance all the same.
 
@@ -44,7 +44,7 @@ def contracts() -> list[tuple[Option, Market, float, float]]:
 
 
 class Priced(NamedTuple):
-    """A price and its error estimate, in strikes, whether its status is "ok", and the least of a few times."""
+    """A price and what it claims, in strikes, whether its status is "ok", and the least of a few times."""
 
     price: float
     claim: float

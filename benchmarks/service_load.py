@@ -253,7 +253,7 @@ async def open_loop(port: int, rate: float, seconds: float, requests: list[bytes
 
 
 async def beside_hostile(port: int, seconds: float, requests: list[bytes]) -> tuple[Measured, Counter[int]]:
-    """Let one client ask 20 times a second beside hostile ones; return its measurements, and the statuses of theirs."""
+    """Let one client ask 20 times a second beside hostile ones; return what it sees, and what they are answered."""
     statuses: Counter[int] = Counter()
     hostile = as_http("/v1/implied-volatility", SEARCH)
 
@@ -282,7 +282,7 @@ async def beside_idle(port: int, seconds: float, requests: list[bytes]) -> Measu
 
 
 def rows_of(form: str, count: int) -> int:
-    """Return the number of rows of a batch in this form: one JSON object may not be as long as the others."""
+    """Return how many rows a batch has here: one JSON object may not be as long as the others."""
     return count // 5 if form == JSON else count
 
 

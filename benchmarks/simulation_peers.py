@@ -74,7 +74,7 @@ ELEMENTS = {
 
 
 class PeerRun(NamedTuple):
-    """One simulation: the software, its step, its time and its error; None where it gave no answer, with the reason."""
+    """One simulation: who, with what step, how long, how far off; None where it gave no answer, and why."""
 
     problem: str
     method: str

@@ -33,7 +33,7 @@ LARGEST = {"elastic contact": 400_000}  # unknowns: a million take a minute
 
 
 class LargeRun(NamedTuple):
-    """One solver on one problem: processor seconds, and the natural residual relative to max |q|."""
+    """One solver on one problem: seconds of the processor, the natural residual relative to max |q|."""
 
     problem: str
     solver: str

@@ -11,7 +11,7 @@ CPU_INFORMATION = Path("/proc/cpuinfo")
 
 
 def machine_and_versions() -> dict[str, str | int]:
-    """Return the machine and the versions, with which the measurement can be repeated."""
+    """Return what a reader needs to repeat the measurement."""
     return {
         "cpu": cpu_model(),
         "cores": os.cpu_count() or "unknown",

@@ -14,7 +14,7 @@ from benchmarks.problems.classic_sets import Problem
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """The measurements of the comparison; `note` is to be read before the figures."""
+    """What was measured; `note` is to be read before the figures."""
 
     note: str
 
@@ -31,7 +31,7 @@ class Comparison:
 
 
 def results(found: Comparison, by_time: Sequence[Verdict], by_work: Sequence[Verdict]) -> dict[str, object]:
-    """Return all measurements as plain values, with the verdicts by time and by node-steps."""
+    """Return all of it in plain values, with the verdicts by time and by node-steps."""
     return {
         "note": found.note,
         "runs": [

@@ -39,14 +39,14 @@ FAMILIES = {LCS: _labels(LCS_METHODS), CRANK_NICOLSON: _labels(CRANK_NICOLSON_ME
 
 
 class Best(NamedTuple):
-    """The method of a family that needs the least time or work for an error, and how much that is."""
+    """The method of a family that needs the least for an error, and what it needs."""
 
     method: str
     cost: float
 
 
 class Verdict(NamedTuple):
-    """The family that reaches an error of one output first; None where a family does not reach it at all."""
+    """Who reaches an error of one output first; None where a family does not reach it at all."""
 
     output: str
     rmse: float
@@ -84,7 +84,7 @@ def best(
 
 
 def winner_sentences(found: Sequence[Verdict]) -> list[str]:
-    """Say for every output which family reaches which error first."""
+    """Say for every output who wins at which error."""
     return [
         f"{output.capitalize()}: "
         + "; ".join(_verdict_words(verdict) for verdict in found if verdict.output == output)

@@ -18,7 +18,7 @@ from benchmarks.reporting.report import Section, Table
 
 
 def steps_section(found: Comparison) -> Section:
-    """Return the section on the effect of time steps on one grid, and of cells at very many steps."""
+    """Return what time steps do on one grid, and cells at very many steps."""
     counts = found.step_counts
     schemes = ("SDIRK2", "Crank-Nicolson", "implicit Euler")
     sentences = [mesh_sentence(found.in_time, scheme, output) for output in TIME_ERRORS for scheme in schemes]
@@ -55,7 +55,7 @@ def _order_table(what: str, work: str, refinements: Iterable[Refinement], name: 
 
 
 def profile_section(found: Comparison) -> Section:
-    """Return the section on gamma along the spot, and the boundary along time."""
+    """Return gamma along the spot, and the boundary along time."""
     intervals, steps = found.profile_grid
     text = (
         f"{intervals} cells, {steps} steps. Crank-Nicolson hardly damps short waves: what the payoff's kink and "
@@ -89,7 +89,7 @@ def profile_section(found: Comparison) -> Section:
 
 
 def solver_section(found: Comparison) -> Section:
-    """Return the section on the cost of a step's complementarity problem, and on projection in its place."""
+    """Return what the complementarity problem of a step costs, and what projection in its place does."""
     text = (
         " ".join(projection_sentences(found.solvers, found.runs, found.in_time))
         + "\n\n"

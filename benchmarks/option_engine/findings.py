@@ -22,7 +22,7 @@ from benchmarks.quantlib.american_engines import FINITE_DIFFERENCES, CallOverhea
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """The measurements; `overhead` is None without QuantLib, `sharing_difference` without shared solves."""
+    """What was measured; `overhead` is None without QuantLib, `sharing_difference` without shared solves."""
 
     overhead: CallOverhead | None
     studies: tuple[PortfolioStudy, ...]
