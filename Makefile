@@ -20,7 +20,7 @@ SAY_KERNEL := $(BIN)/python -c "import pricing_core as p; name = p.kernel_name()
 # cargo and the build backend must agree on the interpreter, or each would recompile the other's work.
 export PYO3_PYTHON := $(abspath $(BIN)/python)
 
-.PHONY: help demo test check benchmark docs nightly wheels image licenses release lock clean
+.PHONY: help demo test check benchmark docs nightly wheels image lock clean
 .DEFAULT_GOAL := help
 
 help:  ## show this list
@@ -62,6 +62,7 @@ wheels: $(VENV)/.installed-for-release  ## build the sdist and the abi3 wheel in
 image: $(VENV)/.installed-for-release  ## run the steps of the Dockerfile in an empty folder, up to a priced contract over HTTP
 	$(BIN)/python .ci/image.py
 
+.PHONY: licenses release
 licenses:  ## collect the licence texts of what is compiled into the kernel; needs cargo
 	$(PYTHON) .ci/licenses.py
 
