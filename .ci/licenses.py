@@ -7,7 +7,6 @@ licence, the MIT licence is the one taken. The wheel carries the files in `dist-
 
 import json
 import re
-import shutil
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -22,13 +21,13 @@ RULE = "\n" + "-" * 80 + "\n"
 
 
 def main() -> None:
-    """Write the folder anew."""
-    shutil.rmtree(FOLDER, ignore_errors=True)
-    FOLDER.mkdir()
+    """Write all texts anew."""
+    for path in FOLDER.glob("*.txt"):
+        path.unlink()
     for name, text in crates().items():
         (FOLDER / name).write_text(text, encoding="utf-8")
     (FOLDER / STANDARD_LIBRARY).write_text(standard_library(), encoding="utf-8")
-    print(f"{len(list(FOLDER.iterdir()))} files in {FOLDER}")
+    print(f"{len(list(FOLDER.glob('*.txt')))} texts in {FOLDER}")
 
 
 def crates() -> dict[str, str]:

@@ -20,7 +20,7 @@ SITE = ROOT / "site"
 MARKDOWN = (
     "*.md",
     ".github/**/*.md",
-    "{app,benchmarks,deploy,docs,examples,kernels,pricing_core,tests}/**/*.md",
+    "{app,benchmarks,deploy,docs,examples,kernels,licenses,pricing_core,tests}/**/*.md",
 )
 LOADING = {"script", "img", "iframe", "source", "video", "audio", "embed"}
 
