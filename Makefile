@@ -20,7 +20,7 @@ SAY_KERNEL := $(BIN)/python -c "import pricing_core as p; name = p.kernel_name()
 # cargo and the build backend must agree on the interpreter, or each would recompile the other's work.
 export PYO3_PYTHON := $(abspath $(BIN)/python)
 
-.PHONY: help demo test check benchmark docs nightly wheels image lock clean
+.PHONY: help demo test check benchmark examples docs nightly wheels image lock clean
 .DEFAULT_GOAL := help
 
 help:  ## show this list
@@ -45,7 +45,10 @@ check: $(VENV)/.installed-for-tests  ## what is checked before the tests: style,
 benchmark: $(VENV)/.installed-for-tests  ## run every benchmark quickly, into build/benchmarks; BENCHMARK_FLAGS= measures in full
 	$(BIN)/pricing benchmark $(BENCHMARK_FLAGS) --output build/benchmarks
 
-docs: $(VENV)/.installed-for-docs  ## build the documentation into site, without the network; every warning is an error
+examples: $(VENV)/.installed  ## run every example; each asserts what it shows, and writes its output and its picture into examples/out
+	$(BIN)/python examples/run_all.py
+
+docs: $(VENV)/.installed-for-docs examples  ## build the documentation into site, without the network; every warning is an error
 	rm -rf site
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going docs site
 

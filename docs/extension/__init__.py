@@ -1,21 +1,22 @@
-"""What the site needs beyond Sphinx: formulas as MathML, tables of the vocabulary, output of examples."""
+"""What the site needs beyond Sphinx: formulas as MathML, tables of the vocabulary, examples with their output."""
 
+import ast
+import os
 import re
-import subprocess
-import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from docutils import nodes
-from docutils.parsers.rst import Directive
+from docutils.parsers.rst import Directive, directives
 from latex2mathml.converter import convert
 from sphinx.application import Sphinx
-from sphinx.errors import ExtensionError
+from sphinx.util.docutils import SphinxDirective
+from sphinx.util.typing import OptionSpec
 from sphinx.writers.html5 import HTML5Translator
 
 from extension.vocabulary import TABLES
 
-ROOT = Path(__file__).parents[2]
+EXAMPLES = Path(__file__).parents[2] / "examples"
 BARS = re.compile(
     r"(?<!`)\|(?!`)"
 )  # a bar outside of code, which is an absolute value or the sign of complementarity
@@ -37,19 +38,46 @@ class Vocabulary(Directive):
         return [nodes.table("", group, classes=["vocabulary"])]
 
 
-class Output(Directive):
-    """`{output} examples/price_one.py`: what the script prints, run when the site is built."""
+class Example(SphinxDirective):
+    """`{example} 01_first_put`: a script of `examples/`, what it prints and draws; `make examples` has run it.
+
+    With the option `output`: what it prints alone.
+    """
 
     required_arguments = 1
+    option_spec: ClassVar[OptionSpec] = {"output": directives.flag}
 
     def run(self) -> list[nodes.Node]:
-        """Return the output as it is."""
-        command = [sys.executable, self.arguments[0]]
-        ran = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-        if ran.returncode != 0:
-            raise ExtensionError(f"{self.arguments[0]} ended with status {ran.returncode}: {ran.stderr}")
-        text = ran.stdout.strip()
-        return [nodes.literal_block(text, text, language="text")]
+        """Return what the script says that it shows, the script, its output and its picture."""
+        name = self.arguments[0]
+        script, printed = EXAMPLES / f"{name}.py", EXAMPLES / "out" / f"{name}.txt"
+        if not script.is_file() or not printed.is_file():
+            raise self.error(f"examples/{name}.py is not there, or has not been run: make examples")
+        for path in (script, printed):
+            self.env.note_dependency(str(path))
+        output = _literal(printed.read_text(encoding="utf-8").strip(), "text")
+        if "output" in self.options:
+            return [output]
+        source = script.read_text(encoding="utf-8")
+        says = ast.get_docstring(ast.parse(source)) or ""
+        paragraphs = [part for part in says.split("\n\n") if not part.startswith("Run it from")]
+        code = source[source.index('"""', 3) + 3 :].strip()
+        found = [
+            *self.parse_text_to_nodes("\n\n".join(paragraphs)),
+            nodes.paragraph(
+                "", "", nodes.literal("", f".venv/bin/python examples/{name}.py"), nodes.Text(" prints")
+            ),
+            output,
+        ]
+        picture = EXAMPLES / "out" / f"{name}.png"
+        if picture.is_file():
+            place = os.path.relpath(picture, Path(self.env.doc2path(self.env.docname)).parent)
+            found.append(nodes.image(uri=place, alt=paragraphs[0].rstrip("."), width="100%"))
+        return [*found, nodes.paragraph("", "The script:"), _literal(code, "python")]
+
+
+def _literal(text: str, language: str) -> nodes.literal_block:
+    return nodes.literal_block(text, text, language=language)
 
 
 def _row(cells: tuple[str, ...]) -> nodes.row:
@@ -77,7 +105,7 @@ def _keep_bars(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines:
 def setup(app: Sphinx) -> dict[str, bool]:
     """Tell Sphinx of all this."""
     app.add_directive("vocabulary", Vocabulary)
-    app.add_directive("output", Output)
+    app.add_directive("example", Example)
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     app.connect("autodoc-process-docstring", _keep_bars, priority=100)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

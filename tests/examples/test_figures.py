@@ -19,7 +19,7 @@ def load(name: str) -> dict[str, Any]:
 
 @needs_kernel
 def test_figure_11_1_shows_the_values_of_the_pricing_engine() -> None:
-    example = load("figure_11_1")
+    example = load("21_put_as_a_system")
     spots, values, true = example["put_values"]()
     assert np.max(np.abs(values - true)) < 0.02  # of a strike of 100
     assert np.all(values >= np.maximum(100.0 - spots, 0.0) - 1e-9)
@@ -28,7 +28,7 @@ def test_figure_11_1_shows_the_values_of_the_pricing_engine() -> None:
 
 
 def test_figure_11_2_reaches_the_origin_at_half_the_sum_of_the_distances() -> None:
-    example = load("figure_11_2")
+    example = load("19_filippov")
     runs = example["solutions"]()
     for start, run in zip(example["STARTS"], runs, strict=True):
         (limit,) = (event for event in run.events if event.kind == "zeno")
@@ -38,7 +38,7 @@ def test_figure_11_2_reaches_the_origin_at_half_the_sum_of_the_distances() -> No
 
 
 def test_example_11_3_ends_elsewhere_by_the_order_of_the_contacts() -> None:
-    example = load("figure_example_11_3")
+    example = load("18_two_carts")
     wall_first, carts_first, both = (
         [event for event in run.events if event.kind == "jump" and event.time < 0.1]
         for run in example["solutions"]()
@@ -53,7 +53,7 @@ def test_example_11_3_ends_elsewhere_by_the_order_of_the_contacts() -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["figure_11_2", "figure_example_11_3"])
+@pytest.mark.parametrize("name", ["19_filippov", "18_two_carts"])
 def test_a_picture_is_written(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     example = load(name)
     monkeypatch.setitem(example["main"].__globals__, "OUT", tmp_path)

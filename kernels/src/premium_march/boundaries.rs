@@ -51,7 +51,7 @@ impl Work for Marching<'_> {
                 let runs = std::array::from_fn(|l| rows[l.min(rows.len() - 1)].1);
                 let contracts = Contracts::<V>::gather(self.puts, &runs);
                 let interrupt = self.puts.interrupt;
-                let marched = march::<V, false>(&mesh, &contracts, None, &mut work, interrupt);
+                let marched = march::<V, 0>(&mesh, &contracts, None, &mut work, interrupt);
                 let Some(marched) = marched else {
                     return (boundary, settled);
                 };

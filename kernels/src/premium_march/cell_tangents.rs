@@ -2,6 +2,7 @@
 
 use super::boundary_cell::{BoundaryCell, CellSolution};
 use super::contracts::Contracts;
+use super::grid_values::array_of;
 use crate::lanes::vector::Vector;
 
 /// What the derivatives of one cell share; the notation is that of `boundary_cell`. What ends in `_by` has the
@@ -91,27 +92,35 @@ impl<V: Vector> CellTangents<V> {
         }
     }
 
-    /// The derivatives of u at node 0 and of phi by one parameter (j = 0, 1, 2), from those of `y_1`, of `xi_0` and of
-    /// the velocity at a fixed phi. The first three terms of w are enough here, because phi is small.
+    /// The derivatives of u at node 0 and of phi in array j of D, from those of `y_1`, of `xi_0` and of the velocity at a
+    /// fixed phi. The first three terms of w are enough here, because phi is small.
     #[inline(always)]
-    pub fn tangent(&self, j: usize, eliminated: V, place_by: V, velocity_by: V) -> (V, V) {
+    pub fn tangent<const D: usize>(
+        &self,
+        j: usize,
+        eliminated: V,
+        place_by: V,
+        velocity_by: V,
+    ) -> (V, V) {
+        let of = |by| array_of::<V, D>(j, by);
+        let spread_by = of(self.spread_by);
         let dividends_by = self
             .dividends_by_place
-            .times_plus(place_by, self.dividends_by[j]);
-        let h_by = self.interest_by[j] - dividends_by;
-        let h_t_by = self.h_t_by[j] - self.dividend_growth * dividends_by;
-        let h_xi_by = -self.spread.times_plus(dividends_by, self.spread_by[j]);
+            .times_plus(place_by, of(self.dividends_by));
+        let h_by = of(self.interest_by) - dividends_by;
+        let h_t_by = of(self.h_t_by) - self.dividend_growth * dividends_by;
+        let h_xi_by = -self.spread.times_plus(dividends_by, spread_by);
         let h_v_by = self.h * velocity_by;
         let third = (h_xi_by - h_by.times_plus(self.v, h_v_by).times(2.0)).times(1.0 / 3.0);
         let h_v2_by = (self.v * h_by.times_plus(self.v, h_v_by + h_v_by)).times(4.0);
-        let twice = self.spread_by[j] + self.spread_by[j];
+        let twice = spread_by + spread_by;
         let h_xixi_by = self.spread * self.spread.times_plus(dividends_by, twice);
         let fourth = (h_v2_by + h_t_by.times(2.0) - h_xixi_by).times(1.0 / 12.0);
         let mut u = self.z;
         for (k, u) in u.iter_mut().enumerate() {
             let z = self.z[k];
             let series = z.times_plus(z.times_plus(fourth, third), h_by);
-            let obstacle = self.obstacle_slopes[k].times_plus(place_by, self.obstacle_by[k][j]);
+            let obstacle = self.obstacle_slopes[k].times_plus(place_by, of(self.obstacle_by[k]));
             *u = (z * z).times_plus(series, obstacle);
         }
         let phi_by = (eliminated + self.pi * u[0] - u[1]) * self.inverse;

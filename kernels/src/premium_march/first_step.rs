@@ -5,7 +5,7 @@
 
 use super::boundary_history::BoundaryHistory;
 use super::contracts::Contracts;
-use super::grid_values::Workspace;
+use super::grid_values::{array_of, Workspace};
 use super::mesh::Mesh;
 use super::obstacle::{Obstacle, TimeFactors};
 use crate::lanes::normal::ln;
@@ -31,9 +31,9 @@ pub struct FirstNode<V> {
     pub xi_by: [V; 3],
 }
 
-/// Take the step; with derivatives by the parameters where D.
+/// Take the step; with derivatives by the parameters in D arrays, see `array_of`.
 #[inline(always)]
-pub fn first_step<V: Vector, const D: bool>(
+pub fn first_step<V: Vector, const D: usize>(
     mesh: &Mesh,
     contracts: &Contracts<V>,
     history: &mut BoundaryHistory<V>,
@@ -59,10 +59,14 @@ pub fn first_step<V: Vector, const D: bool>(
         by_dividend * spread.plus(lam) * inverse,
         by_spread.times_plus(V::all(lam), slope_by_spread) * inverse,
     ];
-    if D {
-        for (j, tangent) in work.tangents.iter_mut().enumerate() {
-            let along = obstacle.slope.times_plus(xi_by[j], obstacle.tangents[j]);
-            tangent.start(mesh.nodes, step.active, along, decay);
+    if D > 0 {
+        let mut along = xi_by;
+        for (along, tangent) in along.iter_mut().zip(obstacle.tangents) {
+            *along = obstacle.slope.times_plus(*along, tangent);
+        }
+        for (j, tangent) in work.tangents[..D].iter_mut().enumerate() {
+            let value = array_of::<V, D>(j, along);
+            tangent.start(mesh.nodes, step.active, value, decay);
         }
         for array in &mut work.speed_sources {
             array.resize(mesh.nodes + 3, V::zero());

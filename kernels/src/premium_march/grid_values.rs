@@ -1,17 +1,31 @@
 //! The premium and its derivatives at the nodes of a march.
 
-use crate::lanes::vector::Vector;
+use crate::lanes::vector::{Vector, LANES};
 
 /// The arrays of a march, kept from group to group.
 pub struct Workspace<V> {
     /// The premium u.
     pub premium: GridValues<V>,
-    /// The derivatives of u by rate, dividend and spread, along the moving nodes.
+    /// The derivatives of u by rate, dividend and spread, along the moving nodes; see `array_of`.
     pub tangents: [GridValues<V>; 3],
     /// 12 dx `u_xi` at the nodes at the start of a step, (nodes + 3,).
     pub differences: Vec<V>,
     /// For each stage the derivative of its equations by the nodes' speed, (nodes + 3,).
     pub speed_sources: [Vec<V>; 3],
+}
+
+/// What the derivatives by rate, dividend and spread are in array j of D: with three arrays those by parameter j. Where
+/// one put fills all the lanes, a single array holds the three in its first lanes, which takes a third of the work.
+#[inline(always)]
+pub fn array_of<V: Vector, const D: usize>(j: usize, by: [V; 3]) -> V {
+    if D > 1 {
+        return by[j];
+    }
+    let (mut first, mut second) = ([1.0; LANES], [1.0; LANES]);
+    (first[0], second[1]) = (-1.0, -1.0);
+    let [rate, dividend, spread] = by;
+    let others = V::from_lanes(second).negative(dividend, spread);
+    V::from_lanes(first).negative(rate, others)
 }
 
 /// One quantity at the nodes 0 .. nodes + 2, those beyond the free ones being zero.

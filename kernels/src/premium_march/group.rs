@@ -72,6 +72,8 @@ pub struct Group<'a, 'w, V> {
     puts: Puts<'a>,
     contracts: Contracts<V>,
     chunks: Vec<Chunk<'a, V>>,
+    /// Whether all lanes hold one run.
+    is_one_run: bool,
     work: &'w mut Workspace<V>,
 }
 
@@ -124,6 +126,7 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
             puts,
             contracts: Contracts::gather(puts, &runs).with_spread_times(factor.unwrap_or(1.0)),
             chunks,
+            is_one_run: lane == 0,
             work,
         }
     }
@@ -150,10 +153,13 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
         let mut coarser_first = None;
         for at in (coarsest..=level).step_by(2) {
             let mesh = class.mesh(at);
-            coarser_first = Some(if self.puts.limits.is_some() && at + 2 >= level {
-                self.march_once::<true>(&mesh, coarser_first)?
+            let with_derivatives = self.puts.limits.is_some() && at + 2 >= level;
+            coarser_first = Some(if !with_derivatives {
+                self.march_once::<0>(&mesh, coarser_first)?
+            } else if V::WIDTH < LANES && self.is_one_run {
+                self.march_once::<1>(&mesh, coarser_first)?
             } else {
-                self.march_once::<false>(&mesh, coarser_first)?
+                self.march_once::<3>(&mesh, coarser_first)?
             });
         }
         Some(())
@@ -161,7 +167,7 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
 
     /// March on one mesh and evaluate the march at the spots; return the boundary after its first step.
     #[inline(always)]
-    fn march_once<const D: bool>(&mut self, mesh: &Mesh, coarser_first: Option<V>) -> Option<V> {
+    fn march_once<const D: usize>(&mut self, mesh: &Mesh, coarser_first: Option<V>) -> Option<V> {
         let (contracts, interrupt) = (&self.contracts, self.puts.interrupt);
         let marched = march::<V, D>(mesh, contracts, coarser_first, self.work, interrupt)?;
         for chunk in &mut self.chunks {
@@ -197,7 +203,7 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
 impl<V: Vector> Chunk<'_, V> {
     /// Take in what a march says.
     #[inline(always)]
-    fn evaluate<const D: bool>(&mut self, mesh: &Mesh, marched: &Marched<V>, work: &Workspace<V>) {
+    fn evaluate<const D: usize>(&mut self, mesh: &Mesh, marched: &Marched<V>, work: &Workspace<V>) {
         let newest = self.spots.evaluate::<D>(mesh, marched, work);
         self.evaluations = [newest, self.evaluations[0], self.evaluations[1]];
     }

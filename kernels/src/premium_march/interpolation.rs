@@ -7,8 +7,6 @@ const STENCIL: usize = 6;
 
 /// Places between nodes.
 pub struct Interpolation<V> {
-    /// The lane of the nodes that each place belongs to.
-    lanes: [usize; LANES],
     /// The first of the nodes around each place.
     first: [usize; LANES],
     /// The distance of the place from that node, in cells.
@@ -23,7 +21,7 @@ impl<V: Vector> Interpolation<V> {
     /// The interpolation at `cells` from node 0, in cells, among `nodes` free nodes.
     #[inline(always)]
     #[allow(clippy::cast_precision_loss)]
-    pub fn new(cells: V, nodes: usize, lanes: [usize; LANES]) -> Self {
+    pub fn new(cells: V, nodes: usize) -> Self {
         let y = cells.lanes();
         let (mut first, mut z) = ([0; LANES], [0.0; LANES]);
         for l in 0..LANES {
@@ -41,7 +39,6 @@ impl<V: Vector> Interpolation<V> {
             *own = binomial;
         }
         Self {
-            lanes,
             first,
             z,
             beyond,
@@ -55,11 +52,11 @@ impl<V: Vector> Interpolation<V> {
         self.beyond
     }
 
-    /// The value and its first and second derivative by the cell.
+    /// The value and its first and second derivative by the cell; `lanes` says which lane of the nodes each place takes.
     #[inline(always)]
     #[allow(clippy::cast_precision_loss)]
-    pub fn with_derivatives(&self, state: &[V]) -> (V, V, V) {
-        let differences = self.differences(state);
+    pub fn with_derivatives(&self, state: &[V], lanes: &[usize; LANES]) -> (V, V, V) {
+        let differences = self.differences(state, lanes);
         // The derivatives of the binomials.
         let (mut once, mut twice) = (V::zero(), V::zero());
         let mut value = differences[0];
@@ -77,12 +74,12 @@ impl<V: Vector> Interpolation<V> {
 
     /// The forward differences, by order, from the first nodes on.
     #[inline(always)]
-    fn differences(&self, state: &[V]) -> [V; STENCIL] {
+    fn differences(&self, state: &[V], lanes: &[usize; LANES]) -> [V; STENCIL] {
         let mut values = [V::zero(); STENCIL];
         for (k, value) in values.iter_mut().enumerate() {
             let mut numbers = [0.0; LANES];
             for l in 0..V::WIDTH {
-                numbers[l] = state[self.first[l] + k].lane(self.lanes[l]);
+                numbers[l] = state[self.first[l] + k].lane(lanes[l]);
             }
             *value = V::from_lanes(numbers);
         }

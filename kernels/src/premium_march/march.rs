@@ -29,13 +29,13 @@ pub struct Marched<V> {
     pub settled: [bool; LANES],
 }
 
-/// March to now; the premium is left in `work`, with its derivatives by the parameters where D. None where it is told to
-/// end.
+/// March to now; the premium is left in `work`, with its derivatives by the parameters in D arrays, see `array_of`. None
+/// where it is told to end.
 ///
 /// `coarser_first` is `first_boundary` of the march with half as many steps. One function for each vector type and D,
 /// whoever calls it: compiled into each caller it would take most of the crate's build.
 #[inline(always)]
-pub fn march<V: Vector, const D: bool>(
+pub fn march<V: Vector, const D: usize>(
     mesh: &Mesh,
     contracts: &Contracts<V>,
     coarser_first: Option<V>,
@@ -52,7 +52,7 @@ pub fn march<V: Vector, const D: bool>(
 }
 
 /// What a march is made from.
-struct March<'a, V, const D: bool> {
+struct March<'a, V, const D: usize> {
     mesh: &'a Mesh,
     contracts: &'a Contracts<V>,
     coarser_first: Option<V>,
@@ -60,7 +60,7 @@ struct March<'a, V, const D: bool> {
     interrupt: Interrupt<'a>,
 }
 
-impl<V: Vector, const D: bool> Part<V> for March<'_, V, D> {
+impl<V: Vector, const D: usize> Part<V> for March<'_, V, D> {
     type Result = Option<Marched<V>>;
 
     #[inline(always)]
@@ -83,10 +83,8 @@ impl<V: Vector, const D: bool> Part<V> for March<'_, V, D> {
             let step = mesh.step(n);
             if step.coarsens {
                 work.premium.coarsen();
-                if D {
-                    for tangent in &mut work.tangents {
-                        tangent.coarsen();
-                    }
+                for tangent in &mut work.tangents[..D] {
+                    tangent.coarsen();
                 }
             }
             let accepted = V::apart(RungeKuttaStep::<V, D> {

@@ -18,7 +18,7 @@ const TRIES: usize = 8;
 
 /// Take the step, again with a corrected place of node 0 where the boundary turned out too far from it; return which
 /// lanes were accepted.
-pub struct RungeKuttaStep<'a, V, const D: bool> {
+pub struct RungeKuttaStep<'a, V, const D: usize> {
     pub step: &'a TimeStep<'a>,
     pub contracts: &'a Contracts<V>,
     pub history: &'a mut BoundaryHistory<V>,
@@ -30,7 +30,7 @@ pub struct RungeKuttaStep<'a, V, const D: bool> {
     pub work: &'a mut Workspace<V>,
 }
 
-impl<V: Vector, const D: bool> Part<V> for RungeKuttaStep<'_, V, D> {
+impl<V: Vector, const D: usize> Part<V> for RungeKuttaStep<'_, V, D> {
     type Result = [bool; LANES];
 
     #[inline(always)]
@@ -79,9 +79,9 @@ impl<V: Vector, const D: bool> Part<V> for RungeKuttaStep<'_, V, D> {
             to.xi = open.negative(to.xi, x + moved);
         };
         let mut boundary_by = to.xi_by;
-        if D {
+        if D > 0 {
             let faster = (history.speed - last_speed).times(h / step.dx);
-            let phi_by = V::apart(Differentiation {
+            let phi_by = V::apart(Differentiation::<V, D> {
                 stages: &stages,
                 solved: &solved,
                 scale,

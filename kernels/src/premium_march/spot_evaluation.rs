@@ -111,9 +111,9 @@ impl<V: Vector> Spots<V> {
         }
     }
 
-    /// Evaluate a march at the spots, with the derivatives by the parameters where D.
+    /// Evaluate a march at the spots, with the derivatives by the parameters from D arrays, see `array_of`.
     #[inline(always)]
-    pub fn evaluate<const D: bool>(
+    pub fn evaluate<const D: usize>(
         &self,
         mesh: &Mesh,
         marched: &Marched<V>,
@@ -147,7 +147,7 @@ impl<V: Vector> Spots<V> {
 
     /// The premium at the spots: zero beyond the nodes.
     #[inline(always)]
-    fn interpolate<const D: bool>(
+    fn interpolate<const D: usize>(
         &self,
         mesh: &Mesh,
         marched: &Marched<V>,
@@ -155,15 +155,21 @@ impl<V: Vector> Spots<V> {
     ) -> SpotEvaluation<V> {
         let per_cell = 1.0 / mesh.last_spacing();
         let cells = (self.xi - self.of_lanes(marched.node)).times(per_cell);
-        let at = Interpolation::new(cells, mesh.nodes, self.lanes);
+        let at = Interpolation::new(cells, mesh.nodes);
         let inside = at.inside();
-        let (value, slope, curvature) = at.with_derivatives(&work.premium.state);
+        let (value, slope, curvature) = at.with_derivatives(&work.premium.state, &self.lanes);
         let zero = V::zero();
         let (slope, curvature) = (slope.times(per_cell), curvature.times(per_cell * per_cell));
         let (mut tangents, mut tangent_slopes) = ([zero; 3], [zero; 3]);
-        if D {
+        if D > 0 {
             for j in 0..3 {
-                let (along, along_slope, _) = at.with_derivatives(&work.tangents[j].state);
+                let (array, lanes) = if D == 1 {
+                    (0, [j; LANES])
+                } else {
+                    (j, self.lanes)
+                };
+                let state = &work.tangents[array].state;
+                let (along, along_slope, _) = at.with_derivatives(state, &lanes);
                 let node_by = self.of_lanes(marched.node_by[j]);
                 tangents[j] = inside.negative(along - slope * node_by, zero);
                 let slope_by = along_slope.times(per_cell) - curvature * node_by;

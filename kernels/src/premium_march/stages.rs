@@ -5,7 +5,7 @@ use super::boundary_history::BoundaryHistory;
 use super::cell_tangents::CellTangents;
 use super::contracts::Contracts;
 use super::first_step::FirstNode;
-use super::grid_values::Workspace;
+use super::grid_values::{array_of, Workspace};
 use super::mesh::TimeStep;
 use super::obstacle::TimeFactors;
 use super::stage_equations::{speed_source, RightHandSide};
@@ -94,9 +94,9 @@ impl<'a, V: Vector> Stages<'a, V> {
     }
 
     /// Solve all three stages, one after the other, and return phi of the last; what derivatives need of them is kept
-    /// where D.
+    /// where D > 0.
     #[inline(always)]
-    pub fn solve<const D: bool>(
+    pub fn solve<const D: usize>(
         &self,
         solved: &mut SolvedCells<'a, V>,
         work: &mut Workspace<V>,
@@ -105,7 +105,7 @@ impl<'a, V: Vector> Stages<'a, V> {
         for (number, solved) in solved.iter_mut().enumerate() {
             let (cell, solution) = self.take(number, phi, work);
             phi = solution.phi;
-            if D {
+            if D > 0 {
                 *solved = Some((cell, solution));
             }
         }
@@ -148,10 +148,10 @@ impl<'a, V: Vector> Stages<'a, V> {
         (cell, solution)
     }
 
-    /// Take the step for the derivatives, one parameter after the other, so that each fits the cache; return those of
-    /// the last phi. The solved stages have decided everything else.
+    /// Take the step for the derivatives, one array after the other, so that each fits the cache; return those of the last
+    /// phi. The solved stages have decided everything else.
     #[inline(always)]
-    fn differentiate(
+    fn differentiate<const D: usize>(
         &self,
         solved: &SolvedCells<'a, V>,
         scale: f64,
@@ -177,45 +177,52 @@ impl<'a, V: Vector> Stages<'a, V> {
             speed_source(&rhs, stage, &self.matrix, &mut work.speed_sources[number]);
         }
         let mut phi_by = [V::zero(); 3];
-        for (j, tangent) in work.tangents.iter_mut().enumerate() {
+        for (j, tangent) in work.tangents[..D].iter_mut().enumerate() {
             if self.step.number > 2 {
-                let faster_by = self.faster_by[j].times(self.h / dx);
+                let faster_by = array_of::<V, D>(j, self.faster_by).times(self.h / dx);
                 tangent.update_increment::<true>(
                     (scale, faster, faster_by),
                     active,
                     &mut work.differences,
                 );
             }
+            let speed_by = array_of::<V, D>(j, self.speed_by);
             for (number, cell) in cells.iter().flatten().enumerate() {
                 let weights = &self.tableau.rhs_weights[number];
-                let source = (&work.speed_sources[number][..], self.speed_by[j]);
+                let source = (&work.speed_sources[number][..], speed_by);
                 tangent.eliminate::<true>(number, weights, &self.matrix, active, source);
-                let (place_by, velocity_by) = self.node_tangents(j, number, cell.t, cell.root);
+                let (place_by, velocity_by) = self.node_tangents::<D>(j, number, cell.t, cell.root);
                 let eliminated = tangent.stages[number][1];
-                let (contact, found) = cell.tangent(j, eliminated, place_by, velocity_by);
+                let (contact, found) = cell.tangent::<D>(j, eliminated, place_by, velocity_by);
                 tangent.substitute(number, &self.matrix, active, contact);
                 phi_by[j] = found;
             }
             tangent.finish(self.step, &self.tableau.rhs_weights[2]);
         }
+        if D == 1 {
+            let in_lanes = phi_by[0];
+            phi_by = [0, 1, 2].map(|lane| V::all(in_lanes.lane(lane)));
+        }
         phi_by
     }
 
-    /// The derivatives by parameter j of the place of node 0 at a stage, and of a boundary's velocity there.
+    /// The derivatives in array j of the place of node 0 at a stage, and of a boundary's velocity there.
     #[inline(always)]
-    fn node_tangents(&self, j: usize, number: usize, t: f64, root: f64) -> (V, V) {
-        let from = self.from.xi_by[j];
+    fn node_tangents<const D: usize>(&self, j: usize, number: usize, t: f64, root: f64) -> (V, V) {
+        let of = |by| array_of::<V, D>(j, by);
+        let (from, drift_by) = (of(self.from.xi_by), of(self.drift_by));
         let c = self.tableau.times[number];
-        let place_by = (self.to.xi_by[j] - from).times_plus(V::all(c), from);
-        let unreduced = self.drift_by[j].times_plus(V::all(t), self.at_expiry_by[j]);
-        let reduced_by = (place_by - unreduced).times_plus(V::all(1.0 / root), self.slope_by[j]);
-        let velocity_by = reduced_by.times_plus(V::all(0.5 / root), self.drift_by[j]);
+        let place_by = (of(self.to.xi_by) - from).times_plus(V::all(c), from);
+        let unreduced = drift_by.times_plus(V::all(t), of(self.at_expiry_by));
+        let slope_by = of(self.slope_by);
+        let reduced_by = (place_by - unreduced).times_plus(V::all(1.0 / root), slope_by);
+        let velocity_by = reduced_by.times_plus(V::all(0.5 / root), drift_by);
         (place_by, velocity_by)
     }
 }
 
 /// The derivatives of a step: work of its own, see `Vector::apart`.
-pub struct Differentiation<'w, 'a, V> {
+pub struct Differentiation<'w, 'a, V, const D: usize> {
     pub stages: &'w Stages<'a, V>,
     pub solved: &'w SolvedCells<'a, V>,
     /// The arguments of `GridValues::update_increment` for the premium.
@@ -224,12 +231,12 @@ pub struct Differentiation<'w, 'a, V> {
     pub work: &'w mut Workspace<V>,
 }
 
-impl<V: Vector> Part<V> for Differentiation<'_, '_, V> {
+impl<V: Vector, const D: usize> Part<V> for Differentiation<'_, '_, V, D> {
     type Result = [V; 3];
 
     #[inline(always)]
     fn run(self) -> [V; 3] {
         self.stages
-            .differentiate(self.solved, self.scale, self.faster, self.work)
+            .differentiate::<D>(self.solved, self.scale, self.faster, self.work)
     }
 }

@@ -4,7 +4,6 @@ import dataclasses
 import inspect
 import itertools
 import math
-from pathlib import Path
 from typing import get_args, get_type_hints
 
 import pyarrow as pa
@@ -51,7 +50,6 @@ from pricing_core.american.contracts.result_fields import (
 from pricing_core.batch import run_batch
 from pricing_core.errors import InvalidInputError
 
-README = Path(__file__).parents[3] / "README.md"
 CONTRACT = {field.name: field.example for field in CONTRACT_FIELDS if field.required}
 ENTRIES = {  # by the constructor that takes them
     CashDividend: (fields.EX_TIME, fields.AMOUNT),
@@ -337,11 +335,3 @@ def test_an_option_is_described_as_the_table_states_it(command):
         if not (option.required or option.multiple or field.required):
             assert option.default == field.default
     assert ("greeks" in stated) == ("greek_errors" in stated) == (command in ("price", "batch"))
-
-
-# The documentation
-
-
-def test_the_readme_names_every_column():
-    text = README.read_text(encoding="utf-8")
-    assert all(f"`{field.name}`" in text for field in fields.COLUMN_FIELDS)

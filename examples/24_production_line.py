@@ -3,7 +3,7 @@
 A saw, a drill and a press work one after the other on pieces that travel on pallets; a pallet goes back to the
 saw when its piece leaves the press. Times are in minutes.
 
-Run it from the root of the project: .venv/bin/python examples/production_line.py
+Run it from the root of the project: .venv/bin/python examples/24_production_line.py
 """
 
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 from app.commands.max_plus_plots import gantt
 from pricing_core import max_plus as mp
 
-PLOT = Path(__file__).parent / "out" / "production_line.png"
+PLOT = Path(__file__).parent / "out" / "24_production_line.png"
 
 
 def line(pallets: int) -> mp.TimedEventGraph:
@@ -39,6 +39,13 @@ for pallets in (1, 2, 3, 4):
 plan = line(3)
 print(f"pieces per hour with three pallets: {60 * plan.throughput():g}")
 
+assert [line(k).cycle_time() for k in (1, 2, 3, 4)] == [
+    18.0,
+    9.0,
+    6.0,
+    6.0,
+]  # 18 minutes a round, 6 at the drill
+
 # Just in time: orders are due at these minutes. The latest starts of the saw that meet them all:
 feed = mp.TimedEventGraph(
     ["order", *plan.transitions],
@@ -52,6 +59,7 @@ for number, (start, done, asked) in enumerate(
     zip(starts.u[:, 0], starts.y[1:, 0], due[1:, 0], strict=True), 1
 ):
     print(f"piece {number}: start at {start:4.1f}, done at {done:4.1f}, due at {asked:4.1f}")
+assert np.all(starts.y[1:, 0] <= due[1:, 0])
 
 PLOT.parent.mkdir(exist_ok=True)
 gantt(plan, plan.run(5).x, unit="minutes").savefig(PLOT, dpi=110)

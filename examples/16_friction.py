@@ -1,6 +1,6 @@
 """Let a mass on a spring come to rest by Coulomb friction, and plot its motion and the friction force.
 
-Run it from the root of the project: .venv/bin/python examples/friction.py
+Run it from the root of the project: .venv/bin/python examples/16_friction.py
 """
 
 from pathlib import Path
@@ -17,6 +17,8 @@ run = system.simulate([5.3, 0.0], (0.0, 12.0))
 # Each half swing turns about -+1 and is 2 shorter: 5.3, -3.3, 1.3, and then 0.7, where the friction can hold.
 print(f"half swings end at {', '.join(f'{switch.time:.6f}' for switch in run.switches)}")
 print(f"the mass sticks at q = {run.x[-1, 0]:.12f} from t = 3 pi on, held by u = {run.u[-1, 0]:.12f}")
+assert np.allclose([switch.time for switch in run.switches], np.pi * np.arange(1, 4), atol=1e-11)
+assert abs(run.x[-1, 0] - 0.7) < 1e-12
 
 times = np.linspace(0.0, 12.0, 601)
 figure, (motion, force) = plt.subplots(2, 1, figsize=(6, 5), sharex=True, layout="constrained")
@@ -26,6 +28,6 @@ motion.set(ylabel="position q", title="Coulomb friction stops an oscillator")
 motion.legend(loc="upper right")
 force.plot(run.t, run.u[:, 0], color="tab:red")
 force.set(xlabel="time t", ylabel="friction force u")
-target = Path(__file__).parent / "out" / "friction.png"
+target = Path(__file__).parent / "out" / "16_friction.png"
 target.parent.mkdir(exist_ok=True)
 figure.savefig(target, dpi=120)

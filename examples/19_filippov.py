@@ -1,6 +1,6 @@
 """Figure 11.2: solutions of Filippov's example (11.68), which reach the origin after infinitely many switches.
 
-Run it from the root of the project: .venv/bin/python examples/figure_11_2.py
+Run it from the root of the project: .venv/bin/python examples/19_filippov.py
 """
 
 from pathlib import Path
@@ -51,12 +51,14 @@ def draw(trajectories):
 
 
 def main():
-    """Write examples/out/figure_11_2.png."""
+    """Write examples/out/19_filippov.png."""
     OUT.mkdir(exist_ok=True)
     trajectories = solutions()
-    draw(trajectories).savefig(OUT / "figure_11_2.png", dpi=150)
+    draw(trajectories).savefig(OUT / "19_filippov.png", dpi=150)
     for start, run in zip(STARTS, trajectories, strict=True):
         (limit,) = (event for event in run.events if event.kind == "zeno")
+        assert abs(limit.time - np.abs(start).sum() / 2) < 1e-12
+        assert limit.x_after.tolist() == [0.0, 0.0]
         print(f"from {start}: at the origin at t = {limit.time:.12g}, rounds shrink by {1 / limit.ratio:.0f}")
 
 

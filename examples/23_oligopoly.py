@@ -1,6 +1,6 @@
 """Let three firms adjust their production to their profits, find the Nash equilibrium, and plot the way there.
 
-Run it from the root of the project: .venv/bin/python examples/oligopoly.py
+Run it from the root of the project: .venv/bin/python examples/23_oligopoly.py
 """
 
 from pathlib import Path
@@ -25,6 +25,9 @@ for name, quantity, cost in zip(names, nash.x, costs, strict=True):
 print(
     f"price {100.0 - nash.x.sum():.3f}; one more unit of capacity is worth {nash.u[3]:.3f} to the first firm"
 )
+# The cheap firm is at its capacity: 100 - 2 q2 - 30 = 20 makes the second one produce 25, and the third does not pay.
+assert np.allclose(nash.x, [30.0, 25.0, 0.0], atol=1e-12)
+assert abs(nash.u[3] - 5.0) < 1e-12
 for event in run.events:
     print(f"a bound is met or left at t = {event.time:.6f}")
 
@@ -37,6 +40,6 @@ axes.set(
     xlabel="time t", ylabel="production", title="Three firms on their way to the Nash equilibrium (dotted)"
 )
 axes.legend()
-target = Path(__file__).parent / "out" / "oligopoly.png"
+target = Path(__file__).parent / "out" / "23_oligopoly.png"
 target.parent.mkdir(exist_ok=True)
 figure.savefig(target, dpi=120)

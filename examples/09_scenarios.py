@@ -1,8 +1,11 @@
 """Make a book of contracts, value it under scenarios, and explain what it has gained or lost a day later.
 
-`python examples/scenarios.py` takes 10,000 contracts; a number behind it takes so many.
+A number behind it is how many contracts it makes: `.venv/bin/python examples/09_scenarios.py 10000`.
+
+Run it from the root of the project: .venv/bin/python examples/09_scenarios.py
 """
 
+import math
 import sys
 import time
 from pathlib import Path
@@ -111,13 +114,17 @@ def show_explanation(before: pa.Table, after: pa.Table) -> dict[str, float]:
     return found
 
 
-def main(rows: int = 10_000) -> tuple[float, dict[str, float]]:
+def main(rows: int = 300) -> tuple[float, dict[str, float]]:
     """Write a book, its scenarios and its explanation into examples/out, and return the headlines."""
     OUT.mkdir(exist_ok=True)
     before, after = book_of(rows)
     pq.write_table(before, OUT / "generated_book.parquet")
     crash = show_scenarios(before)
-    return crash, show_explanation(before, after)
+    day = show_explanation(before, after)
+    causes = [day[name] for name in PARTS]
+    assert math.isclose(sum(causes), day["profit_and_loss"], rel_tol=1e-9)
+    assert abs(day["residual"]) < 0.01 * sum(map(abs, causes))
+    return crash, day
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ each station the trains wait for each other, so that passengers can change. Time
 
 The line takes 58 and 54 minutes, the rings 41 and 50; changing takes 2. Two trains serve the line, and one each ring.
 
-Run it from the root of the project: .venv/bin/python examples/railway_timetable.py
+Run it from the root of the project: .venv/bin/python examples/25_railway_timetable.py
 """
 
 from pathlib import Path
@@ -16,7 +16,7 @@ from app.commands.max_plus_plots import gantt
 from pricing_core import max_plus as mp
 
 PERIOD = 60.0  # minutes between trains in the timetable
-PLOT = Path(__file__).parent / "out" / "railway_timetable.png"
+PLOT = Path(__file__).parent / "out" / "25_railway_timetable.png"
 
 # A departure waits for the trains that arrive: running time plus 2 minutes to change; one token is one train.
 network = mp.TimedEventGraph(
@@ -51,6 +51,8 @@ while (late > planned + 1e-9).any():
     planned = planned + PERIOD
     late = np.maximum(planned, mp.multiply(A, late))
 print(f"10 minutes late at west are felt for {hours} hours")
+assert network.cycle_time() == 58.0  # two trains serve 60 + 56 minutes
+assert hours == 5  # 10 minutes late, and 2 minutes of slack an hour
 
 PLOT.parent.mkdir(exist_ok=True)
 gantt(network, network.run(4, start=departures - departures.min()).x, unit="minutes").savefig(PLOT, dpi=110)

@@ -1,6 +1,6 @@
 """Follow Filippov's two relays through infinitely many switches to the origin (example 11.1), and plot the spiral.
 
-Run it from the root of the project: .venv/bin/python examples/relay.py
+Run it from the root of the project: .venv/bin/python examples/20_relay.py
 """
 
 from pathlib import Path
@@ -21,6 +21,8 @@ zeno = run.events[-1]
 print(f"theorem 11.6 {report.theorems['11.6']}: {report.verdict}")
 print(f"{len(run.events) - 1} switches, each round of four {zeno.ratio:.6f} times as long as the one before")
 print(f"origin reached at t = {zeno.time:.12f}, (|x1| + |x2|)/2 = {np.abs(start).sum() / 2:.12f}")
+assert report.theorems["11.6"] == "holds"
+assert abs(zeno.time - np.abs(start).sum() / 2) < 1e-12
 
 figure, axes = plt.subplots(figsize=(5, 4), layout="constrained")
 axes.plot(run.x[:, 0], run.x[:, 1], linewidth=1.2)
@@ -30,6 +32,6 @@ axes.axvline(0.0, color="0.8", linewidth=0.8, zorder=0)
 axes.set(
     xlabel="$x_1$", ylabel="$x_2$", title="Infinitely many switches in two units of time", aspect="equal"
 )
-target = Path(__file__).parent / "out" / "relay.png"
+target = Path(__file__).parent / "out" / "20_relay.png"
 target.parent.mkdir(exist_ok=True)
 figure.savefig(target, dpi=120)

@@ -1,10 +1,10 @@
 """Five DC-DC converters in their periodic steady state, each held against the laws of textbooks.
 
-Run it from the root of the project: .venv/bin/python examples/converters.py
-
 The laws are those of Erickson and Maksimovic, Fundamentals of Power Electronics (2020), chapters 2, 3 and 5. Some
 follow from the mean voltage of an inductor, which is zero, and are exact; the others neglect the ripple of the output,
 and hold to the larger tolerances that are printed.
+
+Run it from the root of the project: .venv/bin/python examples/14_converters.py
 """
 
 import math
@@ -136,5 +136,4 @@ figure.align_ylabels()
 axes.set_xlabel("microseconds of one period")
 folder = Path(__file__).parent / "out"
 folder.mkdir(parents=True, exist_ok=True)
-figure.savefig(folder / "converters.png", dpi=120)
-print(f"wrote {folder / 'converters.png'}")
+figure.savefig(folder / "14_converters.png", dpi=120)

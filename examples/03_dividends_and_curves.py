@@ -1,6 +1,6 @@
 """Price a call and a put on a share that pays four dividends, under rates that change, and see when to exercise.
 
-Run it from the root of the project: .venv/bin/python examples/dividends_and_curves.py
+Run it from the root of the project: .venv/bin/python examples/03_dividends_and_curves.py
 """
 
 from pricing_core.american import (
@@ -40,3 +40,8 @@ for time, above, below in zip(times, of_call, of_put, strict=True):
 # The volatility at which the put would cost 12.00.
 found = implied_volatility(put, market, option_price=12.0)
 print(f"put at 12.00: volatility {found.volatility:.4f}  ({found.status})")
+
+# At that volatility the put does cost 12.00, and the parts of the price before and after an ex-date fit together.
+again = price(put, Market(spot=100.0, rate=rates, volatility=found.volatility, cash_dividends=dividends))
+assert abs(again.price - 12.0) <= 2.0 * again.error_estimate
+assert str(of_call[0]) == str(of_call[2]) == str(of_put[1]) == "nan"

@@ -1,6 +1,6 @@
 """Lower a cart along x'' = u to a floor and keep it there, at least cost: a state constraint of order 2.
 
-Run it from the root of the project: .venv/bin/python examples/optimal_control.py
+Run it from the root of the project: .venv/bin/python examples/22_optimal_control.py
 """
 
 from pathlib import Path
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from pricing_core.models import StateConstrainedLQ
 
-PLOT = Path(__file__).parent / "out" / "optimal_control.png"
+PLOT = Path(__file__).parent / "out" / "22_optimal_control.png"
 
 # Minimise (1/2) int 4 x^2 + u^2 over 4 seconds, from 2 at rest, never below 1.
 cart = StateConstrainedLQ(
@@ -28,6 +28,10 @@ for time in answer.switching_times:
     print(f"the cart reaches the floor at {time:.9f}")
 for time, weights in answer.multiplier_atoms:
     print(f"the multiplier has an atom of {weights[0]:.9f} at {time:.9f}: there the costate jumps by as much")
+# The closed form of this problem, from the conditions of Pontryagin with a jump of the costate at the junction.
+assert abs(answer.cost - 13.521466835) < 1e-8
+assert abs(answer.switching_times[0] - 1.954759358) < 1e-8
+assert abs(answer.multiplier_atoms[0][1][0] - 2.889872101) < 1e-8
 free = StateConstrainedLQ(cart.A, cart.B, cart.C, cart.Q, cart.x0, cart.horizon, bound=[-9]).solve()
 print(f"the floor costs {answer.cost - free.cost:.9f}")
 
@@ -55,4 +59,3 @@ for axes in (position, control, costate):
         axes.axvline(time, color="0.8", linewidth=0.8, zorder=0)
 PLOT.parent.mkdir(exist_ok=True)
 figure.savefig(PLOT, dpi=120)
-print(f"picture: {PLOT.relative_to(Path(__file__).parents[1])}")

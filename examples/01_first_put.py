@@ -1,6 +1,6 @@
 """Price one American put, see what early exercise is worth, and find when to exercise.
 
-Run it from the root of the project: .venv/bin/python examples/price_one.py
+Run it from the root of the project: .venv/bin/python examples/01_first_put.py
 """
 
 from pricing_core.american import Market, Option, exercise_boundary, price
@@ -27,3 +27,6 @@ print(
 boundary = exercise_boundary(option, market, times=[0.0, 0.5, 0.9, 1.0])
 for time, spot in zip(boundary.time, boundary.boundary, strict=True):
     print(f"exercise at time {time:.1f} if the share costs at most {spot:6.2f}")
+
+# The value to seven digits, of tests/data/american_true_values.csv.
+assert abs(valuation.price - 6.090371) <= valuation.error_estimate

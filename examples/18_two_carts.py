@@ -1,10 +1,11 @@
 """Example 11.3: two carts with stops; states that are close together lead elsewhere by the order of the contacts.
 
-Run it from the root of the project: .venv/bin/python examples/figure_example_11_3.py
+Run it from the root of the project: .venv/bin/python examples/18_two_carts.py
 """
 
 from pathlib import Path
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from pricing_core.lcs import LCS, simulate
@@ -50,14 +51,22 @@ def draw(trajectories):
     return figure
 
 
+def _early_jumps(run):
+    return (event for event in run.events if event.kind == "jump" and event.time < 0.1)
+
+
 def main():
-    """Write examples/out/figure_example_11_3.png."""
+    """Write examples/out/18_two_carts.png."""
     OUT.mkdir(exist_ok=True)
     trajectories = solutions()
-    draw(trajectories).savefig(OUT / "figure_example_11_3.png", dpi=150)
+    draw(trajectories).savefig(OUT / "18_two_carts.png", dpi=150)
+    wall_first, carts_first, both = ([*_early_jumps(run)][-1].x_after for run in trajectories)
+    assert np.allclose(wall_first, [0.0, 0.0, 0.5, 0.5], atol=10 * APART)
+    assert np.allclose(carts_first, [0.0, 0.0, 0.0, -0.5], atol=10 * APART)
+    assert np.allclose(both, 0.0, atol=1e-12)
     for label, run in zip(STARTS, trajectories, strict=True):
         print(f"{label}:")
-        for event in (event for event in run.events if event.kind == "jump" and event.time < 0.1):
+        for event in _early_jumps(run):
             sensitive = "; the order of the contacts matters here" if event.order_sensitive else ""
             velocities = ", ".join(f"{v + 0.0:.4f}" for v in event.x_after[2:].round(12))
             print(f"  t = {event.time:.6f}: velocities ({velocities}){sensitive}")
