@@ -2,7 +2,7 @@
 
 import resource
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from math import isqrt
 from typing import NamedTuple
 
@@ -54,11 +54,11 @@ class LargeRun(NamedTuple):
         return self.seconds is not None
 
 
-def sparse_runs(orders: Sequence[int]) -> Iterator[LargeRun]:
-    """Solve every kind of sparse problem at every order, and the obstacle by two peers as well."""
+def sparse_runs(orders: Sequence[int], names: Collection[str] = PROBLEMS.keys()) -> Iterator[LargeRun]:
+    """Solve the kinds of sparse problems at every order, two kinds by peers as well."""
     for order in orders:
         for name, make in PROBLEMS.items():
-            if order > LARGEST.get(name, order):
+            if name not in names or order > LARGEST.get(name, order):
                 continue
             problem = make(ROOTS.get(name, _square_root)(order))
             yield _timed(name, "solve", problem, _by_us)

@@ -146,8 +146,8 @@ def _steps(found: Comparison) -> Section:
 def _profiles(found: Comparison) -> Section:
     intervals, steps = found.profile_grid
     text = f"""{intervals} cells, {steps} steps. Crank-Nicolson hardly damps short waves: what the payoff's kink and
-        nodes changing sides set off stays in delta, gamma and boundary, even where the price is good. SDIRK2 is L-stable
-        and damps them."""
+        nodes changing sides set off stays in delta, gamma and boundary, even where the price is good. SDIRK2 is
+        L-stable and damps them."""
     drawn = {
         "gamma-errors": (found.gamma, "spot (strikes)", "error of gamma, set C (times the strike)", 1e-2),
         "boundary-errors": (
@@ -213,8 +213,8 @@ def _solvers(found: Comparison) -> Section:
 def _method(problems: Sequence[Problem]) -> Section:
     spots = sum(problem.spots.size for problem in problems)
     text = f"""{len(problems)} contracts ({", ".join(problem.name for problem in problems)}) with {spots} spots at which
-        they are held; one solve serves all spots of a contract and its boundary at a tenth, a quarter, a half and all of its
-        life. Within 1 % of the boundary, where it jumps, gamma is not compared.
+        they are held; one solve serves all spots of a contract and its boundary at a tenth, a quarter, a half and all
+        of its life. Within 1 % of the boundary, where it jumps, gamma is not compared.
 
         The true values come from the integral equation of the exercise boundary (Kim; Andersen, Lake, Offengenden),
         solved by collocation: no grid in the spot, no time steps, no complementarity problem. They are right to 1e-10

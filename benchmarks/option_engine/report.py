@@ -149,8 +149,8 @@ def _study_section(study: PortfolioStudy, overhead: CallOverhead | None) -> Sect
 
 def _kept_section(kept: tuple[ToleranceKept, ...]) -> Section:
     text = f"""Random contracts with S/K 0.4-2.5, 5 days to 10 years, volatility 3-150 %, rate and yield 0-15 %. An
-        error is the distance to the reference, less the disagreement of the reference's two systems; rows where that exceeds
-        1e-8 of the strike are left out: {kept[0].left_out}. Largest ok is in tolerances; honest is the share of
+        error is the distance to the reference, less the disagreement of the reference's two systems; rows where that
+        exceeds 1e-8 of the strike are left out: {kept[0].left_out}. Largest ok is in tolerances; honest is the share of
         estimates of at least half the error; overestimate is the median of estimate / error."""
     return Section("Is the tolerance kept?", text, (table("wide-set", kept),))
 

@@ -30,6 +30,12 @@ class Table:
         columns = ([cell for cell in column if cell is not None] for column in zip(*self.rows, strict=True))
         return tuple(bool(cells) and not any(isinstance(cell, str) for cell in cells) for cells in columns)
 
+    def __str__(self) -> str:
+        """Return the table in columns, for a terminal."""
+        lines = [self.columns, *(tuple(map(cell_text, row)) for row in self.rows)]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        return "\n".join("  ".join(map(str.rjust, line, widths)) for line in lines)
+
     @property
     def records(self) -> list[dict[str, Cell]]:
         """The rows as a program would read them, by column."""
