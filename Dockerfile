@@ -10,6 +10,7 @@ COPY constraints.txt ./
 RUN python3 -m venv /opt/build \
     && /opt/build/bin/pip install --constraint constraints.txt setuptools setuptools-rust
 COPY pyproject.toml setup.py README.md LICENSE ./
+COPY licenses licenses
 COPY kernels kernels
 COPY pricing_core pricing_core
 COPY app app

@@ -39,6 +39,9 @@ check: $(VENV)/.installed-for-tests  ## what is checked before the tests: style,
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/hadolint Dockerfile
+	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+	$(BIN)/check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
+	$(BIN)/zizmor --quiet --offline --persona pedantic .github
 	if $(HAS_KERNEL); then cargo fmt $(MANIFEST) --check; fi
 	if $(HAS_KERNEL); then cargo clippy --quiet --locked $(MANIFEST) --all-targets --features python -- --deny warnings; fi
 
@@ -52,9 +55,10 @@ figures: $(VENV)/.installed-for-tests  ## measure the figures of README and docs
 	$(INSTALL) 'QuantLib>=1.44,<2'
 	$(BIN)/python -m benchmarks.figures
 
-docs: $(VENV)/.installed-for-docs examples  ## build the documentation into site, without the network; every warning is an error
+docs: $(VENV)/.installed-for-docs examples  ## build the documentation into site and follow its links, without the network; a warning is an error
 	rm -rf site
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going docs site
+	$(BIN)/python .ci/links.py
 
 nightly: $(VENV)/.installed-for-tests  ## run the long accuracy tests
 	$(BIN)/python -m pytest $(PYTEST_FLAGS) -m nightly
@@ -64,6 +68,13 @@ wheels: $(VENV)/.installed-for-release  ## build the sdist and the abi3 wheel in
 
 image: $(VENV)/.installed-for-release  ## run the steps of the Dockerfile in an empty folder, up to a priced contract over HTTP
 	$(BIN)/python .ci/image.py
+
+.PHONY: licenses release
+licenses:  ## collect the licence texts of what is compiled into the kernel; needs cargo
+	$(PYTHON) .ci/licenses.py
+
+release: $(VENV)/.installed-for-release $(VENV)/.installed-for-docs  ## make every check of a release, and say which pass
+	$(BIN)/python .ci/release.py
 
 lock:  ## write constraints.txt and requirements.txt anew: the newest versions that pyproject.toml allows
 	scratch=$$(mktemp -d) && trap 'rm -rf "$$scratch"' EXIT && \

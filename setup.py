@@ -1,13 +1,20 @@
-"""Compile the kernel where Rust is new enough; without it the package is pure Python, and prices in NumPy."""
+"""Compile the kernel where Rust is new enough; without it the package is pure Python, and prices in NumPy.
 
+The sdist is the same bit for bit whenever and wherever it is built from the same files: its entries are in order, have
+no owner, and carry the time of SOURCE_DATE_EPOCH: where that is not set 1980-01-01, the oldest time in a wheel.
+"""
+
+import gzip
 import os
 import re
 import shutil
 import subprocess
 import sys
+import tarfile
 from pathlib import Path
 
 from setuptools import setup
+from setuptools.command.sdist import sdist
 from setuptools_rust import Binding, RustExtension
 
 if sys.version_info < (3, 11):  # noqa: UP036 - pip reads the requirement only after this has run
@@ -16,6 +23,37 @@ if sys.version_info < (3, 11):  # noqa: UP036 - pip reads the requirement only a
 MANIFEST = Path(__file__).parent / "kernels" / "Cargo.toml"
 # The oldest Python whose stable interface the kernel is compiled for, as in `requires-python` and pyo3's feature.
 OLDEST_PYTHON = "cp311"
+OLDEST_TIME = 315532800  # 1980-01-01 in seconds since 1970
+
+
+class ReproducibleSdist(sdist):
+    """The sdist, packed so that equal files make equal archives."""
+
+    def make_archive(self, base_name, format, root_dir=None, base_dir=None, owner=None, group=None):  # noqa: A002
+        """Pack the folder `base_dir` and return the name of the archive."""
+        if format != "gztar":
+            return super().make_archive(base_name, format, root_dir, base_dir, owner, group)
+        moment = int(os.environ.get("SOURCE_DATE_EPOCH", OLDEST_TIME))
+
+        def plain(entry):
+            executable = entry.isdir() or entry.mode & 0o100
+            entry.mode, entry.mtime = 0o755 if executable else 0o644, moment
+            entry.uid = entry.gid = 0
+            entry.uname = entry.gname = ""
+            return entry
+
+        folder = Path(root_dir or ".")
+        target = Path(f"{base_name}.tar.gz")
+        with (
+            target.open("wb") as file,
+            gzip.GzipFile("", "wb", 9, file, moment) as packed,
+            tarfile.open(fileobj=packed, mode="w", format=tarfile.PAX_FORMAT) as archive,
+        ):
+            for path in sorted((folder / base_dir).rglob("*")):
+                if path.name == "setup.cfg" or "egg-info" in path.as_posix():
+                    continue  # written by setuptools on the way; PKG-INFO says all of it
+                archive.add(path, path.relative_to(folder).as_posix(), recursive=False, filter=plain)
+        return str(target)
 
 
 def why_no_kernel() -> str:
@@ -44,7 +82,7 @@ def why_no_kernel() -> str:
 reason = why_no_kernel()
 if reason:
     print(f"pricing-core: the kernel is not compiled, since {reason}", file=sys.stderr)
-    setup()
+    setup(cmdclass={"sdist": ReproducibleSdist})
 else:
     kernel = RustExtension(
         "pricing_core._kernels",
@@ -55,7 +93,11 @@ else:
         debug=False,
     )
     try:
-        setup(rust_extensions=[kernel], options={"bdist_wheel": {"py_limited_api": OLDEST_PYTHON}})
+        setup(
+            cmdclass={"sdist": ReproducibleSdist},
+            rust_extensions=[kernel],
+            options={"bdist_wheel": {"py_limited_api": OLDEST_PYTHON}},
+        )
     except SystemExit as end:
         if "cargo" not in str(end.code):
             raise

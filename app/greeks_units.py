@@ -19,7 +19,7 @@ PER_DAY_PER_POINT: Mapping[str, float] = {
 
 
 def factor(name: str, units: GreeksUnits) -> float:
-    """Return what an output of this name is multiplied by.
+    """Return the factor from the library's unit of an output to the unit asked for.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The application: routes, handlers, limits, put together."""
+"""The application: its routes, exception handlers and limits in one place."""
 
 import asyncio
 import threading
@@ -46,7 +46,7 @@ WARM_UP = Option("put", strike=100.0, expiry=1.0), Market(spot=100.0, rate=0.05,
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
-    """Build the service.
+    """Return the ASGI application of the service.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ def by_name(outputs: Iterable[ResultField], found: object) -> dict[str, Any]:
 
 
 def provenance() -> dict[str, str]:
-    """Return what an answer can be reproduced with."""
+    """Return the versions with which an answer can be reproduced."""
     return {"engine_version": ENGINE_VERSION, "instruction_set": instruction_set()}
 
 

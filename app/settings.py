@@ -47,7 +47,7 @@ def named_origins(names: str) -> str:
 
 
 def parts(names: str) -> list[str]:
-    """Return what stands between the commas."""
+    """Return the parts of a text between its commas."""
     return [name.strip() for name in names.split(",") if name.strip()]
 
 
@@ -61,7 +61,7 @@ IN_WORDS = {
 
 
 class Settings(BaseSettings):
-    """What an operator may set; read when the application is created, never at import."""
+    """The settings that an operator may make; they are read when the application is created, never at import."""
 
     model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, allow_inf_nan=False)
 
@@ -141,7 +141,7 @@ SERVICE_LINK = re.compile(PREFIX + "(PORT|SERVICE)(_|$)")
 
 
 def settings_from_environment() -> Settings:
-    """Read the environment.
+    """Return the settings that the environment variables make.
 
     Raises
     ------

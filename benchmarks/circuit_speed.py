@@ -45,7 +45,7 @@ def relays(count: int, *, symmetric: bool) -> RelaySystem:
 
 
 def timed(text: str, call: Callable[[], object]) -> object:
-    """Make a call, and print what it took."""
+    """Make a call, and print how long it took."""
     begin, clock = time.process_time(), time.perf_counter()
     found = call()
     print(

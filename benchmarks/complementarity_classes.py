@@ -24,14 +24,14 @@ LARGEST_COUNTED = 100  # larger problems are timed on a few members
 
 
 class Verdict(NamedTuple):
-    """What became of a problem: "solved", "refused", "wrong" or "not found", and the seconds it took."""
+    """The outcome of a problem: "solved", "refused", "wrong" or "not found", and the seconds it took."""
 
     word: str
     seconds: float
 
 
-def judged(posed: Posed, answer: Callable[[LCP], Vector]) -> Verdict:
-    """Ask for an answer and judge it: a proof that there is none is wrong where there is one."""
+def verdict_on(posed: Posed, answer: Callable[[LCP], Vector]) -> Verdict:
+    """Ask for an answer and return the verdict on it: a proof that there is none is wrong where there is one."""
     problem = LCP(posed.M, posed.q)
     begin = time.process_time()
     try:
@@ -46,7 +46,7 @@ def judged(posed: Posed, answer: Callable[[LCP], Vector]) -> Verdict:
 
 
 def by_siconos(problems: Sequence[Posed]) -> list[Verdict] | None:
-    """Return what Siconos' Lemke method makes of them, None where PRICING_SICONOS_PYTHON names no Python that has it.
+    """Return the verdicts on Siconos' Lemke method, None where PRICING_SICONOS_PYTHON names no Python that has it.
 
     An answer that does not solve the problem counts as not found where Siconos says so itself.
     """
@@ -72,8 +72,8 @@ def _peer_verdict(posed: Posed, results: np.lib.npyio.NpzFile, k: int) -> Verdic
 
 
 def by_us(problems: Sequence[Posed]) -> list[Verdict]:
-    """Return what `solve` makes of them."""
-    return [judged(posed, lambda problem: solve(problem).z) for posed in problems]
+    """Return the verdicts on `solve`."""
+    return [verdict_on(posed, lambda problem: solve(problem).z) for posed in problems]
 
 
 def summary(verdicts: Sequence[Verdict] | None) -> str:

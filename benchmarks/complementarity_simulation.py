@@ -17,7 +17,7 @@ from pricing_core.errors import NumericalError
 
 
 class Count(NamedTuple):
-    """What became of the cases of a class."""
+    """How many cases of a class were solved, refused, wrong and not finished, and their times."""
 
     solved: int
     refused: int
@@ -32,7 +32,7 @@ def count(name: str, cases: int, limit: float) -> Count:
     """Simulate the first cases of a class."""
     counts, seconds, events, first = {"": 0, "refused": 0, "wrong": 0, "unfinished": 0}, 0.0, 0, ""
     for seed in range(cases):
-        outcome, text, spent, met = _judge(CLASSES[name](np.random.default_rng(seed)), limit)
+        outcome, text, spent, met = _outcome_of(CLASSES[name](np.random.default_rng(seed)), limit)
         counts[outcome] += 1
         seconds, events = seconds + spent, events + met
         if outcome and not first:
@@ -41,7 +41,7 @@ def count(name: str, cases: int, limit: float) -> Count:
     return Count(solved, refused, wrong, unfinished, seconds, events, first)
 
 
-def _judge(case: Case, limit: float) -> tuple[str, str, float, int]:
+def _outcome_of(case: Case, limit: float) -> tuple[str, str, float, int]:
     start = time.perf_counter()
     try:
         run = case.run(lambda: time.perf_counter() - start > limit)

@@ -81,6 +81,7 @@ def single() -> Figures:
         "march": (contract("put"), "none"),
         "collocation": (contract("put", cash_dividends=dividends), "none"),
         "greeks": (contract("put"), "standard"),
+        "greeks-dividends": (contract("put", cash_dividends=dividends), "standard"),
     }
     times: dict[str, tuple[float | list[float], str]] = {
         name: (point(row, greeks, runs=50).milliseconds, "{:.2f} ms") for name, (row, greeks) in cases.items()

@@ -62,7 +62,7 @@ def by_siconos(cases: list[tuple[Problem, float]]) -> list[tuple[Matrix, float]]
 def by_us(
     problem: Problem, h: float, scheme: Literal["moreau", "stewart-trinkle"]
 ) -> tuple[Matrix, float] | None:
-    """Return our states and seconds; None where the scheme knows no rebound."""
+    """Return the states and seconds of this library; None where the scheme has no restitution."""
     if scheme == "stewart-trinkle" and problem.system.restitution > 0.0:
         return None
     begin = time.perf_counter()
@@ -73,7 +73,7 @@ def by_us(
 
 
 def line(problem: Problem, h: float, name: str, found: tuple[Matrix, float]) -> str:
-    """Return what is printed of one run."""
+    """Return the printed line of one run."""
     x, seconds = found
     n, system = problem.q0.size, problem.system
     # Siconos takes whole steps: its last state may lie beside the end.

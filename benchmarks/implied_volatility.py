@@ -19,7 +19,7 @@ ROWS, ROWS_WITH_DIVIDENDS = 20_000, 100
 
 
 class Rate(NamedTuple):
-    """What a table of quotes takes; `missed` is the largest distance of price and quote, in tolerances."""
+    """The time of a table of quotes; `missed` is the largest distance of price and quote, in tolerances."""
 
     per_second: float
     pricings: float

@@ -136,7 +136,7 @@ def surfaces() -> dict[str, LocalVolatility | float]:
 
 
 def costs() -> None:
-    """Print what a table of volatilities costs over one number, at equal tolerance."""
+    """Print the time of a table of volatilities relative to that of one number, at equal tolerance."""
     print(f"\n{CONTRACTS} puts of one year, tolerance 1e-6: ms a contract, and over the flat volatility's")
     for greeks in ("none", "standard"):
         books = {
@@ -155,7 +155,7 @@ def costs() -> None:
 
 
 def sharing(count: int) -> None:
-    """Print what sharing the solves of a chain saves."""
+    """Print how much time sharing the solves of a chain saves."""
     print(f"\na chain of {count} strikes on one surface, half puts, half calls, tolerance 1e-6, one thread")
     print(
         "surface    dividends  greeks    one by one  shared  gain  largest difference, share of both claims"
@@ -192,7 +192,7 @@ def sharing(count: int) -> None:
 
 
 def main() -> None:
-    """Answer the question."""
+    """Print the tables."""
     quick = "--quick" in sys.argv[1:]
     count, chain = (6, 80) if quick else (CONTRACTS, CHAIN)
     print(f"{cpu_model()}; kernel: {kernel_name()}")

@@ -71,7 +71,13 @@ def as_square_matrix(field: str, value: ArrayLike) -> Matrix:
 
 
 def as_array(field: str, value: object) -> NDArray[Any]:
-    """Return what NumPy makes of the value, or raise InvalidInputError where that is no array, as of ragged rows."""
+    """Return the value as a NumPy array.
+
+    Raises
+    ------
+    InvalidInputError
+        It is none, such as rows of different lengths.
+    """
     try:
         return np.asarray(value)
     except (TypeError, ValueError) as error:
@@ -147,7 +153,7 @@ def as_values(field: str, value: object, shape: tuple[int, ...]) -> NDArray[np.f
 
 
 def as_pair(field: str, value: object) -> tuple[object, object]:
-    """Return the two things that a function has returned, or raise InvalidInputError naming `field`."""
+    """Return the two values that a function has returned, or raise InvalidInputError naming `field`."""
     if not isinstance(value, tuple | list) or len(value) != 2:
         raise InvalidInputError(field, value, "a function that returns a pair")
     return value[0], value[1]

@@ -29,7 +29,7 @@ SHOWN_CHARACTERS = 40
 
 
 class Told(str):
-    """Words of our own in the place of a value, such as "1001 entries": shown without quotes, safe to send."""
+    """A description in the place of a value, such as "1001 entries": shown without quotes, and safe to send."""
 
     __slots__ = ()
 
@@ -67,12 +67,12 @@ class InvalidInputError(PricingCoreError, ValueError):
 
     @property
     def message_without_value(self) -> str:
-        """The sentence that repeats nothing of what was given."""
+        """The message without anything of what was given."""
         return f"{self.field} must be {self.allowed}"
 
     @property
     def message_for_strangers(self) -> str:
-        """The sentence that is safe to send: the value is in it where that is in our own words."""
+        """The message that may be sent to a client: it holds the value only where the library has worded it."""
         return str(self) if isinstance(self.value, Told) else self.message_without_value
 
     def __reduce__(self) -> tuple[type[InvalidInputError], tuple[str, object, str]]:

@@ -16,7 +16,7 @@ PLAIN_NUMBER_IN_WORDS = "a number such as 0.05 or 5e-2"
 
 
 def read_number(field: str, cell: Cell) -> float:
-    """Read one cell as a number; its range is the contract's business.
+    """Read one cell as a number; whether it is in range is checked where it is used.
 
     Raises
     ------

@@ -84,7 +84,7 @@ def publish(finished: Path, target: Path) -> None:
 
 
 def check_replaceable(path: Path) -> None:
-    """Accept a name that `replacement` can write under, without touching anything.
+    """Raise where `replacement` could not write under a name; nothing is touched.
 
     Raises
     ------

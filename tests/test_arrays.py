@@ -84,7 +84,7 @@ def test_what_is_no_array_of_numbers_is_refused_by_name(read, value):
         read("A", value)
 
 
-def test_what_functions_return_is_judged_as_theirs():
+def test_what_functions_return_is_checked_as_theirs():
     assert as_values("f", [1, Fraction(1, 2)], (2,)).tolist() == [1.0, 0.5]
     for value in (1.0, [1.0], ["x", "y"], [[1], [1, 2]], [1j, 0]):
         with pytest.raises(InvalidInputError, match="f = "):

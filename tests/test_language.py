@@ -1,11 +1,15 @@
 """What a script can see of the language of the code: comments, docstrings, words that have a plainer one."""
 
 import ast
+import importlib
+import inspect
 import io
 import re
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 CODE = [
@@ -14,14 +18,42 @@ CODE = [
     for path in (ROOT / folder).rglob("*.py")
 ]
 RUST = sorted((ROOT / "kernels/src").rglob("*.rs"))
-# Private metaphors, each with the word that is meant.
+FOLDERS = (
+    "app",
+    "benchmarks",
+    "deploy",
+    "docs",
+    "examples",
+    "kernels/src",
+    "kernels/tests",
+    "pricing_core",
+    "tests",
+)
+SUFFIXES = (".py", ".pyi", ".rs", ".md", ".toml", ".cff", ".js", ".html", ".css", ".yaml", ".yml")
+TEXTS = [
+    path
+    for pattern in ("*", ".ci/*", ".github/**/*", *(f"{folder}/**/*" for folder in FOLDERS))
+    for path in sorted(ROOT.glob(pattern))
+    if path.suffix in SUFFIXES or path.name in ("Makefile", "Dockerfile", "run")
+    if not path.is_relative_to(ROOT / "tests/data") and ".min." not in path.name and path != Path(__file__)
+]
+# Private metaphors, each with the word that is meant; parts of names in code count as words.
 INSTEAD = {
-    "rung": "degree",
-    "outset": "onset of contact",
-    "stretch of time": "segment",
-    "sight": "evaluation at the spot",
+    "rungs?": "degree",
+    "outsets?": "onset of contact",
+    "stretch(?:es)? of (?:time|the life|the schedule)": "segment",
+    "sights?": "evaluation at the spot",
+    "judg(?:e[sd]?|ing|e?ments?)": "error estimate, decide or measure",
+    "weigh(?:s|ed|ing)?": "quadrature weights, or to have a weight",
+    "(?:hears?|heard) (?:of|from)|unheard": "a path leads there",
+    "the house": "who is meant",
+    "what of it": "what is meant",
 }
-METAPHOR = re.compile(r"\b(" + "|".join(INSTEAD) + r")s?\b", re.IGNORECASE)
+METAPHORS = {word: re.compile(rf"(?<![a-z]){word}(?![a-z])", re.IGNORECASE) for word in INSTEAD}
+# Words that are metaphors in some folders and plain elsewhere: arcs and distributions have tails, an option is worth
+# money. The comparison of frozen answers comes to verdicts.
+PLAIN = {"judg(?:e[sd]?|ing|e?ments?)": ("benchmarks/frozen_answers/",)}
+IN_COLLOCATION = re.compile(r"(?<![a-z])(?:tails?(?![a-z])|worth(?=\(|: f64| = ))", re.IGNORECASE)
 # Endings of a summary: a sentence or question, or the colon before a list or a formula.
 ENDINGS = (".", "?", "!", ":", "::")
 
@@ -55,14 +87,43 @@ def test_no_comment_begins_with_of():
     assert not found
 
 
-def test_no_private_metaphors():
+def lines(paths: Iterable[Path]) -> Iterator[tuple[str, int, str]]:
+    """Yield the lines of files, each with the file's name and its number."""
+    for path in paths:
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            yield path.relative_to(ROOT).as_posix(), number, line
+
+
+def test_the_texts_are_those_of_the_project():
+    names = {path.relative_to(ROOT).as_posix() for path in TEXTS}
+    assert {
+        "README.md",
+        "CHANGELOG.md",
+        "docs/index.md",
+        "examples/demo.py",
+        ".ci/run",
+        "kernels/src/lib.rs",
+    } <= names
+
+
+@pytest.mark.parametrize("word", INSTEAD)
+def test_no_private_metaphors(word):
     found = [
-        f"{place(path, number)}: {match[0]}, say {INSTEAD[match[1].lower()]}"
-        for path in (*CODE, *RUST, *(ROOT / "docs").glob("*.md"), ROOT / "README.md")
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
-        for match in METAPHOR.finditer(line)
+        f"{name}:{number}: {match[0]}, say {INSTEAD[word]}"
+        for name, number, line in lines(TEXTS)
+        if not name.startswith(PLAIN.get(word, ("/",)))
+        for match in METAPHORS[word].finditer(line)
     ]
     assert not found
+
+
+def test_collocation_has_weights_and_values_beyond_the_last_panel():
+    """Neither "worth" as a name for quadrature weights, nor "tail" for the value beyond the last panel."""
+    texts = [path for path in TEXTS if "multiplier_collocation" in path.as_posix()]
+    assert len(texts) > 40
+    assert not [
+        f"{name}:{number}: {line}" for name, number, line in lines(texts) if IN_COLLOCATION.search(line)
+    ]
 
 
 def test_docstrings_are_sentences():
@@ -79,3 +140,57 @@ def test_docstrings_are_sentences():
             if not starts or not summary.rstrip().endswith(ENDINGS):
                 found.append(f"{place(path, getattr(node, 'lineno', 1))}: {summary[:70]}")
     assert not found
+
+
+# The packages whose names the reference of the documentation lists.
+PUBLIC = re.findall(
+    r"automodule:: (\S+)",
+    "".join(path.read_text() for path in sorted((ROOT / "docs/reference").glob("*.md"))),
+)
+
+
+def named_in(text: str, name: str) -> bool:
+    """Tell whether a docstring names a parameter outside its examples."""
+    text = re.sub(r"(?m)^[ \t]*>>>.*\n(?:^[ \t]*\S.*\n?)*", "", text)
+    return re.search(rf"(?<!\w){re.escape(name)}(?!\w)", text) is not None
+
+
+def parameters(called: Callable[..., object]) -> list[str]:
+    try:
+        names = inspect.signature(called).parameters
+    except ValueError:  # A built-in class, such as that of texts, tells none.
+        return []
+    return [name for name in names if name not in ("self", "cls") and not name.startswith("_")]
+
+
+def methods(kind: type) -> Iterator[tuple[str, Callable[..., object]]]:
+    """Yield the public methods of a class, those that it has inherited from classes of ours included."""
+    for name, member in inspect.getmembers(kind):
+        function = getattr(member, "__func__", member)
+        public = not name.startswith("_") and inspect.isfunction(function)
+        if public and function.__module__.startswith(("app", "pricing_core")):
+            yield name, function
+
+
+@pytest.mark.parametrize("package", PUBLIC)
+def test_every_parameter_is_named_where_it_is_documented(package):
+    """A parameter of a function is in its docstring, one of a method in its own or that of its class."""
+    module = importlib.import_module(package)
+    missing = []
+    own_names = [name for name, value in vars(module).items() if getattr(value, "__module__", "") == package]
+    for name in getattr(module, "__all__", own_names):
+        public = getattr(module, name)
+        if inspect.isfunction(public):
+            missing += [
+                f"{name}: {one}" for one in parameters(public) if not named_in(public.__doc__ or "", one)
+            ]
+        elif inspect.isclass(public):
+            own = "\n\n".join(base.__doc__ or "" for base in public.__mro__ if base is not object)
+            built = [] if getattr(public, "_is_protocol", False) else parameters(public)
+            missing += [f"{name}: {one}" for one in built if not named_in(own, one)]
+            for method, function in methods(public):
+                text = f"{own}\n\n{function.__doc__}"
+                missing += [
+                    f"{name}.{method}: {one}" for one in parameters(function) if not named_in(text, one)
+                ]
+    assert not missing

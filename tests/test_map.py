@@ -7,7 +7,7 @@ ROOT = Path(__file__).parents[1]
 # Folders that are written by tools, and those that the map leaves to another text: benchmarks/README.md, and the code.
 WRITTEN = {"build", "dist", "out", "site", "target", "__pycache__"}
 TOLD_ELSEWHERE = {"benchmarks", "tests"}
-SOURCES = {".py", ".rs", ".js", ".md", ".json", ".toml", ".csv", ".yaml"}
+SOURCES = {".py", ".rs", ".js", ".md", ".json", ".toml", ".csv", ".yaml", ".yml"}
 
 
 def folders(folder: Path) -> set[str]:
@@ -16,7 +16,7 @@ def folders(folder: Path) -> set[str]:
     for path in folder.iterdir():
         if not path.is_dir() or path.name in WRITTEN or path.name.endswith(".egg-info"):
             continue
-        if path.name.startswith(".") and path.name != ".ci":
+        if path.name.startswith(".") and path.name not in (".ci", ".github"):
             continue
         name = path.relative_to(ROOT).as_posix()
         if any(file.suffix in SOURCES for file in path.iterdir() if file.is_file()):

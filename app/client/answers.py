@@ -1,4 +1,4 @@
-"""Answers of the service as the results of the library; nothing in them is believed before it has been looked at."""
+"""Answers of the service as the results of the library; all of them are checked before they are used."""
 
 import json
 import math
@@ -58,7 +58,7 @@ def value_surface(response: httpx.Response) -> ValueSurface:
 
 
 def results_table(response: httpx.Response, count: int) -> pa.Table:
-    """Return the answer of /v1/batch to so many rows, as an Arrow stream.
+    """Return the answer of /v1/batch to `rows` rows, as an Arrow table.
 
     Raises
     ------

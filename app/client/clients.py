@@ -1,4 +1,4 @@
-"""The two clients: each sends what an exchange asks for, and waits as it says."""
+"""The two clients, one that blocks and one for asyncio: each sends the requests of an exchange."""
 
 import asyncio
 import time
@@ -161,12 +161,21 @@ class Client:
         tolerance: float = DEFAULT_TOLERANCE,
         greeks: Greeks = "standard",
     ) -> Valuation:
-        """Value one option, as `pricing_core.american.price` does; its diagnostics are empty.
+        """Value one option, as `pricing_core.american.price` does; the diagnostics of the result are empty.
+
+        Parameters
+        ----------
+        option : Option
+        market : Market
+        tolerance : float
+            Absolute error of the price that is asked for, in units of the strike.
+        greeks : {"none", "standard", "extended"}
+            Which Greeks are found.
 
         Raises
         ------
         InvalidInputError, NumericalError
-            As there.
+            For the same reasons as in `pricing_core.american.price`.
         ServiceUnavailableError, ServiceRefusedError, BrokenAnswerError
             The service did not answer.
         """
@@ -180,7 +189,23 @@ class Client:
         *,
         tolerance: float = DEFAULT_TOLERANCE,
     ) -> ExerciseBoundary:
-        """Find the exercise boundary, as `exercise_boundary` does; errors as in `price`."""
+        """Find the exercise boundary, as `pricing_core.american.exercise_boundary` does.
+
+        Parameters
+        ----------
+        option : Option
+        market : Market
+            Its spot is not used.
+        times : array_like, shape (m,), optional
+            Years from now; the service chooses them where they are missing.
+        tolerance : float
+            The same as that of the function.
+
+        Raises
+        ------
+        PricingCoreError
+            For the same reasons as in `price`.
+        """
         return self._ask(
             _at_times("v1/boundary", option, market, times, tolerance), answers.exercise_boundary
         )
@@ -193,7 +218,22 @@ class Client:
         *,
         tolerance: float = DEFAULT_TOLERANCE,
     ) -> ExerciseAdvice:
-        """Advise on exercise, as `exercise_advice` does; errors as in `price`."""
+        """Say whether and when to exercise, as `pricing_core.american.exercise_advice` does.
+
+        Parameters
+        ----------
+        option : Option
+        market : Market
+        times : array_like, shape (m,), optional
+            Years from now at which the distribution is given.
+        tolerance : float
+            The same as that of the function.
+
+        Raises
+        ------
+        PricingCoreError
+            For the same reasons as in `price`.
+        """
         return self._ask(
             _at_times("v1/exercise-advice", option, market, times, tolerance), answers.exercise_advice
         )
@@ -208,7 +248,25 @@ class Client:
         ask: float | None = None,
         tolerance: float = DEFAULT_TOLERANCE,
     ) -> ImpliedVolatility:
-        """Find the volatility of a price, as `implied_volatility` does; errors as in `price`."""
+        """Find the volatility that a price implies, as `pricing_core.american.implied_volatility` does.
+
+        Parameters
+        ----------
+        option : Option
+        market : Market
+            Its volatility is not used.
+        option_price : float, optional
+            Money. It is given alone, or `bid` and `ask` are given in its place.
+        bid, ask : float, optional
+            Money.
+        tolerance : float
+            The same as that of the function.
+
+        Raises
+        ------
+        PricingCoreError
+            For the same reasons as in `price`.
+        """
         question = _implied(option, market, option_price, bid, ask, tolerance)
         return self._ask(question, answers.implied_volatility)
 
@@ -222,7 +280,27 @@ class Client:
         tolerance: float = DEFAULT_TOLERANCE,
         greeks: SurfaceGreeks = "standard",
     ) -> ValueSurface:
-        """Value the option over times and spots, as `value_surface` does; errors as in `price`."""
+        """Value the option at every pair of a time and a spot, as `pricing_core.american.value_surface` does.
+
+        Parameters
+        ----------
+        option : Option
+        market : Market
+            Its spot is not used.
+        spots : array_like, shape (n,)
+            Money.
+        times : array_like, shape (m,)
+            Years from now.
+        tolerance : float
+            The same as that of the function.
+        greeks : {"none", "standard"}
+            Whether delta, gamma, theta and vega come with the values.
+
+        Raises
+        ------
+        PricingCoreError
+            For the same reasons as in `price`.
+        """
         return self._ask(_surface(option, market, spots, times, tolerance, greeks), answers.value_surface)
 
     @overload
@@ -256,13 +334,21 @@ class Client:
         greek_errors: bool = False,
         advice: bool = False,
     ) -> Any:
-        """Price one option per row by way of an Arrow stream, as `price_many` does.
+        """Price one option per row by way of an Arrow stream, as `pricing_core.american.price_many` does.
 
         Parameters
         ----------
         columns : mapping of str to array_like or scalar, or a frame
             A mapping is answered with arrays, a frame of Arrow, pandas or polars with itself and the results as
             further columns; columns that state nothing of the contracts are not sent.
+        tolerance : float
+            Absolute error of a price that is asked for, in units of its strike.
+        greeks : {"none", "standard", "extended"}
+            Which Greeks are found.
+        greek_errors : bool
+            Whether each Greek is followed by the column of its estimated error.
+        advice : bool
+            Whether the columns of the exercise advice are added.
 
         Raises
         ------
@@ -281,12 +367,25 @@ class Client:
         valuation_date: object = None,
         tolerance: float = DEFAULT_TOLERANCE,
     ) -> ChainAnswer:
-        """Fit the quotes of one underlying, as `pricing_core.chains.fit_chain` does; errors as in `price`.
+        """Fit the quotes of one underlying, as `pricing_core.chains.fit_chain` does.
 
         Parameters
         ----------
         quotes : object
-            As there: a table that `read_chain` has returned, or what it reads.
+            A table that `read_chain` has returned, or anything that it reads.
+        rate : float or curve
+            The risk-free rate, 1/year, continuously compounded.
+        cash_dividends : sequence
+            Cash dividends until the last expiry, as `fit_chain` takes them.
+        valuation_date : date or str, optional
+            The day of the quotes, where they do not state it.
+        tolerance : float
+            The same as that of the function.
+
+        Raises
+        ------
+        PricingCoreError
+            For the same reasons as in `price`.
         """
         question = chain_question(quotes, rate, cash_dividends, valuation_date, tolerance)
         return self._ask(question, chain_answer)
@@ -314,7 +413,13 @@ class Client:
 
 
 class AsyncClient:
-    """The same for asyncio: every method of `Client`, to be awaited; `close` is `aclose`."""
+    """A client of the service for asyncio: every method of `Client`, to be awaited; its connections end with `aclose`.
+
+    Parameters
+    ----------
+    url, api_key, attempts, timeout
+        The same as those of `Client`.
+    """
 
     def __init__(
         self, url: str, api_key: str | None = None, *, attempts: int = ATTEMPTS, timeout: float = TIMEOUT
@@ -342,7 +447,7 @@ class AsyncClient:
         tolerance: float = DEFAULT_TOLERANCE,
         greeks: Greeks = "standard",
     ) -> Valuation:
-        """As `Client.price`."""
+        """Value one `option` in a `market` as `Client.price` does, with the same `tolerance` and `greeks`."""
         return await self._ask(_price(option, market, tolerance, greeks), answers.valuation)
 
     async def boundary(
@@ -353,7 +458,10 @@ class AsyncClient:
         *,
         tolerance: float = DEFAULT_TOLERANCE,
     ) -> ExerciseBoundary:
-        """As `Client.boundary`."""
+        """Find the exercise boundary as `Client.boundary` does.
+
+        The arguments `option`, `market`, `times` and `tolerance` are the same.
+        """
         return await self._ask(
             _at_times("v1/boundary", option, market, times, tolerance), answers.exercise_boundary
         )
@@ -366,7 +474,10 @@ class AsyncClient:
         *,
         tolerance: float = DEFAULT_TOLERANCE,
     ) -> ExerciseAdvice:
-        """As `Client.exercise_advice`."""
+        """Say whether and when to exercise as `Client.exercise_advice` does.
+
+        The arguments `option`, `market`, `times` and `tolerance` are the same.
+        """
         return await self._ask(
             _at_times("v1/exercise-advice", option, market, times, tolerance), answers.exercise_advice
         )
@@ -381,7 +492,10 @@ class AsyncClient:
         ask: float | None = None,
         tolerance: float = DEFAULT_TOLERANCE,
     ) -> ImpliedVolatility:
-        """As `Client.implied_volatility`."""
+        """Find the volatility that a price implies as `Client.implied_volatility` does.
+
+        The arguments are the same: `option`, `market`, `option_price` or `bid` and `ask`, and `tolerance`.
+        """
         question = _implied(option, market, option_price, bid, ask, tolerance)
         return await self._ask(question, answers.implied_volatility)
 
@@ -395,7 +509,10 @@ class AsyncClient:
         tolerance: float = DEFAULT_TOLERANCE,
         greeks: SurfaceGreeks = "standard",
     ) -> ValueSurface:
-        """As `Client.surface`."""
+        """Value an `option` in a `market` at every pair of `times` and `spots` as `Client.surface` does.
+
+        The `tolerance` and `greeks` are the same.
+        """
         question = _surface(option, market, spots, times, tolerance, greeks)
         return await self._ask(question, answers.value_surface)
 
@@ -408,7 +525,10 @@ class AsyncClient:
         greek_errors: bool = False,
         advice: bool = False,
     ) -> Any:
-        """As `Client.price_many`."""
+        """Price one option per row of `columns` as `Client.price_many` does.
+
+        The arguments `tolerance`, `greeks`, `greek_errors` and `advice` are the same.
+        """
         contracts, read = _many(columns, greeks, greek_errors=greek_errors, advice=advice)
         return await self._ask(
             _batch(contracts, tolerance, greeks, greek_errors=greek_errors, advice=advice), read
@@ -423,7 +543,10 @@ class AsyncClient:
         valuation_date: object = None,
         tolerance: float = DEFAULT_TOLERANCE,
     ) -> ChainAnswer:
-        """As `Client.chain`."""
+        """Fit the `quotes` of one underlying at a `rate` as `Client.chain` does.
+
+        The arguments `cash_dividends`, `valuation_date` and `tolerance` are the same.
+        """
         question = chain_question(quotes, rate, cash_dividends, valuation_date, tolerance)
         return await self._ask(question, chain_answer)
 

@@ -18,6 +18,8 @@ class ServiceRefusedError(ServiceError):
     ----------
     status : int
         The status of the answer, such as 401 for a missing key or 413 for a body that is too large.
+    message : str
+        What the service says is wrong.
     """
 
     def __init__(self, status: int, message: str) -> None:

@@ -24,7 +24,7 @@ PROBLEM = "application/problem+json"
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What is sent.
+    """A request that is sent to the service.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ Exchange: TypeAlias = Generator[
 
 
 def exchange(question: Question, attempts: int) -> Exchange:
-    """Ask until there is an answer, at most so many times.
+    """Ask until there is an answer, at most `attempts` times.
 
     Raises
     ------

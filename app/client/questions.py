@@ -98,7 +98,7 @@ def _text(cell: Any) -> str | None:
 
 
 def plain(value: Any) -> Any:
-    """Return what JSON can hold in the place of a value that it cannot."""
+    """Return a value in a form that JSON can hold."""
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else str(value)

@@ -43,7 +43,7 @@ class OrbitScene:
         (self._point,) = axes.plot([], [], "o", color=COLOURS[1], markersize=9)
 
     def show(self, time: float) -> list[Artist]:
-        """Move the point."""
+        """Move the point to where it is at a time."""
         x = [interpolated(self._orbit.points, column, time) for column in self._orbit.values.T]
         self._point.set_data([x[0]], [x[1]])
         return [self._point]
@@ -110,7 +110,7 @@ def animate_simulation(simulation: Simulation, file: BinaryIO, *, frames: int = 
 
 
 def scene_of(simulation: Simulation) -> Scene:
-    """Return what an animation shows, or raise InvalidInputError."""
+    """Return the scene of an animation, or raise InvalidInputError where the model has none."""
     if simulation.scene is not None:
         return simulation.scene()
     if simulation.orbit is not None and simulation.curves.points.size > 1:

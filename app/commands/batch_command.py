@@ -1,4 +1,4 @@
-"""What `pricing batch` does around a batch: standard input and output, what it prints, and how it ends."""
+"""What `pricing batch` does besides the batch itself: standard input and output, messages, and the exit status."""
 
 import os
 import shlex
@@ -31,7 +31,7 @@ def price_table_of(
     resume: bool,
     **options: Any,
 ) -> BatchSummary:
-    """Run the batch, and say what came of it; a name of "-" stands for standard input or output.
+    """Run the batch and print its summary; a name of "-" stands for standard input or output.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def price_table_of(
 
 
 def end_interrupted(error: KeyboardInterrupt, tell: Tell, *, by_pipe: bool) -> None:
-    """Say what is kept, and end without waiting for the rows that are being priced.
+    """Say which parts are kept, and end without waiting for the rows that are being priced.
 
     Parameters
     ----------

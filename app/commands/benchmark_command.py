@@ -36,7 +36,7 @@ MODULES = {
 
 
 class Benchmark(Protocol):
-    """A module that answers one question."""
+    """A module of `benchmarks` that `pricing benchmark` runs."""
 
     def run(self, *, quick: bool) -> Report:
         """Measure and report; `quick` measures just enough to see that everything works."""

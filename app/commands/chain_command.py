@@ -72,7 +72,7 @@ def fit_file(
 
 
 def summary(fit: ChainFit, folder: Path) -> list[str]:
-    """Return what is printed of a fit."""
+    """Return the lines that are printed about a fit."""
     statuses = fit.quotes["status"].to_pylist()
     lines = [
         f"{len(statuses)} quotes of {fit.carry.num_rows} expirations, {statuses.count('ok')} with a volatility",

@@ -210,7 +210,7 @@ def draw_boundaries(fit: ChainFit) -> Figure | None:
 
 
 def draw_residuals(fit: ChainFit) -> Figure | None:
-    """Draw what the quotes miss the model by, and the pairs parity."""
+    """Draw the differences of quotes and model, and those of the pairs from parity."""
     figure = Figure(figsize=(8.0, 6.5), layout="constrained")
     above, below = figure.subplots(2, 1)
     bid, ask, strike, expiry, model = (

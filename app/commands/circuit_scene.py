@@ -44,7 +44,7 @@ class CircuitScene:
         self._largest = size or 1.0
 
     def prepare(self, axes: Axes) -> None:
-        """Draw branches with their names, and make what moves."""
+        """Draw the branches with their names, and create the artists that move."""
         axes.set_aspect("equal")
         axes.set_axis_off()
         axes.set_xlim(-1.45, 1.45)

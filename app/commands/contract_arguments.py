@@ -16,7 +16,7 @@ DATE_HELP = "ISO date or date-time; both dates in the place of --expiry"
 
 
 def number(text: str | float) -> float:
-    """Read a number as the tables of a batch are read: 1_0 is none."""
+    """Read a number by the rules of the tables of a batch, in which 1_0 is not one."""
     from pricing_core.errors import InvalidInputError  # noqa: PLC0415
     from pricing_core.plain_number import read_number  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""What the quantities of a simulation are called, and their units."""
+"""The names of the quantities of a simulation, and their units."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

@@ -18,7 +18,7 @@ AT_REST = 1e-9  # share of the largest velocity below which a contact sticks
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
-    """Rows of states over time.
+    """Rows of states over time, one for each constraint, contact or element.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Band:
         ]
 
     def words_at(self, time: float) -> list[str]:
-        """Return what each row shows at a time, an empty text where that is nothing."""
+        """Return the words that each row shows at a time, an empty text where it shows none."""
         last = len(self.states) - 1
         at = min(max(int(np.searchsorted(self.edges, time, side="right")) - 1, 0), last)
         return ["" if state == BLANK else self.words[state] for state in self.states[at].tolist()]

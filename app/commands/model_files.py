@@ -35,7 +35,7 @@ TITLE = "A model for `pricing simulate`"
 
 
 class Model(Protocol):
-    """What a module of a model has."""
+    """The names that a module of a model defines."""
 
     KEYS: Mapping[str, Key]
 

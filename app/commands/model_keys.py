@@ -21,7 +21,7 @@ NUMBER_SCHEMA = {"anyOf": [{"type": "number"}, {"type": "string", "pattern": f"^
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """What one key of an object takes.
+    """One key of an object: how its value is read, and its JSON Schema.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def keys_for(arguments: Mapping[str, str]) -> Iterator[None]:
 
 
 def one_of(forms: Mapping[str, Key], allowed: str) -> Key:
-    """Return the key that takes an object with one of these keys alone, and is what that key reads.
+    """Return the key that takes an object with exactly one of these keys, and reads as that key does.
 
     Examples
     --------

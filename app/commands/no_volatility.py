@@ -6,7 +6,7 @@ from pricing_core.american.implied.volatility_bounds import price_bounds
 
 
 def why_no_volatility(status: str, option: Option, market: Market, observed: float) -> str:
-    """Return a status of `implied_volatility` and what it means for this contract.
+    """Return a status of `implied_volatility` with its meaning for this contract.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How far a batch has come, on standard error: a bar where somebody can see it, or lines of JSON."""
+"""The progress of a batch on standard error: a bar on a terminal, or lines of JSON."""
 
 import time
 from collections.abc import Callable, Iterator

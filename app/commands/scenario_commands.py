@@ -1,4 +1,4 @@
-"""What `pricing scenarios` and `pricing explain` do around the work: pipes, and what they print."""
+"""What `pricing scenarios` and `pricing explain` do besides the work itself: pipes, and what is printed."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -23,7 +23,7 @@ def value_file(
     quiet: bool,
     **options: Any,
 ) -> int:
-    """Value a table under scenarios, say what came of it, and return how many contracts lack a value.
+    """Value a table under scenarios, print a summary, and return how many contracts lack a value.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def value_file(
 
 
 def explain_files(before: str, after: str, target: str, *, quiet: bool, **options: Any) -> int:
-    """Explain what contracts have gained or lost, say what came of it, and return how many rows have no profit or loss.
+    """Explain gains and losses, print a summary, and return how many rows have no profit or loss.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A simulated model as people meet it: named columns over one axis, and events."""
+"""The result of a simulation in the form in which it is printed and drawn: named columns over one axis, and events."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -65,7 +65,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Orbit:
-    """Two states along a run, as finely as a picture wants them.
+    """Two states along a run, at enough points for a smooth curve.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class Orbit:
 
 
 class Scene(Protocol):
-    """What an animation shows beside the curves, in axes of its own."""
+    """The part of an animation beside the curves, in axes of its own."""
 
     def prepare(self, axes: "Axes") -> None:
         """Draw what does not move, and set the limits."""
@@ -93,7 +93,7 @@ class Scene(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Modes:
-    """What the modes of events mean.
+    """The meaning of the modes of events, in words.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class Modes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Simulation:
-    """What `pricing simulate` prints, writes and draws.
+    """Everything that `pricing simulate` prints, writes and draws.
 
     Parameters
     ----------

@@ -196,7 +196,7 @@ def _of_one_unit(columns: Columns, unit: str, members: list[int], sizes: Vector)
 
 
 def overlaps(lines: Sequence[Vector]) -> Matrix:
-    """Return for each two lines the share of the points at which the eye cannot tell them apart.
+    """Return for every two lines the share of the points at which they cannot be told apart in the picture.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A simulation in print: a short table for people, JSON for programs."""
+"""A simulation on the terminal: a short table, or JSON for programs."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Results in print: small tables with units for people, JSON for programs."""
+"""Results on the terminal: small tables with units, or JSON for programs."""
 
 import json
 import sys
@@ -82,7 +82,7 @@ def advice_json(advice: ExerciseAdvice) -> str:
 def print_summary(
     summary: "BatchSummary", target: str, rejects: str | None, *, to_errors: bool = False
 ) -> None:
-    """Print what became of the rows of a batch and where to look; on standard error where output is the table."""
+    """Print how many rows of a batch were priced; on standard error where output is the table."""
     rows = [("read", f"{summary.rows:,}", ""), ("priced", f"{summary.priced:,}", target)]
     if summary.below_tolerance:
         rows.append(

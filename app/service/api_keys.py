@@ -25,7 +25,7 @@ LIMITS = {"client_queue": int, "seconds_per_minute": float}
 
 @dataclass(frozen=True, slots=True)
 class KeyLimits:
-    """What the holder of a key may do; None where the settings say it, or nothing does.
+    """The limits of the holder of a key; None where the settings apply, or where there is no limit.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class ApiKey:
 
 
 def new_key(name: str) -> tuple[str, str]:
-    """Return a new key, and the line of the file that lets it in.
+    """Return a new key, and the line of the file that admits it.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def _limit(word: str, where: str) -> tuple[str, float]:
 
 
 class KeyCheck(SecurityBase):
-    """The dependency of a route that wants a key: the owner of the key becomes the request's client."""
+    """The dependency of a route that requires a key; the owner of the key becomes the request's client."""
 
     scheme_name = "key"
     model = HTTPBearer(description="A key that the operator of the service has given out.")

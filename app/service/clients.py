@@ -1,4 +1,4 @@
-"""Who a client is: the name of its key, or without one its address."""
+"""The name of a client: that of its key, or its address where there is none."""
 
 import functools
 import ipaddress

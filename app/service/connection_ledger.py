@@ -14,7 +14,7 @@ LEAST_SECONDS = 1.0  # between two lines of the log; chosen
 
 
 class Closable(Protocol):
-    """A connection, and how dispensable it is."""
+    """A connection that may be closed in favour of another one."""
 
     @property
     def address(self) -> str:
@@ -22,19 +22,22 @@ class Closable(Protocol):
         ...
 
     @property
-    def worth(self) -> tuple[bool, bool, float]:
-        """Whether a request is in work, whether one was ever answered, and when something last happened."""
+    def rank(self) -> tuple[bool, bool, float]:
+        """Whether a request is in work, whether one was ever answered, and when something last happened.
+
+        The connection with the lowest rank is closed first.
+        """
         ...
 
     def make_room(self, reason: ServiceError) -> None:
-        """Close it for another; who waits for an answer is told the reason."""
+        """Close the connection in favour of another one; a client that waits for an answer is told the reason."""
         ...
 
 
 class ConnectionLedger:
     """At most `client_connections` of one client, the named proxies left out, and `max_connections` in all.
 
-    Beyond that the client's connection of the least worth is closed, or that of the client with the most of them: the
+    Beyond that the client's connection of the lowest rank is closed, or that of the client with the most of them: the
     new one is always taken, so that no client can keep another one, or a probe, out.
     """
 
@@ -70,7 +73,7 @@ class ConnectionLedger:
             del self._open[client]
 
     def _close_one(self, client: str, new: Closable, reason: ServiceError) -> None:
-        least = min(self._open[client] - {new}, key=lambda other: other.worth, default=new)
+        least = min(self._open[client] - {new}, key=lambda other: other.rank, default=new)
         self.leave(least)
         least.make_room(reason)
         self._closed += 1

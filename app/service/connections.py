@@ -59,14 +59,14 @@ class BoundedConnection(H11Protocol):
     _last = 0.0
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Take a connection up."""
+        """Enter a new connection into the ledger, and start its clocks."""
         super().connection_made(transport)
         self._restart_head_timer()
         self._metrics.connections.inc()
         self._ledger.enter(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Let a connection go."""
+        """Take a closed connection out of the ledger."""
         for timer in (self._head_timer, self._stall_timer):
             if timer is not None:
                 timer.cancel()
@@ -80,7 +80,7 @@ class BoundedConnection(H11Protocol):
         super().pause_writing()
 
     def resume_writing(self) -> None:
-        """Go on sending."""
+        """Continue to send."""
         if self._stall_timer is not None:
             self._stall_timer.cancel()
         super().resume_writing()
@@ -92,7 +92,7 @@ class BoundedConnection(H11Protocol):
         super().on_response_complete()
 
     def send_400_response(self, msg: str) -> None:
-        """Answer what is not HTTP."""
+        """Answer bytes that are not HTTP with a problem document."""
         self._refuse(ProtocolError("the request is not well-formed HTTP/1.1, or its head is too long"))
 
     @property
@@ -101,12 +101,12 @@ class BoundedConnection(H11Protocol):
         return self.client[0] if self.client else ""
 
     @property
-    def worth(self) -> tuple[bool, bool, float]:
+    def rank(self) -> tuple[bool, bool, float]:
         """Whether a request is in work, whether one was ever answered, and when the last one was, or it was opened."""
         return not self._is_idle(), self._has_answered, self._last
 
     def make_room(self, reason: ServiceError) -> None:
-        """Close the connection for another one; who waits for an answer is told the reason."""
+        """Close the connection in favour of another one; a client that waits for an answer is told the reason."""
         self._metrics.connections_closed.inc()
         if self._is_idle():
             self.transport.abort()

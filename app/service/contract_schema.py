@@ -39,7 +39,7 @@ class Strict(BaseModel):
 
 
 def limits(field: Field) -> Any:
-    """Return what pydantic is told of a number's limits."""
+    """Return the limits of a number as arguments of pydantic's `Field`."""
     return pydantic.Field(**_limits(field))
 
 
@@ -48,7 +48,7 @@ def _limits(field: Field) -> dict[str, Any]:
 
 
 def stated(field: Field, **changes: Any) -> Any:
-    """Return what pydantic is told of an input: its default, description, example, and the limits of a number.
+    """Return the default, description, example and limits of an input as pydantic's `Field`.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ TimeOrDate: TypeAlias = Annotated[
 
 
 class Contract(Strict):
-    """What every question holds: the option, and the market without spot and volatility."""
+    """The part that all questions share: the option, and the market without spot and volatility."""
 
     option_type: fields.OptionType = stated(fields.OPTION_TYPE)
     strike: float = stated(fields.STRIKE)

@@ -1,4 +1,4 @@
-"""Pages of other origins: what a browser is told of which may ask (CORS)."""
+"""Cross-origin resource sharing (CORS): which pages of other origins a browser lets ask."""
 
 from collections.abc import Sequence
 

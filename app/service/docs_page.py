@@ -30,7 +30,7 @@ POLICY = f"default-src 'none'; style-src 'sha256-{STYLE_HASH}'; frame-ancestors 
 
 @router.get("/docs", include_in_schema=False)
 async def get_docs(request: Request) -> HTMLResponse:
-    """Render the page."""
+    """Return the page."""
     page = render(request.app.openapi())
     return HTMLResponse(page, headers={"Content-Security-Policy": POLICY})
 

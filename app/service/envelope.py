@@ -1,4 +1,4 @@
-"""What every answer carries: a request id, security headers, one log line, and never a traceback."""
+"""The envelope of every answer: a request id, security headers, one log line, and never a traceback."""
 
 import asyncio
 import logging

@@ -49,7 +49,7 @@ def deadline_told(interrupt: Callable[[], bool], advice: str) -> Iterator[None]:
 
 
 class InvalidRequestError(ServiceError):
-    """Fields are not what they must be."""
+    """Fields of the request have values that are not allowed."""
 
     def __init__(self, faults: Sequence[InvalidInputError]) -> None:
         different = {fault.message_for_strangers: fault for fault in faults}
@@ -82,7 +82,7 @@ class BodyTooLargeError(ServiceError):
 
 
 class ProtocolError(ServiceError):
-    """What arrived is not HTTP."""
+    """The bytes that arrived are not an HTTP request."""
 
 
 class BodyTimeoutError(ServiceError):

@@ -67,13 +67,13 @@ class IncomingBody:
         self._task = asyncio.ensure_future(self._receive())
 
     def close(self) -> None:
-        """Take nothing more in, and let go of what is held."""
+        """Stop reading, and free the memory that is held."""
         self._task.cancel()
         count, self._pending = len(self._pending), bytearray()  # others may still look at its memory
         self._memory.give_back(self._client, count)
 
     async def gone(self) -> None:
-        """Wait until the client has gone."""
+        """Wait until the client has closed the connection."""
         await self._left.wait()
 
     async def whole(self) -> bytearray:

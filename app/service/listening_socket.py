@@ -48,7 +48,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 def let_nobody_begin(listener: socket.socket) -> None:
-    """Leave unanswered whoever begins to connect from now on, in all processes that share the socket.
+    """Leave new connections unanswered from now on, in all processes that share the socket.
 
     The client's system tries again a second later, and is refused if the socket has been closed by then. Who has begun
     already can still be accepted: a close would reset them. Where the system has no such filters nothing changes.
@@ -64,7 +64,7 @@ def let_nobody_begin(listener: socket.socket) -> None:
 
 
 def accept_all(listener: socket.socket) -> list[socket.socket]:
-    """Return the connections that nobody has accepted yet."""
+    """Return the connections that are established and not accepted yet."""
     arrived = []
     with contextlib.suppress(BlockingIOError):
         while True:

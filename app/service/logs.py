@@ -83,7 +83,7 @@ class BackgroundHandler(logging.Handler):
         threading.Thread(target=self._write_all, name="log", daemon=True).start()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Leave a record to the thread, or count it."""
+        """Pass a record to the thread, or count it as dropped."""
         if self._taken - self._written >= MOST_LINES:
             self._left_out += 1
         else:

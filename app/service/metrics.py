@@ -1,4 +1,4 @@
-"""What Prometheus is told: one registry per process, or one for several processes through files."""
+"""The metrics for Prometheus: one registry per process, or files that several processes share."""
 
 import os
 import shutil
@@ -49,12 +49,12 @@ def remove_folder() -> None:
 
 
 def share_as(number: int) -> None:
-    """Keep this process's metrics in files under a number; whoever takes the number next goes on counting there."""
+    """Keep this process's metrics in files under a number; the next process with that number continues them."""
     values.ValueClass = values.MultiProcessValue(lambda: number)  # type: ignore[no-untyped-call]
 
 
 def forget_process(number: int) -> None:
-    """Take back what a process that has died said of its present state."""
+    """Remove the gauges of a process that has died."""
     multiprocess.mark_process_dead(number)  # type: ignore[no-untyped-call]
 
 

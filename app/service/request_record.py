@@ -1,4 +1,4 @@
-"""What is known of a request when it ends, for its line in the log and for the metrics."""
+"""The record of a request: what is known of it when it ends, for its line in the log and for the metrics."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from fastapi import Request
 
 @dataclass(slots=True)
 class RequestRecord:
-    """What routes, lanes and handlers leave here while a request is answered.
+    """The facts that routes, lanes and handlers note while a request is answered.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class RequestRecord:
         self.engine = engine or self.engine
 
     def fields(self) -> dict[str, Any]:
-        """Return what the line of the log says of it: nothing that is not known."""
+        """Return the fields of the line of the log, without those that are not known."""
         known = {
             "client": self.client,
             "traceparent": self.trace,
@@ -57,6 +57,6 @@ class RequestRecord:
 
 
 def record_of(request: Request) -> RequestRecord:
-    """Return what is known of a request."""
+    """Return the record of a request."""
     record: RequestRecord = request.state.record
     return record

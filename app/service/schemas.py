@@ -18,6 +18,7 @@ from pricing_core.american.contracts.result_fields import (
     UNITS_FIELD,
 )
 from pricing_core.american.surface import SurfaceGreeks
+from pricing_core.version import ENGINE_VERSION
 
 LARGEST_TIMES = (
     1_000  # Largest number of times in a request for a boundary, an advice or a surface, and of spots.
@@ -152,7 +153,7 @@ class HealthResponse(Strict):
     """State of the process and the build it runs."""
 
     status: str = Field(description="alive or ready.", examples=["ready"])
-    version: str = Field(description="Version of the distribution.", examples=["0.1.0"])
+    version: str = Field(description="Version of the distribution.", examples=[ENGINE_VERSION])
     kernel: str = Field(
         description="rust where the compiled kernel is in use, else numpy.", examples=["rust"]
     )

@@ -5,6 +5,8 @@ from typing import Any
 
 from fastapi import FastAPI
 
+from pricing_core.version import ENGINE_VERSION
+
 # By address: the answer to the example of its request.
 ANSWERS: Mapping[str, Any] = {
     "/v1/price": {
@@ -27,7 +29,7 @@ ANSWERS: Mapping[str, Any] = {
         "error_estimate": 6.80749e-05,
         "status": "ok",
         "method": "premium-march",
-        "engine_version": "0.1.0",
+        "engine_version": ENGINE_VERSION,
         "instruction_set": "avx512",
         "dividend_sensitivities": None,
         "vanna": None,
@@ -45,7 +47,7 @@ ANSWERS: Mapping[str, Any] = {
         "other_boundary": None,
         "error_estimate": [0.00040654, 0.000361339, 0.0],
         "method": "premium-march",
-        "engine_version": "0.1.0",
+        "engine_version": ENGINE_VERSION,
         "instruction_set": "avx512",
     },
     "/v1/implied-volatility": {
@@ -59,7 +61,7 @@ ANSWERS: Mapping[str, Any] = {
         "volatility_error": 5.58997e-07,
         "iterations": 4,
         "method": "premium-march",
-        "engine_version": "0.1.0",
+        "engine_version": ENGINE_VERSION,
         "instruction_set": "avx512",
     },
     "/v1/surface": {
@@ -77,7 +79,7 @@ ANSWERS: Mapping[str, Any] = {
         "status": "ok",
         "method": "premium-march",
         "greeks_units": "per_year_per_unit",
-        "engine_version": "0.1.0",
+        "engine_version": ENGINE_VERSION,
         "instruction_set": "avx512",
     },
     "/v1/exercise-advice": {
@@ -95,7 +97,7 @@ ANSWERS: Mapping[str, Any] = {
         "cost_error": [0.000107707, 6.80749e-05],
         "status": "ok",
         "method": "closed-form, multiplier-collocation, premium-march",
-        "engine_version": "0.1.0",
+        "engine_version": ENGINE_VERSION,
         "instruction_set": "avx512",
     },
     "/v1/batch": {
@@ -119,7 +121,7 @@ ANSWERS: Mapping[str, Any] = {
         "error_estimate": [9.15371e-05, 2.09879e-13],
         "status": ["ok", "ok"],
         "method": ["premium-march", "closed-form"],
-        "engine_version": ["0.1.0", "0.1.0"],
+        "engine_version": [ENGINE_VERSION, ENGINE_VERSION],
         "instruction_set": ["avx512", "avx512"],
         "message": [None, None],
     },

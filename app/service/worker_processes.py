@@ -16,7 +16,7 @@ EXTRA_SECONDS = 5.0  # Beyond what a worker may take to stop; then it is killed;
 
 
 class Workers(Protocol):
-    """What several processes do."""
+    """The steps of a process and of its parent, which `supervise` calls."""
 
     @property
     def stop_seconds(self) -> float:
@@ -28,11 +28,11 @@ class Workers(Protocol):
         ...
 
     def died(self, number: int) -> None:
-        """Clear up after a process, in the parent, before another one takes its number."""
+        """Clean up after a process, in the parent, before another one takes its number."""
         ...
 
     def stopping(self) -> None:
-        """Clear up in the parent before the processes are told to stop."""
+        """Clean up in the parent before the processes are told to stop."""
         ...
 
 

@@ -87,7 +87,7 @@ def _surface(contract: Contract) -> Answer:
 
 
 class Kind(NamedTuple):
-    """A kind of answers: of how many contracts, which families it leaves out, and what is asked."""
+    """A kind of answers: the number of contracts, the families that it leaves out, and the function that is called."""
 
     size: int
     without: tuple[str, ...]
@@ -124,7 +124,7 @@ def chosen(name: str, contracts: Sequence[Contract]) -> list[Contract]:
 
 
 def plain(value: Any) -> Any:
-    """Return what JSON holds exactly: missing numbers as None, infinite ones as text."""
+    """Return a value in a form that JSON holds exactly: missing numbers as None, infinite ones as text."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, list | tuple):

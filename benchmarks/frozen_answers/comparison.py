@@ -26,7 +26,7 @@ UNITS_OF_ONE = ("delta", "vanna", "charm", "dividend_sensitivities", "volatility
 
 @dataclass(frozen=True, slots=True)
 class Frozen:
-    """What one file holds."""
+    """The content of one file of frozen answers."""
 
     path: Path
     checksum: str
@@ -95,7 +95,7 @@ class Judged(NamedTuple):
 
     @property
     def difference(self) -> float:
-        """Return the distance of the two."""
+        """Return the distance of the old value and the new one."""
         return abs(self.new - self.old)
 
     @property

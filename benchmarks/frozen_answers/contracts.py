@@ -66,7 +66,7 @@ class Contract:
 
     @property
     def scale(self) -> float:
-        """Return what differences of money are measured by."""
+        """Return the size relative to which differences of money are measured."""
         spot, strike = float(self.terms["spot"]), float(self.terms["strike"])
         return max(1.0, abs(spot), abs(strike))
 

@@ -12,7 +12,7 @@ from benchmarks.frozen_answers.random_terms import (
 
 
 def everyday(random: Random) -> Terms:
-    """Return a contract as they are traded."""
+    """Return a contract with terms as they are commonly traded."""
     return flat_terms(random)
 
 
@@ -114,7 +114,7 @@ def at_an_edge(random: Random) -> Terms:
 
 
 def refused(random: Random) -> Terms:
-    """Return a contract that is no contract."""
+    """Return a mapping that states no valid contract."""
     wrong = (
         {"spot": -1.0},
         {"strike": 0.0},

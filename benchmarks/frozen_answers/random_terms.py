@@ -10,7 +10,7 @@ Terms: TypeAlias = dict[str, Any]  # One contract, as `contract_from` takes it.
 
 
 def digits(number: float) -> float:
-    """Return a number that is quickly quoted."""
+    """Return a number with few digits."""
     return float(f"{number:.5g}")
 
 

@@ -16,7 +16,7 @@ Interrupt = Callable[[], bool]
 
 
 class Case(NamedTuple):
-    """A simulation, and what is wrong with its result: an empty text where nothing is."""
+    """A simulation, and what is wrong with its result: an empty text where nothing is wrong."""
 
     run: Callable[[Interrupt], Trajectory]
     fault: Callable[[Trajectory], str]

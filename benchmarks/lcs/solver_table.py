@@ -34,7 +34,7 @@ PEER_LIMIT = 60.0  # seconds for a process of the peer
 
 
 class Cell(NamedTuple):
-    """What a solver made of a problem.
+    """The result of one solver on one problem.
 
     `verdict`: "solved"; "refused" with a proof that there is no solution, or where none is known; "not for it", a
     matrix that the method does not take; "not found", which claims nothing; "wrong".
@@ -51,7 +51,7 @@ class Cell(NamedTuple):
 
 
 def by_us(group: str, given: SetProblem, method: Method) -> Cell:
-    """Ask one method of `solve`."""
+    """Return the result of one method of `solve`."""
     residual: float | None = None
     pivots: int | None = None
     begin = time.process_time()
@@ -71,7 +71,7 @@ def by_us(group: str, given: SetProblem, method: Method) -> Cell:
 
 
 def by_siconos(group: str, problems: Sequence[SetProblem], method: str) -> Iterator[Cell]:
-    """Ask one method of Siconos for the LCPs of a set, where PRICING_SICONOS_PYTHON names a Python that has it.
+    """Return the results of one method of Siconos on the LCPs of a set; it needs PRICING_SICONOS_PYTHON.
 
     A process that ends, or does not end in time, has found nothing.
     """
@@ -124,7 +124,7 @@ def _peer_cell(group: str, given: SetProblem, method: str, results: np.lib.npyio
 
 
 def cells(group: str, problems: Sequence[SetProblem]) -> Iterator[Cell]:
-    """Ask everyone for everything in a set."""
+    """Return the results of all methods on all problems of a set."""
     for given in problems:
         yield from (by_us(group, given, method) for method in METHODS)
     for method in PEER_METHODS:

@@ -25,7 +25,7 @@ class LcsRun(NamedTuple):
 
 
 class LargeRun(NamedTuple):
-    """A system of n states and k pairs, what was done to it, how long it took, and what came out."""
+    """A system of n states and k pairs, the task, its time and its result."""
 
     question: str
     n: int

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Point(NamedTuple):
-    """What one setting of a method reaches, and at which cost."""
+    """The error that one setting of a method reaches, and its cost."""
 
     error: float
     microseconds: float

@@ -1,4 +1,4 @@
-"""How far price, delta, gamma and exercise boundary are from what they should be."""
+"""Errors of price, delta, gamma and exercise boundary."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -26,7 +26,7 @@ class Error(NamedTuple):
 
 
 def outputs_of(solution: Solution, problem: Problem) -> Outputs:
-    """Return what a solution says at the spots and times of its problem, where that is compared."""
+    """Return the outputs of a solution at the spots and times at which its problem is compared."""
     now = solution.now()
     price, delta, gamma = np.array([at_spot(now, spot)[0, :3] for spot in problem.spots.tolist()]).T
     return Outputs(

@@ -1,4 +1,4 @@
-"""Gamma along the spot and the boundary's error along time, on one grid: what averages hide."""
+"""Gamma along the spot and the boundary's error along time, on one grid: details that averages hide."""
 
 from typing import NamedTuple
 

@@ -48,7 +48,7 @@ class Solution:
     integration: Integration[OptionState]
 
     def now(self) -> Sweep:
-        """Return what the last step left."""
+        """Return the values after the last step."""
         form, run, state = self.form, self.integration, self.integration.states[-1]
         return Sweep(
             form.grid,

@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple
 
 
 class Goal(NamedTuple):
-    """A figure asked for; `least` is what counts as done where that is less than the goal.
+    """A goal and the figure reached; `least` is the figure that counts as reached where it is less than the goal.
 
     `reached` is None, or NaN, where nothing was measured.
     """

@@ -24,7 +24,7 @@ SCREENING_GAIN = 0.1  # nearly equal schemes need not all be timed
 def peer_methods(
     portfolio: Portfolio, reference: Vector, *, screened: int, slow: int, overhead: float
 ) -> tuple[Method, ...]:
-    """Return what is to be timed beside this engine.
+    """Return the methods that are timed beside this engine.
 
     Parameters
     ----------

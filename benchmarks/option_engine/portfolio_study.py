@@ -29,7 +29,7 @@ COMPARED = ((QD_FP, 1e-5), (QD_FP, 1e-6), (QD_FP, 2e-7), (FINITE_DIFFERENCES, 5e
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How much is measured.
+    """The numbers of contracts and repeats of the measurements.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Ratio(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PortfolioStudy:
-    """What was measured on one portfolio."""
+    """The measurements on one portfolio."""
 
     title: str
     contracts: int

@@ -1,4 +1,4 @@
-"""What does a batch cost by its size, its threads, its Greeks, its shared solves; and what does one call cost?"""
+"""What does a batch cost by its size, threads, Greeks and shared solves, and what does one call cost?"""
 
 from collections.abc import Mapping
 from functools import partial
@@ -40,7 +40,7 @@ class Rate(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """A portfolio and how `price_many` is asked."""
+    """A portfolio, and the arguments with which `price_many` is called."""
 
     portfolio: Portfolio
     options: Mapping[str, Any]

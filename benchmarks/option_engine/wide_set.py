@@ -1,4 +1,4 @@
-"""Is the tolerance kept, and does the estimate estimate, on random contracts of a wide range?"""
+"""Is the tolerance kept, and do the error estimates hold, on random contracts of a wide range?"""
 
 from functools import partial
 from typing import NamedTuple
@@ -16,7 +16,7 @@ LEAST_ERROR = 1e-9
 
 
 class ToleranceKept(NamedTuple):
-    """Shares of the rows; errors are fractions of the strike, less what the reference itself may be wrong by.
+    """Shares of the rows; errors are fractions of the strike, less the possible error of the reference.
 
     `within`: error <= tolerance. `ok`: status. `ok_within_five`: of the ok rows, error <= 5 tolerances;
     `largest_ok` the largest error of an ok row, in tolerances. `honest`: estimate >= error/2, or an error
@@ -46,7 +46,7 @@ def tolerance_kept(portfolio: Portfolio, reference: Reference, tolerance: float)
     error = np.where(np.isfinite(distance), np.maximum(distance - reference.disagreement[rows], 0.0), np.inf)
     estimate = table["error_estimate"] / contracts.strike
     ok = table["status"] == "ok"
-    judged = (error > LEAST_ERROR) & np.isfinite(error)
+    counted = (error > LEAST_ERROR) & np.isfinite(error)
     return ToleranceKept(
         tolerance=tolerance,
         rows=len(rows),
@@ -56,6 +56,6 @@ def tolerance_kept(portfolio: Portfolio, reference: Reference, tolerance: float)
         ok_within_five=float(np.mean(error[ok] <= 5.0 * tolerance)) if ok.any() else np.nan,
         largest_ok=float(np.max(error[ok] / tolerance, initial=0.0)),
         honest=float(np.mean((estimate >= error / 2.0) | (error <= LEAST_ERROR))),
-        overestimate=float(np.median(estimate[judged] / error[judged])) if judged.any() else np.nan,
+        overestimate=float(np.median(estimate[counted] / error[counted])) if counted.any() else np.nan,
         microseconds=1e6 * seconds / len(rows),
     )

@@ -21,7 +21,7 @@ BOUNDARY_TIMES = (0.1, 0.25, 0.5, 1.0)  # times to expiry, as fractions of the e
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outputs:
-    """What is compared: values at the spots of a problem, and the boundary at its times."""
+    """The outputs that are compared: values at the spots of a problem, and the boundary at its times."""
 
     price: Vector  # in strikes
     delta: Vector
@@ -31,7 +31,7 @@ class Outputs:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """One contract without its spot, the spots at which it is held, and what is true there."""
+    """One contract without its spot, the spots at which it is held, and the true values there."""
 
     name: str
     option: Option

@@ -1,4 +1,4 @@
-"""Questions to the service that take as long as any."""
+"""Questions to the service that take longer than almost any other."""
 
 from typing import Any
 

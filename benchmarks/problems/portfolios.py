@@ -1,4 +1,4 @@
-"""Which contracts are priced: the published grid, random everyday contracts, a wide range, ladders and chains.
+"""The contracts that are priced: the published grid, random everyday contracts, a wide range, ladders and chains.
 
 Expiries are whole days over 360, so that a library that counts days (Actual/360) sees the same floats.
 """
@@ -50,7 +50,7 @@ class Portfolio:
         return self.days / DAYS_PER_YEAR
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Return what `price_many` takes."""
+        """Return the contracts as columns of `price_many`."""
         names = ("option_type", "spot", "strike", "expiry", "rate", "dividend_yield", "volatility")
         return {name: getattr(self, name) for name in names}
 

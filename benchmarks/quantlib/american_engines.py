@@ -192,7 +192,7 @@ def _leisen_reimer(process: Any, steps: int) -> Any:
 
 
 class CallOverhead(NamedTuple):
-    """What one call from Python costs, in microseconds: a call that calculates nothing, a European value."""
+    """The cost of one call from Python, in microseconds: a call that calculates nothing, and a European value."""
 
     empty: float
     european: float

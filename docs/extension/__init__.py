@@ -41,11 +41,11 @@ class Vocabulary(Directive):
 class Example(SphinxDirective):
     """`{example} 01_first_put`: a script of `examples/`, what it prints and draws; `make examples` has run it.
 
-    With the option `output`: what it prints alone.
+    With the option `output`: what it prints alone; with `picture`: what it draws.
     """
 
     required_arguments = 1
-    option_spec: ClassVar[OptionSpec] = {"output": directives.flag}
+    option_spec: ClassVar[OptionSpec] = {"output": directives.flag, "picture": directives.flag}
 
     def run(self) -> list[nodes.Node]:
         """Return what the script says that it shows, the script, its output and its picture."""
@@ -58,22 +58,29 @@ class Example(SphinxDirective):
         output = _literal(printed.read_text(encoding="utf-8").strip(), "text")
         if "output" in self.options:
             return [output]
+        says = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8"))) or ""
+        picture = self._picture(name, says.partition("\n")[0])
+        if "picture" in self.options:
+            return picture
         source = script.read_text(encoding="utf-8")
-        says = ast.get_docstring(ast.parse(source)) or ""
         paragraphs = [part for part in says.split("\n\n") if not part.startswith("Run it from")]
         code = source[source.index('"""', 3) + 3 :].strip()
-        found = [
+        command = nodes.literal("", f".venv/bin/python examples/{name}.py")
+        return [
             *self.parse_text_to_nodes("\n\n".join(paragraphs)),
-            nodes.paragraph(
-                "", "", nodes.literal("", f".venv/bin/python examples/{name}.py"), nodes.Text(" prints")
-            ),
+            nodes.paragraph("", "", command, nodes.Text(" prints")),
             output,
+            *picture,
+            nodes.paragraph("", "The script:"),
+            _literal(code, "python"),
         ]
+
+    def _picture(self, name: str, says: str) -> list[nodes.Node]:
         picture = EXAMPLES / "out" / f"{name}.png"
-        if picture.is_file():
-            place = os.path.relpath(picture, Path(self.env.doc2path(self.env.docname)).parent)
-            found.append(nodes.image(uri=place, alt=paragraphs[0].rstrip("."), width="100%"))
-        return [*found, nodes.paragraph("", "The script:"), _literal(code, "python")]
+        if not picture.is_file():
+            return []
+        place = os.path.relpath(picture, Path(self.env.doc2path(self.env.docname)).parent)
+        return [nodes.image(uri=place, alt=says.rstrip("."), width="100%")]
 
 
 def _literal(text: str, language: str) -> nodes.literal_block:

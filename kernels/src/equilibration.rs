@@ -2,11 +2,11 @@
 
 use crate::error::{check_length, KernelError};
 
-/// Each round halves the logarithm of what is left; 1e24 is within 2 % of 1 after twelve.
+/// Largest number of rounds: each halves the logarithm of what is left, so that 1e24 is within 2 % of 1 after twelve.
 const ROUNDS: u32 = 12;
-/// Factors of a round that are all this near one end the rounds.
+/// Largest distance from one, of all factors of a round, at which the rounds end.
 const CLOSE: f64 = 0.01;
-/// Keeps the factors, and products of two of them, inside the range of a double.
+/// Largest binary exponent of a factor: products of two factors stay inside the range of a double.
 const LARGEST_EXPONENT: f64 = 400.0;
 
 /// Return the diagonals of R and C, powers of two, for which R M C has its largest entries near one; M by rows.

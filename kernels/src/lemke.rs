@@ -3,17 +3,17 @@
 use crate::error::{check_length, KernelError};
 use crate::interrupt::Interrupt;
 
-/// Relative to the largest entry of the entering column: a smaller one is no pivot.
+/// Smallest pivot, relative to the largest entry of the entering column.
 const SMALLEST_PIVOT: f64 = 1e-10;
-/// Relative to the terms that make up a number: what differs by less is equal.
+/// Largest difference of equal numbers, relative to the terms that make them up.
 const ROUNDING: f64 = 1e-13;
-/// Between two looks at how far rounding has carried the tableau, pivots.
+/// Number of pivots after which the rounding error of the tableau is checked again.
 const CHECKED_AFTER: u64 = 20;
-/// Relative to the terms of a value: a larger correction asks for the tableau to be made afresh.
+/// Largest correction that leaves the tableau as it is, relative to the terms of a value.
 const LARGEST_DRIFT: f64 = 1e-9;
-/// Relative to the terms of a value: a smaller one is zero, 16 units of rounding.
+/// Largest value that counts as zero, relative to its terms: 16 units of rounding.
 const NOISE: f64 = 3.6e-15;
-/// Rounds of correction of the last values.
+/// Number of rounds of correction of the last values.
 const REFINEMENTS: usize = 2;
 
 /// How the path ended.

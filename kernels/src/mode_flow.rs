@@ -5,13 +5,13 @@ use crate::first_crossing::{first_crossing, Polynomial, DEGREE, SAME_TIME};
 
 /// The least size of the terms of an output.
 const LEAST_SIZE: f64 = 1e-290;
-/// Tolerances: an output that stays below is zero, and touches nothing.
+/// Largest output, in tolerances, that counts as zero and touches nothing.
 const FLAT: f64 = 1e3;
 /// Share of an output's size above zero that is rounding.
 const LOW: f64 = 64.0 * f64::EPSILON;
 /// Share of its terms below which the slope of an output is rounding or tangency.
 const SLOW: f64 = 1e-9;
-/// Shares of the way at which the height of a flight is looked at.
+/// Shares of the way at which the height of a flight is evaluated.
 const FLIGHT: [f64; 3] = [0.25, 0.5, 0.75];
 
 /// The rows of a matrix without their zeros.

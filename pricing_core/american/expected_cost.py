@@ -58,7 +58,7 @@ def first_engine(book: Book) -> str:
 
 
 def features(book: Book, tolerance: float) -> tuple[float, ...]:
-    """Return 1, and what the logarithm of the cost depends on, of one contract.
+    """Return 1 and the numbers of one contract on which the logarithm of the cost depends linearly.
 
     The tolerance, the number of segments, and the standard deviation of ln S and the sum of the rates to the expiry.
     """

@@ -22,7 +22,7 @@ def price_together(
     greeks: Greeks,
     interrupt: Callable[[], bool] | None = None,
 ) -> list[Valuation | None]:
-    """Return what `price` does for each contract, None where that is not to be had from the compiled engines alone.
+    """Return what `price` returns for each contract; None where the compiled engines alone do not settle it.
 
     Parameters
     ----------

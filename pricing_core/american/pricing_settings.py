@@ -16,7 +16,7 @@ from pricing_core.errors import InvalidInputError
 
 @dataclass(frozen=True, slots=True)
 class PricingSettings:
-    """What holds for every row; meanings as in `price_many`.
+    """The settings with which every row of a table is priced; meanings as in `price_many`.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class PricingSettings:
             self.deadlines(np.size(self.deadline))
 
     def deadlines(self, count: int) -> Vector | None:
-        """Return the seconds that each of so many rows may take; None where there is no limit.
+        """Return the seconds that each of `count` rows may take, shape (count,); None where there is no limit.
 
         Raises
         ------

@@ -31,7 +31,7 @@ class Chunk:
     malformed: Mapping[int, InvalidInputError] = field(default_factory=dict)
 
     def read(self) -> Chunk:
-        """Return the rows, which are here already."""
+        """Return the chunk itself: its rows have been read already."""
         return self
 
     def cell(self, index: int, name: str) -> str | None:

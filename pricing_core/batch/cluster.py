@@ -93,7 +93,7 @@ def _lost_scheduler_told() -> Iterator[None]:
 
 
 def price_on_worker(unit: Unit, folder: WorkFolder, versions: Mapping[str, str]) -> tuple[int, Counts]:
-    """Price a unit where the versions are those of the run.
+    """Price a unit on a worker whose versions are those of the run.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def price_on_worker(unit: Unit, folder: WorkFolder, versions: Mapping[str, str])
 
 
 def versions_here() -> dict[str, str]:
-    """Return what the bits of a price depend on."""
+    """Return the versions of this process on which the last digits of a price depend."""
     return {"engine": ENGINE_VERSION, "kernel": kernel_name(), "instructions": instruction_set()}
 
 

@@ -1,4 +1,4 @@
-"""One pass through a CSV file before any work: what would end an hour of pricing is found in a second."""
+"""One pass through a CSV file before any work, which finds in a second what would end an hour of pricing."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CURVE_KEY = b'"times"'
 
 @dataclass(frozen=True, slots=True)
 class CsvCheck:
-    """What the pass found.
+    """What the pass found out of the file.
 
     Parameters
     ----------

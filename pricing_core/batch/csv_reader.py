@@ -89,7 +89,7 @@ def _quotes_whole_cells(content: bytes) -> bool:
 
 
 class Lines:
-    """The lines of a block of text, and those behind it that are asked for.
+    """The lines of a block of text, and those after it that are asked for.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ class Records:
 
 
 def text_schema(names: tuple[str, ...]) -> pa.Schema:
-    """Return columns of text."""
+    """Return a schema in which every column is text."""
     return pa.schema([(name, pa.string()) for name in names])
 
 

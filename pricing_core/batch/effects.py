@@ -44,7 +44,7 @@ Contract: TypeAlias = tuple[Option, Market]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Side:
-    """Contracts, n of them, as one of two tables has them, with their results.
+    """One of two tables with n contracts each: the contracts and their results.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def priced_side(
     threads: int | None,
     malformed: Mapping[int, InvalidInputError],
 ) -> Side:
-    """Return contracts priced."""
+    """Price the contracts and return them with their results."""
     columns = contract_columns(batch, settings)
     read = read_columns(columns, batch.num_rows, malformed)
     expiry = np.full(batch.num_rows, np.nan)
@@ -299,7 +299,7 @@ def _product(change: Vector, slopes: Sequence[float]) -> float:
 
 
 def flags(results: pa.RecordBatch) -> BoolVector:
-    """Tell which contracts are exercised now; not those without a price."""
+    """Return which contracts are exercised now; False for those without a price."""
     return np.array([bool(cell) for cell in results.column("exercise_now").to_pylist()], dtype=bool)
 
 

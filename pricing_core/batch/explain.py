@@ -34,7 +34,7 @@ ABSENT = -1  # the row of a contract in the table that does not have it
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Book:
-    """One of the two tables.
+    """One of the two tables that are compared.
 
     Parameters
     ----------

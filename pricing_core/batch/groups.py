@@ -123,7 +123,7 @@ class Groups:
         np.add.at(self._totals, group, both.transpose(1, 0, 2))
 
     def last_rows(self) -> pa.RecordBatch:
-        """Return a row for each group and scenario, the groups in the order of their first contracts."""
+        """Return a row for each group and scenario; the groups are in the order of their first contracts."""
         count, scenarios = len(self._places), len(self._scenarios)
         owner = pa.array(np.repeat(np.arange(count), scenarios), pa.int64())
         columns = []

@@ -1,4 +1,4 @@
-"""What a run is: its input, parameters and versions; with them it is decided whether its parts may be used."""
+"""The manifest of a run: its input, parameters and versions. They decide whether an earlier run's parts are used."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Identity = Mapping[str, Any]
 def identity_of(
     digests: Mapping[str, str], settings: PricingSettings, output: str, block_size: int | None
 ) -> Identity:
-    """Return what decides every number of the output.
+    """Return everything on which the numbers of the output depend.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def part_names(identity: Identity) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Manifest:
-    """A run in its folder, or beside its output.
+    """The manifest of a run, kept in its folder and later beside its output.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Manifest:
     sizes: Mapping[str, int] = field(default_factory=dict)
 
     def as_bytes(self) -> bytes:
-        """Return it as JSON."""
+        """Return the manifest as JSON."""
         content = {
             "state": self.state,
             "identity": dict(self.identity),
@@ -83,7 +83,7 @@ class Manifest:
 
     @classmethod
     def of_bytes(cls, content: bytes) -> Manifest | None:
-        """Return the manifest; None if it is none."""
+        """Return the manifest that the bytes hold; None where they hold none."""
         try:
             values = json.loads(content)
             units = [Counts.of_json(counts) for counts in values["units"]]

@@ -1,4 +1,4 @@
-"""What a run is to do, found out before any work: its tables, their columns in and out, and who it is."""
+"""The plan of a run, made before any work: its tables, their columns in and out, and the identity of the run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pricing_core.batch.unit import Unit, UnitRules
 
 @dataclass(frozen=True, slots=True)
 class PlannedTable:
-    """One table in, one table out.
+    """One input table and the columns that its output has.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class PlannedTable:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A run.
+    """Everything that a run is to do.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def plan_of(
     output_format: str | None = None,
     block_size: int | None = None,
 ) -> Plan:
-    """Look through the input, and say what is to be done.
+    """Read the heads of the input tables and return the plan of the run.
 
     Raises
     ------

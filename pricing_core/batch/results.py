@@ -17,7 +17,7 @@ Reasons = Mapping[int, InvalidInputError]
 def price_chunk(
     chunk: Chunk, settings: PricingSettings, numbers: Sequence[str], threads: int | None = None
 ) -> tuple[pa.RecordBatch, Reasons]:
-    """Return the rows with their results appended and, by index, why a row has no price.
+    """Return the rows with their results appended, and by index the reason why a row has no price.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ class BatchSummary:
 
     @classmethod
     def of(cls, counts: Counts, unread: tuple[str, ...]) -> BatchSummary:
-        """Return the summary of what has been counted."""
+        """Return the summary of the rows that `counts` has counted, with the columns that were not read."""
         below = counts.statuses["tolerance_not_met"]
         return cls(counts.rows, counts.rows - counts.rejected, counts.rejected, below, unread)
 
@@ -182,7 +182,7 @@ def run_batch(
 
 
 def rejects_path(target: PathLike) -> str:
-    """Return where the rejects go unless it is stated: beside the output.
+    """Return the file of rejected rows that belongs to the output `target` unless another one is stated.
 
     Examples
     --------
@@ -193,7 +193,7 @@ def rejects_path(target: PathLike) -> str:
 
 
 def parts_path(target: PathLike) -> str:
-    """Return the folder of what has been priced until the output is complete."""
+    """Return the folder that keeps what has been priced until the output `target` is complete."""
     location = as_location(target).rstrip("/")
     return f"{location if is_remote(location) else os.path.realpath(location)}.parts"
 

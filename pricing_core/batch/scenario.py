@@ -25,7 +25,7 @@ LARGEST_FILE = 1 << 24  # bytes of a file of scenarios
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """One combination of shifts, all 0 by default: the market as it is.
+    """One combination of shifts; all are 0 by default, which leaves the market as it is.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Scenario:
 
     @property
     def is_unshifted(self) -> bool:
-        """Whether nothing moves."""
+        """Whether all shifts are 0."""
         return not any(getattr(self, shift) for shift in SHIFTS)
 
     @property
@@ -89,6 +89,11 @@ def scenarios_of(
     days_forward: Sequence[float] | None = None,
 ) -> tuple[Scenario, ...]:
     """Return every combination of the shifts; a list that is not given is one unshifted value.
+
+    Parameters
+    ----------
+    spot_shifts, volatility_shifts, rate_shifts, days_forward : sequence of float, optional
+        Values of the fields of `Scenario` that are combined, in its units.
 
     Raises
     ------

@@ -34,7 +34,7 @@ PathLike = str | os.PathLike[str]
 
 @dataclass(frozen=True, slots=True)
 class ScenarioSummary:
-    """What a run has made.
+    """The numbers of rows and contracts that a run has written.
 
     Parameters
     ----------

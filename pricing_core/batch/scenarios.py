@@ -45,13 +45,13 @@ class Form(Protocol):
         ...
 
     def last_rows(self) -> pa.RecordBatch | None:
-        """Return what comes behind all contracts."""
+        """Return the rows that follow those of all contracts."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class ScenarioRules:
-    """What holds for all contracts.
+    """The settings that hold for all contracts.
 
     Parameters
     ----------

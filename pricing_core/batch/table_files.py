@@ -28,7 +28,7 @@ Write = Callable[[pa.RecordBatch], None]
 
 @dataclass(frozen=True, slots=True)
 class InputTable:
-    """One table in one file, or in the files of a folder.
+    """One table, held by one file or by the files of a folder.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class InputTable:
 
 
 def input_table(location: str, settings: PricingSettings, stated: str | None = None) -> InputTable:
-    """Look through an input.
+    """Find the files of an input, and check their columns.
 
     Raises
     ------

@@ -30,7 +30,7 @@ CHECK_BYTES = 4  # at the end of a part, of all before them
 
 @dataclass(frozen=True, slots=True)
 class UnitRules:
-    """What holds for all units of a table.
+    """The settings that hold for all units of a table.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class UnitRules:
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """Rows to price; picklable.
+    """A unit of work: consecutive rows that are to be priced; picklable.
 
     Parameters
     ----------
@@ -72,18 +72,18 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Counts:
-    """What became of rows: how many there were, how many have no price, and how many have each status."""
+    """How many rows there were, how many have no price, and how many have each status."""
 
     rows: int = 0
     rejected: int = 0
     statuses: Counter[str] = field(default_factory=Counter)
 
     def plus(self, other: Counts) -> Counts:
-        """Return both together."""
+        """Return the sums of both counts."""
         return Counts(self.rows + other.rows, self.rejected + other.rejected, self.statuses + other.statuses)
 
     def as_json(self) -> dict[str, Any]:
-        """Return them by name."""
+        """Return the counts by name, as JSON holds them."""
         return {"rows": self.rows, "rejected": self.rejected, "statuses": dict(self.statuses)}
 
     @classmethod
@@ -93,13 +93,13 @@ class Counts:
 
 
 def sum_of(all_counts: Iterable[Counts]) -> Counts:
-    """Return all of them together."""
+    """Return the sum of several counts."""
     return reduce(Counts.plus, all_counts, Counts())
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What is kept of a unit.
+    """The priced rows and the counts of a unit, as they are kept.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class Part:
 def price_unit(
     unit: Unit, folder: WorkFolder, turn: AbstractContextManager[object] | None = None
 ) -> tuple[int, Counts]:
-    """Price a unit, keep its part in the folder, and return its index and what became of its rows.
+    """Price a unit, keep its part in the folder, and return its index and the counts of its rows.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ class Valued:
 
     @property
     def count(self) -> int:
-        """Number of contracts."""
+        """The number of contracts n."""
         rows: int = self.contracts.num_rows
         return rows
 

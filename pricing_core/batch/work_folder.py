@@ -1,4 +1,4 @@
-"""The folder of a run's parts: each file in it is there whole or not at all, and outlives the process."""
+"""The folder of a run's parts: each file in it is complete or absent, and stays when the process ends."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class WorkFolder(Protocol):
         ...
 
     def names(self) -> set[str]:
-        """Return the names of the files that are there whole."""
+        """Return the names of the complete files."""
         ...
 
     def clear(self) -> None:
@@ -84,7 +84,7 @@ class LocalFolder:
             return pa.py_buffer(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
 
     def names(self) -> set[str]:
-        """Return the names of the files that are there whole."""
+        """Return the names of the complete files."""
         return {entry.name for entry in os.scandir(self.path) if not entry.name.endswith(HALF)}
 
     def clear(self) -> None:

@@ -33,7 +33,7 @@ MESSAGE = "message"  # why a row could not be read; null where it could
 
 @dataclass(frozen=True, slots=True)
 class RawTable:
-    """The columns of a file as it has them.
+    """The columns of a file under its own names.
 
     Parameters
     ----------

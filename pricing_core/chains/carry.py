@@ -15,7 +15,7 @@ from pricing_core.arrays import Vector
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Carry(ImpliedCarry):
-    """What a chain says of its carry; arrays of shape (n,) have one entry per expiry, in order.
+    """The carry that the quotes of a chain imply; arrays of shape (n,) have one entry per expiry, in order.
 
     The columns of `ImpliedCarry` come first. Where the pairs of an expiry tell nothing, forward and dividend_yield are
     those of the curve, which the other expiries tell.
@@ -49,5 +49,5 @@ class Carry(ImpliedCarry):
 
     @property
     def is_known(self) -> bool:
-        """Whether any expiry has told it."""
+        """Whether the quotes of any expiry imply a carry."""
         return bool((self.status == "ok").any())

@@ -22,14 +22,14 @@ LEAST_INTEGER_DATE, MOST_INTEGER_DATE = 19_000_101, 29_991_231
 
 
 def is_missing(cell: object) -> bool:
-    """Tell an empty cell, in words or as a number that is none."""
+    """Return whether a cell is empty, which may be said by a word or by NaN."""
     if isinstance(cell, str):
         return cell.strip().lower() in MISSING
     return cell is None or cell != cell  # noqa: PLR0124 - NaN, and NaT
 
 
 def as_float(field: str, cell: object) -> float:
-    """Return a number; NaN where there is none.
+    """Return a cell as a number; NaN where it holds none.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def as_moment(field: str, cell: object, form: str | None = None) -> dt.datetime 
 
 
 def as_choice(field: str, cell: object, words: dict[str, str]) -> str | None:
-    """Return the word that is meant, None where there is none.
+    """Return the choice that a cell's word stands for; None where it stands for none.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def as_choice(field: str, cell: object, words: dict[str, str]) -> str | None:
 
 
 def as_text(cell: Any) -> str | None:
-    """Return a text without blanks around it and without the caret of an index, None where there is none."""
+    """Return a text without blanks around it and without the caret of an index; None where the cell is empty."""
     return None if is_missing(cell) else str(cell).strip().lstrip("^")
 
 

@@ -1,4 +1,4 @@
-"""What the pairs of a chain tell of the stock at each expiry, and how far that errs."""
+"""The value of the stock at each expiry that the pairs of a chain imply, and its standard error."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ LEAST_FEEDBACK, MOST_FEEDBACK = -0.5, 0.8  # of the stock's value through the pr
 
 
 def stock_of(chain: Chain, carry: ExpiryCarry) -> float:
-    """Return what the stock to be had at an expiry is worth now, money."""
+    """Return the present value of the stock delivered at an expiry, money."""
     assert carry.pairs is not None
     return carry.forward * discount(chain.market.rate, float(carry.pairs.expiry[0]))
 
@@ -47,7 +47,7 @@ def stock_errors(fitted: list[ExpiryCarry]) -> Vector:
 
 
 def feedback(chain: Chain, fitted: list[ExpiryCarry], tolerance: float, threads: int | None) -> Vector:
-    """Return by what an error of parity is multiplied on its way to the stock's value.
+    """Return the factor by which an error of parity is multiplied in the stock's value.
 
     The stock's value X is parity less premiums, which depend on X: dX = d(parity) / (1 + d(premiums)/dX).
     """
@@ -78,13 +78,13 @@ def feedback(chain: Chain, fitted: list[ExpiryCarry], tolerance: float, threads:
 
 
 def parity_of(chain: Chain, carry: ExpiryCarry) -> Vector:
-    """Return what each pair says of that if call and put are European, shape (m,)."""
+    """Return the present value of the stock that each pair implies if call and put are European, shape (m,)."""
     assert carry.pairs is not None
     return parity_stock(carry.pairs, discount(chain.market.rate, float(carry.pairs.expiry[0])))
 
 
 def weights_of(carry: ExpiryCarry) -> Vector:
-    """Return what each pair counts for, shape (m,)."""
+    """Return the weight of each pair, shape (m,)."""
     assert carry.pairs is not None
     weights: Vector = np.where(carry.used, carry.pairs.width**-2.0, 0.0)
     return weights
@@ -97,6 +97,6 @@ def joined_pairs(fitted: list[ExpiryCarry]) -> Pairs:
 
 
 def parts_of(lengths: list[int]) -> list[slice]:
-    """Return where among them the pairs of each expiry are."""
+    """Return where in the joined pairs those of each expiry lie."""
     ends = np.cumsum(lengths).tolist()
     return [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]

@@ -59,7 +59,7 @@ class Quotes:
 
     @property
     def intrinsic(self) -> Vector:
-        """What exercise brings now, money."""
+        """The payoff of exercise now, money, shape (n,)."""
         return np.maximum(np.where(self.is_call, self.spot - self.strike, self.strike - self.spot), 0.0)
 
     def column(self, name: str) -> list[Any]:

@@ -25,7 +25,7 @@ HOLDERS = ("quotes", "results", "data", "options", "option")
 
 
 def raw_table(source: object) -> RawTable:
-    """Return what a file, a frame, a mapping of columns or a list of records holds.
+    """Return the columns of a file, a frame, a mapping of columns or a list of records.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def _of_file(location: str) -> RawTable:
 
 
 def json_content(text: str) -> object:
-    """Return what a JSON text holds.
+    """Return the value of a JSON text.
 
     Raises
     ------

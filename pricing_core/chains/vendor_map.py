@@ -19,7 +19,7 @@ GENERIC = "generic"
 
 @dataclass(frozen=True, slots=True)
 class VendorMap:
-    """How one vendor ships quotes; names of columns are compared by `plain_name`.
+    """The columns in which one vendor ships quotes; names of columns are compared by `plain_name`.
 
     Parameters
     ----------

@@ -46,7 +46,10 @@ class QuoteVolatilities:
 
     @property
     def deviation(self) -> Vector:
-        """Half of what bid and ask differ by; where the bid has no volatility, what mid and ask differ by."""
+        """Half the difference of the volatilities of bid and ask.
+
+        Where the bid has no volatility it is the difference of those of mid and ask in full.
+        """
         half = 0.5 * (self.ask - self.bid)
         found: Vector = np.where(np.isfinite(half), half, self.ask - self.mid)
         return found

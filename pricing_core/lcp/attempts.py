@@ -86,7 +86,7 @@ COMBINED = "no z >= 0 has M z + q >= 0: a combination of its rows proves it"
 
 
 class Asked(NamedTuple):
-    """What was asked of `solve` besides the problem."""
+    """The arguments of `solve` besides the problem."""
 
     tolerance: float = DEFAULT_TOLERANCE
     start: ArrayLike | None = None
@@ -94,7 +94,7 @@ class Asked(NamedTuple):
 
 
 class Attempt(NamedTuple):
-    """A method under its name, and why it is tried."""
+    """A method with its name and the reason why it is tried."""
 
     name: str
     run: Callable[[Any, TimeLimit], LCPSolution]

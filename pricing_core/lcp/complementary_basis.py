@@ -1,4 +1,4 @@
-"""Which of each pair of unknowns the equations M w = N z + q determine."""
+"""Which unknown of each pair the equations M w = N z + q determine."""
 
 from __future__ import annotations
 

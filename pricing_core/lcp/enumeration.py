@@ -32,7 +32,7 @@ ZERO = 1e-8  # in the scaled problem, whose largest |q| is 1: less than this cou
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SolutionSet:
-    """All solutions of an LCP.
+    """The set of all solutions of an LCP.
 
     Parameters
     ----------

@@ -76,6 +76,10 @@ class ExtendedHorizontalSolution(NamedTuple):
 def solve_extended_horizontal(problem: ExtendedHorizontalLCP) -> ExtendedHorizontalSolution:
     """Solve an extended horizontal LCP; where the blocks have the column W-property it has one solution.
 
+    Parameters
+    ----------
+    problem : ExtendedHorizontalLCP
+
     Raises
     ------
     NumericalError, InfeasibleError, RayTerminationError

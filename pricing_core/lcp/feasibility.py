@@ -29,6 +29,11 @@ def infeasibility_certificate(problem: LCP) -> Vector | None:
 
     Cost: two linear programmes with n unknowns and up to O(n**2) rational operations, few as a rule.
 
+    Parameters
+    ----------
+    problem : LCP
+        Of any matrix class, shape (n, n).
+
     Examples
     --------
     >>> infeasibility_certificate(LCP([[-1.0]], [-1.0]))

@@ -57,7 +57,7 @@ class FreeSets:
         return float(np.abs(middle).max(initial=0.0))
 
     def rounding(self, z: Vector) -> float:
-        """Return what rounding may do to w."""
+        """Return a bound of the rounding error of w."""
         return 4.0 * EPSILON * float((self._magnitude @ np.abs(z) + np.abs(self.q)).max(initial=0.0))
 
     def swept_out(
@@ -77,7 +77,7 @@ class FreeSets:
     def improved(
         self, z: Vector, report: Report, clock: TimeLimit, limit: int | None = None
     ) -> tuple[Vector, int]:
-        """Return a z that `report` calls done, or with a limit z after so many iterations, and their number.
+        """Return a z for which `report` is true, or the z after the largest number of iterations, and their number.
 
         Raises
         ------

@@ -63,7 +63,17 @@ class HorizontalLCP:
 
 
 class HorizontalSolution(NamedTuple):
-    """A solution of a horizontal LCP, its residual, and the method that solved the LCP behind it."""
+    """A solution of a horizontal LCP, its residual, and the method that solved the LCP behind it.
+
+    Parameters
+    ----------
+    w, z : Vector, shape (n,)
+        The two complementary vectors.
+    residual : float
+        Largest violation of the equations, of the signs and of complementarity.
+    method : str
+        Name of the method, as in `LCPSolution`.
+    """
 
     w: Vector  # (n,)
     z: Vector  # (n,)

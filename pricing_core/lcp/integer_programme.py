@@ -1,4 +1,4 @@
-"""Any solvable LCP by mixed-integer linear programming, for problems on which pivoting has ended in vain."""
+"""Any solvable LCP by mixed-integer linear programming, for problems that no pivoting method has solved."""
 
 from __future__ import annotations
 

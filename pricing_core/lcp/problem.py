@@ -129,6 +129,11 @@ def natural_residual(problem: Problem, z: Vector) -> float:
 
     It is 0.0 for n = 0.
 
+    Parameters
+    ----------
+    problem : LCP or MixedLCP
+    z : Vector, shape (n,)
+
     Examples
     --------
     >>> natural_residual(LCP([[2.0]], [-4.0]), np.array([1.0]))

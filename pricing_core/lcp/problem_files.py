@@ -88,6 +88,14 @@ def write_problem(problem: Problem, path: str | PathLike[str], format: ProblemFo
     "siconos-lcp" takes an `LCP`, "siconos-mlcp" a problem whose unknowns are free or not negative, "siconos-relay" any
     bounds; they hold dense matrices, which they write column by column, as Siconos does. Files that exist are replaced.
 
+    Parameters
+    ----------
+    problem : LCP or MixedLCP
+    path : path-like
+        File that is written, or replaced.
+    format : str
+        One of the formats of `read_problem`.
+
     Raises
     ------
     InvalidInputError

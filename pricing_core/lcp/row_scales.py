@@ -1,4 +1,4 @@
-"""How large the terms of each row are, where a row whose terms are all rounding is measured by what reaches it."""
+"""The sizes of the terms of each row; a row whose terms are all rounding is measured by the rows coupled to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long a solver may take: the one place in which the solvers look at a clock."""
+"""The time that a solver may take: the only module in which the solvers read a clock."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pricing_core.errors import InvalidInputError, IterationLimitError
 
 @dataclass(frozen=True, slots=True)
 class TimeLimit:
-    """The question that an iteration asks now and then: whether `seconds` are over; None is no limit.
+    """A limit of `seconds` that an iteration checks now and then; None is no limit.
 
     A compiled iteration asks it every few milliseconds, which also lets Python handle an interrupt of the keyboard.
 

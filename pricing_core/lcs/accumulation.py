@@ -27,7 +27,7 @@ SETTLING_STEPS = (1e-9, 1e-8, 1e-7, 1e-6)  # in the form's units
 
 
 class Beyond(NamedTuple):
-    """Where a run goes on."""
+    """The time, state and mode in which a run goes on."""
 
     dynamics: ModeDynamics
     c: State

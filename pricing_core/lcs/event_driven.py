@@ -77,7 +77,7 @@ def assembled(
 
 
 class Reached(NamedTuple):
-    """Where a mode has led to, and the guards that end the configuration there."""
+    """The state at the end of a mode's flow, and the guards that end the configuration there."""
 
     time: float
     dynamics: ModeDynamics
@@ -87,7 +87,7 @@ class Reached(NamedTuple):
 
 @dataclass(slots=True, eq=False)
 class EventRun:
-    """One simulation under way.
+    """One event-driven simulation in progress.
 
     Parameters
     ----------

@@ -99,7 +99,7 @@ class Exosystem:
         return Exosystem(self.generator, output, self.states, self.times, period=self.period)
 
     def shares_states_with(self, other: Exosystem) -> bool:
-        """Tell whether both have the same w."""
+        """Tell whether this exosystem and the `other` one have the same w."""
         pairs = ((self.generator, other.generator), (self.states, other.states), (self.times, other.times))
         same = all(np.array_equal(one, another) for one, another in pairs)
         return same and self.period == other.period
@@ -115,7 +115,7 @@ class Exosystem:
         return self.times[1:]
 
     def knots(self, t0: float, t1: float) -> Vector:
-        """Return the times strictly inside an interval at which w starts anew."""
+        """Return the times strictly between `t0` and `t1` at which w starts anew."""
         found = self.times[1:]
         if self.period is not None and found.size:
             first = max(math.floor((t0 - float(found[-1])) / self.period), 0)

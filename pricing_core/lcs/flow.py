@@ -58,7 +58,7 @@ class Flow:
 
     @property
     def mode(self) -> IndexSet:
-        """I, as it is reported."""
+        """The index set I of the mode, as it is reported."""
         return self.form.reported_mode(self.dynamics.mode)
 
     def marks(self) -> Vector:

@@ -24,6 +24,14 @@ class FrequencyWitness(NamedTuple):
     """Re v^* G(s) v < 0 at an s with Re s > 0, proved in rational arithmetic.
 
     (11.6) with Q > 0 would make it at least Re s times x^* Q x for x = (sI - A)^-1 B v.
+
+    Parameters
+    ----------
+    s : complex
+        Point in the right half plane.
+    v : ndarray of complex, shape (k,)
+    value : float
+        Re v^* G(s) v, rounded; it is below 0.
     """
 
     s: complex

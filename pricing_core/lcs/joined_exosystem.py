@@ -71,13 +71,16 @@ class JoinedExosystem(Exosystem):
         return np.unique(np.concatenate([part.jumps for part in self.parts]))
 
     def knots(self, t0: float, t1: float) -> Vector:
-        """Return the times strictly inside an interval at which w starts anew, those that rounding parts as one."""
+        """Return the times strictly between `t0` and `t1` at which w starts anew.
+
+        Times of two exosystems that only rounding tells apart are returned once.
+        """
         periods = [part.period for part in self.parts if part.period is not None]
         found = np.concatenate([part.knots(t0, t1) for part in self.parts])
         return distinct(found, SAME_INSTANT * min(periods, default=0.0))
 
     def states_along(self, t: Vector, before: BoolVector) -> Matrix:
-        """Return w just after each of the times, or just before it, shape (m, p)."""
+        """Return w just after each of the times `t`, or just before it where `before` is True, shape (m, p)."""
         return np.hstack([part.states_along(t, before) for part in self.parts])
 
 

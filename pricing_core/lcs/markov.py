@@ -15,7 +15,15 @@ from pricing_core.linalg.rational import RationalMatrix, from_flint, rounded, to
 
 
 class LeadingMarkovParameter(NamedTuple):
-    """The first nonzero H_j in G(s) = H_0 + H_1 / s + H_2 / s**2 + ..."""
+    """The first nonzero H_j in G(s) = H_0 + H_1 / s + H_2 / s**2 + ...
+
+    Parameters
+    ----------
+    power : int
+        j.
+    matrix : Matrix, shape (k, k)
+        H_j.
+    """
 
     power: int  # j
     matrix: Matrix  # (k, k)
@@ -28,6 +36,7 @@ def markov_parameters(system: LCS, count: int) -> NDArray[np.float64]:
 
     Parameters
     ----------
+    system : LCS
     count : int
         At least 0.
 
@@ -77,6 +86,10 @@ def leading_markov_parameter(system: LCS) -> LeadingMarkovParameter | None:
 
     Cost: up to n + 1 Markov parameters in rational arithmetic; if all of these vanish, so do the others
     (Cayley-Hamilton).
+
+    Parameters
+    ----------
+    system : LCS
 
     Examples
     --------

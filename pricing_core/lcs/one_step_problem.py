@@ -25,6 +25,17 @@ class OneStepProblem:
     """The part of (11.65) that depends on h alone: x+ = R (base + h f) + h R B u with R = (I - hA)^-1.
 
     Then y = M u + q with M = D + h C R B = G(1/h), the transfer matrix, and q = C R (base + h f) + g.
+
+    Parameters
+    ----------
+    system : LCS
+    h : float
+        Step size, in the unit of time of the system.
+    M : Matrix, shape (k, k)
+    response : Matrix, shape (n, k)
+        h R B.
+    factors : tuple
+        The LU factors of I - hA, with their pivots, as `scipy.linalg.lu_factor` returns them.
     """
 
     system: LCS
@@ -93,16 +104,25 @@ class OneStepProblem:
         return np.vstack([to_x, to_u, to_y])
 
     def lcp(self, free_state: Vector, t: float) -> LCP:
-        """Return the problem 0 <= y = M u + q _|_ u >= 0 at the step's end t."""
+        """Return the problem 0 <= y = M u + q _|_ u >= 0 at the step's end t.
+
+        The vector `free_state` is the state without multipliers, shape (n,).
+        """
         return LCP(self.M, self.slack_without_multipliers(free_state, t))
 
     def slack_without_multipliers(self, free_state: Vector, t: float) -> Vector:
-        """Return q = C R (base + h f) + g, shape (k,)."""
+        """Return q = C x + g(t), shape (k,), with x = R (base + h f), the state `free_state`."""
         return np.asarray(self.system.C @ free_state + self.system.g.before(t))
 
 
 def one_step_problem(system: LCS, h: float) -> OneStepProblem:
     """Factor (I - hA) and form M = D + h C (I - hA)^-1 B.
+
+    Parameters
+    ----------
+    system : LCS, with n states and k pairs
+    h : float
+        Step size, in the unit of time of the system.
 
     Raises
     ------

@@ -42,6 +42,10 @@ def leading_row_coefficients(system: LCS) -> LeadingCoefficients:
 
     Cost: up to n + 1 Markov parameters in rational arithmetic.
 
+    Parameters
+    ----------
+    system : LCS
+
     Examples
     --------
     G = [[1/s, 1/s**2], [0, 1/s]]:
@@ -56,7 +60,12 @@ def leading_row_coefficients(system: LCS) -> LeadingCoefficients:
 
 
 def leading_column_coefficients(system: LCS) -> LeadingCoefficients:
-    """Return degrees and leading coefficients of the columns of G(s); exact, cost as for the rows."""
+    """Return degrees and leading coefficients of the columns of G(s); exact, at the cost of those of the rows.
+
+    Parameters
+    ----------
+    system : LCS
+    """
     check_type("system", system, LCS)
     A, B, C, D = rational_system(system)
     rows = _leading_rows(RationalSystem(A.T, C.T, B.T, D.T))
@@ -65,6 +74,10 @@ def leading_column_coefficients(system: LCS) -> LeadingCoefficients:
 
 def is_row_proper(system: LCS) -> bool:
     """Tell whether G(s) = diag(s**m_i) B(s) with B and its inverse proper (11.84); exact.
+
+    Parameters
+    ----------
+    system : LCS
 
     Examples
     --------
@@ -77,6 +90,10 @@ def is_row_proper(system: LCS) -> bool:
 
 def is_column_proper(system: LCS) -> bool:
     """Tell whether G(s) = B(s) diag(s**m_j) with B and its inverse proper (11.84); exact.
+
+    Parameters
+    ----------
+    system : LCS
 
     Examples
     --------

@@ -55,6 +55,7 @@ def has_guaranteed_direction(
 
     Parameters
     ----------
+    A, B, C : array_like, shapes (n, n), (n, k), (k, n)
     D : array_like or None
         Zero: y = Cx alone places the surfaces.
     x : array_like, shape (n,) or (m, n)

@@ -19,7 +19,7 @@ MANY_EVENTS = 20  # and 4 for each pair
 
 @dataclass(slots=True, eq=False)
 class RunRecord:
-    """The flows and events of a run under way.
+    """The flows and events of a run in progress.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class RunRecord:
         self.note(Event(t, "zeno", *x, self.no_impulse(), *modes))
 
     def repeated(self, t: float) -> str:
-        """Say which modes follow each other."""
+        """Return a sentence that names the modes which follow each other."""
         modes = sorted({str(event.mode_after) for event in self.events[-MANY_EVENTS:]})
         return f"the modes {', '.join(modes)} follow each other near t = {t:.12g} without end"
 

@@ -1,4 +1,4 @@
-"""Simulate a linear complementarity system: the front door to event-driven simulation and to time stepping."""
+"""Simulate a linear complementarity system, from event to event or by time stepping."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ OWN = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Configuration:
-    """One of the systems.
+    """The system that holds for one position of all switches.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Configuration:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Schedule:
-    """When something changes by itself.
+    """The instants at which the configuration changes by the clock.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ class PiecewiseConstant:
         return self.times[:-1]
 
     def knots(self, t0: float, t1: float) -> Vector:
-        """Return the times strictly inside an interval at which the value changes."""
+        """Return the times strictly between `t0` and `t1` at which the value changes."""
         return self.jumps[(self.jumps > t0) & (self.jumps < t1)]
 
     def _piece_after(self, t: float) -> int:

@@ -22,7 +22,14 @@ from pricing_core.linalg.rational_definite import is_exactly_positive_definite
 
 
 class Finding(NamedTuple):
-    """What a theorem says of a system: its hypotheses hold, its contrary is proved, or nothing."""
+    """What a theorem says of a system: its hypotheses hold, its contrary is proved, or it says nothing.
+
+    Parameters
+    ----------
+    status : {"holds", "fails", "silent"}
+    reason : str
+        The hypothesis that decides, in one sentence.
+    """
 
     status: Literal["holds", "fails", "silent"]
     reason: str

@@ -24,7 +24,15 @@ REMEMBERED_STEP_SIZES = 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LCSState:
-    """State x, multiplier u and slack y at one instant."""
+    """State x, multiplier u and slack y at one instant.
+
+    Parameters
+    ----------
+    value : Vector, shape (n,)
+        x.
+    multiplier, slack : Vector, shape (k,)
+        u and y.
+    """
 
     value: Vector  # x, (n,)
     multiplier: Vector  # (k,)
@@ -36,6 +44,14 @@ class LCSStage:
     """Solves x = base + h (Ax + Bu + f), 0 <= y = Cx + Du + g _|_ u >= 0: the step (11.65).
 
     Factorisations of I - hA are kept for the last few step sizes.
+
+    Parameters
+    ----------
+    system : LCS
+    lcp_method : str
+        Method of `pricing_core.lcp.solve` for the problem of each step.
+    multipliers : {"any", "least-norm"}
+        Which multiplier is taken where there are several.
     """
 
     system: LCS
@@ -44,7 +60,7 @@ class LCSStage:
     _problems: dict[float, OneStepProblem] = field(default_factory=dict, init=False, repr=False)
 
     def solve(self, t: float, base: Vector, h: float, near: LCSState) -> LCSState:
-        """Return the state at t.
+        """Return the state at `t`; the mode of the state `near` is tried first.
 
         Raises
         ------
@@ -71,7 +87,7 @@ class LCSStage:
         return LCSState(free + problem.response @ u, u, problem.M @ u + posed.q)
 
     def rate(self, t: float, state: LCSState) -> Vector:
-        """Return x' = Ax + Bu + f just after t."""
+        """Return x' = Ax + Bu + f just after t, with x and u of `state`."""
         system = self.system
         return np.asarray(system.A @ state.value + system.B @ state.multiplier + system.f.after(t))
 

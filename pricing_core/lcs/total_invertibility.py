@@ -22,6 +22,10 @@ def singular_modes(system: LCS) -> tuple[IndexSet, ...]:
 
     None of them means that G is totally invertible, and by Theorem 11.1 that V_I (+) T_I = R^n in every mode.
 
+    Parameters
+    ----------
+    system : LCS
+
     Raises
     ------
     InvalidInputError

@@ -84,6 +84,10 @@ class Trajectory:
         Step counters, see `pricing_core.stepping.Integration`.
     system : LCS or None
         Whose solution this is to rounding; None where the run stepped, or went by another law of impact.
+    flows : tuple of Flow
+        The exact solution between events, where the run was driven by events.
+    flow_of : ndarray of int, shape (m,), or None
+        Index of the flow that each row belongs to.
     """
 
     t: Vector

@@ -30,6 +30,10 @@ def relative_degree(system: LCS) -> int:
     (0, or 1: every G_II is then dominated by that term); otherwise only modes of one or two indices and the
     full mode are examined.
 
+    Parameters
+    ----------
+    system : LCS
+
     Examples
     --------
     The triple integrator y = x1, x3' = u has G = 1/s**3:

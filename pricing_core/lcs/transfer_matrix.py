@@ -70,7 +70,7 @@ class TransferMatrix:
         return values if isinstance(s, complex) else values.real
 
     def submatrix(self, mode: Iterable[int]) -> TransferMatrix:
-        """Return G_II(s) (11.83)."""
+        """Return G_II(s), the rows and columns of G in the index set I = `mode` (11.83)."""
         chosen = as_mode(mode, len(self.numerators))
         return TransferMatrix(
             tuple(tuple(self.numerators[i][j] for j in chosen) for i in chosen), self.denominator
@@ -102,6 +102,10 @@ class PolynomialTransfer(NamedTuple):
 
 def transfer_matrix(system: LCS) -> TransferMatrix:
     """Return G(s) exactly, for the rational data that `pricing_core.linalg.rational.rational` makes of floats.
+
+    Parameters
+    ----------
+    system : LCS
 
     Notes
     -----

@@ -39,7 +39,7 @@ class Tridiagonal:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(n, n)."""
+        """The shape (n, n)."""
         return self.diagonal.size, self.diagonal.size
 
     def __matmul__(self, x: Vector) -> Vector:
@@ -62,10 +62,12 @@ class Tridiagonal:
 
 
 def solve_tridiagonal(lower: Vector, diagonal: Vector, upper: Vector, rhs: Matrix) -> Matrix:
-    """Solve T x = rhs by LAPACK's pivoted elimination in O(n); bands as in `Tridiagonal`.
+    """Solve T x = rhs by LAPACK's pivoted elimination in O(n).
 
     Parameters
     ----------
+    lower, diagonal, upper : array, shapes (n - 1,), (n,), (n - 1,)
+        The bands of T, as in `Tridiagonal`.
     rhs : array, shape (n,) or (n, m)
 
     Raises

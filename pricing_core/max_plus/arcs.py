@@ -77,7 +77,7 @@ class Arcs:
         """Return the graph with all nodes and the arcs between these."""
         return self.only(nodes[self.head] & nodes[self.tail])
 
-    def weighing(self, weight: Numbers) -> Arcs:
+    def with_weights(self, weight: Numbers) -> Arcs:
         """Return the graph with other weights."""
         return replace(self, weight=weight)
 

@@ -35,7 +35,7 @@ def heaviest_circuit(graph: Arcs, solution: HowardSolution) -> tuple[int, ...]:
 
 
 def named(circuit: Sequence[int], names: Sequence[str] = ()) -> str:
-    """Return the circuit as one reads it, closed.
+    """Return the circuit as a closed list of names, in the order in which it is passed.
 
     Examples
     --------

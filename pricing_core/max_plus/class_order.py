@@ -43,12 +43,12 @@ def longest_between_classes(graph: Arcs, label: IntVector, start: Numbers) -> Nu
     return found
 
 
-def loudest(graph: Arcs, label: IntVector, ratio: Numbers) -> Numbers:
+def largest_upstream(graph: Arcs, label: IntVector, ratio: Numbers) -> Numbers:
     """Return for each node the largest ratio among the nodes from which a path leads to it, shape (n,).
 
     The nodes of a class have one ratio.
     """
     own = np.empty(label.max() + 1, dtype=ratio.dtype)
     own[label] = ratio
-    silent = graph.weighing(np.full(graph.head.size, zero_like(ratio)))
-    return np.asarray(longest_between_classes(silent, label, own)[label])
+    unweighted = graph.with_weights(np.full(graph.head.size, zero_like(ratio)))
+    return np.asarray(longest_between_classes(unweighted, label, own)[label])

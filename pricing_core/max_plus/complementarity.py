@@ -6,7 +6,7 @@ x <= z <= y, and for x > y there would be no z.) Eliminating z leaves b = a + (x
 The maximum of m numbers takes m - 1 such pairs, one after the other: z = c_1 + a_2 + ... + a_m with
 b_k = c_1 + a_2 + ... + a_k - c_k. Then M is lower triangular with ones on its diagonal: a P-matrix, so that the
 LCP has exactly one solution, and z is the maximum. The minimum is the same with a taken away. Whatever is put
-together from max, min, sums and scaling leads to such an M, since a pair hears only of pairs inside it.
+together from max, min, sums and scaling leads to such an M, since a pair depends only on the pairs inside it.
 See `pricing_core.max_plus.vertical` for the other form, one row with m choices.
 """
 
@@ -189,10 +189,10 @@ def as_lcp(A: object, x: object) -> StepProblem:
     array([7., 4.])
     """
     matrix = as_floats(dense(as_matrix("A", A, top=False)))
-    silent = np.flatnonzero((matrix == EPSILON).all(axis=1))
-    if silent.size:
+    empty = np.flatnonzero((matrix == EPSILON).all(axis=1))
+    if empty.size:
         raise InvalidInputError(
-            "A", Told(f"row {silent[0]} is epsilon"), "a matrix with an entry in every row"
+            "A", Told(f"row {empty[0]} is epsilon"), "a matrix with an entry in every row"
         )
     state = as_floats(as_vector("x", x, matrix.shape[1], top=False))
     if (state == EPSILON).any():

@@ -45,7 +45,7 @@ def series(first: MaxPlusSystem, second: MaxPlusSystem) -> MaxPlusSystem:
 
 
 def parallel(first: MaxPlusSystem, second: MaxPlusSystem) -> MaxPlusSystem:
-    """Return the system with one input for both, whose output is the later one of theirs.
+    """Return the system that gives `first` and `second` one input, and whose output is the later one of theirs.
 
     Raises
     ------

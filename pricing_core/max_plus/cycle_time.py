@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.max_plus.arcs import Arcs, arcs_of
 from pricing_core.max_plus.circuits import a_circuit, named
-from pricing_core.max_plus.class_order import loudest
+from pricing_core.max_plus.class_order import largest_upstream
 from pricing_core.max_plus.howard import howard
 from pricing_core.max_plus.matrices import (
     MaxPlusMatrix,
@@ -25,7 +25,7 @@ from pricing_core.max_plus.spectrum import mean_of_circuits, plain
 def cycle_time(A: object) -> Numbers:
     """Return lim x(k) / k of x(k+1) = A x(k), whatever the finite x(0): one number per node, shape (n,).
 
-    A node's cycle time is the largest circuit mean that it hears of, -inf if it hears of no circuit.
+    A node's cycle time is the largest mean of the circuits from which a path leads to it, -inf without such a circuit.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def cycle_time(A: object) -> Numbers:
     """
     graph = arcs_of(as_square("A", A, top=False))
     solution = mean_of_circuits(graph)
-    return loudest(graph, solution.label, solution.ratio)
+    return largest_upstream(graph, solution.label, solution.ratio)
 
 
 def cycle_ratio(A: object, holding: object) -> Scalar:

@@ -32,13 +32,13 @@ def diverging(graph: Arcs, *, tolerance: float | None = None, sizes: Numbers | N
     endless = (label[graph.head] == label[graph.tail]) & ~finite
     part = graph.only(np.asarray(finite))
     sizes = np.abs(part.weight) if sizes is None else sizes[finite]
-    found = mean_of_circuits(part.weighing(_lowered(part, sizes, tolerance))).ratio > 0
+    found = mean_of_circuits(part.with_weights(_lowered(part, sizes, tolerance))).ratio > 0
     return np.asarray(found | np.isin(label, label[graph.head[endless]]))
 
 
 def diverging_circuit(graph: Arcs) -> tuple[int, ...]:
     """Return the nodes of a circuit of positive weight, tail before head, or () where there is none."""
-    lowered = graph.weighing(_lowered(graph, np.abs(graph.weight), None))
+    lowered = graph.with_weights(_lowered(graph, np.abs(graph.weight), None))
     solution = mean_of_circuits(lowered)
     return heaviest_circuit(lowered, solution) if solution.ratio.max() > 0 else ()
 

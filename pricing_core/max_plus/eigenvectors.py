@@ -10,7 +10,7 @@ import numpy as np
 from pricing_core.arrays import BoolVector, as_extended_number
 from pricing_core.errors import InvalidInputError, NumericalError, Told
 from pricing_core.max_plus.arcs import Arcs, IntVector, arcs_of, first_of_runs
-from pricing_core.max_plus.class_order import loudest
+from pricing_core.max_plus.class_order import largest_upstream
 from pricing_core.max_plus.critical import critical_arcs, critical_components
 from pricing_core.max_plus.howard import HowardSolution
 from pricing_core.max_plus.matrices import EPSILON, TOP, Numbers, Scalar, as_square, zero_like
@@ -61,7 +61,7 @@ def eigenvectors(A: object, value: Scalar | None = None) -> Numbers:
     """Return vectors whose max-plus combinations are all eigenvectors of one eigenvalue: shape (n, k).
 
     One for each component of the critical graphs of the classes with that mean, largest entry 0; epsilon at the
-    nodes that do not hear of the component.
+    nodes to which no path leads from the component.
 
     Parameters
     ----------
@@ -122,13 +122,13 @@ def eigenmode(A: object) -> Eigenmode:
     """
     matrix = as_square("A", A, top=False)
     graph = arcs_of(matrix)
-    unheard = np.setdiff1d(np.arange(graph.size), graph.head)
-    if unheard.size:
+    entryless = np.setdiff1d(np.arange(graph.size), graph.head)
+    if entryless.size:
         raise InvalidInputError(
-            "A", Told(f"row {unheard[0]} is epsilon"), "a matrix with an entry in every row"
+            "A", Told(f"row {entryless[0]} is epsilon"), "a matrix with an entry in every row"
         )
     solution = mean_of_circuits(graph)
-    rates = loudest(graph, solution.label, solution.ratio)
+    rates = largest_upstream(graph, solution.label, solution.ratio)
     alike = np.asarray(rates[graph.head] == rates[graph.tail])
     pacing = np.zeros(graph.size, dtype=np.bool_)
     pacing[critical_arcs(graph, solution, np.asarray(solution.ratio == rates)).head] = True
@@ -145,8 +145,8 @@ def _vectors(A: object, value: Scalar | None) -> Iterator[Numbers]:
     rate = solution.ratio[own].max()
     for component in critical_components(critical_arcs(graph, solution, own)):
         start = np.arange(graph.size) == component[0]
-        heard = graph.reached_from(start)
-        kept = np.asarray(heard[graph.head] & heard[graph.tail])
+        reached = graph.reached_from(start)
+        kept = np.asarray(reached[graph.head] & reached[graph.tail])
         yield longest_paths_at(graph, solution, np.full(graph.size, rate), kept, start)
 
 

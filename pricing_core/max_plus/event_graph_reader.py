@@ -7,9 +7,13 @@ from pricing_core.max_plus.event_graphs import Place, TimedEventGraph
 
 
 def read_event_graph(text: str) -> TimedEventGraph:
-    """Read a graph from lines "SOURCE -> TARGET: HOLDING, TOKENS", "input NAME" and "output NAME".
+    """Read a timed event graph from lines of text.
 
-    Tokens may be left out (0), # begins a comment. Transitions come in the order in which they are first named.
+    Parameters
+    ----------
+    text : str
+        Lines "SOURCE -> TARGET: HOLDING, TOKENS", "input NAME" and "output NAME". Tokens may be left out (0), and #
+        begins a comment. Transitions come in the order in which they are first named.
 
     Raises
     ------

@@ -32,7 +32,7 @@ class Expression:
         return values_of((self,), as_vector("x", x))[0]
 
     def value_from(self, x: Vector, parts: Sequence[float]) -> float:
-        """Return the value from those of the parts."""
+        """Return the value at x from those of the `parts`."""
         raise InvalidInputError("expression", Told(type(self).__name__), "of max, min, plus and scaling")
 
     def __add__(self, other: Expression | float) -> Expression:
@@ -60,7 +60,7 @@ class Variable(Expression):
     index: int
 
     def value_from(self, x: Vector, parts: Sequence[float]) -> float:
-        """Return x_i."""
+        """Return x_i, whatever the parts."""
         if not 0 <= self.index < len(x):
             raise InvalidInputError("x", Told(f"{len(x)} numbers"), f"long enough for variable {self.index}")
         return float(x[self.index])
@@ -86,7 +86,7 @@ class Sum(Expression):
 
     @property
     def parts(self) -> tuple[Expression, ...]:
-        """The terms."""
+        """The terms of the sum."""
         return self.terms
 
     def value_from(self, x: Vector, parts: Sequence[float]) -> float:
@@ -102,7 +102,7 @@ class Largest(Expression):
 
     @property
     def parts(self) -> tuple[Expression, ...]:
-        """The terms."""
+        """The terms of the maximum."""
         return self.terms
 
     def value_from(self, x: Vector, parts: Sequence[float]) -> float:
@@ -118,7 +118,7 @@ class Least(Expression):
 
     @property
     def parts(self) -> tuple[Expression, ...]:
-        """The terms."""
+        """The terms of the minimum."""
         return self.terms
 
     def value_from(self, x: Vector, parts: Sequence[float]) -> float:
@@ -161,12 +161,12 @@ def variables(n: int) -> tuple[Variable, ...]:
 
 
 def largest(*terms: Expression | float) -> Expression:
-    """Return the maximum of one or more expressions or numbers."""
+    """Return the maximum of the `terms`, one or more expressions or numbers."""
     return Largest(_terms(terms))
 
 
 def least(*terms: Expression | float) -> Expression:
-    """Return the minimum of one or more expressions or numbers."""
+    """Return the minimum of the `terms`, one or more expressions or numbers."""
     return Least(_terms(terms))
 
 

@@ -23,7 +23,7 @@ from pricing_core.max_plus.scalars import UNIT, as_tolerance
 def least_solution(A: object, b: object, *, tolerance: float | None = None) -> Numbers:
     """Return the least x with x = A x + b, which is A* b: x_i is the largest of A_ij + x_j and b_i.
 
-    Where a circuit of positive weight is heard that itself hears of b, x is top. The solution is the only
+    Where a path from b leads through a circuit of positive weight, x is top. The solution is the only
     one if every circuit has a negative weight.
 
     Parameters
@@ -59,8 +59,8 @@ def least_solution(A: object, b: object, *, tolerance: float | None = None) -> N
     matrix, start = alike(matrix, as_vector("b", b, matrix.shape[0]))
     graph = arcs_of(matrix)
     rising = diverging(graph, tolerance=as_tolerance("tolerance", tolerance))
-    heard = graph.reached_from(np.asarray(start != EPSILON))
-    endless = graph.reached_from((rising & heard) | np.asarray(start == TOP))
+    reached = graph.reached_from(np.asarray(start != EPSILON))
+    endless = graph.reached_from((rising & reached) | np.asarray(start == TOP))
     start = np.where(endless, EPSILON, start)
     found = longest_paths(graph.among(~endless), start)
     return np.where(endless, TOP, in_range(found))

@@ -81,6 +81,10 @@ def sparse(A: object) -> csr_array:
     SciPy's own conversion of a dense matrix would drop the zeros and keep the -inf. Of its formats CSR, CSC and
     COO are taken, and of several entries at one place the largest counts; the others lose or make zeros.
 
+    Parameters
+    ----------
+    A : array_like or sparse, shape (m, n)
+
     Examples
     --------
     >>> sparse([[0.0, EPSILON], [EPSILON, 2.0]]).nnz
@@ -95,6 +99,10 @@ def sparse(A: object) -> csr_array:
 
 def dense(A: object) -> Numbers:
     """Return a matrix as an array, with -inf for what a sparse one does not store.
+
+    Parameters
+    ----------
+    A : array_like or sparse, shape (m, n)
 
     Examples
     --------
@@ -154,21 +162,21 @@ def as_vector(field: str, x: object, size: int | None = None, *, top: bool = Tru
 
 
 def alike(left: Left, right: Right) -> tuple[Left, Right]:
-    """Return both as they are where both are exact, else both as floats."""
+    """Return both arguments unchanged where both are exact, and otherwise both as floats."""
     if is_exact(left) and is_exact(right):
         return left, right
     return as_floats(left), as_floats(right)
 
 
 def all_alike(first: Left, *others: Numbers | None) -> tuple[Left, tuple[Numbers | None, ...]]:
-    """Return the first and those of the others that are there as they are if all are exact, else all as floats."""
+    """Return all arguments that are given, unchanged where all are exact, and otherwise as floats."""
     if is_exact(first) and all(is_exact(other) for other in others if other is not None):
         return first, others
     return as_floats(first), tuple(None if other is None else as_floats(other) for other in others)
 
 
 def in_range(values: Stored) -> Stored:
-    """Return a result as it is.
+    """Return a result unchanged, or raise where it has left the range of floating-point numbers.
 
     Raises
     ------

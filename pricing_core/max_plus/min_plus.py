@@ -1,4 +1,4 @@
-"""The min-plus twin: the same operations with the minimum in the place of the maximum, and +inf as zero.
+"""Min-plus algebra: the same operations with the minimum in the place of the maximum, and +inf as zero.
 
 Each one is that of max-plus between two changes of sign: what is not stored in a sparse matrix is +inf here,
 and +inf absorbs.

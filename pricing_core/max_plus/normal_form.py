@@ -1,4 +1,4 @@
-"""A graph whose arcs weigh at most zero, and the potential that makes it so; the longest paths in it."""
+"""A graph whose arcs have weights of at most zero, and the potential that makes it so; the longest paths in it."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def normal_form(
 ) -> tuple[Arcs, Numbers]:
     """Return the kept arcs with weight - rate_head + p_tail - p_head <= 0, and p.
 
-    A path from j to i weighs p_j - p_i more than with weight - rate: circuits weigh the same. No sum of such
-    weights loses digits, as all of them have one sign.
+    The weight of a path from j to i is p_j - p_i more than with weight - rate, that of a circuit the same. No sum of
+    such weights loses digits, as all of them have one sign.
 
     Parameters
     ----------
@@ -37,16 +37,16 @@ def normal_form(
     zero = zero_like(graph.weight)
     between = part.weight - pace + (p[part.tail] - p[part.head])
     weight = np.where(inner, solution.reduced[kept] + (solution.ratio[part.head] - pace), between)
-    crossing = part.weighing(weight).only(~inner)
+    crossing = part.with_weights(weight).only(~inner)
     later = longest_between_classes(crossing, solution.label, np.full(solution.label.max() + 1, zero))
     later = later[solution.label]
     weight = weight + (later[part.tail] - later[part.head])
     weight[weight > 0] = zero
-    return part.weighing(weight), p + later
+    return part.with_weights(weight), p + later
 
 
 def longest_in_normal_form(graph: Arcs, start: Numbers) -> tuple[Numbers, IntVector]:
-    """Return the largest weights of paths from weighted starts, where no arc weighs more than zero; shape (n,).
+    """Return the largest weights of paths from weighted starts, where no weight of an arc is above zero; shape (n,).
 
     Beside them the last arc of a best path to each node, -1 where it begins there or there is none.
 

@@ -20,6 +20,10 @@ def throughput(system: MaxPlusSystem) -> Numbers:
 
     It is the inverse of the largest cycle time that the output sees; inf where it sees none above 0.
 
+    Parameters
+    ----------
+    system : MaxPlusSystem, with p outputs
+
     Examples
     --------
     >>> throughput(MaxPlusSystem([[2.0, 5.0], [3.0, 3.0]]))
@@ -33,7 +37,7 @@ def latency(system: MaxPlusSystem, period: Scalar | None = None) -> Numbers:
     """Return how long after the k-th input, at k times `period`, the k-th output is at most: shape (p, m).
 
     If u(k) = k period then y(k) <= k period + latency, and equality holds from some k on. Entries are epsilon
-    where the output does not hear of the input, and top where it falls behind without end.
+    where no path leads from the input to the output, and top where it falls behind without end.
 
     Parameters
     ----------

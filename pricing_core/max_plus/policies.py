@@ -1,4 +1,4 @@
-"""Policies of one arc into each node: what they are worth, and how they get better, in all classes at once."""
+"""Policies of one arc into each node: how they are evaluated and improved, in all classes at once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROUNDING = 2.0**-44
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Value:
-    """What a policy is worth: after the repair in `Classes.evaluate` it has one circuit per class."""
+    """The value of a policy: after the repair in `Classes.evaluate` it has one circuit per class."""
 
     arc: IntVector
     ratio: Numbers  # one for each class

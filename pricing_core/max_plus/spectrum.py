@@ -10,7 +10,7 @@ import numpy as np
 from pricing_core.arrays import BoolVector
 from pricing_core.errors import InvalidInputError
 from pricing_core.max_plus.arcs import Arcs, arcs_of
-from pricing_core.max_plus.class_order import loudest
+from pricing_core.max_plus.class_order import largest_upstream
 from pricing_core.max_plus.howard import HowardSolution, howard
 from pricing_core.max_plus.karp import karp
 from pricing_core.max_plus.matrices import EPSILON, Numbers, Scalar, as_square
@@ -65,7 +65,7 @@ def eigenvalue(A: object, *, method: MeanMethod = "howard") -> Scalar:
 def eigenvalues(A: object) -> Numbers:
     """Return all eigenvalues, largest first, each once: shape (k,).
 
-    The mean of a class is an eigenvalue if no class that hears from it, however indirectly, has a larger one.
+    The mean of a class is an eigenvalue if no class to which a path leads from it has a larger one.
     -inf is an eigenvalue if a column is epsilon. Everything else is not.
 
     Parameters
@@ -88,8 +88,8 @@ def eigenvalues(A: object) -> Numbers:
 
     Examples
     --------
-    The first node hears from the second. If it has the smaller mean, nothing forbids a vector with epsilon at the
-    second node; if it has the larger one, no vector that is finite at the second could grow by 3 at both:
+    An arc leads from the second node to the first. If the first has the smaller mean, nothing forbids a vector with
+    epsilon at the second node; if it has the larger one, no vector finite at the second could grow by 3 at both:
 
     >>> eigenvalues([[3.0, 0.0], [-np.inf, 5.0]])
     array([5., 3.])
@@ -103,8 +103,8 @@ def eigenvalues(A: object) -> Numbers:
     found, error = solution.ratio[order], solution.error[order]
     apart = np.full(found.size, True)
     apart[1:] = found[:-1] - found[1:] > error[:-1] + error[1:]
-    unheard = np.setdiff1d(np.arange(graph.size), graph.tail).size > 0
-    return np.append(found[apart], [EPSILON] if unheard else [])
+    without_arcs = np.setdiff1d(np.arange(graph.size), graph.tail).size > 0
+    return np.append(found[apart], [EPSILON] if without_arcs else [])
 
 
 def mean_of_circuits(graph: Arcs) -> HowardSolution:
@@ -114,10 +114,10 @@ def mean_of_circuits(graph: Arcs) -> HowardSolution:
 
 def spectral_nodes(graph: Arcs, solution: HowardSolution) -> BoolVector:
     """Return which nodes lie on circuits in a class whose mean is an eigenvalue, shape (n,)."""
-    heard = loudest(graph.reversed(), solution.label, solution.ratio - solution.error)
-    return np.asarray((solution.ratio != EPSILON) & (heard <= solution.ratio + solution.error))
+    largest_downstream = largest_upstream(graph.reversed(), solution.label, solution.ratio - solution.error)
+    return np.asarray((solution.ratio != EPSILON) & (largest_downstream <= solution.ratio + solution.error))
 
 
 def plain(value: Scalar) -> Scalar:
-    """Return Python's own number."""
+    """Return a number of NumPy as one of Python."""
     return value if isinstance(value, Fraction) else float(value)

@@ -58,7 +58,7 @@ def star(A: object, *, tolerance: float | None = None) -> MaxPlusMatrix:
     array([[  0.,   2.],
            [-inf,   0.]])
 
-    The first node's circuit diverges, the second does not hear of it:
+    The first node's circuit diverges, and no path leads from it to the second:
 
     >>> star([[2.0, 3.0], [-np.inf, -1.0]])
     array([[ inf,  inf],

@@ -126,7 +126,7 @@ class ImplicitSystem:
 
         Notes
         -----
-        Where a circuit of A0 weighs exactly 0, this is the least solution of several.
+        Where a circuit of A0 has the weight 0 exactly, this is the least solution of several.
         Source: Baccelli, Cohen, Olsder, Quadrat 1992, section 2.5.3. Cost: O((q n)**3).
 
         Examples
@@ -159,7 +159,7 @@ class ImplicitSystem:
 
 
 def as_system(field: str, value: object) -> MaxPlusSystem:
-    """Return a system as it is.
+    """Return a system unchanged, or raise where it is none.
 
     Raises
     ------

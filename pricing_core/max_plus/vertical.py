@@ -61,7 +61,16 @@ class VerticalLCP:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VerticalSolution:
-    """A solution x, the row of each group that is zero there, and how many linear systems it took."""
+    """A solution of a vertical LCP.
+
+    Parameters
+    ----------
+    x : Vector, shape (n,)
+    policy : IntVector, shape (n,)
+        The row of each group that is zero at x.
+    iterations : int
+        How many linear systems it took.
+    """
 
     x: Vector  # (n,)
     policy: IntVector  # (n,)
@@ -74,6 +83,11 @@ def solve_vertical(problem: VerticalLCP, *, max_iterations: int = 200) -> Vertic
     Each iteration solves N_k x + q_k = 0 for one row k of each group, and then takes in each group the row with
     the least residual: this is Howard's iteration, and Newton's method on the minimum. See
     `pricing_core.max_plus.howard` for its other forms.
+
+    Parameters
+    ----------
+    problem : VerticalLCP
+    max_iterations : int
 
     Raises
     ------

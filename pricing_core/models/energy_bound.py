@@ -18,7 +18,7 @@ ROUNDING = 1e-14  # share of the terms of an energy that is rounding
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EnergyBalance:
-    """What a step adds to v^T M v/2 + q^T K q/2 beyond the work of its force, from the motion at its start.
+    """The energy v^T M v/2 + q^T K q/2 that a step adds beyond the work of its force, from the motion at its start.
 
     Parameters
     ----------

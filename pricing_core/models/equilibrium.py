@@ -102,7 +102,7 @@ def _misses(matrix: Matrix, vector: Vector, K: Polyhedron, x: Vector) -> float:
 
 
 def solve_smooth(F: Callable[[Vector], Vector], K: ConvexSet, start: Vector) -> Equilibrium:
-    """Solve (11.36) from a start by Newton's method for variational inequalities, made safe by extragradient steps.
+    """Solve (11.36) from a start by Newton's method for variational inequalities, safeguarded by extragradient steps.
 
     Each step solves the problem with F and h linearised, the curvature of h included (Josephy 1979); where that does
     not bring the residual down, an extragradient step is made, which converges where F is monotone (Korpelevich 1976).

@@ -132,12 +132,21 @@ class HamiltonianSystem:
     def simulate(
         self, q0: ArrayLike, p0: ArrayLike, t_span: tuple[float, float], *, steps: int
     ) -> HamiltonianTrajectory:
-        """Simulate over t_span in so many equal steps: order 2, impacts and contacts included.
+        """Simulate over t_span in equal steps of order 2, impacts and contacts included.
+
+        Parameters
+        ----------
+        q0, p0 : array_like, shape (n,)
+            Positions and momenta at the start.
+        t_span : tuple of float
+            Beginning and end.
+        steps : int
+            How many steps are taken, from 1 to 1,000,000.
 
         Raises
         ------
         InvalidInputError
-            Shapes that do not fit, q0 violates a constraint, a number of steps that is not from 1 to 1 000 000.
+            Shapes do not fit, q0 violates a constraint, or the number of steps is out of range.
         IterationLimitError
             Newton's method does not converge, or there are thousands of impacts in a step: take more steps.
         NumericalError

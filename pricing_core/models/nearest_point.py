@@ -1,4 +1,4 @@
-"""The nearest point of a polyhedron, by nonnegative least squares: no ray, no cycle, however many constraints meet."""
+"""The nearest point of a polyhedron by nonnegative least squares, which end however many constraints meet."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ VIOLATED = 1e-12  # share of the distances below which a violation is rounding
 
 
 class NearestPoint(NamedTuple):
-    """The point, and multipliers u >= 0 with point = x + H^T u; they are among many where rows depend on each other."""
+    """The point, and multipliers u >= 0 with point = x + H^T u; they are not unique where rows depend on each other."""
 
     point: Vector  # (n,)
     u: Vector  # (k,)

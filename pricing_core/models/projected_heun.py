@@ -31,7 +31,7 @@ class ProjectedHeun:
 
     @property
     def order(self) -> int:
-        """2."""
+        """The order of the method, 2."""
         return 2
 
     def step(self, t: float, state: Vector, h: float) -> Step[Vector]:

@@ -13,7 +13,7 @@ VANISHES = 1e-12  # Share of |v| below which a correction is rounding.
 
 
 class ProjectedVelocity(NamedTuple):
-    """The velocity v nearest to v0 in the cone, and the multipliers with v = v0 + H^T u."""
+    """The vector v of the cone that is nearest to v0, and the multipliers u with v = v0 + H^T u."""
 
     v: Vector  # (n,)
     u: Vector  # (k,)

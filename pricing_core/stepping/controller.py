@@ -25,7 +25,16 @@ PI_INTEGRAL, PI_PROPORTIONAL = 0.7, 0.4
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """Whether to keep a step, the size of the next one, and the scaled error (1 is the limit)."""
+    """Whether a step is kept, and how long the next one is.
+
+    Parameters
+    ----------
+    accept : bool
+    next_h : float
+        Size of the next step.
+    scaled_error : float
+        Estimated error over the largest one allowed, so that 1 is the limit.
+    """
 
     accept: bool
     next_h: float
@@ -33,7 +42,7 @@ class Decision:
 
 
 class StepSizeController(Protocol):
-    """Chooses step sizes."""
+    """A rule that accepts or rejects steps and chooses their sizes."""
 
     def first_h(self, span: float) -> float:
         """Return the first step for an interval of length `span`."""
@@ -42,14 +51,25 @@ class StepSizeController(Protocol):
     def decide(self, value: Vector, error: Vector | None, h: float, order: int, previous: float) -> Decision:
         """Accept or reject a step of size h, and choose the next.
 
-        `previous` is the scaled error of the last accepted step.
+        Parameters
+        ----------
+        value : Vector
+            The state at the end of the step.
+        error : Vector or None
+            The estimated error of each component; None where the method has no estimate.
+        h : float
+            Size of the step.
+        order : int
+            Order of the method.
+        previous : float
+            Scaled error of the last step that was accepted.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class FixedStep:
-    """Always h; with h = inf the stop times alone are the steps."""
+    """Steps of a constant size h; with h = inf the stop times alone are the steps."""
 
     h: float = math.inf
 
@@ -60,11 +80,11 @@ class FixedStep:
         object.__setattr__(self, "h", h)
 
     def first_h(self, span: float) -> float:
-        """Return h."""
+        """Return h, whatever the length `span` of the interval."""
         return self.h
 
     def decide(self, value: Vector, error: Vector | None, h: float, order: int, previous: float) -> Decision:
-        """Accept."""
+        """Accept every step; `value`, `error`, `h`, `order` and `previous` play no part."""
         return Decision(True, self.h, 0.0)
 
 
@@ -99,11 +119,14 @@ class IController:
             object.__setattr__(self, name, value)
 
     def first_h(self, span: float) -> float:
-        """Return the first step."""
+        """Return the first step for an interval of length `span`."""
         return self.start * span
 
     def decide(self, value: Vector, error: Vector | None, h: float, order: int, previous: float) -> Decision:
-        """Accept where the scaled error is at most 1."""
+        """Accept a step of size h where its scaled error is at most 1, and choose the next.
+
+        The arguments `value`, `error`, `h`, `order` and `previous` are those of `StepSizeController.decide`.
+        """
         scaled = scaled_error(value, error, self.rtol, self.atol)
         growth = self._growth(scaled, previous) if scaled else math.inf
         return Decision(scaled <= 1.0, h * limited(growth ** (1.0 / (order + 1))), scaled)

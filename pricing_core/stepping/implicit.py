@@ -42,17 +42,23 @@ class RatedStage(ImplicitStage[ImplicitState], Protocol[ImplicitState]):
 
 @dataclass(frozen=True, slots=True)
 class ImplicitEuler(Generic[ImplicitState]):
-    """y+ = y + h F(t + h, y+): order 1, L-stable; a state off the constraints is carried onto them."""
+    """y+ = y + h F(t + h, y+): order 1, L-stable; a state off the constraints is carried onto them.
+
+    Parameters
+    ----------
+    stage : ImplicitStage
+        Solves y = base + h F(t, y).
+    """
 
     stage: ImplicitStage[ImplicitState]
 
     @property
     def order(self) -> int:
-        """1."""
+        """The order of the method, 1."""
         return 1
 
     def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
-        """Go from t to t + h."""
+        """Return the step from t to t + h, which begins at `state`."""
         end = self.stage.solve(t + h, state.value, h, state)
         return Step(end, end.value.ravel())
 
@@ -65,17 +71,22 @@ class Sdirk2(Generic[ImplicitState]):
     stiffly accurate: the new state satisfies the constraints at t + h. h F(y1) is (y1 - y)/theta, so F is
     never evaluated. It must start on the constraints: the first stage would carry a jump 2.4 times too far
     into the second.
+
+    Parameters
+    ----------
+    stage : ImplicitStage
+        Solves y = base + h F(t, y).
     """
 
     stage: ImplicitStage[ImplicitState]
 
     @property
     def order(self) -> int:
-        """2."""
+        """The order of the method, 2."""
         return 2
 
     def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
-        """Go from t to t + h."""
+        """Return the step from t to t + h, which begins at `state`."""
         first = self.stage.solve(t + SDIRK2_THETA * h, state.value, SDIRK2_THETA * h, state)
         base = state.value + (1.0 - SDIRK2_THETA) / SDIRK2_THETA * (first.value - state.value)
         end = self.stage.solve(t + h, base, SDIRK2_THETA * h, first)
@@ -87,6 +98,13 @@ class ThetaMethod(Generic[ImplicitState]):
     """y+ = y + (1 - theta) h F(t, y) + theta h F(t + h, y+): order 2 for theta = 1/2, the trapezoidal rule, else 1.
 
     Stable for theta >= 1/2; only theta = 1 damps the fastest components. It must start on the constraints.
+
+    Parameters
+    ----------
+    stage : RatedStage
+        Solves y = base + h F(t, y), and evaluates F.
+    theta : float
+        Weight of the end of the step, above 0 and at most 1.
     """
 
     stage: RatedStage[ImplicitState]
@@ -94,11 +112,11 @@ class ThetaMethod(Generic[ImplicitState]):
 
     @property
     def order(self) -> int:
-        """2 or 1."""
+        """The order of the method: 2 for theta = 1/2, else 1."""
         return 2 if self.theta == 0.5 else 1
 
     def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
-        """Go from t to t + h."""
+        """Return the step from t to t + h, which begins at `state`."""
         base = state.value + (1.0 - self.theta) * h * self.stage.rate(t, state)
         end = self.stage.solve(t + h, base, self.theta * h, state)
         return Step(end, end.value.ravel())

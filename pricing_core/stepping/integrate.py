@@ -55,6 +55,10 @@ def integrate(
 
     Parameters
     ----------
+    state : object
+        The state at t_span[0], of the kind that the method takes.
+    t_span : tuple of float
+        Beginning and end.
     method : OneStepMethod
         Adaptive controllers need its error estimate: see `StepDoubling`.
     controller : StepSizeController

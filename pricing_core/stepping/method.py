@@ -12,7 +12,7 @@ State = TypeVar("State")
 
 @dataclass(frozen=True, slots=True)
 class Step(Generic[State]):
-    """What one step produced.
+    """The result of one step.
 
     Parameters
     ----------
@@ -37,11 +37,11 @@ class OneStepMethod(Protocol[State]):
 
     @property
     def order(self) -> int:
-        """The order p."""
+        """The order p of the method."""
         ...
 
     def step(self, t: float, state: State, h: float) -> Step[State]:
-        """Go from t to t + h."""
+        """Return the step from t to t + h, which begins at `state`."""
         ...
 
 
@@ -52,6 +52,11 @@ class StepDoubling(Generic[State]):
     error = (two halves - one step) / (2**p - 1), the leading local error of the two halves
     (Hairer, Norsett, Wanner, Solving ODEs I, II.4). The halves are not extrapolated, so
     inequality constraints that each step satisfies stay satisfied.
+
+    Parameters
+    ----------
+    method : OneStepMethod
+        Makes the steps; its order is p.
     """
 
     method: OneStepMethod[State]
@@ -62,7 +67,10 @@ class StepDoubling(Generic[State]):
         return self.method.order
 
     def step(self, t: float, state: State, h: float) -> Step[State]:
-        """Go from t to t + h in two halves, at three times the cost of one step."""
+        """Return the step from t to t + h in two halves, which begins at `state`.
+
+        It costs three times as much as one step.
+        """
         whole = self.method.step(t, state, h)
         half = self.method.step(t, state, h / 2)
         end = self.method.step(t + h / 2, half.state, h / 2)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from benchmarks import complementarity_classes
-from benchmarks.complementarity_classes import Verdict, by_siconos, by_us, judged, main, summary
+from benchmarks.complementarity_classes import Verdict, by_siconos, by_us, main, summary, verdict_on
 from benchmarks.lcs.lcp_classes import CLASSES, Posed, members
 from pricing_core.errors import InfeasibleError, NumericalError
 
 
-def test_answers_and_refusals_are_judged() -> None:
+def test_answers_and_refusals_have_verdicts() -> None:
     posed = Posed(np.eye(2), np.array([-1.0, -2.0]), True)
 
     def refuse(_: object) -> np.ndarray:
@@ -18,12 +18,12 @@ def test_answers_and_refusals_are_judged() -> None:
     def give_up(_: object) -> np.ndarray:
         raise NumericalError("not found")
 
-    assert judged(posed, lambda _: np.array([1.0, 2.0])).word == "solved"
-    assert judged(posed, lambda _: np.array([1.0, 1.0])).word == "wrong"
-    assert judged(posed, lambda _: np.array([-1.0, 2.0])).word == "wrong"
-    assert judged(posed, refuse).word == "wrong"
-    assert judged(posed._replace(is_solvable=None), refuse).word == "refused"
-    assert judged(posed, give_up).word == "not found"
+    assert verdict_on(posed, lambda _: np.array([1.0, 2.0])).word == "solved"
+    assert verdict_on(posed, lambda _: np.array([1.0, 1.0])).word == "wrong"
+    assert verdict_on(posed, lambda _: np.array([-1.0, 2.0])).word == "wrong"
+    assert verdict_on(posed, refuse).word == "wrong"
+    assert verdict_on(posed._replace(is_solvable=None), refuse).word == "refused"
+    assert verdict_on(posed, give_up).word == "not found"
 
 
 def test_members_are_the_same_in_every_run_and_solved() -> None:

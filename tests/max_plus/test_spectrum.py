@@ -81,7 +81,7 @@ def test_the_potential_of_howard_proves_its_ratio(A):
 @given(whole_matrices(most=4))
 @settings(max_examples=120, deadline=None)
 def test_the_eigenvalues_are_the_means_of_the_circuits_that_no_heavier_one_hears_from(A):
-    """A mean is one if no circuit that hears from its own has a larger one; found by trying all."""
+    """A mean is one if no circuit to which a path leads from its own has a larger one; found by trying all."""
     A = exact(A)
     n = len(A)
     reach = np.linalg.matrix_power(np.eye(n, dtype=int) + (A != E), n) > 0
@@ -218,7 +218,7 @@ def test_floats_of_very_different_sizes_have_the_eigenvalue_of_the_numbers_that_
 
 @pytest.mark.parametrize("rising", [True, False])
 def test_a_chain_of_thousands_of_classes_is_swept_once(rising):
-    """Loops of 0 ... n - 1 or n ... 1, each before the next: a node hears of the largest so far."""
+    """Loops of 0 ... n - 1 or n ... 1, each before the next: a node's is the largest so far."""
     n = 3000
     i = np.arange(n)
     loops = i if rising else n - i

@@ -157,7 +157,7 @@ def test_the_w_property_sees_slopes_against_feedthrough():
     )
 
 
-def test_the_w_property_weighs_decimals_as_it_weighs_integers():
+def test_the_w_property_treats_decimals_as_it_treats_integers():
     """y = x + 1.2 u with the slopes 3 and 1/2: 1 - 3.6 and 1 - 0.6 differ in sign, so that y turns back at 0."""
     system = scalar(gain_schedule([0.0], [3.0, 0.5]), d=1.2)
     assert "another sign" in system.w_property().reason

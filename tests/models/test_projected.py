@@ -290,7 +290,7 @@ def test_corners_of_ellipsoids_are_passed(seed):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_equilibria_are_judged_on_the_data(seed):
+def test_equilibria_are_checked_on_the_data(seed):
     """Monotone F on polyhedra of every size, K a single point among them: the answer satisfies (11.36)."""
     rng = np.random.default_rng(seed)
     n, size = int(rng.integers(1, 5)), 10.0 ** rng.integers(-6, 7)

@@ -26,7 +26,7 @@ BOXES: Mapping[str, Key] = {
 
 
 def with_boxes(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a file without boxes would say: the system, names, units and the drawing.
+    """Return the same model stated without boxes: the system, names, units and the drawing.
 
     Parameters
     ----------

@@ -22,23 +22,23 @@ class BatchAnswer(Protocol):
     """Turns the results of consecutive rows into the bytes of an answer."""
 
     def start(self, schema: pa.Schema) -> bytes:
-        """Return how it begins."""
+        """Return the first bytes of the answer."""
         ...
 
     def encoded(self, results: pa.RecordBatch) -> Any:
-        """Return rows in the form of the answer, from any thread, however often."""
+        """Return rows in the form of the answer; any thread may ask, and repeatedly."""
         ...
 
     def repeated(self, row: pa.RecordBatch, count: int) -> Any:
-        """Return so many rows like this one in the form of the answer, in little more time than one."""
+        """Return a number of rows equal to this one in the form of the answer, in little more time than one."""
         ...
 
     def add(self, encoded: Any, count: int) -> bytes:
-        """Take the next rows, and return what is to be sent now."""
+        """Take the next rows, and return the bytes that are to be sent now."""
         ...
 
     def end(self) -> bytes:
-        """Return how it ends."""
+        """Return the last bytes of the answer."""
         ...
 
 
@@ -49,7 +49,7 @@ class ArrowAnswer:
     units: GreeksUnits
 
     def start(self, schema: pa.Schema) -> bytes:
-        """Return the schema's message."""
+        """Return the message that holds the schema."""
         return bytes(schema.with_metadata({"greeks_units": self.units}).serialize())
 
     def encoded(self, results: pa.RecordBatch) -> bytes:
@@ -57,15 +57,15 @@ class ArrowAnswer:
         return bytes(batch_in_units(results, self.units).serialize())
 
     def repeated(self, row: pa.RecordBatch, count: int) -> bytes:
-        """Return the message of so many rows."""
+        """Return the message of a number of equal rows."""
         return self.encoded(row.take(pa.nulls(count, pa.int64()).fill_null(0)))
 
     def add(self, encoded: bytes, count: int) -> bytes:
-        """Return it."""
+        """Return the message unchanged: it is sent at once."""
         return encoded
 
     def end(self) -> bytes:
-        """Return the mark of the end."""
+        """Return the bytes that end a stream."""
         return END_OF_STREAM
 
 
@@ -76,7 +76,7 @@ class LinesAnswer:
     units: GreeksUnits
 
     def start(self, schema: pa.Schema) -> bytes:
-        """Return nothing: every line is complete."""
+        """Return no bytes: every line is complete."""
         return b""
 
     def encoded(self, results: pa.RecordBatch) -> bytes:
@@ -88,15 +88,15 @@ class LinesAnswer:
         return "".join(f"{line}\n" for line in lines).encode()
 
     def repeated(self, row: pa.RecordBatch, count: int) -> bytes:
-        """Return one line so many times."""
+        """Return the line of one row a number of times."""
         return self.encoded(row) * count
 
     def add(self, encoded: bytes, count: int) -> bytes:
-        """Return them."""
+        """Return the lines unchanged: they are sent at once."""
         return encoded
 
     def end(self) -> bytes:
-        """Return nothing."""
+        """Return no bytes: every line is complete."""
         return b""
 
 
@@ -112,7 +112,7 @@ class ColumnsAnswer:
     _count: int = 0
 
     def start(self, schema: pa.Schema) -> bytes:
-        """Return nothing yet."""
+        """Return no bytes: the object is sent at the end."""
         self._names = schema.names
         return b""
 
@@ -122,11 +122,11 @@ class ColumnsAnswer:
         return [ENCODER.encode(column.to_pylist())[1:-1] for column in columns]
 
     def repeated(self, row: pa.RecordBatch, count: int) -> list[str]:
-        """Return one cell of each column so many times."""
+        """Return the cell of each column a number of times."""
         return [", ".join([cell] * count) for cell in self.encoded(row)]
 
     def add(self, encoded: list[str], count: int) -> bytes:
-        """Keep them, and return nothing yet.
+        """Keep the cells, and return no bytes.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class ColumnsAnswer:
         return b""
 
     def end(self) -> bytes:
-        """Return the object."""
+        """Return the whole object."""
         columns = zip(*self._parts, strict=True) if self._parts else ([""] for _ in self._names)
         written = (
             f', "{name}": [{", ".join(cells)}]' for name, cells in zip(self._names, columns, strict=True)

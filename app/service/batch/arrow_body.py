@@ -1,4 +1,4 @@
-"""An Arrow stream that a stranger sends: nothing in it is believed before it has been measured."""
+"""An Arrow stream from a client that is not trusted: all of it is checked before it is used."""
 
 import struct
 from collections.abc import Callable, Iterator, Sequence
@@ -82,7 +82,7 @@ class ArrowRows:
 
     @property
     def count(self) -> int:
-        """How many rows there are."""
+        """The number of rows."""
         return int(self.rows.num_rows)
 
     def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:

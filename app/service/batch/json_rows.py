@@ -45,7 +45,7 @@ class JsonRows:
 
     @property
     def count(self) -> int:
-        """How many rows there are."""
+        """The number of rows."""
         return len(self.rows)
 
     def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:
@@ -69,7 +69,7 @@ class JsonLines:
 
     @property
     def count(self) -> int:
-        """How many rows there are."""
+        """The number of rows."""
         return len(self._written())
 
     def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:

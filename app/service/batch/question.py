@@ -1,4 +1,4 @@
-"""What is asked of all rows of a batch, in the query of its address."""
+"""The settings of all rows of a batch, which stand in the query of its address."""
 
 from typing import Any, NamedTuple
 

@@ -1,4 +1,4 @@
-"""How large the rows of a batch may be, and which columns they have."""
+"""Limits on the size of the rows of a batch, and on their columns."""
 
 from collections.abc import Sequence
 

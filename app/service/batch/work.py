@@ -29,7 +29,7 @@ class Rows(Protocol):
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """The number of rows."""
         ...
 
     def price(self, settings: PricingSettings, interrupt: Interrupt) -> pa.RecordBatch:
@@ -38,7 +38,7 @@ class Rows(Protocol):
 
 
 class BatchWork:
-    """One batch.
+    """The work of one batch, from its rows to its answer.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ def fitted_body(body: bytes | bytearray, form: str, question: ChainQuestion, int
 
 
 def answer_of(fit: ChainFit) -> dict[str, Any]:
-    """Return the tables of a fit as columns, and what else it says, without NaN."""
+    """Return the tables of a fit as columns, with its message and flags, null in the place of NaN."""
     tables = tables_of(fit)
     local = fit.local_volatility
     answer: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""What is asked of a chain besides its quotes, in the query of its address."""
+"""The parameters of a fit, which stand in the query of its address beside the quotes in the body."""
 
 from dataclasses import dataclass
 from typing import Any

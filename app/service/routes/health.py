@@ -12,13 +12,13 @@ router = APIRouter(tags=["health"])
 
 @router.get("/livez")
 async def get_livez() -> HealthResponse:
-    """Say that the process answers."""
+    """Return that the process answers."""
     return _health("alive")
 
 
 @router.get("/readyz", responses=problem_responses(503))
 async def get_readyz(request: Request) -> HealthResponse:
-    """Say whether to send requests here: 503 from SIGTERM on."""
+    """Return whether requests should be sent here: 503 from SIGTERM on."""
     if request.app.state.draining.is_set():
         raise NotReadyError("the service is shutting down")
     return _health("ready")
@@ -26,7 +26,7 @@ async def get_readyz(request: Request) -> HealthResponse:
 
 @router.get("/version")
 async def get_version() -> HealthResponse:
-    """Name the version and the kernel in use."""
+    """Return the version and the kernel in use."""
     return _health("alive")
 
 

@@ -26,7 +26,7 @@ FOR_EVER = "public, max-age=31536000, immutable"
 
 @dataclass(frozen=True, slots=True)
 class PageFile:
-    """What is sent of one file."""
+    """The content and headers of one file of the page."""
 
     body: bytes
     media_type: str
@@ -57,13 +57,13 @@ VERSION, FILES = read_page()
 
 @router.get("/")
 async def get_page(request: Request) -> Response:
-    """Send the page; the browser asks each time whether it is still the same."""
+    """Return the page; the browser asks each time whether it is still the same."""
     return _answer(request, FILES["index.html"], "no-cache", {"Content-Security-Policy": POLICY})
 
 
 @router.get("/page/{version}/{name:path}")
 async def get_file(version: str, name: str, request: Request) -> Response:
-    """Send a file of the page, to be kept for ever under this address."""
+    """Return a file of the page, which may be kept for ever under this address."""
     if version != VERSION or name not in FILES or name == "index.html":
         raise HTTPException(404)
     return _answer(request, FILES[name], FOR_EVER, {})

@@ -1,4 +1,4 @@
-"""The way of a question to its answer: at once where it should be cheap, else by the expensive lane."""
+"""The admission of questions: a cheap one is answered at once, any other one in the expensive lane."""
 
 from collections.abc import Callable
 from typing import TypeVar

@@ -28,7 +28,7 @@ class _Asked(NamedTuple):
 
 
 class CheapLane:
-    """Prices together what came in during two turns of the event loop. Only its thread may call the methods."""
+    """Prices together what came in during two turns of the event loop; only the loop's thread may call it."""
 
     def __init__(self) -> None:
         self._waiting: defaultdict[Greeks, deque[_Asked]] = defaultdict(deque)

@@ -1,4 +1,4 @@
-"""Who is priced when: cheap questions at once, expensive ones by few threads, in turn by client."""
+"""The order in which questions are priced: cheap ones at once, expensive ones by few threads, in turn by client."""
 
 import asyncio
 import contextlib
@@ -28,7 +28,7 @@ ENDING_SECONDS = 5.0  # how long work that was told to end is waited for when al
 
 
 class Interruption:
-    """Tells work when it shall end: at its deadline, or when nobody waits for it any more."""
+    """Tells work when to end: at its deadline, or when no client waits for it any more."""
 
     def __init__(self, expires: float) -> None:
         self.expires = expires
@@ -74,7 +74,7 @@ def inline(work: Callable[[Interrupt], Answer], limit: Interrupt | None = None) 
 
 @dataclass(slots=True, eq=False)
 class Place:
-    """What a request holds in the expensive lane until it is answered.
+    """The place of a request in the expensive lane until it is answered.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ class ExpensiveLane:
             self._give_up(job)
 
     def end_by(self, when: float) -> None:
-        """End what is in work, and what will come, by this reading of the monotonic clock."""
+        """End all work, present and future, by this reading of the monotonic clock."""
         self._ends_by = when
         for job in self._jobs:
             job.interruption.end_by(when)

@@ -1,4 +1,4 @@
-"""What a route lets a request have: bytes of a body, and seconds in which it is answered."""
+"""The limits of a route: bytes of a body, and seconds in which a request is answered."""
 
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias

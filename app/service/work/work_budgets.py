@@ -1,4 +1,4 @@
-"""How much of the threads each client may use in a minute, where its key says so."""
+"""The budget of thread time that each client has in a minute, where its key states one."""
 
 import math
 import time
@@ -8,14 +8,17 @@ from app.service.errors import ClientLimitError
 
 
 class WorkBudgets:
-    """A minute's worth at once, and then as much as comes back; work that has begun is charged in full afterwards."""
+    """Budgets of thread time that are refilled continuously and hold at most one minute's share.
+
+    Work that has begun is never ended for want of budget, and is charged in full afterwards.
+    """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._spent: dict[str, tuple[float, float]] = {}  # seconds owed, and when that was
 
     def check(self, client: str, per_minute: float) -> None:
-        """Let a client begin something.
+        """Raise where a client has no budget left to begin work.
 
         Raises
         ------

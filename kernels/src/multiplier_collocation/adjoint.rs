@@ -1,13 +1,13 @@
 //! The derivatives of the value now, and of its slope, by the numbers of all segments: the adjoint of the recursion.
 //!
-//! The recursion goes from expiry to now; its adjoint goes from now to expiry and asks what the functionals count every value
-//! for that the recursion went through. In the continuum that is the density of the spot that has not been exercised yet,
-//! started as a point mass at the spot now. One walk gives the derivatives by every number of every segment, however many
-//! there are.
+//! The recursion goes from expiry to now; its adjoint goes from now to expiry and carries the derivatives of the functionals by
+//! every value that the recursion went through, their adjoint weights. In the continuum these are the density of the spot that
+//! has not been exercised yet, started as a point mass at the spot now. One walk gives the derivatives by every number of every
+//! segment, however many there are.
 //!
 //! Between two events the value is seen from viewpoints: the nodes of the profile at the segment's beginning (`viewpoint`),
 //! which also see the contact sets (`contact_adjoint`), and the stages of the boundary (`boundary_adjoint`). The ends of
-//! pieces and panels do not count, for the value has no jump there, and where the holder is indifferent exercise and waiting
+//! pieces and panels have no weight, for the value has no jump there, and where the holder is indifferent exercise and waiting
 //! are worth the same.
 
 use super::boundary::Boundary;
@@ -84,11 +84,11 @@ pub fn differentiate<const WALKS: usize>(
     Ok(walks.map(|walk| walk.gradients))
 }
 
-/// What the functionals count the value at the beginning of a part for.
+/// The adjoint weights of the value at the beginning of a part.
 struct Walk {
     degrees: Degrees,
     points: Vec<Viewpoint>,
-    /// What the boundary at the beginning counts for by itself.
+    /// The adjoint weights of the boundary at the beginning.
     boundary: Weights,
     gradients: Vec<SegmentGradient>,
 }
@@ -99,7 +99,7 @@ struct Passage {
     gradient: SegmentGradient,
     /// The viewpoints inside the part: the boundary's.
     views: Vec<Viewpoint>,
-    /// What the place of the onset counts for, and the amount of the event before the part by the contact sets.
+    /// The adjoint weights of the place of the onset, and those of the amount of the event before the part by the contact sets.
     place: Weights,
     by_amount: Weights,
     /// The derivative of each functional by the profile's value at its nodes, per unit of x.
@@ -207,7 +207,7 @@ impl Walk {
         self.take_in(part, &gradient);
     }
 
-    /// Take in what the lines of the profile count for.
+    /// Add the adjoint weights of the lines of the profile.
     fn count_pieces(
         &mut self,
         part: &SolvedPart,
@@ -243,7 +243,7 @@ impl Walk {
         }
     }
 
-    /// Take in what the place of the onset counts for: it is the zero of the multiplier, or where the contact set ended at the
+    /// Add the adjoint weights of the place of the onset: it is the zero of the multiplier, or where the contact set ended at the
     /// part's end.
     fn count_place(
         &mut self,
@@ -298,7 +298,7 @@ impl Walk {
     }
 }
 
-/// The nodes of a profile as viewpoints after the event, with what they count for.
+/// The nodes of a profile as viewpoints after the event, with their adjoint weights.
 fn nodes_seen(
     now: &SegmentValue,
     densities: &[Vec<f64>; FUNCTIONALS],

@@ -1,9 +1,10 @@
-//! What the functionals that are differentiated count the boundary of a segment for, and by its equations the profile.
+//! The adjoint weights of the boundary of a segment, and by its equations those of the profile.
 //!
-//! The coefficients c of the boundary meet F(c; profile, parameters) = 0 (`collocation_system`). Where the functionals count
-//! the coefficients for g, a change dF of the equations changes them by -g J^{-1} dF, J being the Jacobian that Newton's
-//! method ends with: the stages are viewpoints that count for -J^{-T} g. The place and the time of the onset and the payoff
-//! crossings, from which boundaries are measured, count as well; with the time of the onset all nodes move, each at its eta.
+//! The coefficients c of the boundary meet F(c; profile, parameters) = 0 (`collocation_system`). With the adjoint weights g of
+//! the coefficients, a change dF of the equations changes the functionals by -g J^{-1} dF, J being the Jacobian that Newton's
+//! method ends with: the stages are viewpoints with the weights -J^{-T} g. The place and the time of the onset and the payoff
+//! crossings, from which boundaries are measured, have weights as well; with the time of the onset all nodes move, each at its
+//! eta.
 
 use super::boundary::{dot, Boundary};
 use super::collocation_nodes::{collocation_nodes, CollocationNodes};
@@ -32,19 +33,19 @@ const SMALLEST_WEIGHT: f64 = 1e-30;
 struct BoundaryAdjoint<'a> {
     boundary: &'a Boundary,
     profile: &'a Profile,
-    /// What the coefficients of each end count for, (ends x (degree + 1),).
+    /// The adjoint weights of the coefficients of each end, (ends x (degree + 1),).
     coefficients: Vec<Weights>,
-    /// What the place of the onset of the near end counts for, and the time of the onset.
+    /// The adjoint weights of the place of the onset of the near end, and of the time of the onset.
     place: Weights,
     time: Weights,
-    /// What the payoff crossings count for, (s, x, weights).
+    /// The adjoint weights of the payoff crossings, as (s, x, weights).
     crossings: Vec<(f64, f64, Weights)>,
 }
 
-/// Add the viewpoints that stand for the boundary, and return what the place of its onset counts for.
+/// Add the viewpoints that stand for the boundary, and return the adjoint weights of the place of its onset.
 ///
-/// `contact_sets` are what the contact sets, as seen from the segment's beginning, count for, and `at_beginning` what the
-/// boundary there counts for by itself.
+/// `contact_sets` are the adjoint weights of the contact sets as seen from the segment's beginning, and `at_beginning` those
+/// of the boundary there.
 pub fn see_boundary(
     boundary: &Boundary,
     profile: &Profile,
@@ -70,7 +71,7 @@ pub fn see_boundary(
 }
 
 impl BoundaryAdjoint<'_> {
-    /// Take in what the contact sets count for that the segment's beginning sees.
+    /// Add the adjoint weights of the contact sets that the segment's beginning sees.
     fn count_contact_sets(&mut self, contact_sets: &[BoundaryWeights]) {
         let (boundary, degree) = (self.boundary, self.boundary.nodes.degree);
         let points = DEGREES
@@ -87,7 +88,7 @@ impl BoundaryAdjoint<'_> {
         (&self.boundary.segment, self.boundary.onset_time())
     }
 
-    /// Take in what the nodes of an integral until time `end` count for; all of their coefficients, or the first alone.
+    /// Add the adjoint weights of the nodes of an integral until time `end`, by all of their coefficients or the first alone.
     fn count_nodes(
         &mut self,
         (nodes, stage): (&CollocationNodes, usize),
@@ -111,7 +112,7 @@ impl BoundaryAdjoint<'_> {
         }
     }
 
-    /// Take in what a node of an integral counts for, whose contact set had end `of` at `place` at time s; its coefficients
+    /// Add the adjoint weights of a node of an integral, whose contact set had end `of` at `place` at time s; its coefficients
     /// behind the first count only where that is asked for.
     fn count_node(
         &mut self,
@@ -130,7 +131,7 @@ impl BoundaryAdjoint<'_> {
         }
     }
 
-    /// Take in what end `of` at `place` counts for by what it is measured from; return its derivative by the coefficient.
+    /// Add the adjoint weights of what end `of` at `place` is measured from; return its derivative by the coefficient.
     fn measured(
         &mut self,
         coefficient: f64,
@@ -165,7 +166,7 @@ impl BoundaryAdjoint<'_> {
         (segment.duration - s) / (segment.duration - onset_time)
     }
 
-    /// Solve for what the equations of the stages count for, and take that in.
+    /// Solve for the adjoint weights of the equations of the stages, and add those of the stages.
     fn count_stages(
         &mut self,
         at_beginning: &Weights,
@@ -246,7 +247,7 @@ impl BoundaryAdjoint<'_> {
         Ok(())
     }
 
-    /// What the equations count for: minus the inverse of the transposed Jacobian times what the coefficients do.
+    /// The adjoint weights of the equations: minus the inverse of the transposed Jacobian times those of the coefficients.
     fn transposed_solve(&self, jacobian: &[f64], m: usize) -> Result<Vec<Weights>, Unsettled> {
         let count = m * self.boundary.ends.len();
         let mut equations = vec![[0.0; FUNCTIONALS]; count];

@@ -12,7 +12,7 @@ use crate::lanes::dispatch::{dispatch, Work};
 use crate::lanes::normal::{exp, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{sum_of_lanes, Vector, LANES};
 
-/// What the functionals count one block of contact sets for: their derivatives by the places where these ended.
+/// The adjoint weights of one block of contact sets: the derivatives by the places where these ended.
 pub type BoundaryWeights = [[f64; LANES]; FUNCTIONALS];
 
 /// What sixteen contact sets contribute to a value, up to the third derivative by x.
@@ -59,7 +59,7 @@ fn see<V: Vector>(sign: f64, dynamics: &Dynamics, block: &ContactBlock, x: V, sp
     }
 }
 
-/// What the functionals count the contact sets for, block by block, as seen from the viewpoints.
+/// The adjoint weights of the contact sets, block by block, as seen from the viewpoints.
 ///
 /// The contributions and their derivatives by the parameters are added to `gradient`, and what the slopes at the viewpoints count
 /// for by the amount of a drop of the spot, e^{-x} times the slope, is returned as well.

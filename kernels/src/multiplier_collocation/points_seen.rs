@@ -1,4 +1,4 @@
-//! The viewpoints at a segment's beginning, which all see the profile through the same time and count for the value alone.
+//! The viewpoints at a segment's beginning, which all see the profile through the same time and have weights of the value alone.
 //!
 //! Nothing is kept of what each of them sees: only sums over all of them are returned. Several walks that come to the same
 //! places are served at once, for what is costly depends on the places alone.
@@ -12,11 +12,11 @@ use crate::lanes::dispatch::{dispatch, Work};
 use crate::lanes::normal::{exp, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{sum_of_lanes, Vector, LANES};
 
-/// What the functionals count the value at the viewpoints for, its first two derivatives by x, and the first over the spot.
+/// The adjoint weights of the value at the viewpoints, of its first two derivatives by x, and of the first over the spot.
 type Sums<T> = [[T; FUNCTIONALS]; 4];
 
-/// What the functionals count the profile's value at its nodes for, per unit of x, and its slope at the viewpoints, in spots
-/// there; and their derivatives by the parameters.
+/// The adjoint weights of the profile's value at its nodes, per unit of x, and of its slope at the viewpoints, in spots there;
+/// and the derivatives by the parameters.
 pub struct PointsSeen {
     pub densities: Densities,
     pub by_amount: Weights,

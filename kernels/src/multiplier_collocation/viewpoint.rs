@@ -1,5 +1,4 @@
-//! Places that a profile is seen from: what the functionals that are differentiated count the value and the slope there for,
-//! and what they count the profile for in turn.
+//! Places that a profile is seen from, with the adjoint weights of value and slope there, from which those of the profile follow.
 //!
 //! The propagated value V = e^{sL} profile depends on the parameters as its equation says. L has constant coefficients, so
 //! that its derivatives commute with e^{sL}: by the volatility sigma, the rate and the yield V changes by
@@ -21,9 +20,9 @@ const FAR: f64 = 37.0;
 pub struct Viewpoint {
     pub x: f64,
     pub s: f64,
-    /// What the functionals count the value there for.
+    /// The adjoint weights of the value there.
     pub value: Weights,
-    /// What they count its slope for.
+    /// The adjoint weights of the slope there.
     pub slope: Weights,
 }
 

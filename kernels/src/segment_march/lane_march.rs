@@ -328,7 +328,7 @@ impl<'a> Group<'a> {
         let rows = &mut self.rows;
         for (lane, march) in self.lanes.iter_mut().enumerate() {
             if let Some(march) = march {
-                march.judge(lane, &found, rows, terms.h[lane], &mut placed);
+                march.check_contact(lane, &found, rows, terms.h[lane], &mut placed);
                 any |= march.stage.placed.is_some();
             }
         }
@@ -505,7 +505,14 @@ impl<'a> Lane<'a> {
         clippy::cast_precision_loss,
         clippy::cast_sign_loss
     )]
-    fn judge(&mut self, lane: usize, found: &Found, rows: &mut [Row], h: f64, placed: &mut Placed) {
+    fn check_contact(
+        &mut self,
+        lane: usize,
+        found: &Found,
+        rows: &mut [Row],
+        h: f64,
+        placed: &mut Placed,
+    ) {
         self.stage.placed = None;
         if !self.leg.part.exercisable || self.stage.failed {
             return;

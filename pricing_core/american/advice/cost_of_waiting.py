@@ -1,4 +1,4 @@
-"""What a holder loses who waits."""
+"""What a holder loses by waiting instead of exercising now."""
 
 from __future__ import annotations
 

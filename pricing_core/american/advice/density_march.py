@@ -72,7 +72,7 @@ class DensityMarch:
         self.mass = self._split(np.array([schedule.spot / schedule.strike]), np.ones(1))
 
     def run(self, spans: list[list[Span]], regions: list[Region | None]) -> Exercised:
-        """Return when how many exercise; arguments as of `ExerciseMarch.run`."""
+        """Return how much of the mass is exercised at each time; arguments as in `ExerciseMarch.run`."""
         segments = self.schedule.segments
         for k, segment in enumerate(segments):
             for span in spans[k]:
@@ -88,7 +88,7 @@ class DensityMarch:
         return self.found
 
     def pass_through(self, segment: Segment, span: Span) -> None:
-        """Move everyone through a span."""
+        """Carry the masses at all nodes through a span."""
         self._outside = np.ones(self.grid.nodes.size)
         if span.exists:
             self._cut(span.start, span.region_at(0.0))

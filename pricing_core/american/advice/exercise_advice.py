@@ -198,7 +198,7 @@ def _settled(option: Option, market: Market, *, exercised: bool) -> Exercised:
 def exercised(
     schedule: Schedule, boundaries: Boundaries, times: Vector, check: Callable[[], None]
 ) -> tuple[Exercised, float]:
-    """Return when how many exercise, and the estimated error of the probabilities.
+    """Return how much of the mass is exercised at each time, and the estimated error of the probabilities.
 
     It is how far they move when every mesh has half its points, and when the boundary moves by its own error, with the
     mass that the laws between events missed.

@@ -22,7 +22,7 @@ NO_SPREAD = 1e-300
 
 @dataclass(slots=True, eq=False)
 class Exercised:
-    """When how many exercise: bursts at single times, and the absorbed mass of each span.
+    """The exercised mass over time: bursts at single times, and the mass that each span absorbs.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Exercised:
 
 @dataclass(slots=True, eq=False)
 class ExerciseMarch:
-    """The laws of those who have not exercised, from segment to segment.
+    """The laws of the spot of those who have not exercised yet, from segment to segment.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class ExerciseMarch:
     found: Exercised = field(default_factory=Exercised)
 
     def run(self, spans: list[list[Span]], regions: list[Region | None]) -> Exercised:
-        """Return when how many exercise.
+        """Return how much of the mass is exercised at each time.
 
         Parameters
         ----------
@@ -196,7 +196,7 @@ class ExerciseMarch:
 
 
 def exercise_without_spot(schedule: Schedule, found: Exercised, mass: float, first: int) -> None:
-    """Note when those exercise whose spot is zero from the start of segment `first` on."""
+    """Note when the mass whose spot is zero from the start of segment `first` on is exercised."""
     if not schedule.is_put:
         found.worthless += mass
         return

@@ -95,7 +95,7 @@ class Passage:
         return np.concatenate([[0.0], np.cumsum(gained)])
 
     def survivors(self, absorbed: Vector) -> tuple[Density | None, float]:
-        """Return the law of those who are left at the end, and by how much its mass missed what F leaves.
+        """Return the law of the mass that is left at the end, and by how much it differs from what F leaves.
 
         Parameters
         ----------

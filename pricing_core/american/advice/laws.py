@@ -42,16 +42,16 @@ _PARTS = np.array(
 
 
 class Law(Protocol):
-    """What both laws answer; `level` and `place` have the shape (n,), as have `mean` and `spread`."""
+    """What a point mass and a density both provide; `level`, `place`, `mean` and `spread` have the shape (n,)."""
 
     @property
     def mass(self) -> float:
-        """Everyone, as a share of 1."""
+        """The total mass, a share of 1."""
         ...
 
     @property
     def support(self) -> tuple[float, float]:
-        """The ends of where the mass is."""
+        """The two ends of the interval that holds the mass."""
         ...
 
     def below(self, level: Vector, mean: Vector, spread: Vector) -> Vector:
@@ -71,7 +71,7 @@ class Law(Protocol):
         ...
 
     def after_cash(self, gone: float) -> Law | None:
-        """Return the law of ln(e^X - e^gone) where X > gone; None where nobody is."""
+        """Return the law of ln(e^X - e^gone) where X > gone; None where no mass lies there."""
         ...
 
     def between(self, low: float, high: float) -> Law | None:
@@ -86,7 +86,7 @@ def normal_density(x: Matrix) -> Matrix:
 
 @dataclass(frozen=True, slots=True)
 class PointMass:
-    """Everyone at one place.
+    """A law whose whole mass lies at one point.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class PointMass:
 
     @property
     def support(self) -> tuple[float, float]:
-        """The place, twice."""
+        """The point, as both ends of the interval."""
         return self.place, self.place
 
     def below(self, level: Vector, mean: Vector, spread: Vector) -> Vector:
@@ -145,12 +145,12 @@ class Density:
 
     @cached_property
     def mass(self) -> float:
-        """The integral."""
+        """The integral of the density."""
         return float(0.5 * np.diff(self.breaks) @ (self.values @ WEIGHTS))
 
     @property
     def support(self) -> tuple[float, float]:
-        """Both ends."""
+        """The two ends of the panels."""
         return float(self.breaks[0]), float(self.breaks[-1])
 
     @cached_property
@@ -212,7 +212,7 @@ class Density:
         return Density(self.breaks + by, self.values)
 
     def after_cash(self, gone: float) -> Density | None:
-        """Return the law of ln(e^X - e^gone) where X > gone; None where nobody is."""
+        """Return the law of ln(e^X - e^gone) where X > gone; None where no mass lies there."""
         kept = self.between(gone, math.inf)
         if kept is None or not kept.mass > 0.0:
             return None

@@ -167,12 +167,12 @@ class ArrowColumn:
 
 
 def is_number(found: pa.DataType) -> bool:
-    """Tell integers, floats and decimals."""
+    """Return whether a type is that of integers, floats or decimals."""
     return bool(pa.types.is_integer(found) or pa.types.is_floating(found) or pa.types.is_decimal(found))
 
 
 def is_text(found: pa.DataType) -> bool:
-    """Tell texts, those of a dictionary included."""
+    """Return whether a type is that of texts, those of a dictionary included."""
     if pa.types.is_dictionary(found):
         found = found.value_type
     return bool(
@@ -181,14 +181,14 @@ def is_text(found: pa.DataType) -> bool:
 
 
 def is_list(found: pa.DataType) -> bool:
-    """Tell lists."""
+    """Return whether a type is that of lists."""
     return bool(
         pa.types.is_list(found) or pa.types.is_large_list(found) or pa.types.is_fixed_size_list(found)
     )
 
 
 def is_nested(found: pa.DataType) -> bool:
-    """Tell what cannot be told apart by a dictionary: lists and structures."""
+    """Return whether a type is a list or a structure, for which Arrow builds no dictionary."""
     return is_list(found) or pa.types.is_struct(found)
 
 

@@ -29,7 +29,7 @@ def price_batch(
     refused: Mapping[int, InvalidInputError] | None = None,
     interrupt: Callable[[], bool] | None = None,
 ) -> tuple[pa.RecordBatch, Mapping[int, InvalidInputError]]:
-    """Return the results of every row with its message, and by row why one has no price.
+    """Return the results of every row with its message, and for each row without a price the reason.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def price_read(
     threads: int | None = None,
     interrupt: Callable[[], bool] | None = None,
 ) -> tuple[pa.RecordBatch, Mapping[int, InvalidInputError]]:
-    """Return the results of contracts that were read from columns of these names, as `price_batch` does."""
+    """Return the results of contracts that were read from columns with these names, as `price_batch` does."""
     table = price_book(read, names, settings, threads, interrupt)
     faults = {**read.faults, **_unpriced(table, read.faults)}
     schema = results_schema(names, settings)
@@ -79,7 +79,7 @@ def results_schema(names: Sequence[str], settings: PricingSettings) -> pa.Schema
 
 
 def unfinished_rows(count: int, names: Sequence[str], settings: PricingSettings) -> pa.RecordBatch:
-    """Return the results of so many rows that nobody has looked at: the status deadline, and nothing else."""
+    """Return the results of `count` rows that were not priced in time: the status "deadline", and nothing else."""
     columns = {field.name: pa.nulls(count, field.type) for field in results_schema(names, settings)}
     columns["status"] = pa.array(["deadline"] * count, pa.string())
     return pa.RecordBatch.from_pydict(columns)

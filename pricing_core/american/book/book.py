@@ -50,16 +50,16 @@ class Segments:
 
     @property
     def duration(self) -> Vector:
-        """Years."""
+        """Length of each segment in years, shape (m,)."""
         return self.end - self.start
 
     def take(self, chosen: NDArray[np.int64] | slice) -> Segments:
-        """Return some of them."""
+        """Return the segments of these indices."""
         return Segments(*(getattr(self, name)[chosen] for name in self.__slots__))
 
     @classmethod
     def concatenated(cls, parts: Sequence[Segments]) -> Segments:
-        """Return the segments of several, one behind the other."""
+        """Return the segments of several books in one, in their order."""
         return cls(*map(np.concatenate, zip(*map(_columns_of, parts), strict=True)))
 
 
@@ -94,7 +94,7 @@ class Listed:
 
     @classmethod
     def concatenated(cls, parts: Sequence[Listed]) -> Listed:
-        """Return the lists of several, one behind the other."""
+        """Return the lists of several books in one, in their order."""
         return cls(*(Ragged.concatenated([getattr(part, name) for part in parts]) for name in cls.__slots__))
 
 
@@ -182,7 +182,7 @@ class Book:
 
     @property
     def count(self) -> int:
-        """How many contracts there are."""
+        """The number of contracts n."""
         return self.spot.size
 
     @property
@@ -303,7 +303,7 @@ class Book:
 
     @classmethod
     def concatenated(cls, books: Sequence[Book]) -> Book:
-        """Return the contracts of at least one book, one behind the other."""
+        """Return the contracts of at least one book in one book, in their order."""
         if len(books) == 1:
             return books[0]
         return cls(

@@ -83,7 +83,7 @@ def as_objects(cells: Sequence[object]) -> NDArray[Any]:
 
 
 def plain(cell: object) -> object:
-    """Return NumPy's numbers and texts as Python's; not its durations, whose item may be a plain integer."""
+    """Return a number or text of NumPy as one of Python; durations stay, for their item may be a plain integer."""
     return cell.item() if isinstance(cell, np.generic) and cell.dtype.kind in "fiuU" else cell
 
 

@@ -97,7 +97,7 @@ class Prices:
 
     @property
     def count(self) -> int:
-        """How many contracts there are."""
+        """The number of contracts n."""
         return self.value.size
 
     def take(self, rows: NDArray[np.intp]) -> Prices:
@@ -188,7 +188,7 @@ def _cached(value: Any, kind: type) -> NDArray[Any]:
 
 
 def concatenated(parts: Sequence[Prices]) -> Prices:
-    """Return the rows of several prices, one behind the other."""
+    """Return the rows of several `Prices` in one, in their order."""
     if len(parts) == 1:
         return parts[0]
     columns: dict[str, Any] = {}
@@ -202,7 +202,7 @@ def concatenated(parts: Sequence[Prices]) -> Prices:
 
 
 def taken(column: Any, rows: NDArray[np.intp]) -> Any:
-    """Return some rows of a column of either kind."""
+    """Return some rows of a column, an array or a `Ragged`."""
     return column.take(rows) if isinstance(column, Ragged) else column[rows]
 
 

@@ -48,7 +48,7 @@ class Ragged:
 
     @classmethod
     def concatenated(cls, parts: Sequence[Ragged]) -> Ragged:
-        """Return the rows of several columns, one behind the other."""
+        """Return the rows of several columns in one, in their order."""
         return cls(
             join_starts([part.first for part in parts]), np.concatenate([part.values for part in parts])
         )

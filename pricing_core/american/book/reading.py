@@ -1,4 +1,4 @@
-"""A table of contracts, one per row, read into a book; a row that cannot be read costs itself alone."""
+"""A table of contracts, one per row, read into a book; a row that cannot be read does not affect the others."""
 
 from __future__ import annotations
 

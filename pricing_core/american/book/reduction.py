@@ -55,7 +55,7 @@ class Reduction:
 
     @classmethod
     def of(cls, contracts: Sequence[tuple[Option, Market]]) -> Reduction | None:
-        """Return that of these contracts; None where each is priced as it is stated."""
+        """Return the reduction of these contracts; None where the engines price each of them as it is stated."""
         if all(is_plain(option, market) for option, market in contracts):
             return None
         lags = [option.settlement_lag / DAYS_PER_YEAR for option, _ in contracts]
@@ -75,7 +75,7 @@ class Reduction:
 
     @classmethod
     def of_columns(cls, columns: Mapping[str, NDArray[Any]]) -> Reduction | None:
-        """Return that of contracts without curves; None where each is priced as it is stated.
+        """Return the reduction of contracts without curves; None where the engines price each of them as it is stated.
 
         Parameters
         ----------
@@ -93,17 +93,17 @@ class Reduction:
 
     @classmethod
     def nothing(cls, count: int) -> Reduction:
-        """Return that of so many contracts that are priced as they are stated."""
+        """Return the reduction of `count` contracts that the engines price as they are stated."""
         no, none = np.zeros(count, dtype=bool), Ragged.empty(count)
         return cls(np.zeros(count), np.ones(count), np.zeros(count), no, ~no, none, none)
 
     def take(self, rows: NDArray[np.intp]) -> Reduction:
-        """Return that of some contracts."""
+        """Return the reduction of some of the contracts."""
         return Reduction(*(taken(getattr(self, field.name), rows) for field in fields(self)))
 
     @classmethod
     def concatenated(cls, parts: Sequence[Reduction]) -> Reduction:
-        """Return that of the contracts of several, one behind the other."""
+        """Return the reductions of several books in one, in their order."""
         columns: list[Any] = []
         for field in fields(cls):
             pieces = [getattr(part, field.name) for part in parts]
@@ -159,12 +159,16 @@ class Reduction:
                 # The yield holds the rate of the lag later, less the rate now unless it moves with that.
                 spans = [(1.0, start - lag, end - lag), (-1.0, start, end)] if lag > 0.0 else []
                 spans += [(1.0, start, end)] if follows else []
-                terms = [magnitude(weight) * number for weight, number in _weighed(grid, by_yield, spans)]
+                terms = [
+                    magnitude(weight) * number for weight, number in _with_weights(grid, by_yield, spans)
+                ]
                 terms.append(by_rate[piece - passed] if piece >= passed else 0.0)
                 terms.append(magnitude(-max(min(lag, end) - start, 0.0)) * value.item(row))
                 result[RATE + ending].append(math.fsum(terms))
             result[YIELD + ending] = [
-                math.fsum(weight * number for weight, number in _weighed(grid, by_yield, [(1.0, start, end)]))
+                math.fsum(
+                    weight * number for weight, number in _with_weights(grid, by_yield, [(1.0, start, end)])
+                )
                 for start, end in (_pieces(times[YIELD]) if by_yield and times[YIELD] else ())
             ]
         return result
@@ -194,7 +198,7 @@ def _pieces(times: tuple[float, ...]) -> list[tuple[float, float]]:
     return [*pairwise((0.0, *times[:-1], math.inf))]
 
 
-def _weighed(
+def _with_weights(
     grid: tuple[float, ...], numbers: tuple[float, ...], spans: Iterable[tuple[float, float, float]]
 ) -> Iterator[tuple[float, float]]:
     """Yield the numbers of the pieces of a grid, each with the sum of the weights of the spans that it lies in.

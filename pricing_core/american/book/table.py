@@ -99,12 +99,12 @@ class Table:
                 parts.append((np.arange(self.count)[rows], lists))
 
     def advise(self, rows: Rows | slice, advice: Mapping[str, Vector]) -> None:
-        """Write the columns of advice of some rows."""
+        """Write the columns of the exercise advice into some rows."""
         for name, column in advice.items():
             self.columns[name][rows] = column + 0.0
 
     def refuse(self, faults: Mapping[int, InvalidInputError]) -> None:
-        """Write why some rows are no contracts."""
+        """Write into some rows why they are not contracts."""
         for row, fault in faults.items():
             self.columns["status"][row], self.columns["message"][row] = "invalid_input", str(fault)
 

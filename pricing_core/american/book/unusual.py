@@ -13,7 +13,7 @@ from pricing_core.errors import UnusualColumnWarning
 
 
 class Usual(NamedTuple):
-    """The median size from which on a column is thought to be in other units, and in which."""
+    """From which median on a column seems to be in another unit, and which unit that would be."""
 
     below: float
     other_unit: str
@@ -58,7 +58,7 @@ def unusual_columns(numbers: Mapping[str, Vector]) -> list[str]:
 
 
 def warn_of(sentences: Sequence[str], callers: int) -> None:
-    """Warn of what was found, a warning for each, at the place that so many callers up is the user's."""
+    """Issue one warning for each sentence, at the user's call, which is `callers` frames above."""
     for sentence in sentences:
         warnings.warn(sentence, UnusualColumnWarning, stacklevel=callers + 1)
 

@@ -77,12 +77,12 @@ Curve: TypeAlias = float | PiecewiseConstant
 
 
 def times_of(curve: object) -> tuple[float, ...]:
-    """Return the times of a curve; none of a number or a surface."""
+    """Return the times of a curve; there are none for a number or a surface."""
     return curve.times if isinstance(curve, PiecewiseConstant) else ()
 
 
 def at(curve: Curve, time: float) -> float:
-    """Return what holds from a time on."""
+    """Return the value of a curve or number that holds from `time` (years from now) on."""
     return curve.at(time) if isinstance(curve, PiecewiseConstant) else curve
 
 
@@ -102,7 +102,7 @@ def integral(curve: Curve, time: float) -> float:
 
 
 def read_curve(field: Field, value: object) -> Curve:
-    """Return a number, or a curve that is none, as it is meant: a float where it is constant.
+    """Return a float where `value` is a number or a curve with one value, and otherwise the curve.
 
     Parameters
     ----------

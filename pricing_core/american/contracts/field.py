@@ -17,7 +17,7 @@ CURVE_IN_WORDS = '{"times": [...], "values": [...]}'
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Field:
-    """One input.
+    """One input, as users state it.
 
     Parameters
     ----------

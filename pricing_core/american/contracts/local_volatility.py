@@ -148,13 +148,16 @@ class LocalVolatility:
             return _interpolated(np.log(self.spots), self.values, self._slopes, np.log(spots))
 
     def mean_variance(self, start: float, end: float) -> Vector:
-        """Return the mean of sigma**2 between two times at the nodes of the spot, shape (n,)."""
+        """Return the mean of sigma**2 from `start` to `end` (years) at the nodes of the spot, shape (n,)."""
         weights = mean_weights(self.times, np.array([start]), np.array([end]))
         mean: Vector = (weights @ self.values**2)[0]
         return mean
 
     def extrapolated(self, spot: float, strike: float, expiry: float) -> str:
-        """Return one sentence on what of a contract lies outside the nodes, or nothing."""
+        """Return one sentence that names what lies outside the nodes, of a contract's spot, strike and expiry.
+
+        The sentence is empty where all three lie inside.
+        """
         axes = (("spot", spot, self.spots), ("strike", strike, self.spots), ("expiry", expiry, self.times))
         outside = [
             name
@@ -175,7 +178,7 @@ class LocalVolatility:
         return float((high - low) / (2.0 * step))
 
     def moved(self, factor: float) -> LocalVolatility:
-        """Return the surface with every spot multiplied by a number above 0."""
+        """Return the surface with every spot multiplied by `factor`, a number above 0."""
         return LocalVolatility(self.times, factor * self.spots, self.values)
 
     def shifted(self, by: float) -> LocalVolatility:
@@ -196,9 +199,10 @@ class LocalVolatility:
         return LocalVolatility(times, self.spots, values)
 
     def reference(self, spot: float, strike: float, expiry: float) -> float:
-        """Return one volatility that stands for all where a size is asked for: the root mean square near by.
+        """Return one volatility that may stand for all of them where only the order of magnitude matters.
 
-        0 where all values are.
+        It is the root mean square up to `expiry` at the spot, the strike and their geometric mean, or the largest value
+        where that is 0.
         """
         places = np.array([spot, strike, np.sqrt(spot) * np.sqrt(strike)])
         mean = np.mean(
@@ -236,7 +240,7 @@ def volatility_seen_from(volatility: Volatility, time: float) -> Volatility:
 
 
 def hat_weights(nodes: Vector, times: Vector) -> Matrix:
-    """Return what the values at m nodes count for in their linear interpolant at k times, shape (k, m)."""
+    """Return the weights of the values at m nodes in their linear interpolant at k times, shape (k, m)."""
     weights = np.zeros((times.size, nodes.size))
     rows, inside = np.arange(times.size), np.clip(times, nodes[0], nodes[-1])
     above = np.clip(np.searchsorted(nodes, inside), 1, max(nodes.size - 1, 1))
@@ -248,7 +252,7 @@ def hat_weights(nodes: Vector, times: Vector) -> Matrix:
 
 
 def mean_weights(nodes: Vector, starts: Vector, ends: Vector) -> Matrix:
-    """Return what they count for in the interpolant's mean over k intervals, shape (k, m)."""
+    """Return the weights of these values in the mean of the interpolant over k intervals, shape (k, m)."""
     weights = hat_weights(nodes, 0.5 * (starts + ends))
     first, last = np.searchsorted(nodes, starts, side="right"), np.searchsorted(nodes, ends)
     rows = np.flatnonzero((last > first) & (ends > starts)).tolist()

@@ -11,13 +11,14 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
 from pricing_core.american.contracts.fields import GREEKS, GREEKS_UNITS, Greeks
+from pricing_core.version import ENGINE_VERSION
 
 Kind: TypeAlias = Literal["number", "count", "flag", "text", "list", "matrix", "flags"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ResultField:
-    """One output.
+    """One output, as users read it.
 
     Parameters
     ----------
@@ -104,7 +105,7 @@ PRICE_FIELDS = (
         choices=("ok", "tolerance_not_met", "invalid_input", "out_of_domain", "deadline"),
     ),
     ResultField("method", "text", "", "How the price was computed", "premium-march"),
-    ResultField("engine_version", "text", "", "Version of the pricing engine", "0.1.0"),
+    ResultField("engine_version", "text", "", "Version of the pricing engine", ENGINE_VERSION),
     ResultField(
         "instruction_set",
         "text",

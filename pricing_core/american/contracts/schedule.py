@@ -59,7 +59,7 @@ class Segment:
 
     @property
     def duration(self) -> float:
-        """Years."""
+        """Length of the segment in years."""
         return self.end - self.start
 
     def escrow_at(self, time: float) -> float:

@@ -71,7 +71,7 @@ def solve_in_time(book: Book, request: Request, engines: Sequence[Engine]) -> Pr
 
 
 def mapped(do: Callable[[T], R], tasks: Sequence[T], workers: int) -> list[R]:
-    """Return the results of the tasks in their order, done by so many threads."""
+    """Return the results of the tasks in their order; at most `threads` of them run at a time."""
     if workers == 1 or len(tasks) < 2:
         return [do(task) for task in tasks]
     with ThreadPoolExecutor(workers) as pool:  # the kernel and NumPy release the interpreter

@@ -79,11 +79,11 @@ class Differences:
         """Return what errors of the values, money, shape (k,), may add up to in the columns."""
         return self._sums(error, error, np.abs)
 
-    def _sums(self, value: Vector, delta: Vector, weighed: Callable[[Vector], Vector]) -> dict[str, Any]:
+    def _sums(self, value: Vector, delta: Vector, weighted: Callable[[Vector], Vector]) -> dict[str, Any]:
         found: dict[str, Any] = {kind: np.zeros(size) for kind, size in self._sizes.items()}
         for term in self._terms:
             what = (delta if term.by_delta else value)[term.contract]
-            found[term.kind] += np.bincount(term.entry, weighed(term.weight) * what, found[term.kind].size)
+            found[term.kind] += np.bincount(term.entry, weighted(term.weight) * what, found[term.kind].size)
         for name in CURVES:
             if BUCKETS[name] in found:
                 found[BUCKETS[name]] = Ragged(getattr(self._listed, name).first, found[BUCKETS[name]])

@@ -67,7 +67,7 @@ class Boundaries(NamedTuple):
     found: BoolVector
 
     def completed_by(self, other: Boundaries) -> Boundaries:
-        """Return these boundaries, and at the times at which they were not found the other ones."""
+        """Return these boundaries, with those of `other` at the times at which these were not found."""
         columns = (np.where(self.found, mine, its) for mine, its in zip(self, other, strict=True))
         near, far, error, found = columns
         return Boundaries(near, far, error, found.astype(bool))
@@ -83,7 +83,7 @@ class Engine(Protocol):
 
     @property
     def least_error(self) -> float:
-        """The error, in strikes, from which a price that misses its tolerance is worth this engine's time."""
+        """Error of a price, in strikes, above which this engine is asked where the tolerance is missed."""
         ...
 
     def serves(self, book: Book) -> BoolVector:

@@ -35,7 +35,7 @@ class PriceBounds:
     at_once: BoolVector
 
     def take(self, rows: Rows) -> PriceBounds:
-        """Return those of some of the options."""
+        """Return the bounds of some of the options."""
         return PriceBounds(*(getattr(self, name)[rows] for name in self.__slots__))
 
 
@@ -54,7 +54,7 @@ def range_of(book: Book) -> tuple[Vector, Vector]:
 
 
 def lies_high(book: Book, value: Vector) -> BoolVector:
-    """Tell quickly which values may lie above the largest price without arbitrage: no other one does."""
+    """Return False, by a quick test, for values that surely do not lie above the largest price without arbitrage."""
     if some(book.escrowed):
         return np.ones(book.count, dtype=bool)
     largest, segments = np.where(book.is_put, book.strike, book.spot), book.segments

@@ -75,7 +75,7 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
     if best is None:
         best = prices(book.count)
     best = _within_bounds(book, best, allowed)
-    best = _judged(best, allowed, interrupted=interrupted)
+    best = _with_status(best, allowed, interrupted=interrupted)
     return _completed(book, best, request, engines)
 
 
@@ -166,11 +166,11 @@ def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
     return best.replaced(rows, inside.replaced(np.flatnonzero(lost), nothing))
 
 
-def _judged(best: Prices, allowed: Vector, *, interrupted: bool) -> Prices:
+def _with_status(best: Prices, allowed: Vector, *, interrupted: bool) -> Prices:
     """Return the prices with the status of every row that no engine ended; `allowed` is the tolerance in money."""
-    status, judged = best.status.copy(), best.status == "ok"
-    status[judged & ~(best.error <= allowed)] = "deadline" if interrupted else "tolerance_not_met"
-    status[judged & np.isnan(best.value)] = "deadline" if interrupted else "out_of_domain"
+    status, answered = best.status.copy(), best.status == "ok"
+    status[answered & ~(best.error <= allowed)] = "deadline" if interrupted else "tolerance_not_met"
+    status[answered & np.isnan(best.value)] = "deadline" if interrupted else "out_of_domain"
     return replace(best, status=status)
 
 

@@ -46,7 +46,7 @@ class Pairs:
     width: Vector
 
     def take(self, rows: NDArray[Any]) -> Pairs:
-        """Return some of them."""
+        """Return some of the pairs."""
         return Pairs(*(getattr(self, name)[rows] for name in self.__slots__))
 
 

@@ -66,7 +66,7 @@ class ImpliedCarry:
 
 
 class ExpiryCarry(NamedTuple):
-    """What is known of the stock of one expiry, the spot without yield and dividends up to then.
+    """The forward of one expiry: the spot, and its dividends and growth up to then without a yield.
 
     Parameters
     ----------
@@ -161,12 +161,12 @@ def implied_carry(
 
 
 def discount(rate: Curve, time: float) -> float:
-    """Return what a unit of money due at `time` is worth now."""
+    """Return the present value of a unit of money due at `time`, years from now."""
     return math.exp(-integral(rate, time))
 
 
 def stock_value(market: Market, dividend_yield: Curve, expiry: float) -> float:
-    """Return what the underlying to be had at expiry is worth now: its forward, discounted.
+    """Return the present value of the underlying delivered at expiry: its forward, discounted.
 
     That is S e^{-qT} less the dividends before, each with the yield that it would have paid. A spot that falls below
     a dividend is not thought of.
@@ -224,7 +224,7 @@ def carry_of_expiry(chain: Chain, group: int, tolerance: float, threads: int | N
 
 
 def parity_stock(pairs: Pairs, discounted: float) -> Vector:
-    """Return what each pair says of the discounted forward if call and put are European.
+    """Return the discounted forward that put-call parity gives for each pair if call and put are European.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ def early_premiums(
 def estimate_stock(
     market: Market, pairs: Pairs, stock: Vector, identified: BoolVector, expiry: float
 ) -> ExpiryCarry:
-    """Return what the pairs' discounted forwards tell together."""
+    """Return the estimate of the discounted forward from all pairs."""
     if not identified.any():
         return ExpiryCarry()
     median = _weighted_median(stock[identified], 1.0 / pairs.width[identified])
@@ -293,7 +293,7 @@ def estimate_stock(
 
 
 def mean_stock(market: Market, pairs: Pairs, stock: Vector, used: BoolVector, expiry: float) -> ExpiryCarry:
-    """Return what the pairs' discounted forwards tell together if these count."""
+    """Return the weighted mean of the discounted forwards of the pairs that take part."""
     weight = 1.0 / pairs.width[used] ** 2
     mean = float(np.average(stock[used], weights=weight))
     residual = math.sqrt(float(np.average((stock[used] - mean) ** 2, weights=weight)))

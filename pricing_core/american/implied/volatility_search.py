@@ -64,7 +64,7 @@ Pricer: TypeAlias = Callable[[NDArray[np.intp], Vector, Vector, bool], Prices]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundVolatilities:
-    """What came of the search; every field has shape (n,).
+    """The result of the search; every field has shape (n,).
 
     Parameters
     ----------
@@ -89,13 +89,13 @@ class FoundVolatilities:
     method: NDArray[np.object_]
 
     def store(self, rows: NDArray[np.intp], part: FoundVolatilities) -> None:
-        """Put in what was found of some of the rows elsewhere."""
+        """Write what was found elsewhere into some of the rows."""
         for name in FoundVolatilities.__slots__:
             getattr(self, name)[rows] = getattr(part, name)
 
 
 def nothing_found(count: int, status: int) -> FoundVolatilities:
-    """Return the result of so many rows before, or without, a search."""
+    """Return the result of `count` rows for which no volatility has been found yet."""
     volatility, price, european, error, volatility_error = np.full((5, count), np.nan)
     return FoundVolatilities(
         status=np.full(count, status, dtype=np.int8),

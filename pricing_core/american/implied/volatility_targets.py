@@ -38,7 +38,7 @@ class Targets:
     tolerance: Vector
 
     def take(self, rows: NDArray[np.intp]) -> Targets:
-        """Return some of them."""
+        """Return some of the targets."""
         columns = (self.price, self.spot, self.strike, self.expiry, self.tolerance)
         price, spot, strike, expiry, tolerance = (column[rows] for column in columns)
         return Targets(price, self.bounds.take(rows), spot, strike, expiry, tolerance)

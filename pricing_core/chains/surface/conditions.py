@@ -23,7 +23,7 @@ APART = 0.02  # Least distance of places where a condition is asked for, in devi
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """Where a programme asks for the conditions besides the knots, and by how much they must hold.
+    """The places, besides the knots, at which a programme imposes the conditions, and with which margins.
 
     Parameters
     ----------
@@ -39,11 +39,11 @@ class Asked:
 
     @classmethod
     def nothing(cls, expiries: int) -> Asked:
-        """Return that nothing more is asked for."""
+        """Return that no conditions besides those at the knots are imposed."""
         return cls([np.empty(0)] * expiries, [np.empty(0)] * expiries, 1.0)
 
     def and_at(self, proof: NoArbitrage, variance: TotalVariance) -> Asked:
-        """Return the same and where a proof failed, with wider margins."""
+        """Return these places and those at which a proof failed, with wider margins."""
         width = np.sqrt(variance.theta)
         density = [
             _apart(np.append(*both), h)

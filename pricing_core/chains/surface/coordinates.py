@@ -72,16 +72,16 @@ class Coordinates:
 
     def due(self, time: float) -> float:
         """Return D, the value at a time of the cash dividends after it, money."""
-        worth = math.fsum(amount / growth for at, amount, growth in self._dividends if at > time)
-        return self.growth(time) * worth
+        due = math.fsum(amount / growth for at, amount, growth in self._dividends if at > time)
+        return self.growth(time) * due
 
     def forward(self, time: float) -> float:
-        """Return F, money."""
-        worth = math.fsum(amount / growth for at, amount, growth in self._dividends if at <= time)
-        return self.growth(time) * (self.market.spot - worth)
+        """Return F, the forward at a time, money."""
+        due = math.fsum(amount / growth for at, amount, growth in self._dividends if at <= time)
+        return self.growth(time) * (self.market.spot - due)
 
     def discount(self, time: float) -> float:
-        """Return what one unit of money paid at a time is worth now."""
+        """Return the present value of one unit of money paid at a time."""
         return math.exp(-integral(self.market.rate, time))
 
     def yield_integral(self, time: float) -> float:

@@ -37,16 +37,16 @@ class ESSVI:
 
     @property
     def psi(self) -> float:
-        """Sum of the wings' slopes."""
+        """The sum of the slopes of the two wings."""
         return self.left + self.right
 
     @property
     def rho(self) -> float:
-        """Correlation."""
+        """The correlation rho of the smile."""
         return (self.right - self.left) / self.psi
 
     def at(self, x: Vector) -> Vector:
-        """Return the total variance."""
+        """Return the total variance at x."""
         return self._parts(x)[0]
 
     def gradient(self, x: Vector) -> Matrix:

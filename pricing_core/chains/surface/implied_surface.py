@@ -26,7 +26,7 @@ COMPLEX_STEP = 1e-30  # Relative step of derivatives along the imaginary axis, w
 
 @dataclass(frozen=True, slots=True)
 class ExpiryFit:
-    """What was fitted to one expiry.
+    """The smile that was fitted to one expiry, and how.
 
     Parameters
     ----------

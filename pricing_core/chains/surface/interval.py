@@ -13,7 +13,7 @@ Numbers = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Interval:
-    """Intervals [low, high] for every entry of arrays of one shape, rounded outward by a unit in the last place.
+    """Intervals [low, high], one for each entry of an array, rounded outward by a unit in the last place.
 
     Examples
     --------

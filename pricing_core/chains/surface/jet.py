@@ -41,7 +41,7 @@ class Jet:
         )
 
     def times(self, factor: Any) -> Jet:
-        """Return f times what does not depend on x."""
+        """Return the product of f and a factor that does not depend on x."""
         return Jet(self.value * factor, self.first * factor, self.second * factor)
 
     def reciprocal(self) -> Jet:

@@ -30,7 +30,7 @@ SHARES = (0.99, 0.97, 0.9, 0.8, 0.6, 0.4, 0.2, 0.1, 0.0)  # Shares of the way fr
 
 @dataclass(frozen=True, slots=True)
 class Repaired:
-    """Smiles, and what is proved of them.
+    """Smiles without arbitrage, with what is proved of them.
 
     Parameters
     ----------

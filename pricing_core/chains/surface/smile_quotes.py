@@ -105,13 +105,13 @@ class AmericanQuotes:
 
     @property
     def is_call(self) -> BoolVector:
-        """Which are calls."""
+        """Whether each quote is that of a call, shape (n,)."""
         found: BoolVector = self.option_type == "call"
         return found
 
     @property
     def usable(self) -> BoolVector:
-        """Which are whole and two-sided."""
+        """Whether each quote is complete and has a bid and an ask, shape (n,)."""
         numbers = (self.strike, self.expiry, self.bid, self.ask, self.mid)
         whole = np.all([np.isfinite(column) for column in numbers], axis=0)
         found: BoolVector = whole & (self.ask > self.bid) & (self.strike > 0.0) & (self.expiry > 0.0)

@@ -59,13 +59,13 @@ class Scales:
 
     @classmethod
     def of(cls, logs: Vector) -> Scales:
-        """Return those with these logarithms, cut to what arithmetic allows."""
+        """Return the scales with these logarithms, cut to what arithmetic allows."""
         low, high = CENTRES - 4.0 * SPREADS, CENTRES + 4.0 * SPREADS
         low[0], high[0] = math.log(LEAST_NOISE), math.log(MOST_NOISE)
         return cls(*(float(value) for value in np.exp(np.clip(logs, low, high))))
 
     def logs(self) -> Vector:
-        """Return their logarithms."""
+        """Return the logarithms of the four numbers."""
         return np.log([self.noise, self.amplitude, self.length, self.memory])
 
 
@@ -119,7 +119,7 @@ class SmoothingProblem:
 
     @cached_property
     def designs(self) -> list[Matrix]:
-        """What the unknowns of an expiry count for in its quotes, in their deviations, shape (n_i, n + 3)."""
+        """Derivatives of the quotes of an expiry by its unknowns, in units of their deviations, shape (n_i, n + 3)."""
         rows = []
         for smile, (x, _, deviation), own in zip(self.backbone, self.smiles, self.maps, strict=True):
             splines = self.basis.jets(x / math.sqrt(smile.theta)).value
@@ -128,7 +128,7 @@ class SmoothingProblem:
 
     @cached_property
     def residuals(self) -> list[Vector]:
-        """What the quotes exceed the backbone by, in their deviations, shape (n_i,)."""
+        """The quotes less the backbone, in units of their deviations, shape (n_i,)."""
         found = []
         for smile, (x, variance, deviation), mean in zip(self.backbone, self.smiles, self.mean, strict=True):
             splines = self.basis.jets(x / math.sqrt(smile.theta)).value
@@ -271,7 +271,7 @@ class Posterior:
         return np.asarray(self.problem.mean + np.array(changes))
 
     def residuals(self) -> list[Vector]:
-        """Return what the quotes exceed the smiles by, in units of noise times their deviation."""
+        """Return the quotes less the smiles, in units of noise times their deviations."""
         found = zip(self.problem.designs, self.problem.residuals, self.unknowns, strict=True)
         return [(residual - design @ row) / self.scales.noise for design, residual, row in found]
 
@@ -287,7 +287,7 @@ class Posterior:
         return covariance
 
     def responses(self, shifts: Sequence[Vector]) -> Matrix:
-        """Return what the coefficients of all smiles change by if the quotes of an expiry do, shape (m n, m).
+        """Return the derivatives of the coefficients of all smiles by the quotes of an expiry, shape (m n, m).
 
         Parameters
         ----------

@@ -34,13 +34,13 @@ class SVI:
     sigma: float
 
     def at(self, x: Vector) -> Vector:
-        """Return the total variance."""
+        """Return the total variance at x."""
         y = x - self.m
         found: Vector = self.a + self.b * (self.rho * y + np.sqrt(y * y + self.sigma**2))
         return found
 
     def slope(self, x: Vector) -> Vector:
-        """Return its derivative."""
+        """Return the derivative of the total variance by x."""
         y = x - self.m
         found: Vector = self.b * (self.rho + y / np.sqrt(y * y + self.sigma**2))
         return found

@@ -83,7 +83,7 @@ class TotalVariance:
         return Jet(unit * (splines.value @ c), root * (splines.first @ c), splines.second @ c)
 
     def smiles(self, x: Vector) -> list[Jet]:
-        """Return those of all expiries."""
+        """Return w and its derivatives by x at every expiry."""
         return [self.smile(i, x) for i in range(self.expiries.size)]
 
     def at(self, x: Vector, time: float) -> tuple[Jet, Vector]:
@@ -109,7 +109,7 @@ class TotalVariance:
 
 
 def joined(early: TotalVariance, late: TotalVariance) -> TotalVariance:
-    """Return the smiles of both, on the same splines, as one."""
+    """Return the smiles of two functions on the same splines as those of one."""
     expiries, theta = (
         np.concatenate([getattr(each, name) for each in (early, late)]) for name in ("expiries", "theta")
     )

@@ -61,23 +61,29 @@ class CircuitBuilder:
         return self
 
     def resistor(self, name: str, plus: str, minus: str, ohms: Number) -> Self:
-        """Add a resistor: v = ohms i."""
+        """Add a resistor `name` between the nodes `plus` and `minus`: v = ohms i."""
         return self.add(Resistor(name, plus, minus, ohms))
 
     def capacitor(
         self, name: str, plus: str, minus: str, farads: Number, initial_voltage: Number = 0
     ) -> Self:
-        """Add a capacitor: farads v' = i."""
+        """Add a capacitor `name` from `plus` to `minus`: farads v' = i.
+
+        At the start its voltage is initial_voltage, in volts.
+        """
         return self.add(Capacitor(name, plus, minus, farads, initial_voltage))
 
     def inductor(
         self, name: str, plus: str, minus: str, henries: Number, initial_current: Number = 0
     ) -> Self:
-        """Add an inductor: henries i' = v."""
+        """Add an inductor `name` from `plus` to `minus`: henries i' = v.
+
+        At the start its current is initial_current, in amperes.
+        """
         return self.add(Inductor(name, plus, minus, henries, initial_current))
 
     def coupling(self, name: str, first: str, second: str, coefficient: Number) -> Self:
-        """Couple two inductors, given by name, by the mutual inductance coefficient sqrt(L1 L2)."""
+        """Couple the inductors named `first` and `second`: `name` is the mutual inductance coefficient sqrt(L1 L2)."""
         return self.add(Coupling(name, first, second, coefficient))
 
     def transformer(
@@ -89,18 +95,37 @@ class CircuitBuilder:
         secondary_minus: str,
         ratio: Number,
     ) -> Self:
-        """Add an ideal transformer: v(primary) = ratio v(secondary)."""
+        """Add an ideal transformer: v(primary) = ratio v(secondary), and no power is lost.
+
+        Parameters
+        ----------
+        name : str
+        primary_plus, primary_minus, secondary_plus, secondary_minus : str
+            Nodes of the two windings.
+        ratio : number
+            Turns of the primary winding for one of the secondary.
+        """
         ends = primary_plus, primary_minus, secondary_plus, secondary_minus
         return self.add(Transformer(name, *ends, ratio))
 
     def diode(
         self, name: str, anode: str, cathode: str, forward_voltage: Number = 0, resistance: Number = 0
     ) -> Self:
-        """Add a diode: forward_voltage + resistance i while it conducts, no current while it blocks."""
+        """Add a diode `name`, which conducts from `anode` to `cathode`.
+
+        Its voltage is forward_voltage + resistance i (volts, ohms) while it conducts; no current flows while it blocks.
+        """
         return self.add(Diode(name, anode, cathode, forward_voltage, resistance))
 
     def nonlinear_resistor(self, name: str, plus: str, minus: str, characteristic: Characteristic) -> Self:
-        """Add an element whose voltage and current lie on a piecewise linear curve of points (volts, amperes)."""
+        """Add an element `name` from `plus` to `minus` whose voltage and current lie on a piecewise linear curve.
+
+        Parameters
+        ----------
+        name, plus, minus : str
+        characteristic : Characteristic
+            The curve, as points (volts, amperes).
+        """
         return self.add(NonlinearResistor(name, plus, minus, characteristic))
 
     def switch(
@@ -116,6 +141,8 @@ class CircuitBuilder:
 
         Parameters
         ----------
+        name, plus, minus : str
+            Its name and its nodes.
         control : Pulse, PiecewiseConstant of 0 and 1, or (node, node, threshold, hysteresis)
             The last closes it where the voltage between the nodes rises above threshold + hysteresis, and opens it
             where that falls below threshold - hysteresis; it is open at the start in between.
@@ -133,22 +160,50 @@ class CircuitBuilder:
         resistance: Number = 0,
         body_diode_voltage: Number = 0,
     ) -> Self:
-        """Add a field-effect transistor as a switch, and its body diode NAME.body from source to drain."""
+        """Add a field-effect transistor as a switch, and its body diode NAME.body from source to drain.
+
+        Parameters
+        ----------
+        name, drain, source : str
+            Its name and its nodes.
+        control : Pulse, PiecewiseConstant of 0 and 1, or (node, node, threshold, hysteresis)
+            The same as that of `switch`.
+        resistance : number
+            Ohms while it is closed.
+        body_diode_voltage : number
+            Forward voltage of the body diode, volts.
+        """
         self.switch(name, drain, source, control, resistance)
         return self.diode(f"{name}.body", source, drain, body_diode_voltage)
 
     def voltage_source(self, name: str, plus: str, minus: str, value: Value) -> Self:
-        """Add a voltage source: a number, `Sine`, `PiecewiseConstant` or `piecewise_linear(times, values)`."""
+        """Add a voltage source: v(plus) - v(minus) = value.
+
+        Parameters
+        ----------
+        name, plus, minus : str
+            Its name and its nodes.
+        value : number, Sine, PiecewiseConstant or Exosystem
+            Volts; `piecewise_linear(times, values)` gives one as well.
+        """
         return self.add(VoltageSource(name, plus, minus, value))
 
     def current_source(self, name: str, plus: str, minus: str, value: Value) -> Self:
-        """Add a current source, whose current enters it at plus and leaves it at minus."""
+        """Add a current source, whose current enters it at plus and leaves it at minus.
+
+        Parameters
+        ----------
+        name, plus, minus : str
+            Its name and its nodes.
+        value : number, Sine, PiecewiseConstant or Exosystem
+            Amperes; `piecewise_linear(times, values)` gives one as well.
+        """
         return self.add(CurrentSource(name, plus, minus, value))
 
     def vcvs(
         self, name: str, plus: str, minus: str, control_plus: str, control_minus: str, gain: Number
     ) -> Self:
-        """Add a voltage source of gain (v(control_plus) - v(control_minus))."""
+        """Add a source `name`: v(plus) - v(minus) = gain (v(control_plus) - v(control_minus))."""
         return self.add(
             VoltageControlled(name, plus, minus, control_plus, control_minus, gain, of_voltage=True)
         )
@@ -156,15 +211,18 @@ class CircuitBuilder:
     def vccs(
         self, name: str, plus: str, minus: str, control_plus: str, control_minus: str, gain: Number
     ) -> Self:
-        """Add a current source of gain (v(control_plus) - v(control_minus)), gain in siemens."""
+        """Add a source `name` of current from plus to minus, gain (v(control_plus) - v(control_minus)).
+
+        The gain is in siemens.
+        """
         return self.add(
             VoltageControlled(name, plus, minus, control_plus, control_minus, gain, of_voltage=False)
         )
 
     def ccvs(self, name: str, plus: str, minus: str, control: str, gain: Number) -> Self:
-        """Add a voltage source of gain i(control), gain in ohms, control the name of an element."""
+        """Add a source `name`: v(plus) - v(minus) = gain i(control), gain in ohms, control the name of an element."""
         return self.add(CurrentControlled(name, plus, minus, control, gain, of_voltage=True))
 
     def cccs(self, name: str, plus: str, minus: str, control: str, gain: Number) -> Self:
-        """Add a current source of gain i(control), control the name of an element."""
+        """Add a source `name` of current gain i(control) from plus to minus, control the name of an element."""
         return self.add(CurrentControlled(name, plus, minus, control, gain, of_voltage=False))

@@ -41,12 +41,12 @@ class NonlinearResistor:
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """One."""
+        """One branch, from plus to minus."""
         return (Branch(self.name, self.plus, self.minus),)
 
     @property
     def pairs(self) -> tuple[str, ...]:
-        """One for each point of the curve."""
+        """One complementary pair for each point of the curve."""
         return tuple(f"{self.name}.{j + 1}" for j in range(len(self.characteristic.points)))
 
     @property

@@ -94,7 +94,7 @@ class CircuitLCS:
         return self.readings(trajectory.x, trajectory.u, self.sources.along(trajectory.t))
 
     def energy_of_event(self, event: Event, start: float) -> float:
-        """Return what is lost at an event of a run that begins at `start`."""
+        """Return the energy in joules that is lost at an event of a run that begins at `start`."""
         after = self.sources.after(event.time)
         before = self.sources.before(event.time) if event.time > start else after
         return self.energy_of_jump(
@@ -102,6 +102,9 @@ class CircuitLCS:
         )
 
     def energy_lost_at_start(self, start: float) -> float:
-        """Return what the elements' initial voltages and currents lose at once."""
+        """Return the energy in joules that the initial voltages and currents lose at once.
+
+        The run begins at `start`, whose sources count.
+        """
         settled = self.states_of_elements(self.x0, self.sources.after(start))
         return self.energy_of_jump(self.initial_element_states, settled)

@@ -68,6 +68,11 @@ class DiodeCircuit(CircuitBuilder):
         .options diode_current=I, in series with RS. Without ROFF an open switch carries no current. `notes` says what
         was read so and what was left out.
 
+        Parameters
+        ----------
+        text : str
+            The netlist, with its lines.
+
         Raises
         ------
         InvalidInputError
@@ -88,12 +93,16 @@ class DiodeCircuit(CircuitBuilder):
 
     @classmethod
     def from_netlist_file(cls, path: str | Path) -> Self:
-        """Read the circuit from a file, which may include others from its folder; see `from_netlist`.
+        """Read the circuit from a netlist in a file, which may include other files of its folder; see `from_netlist`.
+
+        Parameters
+        ----------
+        path : path-like
 
         Raises
         ------
         InvalidInputError
-            The file cannot be read; a line is none of a netlist's, or includes a file outside the folder.
+            The file cannot be read, a line is not one of a netlist, or a line includes a file outside the folder.
         """
         if not isinstance(path, str | Path):
             raise InvalidInputError("path", path, "the name of a file")

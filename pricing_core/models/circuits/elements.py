@@ -31,11 +31,11 @@ class Branch(NamedTuple):
 
 
 class Element(Protocol):
-    """What a netlist is made of."""
+    """An element of a circuit: resistor, capacitor, source, diode and so on."""
 
     @property
     def name(self) -> str:
-        """Its own among the circuit's elements."""
+        """Its name, which no other element of the circuit has."""
 
     @property
     def branches(self) -> tuple[Branch, ...]:
@@ -43,7 +43,7 @@ class Element(Protocol):
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """Rows whose sums are zero."""
+        """Rows whose sums over the unknowns are zero."""
 
 
 def pairs_of(element: Element) -> tuple[str, ...]:
@@ -73,12 +73,12 @@ class Resistor:
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """One."""
+        """One branch, from plus to minus."""
         return (Branch(self.name, self.plus, self.minus),)
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """Ohm's law."""
+        """Ohm's law, as one row."""
         return (total(voltage(self.plus, self.minus), current(self.name, -rational(self.ohms))),)
 
 
@@ -101,17 +101,17 @@ class Capacitor:
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """One."""
+        """One branch, from plus to minus."""
         return (Branch(self.name, self.plus, self.minus),)
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """The voltage is the state."""
+        """One row: the voltage is the state."""
         return (total(voltage(self.plus, self.minus), {("state", self.name): rational(-1)}),)
 
     @property
     def force(self) -> Row:
-        """What the stored charge changes by: the current."""
+        """The current, which is the derivative of the stored charge."""
         return current(self.name)
 
 
@@ -134,17 +134,17 @@ class Inductor:
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """One."""
+        """One branch, from plus to minus."""
         return (Branch(self.name, self.plus, self.minus),)
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """The current is the state."""
+        """One row: the current is the state."""
         return (total(current(self.name), {("state", self.name): rational(-1)}),)
 
     @property
     def force(self) -> Row:
-        """What the stored flux changes by: the voltage."""
+        """The voltage, which is the derivative of the stored flux."""
         return voltage(self.plus, self.minus)
 
 
@@ -170,12 +170,12 @@ class Coupling:
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """None."""
+        """No branch: the coupling carries no current of its own."""
         return ()
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """None: the coupling is in the inductance matrix."""
+        """No rows: the coupling is part of the inductance matrix."""
         return ()
 
 
@@ -196,12 +196,12 @@ class Diode:
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """One."""
+        """One branch, from the anode to the cathode."""
         return (Branch(self.name, self.anode, self.cathode),)
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """What must not be negative gets a name; the rest is complementarity."""
+        """One row, which names the reverse voltage; the complementarity condition does the rest."""
         drop = constant(self.forward_voltage) if self.forward_voltage else {}
         slope = current(self.name, rational(self.resistance)) if self.resistance else {}
         reverse: Row = {("reverse", self.name): rational(-1)}
@@ -209,7 +209,7 @@ class Diode:
 
     @property
     def pairs(self) -> tuple[str, ...]:
-        """One."""
+        """One complementary pair: the current and the reverse voltage."""
         return (self.name,)
 
 
@@ -243,7 +243,7 @@ class Transformer:
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """Those of the voltages and of the currents."""
+        """Two rows, one for the voltages and one for the currents."""
         primary, secondary = self.branches
         ratio = rational(self.ratio)
         return (

@@ -23,11 +23,11 @@ RIPPLE_POINTS = 4000  # of a run, besides its events
 
 
 class ReadableCircuit(Protocol):
-    """What a run reads a trajectory with."""
+    """The names and readings of a circuit, by which a run reads a trajectory."""
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """Names of the states."""
+        """The names of the states, in their order."""
 
     @property
     def multiplier_names(self) -> tuple[str, ...]:
@@ -42,10 +42,10 @@ class ReadableCircuit(Protocol):
         """All node voltages and branch currents, whose names are those of `read`."""
 
     def read(self, trajectory: Trajectory) -> Matrix:
-        """Return them along a trajectory, shape (m, readings)."""
+        """Return all readings along a trajectory, shape (m, readings)."""
 
     def energy_of_event(self, event: Event, start: float) -> float:
-        """Return what is lost at an event."""
+        """Return the energy in joules that is lost at an event."""
 
     def energy_lost_at_start(self, start: float) -> float:
         """Return what the elements' initial voltages and currents lose at once."""
@@ -113,12 +113,22 @@ class CircuitRun:
         return table_of({"t": self.t, **voltages, **currents})
 
     def quantity(self, name: str) -> Vector:
-        """Return "v(node)", "v(node,node)" or "i(element)" at the times t.
+        """Return a voltage or a current at the times t.
+
+        Parameters
+        ----------
+        name : str
+            "v(node)", "v(node,node)" or "i(element)".
+
+        Returns
+        -------
+        Vector, shape (m,)
+            Volts or amperes.
 
         Raises
         ------
         InvalidInputError
-            It is none of these, or the circuit has no such node or element.
+            The name is none of these, or the circuit has no such node or element.
         """
         checked_words("quantity", name)
         kind, _, rest = name.partition("(")
@@ -128,17 +138,20 @@ class CircuitRun:
         return self.voltage(*inside) if kind == "v" else self.current(inside[0])
 
     def mean(self, name: str) -> float:
-        """Return the mean of a quantity over the run, exact to rounding where the run was driven by events."""
+        """Return the mean over the run of the quantity `name`, in volts or amperes.
+
+        It is exact to rounding where the run was driven by events.
+        """
         fine, weights = self._quadrature()
         return float(weights @ fine.quantity(name))
 
     def rms(self, name: str) -> float:
-        """Return the root of the mean square of a quantity over the run."""
+        """Return the root of the mean square over the run of the quantity `name`, in volts or amperes."""
         fine, weights = self._quadrature()
         return math.sqrt(float(weights @ fine.quantity(name) ** 2))
 
     def ripple(self, name: str) -> float:
-        """Return the difference of the largest and the least value, to about 1e-6 of itself."""
+        """Return the difference of the largest and the smallest value of `name`, to about 1e-6 of itself."""
         return float(np.ptp(self.refined(RIPPLE_POINTS).quantity(name)))
 
     def power(self, element: str) -> float:
@@ -175,7 +188,7 @@ class CircuitRun:
         return self.voltages[plus] - self.voltages[minus]
 
     def current(self, branch: str) -> Vector:
-        """Return the current of an element at the times t.
+        """Return the current in amperes of the element `branch` at the times t, shape (m,).
 
         Raises
         ------

@@ -36,7 +36,7 @@ class VoltageSource(_IndependentSource):
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """The voltage is given."""
+        """One row: the voltage is given."""
         return (total(voltage(self.plus, self.minus), {("source", self.name): rational(-1)}),)
 
 
@@ -46,7 +46,7 @@ class CurrentSource(_IndependentSource):
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """The current is given."""
+        """One row: the current is given."""
         return (total(current(self.name), {("source", self.name): rational(-1)}),)
 
 
@@ -69,12 +69,12 @@ class VoltageControlled:
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """The output; the control draws no current."""
+        """One branch, the output; the control draws no current."""
         return (Branch(self.name, self.plus, self.minus),)
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """The output follows the control."""
+        """One row: the output is the gain times the control."""
         output = voltage(self.plus, self.minus) if self.of_voltage else current(self.name)
         return (total(output, voltage(self.control_plus, self.control_minus, -rational(self.gain))),)
 
@@ -97,12 +97,12 @@ class CurrentControlled:
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """The output."""
+        """One branch, the output."""
         return (Branch(self.name, self.plus, self.minus),)
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """The output follows the control."""
+        """One row: the output is the gain times the control."""
         output = voltage(self.plus, self.minus) if self.of_voltage else current(self.name)
         return (total(output, current(self.control, -rational(self.gain))),)
 

@@ -217,7 +217,7 @@ class SwitchedRecord:
 
     @property
     def readings(self) -> Readings:
-        """Those of one of the systems: all have the same names."""
+        """The readings of one of the systems: all have the same names."""
         return self._any.readings
 
     def closed(self, trajectory: Trajectory) -> dict[str, BoolVector]:

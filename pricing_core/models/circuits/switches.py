@@ -55,14 +55,14 @@ class Pulse:
             raise InvalidInputError("width", self.width, f"shorter than the period of {self.period:g} s")
 
     def closed_after(self, t: Vector) -> BoolVector:
-        """Return whether it is closed just after each of the times."""
+        """Return whether the switch is closed just after each of the times `t`, shape (m,)."""
         place = (t - self.delay) / self.period
         place = place + np.maximum(SAME_INSTANT, 4.0 * np.spacing(np.abs(place)))
         inside = place - np.floor(place) < self.width / self.period
         return np.asarray(inside & (place >= 0.0))
 
     def instants(self, t0: float, t1: float) -> Vector:
-        """Return the times strictly inside an interval at which it changes."""
+        """Return the times strictly between `t0` and `t1` at which the switch opens or closes."""
         first = max(math.floor((t0 - self.delay) / self.period), 0)
         count = max(math.ceil((t1 - self.delay) / self.period) - first + 1, 0)
         starts = self.delay + self.period * np.arange(first, first + count)
@@ -123,12 +123,12 @@ class Switch:
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """One."""
+        """One branch, from plus to minus."""
         return (Branch(self.name, self.plus, self.minus),)
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """None before its position is known."""
+        """No rows: they depend on the position, which is not known yet."""
         return ()
 
     def at(self, closed: bool) -> SwitchAt:
@@ -152,17 +152,17 @@ class SwitchAt:
 
     @property
     def name(self) -> str:
-        """That of the switch."""
+        """The name of the switch."""
         return self.switch.name
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """Those of the switch."""
+        """The branch of the switch."""
         return self.switch.branches
 
     @property
     def equations(self) -> tuple[Row, ...]:
-        """Ohm's law, or no voltage, or no current."""
+        """One row: Ohm's law, no voltage, or no current."""
         switch = self.switch
         across, through = voltage(switch.plus, switch.minus), current(switch.name)
         if self.closed:

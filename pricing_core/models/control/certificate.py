@@ -1,4 +1,4 @@
-"""What a stationary point of the collocated problem is: its first-order residual, and whether it is a maximum."""
+"""What derivatives prove of a stationary point of the collocated problem: its residual, and whether it is a maximum."""
 
 from __future__ import annotations
 

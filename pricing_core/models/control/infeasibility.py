@@ -1,4 +1,4 @@
-"""What weights on the constraints prove about every control that satisfies them."""
+"""Lower bounds of the control's energy that weights on the constraints prove."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ MOST_GROWTH = 600.0  # exponent of one piece beyond which floating point has no 
 
 @dataclass(frozen=True, slots=True)
 class Junction:
-    """One junction: where its time comes from, which constraints touch there, and which may have an atom.
+    """One junction: what its time is, which constraints touch there, and which may have an atom.
 
     `contact` and `side` say whose time it is; None at the horizon, whose time is given.
     """

@@ -74,10 +74,10 @@ def detect_structure(
 def _nodes_in_contact(
     slack: NDArray[np.float64], mass: NDArray[np.float64], smooth: bool
 ) -> NDArray[np.intp]:
-    """Return the nodes where the mass counts more than the slack, each against its largest."""
+    """Return the nodes where the mass, relative to its largest value, exceeds the slack relative to its own."""
     level = NEAR / (slack.size - 1) ** 2 if smooth else 0.0
-    weighed = (mass > np.abs(slack)) & (slack < 1e-3)
-    return np.flatnonzero(weighed | (slack < level))
+    has_mass = (mass > np.abs(slack)) & (slack < 1e-3)
+    return np.flatnonzero(has_mass | (slack < level))
 
 
 def _runs(nodes: NDArray[np.intp], gap: int) -> list[NDArray[np.intp]]:

@@ -15,7 +15,7 @@ class Connection:
     reasons: list[ServiceError] = field(default_factory=list)
 
     @property
-    def worth(self) -> tuple[bool, bool, float]:
+    def rank(self) -> tuple[bool, bool, float]:
         return True, False, self.opened
 
     def make_room(self, reason: ServiceError) -> None:

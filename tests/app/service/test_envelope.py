@@ -69,7 +69,7 @@ def raising(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> Callable[[Ex
 def test_an_unexpected_error_is_a_500_with_an_id_and_a_traceback_in_the_log_alone(
     raising: Any, question: dict[str, Any], caplog: pytest.LogCaptureFixture
 ) -> None:
-    client = raising(RuntimeError("the secret of the house"))
+    client = raising(RuntimeError("the secret of the bank"))
     answer = client.post("/v1/price", json=question)
     assert answer.status_code == 500
     assert answer.json()["type"] == "/docs#internal-error"
@@ -78,7 +78,7 @@ def test_an_unexpected_error_is_a_500_with_an_id_and_a_traceback_in_the_log_alon
     text = JsonFormatter().format(record)  # in several lines where it is long
     lines = [json.loads(line) for line in text.splitlines()]
     assert {line["request_id"] for line in lines} == {answer.json()["request_id"]}
-    assert "the secret of the house" in text
+    assert "the secret of the bank" in text
 
 
 def test_bad_input_found_by_the_library_is_a_422_without_the_value(

@@ -1,8 +1,8 @@
 """Prices of a chain from those of some of its strikes, and polynomials between them.
 
 All else equal, a price is a smooth function of the strike where the option is held, and the payoff where it is
-exercised. Strikes in the middle of two others are priced until a polynomial through their neighbours foretells them;
-the rest is interpolated.
+exercised. Strikes in the middle of two others are priced until a polynomial through their neighbours predicts them to
+the tolerance; the others are interpolated.
 """
 
 from __future__ import annotations

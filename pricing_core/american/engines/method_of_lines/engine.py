@@ -46,7 +46,7 @@ SPOT_STEP = 1e-4  # Step of the spot for the third derivative of the formula, as
 
 @dataclass(frozen=True, slots=True)
 class MethodOfLines:
-    """Any events, any number of exercise boundaries.
+    """The engine for every contract: any events, any number of exercise boundaries.
 
     Parameters
     ----------
@@ -70,11 +70,11 @@ class MethodOfLines:
 
     @property
     def least_error(self) -> float:
-        """An error of 1e-6 strikes: below, the faster engines' prices are as good as this one's."""
+        """1e-6 strikes: below that the prices of the faster engines are as accurate as those of this one."""
         return 1e-6
 
     def serves(self, book: Book) -> BoolVector:
-        """Serve every contract that has some life before it and a spot above 0."""
+        """Return True for every contract with time to expiry and a spot above 0."""
         return (book.expiry > 0.0) & (book.spot > 0.0)
 
     def solve(self, book: Book, request: Request) -> Prices:

@@ -40,15 +40,15 @@ class ValueFunction(Protocol):
 
     @property
     def kinks(self) -> tuple[Kink, ...]:
-        """Where it is not smooth."""
+        """The kinks, where the function is not smooth."""
         ...
 
     def value(self, s: Vector) -> Vector:
-        """Return its values."""
+        """Return the values of the function at s."""
         ...
 
     def slope(self, s: Vector) -> Vector:
-        """Return its derivatives."""
+        """Return the derivatives of the function at s."""
         ...
 
 
@@ -60,7 +60,7 @@ class Payoff:
 
     @property
     def kinks(self) -> tuple[Kink, ...]:
-        """The strike."""
+        """The kink at the strike."""
         return (Kink(1.0, 1.0),)
 
     def value(self, s: Vector) -> Vector:
@@ -68,7 +68,7 @@ class Payoff:
         return np.maximum(self.sign * (1.0 - s), 0.0)
 
     def slope(self, s: Vector) -> Vector:
-        """Return its derivative."""
+        """Return the derivative of the payoff at s."""
         return np.where(self.sign * (1.0 - s) > 0.0, -self.sign, 0.0)
 
 
@@ -125,11 +125,11 @@ class GridFunction:
 
     @property
     def kinks(self) -> tuple[Kink, ...]:
-        """None that are known."""
+        """No kinks: the function is smooth between its nodes."""
         return ()
 
     def value(self, s: Vector) -> Vector:
-        """Return its values."""
+        """Return the values of the function at s."""
         cell, h, u = self._place(s)
         a, b = self.values[cell], self.values[cell + 1]
         da, db = h * self.slopes[cell], h * self.slopes[cell + 1]
@@ -142,7 +142,7 @@ class GridFunction:
         return np.where(s < self.nodes[0], self.at_zero + s * self._first_chord(), inside)
 
     def slope(self, s: Vector) -> Vector:
-        """Return its derivatives."""
+        """Return the derivatives of the function at s."""
         cell, h, u = self._place(s)
         chord = (self.values[cell + 1] - self.values[cell]) / h
         da, db = self.slopes[cell] - chord, self.slopes[cell + 1] - chord
@@ -183,11 +183,11 @@ class Dropped:
         return (*moved, Kink(self.amount / kept, slope * kept))
 
     def value(self, s: Vector) -> Vector:
-        """Return its values."""
+        """Return the values before the dividends at s."""
         return self.after.value(np.maximum(s * (1.0 - self.fraction) - self.amount, 0.0))
 
     def slope(self, s: Vector) -> Vector:
-        """Return its derivatives."""
+        """Return the derivatives of the value before the dividends at s."""
         kept = 1.0 - self.fraction
         ex = s * kept - self.amount
         return np.where(ex > 0.0, kept * self.after.slope(np.maximum(ex, 0.0)), 0.0)

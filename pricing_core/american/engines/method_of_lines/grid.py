@@ -129,7 +129,7 @@ def reach(schedule: Schedule, truncation: float, spots: tuple[float, ...] = ()) 
     """Return how far the spot moves from the strike, and from its own place or from these, in units of the strike.
 
     ln S stays within sqrt(2 ln(20/truncation)) standard deviations of every path of its mean, under the pricing
-    measure and under that of the stock (a call weighs its payoff by S): what happens outside changes the value by
+    measure and under that of the stock (the payoff of a call grows like S): what happens outside changes the value by
     less than about `truncation` of the strike.
     """
     variance = math.fsum(segment.volatility**2 * segment.duration for segment in schedule.segments)

@@ -41,7 +41,7 @@ STEPS_PER_DRIFT = 2.0  # Number of steps per standard deviation that the spot dr
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Level:
-    """What the solves at one resolution say at the spot.
+    """The values at the spot that the solves at one resolution give.
 
     Parameters
     ----------
@@ -108,11 +108,11 @@ class ScheduleSolver:
 
     @property
     def spot(self) -> float:
-        """In units of the strike."""
+        """The spot that diffuses, in units of the strike."""
         return self.schedule.spot / self.schedule.strike
 
     def solve(self, resolution: Resolution, *, held: bool = True) -> Level | None:
-        """Return what `solving` does."""
+        """Solve at one resolution; arguments and result are those of `solving`."""
         return done(self.solving(resolution, held=held), self.interrupt)
 
     def solving(self, resolution: Resolution, *, held: bool = True) -> Work[Level | None]:

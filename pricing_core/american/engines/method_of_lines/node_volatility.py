@@ -47,16 +47,16 @@ class NodeVolatility:
         return cls(surface.times, variance, local.reference)
 
     def at(self, time: float) -> Vector:
-        """Return what the volatility exceeds the reference by at a time, years from now, shape (N,)."""
+        """Return by how much the volatility exceeds the reference at a time (years from now), shape (N,)."""
         return self.excess(hat_weights(self.times, np.array([time]))[0])
 
     def excess(self, weights: Vector) -> Vector:
-        """Return the same for a weighted mean of the variances at its times, shape (N,)."""
+        """Return that excess for a weighted mean of the variances at the times of the surface, shape (N,)."""
         excess: Vector = np.sqrt(weights @ self.variance) - self.reference
         return excess
 
     def weights_of_steps(self, segment: Segment, mesh: Vector) -> Matrix:
-        """Return what the times count for in the steps of a segment, shape (k, m), k = 1 where all steps are alike.
+        """Return the weights of the times in the steps of a segment, shape (k, m); k = 1 where all steps are alike.
 
         Parameters
         ----------

@@ -87,7 +87,7 @@ class Estimate:
 
     @property
     def error(self) -> float:
-        """The error estimate of v."""
+        """The estimated error of the value v, in units of the strike."""
         return float(self.errors[0, 0])
 
 
@@ -99,7 +99,7 @@ def estimate_to_tolerance(
     resolution: Resolution | None = None,
     exact: Matrix | None = None,
 ) -> Estimate:
-    """Return what `estimating` does."""
+    """Price a schedule to a tolerance; arguments and result are those of `estimating`."""
     work = estimating(solver, tolerance, scheme=scheme, resolution=resolution, exact=exact)
     return done(work, solver.interrupt)
 
@@ -325,7 +325,7 @@ def _noise(solver: ScheduleSolver, level: Level) -> float:
 def limit_of(
     values: list[Matrix], *, first_order: bool, step_share: float = STEP_SHARE
 ) -> tuple[Matrix, Matrix]:
-    """Return the limits of numbers at doubling resolutions, and their errors, both of the numbers' shape.
+    """Return the limits of sequences of numbers at doubling resolutions and their errors, both of the numbers' shape.
 
     How far an extrapolant moved, or a share of how far it moved before, or of how far the numbers themselves moved,
     whichever is largest; each number on its own.

@@ -152,7 +152,7 @@ class TridiagonalStage:
         """Return (z, w) from a method of `pricing_core.lcp` for matrices of any kind."""
         from pricing_core.lcp import LCP, solve, solve_psor  # noqa: PLC0415  # slow to import
 
-        # Far out z and w vanish together, rounding decides which of them is zero, and the library judges
+        # Far out z and w vanish together, rounding decides which of them is zero, and the library measures
         # every row on its own scale: q is lifted a little, which puts those rows in contact.
         M, q = problem.M, problem.q
         lifted = LCP(M.matrix, q + LIFT * np.max(np.abs(q)))

@@ -92,17 +92,17 @@ class SweepProblem:
 
     @property
     def schedule(self) -> Schedule:
-        """The schedule."""
+        """The schedule that is solved."""
         return self.request.schedule
 
     @property
     def grid(self) -> Grid:
-        """The grid."""
+        """The grid in s = S/K that it is solved on."""
         return self.request.grid
 
     @property
     def resolution(self) -> Resolution:
-        """How finely it is solved."""
+        """The numbers of cells and steps, and the method."""
         return self.request.resolution
 
     @property

@@ -83,7 +83,7 @@ def far_boundaries(
 
 
 def begun_at(packed: Packed, times: Vector) -> Packed:
-    """Return one contract as it is just after each of these times before expiry, spots left out.
+    """Return one contract as it is just after each of these times before expiry; its spots have no meaning.
 
     Where the spot drops then, the contract may not be exercised: just before, no put is exercised far below.
     """

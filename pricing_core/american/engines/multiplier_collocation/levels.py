@@ -88,7 +88,7 @@ def pack(book: Book) -> Packed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """What the collocation says of each schedule, in strikes; every array has shape (n,).
+    """The solution of the collocation for each schedule, in strikes; every array has shape (n,).
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class Solved:
     gradient: NDArray[np.float64]
 
     def take(self, rows: Rows, book: Book) -> Solved:
-        """Return some rows of what was solved of a book."""
+        """Return some rows of the solution."""
         columns = {name: getattr(self, name)[rows] for name in self.__slots__ if name != "gradient"}
         return Solved(**columns, gradient=self.gradient[gather(book.first, rows)[1]])
 
@@ -202,7 +202,7 @@ def _keep(
 
 
 class KernelValues(NamedTuple):
-    """What the kernel says of n contracts with m segments: see its `solve_schedules`."""
+    """What the kernel's `solve_schedules` returns for n contracts with m segments in all."""
 
     numbers: Matrix
     settled: BoolVector
@@ -212,7 +212,7 @@ class KernelValues(NamedTuple):
 def solve_at_level(
     book: Book, level: NDArray[np.int64], threads: int, interrupt: Callable[[], bool] | None = None
 ) -> KernelValues:
-    """Return what the kernel says of the contracts where every boundary has its level's own degree.
+    """Solve the contracts with the degree of the level at every boundary, and return what the kernel finds.
 
     Contracts that differ little are solved alike as a rule.
     """
@@ -228,7 +228,7 @@ def kernel_values(
     walks: int = 0,
     interrupt: Callable[[], bool] | None = None,
 ) -> KernelValues:
-    """Return what the kernel says of the contracts at these levels; a tolerance of 0 takes the level's own degree."""
+    """Solve the contracts at these levels; where the tolerance is 0 every boundary has the degree of its level."""
     assert kernel.solve_schedules is not None
     nothing, none = np.zeros(0), np.zeros(packed.x.size + 1, dtype=np.int64)
     numbers, _, settled, gradient = kernel.solve_schedules(

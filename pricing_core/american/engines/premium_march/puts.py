@@ -40,13 +40,13 @@ class Puts:
     spread: Vector
 
     def take(self, rows: NDArray[np.intp]) -> Puts:
-        """Return some of them."""
+        """Return some of the puts."""
         return Puts(self.x[rows], self.rate[rows], self.dividend[rows], self.spread[rows])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PutValues:
-    """What the marches say of each put.
+    """The values that the marches of n puts give.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ class Line:
 
     @property
     def field(self) -> str:
-        """What an error message calls it."""
+        """The name of the line in error messages."""
         return f"line {self.number} of {self.file or 'the netlist'}"
 
     def fault(self, allowed: str) -> InvalidInputError:
@@ -95,7 +95,7 @@ class Card:
 
     @property
     def field(self) -> str:
-        """What an error message calls it."""
+        """The name of the card in error messages."""
         return self.line.field
 
     def check(self, form: str, words: int, option: str = "") -> Fraction:
