@@ -20,7 +20,7 @@ SAY_KERNEL := $(BIN)/python -c "import pricing_core as p; name = p.kernel_name()
 # cargo and the build backend must agree on the interpreter, or each would recompile the other's work.
 export PYO3_PYTHON := $(abspath $(BIN)/python)
 
-.PHONY: help demo test check benchmark examples docs nightly wheels image lock clean
+.PHONY: help demo test check benchmark figures examples docs nightly wheels image lock clean
 .DEFAULT_GOAL := help
 
 help:  ## show this list
@@ -50,6 +50,10 @@ benchmark: $(VENV)/.installed-for-tests  ## run every benchmark quickly, into bu
 
 examples: $(VENV)/.installed  ## run every example; each asserts what it shows, and writes its output and its picture into examples/out
 	$(BIN)/python examples/run_all.py
+
+figures: $(VENV)/.installed-for-tests  ## measure the figures of README and docs anew into docs/figures, and write them into the texts
+	$(INSTALL) 'QuantLib>=1.44,<2'
+	$(BIN)/python -m benchmarks.figures
 
 docs: $(VENV)/.installed-for-docs examples  ## build the documentation into site and follow its links, without the network; a warning is an error
 	rm -rf jupyter_execute site

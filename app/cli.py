@@ -553,14 +553,15 @@ def benchmark_command(
         list[str] | None,
         typer.Argument(
             metavar="NAME",
-            help="engine-frontier, crank-nicolson, lcs-work-precision, max-plus, complementarity; default: all",
+            help="engine-frontier, crank-nicolson, lcs-work-precision, max-plus, complementarity, cost-scaling, batch, "
+            "cluster, service; default: all",
         ),
     ] = None,
     quick: Annotated[
         bool, typer.Option("--quick", help="under a minute, to see that it works; the figures mean little")
     ] = False,
 ) -> None:
-    """Measure accuracy against time, beside other methods, and write reports: HTML, Markdown, JSON, PNG, CSV."""
+    """Measure accuracy against time, beside other methods, and write reports: HTML, Markdown, JSON, PNG."""
     with one_line_errors():
         from app.commands.benchmark_command import check_names, run_benchmarks  # noqa: PLC0415
 

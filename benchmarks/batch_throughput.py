@@ -1,20 +1,22 @@
 """What does a book cost as a file: rows a second and peak memory by file kind and threads, beside `price_many`?
 
-Run as `python -m benchmarks.batch_throughput [ROWS] [--dividends]`. Every run is a process of its own, so that its peak
+Every run is a process of its own, so that its peak
 memory is its own; `price_many` is given the same contracts as arrays in a process as well.
 """
 
-import argparse
 import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmarks.problems.portfolios import everyday
+from benchmarks.reporting.report import Report, Section, table
 
 TOLERANCE = 1e-5
+THREADS = (1, 2)
 CHILD = """
 import json, sys, time
 arguments = json.loads(sys.argv[1])
@@ -37,21 +39,42 @@ print(json.dumps([seconds, int(peak) / 1024]))
 """
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("rows", type=int, nargs="?", default=200_000)
-    parser.add_argument(
-        "--dividends", action="store_true", help="four cash dividends a contract, prices alone"
+class BatchRun(NamedTuple):
+    """One run of a book: rows a second, its time over that of `price_many` on as many threads, and its peak memory."""
+
+    kind: str
+    threads: int
+    seconds: float
+    rows_a_second: float
+    over_price_many: float
+    peak_MB: float
+
+
+def run(*, quick: bool) -> Report:
+    """Measure and report; `quick` takes a small book on one thread."""
+    flat = measure(20_000 if quick else 1_000_000, (1,) if quick else THREADS)
+    paying = measure(500 if quick else 50_000, (1,) if quick else THREADS, dividends=True)
+    sections = (
+        _section("Contracts without events, all standard Greeks", "flat", flat),
+        _section("Contracts with four cash dividends, prices alone", "dividends", paying),
     )
-    options = parser.parse_args()
+    return Report("batch", "Books as files", (__doc__ or "").splitlines()[0], sections)
+
+
+def _section(title: str, name: str, runs: Sequence[BatchRun]) -> Section:
+    fastest = max((one for one in runs if one.kind != "price_many"), key=lambda one: one.rows_a_second)
+    text = f"""{fastest.kind.capitalize()} on {fastest.threads} thread{"s" * (fastest.threads > 1)} is the fastest file,
+        {fastest.rows_a_second:,.0f} rows a second, {fastest.over_price_many:.2f} times the time of `price_many`; no
+        run takes more than {max(one.peak_MB for one in runs):,.0f} MB."""
+    return Section(title, text, (table(name, runs),))
+
+
+def measure(rows: int, threads: Sequence[int] = THREADS, *, dividends: bool = False) -> list[BatchRun]:
+    """Write a book, and price it as arrays and from either kind of file."""
+    greeks = "none" if dividends else "standard"
     with tempfile.TemporaryDirectory(prefix="batch-") as name:
-        folder = Path(name)
-        write_books(folder, options.rows, dividends=options.dividends)
-        print(f"{options.rows:,} contracts, tolerance {TOLERANCE:g}")
-        print(f"{'':12}{'threads':>8}{'seconds':>9}{'rows/s':>10}{'price_many x':>14}{'peak MB':>9}")
-        for threads in (1, 2):
-            _measure(folder, options.rows, threads, "none" if options.dividends else "standard")
+        write_books(Path(name), rows, dividends=dividends)
+        return [one for count in threads for one in _runs(Path(name), rows, count, greeks)]
 
 
 def write_books(folder: Path, rows: int, *, dividends: bool) -> None:
@@ -74,7 +97,7 @@ def write_books(folder: Path, rows: int, *, dividends: bool) -> None:
     pa_csv.write_csv(table, folder / "book.csv")
 
 
-def _measure(folder: Path, rows: int, threads: int, greeks: str) -> None:
+def _runs(folder: Path, rows: int, threads: int, greeks: str) -> Iterator[BatchRun]:
     alone = 0.0
     for kind in ("price_many", "parquet", "csv"):
         ending = "csv" if kind == "csv" else "parquet"
@@ -90,11 +113,4 @@ def _measure(folder: Path, rows: int, threads: int, greeks: str) -> None:
         found = subprocess.run(command, capture_output=True, text=True, check=True)
         seconds, peak = json.loads(found.stdout)
         alone = alone or seconds
-        print(
-            f"{kind:12}{threads:8}{seconds:9.2f}{rows / seconds:10,.0f}{seconds / alone:14.2f}{peak:9.0f}",
-            flush=True,
-        )
-
-
-if __name__ == "__main__":
-    main()
+        yield BatchRun(kind, threads, seconds, rows / seconds, seconds / alone, peak)

@@ -1,46 +1,74 @@
 """How does a book scale over the worker processes of a cluster on this machine, beside threads of one process?
 
-Run as `python -m benchmarks.cluster_scaling [ROWS] [--dividends]`. The scheduler and its workers are there before
-the clock starts and have priced the book once. The efficiency is the rate over the number of workers times the rate of
-one; with more workers than processors it can be no more than processors / workers.
+The scheduler and its workers are there before the clock starts and have priced the book once. The efficiency is the
+rate over the number of workers times the rate of one; with more workers than processors it can be no more than
+processors / workers.
 """
 
-import argparse
 import os
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import distributed
 
 from benchmarks.batch_throughput import TOLERANCE, write_books
+from benchmarks.reporting.plots import curves
+from benchmarks.reporting.report import Report, Section, table
 from pricing_core.batch import run_batch
 
 WORKERS = (1, 2, 4)
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("rows", type=int, nargs="?", default=200_000)
-    parser.add_argument("--dividends", action="store_true", help="four cash dividends a contract")
-    options = parser.parse_args()
+class ClusterRun(NamedTuple):
+    """One run: local threads, or workers with their efficiency."""
+
+    who: str
+    seconds: float
+    rows_a_second: float
+    efficiency: float | None
+
+
+def run(*, quick: bool) -> Report:
+    """Measure and report; `quick` takes a small book and one worker."""
+    flat = measure(5_000 if quick else 200_000, WORKERS[:1] if quick else WORKERS)
+    sections = [_section("Contracts without events", "flat", flat)]
+    if not quick:
+        paying = measure(50_000, WORKERS, dividends=True)
+        sections.append(_section("Contracts with four cash dividends", "dividends", paying))
+    return Report("cluster", "Books on a cluster", (__doc__ or "").splitlines()[0], tuple(sections))
+
+
+def _section(title: str, name: str, runs: Sequence[ClusterRun]) -> Section:
+    alone, *workers = runs
+    processors = len(os.sched_getaffinity(0))
+    best = max(workers, key=lambda one: one.rows_a_second)
+    text = f"""Prices alone, tolerance {TOLERANCE:g}, {processors} processors. {best.who.capitalize()} price
+        {best.rows_a_second:,.0f} rows a second, {best.rows_a_second / alone.rows_a_second:.2f} times one thread of
+        one process."""
+    pairs = [(float(one.who.split()[0]), one.rows_a_second) for one in workers]
+    figure = curves(
+        {"": {"cluster": pairs, "one thread": [(1.0, alone.rows_a_second)]}}, "workers", "rows a second"
+    )
+    return Section(title, text, (table(name, runs),), {name: figure})
+
+
+def measure(rows: int, workers: Sequence[int] = WORKERS, *, dividends: bool = False) -> list[ClusterRun]:
+    """Price a book on one thread, and on so many workers."""
     with tempfile.TemporaryDirectory(prefix="cluster-") as name:
         folder = Path(name)
-        write_books(folder, options.rows, dividends=options.dividends)
-        processors = len(os.sched_getaffinity(0))
-        print(f"{options.rows:,} contracts, prices alone, tolerance {TOLERANCE:g}, {processors} processors")
-        print(f"{'':14}{'seconds':>9}{'rows/s':>10}{'efficiency':>12}")
-        alone = options.rows / _seconds(folder, engine="local", threads=1)
-        print(f"{'one thread':14}{options.rows / alone:9.2f}{alone:10,.0f}")
+        write_books(folder, rows, dividends=dividends)
+        alone = _seconds(folder, engine="local", threads=1)
+        found = [ClusterRun("one thread", alone, rows / alone, None)]
         first = 0.0
-        for workers in WORKERS:
-            rate = options.rows / _on_cluster(folder, workers)
-            first = first or rate
-            efficiency = rate / (workers * first)
-            print(
-                f"{workers:6} worker{'s' * (workers > 1):7}{options.rows / rate:9.2f}{rate:10,.0f}{efficiency:12.2f}"
-            )
+        for count in workers:
+            seconds = _on_cluster(folder, count)
+            first = first or count * seconds
+            who = f"{count} worker{'s' * (count > 1)}"
+            found.append(ClusterRun(who, seconds, rows / seconds, first / (count * seconds)))
+    return found
 
 
 def _on_cluster(folder: Path, workers: int) -> float:
@@ -48,10 +76,9 @@ def _on_cluster(folder: Path, workers: int) -> float:
     with distributed.LocalCluster(
         n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=":0", silence_logs=50
     ) as cluster:
-        _seconds(
-            folder, engine="dask", scheduler=cluster.scheduler_address
-        )  # the workers import what they need
-        return _seconds(folder, engine="dask", scheduler=cluster.scheduler_address)
+        for _ in range(2):  # in the first the workers import what they need
+            seconds = _seconds(folder, engine="dask", scheduler=cluster.scheduler_address)
+    return seconds
 
 
 def _seconds(folder: Path, *, engine: str, scheduler: str | None = None, threads: int | None = None) -> float:
@@ -66,7 +93,3 @@ def _seconds(folder: Path, *, engine: str, scheduler: str | None = None, threads
         threads=threads,
     )
     return time.perf_counter() - start
-
-
-if __name__ == "__main__":
-    main()

@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 from benchmarks.measuring.timing import TURNS
 from benchmarks.method_of_lines.accuracy_study import study_accuracy
-from benchmarks.method_of_lines.comparison import Comparison
 from benchmarks.method_of_lines.lcp_study import compare_solvers, sweep_relaxation
 from benchmarks.method_of_lines.order_study import StepCounts, refine_cells, refine_steps
 from benchmarks.method_of_lines.profiles import boundary_errors, gamma_errors
-from benchmarks.method_of_lines.report import compose
+from benchmarks.method_of_lines.report import Comparison, compose
 from benchmarks.problems.classic_sets import classic_problems
 from benchmarks.reporting.report import Report
 

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 from benchmarks.measuring.machine import nominal_megahertz
-from benchmarks.option_engine.findings import Findings
 from benchmarks.option_engine.march_scaling import march_costs
 from benchmarks.option_engine.portfolio_study import Effort, study_portfolio
-from benchmarks.option_engine.report import compose
+from benchmarks.option_engine.report import Findings, compose
 from benchmarks.option_engine.throughput import (
     CAN_SHARE,
     batch_rates,

@@ -167,6 +167,20 @@ def solve_times(book: Book, seconds: float = SECONDS) -> list[float]:
     return times
 
 
+def rates(option_type: str, rows: int = ROWS, seconds: float = SECONDS) -> dict[Greeks, dict[float, Rate]]:
+    """Return what a table of one option type takes at each tolerance, without and with all Greeks."""
+    payers = random_book(option_type, rows)
+    exact = STRIKE * solve_to_tolerance(payers.book(), np.full(rows, REFERENCE), 1).value
+    asked: tuple[Greeks, ...] = ("none", "standard")
+    return {
+        greeks: {
+            tolerance: measure(payers, exact, tolerance, greeks=greeks, seconds=seconds)
+            for tolerance in TOLERANCES
+        }
+        for greeks in asked
+    }
+
+
 def report(option_type: str, rows: int = ROWS, seconds: float = SECONDS) -> None:
     """Print the table of one option type."""
     payers = random_book(option_type, rows)

@@ -6,22 +6,22 @@ from functools import partial
 from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.sparse import csr_array
 
 from benchmarks.measuring.timing import Task, least_seconds
-from benchmarks.reporting.report import Report, Section, Table
+from benchmarks.reporting.plots import curves
+from benchmarks.reporting.report import Report, Section, table
+from benchmarks.reporting.scaling import exponent
 from pricing_core.max_plus import eigenvalue
 from pricing_core.max_plus.arcs import arcs_of
 from pricing_core.max_plus.matrices import rows_of
 from pricing_core.max_plus.spectrum import mean_of_circuits
 
 Kind: TypeAlias = Literal["hidden ring", "random", "long ring"]
+METHODS = ("howard", "karp")
 KINDS: tuple[Kind, ...] = ("hidden ring", "random", "long ring")
 DEGREE = 10  # arcs into a node, about
 HIDDEN_MEAN = 7.25
-STYLES = {"howard": "o-", "karp": "s--"}
-COLOURS = {"hidden ring": "#0072B2", "random": "#D55E00", "long ring": "#009E73"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,16 +56,24 @@ def run(*, quick: bool) -> Report:
     sizes = QUICK if quick else FULL
     runs = tuple(one for kind in KINDS for one in measure(kind, sizes))
     text = "\n\n".join(filter(None, (sizes.note, *findings(runs))))
+    lines = {
+        f"{method}, {kind}": [
+            (one.nodes, one.seconds) for one in runs if (one.kind, one.method) == (kind, method)
+        ]
+        for kind in KINDS
+        for method in METHODS
+    }
+    powers = [f"{name} {exponent(pairs, 3):.1f}" for name, pairs in lines.items()]
+    text += f"\n\nThe time grows with the nodes to the power of: {', '.join(powers)}."
     return Report(
         name="max-plus",
         title="The largest circuit mean by Howard and by Karp",
         question="How long does the eigenvalue of a sparse max-plus matrix take, by size and by method?",
         sections=(
-            Section("Time by size", text, figures=(("time", time_figure(runs)),)),
+            Section("Time by size", text, figures={"time": curves({"": lines}, "nodes", "seconds")}),
             Section("The graphs", GRAPHS),
-            Section("All measurements", "", (Table(MeanRun._fields, tuple(tuple(r) for r in runs), "runs"),)),
+            Section("All measurements", "", (table("runs", runs),)),
         ),
-        results={"runs": [r._asdict() for r in runs]},
     )
 
 
@@ -127,18 +135,3 @@ def findings(runs: Sequence[MeanRun]) -> list[str]:
         "algorithm, which takes time as nodes times arcs and memory as nodes squared.",
         f"The hidden mean is found to {errors:.1g}; where both methods ran they differ by at most {apart:.1g}.",
     ]
-
-
-def time_figure(runs: Sequence[MeanRun]) -> Figure:
-    """Draw seconds against nodes, one line for each method and kind of graph."""
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-    axes = figure.subplots()
-    for kind in KINDS:
-        for method, style in STYLES.items():
-            line = [(r.nodes, r.seconds) for r in runs if (r.kind, r.method) == (kind, method)]
-            axes.loglog(*zip(*line, strict=True), style, color=COLOURS[kind], label=f"{method}, {kind}")
-    axes.set_xlabel("nodes")
-    axes.set_ylabel("seconds")
-    axes.grid(which="major", alpha=0.3)
-    axes.legend(frameon=False)
-    return figure

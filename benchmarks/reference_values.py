@@ -8,16 +8,18 @@ Takes about two minutes. Run from the root of the project: .venv/bin/python -m b
 import csv
 import platform
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 import pricing_core
+from benchmarks.reporting.report import table
 from pricing_core.american import Greeks, Market, Option, price
 
 TABLE = Path(__file__).parents[1] / "tests" / "data" / "american_true_values.csv"
-TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+TOLERANCES = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 REPEATS = 3
 
 
@@ -65,27 +67,43 @@ def timed(option: Option, market: Market, tolerance: float, greeks: Greeks) -> P
     return Priced(found / option.strike, claim / option.strike, valuation.status == "ok", min(times))
 
 
+class Row(NamedTuple):
+    """One tolerance: errors as fractions of the strike, less that of the reference, times the means of single calls."""
+
+    tolerance: float
+    largest_error: float
+    rms_error: float
+    median_claim: float
+    ok: int
+    beyond: int
+    milliseconds: float
+    with_greeks: float
+
+
+def rows() -> Iterator[Row]:
+    """Price every contract at every tolerance."""
+    for tolerance in TOLERANCES:
+        errors, found, greeks = [], [], []
+        for option, market, true, reference_error in contracts():
+            found.append(timed(option, market, tolerance, greeks="none"))
+            errors.append(max(abs(found[-1].price - true / option.strike) - reference_error, 0.0))
+            greeks.append(timed(option, market, tolerance, greeks="standard").milliseconds)
+        yield Row(
+            tolerance=tolerance,
+            largest_error=max(errors),
+            rms_error=float(np.sqrt(np.mean(np.square(errors)))),
+            median_claim=float(np.median([one.claim for one in found])),
+            ok=sum(one.ok for one in found),
+            beyond=sum(one.ok and error > tolerance for one, error in zip(found, errors, strict=True)),
+            milliseconds=float(np.mean([one.milliseconds for one in found])),
+            with_greeks=float(np.mean(greeks)),
+        )
+
+
 def main() -> None:
     """Print one line per tolerance."""
     print(f"kernel {pricing_core.kernel_name()}, Python {platform.python_version()}, {platform.machine()}")
-    print("errors as a fraction of the strike, less that of the reference; times per option on one core")
-    print(
-        "tolerance  largest error  rms error  claimed (median)  ok     beyond  ms price only  ms with Greeks"
-    )
-    table = contracts()
-    for tolerance in TOLERANCES:
-        errors, claims, alone, greeks, ok, beyond = [], [], [], [], 0, 0
-        for option, market, true, reference_error in table:
-            priced = timed(option, market, tolerance, greeks="none")
-            errors.append(max(abs(priced.price - true / option.strike) - reference_error, 0.0))
-            claims.append(priced.claim)
-            ok += priced.ok
-            beyond += priced.ok and errors[-1] > tolerance
-            alone.append(priced.milliseconds)
-            greeks.append(timed(option, market, tolerance, greeks="standard").milliseconds)
-        accuracy = f"{tolerance:9.0e}  {max(errors):13.1e}  {np.sqrt(np.mean(np.square(errors))):9.1e}"
-        claim = f"{np.median(claims):16.1e}  {ok:2d}/{len(table)}  {beyond:6d}"
-        print(f"{accuracy}  {claim}  {np.mean(alone):13.1f}  {np.mean(greeks):14.1f}")
+    print(table("accuracy", rows()))
 
 
 if __name__ == "__main__":

@@ -1,422 +1,153 @@
 """How many prices a second does the service answer, how long does each take or a batch, what do hostile clients change?
 
-Random American puts without dividends, tolerance 1e-6, all Greeks, by `POST /v1/price` over connections that are kept:
-
-- a number of clients, each of which asks again when it has its answer, against the no-op: the same server, middleware,
-  models and log line with a constant answer;
-- arrivals at fixed rates, whether or not the service keeps up, with latencies from the time at which each was due: at
-  half of the largest rate and at twice that;
-- one batch of many such puts by `POST /v1/batch`, in each form, against `price_many` of the same arrays;
-- one client beside twenty hostile ones of the same address, which ask for implied volatilities with 600 dividends at
-  the tolerance 1e-8 without a pause, or hold idle connections; and the memory of two workers beside them.
-
-Clients and server share the machine. What the clients cost is shown by a server in the same language that answers a
-constant without reading the request. Run from the root of the project, with --quick in a minute:
-.venv/bin/python -m benchmarks.service_load
+Random American puts without dividends, tolerance 1e-6, all Greeks, by `POST /v1/price` over connections that are kept.
+Clients and server share the machine.
 """
 
 import asyncio
-import contextlib
-import http.client
-import json
-import subprocess
-import sys
-import tempfile
-import time
-from collections import Counter
-from collections.abc import AsyncIterator, Awaitable, Iterator
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from collections.abc import Coroutine, Iterator, Sequence
+from typing import Any, NamedTuple
 
-import numpy as np
-import pyarrow as pa
-
-import pricing_core
-from benchmarks.measuring.machine import cpu_model
-from benchmarks.problems.hostile_questions import SEARCH
-from pricing_core.american import price_many
-
-HOST = "127.0.0.1"
-JSON, LINES, ARROW = FORMS = (
-    "application/json",
-    "application/x-ndjson",
-    "application/vnd.apache.arrow.stream",
+from benchmarks.reporting.report import Report, Section, table
+from benchmarks.serving.load import (
+    CONSTANT,
+    HOSTILE,
+    IDLE,
+    NO_OP,
+    SERVE,
+    Measured,
+    batch_answers,
+    beside_batches,
+    beside_hostile,
+    beside_idle,
+    closed_loop,
+    megabytes,
+    open_loop,
+    price_requests,
+    server,
+    server_process,
 )
+
 CLIENTS = (1, 8, 32)
-HOSTILE = 20
-IDLE = 500
-CONNECTIONS = 64  # that arrivals at a fixed rate use; fewer than the service lets one address have
-SERVE = "import sys; from app.cli import main; sys.argv = ['pricing', 'serve', '--port', '0']; main()"
-# The same service, but for what a price costs: neither the cost model nor the engines are asked.
-NO_OP = """
-import app.service.routes.price as route
-from app.service.work.cheap_lane import CheapLane
-from pricing_core.american import Market, Option, price
-constant = price(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2))
-async def answer(*_):
-    return constant
-CheapLane.price = answer
-route.is_cheap = lambda *_: True
-route.checked_book = lambda *_: None
-route.expected_seconds = lambda *_: 0.0
-"""
-CONSTANT = """
-import asyncio, json, sys
-answer = b"HTTP/1.1 200 OK\\r\\nContent-Length: 600\\r\\n\\r\\n" + 600 * b"x"
-class Constant(asyncio.Protocol):
-    def connection_made(self, transport):
-        self.transport = transport
-    def data_received(self, data):
-        self.transport.write(answer)
-async def main():
-    server = await asyncio.get_running_loop().create_server(Constant, "127.0.0.1", 0)
-    print(json.dumps({"port": server.sockets[0].getsockname()[1]}), file=sys.stderr, flush=True)
-    await server.serve_forever()
-asyncio.run(main())
-"""
+TWO_WORKERS = SERVE.replace("'0']", "'0', '--workers', '2']")
 
 
-@contextlib.contextmanager
-def server(program: str) -> Iterator[int]:
-    """Run a program that says its port in a JSON line on standard error, and return that."""
-    with server_process(program) as (port, _):
-        yield port
+class ClosedLoop(NamedTuple):
+    """Clients that ask again when they have their answer: rates in answers a second, latencies in milliseconds.
+
+    `no_op` is the same server with a constant answer, `constant` a server that does not read the request.
+    """
+
+    clients: int
+    prices_a_second: float
+    of_the_no_op_rate: float
+    median_ms: float
+    p99_ms: float
+    added_to_the_no_op_ms: float
+    constant_a_second: float
 
 
-@contextlib.contextmanager
-def server_process(program: str) -> Iterator[tuple[int, int]]:
-    """Run a program as `server` does, and return its port and the number of its process; its log goes to a file."""
-    with (
-        tempfile.NamedTemporaryFile("r", suffix=".log") as log,
-        open(log.name, "w") as written,
-        subprocess.Popen([sys.executable, "-c", program], stderr=written) as process,
-    ):
-        try:
-            while not (line := log.readline()).endswith("\n"):
-                time.sleep(0.05)
-            yield json.loads(line)["port"], process.pid
-        finally:
-            process.terminate()
-            process.wait(60)
+class Arrivals(NamedTuple):
+    """Questions at a fixed rate, and how long after each was due it was answered, in milliseconds."""
+
+    what: str
+    asked_a_second: float
+    answered_a_second: float
+    median_ms: float
+    p99_ms: float
+    other_answers: str
 
 
-def megabytes(process: int) -> float:
-    """Return the memory of a process and its children, pages that they share counted once."""
-    children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
-    kilobytes = 0
-    for one in (str(process), *children):
-        lines = Path(f"/proc/{one}/smaps_rollup").read_text().splitlines()
-        kilobytes += next(int(line.split()[1]) for line in lines if line.startswith("Pss:"))
-    return kilobytes / 1e3
+def run(*, quick: bool) -> Report:
+    """Measure and report; `quick` asks for a second or two, without batches and hostile clients."""
+    seconds, clients = (0.3, CLIENTS[:2]) if quick else (10.0, CLIENTS)
+    with server(CONSTANT) as constant, server(NO_OP + SERVE) as empty, server(SERVE) as port:
+        loops = closed_loops((constant, empty, port), seconds, clients)
+        peak = max(one.prices_a_second for one in loops)
+        sections = [_loop_section(loops), _arrival_section(list(arrivals(port, peak, seconds)))]
+        if not quick:
+            sections.append(_hostile_section(list(beside(port, seconds))))
+            text = "Puts by `POST /v1/batch`, medians of five, in turns with `price_many` of the same arrays."
+            sections.append(Section("Batches", text, (table("batches", batch_answers(port, 100_000, 5)),)))
+    return Report("service", "The service under load", (__doc__ or "").splitlines()[0], tuple(sections))
 
 
-class Connection(asyncio.Protocol):
-    """One connection, one request at a time: as little work as will do."""
-
-    def __init__(self) -> None:
-        self._received = b""
-        self._answer: asyncio.Future[int] | None = None
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Keep the transport."""
-        self.transport: asyncio.Transport = transport  # type: ignore[assignment]
-
-    def data_received(self, data: bytes) -> None:
-        """Collect one answer."""
-        self._received += data
-        head, end, body = self._received.partition(b"\r\n\r\n")
-        if end and len(body) >= int(head.lower().partition(b"content-length: ")[2].split(b"\r\n")[0]):
-            self._received = b""
-            self._settle(int(head[9:12]))
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Tell whoever waits; 0 stands for no answer."""
-        self._settle(0)
-
-    def _settle(self, status: int) -> None:
-        if self._answer is not None and not self._answer.done():
-            self._answer.set_result(status)
-
-    async def ask(self, request: bytes) -> int:
-        """Send a request and return the status of its answer."""
-        self._answer = asyncio.get_running_loop().create_future()
-        self.transport.write(request)
-        return await self._answer
+def closed_loops(
+    ports: tuple[int, int, int], seconds: float, clients: Sequence[int] = CLIENTS
+) -> list[ClosedLoop]:
+    """Let so many clients ask for so long in turn the servers of a constant, of the no-op and of prices."""
+    requests, found = price_requests(500), []
+    for port in ports:
+        settle(closed_loop(port, 8, min(seconds, 1.0), requests))  # to warm up
+    for count in clients:
+        bare, nothing, priced = (settle(closed_loop(port, count, seconds, requests)) for port in ports)
+        median = priced.milliseconds(50)
+        added = median - nothing.milliseconds(50)
+        rates = (priced.rate, priced.rate / nothing.rate)
+        found.append(ClosedLoop(count, *rates, median, priced.milliseconds(99), added, bare.rate))
+    return found
 
 
-@contextlib.asynccontextmanager
-async def connection(port: int) -> AsyncIterator[Connection]:
-    """Open a connection and close it again."""
-    transport, protocol = await asyncio.get_running_loop().create_connection(Connection, HOST, port)
-    try:
-        yield protocol
-    finally:
-        transport.abort()
+def arrivals(port: int, peak: float, seconds: float) -> Iterator[Arrivals]:
+    """Ask at half of the largest rate and at twice that, whether or not the service keeps up."""
+    for share in (0.5, 2.0):
+        found = settle(open_loop(port, share * peak, seconds, price_requests(500)))
+        yield _arrived(f"{share:g} times the largest rate", share * peak, found)
 
 
-@dataclass
-class Measured:
-    """Latencies in seconds, statuses, and how long it took in all."""
-
-    latencies: list[float] = field(default_factory=list)
-    since_sent: list[float] = field(
-        default_factory=list
-    )  # where they count from when each was due: from its sending
-    statuses: Counter[int] = field(default_factory=Counter)
-    seconds: float = 0.0
-
-    @property
-    def rate(self) -> float:
-        """Answers with status 200 in a second."""
-        return self.statuses[200] / self.seconds
-
-    def milliseconds(self, percentile: float) -> float:
-        """Return a percentile of the latencies."""
-        return 1e3 * float(np.percentile(self.latencies, percentile))
-
-    def __str__(self) -> str:
-        """Return one line."""
-        percentiles = "  ".join(f"p{p:g} {self.milliseconds(p):7.2f} ms" for p in (50, 99))
-        others = {status: count for status, count in self.statuses.items() if status != 200}
-        return f"{self.rate:7.0f}/s  {percentiles}" + (f"  other answers {others}" if others else "")
-
-
-def price_requests(count: int) -> list[bytes]:
-    """Return random puts, all Greeks, as HTTP."""
-    rng = np.random.default_rng(29)
-    bodies = [
-        {
-            "option_type": "put",
-            "strike": 100.0,
-            "spot": round(float(rng.uniform(70.0, 130.0)), 4),
-            "expiry": round(float(rng.uniform(0.1, 3.0)), 4),
-            "rate": round(float(rng.uniform(0.0, 0.1)), 4),
-            "volatility": round(float(rng.uniform(0.1, 0.6)), 4),
-        }
-        for _ in range(count)
-    ]
-    return [as_http("/v1/price", body) for body in bodies]
-
-
-def as_http(path: str, body: object) -> bytes:
-    """Return a POST request."""
-    raw = json.dumps(body).encode()
-    head = f"POST {path} HTTP/1.1\r\nHost: {HOST}\r\nContent-Type: application/json\r\nContent-Length: {len(raw)}"
-    return head.encode() + b"\r\n\r\n" + raw
-
-
-async def closed_loop(port: int, clients: int, seconds: float, requests: list[bytes]) -> Measured:
-    """Let each client ask again when it has its answer."""
-    measured, begun = Measured(), time.perf_counter()
-    end = begun + seconds
-
-    async def client(number: int) -> None:
-        async with connection(port) as asked:
-            place = number * 37
-            while (at := time.perf_counter()) < end:
-                place = (place + 1) % len(requests)
-                measured.statuses[await asked.ask(requests[place])] += 1
-                measured.latencies.append(time.perf_counter() - at)
-
-    await asyncio.gather(*map(client, range(clients)))
-    measured.seconds = time.perf_counter() - begun
-    return measured
-
-
-async def open_loop(port: int, rate: float, seconds: float, requests: list[bytes]) -> Measured:
-    """Ask at a fixed rate, on the connection that is free first; latencies count from the time that was due."""
-    measured = Measured()
-    free: asyncio.LifoQueue[Connection] = asyncio.LifoQueue()
-
-    async def ask(due: float, request: bytes) -> None:
-        asked = await free.get()
-        if asked.transport.is_closing():  # it was idle for too long
-            asked = await opened.enter_async_context(connection(port))
-        sent = time.perf_counter()
-        measured.statuses[await asked.ask(request)] += 1
-        measured.latencies.append(time.perf_counter() - due)
-        measured.since_sent.append(time.perf_counter() - sent)
-        free.put_nowait(asked)
-
-    async with contextlib.AsyncExitStack() as opened, asyncio.TaskGroup() as group:
-        for _ in range(min(CONNECTIONS, int(rate))):
-            free.put_nowait(await opened.enter_async_context(connection(port)))
-        begun = time.perf_counter()
-        for number in range(int(rate * seconds)):
-            due = begun + number / rate
-            if (early := due - time.perf_counter()) > 0.0:
-                await asyncio.sleep(early)
-            group.create_task(ask(due, requests[number % len(requests)]))
-    measured.seconds = time.perf_counter() - begun
-    return measured
-
-
-async def beside_hostile(port: int, seconds: float, requests: list[bytes]) -> tuple[Measured, Counter[int]]:
-    """Let one client ask 20 times a second beside hostile ones; return what it sees, and what they are answered."""
-    statuses: Counter[int] = Counter()
-    hostile = as_http("/v1/implied-volatility", SEARCH)
-
-    async def attack() -> None:
-        while True:
-            with contextlib.suppress(OSError):
-                async with connection(port) as asked:
-                    while status := await asked.ask(hostile):
-                        statuses[status] += 1
-
-    tasks = [asyncio.create_task(attack()) for _ in range(HOSTILE)]
-    await asyncio.sleep(1.0)
-    measured = await open_loop(port, 20.0, seconds, requests)
-    for task in tasks:
-        task.cancel()
-    await asyncio.gather(*tasks, return_exceptions=True)
-    return measured, statuses
-
-
-async def beside_idle(port: int, seconds: float, requests: list[bytes]) -> Measured:
-    """Let one client ask 20 times a second beside idle connections."""
-    async with contextlib.AsyncExitStack() as idle:
-        for _ in range(IDLE):
-            await idle.enter_async_context(connection(port))
-        return await open_loop(port, 20.0, seconds, requests)
-
-
-def rows_of(form: str, count: int) -> int:
-    """Return how many rows a batch has here: one JSON object may not be as long as the others."""
-    return count // 5 if form == JSON else count
-
-
-def flat_book(count: int) -> dict[str, Any]:
-    """Return random puts in columns."""
-    rng = np.random.default_rng(30)
-    ranges = {"spot": (70.0, 130.0), "expiry": (0.1, 3.0), "rate": (0.0, 0.1), "volatility": (0.1, 0.6)}
-    columns = {name: rng.uniform(*limits, count) for name, limits in ranges.items()}
-    return {"option_type": np.full(count, "put"), "strike": np.full(count, 100.0), **columns}
-
-
-def batch_body(book: dict[str, Any], form: str) -> bytes:
-    """Return a table as the body of a batch."""
-    table = pa.table(book)
-    if form == ARROW:
-        sink = pa.BufferOutputStream()
-        with pa.ipc.new_stream(sink, table.schema) as stream:
-            stream.write_table(table)
-        return bytes(sink.getvalue())
-    if form == LINES:
-        return "\n".join(map(json.dumps, table.to_pylist())).encode()
-    return json.dumps(table.to_pydict()).encode()
-
-
-def batch_seconds(port: int, body: bytes, form: str) -> tuple[float, int]:
-    """Return how long the answer to a batch takes, and how many bytes it has."""
-    with contextlib.closing(http.client.HTTPConnection(HOST, port, timeout=90)) as asked:
-        begun = time.perf_counter()
-        asked.request("POST", "/v1/batch", body, {"Content-Type": form})
-        answer = asked.getresponse()
-        size = len(answer.read())
-        if answer.status != 200:
-            raise RuntimeError(f"a batch was answered {answer.status}")
-        return time.perf_counter() - begun, size
-
-
-def print_batches(port: int, count: int, repeats: int) -> None:
-    """Compare batches with `price_many` in turns, by their medians."""
-    print(f"\nA batch of puts, medians of {repeats}")
-    for form in FORMS:
-        book = flat_book(rows_of(form, count))
-        body = batch_body(book, form)
-        batch_seconds(port, body, form)  # to warm up
-        times, ratios = [], []
-        for _ in range(repeats):
-            begun = time.perf_counter()
-            price_many(book)
-            alone = time.perf_counter() - begun
-            seconds, size = batch_seconds(port, body, form)
-            times.append(seconds)
-            ratios.append(seconds / alone)
-        print(
-            f"  {rows_of(form, count):7} as {form:35} {np.median(times):5.2f} s, "
-            f"{np.median(ratios):.2f} of price_many; "
-            f"{1e-6 * len(body):.1f} MB in, {1e-6 * size:.1f} MB out"
-        )
-
-
-async def beside_batches(port: int, seconds: float, requests: list[bytes], count: int) -> Measured:
-    """Let one client ask 20 times a second beside another one of its address that sends batches without a pause."""
-    bodies = {form: batch_body(flat_book(rows_of(form, count)), form) for form in FORMS}
-    stop = False
-
-    def send() -> None:
-        while not stop:
-            for form, body in bodies.items():
-                batch_seconds(port, body, form)
-
-    sending = asyncio.create_task(asyncio.to_thread(send))
-    try:
-        return await open_loop(port, 20.0, seconds, requests)
-    finally:
-        stop = True
-        await sending
-
-
-def run(awaited: Awaitable[Measured]) -> Measured:
-    """Run one measurement."""
-
-    async def measure() -> Measured:
-        return await awaited
-
-    return asyncio.run(measure())
-
-
-def main(*, quick: bool) -> None:
-    """Print the tables."""
-    seconds, requests = 2.0 if quick else 10.0, price_requests(500)
-    print(f"pricing-core {pricing_core.__version__}, {pricing_core.kernel_name()}, {cpu_model()}")
-    with server(CONSTANT) as port:
-        print("\nThe clients alone: a server that answers a constant without reading")
-        for clients in CLIENTS:
-            print(f"  {clients:3} clients {run(closed_loop(port, clients, seconds, requests))}")
-    print("\nClients that ask again when they have their answer")
-    peak = 0.0
-    with server(NO_OP + SERVE) as empty, server(SERVE) as port:
-        for measured in (empty, port):
-            run(closed_loop(measured, 8, 1.0, requests))  # to warm up
-        for clients in CLIENTS:
-            nothing = run(closed_loop(empty, clients, seconds, requests))
-            found = run(closed_loop(port, clients, seconds, requests))
-            peak = max(peak, found.rate)
-            more = found.milliseconds(50) - nothing.milliseconds(50)
-            print(f"  {clients:3} clients no-op {nothing}")
-            print(
-                f"              price {found}  {found.rate / nothing.rate:.2f} of the no-op's rate, {more:+.2f} ms"
-            )
-    with server(SERVE) as port:
-        run(closed_loop(port, 8, 1.0, requests))
-        print("\nArrivals at a fixed rate")
-        for share in (0.5, 2.0):
-            found = run(open_loop(port, share * peak, seconds, requests))
-            print(f"  {share} of the largest rate, {share * peak:.0f}/s: {found}")
-            longest = f"{1e3 * max(found.since_sent):.0f} ms"
-            print(f"    at most {longest} from its sending on one of {CONNECTIONS} connections")
-        print(
-            f"\n20 a second, beside {HOSTILE} hostile clients of the same address, {IDLE} idle connections, and batches"
-        )
-        print(f"  alone    {run(open_loop(port, 20.0, seconds, requests))}")
-        found, statuses = asyncio.run(beside_hostile(port, seconds, requests))
-        print(f"  hostile  {found}; the hostile ones were answered {dict(statuses)}")
-        print(f"  idle     {run(beside_idle(port, seconds, requests))}")
-        count = 10_000 if quick else 100_000
-        print(f"  batches  {run(beside_batches(port, seconds, requests, count))}")
-        print_batches(port, count, 3 if quick else 5)
-    with server_process(SERVE.replace("'0']", "'0', '--workers', '2']")) as (port, process):
-        run(closed_loop(port, 8, 1.0, requests))
+def beside(port: int, seconds: float) -> Iterator[Arrivals]:
+    """Ask 20 times a second, alone and beside others of the same address that take what they can."""
+    requests, rate = price_requests(500), 20.0
+    yield _arrived("alone", rate, settle(open_loop(port, rate, seconds, requests)))
+    found, statuses = asyncio.run(beside_hostile(port, seconds, requests))
+    yield _arrived(f"beside {HOSTILE} hostile clients, answered {dict(statuses)}", rate, found)
+    yield _arrived(f"beside {IDLE} idle connections", rate, settle(beside_idle(port, seconds, requests)))
+    yield _arrived(
+        "beside batches without a pause", rate, settle(beside_batches(port, seconds, requests, 100_000))
+    )
+    with server_process(TWO_WORKERS) as (of_two, process):
+        settle(closed_loop(of_two, 8, 1.0, requests))
         before = megabytes(process)
-        found, statuses = asyncio.run(beside_hostile(port, seconds, requests))
-        print(
-            f"\nTwo workers beside {HOSTILE} hostile clients: {before:.0f} MB before, {megabytes(process):.0f} MB after"
+        found, statuses = asyncio.run(beside_hostile(of_two, seconds, requests))
+        memory = f"{before:.0f} MB before, {megabytes(process):.0f} MB after"
+        yield _arrived(
+            f"two workers, the same hostile clients, {memory}, answered {dict(statuses)}", rate, found
         )
-        print(f"  hostile  {found}; the hostile ones were answered {dict(statuses)}")
 
 
-if __name__ == "__main__":
-    main(quick="--quick" in sys.argv[1:])
+def _arrived(what: str, rate: float, found: Measured) -> Arrivals:
+    others = {status: count for status, count in found.statuses.items() if status != 200}
+    return Arrivals(
+        what, rate, found.rate, found.milliseconds(50), found.milliseconds(99), str(others or "none")
+    )
+
+
+def _loop_section(loops: Sequence[ClosedLoop]) -> Section:
+    best = max(loops, key=lambda one: one.prices_a_second)
+    text = f"""At most {best.prices_a_second:,.0f} prices a second, with {best.clients} clients, which is
+        {best.of_the_no_op_rate:.2f} of the rate of the same server with a constant answer; a price adds
+        {loops[0].added_to_the_no_op_ms:.2f} ms to one client's wait. Clients and server share the machine: a server
+        in the same language that does not read the request answers {best.constant_a_second:,.0f} a second."""
+    return Section(
+        "Clients that ask again when they have their answer", text, (table("closed-loops", loops),)
+    )
+
+
+def _arrival_section(found: Sequence[Arrivals]) -> Section:
+    half = found[0]
+    text = f"""At half of its largest rate 99 of 100 answers are there {half.p99_ms:.2g} ms after they were due, the
+        median after {half.median_ms:.2g} ms."""
+    return Section("Arrivals at a fixed rate", text, (table("arrivals", found),))
+
+
+def _hostile_section(found: Sequence[Arrivals]) -> Section:
+    alone, worst = found[0], max(found[1:], key=lambda one: one.median_ms)
+    text = f"""A client that asks 20 times a second waits {alone.median_ms:.2g} ms in the median;
+        {worst.median_ms:.2g} ms in the worst company: {worst.what}. The hostile ones ask for implied volatilities
+        with 600 dividends at the tolerance 1e-8 without a pause."""
+    return Section("One client beside others of its address", text, (table("hostile", found),))
+
+
+def settle(awaited: Coroutine[Any, Any, Measured]) -> Measured:
+    """Run one measurement."""
+    return asyncio.run(awaited)

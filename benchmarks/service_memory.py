@@ -18,7 +18,7 @@ from pathlib import Path
 
 from benchmarks.measuring.machine import cpu_model
 from benchmarks.problems.hostile_questions import SEARCH
-from benchmarks.service_load import (
+from benchmarks.serving.load import (
     FORMS,
     HOST,
     SERVE,

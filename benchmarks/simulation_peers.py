@@ -19,13 +19,13 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from benchmarks.lcs.peer_problems import beads, dry_friction, regulated_converter
 from benchmarks.lcs.problems import KnownProblem, diode_bridge, filtered_bridge, two_relays
 from benchmarks.measuring.timing import Task, least_seconds
 from benchmarks.reporting.files import write_report
-from benchmarks.reporting.report import Report, Section, Table
+from benchmarks.reporting.plots import curves
+from benchmarks.reporting.report import Report, Section, table
 from pricing_core.arrays import Matrix
 from pricing_core.errors import NumericalError
 from pricing_core.lcs import EventDriven, TimeStepping, simulate
@@ -38,14 +38,6 @@ REFERENCES = ("regulated converter",)  # where the reference is our own run from
 LONG = 2.0  # seconds from which on one of our runs is timed once
 LEAST_ERROR = 1e-16  # what an error of zero is drawn at
 EVENT_DRIVEN = "event-driven"
-STYLES = {
-    EVENT_DRIVEN: ("#D55E00", "*"),
-    "implicit-euler": ("#0072B2", "o"),
-    "sdirk2": ("#009E73", "s"),
-    "moreau": ("#56B4E9", "D"),
-    "Siconos": ("#000000", "^"),
-    "nosnoc": ("#CC79A7", "v"),
-}
 # Steps for each problem, the times of which they hit; theta of Siconos; those of the quick run come first.
 STEPS = {
     "diode bridge": (2e-6, 1e-6, 2e-7),
@@ -108,11 +100,19 @@ def run(*, quick: bool) -> Report:
         runs += _of_system(make(), STEPS[name][:count], ELEMENTS.get(name, ())[:count])
     runs += _of_beads(STEPS["beads"][:count])
     missing = [name for name, key in _PYTHONS.items() if not os.environ.get(key)]
-    table = Table(
-        ("problem", "method", "step", "seconds", "error", "remark"),
-        tuple((r.problem, r.method, r.step, r.seconds, r.error, r.remark) for r in runs),
-        "runs",
-    )
+    panels = {
+        name: {
+            method: [
+                (1e3 * one.seconds, max(one.error, LEAST_ERROR))
+                for one in runs
+                if (one.problem, one.method) == (name, method)
+                and one.error is not None
+                and one.seconds is not None
+            ]
+            for method in dict.fromkeys(one.method for one in runs)
+        }
+        for name in STEPS
+    }
     text = f"""
         Errors are the largest at a few times, as fractions of the natural size of each state: against closed forms,
         but for the regulated converter of Siconos' examples, whose reference is our run from event to event; the others
@@ -125,10 +125,11 @@ def run(*, quick: bool) -> Report:
 
         {" ".join(_sentence(name, [r for r in runs if r.problem == name]) for name in STEPS)}
         """
-    section = Section("Work and precision", text, (table,), (("peers", _figure(runs)),))
+    figures = {"peers": curves(panels, "milliseconds", "error")}
+    section = Section("Work and precision", text, (table("runs", runs),), figures)
     title = "Simulation beside Siconos and nosnoc: error against time"
     question = "What does a simulation cost for a given accuracy, beside Siconos and nosnoc?"
-    return Report("simulation-peers", title, question, (section,), {"runs": [r._asdict() for r in runs]})
+    return Report("simulation-peers", title, question, (section,))
 
 
 def _of_system(problem: KnownProblem, steps: Sequence[float], elements: Sequence[int]) -> list[PeerRun]:
@@ -275,38 +276,6 @@ def _sentence(name: str, runs: Sequence[PeerRun]) -> str:
     accuracy = "the reference itself" if name in REFERENCES else f"for {driven.error:.1e}"
     first = f"from event to event {1e3 * (driven.seconds or 0.0):,.1f} ms, {accuracy}"
     return f"{name.capitalize()}: {first}; at best {', '.join(parts)}."
-
-
-def _figure(runs: Sequence[PeerRun]) -> Figure:
-    figure = Figure(figsize=(11.0, 7.5), layout="constrained")
-    figure.subplots(2, 3)
-    for axes, name in zip(figure.axes, STEPS, strict=True):
-        for method, (colour, marker) in STYLES.items():
-            points = [
-                (1e3 * r.seconds, max(r.error, LEAST_ERROR))
-                for r in runs
-                if (r.problem, r.method) == (name, method) and r.error is not None and r.seconds is not None
-            ]
-            if points:
-                size = 14 if method == EVENT_DRIVEN else 6
-                axes.loglog(*zip(*points, strict=True), f"{marker}-", color=colour, markersize=size)
-            if method == EVENT_DRIVEN and points and name in REFERENCES:
-                axes.lines[-1].remove()
-                axes.axvline(points[0][0], color=colour, linestyle="--")
-                axes.text(
-                    points[0][0], 0.5, " the reference", transform=axes.get_xaxis_transform(), color=colour
-                )
-        axes.set_title(name)
-        axes.set_xlabel("milliseconds")
-        axes.set_ylabel("error")
-        axes.grid(which="major", alpha=0.3)
-        axes.xaxis.set_minor_formatter("")
-    handles = [
-        figure.axes[0].plot([], [], f"{marker}-", color=colour, label=method)[0]
-        for method, (colour, marker) in STYLES.items()
-    ]
-    figure.legend(handles, list(STYLES), loc="outside lower center", ncols=len(STYLES), frameon=False)
-    return figure
 
 
 if __name__ == "__main__":

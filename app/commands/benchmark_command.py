@@ -28,6 +28,10 @@ MODULES = {
     "lcs-work-precision": "benchmarks.lcs_work_precision",
     "max-plus": "benchmarks.max_plus",
     "complementarity": "benchmarks.complementarity",
+    "cost-scaling": "benchmarks.cost_scaling",
+    "batch": "benchmarks.batch_throughput",
+    "cluster": "benchmarks.cluster_scaling",
+    "service": "benchmarks.service_load",
 }
 
 

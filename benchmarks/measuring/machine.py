@@ -32,6 +32,13 @@ def cpu_model(information: Path = CPU_INFORMATION) -> str:
     return names[0] if names else platform.processor() or "unknown"
 
 
+def vector_instructions(information: Path = CPU_INFORMATION) -> str:
+    """Return the widest vector instructions that Linux lists: AVX-512, AVX2, or the architecture's own."""
+    flags = " ".join(_values_of("flags", information)[:1]).split()
+    names = {"avx512f": "AVX-512", "avx2": "AVX2"}
+    return next((name for flag, name in names.items() if flag in flags), platform.machine())
+
+
 def nominal_megahertz(information: Path = CPU_INFORMATION) -> float | None:
     """Return the clock that Linux states for the first core, in MHz, or None."""
     clocks = _values_of("cpu MHz", information)

@@ -3,8 +3,6 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from benchmarks.measuring.frontier import Point, time_at
 from benchmarks.method_of_lines.accuracy_study import (
     CRANK_NICOLSON_METHODS,
@@ -15,7 +13,6 @@ from benchmarks.method_of_lines.accuracy_study import (
 )
 from benchmarks.method_of_lines.lcp_study import ELIMINATION, PROJECTION, RelaxationRun, SolverRun
 from benchmarks.method_of_lines.order_study import Refinement
-from benchmarks.method_of_lines.profiles import Profile
 from benchmarks.method_of_lines.stepping_methods import Method
 
 LEVELS: Mapping[str, tuple[float, ...]] = {
@@ -41,24 +38,35 @@ FAMILIES = {LCS: _labels(LCS_METHODS), CRANK_NICOLSON: _labels(CRANK_NICOLSON_ME
 class Best(NamedTuple):
     """The method of a family that needs the least for an error, and what it needs."""
 
-    method: str
-    cost: float
+    method: str | None
+    cost: float | None
 
 
 class Verdict(NamedTuple):
-    """Who reaches an error of one output first; None where a family does not reach it at all."""
+    """Who reaches an error of one output first; a cost of None where a family does not reach it at all."""
 
     output: str
     rmse: float
-    lcs: Best | None
-    crank_nicolson: Best | None
+    lcs: Best
+    crank_nicolson: Best
 
     @property
     def ratio(self) -> float | None:
         """The cost of Crank-Nicolson over that of the method of lines."""
-        if self.lcs is None or self.crank_nicolson is None:
-            return None
-        return self.crank_nicolson.cost / self.lcs.cost
+        first, second = self.lcs.cost, self.crank_nicolson.cost
+        return None if first is None or second is None else second / first
+
+    def words(self) -> str:
+        """Return who is how many times as fast."""
+        at, ratio = f"at {self.rmse:.0e}", self.ratio
+        if ratio is None:
+            there = [
+                name for name, one in zip(FAMILIES, (self.lcs, self.crank_nicolson), strict=True) if one.cost
+            ]
+            return f"{at} only {there[0]} gets there" if there else f"{at} neither gets there"
+        if 1.0 / EVEN <= ratio <= EVEN:
+            return f"{at} both are even"
+        return f"{at} {LCS if ratio > 1.0 else CRANK_NICOLSON} is {max(ratio, 1.0 / ratio):.2g} times as fast"
 
 
 def verdicts(runs: Sequence[Run], cost: Callable[[Run], float]) -> tuple[Verdict, ...]:
@@ -72,59 +80,32 @@ def verdicts(runs: Sequence[Run], cost: Callable[[Run], float]) -> tuple[Verdict
 
 def best(
     runs: Sequence[Run], output: str, level: float, methods: Collection[str], cost: Callable[[Run], float]
-) -> Best | None:
+) -> Best:
     """Return the cheapest of the methods for an error, each by its own lower envelope."""
-    candidates = []
+    found = [Best(None, None)]
     for method in sorted(methods):
         points = [Point(run.errors[output].rmse, cost(run)) for run in runs if run.method == method]
         needed = time_at(points, level)
-        if needed is not None:
-            candidates.append(Best(method, needed))
-    return min(candidates, key=lambda candidate: candidate.cost, default=None)
+        if needed is not None and (found[0].cost is None or needed < found[0].cost):
+            found[0] = Best(method, needed)
+    return found[0]
 
 
 def winner_sentences(found: Sequence[Verdict]) -> list[str]:
     """Say for every output who wins at which error."""
-    return [
-        f"{output.capitalize()}: "
-        + "; ".join(_verdict_words(verdict) for verdict in found if verdict.output == output)
-        + "."
-        for output in LEVELS
-    ]
-
-
-def _verdict_words(verdict: Verdict) -> str:
-    at, ratio = f"at {verdict.rmse:.0e}", verdict.ratio
-    if ratio is None:
-        if verdict.lcs is None and verdict.crank_nicolson is None:
-            return f"{at} neither gets there"
-        return f"{at} only {LCS if verdict.lcs is not None else CRANK_NICOLSON} gets there"
-    if 1.0 / EVEN <= ratio <= EVEN:
-        return f"{at} both are even"
-    name = LCS if ratio > 1.0 else CRANK_NICOLSON
-    return f"{at} {name} is {max(ratio, 1.0 / ratio):.2g} times as fast"
+    words = {output: [one.words() for one in found if one.output == output] for output in LEVELS}
+    return [f"{output.capitalize()}: {'; '.join(parts)}." for output, parts in words.items()]
 
 
 def mesh_sentence(refinements: Sequence[Refinement], scheme: str, output: str) -> str:
     """Say how many implicit solves a scheme needs with each kind of steps, for an error in time on one grid."""
-    level, name = TIME_ERRORS[output], scheme[0].upper() + scheme[1:]
-    needed = {}
+    levels, words = {one.method: one.levels for one in refinements}, []
     for mesh in MESHES:
-        (levels,) = (one.levels for one in refinements if one.method == f"{scheme}, {mesh} steps")
-        needed[mesh] = time_at([Point(one.errors[output].rmse, one.work) for one in levels], level)
-    words = (
-        f"{'more than were tried' if solves is None else f'{solves:.0f}'} with {mesh} steps"
-        for mesh, solves in needed.items()
-    )
-    if all(solves is None for solves in needed.values()):
-        return f"{name} needs more solves than were tried for an error of {level:.0e} of {output}."
-    return f"{name} needs this many solves for an error of {level:.0e} of {output}: {', '.join(words)}."
-
-
-def profile_sentence(profiles: Sequence[Profile], what: str) -> str:
-    """List the root mean square of every profile."""
-    sizes = (f"{one.label} {np.sqrt(np.mean(np.square(one.y))):.1e}" for one in profiles)
-    return f"Root mean square of the error of {what}: {'; '.join(sizes)}."
+        points = [Point(one.errors[output].rmse, one.work) for one in levels[f"{scheme}, {mesh} steps"]]
+        solves = time_at(points, TIME_ERRORS[output])
+        words.append(f"{'more than were tried' if solves is None else f'{solves:.0f}'} with {mesh} steps")
+    needs = f"{scheme[0].upper()}{scheme[1:]} needs this many solves"
+    return f"{needs} for an error of {TIME_ERRORS[output]:.0e} of {output}: {', '.join(words)}."
 
 
 def projection_sentences(
@@ -133,40 +114,38 @@ def projection_sentences(
     """Say what explicit projection saves in a step, and what it costs for an accuracy."""
     finest = max(run.intervals for run in solvers)
     cost = {run.solver: run.microseconds for run in solvers if run.intervals == finest}
-    sentences = [
-        f"On {finest} cells one step costs {cost[ELIMINATION]:.2g} microseconds by elimination, which solves the "
-        f"complementarity problem exactly, and {cost[PROJECTION]:.2g} by a linear solve and the maximum."
-    ]
     exact, projected = ("Crank-Nicolson, uniform steps" + end for end in ("", ", explicit projection"))
     orders = {one.method: one.order("price") for one in refinements}
-    sentences.append(
+    sentences = [
+        f"On {finest} cells one step costs {cost[ELIMINATION]:.2g} microseconds by elimination, which solves the "
+        f"complementarity problem exactly, and {cost[PROJECTION]:.2g} by a linear solve and the maximum.",
         f"The order of Crank-Nicolson's price with equal steps is {orders[projected]:.1f} with projection and "
-        f"{orders[exact]:.1f} with the exact problem."
-    )
+        f"{orders[exact]:.1f} with the exact problem.",
+    ]
     for level in LEVELS["price"]:
-        times = [
-            best(runs, "price", level, {label}, lambda run: run.milliseconds) for label in (exact, projected)
-        ]
-        if times[0] is not None and times[1] is not None:
-            ratio = times[1].cost / times[0].cost
-            sentences.append(f"For a price error of {level:.0e} projection takes {ratio:.2g} times as long.")
+        first, second = (
+            best(runs, "price", level, {label}, lambda run: run.milliseconds).cost
+            for label in (exact, projected)
+        )
+        if first and second:
+            sentences.append(
+                f"For a price error of {level:.0e} projection takes {second / first:.2g} times as long."
+            )
     return sentences
 
 
 def relaxation_sentences(runs: Sequence[RelaxationRun], solvers: Sequence[SolverRun]) -> list[str]:
     """Say with which parameter PSOR needs the fewest sweeps, and how far it then is from elimination."""
     elimination = {run.intervals: run.microseconds for run in solvers if run.solver == ELIMINATION}
-    best_at, against = [], []
+    sentences = []
     for intervals in sorted({run.intervals for run in runs}):
         on_grid = [run for run in runs if run.intervals == intervals]
         chosen = min(on_grid, key=lambda run: run.sweeps)
-        plain = min(on_grid, key=lambda run: abs(run.relaxation - 1.0))
-        best_at.append(
-            f"{chosen.relaxation:g} on {intervals} cells ({chosen.sweeps:.0f} sweeps a step; {plain.sweeps:.0f} "
-            f"with {plain.relaxation:g})"
+        sentences.append(
+            f"PSOR needs the fewest sweeps on {intervals} cells, {chosen.sweeps:.0f} a step, with the relaxation "
+            f"parameter {chosen.relaxation:g}."
         )
         if intervals in elimination:
             ratio = chosen.microseconds / elimination[intervals]
-            against.append(f"On {intervals} cells it then takes {ratio:.2g} times as long as elimination.")
-    first = f"PSOR needs the fewest sweeps with the relaxation parameter {', '.join(best_at)}."
-    return [first, *against]
+            sentences.append(f"It then takes {ratio:.2g} times as long as elimination.")
+    return sentences

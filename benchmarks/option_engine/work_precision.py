@@ -19,6 +19,7 @@ CRANK_NICOLSON = "this project's Crank-Nicolson"
 
 ErrorMeasure: TypeAlias = Literal["rmse", "largest_error"]
 SingleMethod: TypeAlias = Literal["lcs", "crank-nicolson"]
+ERRORS: tuple[tuple[ErrorMeasure, str], ...] = (("rmse", "RMSE"), ("largest_error", "largest error"))
 SINGLE_METHODS: tuple[tuple[str, SingleMethod], ...] = ((LCS_PATH, "lcs"), (CRANK_NICOLSON, "crank-nicolson"))
 
 

@@ -38,6 +38,15 @@ def obstacle(side: int) -> LCP:
     return LCP(M, M @ ground + 4.0)
 
 
+def tridiagonal(n: int) -> LCP:
+    """Return a string over a wavy ground, pressed down by a load of 10: a tridiagonal M-matrix of order n."""
+    x = np.arange(1, n + 1) / (n + 1)
+    ground = 0.1 * np.sin(9 * np.pi * x) - 0.5 * (x - 0.5) ** 2
+    scale = float((n + 1) ** 2)
+    M = _banded([np.full(n - 1, -scale), np.full(n, 2.0 * scale), np.full(n - 1, -scale)], [-1, 0, 1])
+    return LCP(M, M @ ground + 10.0)
+
+
 def pressed_obstacle(side: int) -> LCP:
     """Return the membrane under a load of 200, so that it touches more than half of the obstacle's crests."""
     x, y = points(side)
@@ -162,6 +171,7 @@ def h_plus(side: int) -> LCP:
 
 PROBLEMS: dict[str, Callable[[int], LCP | MixedLCP]] = {
     "obstacle": obstacle,
+    "tridiagonal": tridiagonal,
     "pressed obstacle": pressed_obstacle,
     "torsion": torsion,
     "journal bearing": journal_bearing,

@@ -1,10 +1,10 @@
-"""A report, the answer of a benchmark to its question: sections of text, tables and figures."""
+"""The parts of a report, the answer of a benchmark to its question: sections of sentences, tables and figures."""
 
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TypeAlias
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
 
 from matplotlib.figure import Figure
 
@@ -14,34 +14,49 @@ FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows of cells under column names; None and NaN are shown as empty.
+    """Rows of cells under column names; None and NaN are shown as empty."""
 
-    Parameters
-    ----------
-    name : str, optional
-        With a name, of letters, digits, "-" and "_", the table is also written as a CSV file.
-    """
-
+    name: str
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
-    name: str | None = None
 
     def __post_init__(self) -> None:
         if any(len(row) != len(self.columns) for row in self.rows):
             raise ValueError(f"every row of table {self.name} must have {len(self.columns)} cells")
 
+    @property
+    def numeric(self) -> tuple[bool, ...]:
+        """For every column, whether it holds numbers, and nothing but numbers and empty cells."""
+        columns = ([cell for cell in column if cell is not None] for column in zip(*self.rows, strict=True))
+        return tuple(bool(cells) and not any(isinstance(cell, str) for cell in cells) for cells in columns)
+
+    def __str__(self) -> str:
+        """Return the table in columns, for a terminal."""
+        lines = [self.columns, *(tuple(map(cell_text, row)) for row in self.rows)]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        return "\n".join("  ".join(map(str.rjust, line, widths)) for line in lines)
+
+    @property
+    def records(self) -> list[dict[str, Cell]]:
+        """The rows as a program would read them, by column."""
+        return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
+
+
+def table(name: str, records: Iterable[Any]) -> Table:
+    """Return the table of named tuples or mappings, whose fields are its columns."""
+    rows = [dict(one) if isinstance(one, Mapping) else one._asdict() for one in records]
+    columns = tuple(name.replace("_", " ") for name in (rows[0] if rows else ()))
+    return Table(name, columns, tuple(tuple(row.values()) for row in rows))
+
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A titled part; blank lines separate the paragraphs of `text`, backticks enclose code.
-
-    `figures` are pairs of a name, as a table's, and a figure.
-    """
+    """A titled part; blank lines separate the paragraphs of `text`, backticks enclose code; figures by name."""
 
     title: str
     text: str
     tables: tuple[Table, ...] = ()
-    figures: tuple[tuple[str, Figure], ...] = ()
+    figures: Mapping[str, Figure] = field(default_factory=dict)
 
     @property
     def paragraphs(self) -> list[str]:
@@ -51,23 +66,38 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The answer to one question; `results` is what a program would read, of plain JSON values."""
+    """The answer to one question; `more` is what a program would read beside the tables, of plain JSON values."""
 
     name: str
     title: str
     question: str
     sections: tuple[Section, ...]
-    results: Mapping[str, object]
+    more: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        tables = [table.name for section in self.sections for table in section.tables if table.name]
-        figures = [name for section in self.sections for name, _ in section.figures]
-        for names in (tables, figures):
-            if len(set(names)) < len(names):
-                raise ValueError(f"two of the names {', '.join(names)} are equal")
-        for name in (self.name, *tables, *figures):
+        names = [one.name for one in self.tables], [*self.figures]
+        if len(self.tables) > len(set(names[0])) or sum(len(part.figures) for part in self.sections) > len(
+            names[1]
+        ):
+            raise ValueError(f"two of the names {', '.join((*names[0], *names[1]))} are equal")
+        for name in (self.name, *names[0], *names[1]):
             if not FILE_NAME.fullmatch(name):
                 raise ValueError(f"{name!r} cannot be part of a file name: use letters, digits, '-' and '_'")
+
+    @property
+    def tables(self) -> list[Table]:
+        """All tables."""
+        return [one for section in self.sections for one in section.tables]
+
+    @property
+    def figures(self) -> dict[str, Figure]:
+        """All figures by name."""
+        return {name: figure for section in self.sections for name, figure in section.figures.items()}
+
+    @property
+    def results(self) -> dict[str, Any]:
+        """The rows of all tables by their names, and what there is beside them."""
+        return {**{one.name: one.records for one in self.tables}, **self.more}
 
 
 def cell_text(cell: Cell) -> str:
@@ -83,9 +113,3 @@ def cell_text(cell: Cell) -> str:
     if isinstance(cell, str):
         return cell
     return f"{cell:,.0f}" if isinstance(cell, int) or 1e3 <= abs(cell) < 1e9 else f"{cell:.3g}"
-
-
-def is_numeric(table: Table, column: int) -> bool:
-    """Whether a column holds numbers, and nothing but numbers and empty cells."""
-    cells = [row[column] for row in table.rows if row[column] is not None]
-    return bool(cells) and not any(isinstance(cell, str) for cell in cells)

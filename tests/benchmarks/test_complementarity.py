@@ -60,11 +60,9 @@ def test_verdicts_follow_from_what_is_known():
 def test_sparse_problems_are_measured_beside_their_peers(monkeypatch):
     monkeypatch.delenv("PRICING_SICONOS_PYTHON", raising=False)
     runs = list(sparse_runs((400,)))
-    assert {run.solver for run in runs if run.problem == "obstacle"} == {
-        "solve",
-        "policy iteration, SuperLU",
-        "Clarabel",
-    }
+    for name in ("obstacle", "tridiagonal"):
+        solvers = {run.solver for run in runs if run.problem == name}
+        assert solvers == {"solve", "policy iteration, SuperLU", "Clarabel"}
     assert all(run.residual is not None and run.residual < 1e-6 for run in runs)
     assert [run.solver for run in dense_runs((20,), 20)] == ["solve", "Lemke"]
 
@@ -89,13 +87,15 @@ def test_a_quick_run_counts_every_verdict_and_states_what_it_measured(monkeypatc
     monkeypatch.setattr("benchmarks.complementarity.QUICK_SETS", 1)
     monkeypatch.setattr("benchmarks.complementarity.SPARSE", {True: (400,)})
     monkeypatch.setattr("benchmarks.complementarity.DENSE", {True: (30,)})
+    monkeypatch.setattr("benchmarks.complementarity.DEGENERATE", {True: (20,)})
     report = run(quick=True)
-    solvers, large, dense = report.sections
+    solvers, large, dense, degenerate = report.sections
     totals, problems = solvers.tables
     assert all(sum(row[1:]) == len(problems.rows) for row in totals.rows)
     assert "0 answers are wrong" in solvers.text
     assert "400\n" in large.text or "400 " in large.text
-    assert "30 unknowns" in dense.text
+    assert "Solve finds an answer to 1 of 1 problems" in dense.text
+    assert "Solve finds an answer to 3 of 3 problems" in degenerate.text
 
 
 def test_cells_of_a_set_name_every_method():

@@ -6,9 +6,8 @@ import pytest
 from benchmarks.crank_nicolson import Sizes, compare
 from benchmarks.method_of_lines.accuracy import OUTPUTS
 from benchmarks.method_of_lines.accuracy_study import EXTRAPOLATED, EXTRAPOLATED_METHODS, METHODS
-from benchmarks.method_of_lines.comparison import Comparison
 from benchmarks.method_of_lines.order_study import StepCounts
-from benchmarks.method_of_lines.report import compose
+from benchmarks.method_of_lines.report import Comparison, compose
 from benchmarks.reporting.files import write_report
 
 TINY = Sizes(
@@ -68,4 +67,4 @@ def test_the_report_has_its_sections_and_files(found: Comparison, tmp_path: Path
     assert report.sections[0].paragraphs[0] == "A tiny run."
     files = {path.name for path in write_report(report, tmp_path)}
     assert {"crank-nicolson.json", "crank-nicolson.md", "crank-nicolson.html"} < files
-    assert {path.suffix for path in tmp_path.iterdir()} == {".json", ".md", ".html", ".png", ".csv"}
+    assert {path.suffix for path in tmp_path.iterdir()} == {".json", ".md", ".html", ".png"}

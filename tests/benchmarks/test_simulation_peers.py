@@ -72,4 +72,4 @@ def test_a_report_has_a_sentence_and_a_panel_for_each_problem(monkeypatch: pytes
     assert len(section.tables[0].rows) == 4 * len(simulation_peers.STEPS)
     text = " ".join(section.paragraphs)
     assert "Dry friction: from event to event 10.0 ms, for 0.0e+00; at best implicit-euler 100 ms" in text
-    assert len(section.figures[0][1].axes) == 6
+    assert len(section.figures["peers"].axes) == 6

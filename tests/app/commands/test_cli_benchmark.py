@@ -12,6 +12,18 @@ import pytest
 from app.commands import benchmark_command
 from benchmarks.reporting.report import Report, Section
 
+NAMES = (
+    "engine-frontier",
+    "crank-nicolson",
+    "lcs-work-precision",
+    "max-plus",
+    "complementarity",
+    "cost-scaling",
+    "batch",
+    "cluster",
+    "service",
+)
+
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, bool]]:
@@ -37,24 +49,10 @@ def test_without_a_name_all_benchmarks_run_and_their_reports_are_named(
     folder = tmp_path / "new" / "folder"
     status, output, errors = pricing("benchmark", "--quick", "--output", str(folder))
     assert (status, errors) == (0, "")
-    assert asked == [
-        ("engine-frontier", True),
-        ("crank-nicolson", True),
-        ("lcs-work-precision", True),
-        ("max-plus", True),
-        ("complementarity", True),
-    ]
-    assert output == (
-        f"engine-frontier: {folder}/engine-frontier.html (0 s)\n"
-        f"crank-nicolson: {folder}/crank-nicolson.html (0 s)\n"
-        f"lcs-work-precision: {folder}/lcs-work-precision.html (0 s)\n"
-        f"max-plus: {folder}/max-plus.html (0 s)\n"
-        f"complementarity: {folder}/complementarity.html (0 s)\n"
-    )
+    assert asked == [(name, True) for name in NAMES]
+    assert output == "".join(f"{name}: {folder}/{name}.html (0 s)\n" for name in NAMES)
     assert sorted(path.name for path in folder.iterdir()) == [
-        f"{name}.{ending}"
-        for name in ("complementarity", "crank-nicolson", "engine-frontier", "lcs-work-precision", "max-plus")
-        for ending in ("html", "json", "md")
+        f"{name}.{ending}" for name in sorted(NAMES) for ending in ("html", "json", "md")
     ]
 
 
@@ -71,7 +69,7 @@ def test_an_unknown_name_ends_with_one_line_before_anything_runs(
     folder = tmp_path / "new"
     status, output, errors = pricing("benchmark", "crank-nicolson", "fastest", "--output", str(folder))
     assert (status, output, asked) == (2, "", [])
-    known = "engine-frontier, crank-nicolson, lcs-work-precision, max-plus, complementarity"
+    known = ", ".join(NAMES)
     assert errors == f"pricing: benchmark = 'fastest': must be one of {known}\n"
     assert not folder.exists()
 

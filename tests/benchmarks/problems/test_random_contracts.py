@@ -2,9 +2,9 @@ import math
 
 import pytest
 
-from benchmarks.cliffs import BOOKS
 from benchmarks.greeks import ENGINES
 from benchmarks.problems import random_contracts as kinds
+from benchmarks.problems.cost_sweeps import BOOKS
 from benchmarks.problems.random_contracts import rows_of
 from pricing_core.american import contract_from
 

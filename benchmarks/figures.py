@@ -1,0 +1,236 @@
+"""Which figures do README and documentation show? Measures them again, and writes them into the texts.
+
+    .venv/bin/python -m benchmarks.figures                   # all of them: `make figures`, about twenty minutes
+    .venv/bin/python -m benchmarks.figures accuracy speed    # some of them
+    .venv/bin/python -m benchmarks.figures --fill            # fill the texts alone
+
+`--conditions` says how busy the machine is, and stands beside the figures.
+"""
+
+import argparse
+import os
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks import (
+    batch_throughput,
+    cluster_scaling,
+    engine_frontier,
+    events,
+    reference_values,
+    service_load,
+)
+from benchmarks.lcs.large_problems import sparse_runs
+from benchmarks.option_engine.portfolio_study import study_portfolio
+from benchmarks.problems.cost_sweeps import contract, point
+from benchmarks.problems.portfolios import everyday
+from benchmarks.problems.random_contracts import Row, rows_of, two_boundaries
+from benchmarks.quantlib import american_engines
+from benchmarks.quantlib.american_engines import QD_FP
+from benchmarks.reporting.figures import ROOT, Figures, filled, source_of, write
+from benchmarks.reporting.report import table
+from benchmarks.serving.load import CONSTANT, NO_OP, SERVE, server
+from pricing_core.american import Greeks
+from pricing_core.replacement import replacement
+
+SHOWN_TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7)
+BUSY = 0.5  # running processes on each core, of the load average, from which on a machine is not called quiet
+
+
+class Measured(NamedTuple):
+    """How a file of figures comes about: the command that a reader would type, and what measures."""
+
+    command: str
+    measure: Callable[[], Figures]
+
+
+def _at(tolerance: float) -> str:
+    return f"{tolerance:.0e}".replace("e-0", "e-")
+
+
+def accuracy() -> Figures:
+    """Price 86 known contracts at every tolerance."""
+    found, single = list(reference_values.rows()), {}
+    for row in found:
+        single[f"{_at(row.tolerance)}.error"] = (row.largest_error, "{:.1e}")
+        single[f"{_at(row.tolerance)}.price"] = (row.milliseconds, "{:.1f} ms")
+        single[f"{_at(row.tolerance)}.greeks"] = (row.with_greeks, "{:.1f} ms")
+    rows = [
+        {
+            "tolerance": row.tolerance,
+            "largest error": row.largest_error,
+            "median estimate": row.median_claim,
+            "status `ok`": row.ok,
+            "price alone": row.milliseconds,
+            "with all Greeks": row.with_greeks,
+        }
+        for row in found
+        if row.tolerance in SHOWN_TOLERANCES
+    ]
+    formats = ("{:.0e}", "{:.1e}", "{:.1e}", "{:.0f} of 86", "{:.1f} ms", "{:.1f} ms")
+    return Figures(table("accuracy", rows), formats, single)
+
+
+def single() -> Figures:
+    """Price one contract by one call, by each engine."""
+    dividends = [{"time": 0.125 + 0.25 * k, "amount": 1.0} for k in range(4)]
+    cases: dict[str, tuple[Row, Greeks]] = {
+        "closed": (contract("put", exercise="european"), "none"),
+        "march": (contract("put"), "none"),
+        "collocation": (contract("put", cash_dividends=dividends), "none"),
+        "greeks": (contract("put"), "standard"),
+        "greeks-dividends": (contract("put", cash_dividends=dividends), "standard"),
+    }
+    times: dict[str, tuple[float | list[float], str]] = {
+        name: (point(row, greeks, runs=50).milliseconds, "{:.2f} ms") for name, (row, greeks) in cases.items()
+    }
+    lines = [point(row, runs=3).milliseconds for row in rows_of(two_boundaries, 100)]
+    times["lines"] = (
+        [min(lines), float(np.median(lines)), max(lines)],
+        "{0:.0f} to {2:.0f} ms, {1:.0f} ms in the median",
+    )
+    return Figures(single=times)
+
+
+def speed() -> Figures:
+    """Price random puts and calls beside QuantLib's fastest engine, at equal errors."""
+    contracts = everyday(engine_frontier.FULL.everyday)
+    overhead = american_engines.call_overhead(everyday(engine_frontier.OVERHEAD_ROWS))
+    study = study_portfolio("Random puts and calls", contracts, engine_frontier.FULL.effort, overhead)
+    chosen = [ratio for ratio in study.ratios if ratio.peer == QD_FP]
+    rows = [
+        {
+            "root mean square error, of the strike": ratio.rmse,
+            "this engine": ratio.engine_time,
+            "QuantLib QdFp": ratio.peer_time,
+            "times as fast": ratio.ratio,
+        }
+        for ratio in chosen
+    ]
+    single = {_at(r.rmse): (r.engine_time or 0.0, "{:.1f} us") for r in chosen}
+    return Figures(table("speed", rows), ("{:.0e}", "{:.1f} us", "{:.2g} us", "{:.2g}"), single)
+
+
+def dividends() -> Figures:
+    """Price puts and calls with four cash dividends."""
+    rows = {kind: events.rates(kind) for kind in ("put", "call")}
+    cells, single = [], {}
+    without: Greeks = "none"
+    with_them: Greeks = "standard"
+    for tolerance in events.TOLERANCES:
+        row: dict[str, float] = {"tolerance": tolerance}
+        for kind, found in rows.items():
+            alone, greeks = found[without][tolerance], found[with_them][tolerance]
+            row |= {
+                f"{kind}s a second": alone.per_second,
+                f"largest error of a {kind}": alone.error,
+                f"{kind}s with all Greeks": greeks.per_second,
+            }
+            at = f"{kind}.{_at(tolerance)}"
+            single[at] = (1e6 / alone.per_second, "{:.0f} us")
+            single[f"{at}.greeks"] = (alone.per_second / greeks.per_second, "{:.2g}")
+        cells.append(row)
+    return Figures(table("dividends", cells), ("{:.0e}", *(("{:,.0f}", "{:.1e}", "{:,.0f}") * 2)), single)
+
+
+def batch() -> Figures:
+    """Price a book of a million rows by file kind and threads."""
+    rows = batch_throughput.measure(1_000_000)
+    chosen = [row._asdict() for row in rows if row.kind != "price_many"]
+    formats = ("{}", "{}", "{:.2f}", "{:,.0f}", "{:.2f}", "{:.0f}")
+    single = {f"{row.kind}.{row.threads}": (row.over_price_many, "{:.1f}") for row in rows}
+    return Figures(table("batch", chosen), formats, single)
+
+
+def cluster() -> Figures:
+    """Price a book by worker processes."""
+    rows = cluster_scaling.measure(200_000)
+    return Figures(table("cluster", rows), ("{}", "{:.2f}", "{:,.0f}", "{:.2f}"))
+
+
+def service() -> Figures:
+    """Ask the service again and again, beside a constant answer of the same server."""
+    with server(CONSTANT) as constant, server(NO_OP + SERVE) as empty, server(SERVE) as port:
+        loops = service_load.closed_loops((constant, empty, port), 10.0)
+    rows = [
+        {
+            "clients": one.clients,
+            "prices a second": one.prices_a_second,
+            "of the constant answer's rate": one.of_the_no_op_rate,
+            "median": one.median_ms,
+            "99 of 100 within": one.p99_ms,
+        }
+        for one in loops
+    ]
+    formats = ("{}", "{:,.0f}", "{:.2f}", "{:.2g} ms", "{:.2g} ms")
+    return Figures(table("service", rows), formats)
+
+
+def complementarity() -> Figures:
+    """Solve the obstacle problem by its order."""
+    runs = [one for one in sparse_runs((10_000, 100_000, 1_000_000), ("obstacle",)) if one.solver == "solve"]
+    rows = [
+        {
+            "unknowns": one.unknowns,
+            "seconds": one.seconds,
+            "residual": one.residual,
+            "iterations": one.iterations,
+        }
+        for one in runs
+    ]
+    return Figures(table("complementarity", rows), ("{:,}", "{:.2g} s", "{:.0e}", "{}"))
+
+
+MEASURED = {
+    "accuracy": Measured(".venv/bin/python -m benchmarks.reference_values", accuracy),
+    "single": Measured(".venv/bin/python -m benchmarks.figures single", single),
+    "speed": Measured(".venv/bin/pricing benchmark engine-frontier --output DIR", speed),
+    "dividends": Measured(".venv/bin/python -m benchmarks.events", dividends),
+    "batch": Measured(".venv/bin/pricing benchmark batch --output DIR", batch),
+    "cluster": Measured(".venv/bin/pricing benchmark cluster --output DIR", cluster),
+    "service": Measured(".venv/bin/pricing benchmark service --output DIR", service),
+    "complementarity": Measured(".venv/bin/pricing benchmark complementarity --output DIR", complementarity),
+}
+
+
+def load() -> str:
+    """Return how busy the machine is, in words."""
+    busy = os.getloadavg()[0] / (os.cpu_count() or 1)
+    return (
+        "quiet machine"
+        if busy < BUSY
+        else f"busy machine, {busy:.1f} running processes a core: times are rough"
+    )
+
+
+def fill_texts() -> None:
+    """Write what the JSON files say into README and documentation."""
+    for path in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md")):
+        text = path.read_text()
+        if (new := filled(text)) != text:
+            with replacement(path) as file:
+                file.write(new.encode())
+            print("wrote", path.relative_to(ROOT))
+
+
+def main() -> None:
+    """Measure, and fill the texts."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("names", nargs="*", choices=[[], *MEASURED], metavar="NAME", help=", ".join(MEASURED))
+    parser.add_argument("--fill", action="store_true", help="measure nothing")
+    parser.add_argument("--conditions", help="how busy the machine is; by default by its load")
+    given = parser.parse_args()
+    for name in () if given.fill else given.names or MEASURED:
+        conditions = given.conditions or load()
+        found = MEASURED[name].measure()
+        write(name, found, source_of(MEASURED[name].command, conditions))
+        print("measured", name, flush=True)
+    fill_texts()
+
+
+if __name__ == "__main__":
+    main()
