@@ -142,6 +142,18 @@ def test_docstrings_are_sentences():
     assert not found
 
 
+def test_descriptions_of_parameters_are_no_fragments():
+    """A description says what the parameter is, in place of "Of the prices" or "As there"."""
+    entry = re.compile(r"(?m)^ *[\w*, ]+ : .*\n +(?:Of|Those of|That of|As there)\b.*")
+    found = [
+        f"{place(path, getattr(node, 'lineno', 1))}: {match[0].splitlines()[1].strip()[:70]}"
+        for path in CODE
+        for _, node, text in docstrings(path)
+        for match in entry.finditer(text)
+    ]
+    assert not found
+
+
 # The packages whose names the reference of the documentation lists.
 PUBLIC = re.findall(
     r"automodule:: (\S+)",

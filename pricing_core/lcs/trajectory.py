@@ -48,7 +48,7 @@ class Event:
         Several constraints become active together, and the state afterwards would be another if they did so one
         after the other, in one order at least (section 11.8).
     ratio : float or None
-        Of a "zeno" event: what each round of events is shorter by than the one before.
+        Length of each round of events over that of the one before, of a "zeno" event.
     """
 
     time: float
