@@ -83,7 +83,7 @@ class Trajectory:
     accepted, rejected, forced : int
         Step counters, see `pricing_core.stepping.Integration`.
     system : LCS or None
-        Whose solution this is to rounding; None where the run stepped, or went by another law of impact.
+        The system whose solution this is to rounding; None where the run stepped, or went by another law of impact.
     flows : tuple of Flow
         The exact solution between events, where the run was driven by events.
     flow_of : ndarray of int, shape (m,), or None
