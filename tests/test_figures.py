@@ -49,7 +49,7 @@ def test_every_file_is_shown_somewhere_and_every_measurement_has_a_file() -> Non
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    table = Table("made-up", ("tolerance", "error"), ((1e-4, 1.25e-6), (1e-5, None)))
+    table = Table("made-up", ("tolerance", "error"), ((1e-4, 1.24e-6), (1e-5, None)))
     found = Figures(table, ("{:.0e}", "{:.1e}"), {"1e-4.time": (1.26, "{:.1f} ms")})
     write("made-up", found, source_of("make it", "quiet"), tmp_path)
     return tmp_path

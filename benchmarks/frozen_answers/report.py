@@ -1,9 +1,8 @@
 """What a comparison of frozen answers found, in Markdown."""
 
-import json
 import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from benchmarks.frozen_answers.comparison import (
@@ -14,10 +13,11 @@ from benchmarks.frozen_answers.comparison import (
     SAME,
     VERDICTS,
     Comparison,
-    Frozen,
     Judged,
 )
 from benchmarks.frozen_answers.contracts import Contract
+from benchmarks.reporting.files import rendered
+from benchmarks.reporting.report import Report, Section, table
 from pricing_core.american import contract_from, price
 
 FINEST = 1e-8  # Tolerance, in strikes, of the values that settle which of two is nearer.
@@ -47,28 +47,6 @@ def fine_price(contract: Contract) -> Fine | None:
     return min(found, key=lambda fine: fine.error, default=None)
 
 
-def _nearer(judged: Judged, fine: Fine | None) -> list[str]:
-    """Return the cells that say which of the two is nearer to a fine value."""
-    if fine is None:
-        return ["none", "", "", "", ""]
-    old, new = abs(judged.old - fine.value), abs(judged.new - fine.value)
-    side = "undecided" if abs(old - new) <= fine.error else "new" if new < old else "old"
-    return [f"{fine.value:.12g}", f"{fine.error:.1e} ({fine.method})", f"{old:.2e}", f"{new:.2e}", side]
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> list[str]:
-    body = list(rows)
-    if not body:
-        return ["None."]
-    lines = [head, ["---"] * len(head), *body]
-    return ["| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines]
-
-
-def _ids(rows: Sequence[int]) -> str:
-    each = list(dict.fromkeys(rows))
-    return ", ".join(map(str, each[:SHOWN_IDS])) + (", ..." if len(each) > SHOWN_IDS else "")
-
-
 def report(found: Comparison, *, most: int = 40, fine: bool = False) -> str:
     """Return the comparison in Markdown.
 
@@ -79,126 +57,106 @@ def report(found: Comparison, *, most: int = 40, fine: bool = False) -> str:
     fine : bool
         Settle by fine values which of two prices that contradict each other is nearer; seconds each.
     """
-    changed = sorted(
-        (judged for judged in found.judged if judged.verdict == CHANGED),
-        key=lambda judged: -judged.difference / judged.contract.scale,
-    )
-    beyond = sorted(
-        (judged for judged in found.judged if judged.verdict in (CHANGED, BEYOND) and judged.is_beyond),
-        key=lambda judged: -judged.difference / judged.contract.scale,
-    )
-    lines = ["# Frozen results, old and new", "", *_files(found), "", *_verdicts(found), ""]
-    lines += [
-        f"## The same compiled engine, another value: {len(changed)}",
-        "",
-        *_changed(changed[:most]),
-        "",
-    ]
-    lines += [f"## Beyond both error estimates: {len(beyond)}", "", *_beyond(beyond, most, fine), ""]
-    lines += ["## Words, and numbers that came or went", "", *_words(found), ""]
-    lines += ["## Numbers, column by column", "", *_columns(found), ""]
-    named = {judged.contract.id: judged.contract for judged in (*changed[:most], *beyond[:most])}
-    if named:
-        lines += ["## Contracts named above", ""]
-        lines += [f"    {row}: {json.dumps(contract.terms)}" for row, contract in sorted(named.items())] + [
-            ""
-        ]
-    lines.append("No difference." if found.is_same() else "There are differences.")
-    return "\n".join(lines) + "\n"
-
-
-def _files(found: Comparison) -> list[str]:
-    sides = (("old", found.old), ("new", found.new))
-    return _table(
-        ["", "file", "contracts", "answers", "made with", "sha256"],
-        [
-            (side, file.path, len(file.contracts), len(file.answers), _versions(file), file.checksum)
-            for side, file in sides
-        ],
-    )
-
-
-def _versions(file: Frozen) -> str:
-    return ", ".join(f"{name} {version}" for name, version in file.header.items())
-
-
-def _verdicts(found: Comparison) -> list[str]:
-    counts = Counter((judged.kind, judged.method, judged.verdict) for judged in found.judged)
-    rows = sorted({(kind, method) for kind, method, _ in counts})
-    body = [[*row, *(counts[*row, verdict] or "" for verdict in VERDICTS)] for row in rows]
-    return ["## Values by kind of answer and method", "", *_table(["answers", "method", *VERDICTS], body)]
-
-
-def _changed(judged: Sequence[Judged]) -> list[str]:
-    head = ["answers", "contract", "family", "method", "tolerance", "old", "new", "relative", "explained"]
-    return _table(
-        head,
-        [
-            (
-                *(row.kind, row.contract.id, row.contract.family, row.method, row.contract.tolerance),
-                *(repr(row.old), repr(row.new), f"{row.difference / row.contract.scale:.1e}"),
-                "no" if row.is_beyond else "by the errors",
-            )
-            for row in judged
-        ],
-    )
-
-
-def _beyond(judged: Sequence[Judged], most: int, fine: bool) -> list[str]:
-    """Return the list, and before it how often each side is nearer."""
-    head = ["answers", "contract", "family", "method", "tolerance", "old", "new", "difference", "both errors"]
-    cells = [
-        [
-            *(row.kind, row.contract.id, row.contract.family, row.method, row.contract.tolerance),
-            *(f"{row.old:.12g}", f"{row.new:.12g}", f"{row.difference:.2e}"),
-            f"{row.old_error:.1e} + {row.new_error:.1e}",
-        ]
-        for row in judged
-    ]
-    if not fine:
-        return _table(head, cells[:most])
-    prices: dict[int, Fine | None] = {}
-    for row, line in zip(judged, cells, strict=True):
-        if JUDGED.get(row.kind, "price") != "price":
-            line.extend([""] * 5)
-            continue
-        if row.contract.id not in prices:
-            prices[row.contract.id] = fine_price(row.contract)
-        line.extend(_nearer(row, prices[row.contract.id]))
-    nearer = Counter(str(line[-1]) or "not asked" for line in cells)
-    told = "Nearer: " + ", ".join(f"{side} {count}" for side, count in sorted(nearer.items())) + "."
-    head += ["fine", "its error", "from old", "from new", "nearer"]
-    return [told, "", *_table(head, cells[:most])]
-
-
-def _words(found: Comparison) -> list[str]:
-    rows = sorted(found.words.items(), key=lambda item: (*item[0][:2], -len(item[1])))
-    head = ["answers", "column", "old", "new", "cells", "contracts", "which"]
-    return _table(head, [(*words, len(ids), len(set(ids)), _ids(ids)) for words, ids in rows])
-
-
-def _columns(found: Comparison) -> list[str]:
-    head = [
-        "answers",
-        "method",
-        "column",
-        "cells",
-        *(f"> {level:.0e}" for level in LEVELS),
-        "largest",
-        "where",
-    ]
-    rows = [
-        (*names, column.cells, *column.above, f"{column.largest:.1e}", column.where)
-        for names, column in sorted(found.columns.items())
-        if column.above[0]
-    ]
+    by_size = sorted(found.judged, key=lambda judged: -judged.difference / judged.contract.scale)
+    changed = [judged for judged in by_size if judged.verdict == CHANGED]
+    beyond = [judged for judged in by_size if judged.verdict in (CHANGED, BEYOND) and judged.is_beyond]
+    named = {one.contract.id: one.contract for one in (*changed[:most], *beyond[:most])}
+    terms = [{"id": str(row), "terms": str(contract.terms)} for row, contract in sorted(named.items())]
+    rows = [_beyond(judged) | (_nearer(judged) if fine else {}) for judged in beyond]
+    nearer = Counter(row["nearer"] or "not asked" for row in rows if fine)
     told = (
-        f"{len(found.columns) - len(rows)} of {len(found.columns)} columns agree to {SAME:.0e}; these do not. "
-        "Differences are relative to the unit of the column (money: max(1, strike, spot)), or to the old number "
-        "where that is larger."
+        f"Nearer: {', '.join(f'{side} {count}' for side, count in sorted(nearer.items()))}." if nearer else ""
     )
-    return (
-        [told, "", *_table(head, rows)]
-        if rows
-        else [f"All {len(found.columns)} columns agree to {SAME:.0e}."]
+    parts = (
+        Section("Files", "", (table("files", _files(found)),)),
+        Section("Values by kind of answer and method", "", (table("verdicts", _verdicts(found)),)),
+        Section(
+            f"The same compiled engine, another value: {len(changed)}",
+            "",
+            (table("changed", map(_changed, changed[:most])),),
+        ),
+        Section(f"Beyond both error estimates: {len(beyond)}", told, (table("beyond", rows[:most]),)),
+        Section("Words, and numbers that came or went", "", (table("words", _words(found)),)),
+        Section("Numbers, column by column", COLUMNS, (table("columns", _columns(found)),)),
+        Section("Contracts named above", "", (table("contracts", terms),)),
     )
+    text = rendered(Report("frozen-results", "Frozen results, old and new", "What differs?", parts), "md")
+    return f"{text}\n{'No difference.' if found.is_same() else 'There are differences.'}\n"
+
+
+COLUMNS = f"""Columns that do not agree to {SAME:.0e}. Differences are relative to the unit of the column (money:
+max(1, strike, spot)), or to the old number where that is larger."""
+
+
+def _files(found: Comparison) -> Iterator[dict[str, Any]]:
+    for side, file in (("old", found.old), ("new", found.new)):
+        made = ", ".join(f"{name} {version}" for name, version in file.header.items())
+        counts = {"contracts": len(file.contracts), "answers": len(file.answers)}
+        yield {"": side, "file": str(file.path), **counts, "made with": made, "sha256": file.checksum}
+
+
+def _verdicts(found: Comparison) -> Iterator[dict[str, Any]]:
+    counts = Counter((judged.kind, judged.method, judged.verdict) for judged in found.judged)
+    for kind, method in sorted({key[:2] for key in counts}):
+        yield {
+            "answers": kind,
+            "method": method,
+            **{word: counts[kind, method, word] or None for word in VERDICTS},
+        }
+
+
+def _judged(judged: Judged, how: str) -> dict[str, Any]:
+    contract = judged.contract
+    row = {
+        "answers": judged.kind,
+        "contract": str(contract.id),
+        "family": contract.family,
+        "method": judged.method,
+    }
+    return {
+        **row,
+        "tolerance": contract.tolerance,
+        "old": format(judged.old, how),
+        "new": format(judged.new, how),
+    }
+
+
+def _changed(judged: Judged) -> dict[str, Any]:
+    explained = "no" if judged.is_beyond else "by the errors"
+    return {
+        **_judged(judged, ".17g"),
+        "relative": judged.difference / judged.contract.scale,
+        "explained": explained,
+    }
+
+
+def _beyond(judged: Judged) -> dict[str, Any]:
+    errors = f"{judged.old_error:.1e} + {judged.new_error:.1e}"
+    return {**_judged(judged, ".12g"), "difference": judged.difference, "both errors": errors}
+
+
+def _nearer(judged: Judged) -> dict[str, Any]:
+    """Return the cells that say which of two prices is nearer to a fine value."""
+    fine = fine_price(judged.contract) if JUDGED.get(judged.kind, "price") == "price" else None
+    if fine is None:
+        return dict.fromkeys(("fine", "its error", "from old", "from new", "nearer"))
+    old, new = abs(judged.old - fine.value), abs(judged.new - fine.value)
+    side = "undecided" if abs(old - new) <= fine.error else "new" if new < old else "old"
+    settled = {"fine": f"{fine.value:.12g}", "its error": f"{fine.error:.1e} ({fine.method})"}
+    return {**settled, "from old": old, "from new": new, "nearer": side}
+
+
+def _words(found: Comparison) -> Iterator[dict[str, Any]]:
+    for words, ids in sorted(found.words.items(), key=lambda item: (*item[0][:2], -len(item[1]))):
+        each = list(dict.fromkeys(ids))
+        which = ", ".join(map(str, each[:SHOWN_IDS])) + (", ..." if len(each) > SHOWN_IDS else "")
+        named = dict(zip(("answers", "column", "old", "new"), words, strict=True))
+        yield {**named, "cells": len(ids), "contracts": len(each), "which": which}
+
+
+def _columns(found: Comparison) -> Iterator[dict[str, Any]]:
+    for names, column in sorted(found.columns.items()):
+        if column.above[0]:
+            named = dict(zip(("answers", "method", "column"), names, strict=True))
+            above = {f"> {level:.0e}": count for level, count in zip(LEVELS, column.above, strict=True)}
+            yield {**named, "cells": column.cells, **above, "largest": column.largest, "where": column.where}

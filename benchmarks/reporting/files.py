@@ -7,7 +7,6 @@ import re
 from base64 import b64encode
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
@@ -24,7 +23,6 @@ TEMPLATES = Environment(
     autoescape=select_autoescape(["html.j2"]),
     undefined=StrictUndefined,
     keep_trailing_newline=True,
-    trim_blocks=True,
 )
 TEMPLATES.filters |= {
     "cell": cell_text,
@@ -42,16 +40,21 @@ def write_report(report: Report, folder: Path) -> tuple[Path, ...]:
         A file cannot be written.
     """
     pictures = {name: _png(figure) for name, figure in report.figures.items()}
-    given: dict[str, Any] = {"report": report, "machine": machine_and_versions(), "pictures": pictures}
-    files = {f"{report.name}.json": _json(report, given["machine"]).encode()}
-    for ending in ("md", "html"):
-        text = TEMPLATES.get_template(f"report.{ending}.j2").render(given)
-        files[f"{report.name}.{ending}"] = text.encode()
+    files = {f"{report.name}.json": _json(report).encode()}
+    files |= {
+        f"{report.name}.{ending}": rendered(report, ending, pictures).encode() for ending in ("md", "html")
+    }
     files |= {f"{report.name}-{name}.png": content for name, content in pictures.items()}
     for name, content in files.items():
         with replacement(folder / name) as file:
             file.write(content)
     return tuple(folder / name for name in files)
+
+
+def rendered(report: Report, ending: str, pictures: Mapping[str, bytes] | None = None) -> str:
+    """Return the report as "md", or as "html" with the PNG image of every figure by its name."""
+    template = TEMPLATES.get_template(f"report.{ending}.j2")
+    return template.render(report=report, machine=machine_and_versions(), pictures=pictures)
 
 
 def _png(figure: Figure) -> bytes:
@@ -60,9 +63,9 @@ def _png(figure: Figure) -> bytes:
     return file.getvalue()
 
 
-def _json(report: Report, machine: Mapping[str, Any]) -> str:
+def _json(report: Report) -> str:
     head = {name: getattr(report, name) for name in ("name", "title", "question")}
-    content = plain({**head, "machine": machine, "results": report.results})
+    content = plain({**head, "machine": machine_and_versions(), "results": report.results})
     return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
