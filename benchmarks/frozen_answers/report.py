@@ -57,28 +57,21 @@ def report(found: Comparison, *, most: int = 40, fine: bool = False) -> str:
     fine : bool
         Settle by fine values which of two prices that contradict each other is nearer; seconds each.
     """
-    by_size = sorted(found.judged, key=lambda judged: -judged.difference / judged.contract.scale)
-    changed = [judged for judged in by_size if judged.verdict == CHANGED]
-    beyond = [judged for judged in by_size if judged.verdict in (CHANGED, BEYOND) and judged.is_beyond]
-    named = {one.contract.id: one.contract for one in (*changed[:most], *beyond[:most])}
-    terms = [{"id": str(row), "terms": str(contract.terms)} for row, contract in sorted(named.items())]
-    rows = [_beyond(judged) | (_nearer(judged) if fine else {}) for judged in beyond]
-    nearer = Counter(row["nearer"] or "not asked" for row in rows if fine)
-    told = (
-        f"Nearer: {', '.join(f'{side} {count}' for side, count in sorted(nearer.items()))}." if nearer else ""
+    listed = sorted(
+        (one for one in found.judged if one.verdict == CHANGED or (one.verdict == BEYOND and one.is_beyond)),
+        key=lambda judged: -judged.difference / judged.contract.scale,
     )
+    rows = [_row(one) | (_nearer(one) if fine else {}) for one in listed]
+    told = f"""{sum(one.verdict == CHANGED for one in listed)} of the same compiled engine, another value;
+        {sum(one.is_beyond for one in listed)} beyond both error estimates."""
+    if fine and (sides := Counter(row["nearer"] or "not asked" for row in rows)):
+        told += f" Nearer: {', '.join(f'{side} {count}' for side, count in sorted(sides.items()))}."
     parts = (
         Section("Files", "", (table("files", _files(found)),)),
         Section("Values by kind of answer and method", "", (table("verdicts", _verdicts(found)),)),
-        Section(
-            f"The same compiled engine, another value: {len(changed)}",
-            "",
-            (table("changed", map(_changed, changed[:most])),),
-        ),
-        Section(f"Beyond both error estimates: {len(beyond)}", told, (table("beyond", rows[:most]),)),
+        Section("Values that should not differ so", told, (table("values", rows[:most]),)),
         Section("Words, and numbers that came or went", "", (table("words", _words(found)),)),
         Section("Numbers, column by column", COLUMNS, (table("columns", _columns(found)),)),
-        Section("Contracts named above", "", (table("contracts", terms),)),
     )
     text = rendered(Report("frozen-results", "Frozen results, old and new", "What differs?", parts), "md")
     return f"{text}\n{'No difference.' if found.is_same() else 'There are differences.'}\n"
@@ -105,34 +98,17 @@ def _verdicts(found: Comparison) -> Iterator[dict[str, Any]]:
         }
 
 
-def _judged(judged: Judged, how: str) -> dict[str, Any]:
+def _row(judged: Judged) -> dict[str, Any]:
     contract = judged.contract
-    row = {
+    where = {
         "answers": judged.kind,
         "contract": str(contract.id),
         "family": contract.family,
         "method": judged.method,
     }
-    return {
-        **row,
-        "tolerance": contract.tolerance,
-        "old": format(judged.old, how),
-        "new": format(judged.new, how),
-    }
-
-
-def _changed(judged: Judged) -> dict[str, Any]:
-    explained = "no" if judged.is_beyond else "by the errors"
-    return {
-        **_judged(judged, ".17g"),
-        "relative": judged.difference / judged.contract.scale,
-        "explained": explained,
-    }
-
-
-def _beyond(judged: Judged) -> dict[str, Any]:
-    errors = f"{judged.old_error:.1e} + {judged.new_error:.1e}"
-    return {**_judged(judged, ".12g"), "difference": judged.difference, "both errors": errors}
+    values = {"tolerance": contract.tolerance, "old": repr(judged.old), "new": repr(judged.new)}
+    errors = {"difference": judged.difference, "both errors": judged.old_error + judged.new_error}
+    return {**where, **values, **errors, "verdict": judged.verdict, "terms": str(contract.terms)}
 
 
 def _nearer(judged: Judged) -> dict[str, Any]:
