@@ -45,7 +45,7 @@ def _section(title: str, name: str, runs: Sequence[ClusterRun]) -> Section:
     alone, *workers = runs
     processors = len(os.sched_getaffinity(0))
     best = max(workers, key=lambda one: one.rows_a_second)
-    text = f"""Prices alone, tolerance {TOLERANCE:g}, {processors} processors. {best.who.capitalize()} price
+    text = f"""Prices alone, tolerance {TOLERANCE:g}, {processors} processors. The most, {best.who}, price
         {best.rows_a_second:,.0f} rows a second, {best.rows_a_second / alone.rows_a_second:.2f} times one thread of
         one process."""
     pairs = [(float(one.who.split()[0]), one.rows_a_second) for one in workers]

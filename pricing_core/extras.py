@@ -13,7 +13,7 @@ EXTRAS = {
     "client": ("httpx", "pyarrow"),
     "cluster": ("dask", "distributed"),
     "cli": ("rich", "typer"),
-    "plot": ("matplotlib", "PIL"),
+    "plot": ("jinja2", "matplotlib", "PIL"),
     "service": (
         "fastapi",
         "prometheus_client",

@@ -3,7 +3,7 @@
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchmarks.frozen_answers.comparison import (
     BEYOND,
@@ -18,21 +18,13 @@ from benchmarks.frozen_answers.comparison import (
 from benchmarks.frozen_answers.contracts import Contract
 from benchmarks.reporting.files import rendered
 from benchmarks.reporting.report import Report, Section, table
-from pricing_core.american import contract_from, price
+from pricing_core.american import Valuation, contract_from, price
 
 FINEST = 1e-8  # Tolerance, in strikes, of the values that settle which of two is nearer.
 SHOWN_IDS = 12  # Largest number of contracts named in a cell.
 
 
-class Fine(NamedTuple):
-    """A price at the finest tolerance, and its own error; money."""
-
-    value: float
-    error: float
-    method: str
-
-
-def fine_price(contract: Contract) -> Fine | None:
+def fine_price(contract: Contract) -> Valuation | None:
     """Return the surer of two prices at the finest tolerance, by the method of lines and by the usual engine."""
     found = []
     for method in ("lcs", "auto"):
@@ -43,8 +35,8 @@ def fine_price(contract: Contract) -> Fine | None:
             print(f"contract {contract.id}, {method}: {fault}", file=sys.stderr)
             continue
         if finest.price is not None and finest.error_estimate is not None:
-            found.append(Fine(finest.price, finest.error_estimate, finest.method))
-    return min(found, key=lambda fine: fine.error, default=None)
+            found.append((finest.error_estimate, method, finest))
+    return min(found)[-1] if found else None
 
 
 def report(found: Comparison, *, most: int = 40, fine: bool = False) -> str:
@@ -57,30 +49,24 @@ def report(found: Comparison, *, most: int = 40, fine: bool = False) -> str:
     fine : bool
         Settle by fine values which of two prices that contradict each other is nearer; seconds each.
     """
-    by_size = sorted(found.judged, key=lambda judged: -judged.difference / judged.contract.scale)
-    changed = [judged for judged in by_size if judged.verdict == CHANGED]
-    beyond = [judged for judged in by_size if judged.verdict in (CHANGED, BEYOND) and judged.is_beyond]
-    named = {one.contract.id: one.contract for one in (*changed[:most], *beyond[:most])}
-    terms = [{"id": str(row), "terms": str(contract.terms)} for row, contract in sorted(named.items())]
-    rows = [_beyond(judged) | (_nearer(judged) if fine else {}) for judged in beyond]
-    nearer = Counter(row["nearer"] or "not asked" for row in rows if fine)
-    told = (
-        f"Nearer: {', '.join(f'{side} {count}' for side, count in sorted(nearer.items()))}." if nearer else ""
+    listed = sorted(
+        (one for one in found.judged if one.verdict == CHANGED or (one.verdict == BEYOND and one.is_beyond)),
+        key=lambda judged: -judged.difference / judged.contract.scale,
     )
-    parts = (
-        Section("Files", "", (table("files", _files(found)),)),
-        Section("Values by kind of answer and method", "", (table("verdicts", _verdicts(found)),)),
-        Section(
-            f"The same compiled engine, another value: {len(changed)}",
-            "",
-            (table("changed", map(_changed, changed[:most])),),
-        ),
-        Section(f"Beyond both error estimates: {len(beyond)}", told, (table("beyond", rows[:most]),)),
-        Section("Words, and numbers that came or went", "", (table("words", _words(found)),)),
-        Section("Numbers, column by column", COLUMNS, (table("columns", _columns(found)),)),
-        Section("Contracts named above", "", (table("contracts", terms),)),
-    )
-    text = rendered(Report("frozen-results", "Frozen results, old and new", "What differs?", parts), "md")
+    rows = [_row(one) | (_nearer(one) if fine else {}) for one in listed]
+    told = f"""{sum(one.verdict == CHANGED for one in listed)} of the same compiled engine, another value;
+        {sum(one.is_beyond for one in listed)} beyond both error estimates."""
+    if fine and (sides := Counter(row["nearer"] or "not asked" for row in rows)):
+        told += f" Nearer: {', '.join(f'{side} {count}' for side, count in sorted(sides.items()))}."
+    parts = {
+        "Files": ("", _files(found)),
+        "Values by kind of answer and method": ("", _verdicts(found)),
+        "Values that should not differ so": (told, rows[:most]),
+        "Words, and numbers that came or went": ("", _words(found)),
+        "Numbers, column by column": (COLUMNS, _columns(found)),
+    }
+    sections = tuple(Section(title, text, (table(title, part),)) for title, (text, part) in parts.items())
+    text = rendered(Report("frozen-results", "Frozen results, old and new", "What differs?", sections), "md")
     return f"{text}\n{'No difference.' if found.is_same() else 'There are differences.'}\n"
 
 
@@ -90,59 +76,39 @@ max(1, strike, spot)), or to the old number where that is larger."""
 
 def _files(found: Comparison) -> Iterator[dict[str, Any]]:
     for side, file in (("old", found.old), ("new", found.new)):
-        made = ", ".join(f"{name} {version}" for name, version in file.header.items())
         counts = {"contracts": len(file.contracts), "answers": len(file.answers)}
-        yield {"": side, "file": str(file.path), **counts, "made with": made, "sha256": file.checksum}
+        yield {
+            "": side,
+            "file": str(file.path),
+            **counts,
+            "made with": str(file.header),
+            "sha256": file.checksum,
+        }
 
 
 def _verdicts(found: Comparison) -> Iterator[dict[str, Any]]:
     counts = Counter((judged.kind, judged.method, judged.verdict) for judged in found.judged)
     for kind, method in sorted({key[:2] for key in counts}):
-        yield {
-            "answers": kind,
-            "method": method,
-            **{word: counts[kind, method, word] or None for word in VERDICTS},
-        }
+        cells = {word: counts[kind, method, word] or None for word in VERDICTS}
+        yield {"answers": kind, "method": method, **cells}
 
 
-def _judged(judged: Judged, how: str) -> dict[str, Any]:
-    contract = judged.contract
-    row = {
-        "answers": judged.kind,
-        "contract": str(contract.id),
-        "family": contract.family,
-        "method": judged.method,
-    }
-    return {
-        **row,
-        "tolerance": contract.tolerance,
-        "old": format(judged.old, how),
-        "new": format(judged.new, how),
-    }
-
-
-def _changed(judged: Judged) -> dict[str, Any]:
-    explained = "no" if judged.is_beyond else "by the errors"
-    return {
-        **_judged(judged, ".17g"),
-        "relative": judged.difference / judged.contract.scale,
-        "explained": explained,
-    }
-
-
-def _beyond(judged: Judged) -> dict[str, Any]:
-    errors = f"{judged.old_error:.1e} + {judged.new_error:.1e}"
-    return {**_judged(judged, ".12g"), "difference": judged.difference, "both errors": errors}
+def _row(one: Judged) -> dict[str, Any]:
+    asked = one.contract
+    where = {"answers": one.kind, "contract": str(asked.id), "family": asked.family, "method": one.method}
+    values = {"tolerance": asked.tolerance, "old": repr(one.old), "new": repr(one.new)}
+    errors = {"difference": one.difference, "both errors": one.old_error + one.new_error}
+    return {**where, **values, **errors, "verdict": one.verdict, "terms": str(asked.terms)}
 
 
 def _nearer(judged: Judged) -> dict[str, Any]:
     """Return the cells that say which of two prices is nearer to a fine value."""
     fine = fine_price(judged.contract) if JUDGED.get(judged.kind, "price") == "price" else None
-    if fine is None:
+    if fine is None or fine.price is None:
         return dict.fromkeys(("fine", "its error", "from old", "from new", "nearer"))
-    old, new = abs(judged.old - fine.value), abs(judged.new - fine.value)
-    side = "undecided" if abs(old - new) <= fine.error else "new" if new < old else "old"
-    settled = {"fine": f"{fine.value:.12g}", "its error": f"{fine.error:.1e} ({fine.method})"}
+    old, new = abs(judged.old - fine.price), abs(judged.new - fine.price)
+    side = "undecided" if abs(old - new) <= (fine.error_estimate or 0.0) else "new" if new < old else "old"
+    settled = {"fine": f"{fine.price:.12g}", "its error": f"{fine.error_estimate:.1e} ({fine.method})"}
     return {**settled, "from old": old, "from new": new, "nearer": side}
 
 

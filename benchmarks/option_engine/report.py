@@ -3,17 +3,9 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from benchmarks.option_engine import throughput
 from benchmarks.option_engine.march_scaling import MarchCost
 from benchmarks.option_engine.portfolio_study import PortfolioStudy
-from benchmarks.option_engine.throughput import (
-    ALL_GREEKS,
-    GREEKS_BY_DEFAULT,
-    PRICE_BY_DEFAULT,
-    PRICE_ONLY,
-    TOLERANCE,
-    TWO_THREADS,
-    Rate,
-)
 from benchmarks.option_engine.wide_set import ToleranceKept
 from benchmarks.option_engine.work_precision import ERRORS, points
 from benchmarks.quantlib.american_engines import CallOverhead
@@ -34,7 +26,7 @@ class Findings:
     overhead: CallOverhead | None
     studies: tuple[PortfolioStudy, ...]
     kept: tuple[ToleranceKept, ...]
-    rates: Mapping[str, Rate]
+    rates: Mapping[str, throughput.Rate]
     sharing_difference: float | None
     latency: float
     march: tuple[MarchCost, ...]
@@ -84,10 +76,10 @@ def sentences(found: Findings) -> Iterator[str]:
             error of an ok row is {kept.largest_ok:.2g} tolerances, {kept.honest:.1%} of the estimates are at least
             half the error, and the median estimate is {kept.overestimate:.2g} times the error."""
     time = {name: rate.microseconds for name, rate in found.rates.items()}
-    yield f"""Two threads are {time[PRICE_ONLY] / time[TWO_THREADS]:.2f} times as fast as one; all Greeks cost
-        {time[ALL_GREEKS] / time[PRICE_ONLY]:.2f} times the price alone, at the default tolerance
-        {time[GREEKS_BY_DEFAULT] / time[PRICE_BY_DEFAULT]:.2f} times; one warm `price()` with all Greeks takes
-        {found.latency:.0f} microseconds."""
+    threads = time[throughput.PRICE_ONLY] / time[throughput.TWO_THREADS]
+    greeks = time[throughput.ALL_GREEKS] / time[throughput.PRICE_ONLY]
+    yield f"""Two threads are {threads:.2f} times as fast as one; all Greeks cost {greeks:.2f} times the price alone;
+        one warm `price()` with all Greeks takes {found.latency:.0f} microseconds."""
     if found.sharing_difference is not None:
         yield f"""Ladders and chains share solves; their prices differ from those without sharing by at most
             {found.sharing_difference:.1e} of the strike."""
@@ -119,18 +111,16 @@ def _study_section(study: PortfolioStudy, overhead: CallOverhead | None) -> Sect
     return Section(study.title, text, (table(slug, study.measurements), *ratios), {slug: figure})
 
 
-KEPT = """Random contracts with S/K 0.4-2.5, 5 days to 10 years, volatility 3-150 %, rate and yield 0-15 %. An error
-is the distance to the reference, less the disagreement of its two systems; rows where that exceeds 1e-8 of the strike
-are left out. Largest ok is in tolerances, honest the share of estimates of at least half the error."""
-BATCHES = f"`price_many` at tolerance {TOLERANCE:g} unless a row says otherwise, random everyday contracts."
-MARCH = """Random puts of up to two years, marched with a given number of time steps, half and a quarter of them, and
-extrapolated; nothing is refined. Nanoseconds and cycles (at the nominal clock) are those of one step, RMSE is against
-this engine's finest mesh."""
-METHOD = """Every time is the least of six or more; the methods take turns, so that other work on the machine meets them
-all. This engine prices all rows by one call of `price_many` on one thread, price only; slow methods are measured on a
-fixed random choice of the contracts. Ratios compare the lower envelopes of RMSE and time, by straight lines in
-logarithms.
+KEPT = """Random contracts with S/K 0.4-2.5, 5 days to 10 years, volatility 3-150 %, rate and yield 0-15 %, without
+rows where the reference's two systems disagree by more than 1e-8 of the strike. Largest ok is in tolerances, honest
+the share of estimates of at least half the error."""
+BATCHES = f"`price_many` at tolerance {throughput.TOLERANCE:g} unless a row says otherwise, random everyday contracts."
+MARCH = """Random puts of up to two years, marched with a given number of steps, half and a quarter of them, and
+extrapolated. Nanoseconds and cycles (at the nominal clock) are those of one step, RMSE is against this engine's
+finest mesh."""
+METHOD = """Every time is the least of six or more, methods in turn, one thread. This engine prices all rows by one
+call of `price_many`, price only; slow methods price a fixed random choice. Ratios compare the lower envelopes of RMSE
+and time.
 
-QuantLib runs one thread too, with instruments, processes and engines built beforehand; a call from Python that
-calculates nothing is taken off every QuantLib time, so that what remains is what a user of the C++ library sees. QdFp's
-Legendre schemes are the best of a sweep of about a thousand. Expiries are whole days over 360 for both sides."""
+QuantLib's instruments and engines are built beforehand, and a call from Python that calculates nothing is taken off its
+times. QdFp's Legendre schemes are the best of about a thousand. Expiries are whole days over 360 for both sides."""

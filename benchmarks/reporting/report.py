@@ -9,7 +9,6 @@ from typing import Any, TypeAlias
 from matplotlib.figure import Figure
 
 Cell: TypeAlias = str | float | int | None
-FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,10 +18,6 @@ class Table:
     name: str
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
-
-    def __post_init__(self) -> None:
-        if any(len(row) != len(self.columns) for row in self.rows):
-            raise ValueError(f"every row of table {self.name} must have {len(self.columns)} cells")
 
     @property
     def numeric(self) -> tuple[bool, ...]:
@@ -75,14 +70,9 @@ class Report:
     more: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        names = [one.name for one in self.tables], [*self.figures]
-        if len(self.tables) > len(set(names[0])) or sum(len(part.figures) for part in self.sections) > len(
-            names[1]
-        ):
-            raise ValueError(f"two of the names {', '.join((*names[0], *names[1]))} are equal")
-        for name in (self.name, *names[0], *names[1]):
-            if not FILE_NAME.fullmatch(name):
-                raise ValueError(f"{name!r} cannot be part of a file name: use letters, digits, '-' and '_'")
+        names = [one.name for one in self.tables]
+        if len(set(names)) < len(names):
+            raise ValueError(f"two of the names {', '.join(names)} are equal")
 
     @property
     def tables(self) -> list[Table]:

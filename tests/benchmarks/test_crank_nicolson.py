@@ -68,3 +68,14 @@ def test_the_report_has_its_sections_and_files(found: Comparison, tmp_path: Path
     files = {path.name for path in write_report(report, tmp_path)}
     assert {"crank-nicolson.json", "crank-nicolson.md", "crank-nicolson.html"} < files
     assert {path.suffix for path in tmp_path.iterdir()} == {".json", ".md", ".html", ".png"}
+
+
+def test_the_sections_say_what_their_tables_hold(found: Comparison) -> None:
+    report = compose(found)
+    assert {"winners", "solves-needed", "orders-in-time", "profiles", "solvers", "relaxation", "runs"} < set(
+        report.results
+    )
+    (text,) = (" ".join(part.paragraphs) for part in report.sections if "explicit projection" in part.title)
+    fewest = min(found.relaxation, key=lambda run: run.sweeps)
+    assert "On 32 cells one step costs" in text
+    assert f"{fewest.sweeps:.0f} a step, with the relaxation parameter {fewest.relaxation:g}" in text

@@ -89,7 +89,7 @@ def test_a_changed_number_is_reported_with_the_nearer_side(pair, tmp_path, capsy
     assert pair.compare({"price": lambda price: price + 1.0}, "--report", str(report), "--fine") == 1
     assert capsys.readouterr().out.startswith("There are differences.")
     text = report.read_text()
-    assert "## Beyond both error estimates: 1\n\nNearer: old 1.\n" in text
+    assert "1 beyond both error estimates. Nearer: old 1.\n" in text
     assert "| price | another |  |  |  |  | 1 |  |" in text
     assert "| price | another | price | 1 | 1 | 1 | 1 |" in text
 
@@ -97,7 +97,7 @@ def test_a_changed_number_is_reported_with_the_nearer_side(pair, tmp_path, capsy
 def test_a_number_changed_within_the_errors_is_no_contradiction(pair, capsys):
     assert pair.compare({"price": lambda price: price + 1.5e-5}) == 1
     text = capsys.readouterr().out
-    assert "## Beyond both error estimates: 0\n\nNone.\n" in text
+    assert "0 beyond both error estimates.\n\nNone.\n" in text
     assert "| price | another |  |  |  | 1 |  |  |" in text
 
 
@@ -110,7 +110,7 @@ def test_a_compiled_engine_owes_the_same_digits(pair, capsys):
     change = {"price": lambda price: price + 1e-6, "method": "premium-march"}
     pair.write(pair.old, {"method": "premium-march"})
     assert pair.compare(change) == 1
-    assert "## The same compiled engine, another value: 1\n" in capsys.readouterr().out
+    assert "1 of the same compiled engine, another value" in capsys.readouterr().out
 
 
 def test_a_changed_word_and_a_number_that_went_are_counted(pair, capsys):

@@ -119,17 +119,6 @@ def test_json_holds_results_machine_and_versions_without_nan(tmp_path: Path) -> 
     ].keys()
 
 
-def test_a_table_with_a_ragged_row_is_refused() -> None:
-    with pytest.raises(ValueError, match="2 cells"):
-        Table("ragged", ("a", "b"), ((1.0,),))
-
-
-@pytest.mark.parametrize("name", ["../up", "a b", "", ".hidden"])
-def test_a_name_that_cannot_be_part_of_a_file_name_is_refused(name: str) -> None:
-    with pytest.raises(ValueError, match="file name"):
-        Report("made-up", "", "", (Section("", "", figures={name: picture()}),))
-
-
 def test_two_tables_of_one_name_are_refused() -> None:
     same = Table("same", ("a",), ())
     with pytest.raises(ValueError, match="equal"):
