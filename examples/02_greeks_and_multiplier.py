@@ -52,7 +52,7 @@ above.plot(spots, value, color="#0072B2", label="value V")
 above.plot(spots, payoff, color="0.5", linestyle="--", linewidth=1.0, label="payoff")
 below.plot(spots, multiplier, color="#D55E00")
 above.set(ylabel="money", title="An American put: V = payoff where u > 0, and u = 0 elsewhere")
-below.set(xlabel="spot", ylabel="multiplier u, money per year")
+below.set(xlabel="spot", ylabel="multiplier u,\nmoney per year")
 for axes in (above, below):
     axes.axvline(found.exercise_boundary, color="0.7", linewidth=0.8)
 above.legend(frameon=False)

@@ -30,17 +30,19 @@ print(f"the model's prices lie within bid and ask for {fit.share_within_after:.1
 assert np.all(np.abs(implied - made["DIVIDEND_YIELD"]) < 3.0 * errors)
 assert fit.share_within_after >= 0.99
 
+# How far the model's prices are from the middle of bid and ask, in halves of the spread between them.
 table = fit.quotes.to_pandas()
+table = table[(table["status"] == "ok") & (table["ask"] > table["bid"])]
+off = (2.0 * table["model_price"] - table["bid"] - table["ask"]) / (table["ask"] - table["bid"])
 figure = Figure(figsize=(7.0, 4.5), layout="constrained")
 axes = figure.subplots()
-for expiry, rows in table[table["status"] == "ok"].sort_values("strike").groupby("expiry"):
-    (line,) = axes.plot(
-        rows["strike"], rows["model_volatility"], linewidth=1.0, label=f"{365 * expiry:.0f} days"
-    )
-    axes.plot(rows["strike"], rows["mid_volatility"], ".", markersize=4, color=line.get_color())
-axes.set(
-    xlabel="strike", ylabel="implied volatility", title="Volatilities that the quotes imply, and the surface"
-)
-axes.legend(frameon=False, ncols=2)
+for expiry, rows in table.groupby("expiry"):
+    axes.plot(rows["strike"], off[rows.index], ".", label=f"{365 * expiry:.0f} days")
+for edge, name in ((-1.0, "bid"), (1.0, "ask")):
+    axes.axhline(edge, color="0.6", linewidth=0.8)
+    axes.annotate(name, (table["strike"].max(), edge), va="bottom", ha="right", color="0.4")
+axes.set(xlabel="strike", ylabel="model price, from the middle", title="The American quotes are repriced")
+axes.legend(frameon=False, ncols=4, loc="upper left")
+axes.set_ylim(-1.6, 2.2)
 target = HERE / "out" / "08_chain_of_quotes.png"
 figure.savefig(target, dpi=120)
