@@ -56,7 +56,7 @@ figures: $(VENV)/.installed-for-tests  ## measure the figures of README and docs
 	$(BIN)/python -m benchmarks.figures
 
 docs: $(VENV)/.installed-for-docs examples  ## build the documentation into site and follow its links, without the network; a warning is an error
-	rm -rf site
+	rm -rf jupyter_execute site
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going docs site
 	$(BIN)/python .ci/links.py
 
@@ -91,7 +91,7 @@ lock:  ## write constraints.txt and requirements.txt anew: the newest versions t
 	mv "$$scratch/requirements.txt" requirements.txt
 
 clean:  ## remove the virtual environment and everything that was built or written
-	rm -rf $(VENV) build dist site *.egg-info kernels/target examples/out
+	rm -rf $(VENV) build dist jupyter_execute site *.egg-info kernels/target examples/out
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 	rm -f pricing_core/_kernels*.so
 	find app benchmarks examples pricing_core tests -name __pycache__ -prune -exec rm -rf {} +

@@ -20,6 +20,7 @@ from benchmarks import (
     cluster_scaling,
     engine_frontier,
     events,
+    greeks,
     reference_values,
     service_load,
 )
@@ -86,7 +87,7 @@ def single() -> Figures:
         "greeks-dividends": (contract("put", cash_dividends=dividends), "standard"),
     }
     times: dict[str, tuple[float | list[float], str]] = {
-        name: (_milliseconds(row, greeks), "{:.2f} ms") for name, (row, greeks) in cases.items()
+        name: (_milliseconds(row, asked), "{:.2f} ms") for name, (row, asked) in cases.items()
     }
     lines = [_milliseconds(row, "none") for row in rows_of(two_boundaries, 100)]
     times["lines"] = (
@@ -96,8 +97,8 @@ def single() -> Figures:
     return Figures(single=times)
 
 
-def _milliseconds(row: Row, greeks: Greeks) -> float:
-    call = partial(price, *contract_from(row), tolerance=1e-6, greeks=greeks)
+def _milliseconds(row: Row, asked: Greeks) -> float:
+    call = partial(price, *contract_from(row), tolerance=1e-6, greeks=asked)
     return 1e3 * least_seconds([Task((call,))])[0]
 
 
@@ -129,17 +130,37 @@ def dividends() -> Figures:
     for tolerance in events.TOLERANCES:
         row: dict[str, float] = {"tolerance": tolerance}
         for kind, found in rows.items():
-            alone, greeks = found[without][tolerance], found[with_them][tolerance]
+            alone, with_greeks = found[without][tolerance], found[with_them][tolerance]
             row |= {
                 f"{kind}s a second": alone.per_second,
                 f"largest error of a {kind}": alone.error,
-                f"{kind}s with all Greeks": greeks.per_second,
+                f"{kind}s with all Greeks": with_greeks.per_second,
             }
             at = f"{kind}.{_at(tolerance)}"
             single[at] = (1e6 / alone.per_second, "{:.0f} us")
-            single[f"{at}.greeks"] = (alone.per_second / greeks.per_second, "{:.2g}")
+            single[f"{at}.greeks"] = (alone.per_second / with_greeks.per_second, "{:.2g}")
         cells.append(row)
     return Figures(table("dividends", cells), ("{:.0e}", *(("{:,.0f}", "{:.1e}", "{:,.0f}") * 2)), single)
+
+
+def greeks_cost() -> Figures:
+    """Price contracts with and without Greeks, by their number of cash dividends."""
+    rows = []
+    for number, count in ((0, greeks.FLAT_COSTED), (4, greeks.COSTED), (60, greeks.WEEKLY_COSTED)):
+        for option_type in ("put", "call"):
+            alone, standard, extended = greeks.seconds_of(
+                greeks.costed_rows(number, "cash", option_type, count)[0]
+            )
+            rows.append(
+                {
+                    "contracts": f"{option_type}s, {number} cash dividends"
+                    if number
+                    else f"{option_type}s without events",
+                    "standard Greeks, times the price alone": standard / alone,
+                    "extended Greeks, times the price alone": extended / alone,
+                }
+            )
+    return Figures(table("greeks", rows), ("{}", "{:.1f}", "{:.1f}"))
 
 
 def batch() -> Figures:
@@ -210,6 +231,7 @@ MEASURED = {
     "single": Measured(".venv/bin/python -m benchmarks.figures single", single),
     "speed": Measured(".venv/bin/pricing benchmark engine-frontier --output DIR", speed),
     "dividends": Measured(".venv/bin/python -m benchmarks.events", dividends),
+    "greeks": Measured(".venv/bin/python -m benchmarks.greeks", greeks_cost),
     "batch": Measured(".venv/bin/pricing benchmark batch --output DIR", batch),
     "cluster": Measured(".venv/bin/pricing benchmark cluster --output DIR", cluster),
     "service": Measured(".venv/bin/pricing benchmark service --output DIR", service),

@@ -220,15 +220,20 @@ def report(engine: str, count: int) -> None:
         print(each)
 
 
-def cost(title: str, rows: Sequence[Row], left_out: int = 0) -> None:
-    """Print what contracts cost without, with the standard and with the extended Greeks."""
+def seconds_of(rows: Sequence[Row]) -> Sequence[float]:
+    """Return how long contracts take without, with the standard and with the extended Greeks, in seconds."""
     columns: dict[str, Any] = {name: [row[name] for row in rows] for name in rows[0]}
     asked: tuple[Greeks, ...] = ("none", "standard", "extended")
     tasks = [
         Task((partial(price_many, columns, tolerance=TOLERANCE, greeks=greeks, threads=1),))
         for greeks in asked
     ]
-    price, standard, extended = least_seconds(tasks, turns=5)
+    return least_seconds(tasks, turns=5)
+
+
+def cost(title: str, rows: Sequence[Row], left_out: int = 0) -> None:
+    """Print what contracts cost without, with the standard and with the extended Greeks."""
+    price, standard, extended = seconds_of(rows)
     print(
         f"{title:22s}{len(rows):5d}{left_out:10d}{1e3 * price / len(rows):10.3f} ms"
         f"{standard / price:10.1f}{extended / price:10.1f}",

@@ -10,7 +10,7 @@ from pricing_core import __version__
 project = "pricing-core"
 author = copyright = "pricing-core developers"
 release = version = __version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "extension"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "extension"]
 exclude_patterns = ["extension/*"]
 html_theme = "furo"
 html_title = "pricing-core"
@@ -21,6 +21,10 @@ html_css_files = ["site.css"]
 html_math_renderer = "mathml"
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_show_tb = True
+nb_execution_timeout = 120
 default_role = "code"  # as docstrings mean it
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # docstrings state the types

@@ -93,7 +93,7 @@ class NumericalError(PricingCoreError, ArithmeticError):
     Attributes
     ----------
     best : LCPSolution or None
-        Of a complementarity problem, the point with the smallest residual that was met: no solution. Else None.
+        The point of a complementarity problem with the smallest residual that was met; it is no solution. Else None.
     """
 
     best: Any = None

@@ -226,7 +226,7 @@ def march_strikes(factors: Matrix, matrices: NDArray[np.float64], values: Matrix
     Parameters
     ----------
     factors : (steps, 2)
-        Of the values now, and of those before, which are taken away.
+        Factors of the values now, and of those before, which are subtracted.
     matrices : (steps, 3, nodes)
         Lower, middle and upper diagonal of each step.
     values : (nodes, columns)

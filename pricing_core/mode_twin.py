@@ -54,8 +54,8 @@ def taylor_step(
     Returns
     -------
     place : float
-        Of the first crossing, or `reach`. An output that starts between zero and minus its tolerance and falls crosses
-        at 0.
+        The place of the first crossing, or `reach`. An output that starts between zero and minus its tolerance and
+        falls crosses at 0.
     crossed : list of int
     c, sizes : Vector, shape (d,)
         At the place.
@@ -122,7 +122,7 @@ def initial_signs(
     rate : Matrix, shape (d, d)
         c' as a function of c, in the same unit of time.
     sizes : Vector, shape (d,)
-        Of the terms of c.
+        Sizes of the terms of c.
     value_share, derivative_share : float
         Shares of its terms' sizes below which an output, and a derivative, is zero: what is tangential leaves a slope
         of the order of the root of rounding.
@@ -161,7 +161,7 @@ def leading_signs(impulses: Table, z: Vector, sizes: Vector, share: float) -> Ve
     impulses : array, shape (r, k, N)
         The coefficients of the derivatives of delta as functions of z, the highest first.
     sizes : Vector, shape (N,)
-        Of the terms of z; `share` of these is no impulse.
+        Sizes of the terms of z; `share` of these is no impulse.
 
     Examples
     --------

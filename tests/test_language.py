@@ -7,6 +7,7 @@ import io
 import re
 import tokenize
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -87,11 +88,16 @@ def test_no_comment_begins_with_of():
     assert not found
 
 
-def lines(paths: Iterable[Path]) -> Iterator[tuple[str, int, str]]:
-    """Yield the lines of files, each with the file's name and its number."""
+@cache
+def text_of(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def matches(pattern: re.Pattern[str], paths: Iterable[Path]) -> Iterator[tuple[str, str]]:
+    """Yield file, line and text of every match of a pattern."""
     for path in paths:
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-            yield path.relative_to(ROOT).as_posix(), number, line
+        for match in pattern.finditer(text_of(path)):
+            yield place(path, text_of(path).count("\n", 0, match.start()) + 1), match[0]
 
 
 def test_the_texts_are_those_of_the_project():
@@ -109,10 +115,9 @@ def test_the_texts_are_those_of_the_project():
 @pytest.mark.parametrize("word", INSTEAD)
 def test_no_private_metaphors(word):
     found = [
-        f"{name}:{number}: {match[0]}, say {INSTEAD[word]}"
-        for name, number, line in lines(TEXTS)
-        if not name.startswith(PLAIN.get(word, ("/",)))
-        for match in METAPHORS[word].finditer(line)
+        f"{where}: {words}, say {INSTEAD[word]}"
+        for where, words in matches(METAPHORS[word], TEXTS)
+        if not where.startswith(PLAIN.get(word, ("/",)))
     ]
     assert not found
 
@@ -121,9 +126,7 @@ def test_collocation_has_weights_and_values_beyond_the_last_panel():
     """Neither "worth" as a name for quadrature weights, nor "tail" for the value beyond the last panel."""
     texts = [path for path in TEXTS if "multiplier_collocation" in path.as_posix()]
     assert len(texts) > 40
-    assert not [
-        f"{name}:{number}: {line}" for name, number, line in lines(texts) if IN_COLLOCATION.search(line)
-    ]
+    assert not list(matches(IN_COLLOCATION, texts))
 
 
 def test_docstrings_are_sentences():
@@ -139,6 +142,18 @@ def test_docstrings_are_sentences():
             )
             if not starts or not summary.rstrip().endswith(ENDINGS):
                 found.append(f"{place(path, getattr(node, 'lineno', 1))}: {summary[:70]}")
+    assert not found
+
+
+def test_descriptions_of_parameters_are_no_fragments():
+    """A description says what the parameter is, in place of "Of the prices" or "As there"."""
+    entry = re.compile(r"(?m)^ *[\w*, ]+ : .*\n +(?:Of|Those of|That of|As there)\b.*")
+    found = [
+        f"{place(path, getattr(node, 'lineno', 1))}: {match[0].splitlines()[1].strip()[:70]}"
+        for path in CODE
+        for _, node, text in docstrings(path)
+        for match in entry.finditer(text)
+    ]
     assert not found
 
 

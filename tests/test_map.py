@@ -5,7 +5,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 # Folders that are written by tools, and those that the map leaves to another text: benchmarks/README.md, and the code.
-WRITTEN = {"build", "dist", "out", "site", "target", "__pycache__"}
+WRITTEN = {"build", "dist", "out", "jupyter_execute", "site", "target", "__pycache__"}
 TOLD_ELSEWHERE = {"benchmarks", "tests"}
 SOURCES = {".py", ".rs", ".js", ".md", ".json", ".toml", ".csv", ".yaml", ".yml"}
 

@@ -32,7 +32,7 @@ class Question:
         Behind the address of the service.
     body : bytes
     media_type : str
-        Of the body, and of the answer unless `answer_type` is another.
+        Media type of the body, and of the answer unless `answer_type` is another.
     asked : mapping of str to object
         The fields of a single contract, for messages.
     answer_type : str, optional

@@ -31,7 +31,7 @@ def gantt(graph: TimedEventGraph, x: object, *, unit: str = "") -> Figure:
     x : array_like, shape (firings + 1, n)
         Firing times, as `graph.run` gives them.
     unit : str
-        Of the times.
+        Unit of the times.
 
     Raises
     ------

@@ -82,7 +82,7 @@ class BodyScene:
         "shape" with "width" and "height", or with "radius"; "at": the middle where the coordinates are zero; "x", "y"
         and "turn": names of coordinates that move it.
     slope : float
-        Of the floor at height 0, downhill to the right where > 0, in radians.
+        Slope of the floor at height 0 in radians, downhill to the right where it is > 0.
     """
 
     def __init__(

@@ -23,7 +23,7 @@ class Band:
     Parameters
     ----------
     names : tuple of str
-        Of the r rows.
+        Names of the r rows.
     edges : Vector, shape (m + 1,)
     states : ndarray of int, shape (m, r)
         Between the edges; `BLANK` where there is nothing to show.

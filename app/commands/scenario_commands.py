@@ -30,7 +30,7 @@ def value_file(
     named : str, optional
         A file of scenarios, in the place of shifts.
     shifts : tuple
-        Those of the spot, the volatility and the rate, and days forward.
+        Shifts of the spot, the volatility and the rate, and days forward.
 
     Raises
     ------

@@ -54,7 +54,7 @@ class Samples:
     points : Vector, shape (m,)
     columns : tuple of Columns
     unit : str
-        Of the axis, where the model has units; otherwise it is in those of the model file.
+        Unit of the axis, where the model has units; otherwise it is in those of the model file.
     """
 
     axis: str

@@ -9,6 +9,7 @@ import json
 import os
 import re
 import subprocess
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
@@ -23,6 +24,7 @@ from pricing_core.replacement import replacement
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "figures"
 PLACE = re.compile(r"(<!--= (\S+) -->)(.*?)(<!--/-->)", re.DOTALL)
+WIDTH = 119  # of lines of text; those of the README are shorter than 120
 SOURCE = ("command", "machine", "date", "commit", "conditions")
 UNITS = r"(?:us|ms|s|MB|GB|a second|times)"
 NUMBER = r"[\d.,]*\d(?:e-?\d+)?"
@@ -91,7 +93,8 @@ def _shown(place: str, folder: Path) -> str:
     except (OSError, KeyError) as fault:
         raise ValueError(f"there is no figure {place} in {folder}") from fault
     table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
-    return f"\n{table}\n\n(`{content['command']}`; {content['machine']}; {content['date']}; {content['conditions']})\n"
+    told = f"(`{content['command']}`; {content['machine']}; {content['date']}; {content['conditions']})"
+    return f"\n{table}\n\n{textwrap.fill(told, WIDTH, break_long_words=False, break_on_hyphens=False)}\n"
 
 
 def shown(value: Cell | Sequence[Cell], how: str) -> str:

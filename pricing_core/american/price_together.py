@@ -29,7 +29,7 @@ def price_together(
     contracts : sequence of (Option, Market)
         Whose spots are not out of all proportion to the strikes (`check_moneyness`).
     book : Book
-        Of these contracts.
+        The contracts as a book.
     tolerances : sequence of float
         One for each, as in `price`.
     interrupt : callable, optional

@@ -27,7 +27,7 @@ class Assembly:
     ----------
     plan : Plan
     folder : Path
-        Of this machine, for files that have no name yet.
+        A folder of this machine for files that have no name yet.
     """
 
     def __init__(self, plan: Plan, folder: Path) -> None:

@@ -60,7 +60,7 @@ class Manifest:
     identity : mapping
     state : {"running", "complete"}
     units : sequence of Counts
-        Those of the units in order; none while the run goes on: then the parts say it.
+        The counts of the units in order; there are none while the run goes on, for the parts hold them then.
     sizes : mapping of str to int
         Bytes of each file of the output by its name within it, of the only one by "".
     """

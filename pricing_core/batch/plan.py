@@ -28,7 +28,7 @@ class PlannedTable:
     ----------
     table : TableFile
     check : CsvCheck or None
-        Of a CSV file.
+        What the pass through a CSV file has found; None for Parquet.
     rows : int
         In a CSV file at most.
     schema : pyarrow.Schema
@@ -59,7 +59,7 @@ class Plan:
         What is to be warned of.
     identity : Identity
     block_size : int or None
-        Of every block, in bytes of CSV and rows of Parquet; None: as the readers choose.
+        Size of every block, in bytes of CSV and rows of Parquet; None: as the readers choose.
     """
 
     tables: Sequence[PlannedTable]

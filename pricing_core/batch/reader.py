@@ -64,7 +64,7 @@ def open_table(table: TableFile, check: CsvCheck | None = None) -> TableReader:
     Parameters
     ----------
     check : CsvCheck, optional
-        Of a CSV file that has been looked through.
+        What an earlier pass through the CSV file has found.
 
     Raises
     ------

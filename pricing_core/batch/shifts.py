@@ -36,7 +36,7 @@ class ShiftedContracts:
     Parameters
     ----------
     columns : mapping of str to ArrowColumn
-        Those of contracts.
+        The columns that describe contracts.
     sound : bool array, shape (n,)
         Which rows are to be read; the others become anything.
     scenarios : sequence of Scenario

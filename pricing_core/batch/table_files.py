@@ -34,7 +34,7 @@ class InputTable:
     ----------
     files : tuple of TableFile
     schema : pyarrow.Schema
-        Of all of them, the columns of their partitions included.
+        The columns of all files, those of their partitions included.
     numbers : tuple of str
         Columns of text that hold numbers alone.
     unusual : tuple of str

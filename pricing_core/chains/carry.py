@@ -23,7 +23,7 @@ class Carry(ImpliedCarry):
     Parameters
     ----------
     standard_error : Vector
-        Of dividend_yield, 1/year; NaN for an expiry without pairs.
+        Standard error of dividend_yield, 1/year; NaN for an expiry without pairs.
     curve : float or PiecewiseConstant
         The yield from expiry to expiry.
     pairs : Pairs, pair_residual : Vector, pair_used : bool array, each of shape (m,)

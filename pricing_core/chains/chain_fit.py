@@ -57,7 +57,7 @@ class ChainFit:
     local_volatility : LocalVolatility, optional
         With which American prices of `market` meet the quotes.
     share_within_before, share_within_after : float
-        Of the usable quotes of the expiries that were fitted, those whose model price lies within bid and ask, before
+        Share of the usable quotes of the fitted expiries whose model price lies within bid and ask, before
         and after the correction of the local volatility by the American quotes; NaN without a local volatility.
     """
 

@@ -89,7 +89,7 @@ def refit_carry(chain: Chain, carry: Carry, premiums: Premiums) -> Carry:
     Parameters
     ----------
     premiums : Premiums
-        Of `carry.pairs`.
+        The early exercise premiums of `carry.pairs`.
     """
     known = [place for place, one in enumerate(carry.told) if one.status == "ok"]
     fitted = _with_premiums(chain, [carry.told[place] for place in known], carry.curve, carry.gain, premiums)

@@ -78,7 +78,7 @@ def fit_chain(
     valuation_date : str, date or datetime, optional
         Local time of the market; the quotes' own by default. Without a time of day expiries are whole days / 365.
     tolerance : float
-        Of American prices, as a fraction of the strike.
+        Tolerance of American prices, as a fraction of the strike.
     threads : int, optional
         How many to use, >= 1; one by default.
     interrupt : callable, optional

@@ -27,7 +27,7 @@ def of_forward(
     Parameters
     ----------
     forward, discount : Vector, shape (n,)
-        Of each row's expiry: the forward, money, and what a unit of money then is worth now.
+        The forward of each row's expiry, money, and the present value of a unit of money then.
 
     Returns
     -------

@@ -27,7 +27,7 @@ class VendorMap:
     signatures : sequence of sequences of str
         A file that has all columns of one of them is this vendor's.
     columns : mapping of str to names
-        Of each canonical column, those that may hold it, the best one first.
+        The vendor's columns that may hold each canonical column, the best one first.
     call, put : mapping of str to names
         Where call and put share a row: what each of them has of its own.
     mean : mapping of str to lists of names

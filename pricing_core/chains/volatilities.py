@@ -34,7 +34,7 @@ class QuoteVolatilities:
     european_price, american_price : Vector
         At mid, money per unit of underlying.
     status : object array of str
-        Of mid, as `implied_volatility` has it; "invalid_input" for rows without a sound bid and ask.
+        Status of the mid's volatility, as in `implied_volatility`; "invalid_input" without a sound bid and ask.
     """
 
     bid: Vector
@@ -74,7 +74,7 @@ def quote_volatilities(
     market : Market
         Its rate and given dividends.
     dividend_yield : Vector, shape (n,)
-        That of each row's expiry: constant up to it.
+        The yield up to each row's expiry, 1/year, as a constant.
 
     Raises
     ------

@@ -32,7 +32,7 @@ def infeasibility_certificate(problem: LCP) -> Vector | None:
     Parameters
     ----------
     problem : LCP
-        Of any matrix class, shape (n, n).
+        Its matrix may be of any class.
 
     Examples
     --------

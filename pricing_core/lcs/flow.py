@@ -38,7 +38,7 @@ class Flow:
     largest : float
         Largest of the terms that the state at the start is a sum of.
     closed : ClosedForm, optional
-        Of the last step, where that is longer than one Taylor polynomial reaches.
+        The closed form of the last step, where that is longer than one Taylor polynomial reaches.
     final : Vector, shape (d,), optional
         The coordinates at the end, where they are known.
     falls : Vector, shape (d,), optional

@@ -100,10 +100,10 @@ class TimeStepping:
         PI controller keeps the local error, estimated by step doubling, below absolute_tolerance + tolerance |x|. A
         switch of mode is located to that accuracy, or to 1e-9 of the interval.
     tolerance : float, optional
-        Of controlled steps, relative, >= 0; 1e-5 if missing.
+        Relative tolerance of controlled steps, >= 0; 1e-5 if missing.
     absolute_tolerance : float or array_like of shape (n,), optional
-        Of controlled steps, > 0, in the units of x: one number, or one for each state where their units differ; 1e-8 if
-        missing. Kept as a float or a tuple.
+        Absolute tolerance of controlled steps, > 0, in the units of x: one number, or one for each state where their
+        units differ; 1e-8 if missing. Kept as a float or a tuple.
     lcp_method : {"auto", "lemke", "murty", "psor", "policy", "tridiagonal", "multigrid", "block-pivoting", \
 "projected-gradients", "enumeration", "exact"}
         See `pricing_core.lcp.solve`.

@@ -48,7 +48,7 @@ class Event:
         Several constraints become active together, and the state afterwards would be another if they did so one
         after the other, in one order at least (section 11.8).
     ratio : float or None
-        Of a "zeno" event: what each round of events is shorter by than the one before.
+        Length of each round of events over that of the one before, of a "zeno" event.
     """
 
     time: float
@@ -83,7 +83,7 @@ class Trajectory:
     accepted, rejected, forced : int
         Step counters, see `pricing_core.stepping.Integration`.
     system : LCS or None
-        Whose solution this is to rounding; None where the run stepped, or went by another law of impact.
+        The system whose solution this is to rounding; None where the run stepped, or went by another law of impact.
     flows : tuple of Flow
         The exact solution between events, where the run was driven by events.
     flow_of : ndarray of int, shape (m,), or None

@@ -74,7 +74,7 @@ class WellPosedness:
     p_matrix_for_large_s : bool or None
         Whether all principal minors of G(s) are positive for all large s.
     continuity : {"always", "where C x0 + g >= 0"} or None
-        From which x0 the state is continuous, by section 11.2.1, g being constant; None: nothing is proved.
+        The x0 from which the state is continuous, by section 11.2.1, g being constant; None: nothing is proved.
     """
 
     verdict: Verdict

@@ -145,7 +145,7 @@ def as_square(field: str, A: object, *, top: bool = True) -> MaxPlusMatrix:
     Raises
     ------
     InvalidInputError
-        As there, or the matrix is not square.
+        As in `as_matrix`, or the matrix is not square.
     """
     matrix = as_matrix(field, A, top=top)
     if matrix.shape[0] != matrix.shape[1]:

@@ -80,7 +80,7 @@ class Contacts:
         wanted : Vector, shape (k,)
         active : BoolVector, shape (k,)
         choice : (lcp_method, multipliers)
-            Of `TimeStepping`; multipliers of least norm are for systems without friction.
+            The fields of `TimeStepping`; multipliers of least norm are for systems without friction.
 
         Raises
         ------

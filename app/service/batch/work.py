@@ -45,7 +45,7 @@ class BatchWork:
     request : Request
     body : IncomingBody
     form : str
-        Of the body.
+        Form of the body.
     settings : PricingSettings
     answer : BatchAnswer
     """

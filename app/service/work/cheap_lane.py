@@ -41,7 +41,7 @@ class CheapLane:
         Parameters
         ----------
         book : Book
-            Of the contract alone.
+            A book of the one contract.
         """
         loop = asyncio.get_running_loop()
         asked = _Asked(contract, book, tolerance, seconds, loop.create_future())

@@ -171,7 +171,7 @@ class ExpensiveLane:
         Parameters
         ----------
         deadline_seconds : float, optional
-            From now until its work ends; that of the settings unless given.
+            Seconds from now until its work ends; those of the settings unless given.
         most : int, optional
             Requests that the client may have here; that of the settings unless given.
         seconds_per_minute : float, optional

@@ -29,7 +29,7 @@ class Costs:
     status : {"ok", "tolerance_not_met"}
         Whether every price meets the tolerance.
     methods : set of str
-        Of the prices.
+        Methods by which the prices were found.
     """
 
     exercise_now: bool
@@ -54,7 +54,7 @@ def cost_of_waiting(
     times : Vector, shape (m,)
         Increasing, 0 to the expiry.
     tolerance : float
-        Of both prices.
+        Tolerance of both prices.
 
     Raises
     ------

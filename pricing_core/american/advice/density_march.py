@@ -49,7 +49,7 @@ class DensityMarch:
     grid : Grid
         In units of the strike.
     mass : Vector, shape (N + 2,)
-        Of those who have not exercised, at all nodes.
+        The mass at all nodes that has not been exercised.
     """
 
     schedule: Schedule

@@ -106,7 +106,7 @@ def exercise_advice(
         Years from now, increasing, 0 to expiry; by default the ex-times and exercise times, and 50 even steps; "daily":
         every day, 1/365 year, to the expiry.
     tolerance : float
-        Of the prices, as in `price`.
+        Tolerance of the prices, as in `price`.
     interrupt : callable, optional
         Asked between the steps of the work; True ends it.
 
@@ -206,9 +206,9 @@ def exercised(
     Parameters
     ----------
     schedule : Schedule
-        Of a contract that is held now.
+        The schedule of a contract that is held now.
     boundaries : callable
-        From increasing times to an `ExerciseBoundary`.
+        Takes increasing times and returns an `ExerciseBoundary`.
     times : Vector, shape (m,)
         At which the cumulative probabilities are to be right.
     check : callable

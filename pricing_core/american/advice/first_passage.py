@@ -51,7 +51,7 @@ class Passage:
     length : float
         Years, above 0.
     edge : callable
-        From parameters to places of the edge, of the same shape.
+        Takes parameters and returns places of the edge, of the same shape.
     check : callable
         Called between the steps of the work; may raise.
     """

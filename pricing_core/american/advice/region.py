@@ -100,7 +100,7 @@ class RegionFinder:
     ----------
     schedule : Schedule
     boundaries : callable
-        From increasing times to an `ExerciseBoundary`.
+        Takes increasing times and returns an `ExerciseBoundary`.
     count : int
         Number of intervals of the mesh of a span.
     """

@@ -112,7 +112,7 @@ class Book:
     first : int array, shape (n + 1,)
         Where the segments of each contract begin, and the end.
     segments : Segments
-        Those of one contract in the order of time.
+        The segments of each contract in the order of time, one contract after the other.
     listed : Listed
     reduction : Reduction or None
         What the contracts state beyond the option that the engines price; None where that is nothing.

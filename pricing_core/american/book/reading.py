@@ -71,7 +71,7 @@ def read_book(
     Parameters
     ----------
     columns : mapping of str to array_like, shape (n,), or scalar
-        Those of `contract_from`, and tolerance.
+        The names of `contract_from`, and tolerance.
     tolerance : float
         For rows without one of their own.
     refused : mapping of int to InvalidInputError, optional

@@ -177,7 +177,7 @@ class Reduction:
 def engine_times(option: Option, market: Market) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the times by whose pieces the engines are to find derivatives by the rate and by the yield.
 
-    Those of the yield are cut at all times at which a piece of the stated curves may begin in what the engines price.
+    The times of the yield include all times at which a piece of the stated curves may begin in what the engines price.
     """
     rate, dividend_yield = times_of(market.rate), times_of(market.dividend_yield)
     if is_plain(option, market) or not (rate or dividend_yield):

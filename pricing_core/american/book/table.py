@@ -36,13 +36,13 @@ class Table:
         Number of rows.
     greeks : {"none", "standard", "extended"}
     columns : container of str
-        Those of the table of contracts.
+        Names of the columns of the table of contracts.
     greek_errors, advice : bool
 
     Attributes
     ----------
     names : tuple of str
-        Those of all columns in their order.
+        Names of all columns in their order.
     columns : dict of str to array, shape (n,)
         Numbers, NaN where there is none, flags and texts; the message as well.
     """

@@ -368,7 +368,7 @@ def price_fields(
     Parameters
     ----------
     columns : container of str, optional
-        Those of a table of contracts: lists for an input that it does not have are left out.
+        Names of the columns of a table of contracts: lists for an input that it does not have are left out.
     greek_errors : bool
         Whether the errors of these Greeks follow.
     advice : bool

@@ -32,7 +32,7 @@ class Segment:
     start, end : float
         Years from now.
     rate, dividend_yield, volatility : float
-        Of a local volatility what stands for it (`LocalTerms`).
+        Per year, and per sqrt(year); where the volatility is local, the number that stands for it (`LocalTerms`).
     exercisable : bool
         Whether the holder may exercise at every time of the segment, both ends included.
     exercise_at_end : bool

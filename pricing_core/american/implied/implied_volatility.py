@@ -50,7 +50,7 @@ class ImpliedVolatility:
     method : str
         How that price was computed, as in `Valuation`; "none" unless ok.
     bid_volatility, ask_volatility : float or None
-        Those of bid and ask, where given and "ok" themselves.
+        The volatilities of bid and ask, where these are given and have one.
     """
 
     volatility: float | None

@@ -44,7 +44,7 @@ def implied_volatility_many(
     Parameters
     ----------
     columns : mapping of str to array_like, shape (n,), or scalar
-        Those of `price_many`; a volatility is not needed, and ignored.
+        The columns of `price_many`; a volatility is not needed, and ignored.
     option_price : array_like, shape (n,), or scalar, optional
         Money per unit of underlying, >= 0.
     bid, ask : array_like, shape (n,), or scalar, optional

@@ -93,7 +93,7 @@ def spline_pieces(
     Parameters
     ----------
     coefficients : Matrix, shape (m, n)
-        Of m splines on the same knots.
+        Coefficients of m splines on the same knots.
     places : pair of int arrays, shape (k,)
         Which spline each interval belongs to, and the index of the knot at the left of its span.
     ends : pair of Interval, each of shape (k,)

@@ -102,9 +102,9 @@ def correct(
     surface : ImpliedSurface
         Fitted to the volatilities of the quotes taken one by one.
     market : Market
-        That of the fit.
+        The market of the fit.
     american_quotes : AmericanQuotes
-        Of the expiries of the surface, or others.
+        American quotes of the expiries of the surface, or of others.
     rounds : int
         Largest number of rounds.
     carry : callable, optional

@@ -30,7 +30,7 @@ LEAST_SHARE = 0.05  # Smallest (S - D)/S, which no spot reaches that the surface
 def dupire(surface: ImpliedSurface, market: Market) -> LocalVolatility:
     """Return the local volatility of the spot on nodes, bounded everywhere.
 
-    Of the martingale X, with w its total variance at x = ln X and g Durrleman's function, sigma_X^2 = w_T/g (Dupire
+    For the martingale X, with w its total variance at x = ln X and g Durrleman's function, sigma_X^2 = w_T/g (Dupire
     1994; Gatheral 2006); the spot S = (F - D) X + D has sigma_X (S - D)/S. Nodes lie at the expiries and three times
     in between, on both sides of every dividend, and in ln S about 0.12 standard deviations of the first expiry apart at
     the spot and further away from each other outside.

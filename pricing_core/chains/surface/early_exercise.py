@@ -55,7 +55,7 @@ def early_exercise(
 ) -> Exercise:
     """Return the early exercise premiums of options of one type and expiry, to about 5e-6 of the spot.
 
-    Those of two grids, one twice as fine as the other, extrapolated: both errors are of second order.
+    They are extrapolated from two grids, one twice as fine as the other: both errors are of second order.
 
     Where exercise is optimal between two spots, as under negative rates, the inner boundary is found by projection, to
     first order in the step.
@@ -79,7 +79,7 @@ class _March:
     Parameters
     ----------
     spots : Vector, shape (N,)
-        From the side of the exercise region: increasing for puts, decreasing for calls.
+        Spots from the side of the exercise region on: increasing for puts, decreasing for calls.
     strike : Vector, shape (n,)
     obstacle : Matrix, shape (N, n)
         The payoff at the nodes.

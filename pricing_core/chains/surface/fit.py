@@ -87,7 +87,7 @@ def fit_surface(
     market : Market
         Spot, rate, yield (with what it costs to borrow) and dividends. Its volatility is not used.
     scales : Scales, optional
-        Those of a fit to nearly the same quotes, which then are not estimated again.
+        The scales of a fit to nearly the same quotes, which then are not estimated again.
     interrupt : callable, optional
         Asked at every iteration; True ends the work.
 

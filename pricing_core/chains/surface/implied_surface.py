@@ -73,7 +73,7 @@ class ImpliedSurface:
     variance : TotalVariance
         Total variance in that coordinate.
     covariance : Matrix, shape (m n, m n)
-        Of the coefficients of all smiles, the forwards being certain.
+        Covariance of the coefficients of all smiles, the forwards being certain.
     by_forward : Matrix, shape (m n, m)
         What the coefficients change by with a standard error of each expiry's forward.
     forward_error : Vector, shape (m,)

@@ -177,7 +177,7 @@ class DiodeCircuit(CircuitBuilder):
         Parameters
         ----------
         t_span : (float, float), optional
-            That of the netlist's .tran if missing.
+            Beginning and end, in seconds; those of the netlist's .tran if missing.
         x0 : array_like, shape (n,), optional
             In the order of `CircuitLCS.state_names`; from the elements' initial voltages and currents if missing.
         method, t_eval, interrupt

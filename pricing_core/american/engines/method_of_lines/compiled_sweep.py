@@ -89,7 +89,7 @@ class _Numbers:
     first : int array, shape (M + 1,)
         Where each begins.
     variances : array, shape (S, m, N)
-        Of a local volatility at its times, of the schedule and then of the directions that move it.
+        Variances of a local volatility at its times, those of the schedule and then of the directions that move it.
     weights : Matrix, shape (R, m)
         What each time counts for in every step, or in all steps of a segment.
     first_row : int array, shape (M + 1,)

@@ -25,7 +25,7 @@ def local_derivatives(nodes: Matrix, values: NDArray[np.float64], x: Vector) -> 
     nodes : Matrix, shape (m, w)
         On the same smooth piece as x.
     values : array, shape (m, k, w)
-        Of k functions on each grid.
+        Values of k functions on each grid.
     x : Vector, shape (m,)
 
     Returns

@@ -58,7 +58,7 @@ class Level:
     stored : int
         As in `Sweep`.
     control : Matrix, shape (1, 4), or None
-        Of a local volatility, v and its derivatives of the European option at the volatility that stands for it.
+        With a local volatility, v and its derivatives of the European option at the volatility that stands for it.
     """
 
     american: Matrix
@@ -94,7 +94,7 @@ class ScheduleSolver:
     directions : tuple of Direction
         The P parameters whose derivatives are wanted.
     shared : SharedSweeps, optional
-        Of contracts that differ in the spot alone: the range is theirs, and each sweep is done once.
+        The sweeps of contracts that differ in the spot alone: the range is theirs, and each sweep is done once.
     """
 
     schedule: Schedule
@@ -238,7 +238,7 @@ def coarsest_resolution(solver: ScheduleSolver, scheme: Scheme, tolerance: float
     Parameters
     ----------
     tolerance : float
-        Of the price, in strikes: two doublings of the first resolution are meant to reach it.
+        Tolerance of the price, in strikes: two doublings of the first resolution are meant to reach it.
     """
     if solver.schedule.local is not None:  # whose kinks coarse cells do not see
         tolerance = min(tolerance, LOOSE_TOLERANCE)

@@ -25,7 +25,7 @@ class NodeVolatility:
     times : Vector, shape (m,)
         Years from now.
     variance : Matrix, shape (m, N)
-        Of these times, averaged over cells.
+        sigma**2 at these times, averaged over cells.
     reference : float
         As in `LocalTerms`.
     """

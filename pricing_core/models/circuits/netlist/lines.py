@@ -140,7 +140,7 @@ def read_lines(text: str, folder: Path | None) -> list[Line]:
     Parameters
     ----------
     folder : Path or None
-        That of the netlist, whose files alone it may include; None where it is no file.
+        The folder of the netlist, whose files alone it may include; None where the netlist is no file.
 
     Raises
     ------

@@ -113,7 +113,7 @@ class Place:
     Parameters
     ----------
     prefix : str
-        Of the names of elements and nodes inside, such as "X1.".
+        Prefix of the names of elements and nodes inside, such as "X1.".
     ports : dict
         Names of the nodes that come from outside.
     scope : Scope
