@@ -17,6 +17,9 @@ HAS_KERNEL := $(BIN)/python -c "import sys, pricing_core; sys.exit(pricing_core.
 SAY_KERNEL := $(BIN)/python -c "import pricing_core as p; name = p.kernel_name(); print('kernel:', name, \
 	'' if name == 'rust' else '- NOT COMPILED, 500 to 2,000 times slower: it needs Rust 1.89 or later')"
 
+# Threads of the linear algebra gain nothing on small matrices, and wait for each other where other work fills the cores.
+ONE_THREAD := OPENBLAS_NUM_THREADS=1
+
 # cargo and the build backend must agree on the interpreter, or each would recompile the other's work.
 export PYO3_PYTHON := $(abspath $(BIN)/python)
 
@@ -46,14 +49,14 @@ check: $(VENV)/.installed-for-tests  ## what is checked before the tests: style,
 	if $(HAS_KERNEL); then cargo clippy --quiet --locked $(MANIFEST) --all-targets --features python -- --deny warnings; fi
 
 benchmark: $(VENV)/.installed-for-tests  ## run every benchmark quickly, into build/benchmarks; BENCHMARK_FLAGS= measures in full
-	$(BIN)/pricing benchmark $(BENCHMARK_FLAGS) --output build/benchmarks
+	$(ONE_THREAD) $(BIN)/pricing benchmark $(BENCHMARK_FLAGS) --output build/benchmarks
 
 examples: $(VENV)/.installed  ## run every example; each asserts what it shows, and writes its output and its picture into examples/out
 	$(BIN)/python examples/run_all.py
 
 figures: $(VENV)/.installed-for-tests  ## measure the figures of README and docs anew into docs/figures, and write them into the texts
 	$(INSTALL) 'QuantLib>=1.44,<2'
-	$(BIN)/python -m benchmarks.figures
+	$(ONE_THREAD) $(BIN)/python -m benchmarks.figures
 
 docs: $(VENV)/.installed-for-docs examples  ## build the documentation into site and follow its links, without the network; a warning is an error
 	rm -rf jupyter_execute site

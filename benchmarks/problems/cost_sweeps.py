@@ -5,6 +5,7 @@ distance of two dividends, and the size of one.
 """
 
 import time
+import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from benchmarks.problems import random_contracts as kinds
 from benchmarks.problems.random_contracts import Kind, Row
 from pricing_core.american import price_many
 from pricing_core.american.contracts.fields import Greeks
+from pricing_core.errors import UnusualColumnWarning
 
 TOLERANCE = 1e-6
 RATES = (-1e-2, -1e-3, -1e-5, -1e-9, 0.0, 1e-9, 1e-5, 1e-3, 1e-2)
@@ -48,10 +50,12 @@ class Point(NamedTuple):
 def point(row: Row, greeks: Greeks = "none", runs: int = RUNS) -> Point:
     """Price one contract alone; the least time counts."""
     columns, least, table = {name: [value] for name, value in row.items()}, float("inf"), {}
-    for _ in range(runs):
-        start = time.perf_counter()
-        table = price_many(columns, tolerance=TOLERANCE, greeks=greeks, threads=1)
-        least = min(least, time.perf_counter() - start)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnusualColumnWarning)  # forty years are meant
+        for _ in range(runs):
+            start = time.perf_counter()
+            table = price_many(columns, tolerance=TOLERANCE, greeks=greeks, threads=1)
+            least = min(least, time.perf_counter() - start)
     return Point(1e3 * least, str(table["method"][0]), str(table["status"][0]))
 
 

@@ -1,6 +1,6 @@
 """One figure for every report: panels of curves, each curve a colour and marker that it keeps in all panels."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import ceil
 from typing import Any, TypeAlias
 
@@ -50,7 +50,8 @@ def curves(
         axes.set_axis_off()
     figure.suptitle(title)
     if len(labels) > 1:
-        handles = {label: line for axes in figure.axes for line, label in _handles(axes)}
+        found = [axes.get_legend_handles_labels() for axes in figure.axes]
+        handles = {label: line for pair in found for line, label in zip(*pair, strict=True)}
         figure.legend(
             list(handles.values()), list(handles), loc="outside lower center", ncols=2, frameon=False
         )
@@ -60,17 +61,11 @@ def curves(
 def _draw(axes: Axes, pairs: Pairs, label: str, k: int, envelope: float | None) -> None:
     marker = MARKERS[k % len(MARKERS)] if len(pairs) <= MOST_MARKED else ""
     style: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "marker": marker}
-    if envelope is not None:
-        axes.plot(*_columns(pairs), linestyle="", alpha=0.3, markersize=4, **style)
+    if envelope is not None and pairs:
+        axes.plot(*zip(*pairs, strict=True), linestyle="", alpha=0.3, markersize=4, **style)
         best = lower_envelope((Point(error, work) for work, error in pairs), envelope)
         pairs = [(work, error) for error, work in best]
     if pairs:
-        axes.plot(*_columns(pairs), linestyle=LINES[k // len(COLOURS) % len(LINES)], label=label, **style)
-
-
-def _columns(pairs: Pairs) -> tuple[list[float], list[float]]:
-    return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
-
-
-def _handles(axes: Axes) -> Iterable[tuple[Any, str]]:
-    return zip(*axes.get_legend_handles_labels(), strict=True)
+        axes.plot(
+            *zip(*pairs, strict=True), linestyle=LINES[k // len(COLOURS) % len(LINES)], label=label, **style
+        )

@@ -79,7 +79,8 @@ def server_process(program: str) -> Iterator[tuple[int, int]]:
         ) as process,
     ):
         try:
-            while not (line := log.readline()).endswith("\n"):
+            line = ""
+            while not (line := line + log.readline()).endswith("\n"):  # it may be there in part
                 time.sleep(0.05)
             yield json.loads(line)["port"], process.pid
         finally:
