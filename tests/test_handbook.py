@@ -4,6 +4,7 @@ import doctest
 import importlib
 import re
 from pathlib import Path
+from typing import get_type_hints
 
 import pytest
 
@@ -41,6 +42,17 @@ def test_the_examples_of_a_page_run(page: Path) -> None:
 def test_every_name_is_public(name: str) -> None:
     module, _, member = name.rpartition(".")
     assert member in importlib.import_module(module).__all__
+
+
+@pytest.mark.parametrize(
+    ("member", "name"), sorted(set(re.findall(r"`(\w+)` of \{py:obj\}`~([\w.]+)`", TEXT)))
+)
+def test_every_member_is_there(member: str, name: str) -> None:
+    module, _, kind = name.rpartition(".")
+    of = getattr(importlib.import_module(module), kind)
+    if not isinstance(of, type):  # a function stands for what it returns
+        of = get_type_hints(of)["return"]
+    assert hasattr(of, member) or member in get_type_hints(of)
 
 
 @pytest.mark.parametrize("path", sorted(set(re.findall(r"`((?:tests|examples)/[\w./]+)`", TEXT))))

@@ -1,4 +1,4 @@
-"""What the site needs beyond Sphinx: formulas as MathML, tables of the vocabulary, examples with their output."""
+"""What the site needs beyond Sphinx: formulas as MathML, tables made from other texts, examples with output."""
 
 import ast
 import os
@@ -14,6 +14,7 @@ from sphinx.util.docutils import SphinxDirective
 from sphinx.util.typing import OptionSpec
 from sphinx.writers.html5 import HTML5Translator
 
+from extension.handbook import Handbook
 from extension.vocabulary import TABLES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -113,6 +114,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Tell Sphinx of all this."""
     app.add_directive("vocabulary", Vocabulary)
     app.add_directive("example", Example)
+    app.add_directive("handbook", Handbook)
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     app.connect("autodoc-process-docstring", _keep_bars, priority=100)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

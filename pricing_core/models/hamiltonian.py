@@ -1,4 +1,4 @@
-"""Hamiltonian systems with unilateral constraints (11.7)-(11.8), stepped from impact to impact."""
+"""Hamiltonian systems with unilateral constraints (11.7), stepped from impact to impact."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class HamiltonianTrajectory:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HamiltonianSystem:
-    """q' = H_p, p' = -H_q + C_q^T u, 0 <= C(q) _|_ u >= 0 (11.7)-(11.8), with impacts.
+    """q' = H_p, p' = -H_q + C_q^T u, 0 <= C(q) _|_ u >= 0 (11.7), with impacts.
 
     Every step solves the discrete gradient equations (Gonzalez 1996), which keep H exactly while nothing touches.
     Impacts are located inside the steps, and obey C_q v+ >= -e C_q v-, with equality where there is an impulse (Moreau
