@@ -52,7 +52,7 @@ class Figures:
 
 def source_of(command: str, conditions: str) -> dict[str, str]:
     """Return what was asked, where and when, for a measurement that is made now."""
-    described = ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"]
+    described = ["git", "-C", str(ROOT), "describe", "--always", "--dirty", "--exclude", "*"]
     commit = (
         subprocess.run(described, capture_output=True, text=True, check=False).stdout.strip() or "unknown"
     )
