@@ -172,7 +172,7 @@ def batch() -> Figures:
             "threads": row.threads,
             "seconds": row.seconds,
             "rows a second": row.rows_a_second,
-            "over `price_many`": row.over_price_many,
+            "times the arrays alone": row.over_price_many,
             "peak MB": row.peak_MB,
         }
         for row in rows
