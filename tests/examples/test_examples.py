@@ -12,6 +12,7 @@ from pricing_core.american import price_many
 from pricing_core.chains import fit_chain, read_chain
 from pricing_core.chains.side_files import read_dividends
 from tests.problems.control_problems import lowered_cart
+from tests.problems.needs_kernel import needs_kernel
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -46,6 +47,7 @@ def test_the_examples_are_numbered_without_a_gap() -> None:
     assert len(SCRIPTS) >= 16
 
 
+@needs_kernel
 def test_an_example_that_fails_fails_the_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main = runpy.run_path(str(EXAMPLES / "run_all.py"))["main"]
     (tmp_path / "01_holds.py").write_text("print('yes')")
