@@ -105,8 +105,8 @@ def clean(text: str) -> str:
 
 
 def output(*command: str) -> str:
-    """Return what a command prints."""
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    """Return what a command prints, run at the root of the project."""
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import licenses
 import links
+from licenses import output
 from version import NUMBER, versions
 
 ROOT = Path(__file__).parents[1]
@@ -172,11 +173,6 @@ def command(name: str, *words: str, variables: dict[str, str] | None = None) -> 
         last = (done.stdout + done.stderr).strip().splitlines()[-8:]
         raise CheckError("\n      ".join([f"{name} fails", *last]))
     return "done"
-
-
-def output(*words: str) -> str:
-    """Return what a command prints."""
-    return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True).stdout
 
 
 CHECKS = (

@@ -32,7 +32,7 @@ from benchmarks.problems.portfolios import everyday
 from benchmarks.problems.random_contracts import Row, rows_of, two_boundaries
 from benchmarks.quantlib import american_engines
 from benchmarks.quantlib.american_engines import QD_FP
-from benchmarks.reporting.figures import ROOT, Figures, filled, source_of, write
+from benchmarks.reporting.figures import ROOT, Figures, filled, shown, source_of, write
 from benchmarks.reporting.report import table
 from benchmarks.serving.load import CONSTANT, NO_OP, SERVE, server
 from pricing_core.american import Greeks, contract_from, price
@@ -50,7 +50,7 @@ class Measured(NamedTuple):
 
 
 def _at(tolerance: float) -> str:
-    return f"{tolerance:.0e}".replace("e-0", "e-")
+    return shown(tolerance, "{:.0e}")
 
 
 def accuracy() -> Figures:
