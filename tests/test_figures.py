@@ -47,6 +47,11 @@ def test_every_file_is_shown_somewhere_and_every_measurement_has_a_file() -> Non
     assert set(MEASURED) <= shown
 
 
+def test_every_table_that_was_measured_is_shown() -> None:
+    shown = {place for path in TEXTS for _, place, *_ in PLACE.findall(path.read_text())}
+    assert {path.stem for path in FILES if "rows" in json.loads(path.read_text())} <= shown
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     table = Table("made-up", ("tolerance", "error"), ((1e-4, 1.24e-6), (1e-5, None)))
