@@ -1,6 +1,10 @@
 """docs/operations.md, held against the code: it names everything that is there, and nothing that is not."""
 
+import os
 import re
+import shutil
+import subprocess
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -13,6 +17,8 @@ from app.service.errors import HTTP_TYPES, PROBLEM_TYPES
 from app.service.metrics import Metrics
 from app.service.request_record import RequestRecord
 from app.settings import PREFIX, Settings, settings_table
+from tests.app.printed_answers import check_answer, lines_and_answers
+from tests.app.service.server_process import running
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/operations.md").read_text()
@@ -43,6 +49,23 @@ def test_every_setting_says_what_it_is_and_every_one_that_is_named_exists() -> N
 
 def test_the_limits_of_keys_are_those_that_are_read() -> None:
     assert [name.split("=")[0] for name in named("".join(first_cells(section("Keys"))))] == list(LIMITS)
+
+
+@pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not on PATH")
+def test_the_lines_about_keys_make_one_that_is_let_in_and_what_has_none_is_not(tmp_path: Path) -> None:
+    text = section("Keys")
+    *making, serving = re.findall(r"```sh\n(.*?)```", text, re.DOTALL)[0].splitlines()
+    variable, _, command = serving.partition(" ")
+    assert command == "pricing serve --port 8000"
+    programs = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    for line in making:
+        subprocess.run(["bash", "-c", line], cwd=tmp_path, env=os.environ | {"PATH": programs}, check=True)
+    name, _, file = variable.partition("=")
+    questions = lines_and_answers(text)
+    assert len(questions) == 2
+    with running(**{name: str(tmp_path / file)}) as server:
+        for line, printed in questions:
+            check_answer(server, line, printed, tmp_path)
 
 
 def test_every_problem_is_explained_with_its_status() -> None:
