@@ -22,11 +22,13 @@ from pricing_core.linalg.rational_definite import is_exactly_positive_definite
 
 
 class Finding(NamedTuple):
-    """What a theorem says of a system: its hypotheses hold, its contrary is proved, or it says nothing.
+    """What a theorem tells about a system.
 
     Parameters
     ----------
     status : {"holds", "fails", "silent"}
+        "holds": its conditions are proved; "fails": one without which its conclusion is false is proved to be violated;
+        "silent": neither is proved, or it is about other systems.
     reason : str
         The hypothesis that decides, in one sentence.
     """

@@ -63,7 +63,8 @@ class WellPosedness:
     singular_modes : tuple of tuples of int, or None
         The I with det G_II = 0 for every s.
     theorems : mapping from "11.1" ... "11.6" to {"holds", "fails", "silent"}
-        "holds": the hypotheses are proved; "fails": the contrary is; "silent" otherwise.
+        "holds": its conditions are proved; "fails": one without which its conclusion is false is proved to be violated;
+        "silent": neither is proved, or it is about other systems.
     reasons : mapping from "11.1" ... "11.6" to str
         The numbers behind each entry.
     passivity : Passivity
