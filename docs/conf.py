@@ -1,7 +1,10 @@
 """How Sphinx builds the site: `make docs`. Nothing is loaded from elsewhere when it is read."""
 
+import logging
 import sys
 from pathlib import Path
+
+from jupyter_client import AsyncKernelManager
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parent)]
 
@@ -25,10 +28,13 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
 nb_execution_timeout = 120
+# The kernels that run the pages encrypt their messages: otherwise each warns that it does not. Their start is not told.
+AsyncKernelManager.transport_encryption.default_value = "auto"
+logging.getLogger("traitlets").setLevel(logging.WARNING)
 default_role = "code"  # as docstrings mean it
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # docstrings state the types
-autodoc_default_options = {"members": True, "imported-members": True, "undoc-members": False}
+autodoc_default_options = {"members": True, "imported-members": True}
 napoleon_google_docstring = False
 napoleon_use_param = False  # or words in types become links to names
 napoleon_use_rtype = False

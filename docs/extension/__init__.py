@@ -110,6 +110,17 @@ def _keep_bars(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines:
     lines[:] = [line if line.lstrip().startswith(">>>") else BARS.sub(r"\\|", line) for line in lines]
 
 
+def _let_paths_break(app: Sphinx, page: nodes.document) -> None:
+    """Let the paths in tables break after slashes and underscores."""
+    for entry in page.findall(nodes.entry):
+        for code in entry.findall(nodes.literal):
+            if "/" in (path := code.astext()):
+                parts = re.split(r"(?<=[/_])", path)
+                code.clear()
+                for part in parts:
+                    code += [nodes.Text(part), nodes.raw("", "<wbr>", format="html")]
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Tell Sphinx of all this."""
     app.add_directive("vocabulary", Vocabulary)
@@ -117,4 +128,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_directive("handbook", Handbook)
     app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
     app.connect("autodoc-process-docstring", _keep_bars, priority=100)
+    app.connect("doctree-read", _let_paths_break)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -12,7 +12,7 @@ from pricing_core.american.contracts.fields import (
     GREEKS_UNITS,
     TOLERANCE,
 )
-from pricing_core.american.contracts.result_fields import PRICE_FIELDS, ResultField
+from pricing_core.american.contracts.result_fields import PRICE_FIELDS
 
 Row: TypeAlias = tuple[str, ...]
 Table: TypeAlias = tuple[Row, list[Row]]  # head and rows
@@ -28,7 +28,7 @@ def inputs() -> Table:
 def outputs() -> Table:
     """Return what a price comes with."""
     head = ("name", "unit", "given with Greeks", "meaning")
-    return head, [(f.name, f.unit, f.given, _meaning(f)) for f in PRICE_FIELDS]
+    return head, [(f.name, f.unit, f.given, f.meaning) for f in PRICE_FIELDS]
 
 
 def _allowed(field: Field) -> str:
@@ -44,10 +44,6 @@ def _default(field: Field) -> str:
     if field.default is REQUIRED:
         return "required"
     return "" if field.default in (None, ()) else str(field.default)
-
-
-def _meaning(field: ResultField) -> str:
-    return field.meaning + (": " + ", ".join(field.choices) if field.choices else "")
 
 
 TABLES: dict[str, Callable[[], Table]] = {"inputs": inputs, "outputs": outputs}
