@@ -52,7 +52,7 @@ def draw(trajectories):
 
 
 def _early_jumps(run):
-    return (event for event in run.events if event.kind == "jump" and event.time < 0.1)
+    return [event for event in run.events if event.kind == "jump" and event.time < 0.1]
 
 
 def main():
@@ -60,10 +60,12 @@ def main():
     OUT.mkdir(exist_ok=True)
     trajectories = solutions()
     draw(trajectories).savefig(OUT / "18_two_carts.png", dpi=150)
-    wall_first, carts_first, both = ([*_early_jumps(run)][-1].x_after for run in trajectories)
-    assert np.allclose(wall_first, [0.0, 0.0, 0.5, 0.5], atol=10 * APART)
-    assert np.allclose(carts_first, [0.0, 0.0, 0.0, -0.5], atol=10 * APART)
-    assert np.allclose(both, 0.0, atol=1e-12)
+    wall_first, carts_first, both = (_early_jumps(run) for run in trajectories)
+    assert np.allclose(wall_first[-1].x_after, [0.0, 0.0, 0.5, 0.5], atol=10 * APART)
+    assert np.allclose(carts_first[-1].x_after, [0.0, 0.0, 0.0, -0.5], atol=10 * APART)
+    assert np.allclose(both[-1].x_after, 0.0, atol=1e-12)
+    assert [event.order_sensitive for event in both] == [True]
+    assert not any(event.order_sensitive for event in (*wall_first, *carts_first))
     for label, run in zip(STARTS, trajectories, strict=True):
         print(f"{label}:")
         for event in _early_jumps(run):

@@ -55,6 +55,7 @@ def main():
     OUT.mkdir(exist_ok=True)
     trajectories = solutions()
     draw(trajectories).savefig(OUT / "19_filippov.png", dpi=150)
+    assert np.allclose(trajectories[0](1.0), [4 / 3, -2 / 3], rtol=0.0, atol=1e-12)
     for start, run in zip(STARTS, trajectories, strict=True):
         (limit,) = (event for event in run.events if event.kind == "zeno")
         assert abs(limit.time - np.abs(start).sum() / 2) < 1e-12
