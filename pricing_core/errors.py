@@ -17,6 +17,7 @@
         └── ZenoError                      infinitely many events accumulate, and nothing goes on from their limit
 
     UnusualColumnWarning (UserWarning)     a column of a table looks like days, percent or cents
+    DiscardedPartsWarning (UserWarning)    a batch begins afresh where an earlier one has left finished parts
     KernelMissingWarning (UserWarning)     there is no compiled kernel: options are priced 500 to 2,000 times slower
 """
 
@@ -137,6 +138,10 @@ class MissingExtraError(PricingCoreError, ImportError):
 
 class UnusualColumnWarning(UserWarning):
     """A column of a table looks as if it were in another unit: days, percent or cents."""
+
+
+class DiscardedPartsWarning(UserWarning):
+    """A batch begins afresh on an output for which an earlier run has left finished parts."""
 
 
 class KernelMissingWarning(UserWarning):

@@ -17,7 +17,16 @@ from pricing_core.kernel import instruction_set
 from pricing_core.version import ENGINE_VERSION
 
 MANIFEST = "manifest.json"
+PART = ".arrow"  # ending of the names of parts
 Identity = Mapping[str, Any]
+
+# What a user calls the entries of an identity that are no arguments.
+WORDS = {
+    "output": "the format of the output",
+    "engine": "the version of the engine",
+    "instructions": "the instruction set of the processor",
+    "pyarrow": "the version of pyarrow",
+}
 
 
 def identity_of(
@@ -103,12 +112,15 @@ def check_same_run(before: Identity, now: Identity, folder: str) -> None:
     names = [name for name in {**before, **now} if before.get(name) != now.get(name)]
     if not names:
         return
-    differences = [_difference(name, before.get(name), now.get(name)) for name in names]
-    allowed = f"asked for what was begun in {folder}, but {'; '.join(differences)}: without it the work starts afresh"
+    differences = "; ".join(_difference(name, before.get(name), now.get(name)) for name in names)
+    allowed = (
+        f"asked for with the input, parameters and versions of the run begun in {folder}, but {differences}: "
+        "state those again to go on from its parts, or leave out --resume to discard them and start afresh"
+    )
     raise InvalidInputError("resume", Told("True"), allowed)
 
 
 def _difference(name: str, before: object, now: object) -> str:
     if name == "input":
         return "the input has changed"
-    return f"{name} was {before} and is {now}"
+    return f"{WORDS.get(name, name)} was {before} and is {now}"

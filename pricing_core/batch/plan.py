@@ -14,7 +14,7 @@ from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.batch.csv_check import CsvCheck, check_csv
 from pricing_core.batch.csv_lines import check_text_form
 from pricing_core.batch.formats import FileFormat, format_of
-from pricing_core.batch.manifest import Identity, identity_of, part_names
+from pricing_core.batch.manifest import PART, Identity, identity_of, part_names
 from pricing_core.batch.reader import TableReader, open_table, unusual_columns_of
 from pricing_core.batch.tables import PARQUET, TableFile, is_folder, tables_of
 from pricing_core.batch.unit import Unit, UnitRules
@@ -82,7 +82,7 @@ class Plan:
         for number, planned in enumerate(self.tables):
             with open_table(planned.table, planned.check) as reader:
                 for block in reader.blocks(self.block_size):
-                    yield number, Unit(index, f"{beginning}-{index:06d}.arrow", block, planned.rules)
+                    yield number, Unit(index, f"{beginning}-{index:06d}{PART}", block, planned.rules)
                     index += 1
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -25,12 +26,12 @@ from pricing_core.batch.locations import (
     size_of,
     write_bytes,
 )
-from pricing_core.batch.manifest import MANIFEST, Manifest, check_same_run
+from pricing_core.batch.manifest import MANIFEST, PART, Manifest, check_same_run
 from pricing_core.batch.plan import Plan, plan_of
 from pricing_core.batch.tables import is_folder
 from pricing_core.batch.unit import Counts, Unit, read_part, sum_of
 from pricing_core.batch.work_folder import LocalFolder, WorkFolder, claimed, work_folder
-from pricing_core.errors import DamagedPartError, InvalidInputError
+from pricing_core.errors import DamagedPartError, DiscardedPartsWarning, InvalidInputError
 
 ENGINES = ("local", "dask")
 PathLike = str | os.PathLike[str]
@@ -151,6 +152,8 @@ def run_batch(
     -----
     UnusualColumnWarning
         The first rows of a column look like days, percent or cents.
+    DiscardedPartsWarning
+        An earlier run on `target` has left finished parts, and `resume` was not asked for.
 
     Raises
     ------
@@ -224,7 +227,7 @@ class _Run:
 
     def run(self, *, resume: bool) -> BatchSummary:
         with _folder_of(self._target) as folder, claimed(folder, self._target):
-            there = self._resumable(folder) if resume else set()
+            there = self._resumable(folder) if resume else self._discarded(folder)
             try:
                 if not there:
                     folder.clear()
@@ -244,6 +247,15 @@ class _Run:
             return set()
         check_same_run(before.identity, self._plan.identity, parts_path(self._target))
         return there
+
+    def _discarded(self, folder: WorkFolder) -> set[str]:
+        """Warn of the parts of an earlier run, and return that nothing of it is used."""
+        parts = sum(name.endswith(PART) for name in folder.names())
+        if parts:
+            told = f"finished parts of an earlier run are discarded ({parts} in {parts_path(self._target)})"
+            advice = "--resume keeps them where the input and the parameters are the same"
+            warnings.warn(f"{told}: {advice}", DiscardedPartsWarning, stacklevel=4)
+        return set()
 
     def _price(self, folder: WorkFolder, there: set[str]) -> None:
         with _scratch(folder) as scratch:

@@ -93,7 +93,8 @@ class LocalFolder:
             if entry.is_dir():
                 shutil.rmtree(entry.path)
             elif entry.name != LOCK:
-                os.unlink(entry.path)
+                with suppress(FileNotFoundError):  # a thread of a run that was given up has just renamed it
+                    os.unlink(entry.path)
 
     def remove(self) -> None:
         """Remove the folder with all that is in it."""

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import threading
 from pathlib import Path
 from unittest.mock import patch
 
@@ -13,7 +14,8 @@ import pytest
 from benchmarks.problems.portfolios import everyday
 from pricing_core.batch import Progress, parts_path, run_batch
 from pricing_core.batch.local_threads import LocalThreads
-from pricing_core.errors import InvalidInputError
+from pricing_core.batch.work_folder import LocalFolder
+from pricing_core.errors import DiscardedPartsWarning, InvalidInputError
 
 COARSE = 1e-3
 ROWS, BLOCK = 6_000, 300
@@ -84,13 +86,43 @@ def test_what_differs_from_the_run_before_is_said_and_its_parts_stay(source: Pat
     with pytest.raises(KeyboardInterrupt) as raised:
         run_batch(source, target, tolerance=COARSE, block_size=BLOCK, progress=stop)
     assert "--resume" in raised.value.__notes__[0]
-    with pytest.raises(InvalidInputError, match=r"tolerance was 0\.001 and is 0\.01: without it .* afresh"):
+    told_so = (
+        r"begun in .*\.parts, but tolerance was 0\.001 and is 0\.01: state those again .* leave out --resume"
+    )
+    with pytest.raises(InvalidInputError, match=told_so):
         run_batch(source, target, tolerance=1e-2, block_size=BLOCK, resume=True)
     assert list(Path(parts_path(target)).glob("*.arrow"))
     told: list[object] = []
     run_batch(source, target, tolerance=COARSE, block_size=BLOCK, resume=True, progress=told.append)
     assert len(told) < ROWS // BLOCK
     assert run_batch(source, target, tolerance=COARSE, block_size=BLOCK, resume=True).done_before
+
+
+def test_a_run_that_begins_afresh_says_how_many_finished_parts_it_discards(
+    source: Path, tmp_path: Path
+) -> None:
+    target = tmp_path / "out.csv"
+
+    def stop(_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_batch(source, target, tolerance=COARSE, block_size=BLOCK, progress=stop)
+    for thread in threading.enumerate():
+        if thread.name.startswith("pricing"):
+            thread.join()
+    kept = len(list(Path(parts_path(target)).glob("*.arrow")))
+    said = rf"discarded \({kept} in .*\): --resume keeps them"
+    with pytest.warns(DiscardedPartsWarning, match=said) as told:
+        run_batch(source, target, tolerance=COARSE, block_size=BLOCK)
+    assert told[0].filename == __file__
+    run_batch(source, target, tolerance=COARSE, block_size=BLOCK)  # nothing is left, and nothing is said
+
+
+def test_a_file_that_a_thread_renames_meanwhile_does_not_stop_a_run_from_clearing(tmp_path: Path) -> None:
+    (tmp_path / "part.arrow.1.half").touch()
+    with patch("os.unlink", side_effect=FileNotFoundError):
+        LocalFolder(tmp_path).clear()
 
 
 @pytest.mark.parametrize("damage", ["changed", "cut", "empty"])

@@ -53,6 +53,17 @@ def test_all_priced_is_status_0_and_a_summary(tmp_path: Path) -> None:
     assert read(tmp_path / "out.csv.rejects.csv") == []
 
 
+def test_parts_that_are_discarded_are_told_of_in_one_line(tmp_path: Path) -> None:
+    parts = tmp_path / "out.csv.parts"
+    parts.mkdir()
+    (parts / "0123456789ab-000000.arrow").touch()
+    arguments = ("batch", write(tmp_path / "in.csv", 90), tmp_path / "out.csv", "--tolerance", "1e-3")
+    assert pricing(*arguments).stderr == (
+        f"pricing: warning: finished parts of an earlier run are discarded (1 in {parts}): "
+        "--resume keeps them where the input and the parameters are the same\n"
+    )
+
+
 def test_a_file_without_greeks_is_made_where_none_are_asked_for(tmp_path: Path) -> None:
     target = tmp_path / "out.csv"
     found = pricing(
