@@ -59,8 +59,11 @@ class DiodeCircuit(CircuitBuilder):
         inductors), S and W (switches, with ON or OFF), and X for an instance of a subcircuit, or for an ideal
         transformer with four nodes and the ratio. Numbers such as 4.7k, 4k7, 100n, 2MEG, 5mil; names of parameters;
         expressions in braces or quotes, which are evaluated as such and never run as programs. Lines that begin with *
-        and what follows ; are comments, + continues a line, .end ends. Case does not matter. A first line that cannot
-        be read as an element is the title.
+        and what follows ; are comments, + continues a line, .end ends. Case does not matter.
+
+        In SPICE line 1 is always the title. Here the first line of a text is the title only where it cannot be read as
+        part of the circuit; `Diode bridge rectifier` can, as a diode from `bridge` to `rectifier`. Begin a title with
+        *, and `notes` says how a first line without it was taken. In `from_netlist_file` line 1 is always the title.
 
         .param NAME=expression; .subckt and .ends; .ic for the voltages of capacitors and the currents of inductors;
         .tran for t_span; .model of type D, SW (VT, VH, RON, ROFF), VSWITCH (VON, VOFF) and CSW (IT, IH). A diode's
@@ -93,7 +96,9 @@ class DiodeCircuit(CircuitBuilder):
 
     @classmethod
     def from_netlist_file(cls, path: str | Path) -> Self:
-        """Read the circuit from a netlist in a file, which may include other files of its folder; see `from_netlist`.
+        """Read the circuit from a netlist in a file, whose line 1 is the title; see `from_netlist`.
+
+        The file may include others of its folder.
 
         Parameters
         ----------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told
 from pricing_core.models.circuits.elements import Branch, Coupling, Element, Inductor
 from pricing_core.models.circuits.equations import GROUND
 from pricing_core.models.circuits.forest import Forest
@@ -27,6 +27,8 @@ def check_topology(elements: Sequence[Element]) -> None:
     """
     branches = [branch for element in elements for branch in element.branches]
     nodes = dict.fromkeys(node for branch in branches for node in (branch.plus, branch.minus))
+    if not elements:
+        raise InvalidInputError("circuit", Told("without elements"), "made of at least one element")
     if GROUND not in nodes:
         raise InvalidInputError("circuit", list(nodes), 'connected to the ground, which is the node "0"')
     _check_references(elements, branches, set(nodes))

@@ -158,6 +158,47 @@ def test_a_continuation_needs_a_beginning():
         DiodeCircuit.from_netlist("+ 5")
 
 
+def test_line_1_of_a_file_is_the_title_whatever_it_reads_like(tmp_path):
+    file = tmp_path / "bridge.cir"
+    for title in ("Diode bridge rectifier", ".include none", "R9 in 0 5", "+ bridge", "Lab circuit number 3"):
+        file.write_text(f"{title}\nV1 in 0 5\nR1 in 0 1k\n.end\n")
+        circuit = DiodeCircuit.from_netlist_file(file)
+        assert [element.name for element in circuit.elements] == ["V1", "R1"]
+        assert circuit.notes == (f"line 1 of the netlist is the title: {title}",)
+    file.write_text("* bridge\nQ1 a b c\nR1 a 0 1k\n")
+    with pytest.raises(InvalidInputError, match=r"line 2 of the netlist = 'Q1 a b c': must be a switch"):
+        DiodeCircuit.from_netlist_file(file)
+
+
+def test_a_first_line_of_a_text_that_is_an_element_is_noted():
+    body = "V1 bridge 0 5\nR1 rectifier 0 1k\n"
+    read = DiodeCircuit.from_netlist("Diode bridge rectifier\n" + body)
+    assert [element.name for element in read.elements] == ["Diode", "V1", "R1"]
+    (note,) = read.notes
+    assert note.startswith(
+        "line 1 of the netlist is read as part of the circuit, where SPICE has the title: Diode"
+    )
+    assert DiodeCircuit.from_netlist("* Diode bridge rectifier\nD1 bridge rectifier\n" + body).notes == ()
+    (note,) = DiodeCircuit.from_netlist("\n  Two sources\n" + body).notes
+    assert note == "line 2 of the netlist is taken for the title: Two sources"
+
+
+def test_a_line_below_a_comment_is_no_title():
+    with pytest.raises(InvalidInputError, match=r"line 2 of the netlist = 'Q1 a b c': must be a switch"):
+        DiodeCircuit.from_netlist("* title\nQ1 a b c\nR1 a 0 1k\n")
+
+
+@pytest.mark.parametrize("text", ["", "* only a title\n", ".param a=1\n", "A title\n.end\nR1 a 0 1\n"])
+def test_a_netlist_without_elements_is_refused(text, tmp_path):
+    file = tmp_path / "empty.cir"
+    file.write_text(text)
+    for read, source in ((DiodeCircuit.from_netlist, text), (DiodeCircuit.from_netlist_file, file)):
+        with pytest.raises(
+            InvalidInputError, match=r"netlist = without elements: must be a title and below it"
+        ):
+            read(source)
+
+
 @pytest.mark.parametrize("text", [5, None, b"R1 a 0 5", ["R1 a 0 5"]])
 def test_what_is_no_text_is_refused(text):
     with pytest.raises(InvalidInputError, match=r"netlist = .*: must be a text"):

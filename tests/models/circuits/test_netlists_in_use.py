@@ -97,7 +97,7 @@ def test_subcircuits_have_parameters_nodes_and_models_of_their_own():
 
 
 def test_initial_conditions_set_capacitors_and_inductors():
-    text = "C1 a b 1u\nC2 a 0 1u IC=3\nL1 b 0 1m\nL2 a 0 1m\nR1 a b 5\n.ic v(A)=7 V(b)=2 i(L1)={1/4} v(q)=1"
+    text = "* title\nC1 a b 1u\nC2 a 0 1u IC=3\nL1 b 0 1m\nL2 a 0 1m\nR1 a b 5\n.ic v(A)=7 V(b)=2 i(L1)={1/4} v(q)=1"
     circuit = DiodeCircuit.from_netlist(text)
     c1, c2, l1, l2, _ = circuit.elements
     assert (c1.initial_voltage, c2.initial_voltage) == (5, 3)

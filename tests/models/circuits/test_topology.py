@@ -19,7 +19,7 @@ def grounded() -> DiodeCircuit:
     ("build", "message"),
     [
         (lambda c: DiodeCircuit().resistor("R1", "a", "b", 1), r"connected to the ground, which is the node"),
-        (lambda c: DiodeCircuit(), r"connected to the ground"),
+        (lambda c: DiodeCircuit(), r"circuit = without elements: must be made of at least one element"),
         (lambda c: c.resistor("R1", "x", "y", 1), r"node = 'x': must be joined to the node \"0\".*floats"),
         (lambda c: c.transformer("X1", "a", "0", "x", "y", 2), r"node = 'x': must be joined"),
         (

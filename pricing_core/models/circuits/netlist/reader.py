@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told
 from pricing_core.models.circuits.elements import Capacitor, Element, Inductor
 from pricing_core.models.circuits.equations import GROUND
 from pricing_core.models.circuits.netlist.element_readers import READERS, element_of
@@ -51,11 +51,14 @@ class Netlist:
 def read_netlist(text: str, folder: Path | None = None) -> Netlist:
     """Return what a netlist states; see `DiodeCircuit.from_netlist` for what it may contain.
 
+    In a file line 1 is the title, as in SPICE. In a text the first line may also be an element: it is the title where
+    it cannot be read as one.
+
     Parameters
     ----------
     text : str
     folder : Path, optional
-        Where the netlist is, for the files that it includes.
+        Where the file is, for those that it includes; None where the netlist is no file.
 
     Examples
     --------
@@ -64,15 +67,35 @@ def read_netlist(text: str, folder: Path | None = None) -> Netlist:
     """
     if not isinstance(text, str):
         raise InvalidInputError("netlist", text, "a text")
-    lines = read_lines(text, folder)
-    try:
+    found = _read_text(text) if folder is None else _read_file(text, folder)
+    if not found.elements:
+        allowed = "a title and below it at least one element, such as R1 in 0 1k"
+        raise InvalidInputError("netlist", Told("without elements"), allowed)
+    return found
+
+
+def _read_file(text: str, folder: Path) -> Netlist:
+    title, *rest = text.splitlines() or [""]
+    found = _read(read_lines("\n".join(["", *rest]), folder))
+    if title.strip() and not title.lstrip().startswith("*"):
+        found.notes.insert(0, f"line 1 of the netlist is the title: {title.strip()}")
+    return found
+
+
+def _read_text(text: str) -> Netlist:
+    lines = read_lines(text, None)
+    top = next((number for number, line in enumerate(text.splitlines(), start=1) if line.strip()), 0)
+    if not lines or lines[0].number != top:  # a comment is the title
         return _read(lines)
+    first = lines[0]
+    try:
+        found, taken = _read(lines), "is read as part of the circuit, where SPICE has the title"
     except InvalidInputError as fault:
-        if not (lines and fault.field.split(":")[0] == lines[0].field and _may_be_title(lines[0])):
+        if not (fault.field.split(":")[0] == first.field and _may_be_title(first)):
             raise
-        found = _read(lines[1:])
-        found.notes.insert(0, f"{lines[0].field} is taken for the title: {lines[0].text}")
-        return found
+        found, taken = _read(lines[1:]), "is taken for the title"
+    found.notes.insert(0, f"{first.field} {taken}: {first.text}")
+    return found
 
 
 def _read(lines: list[Line]) -> Netlist:
