@@ -494,7 +494,11 @@ def chain_command(
 @app.command("simulate")
 def simulate_command(
     source: Annotated[
-        Path | None, typer.Argument(metavar="SYSTEM.json", help="a model file; --schema says what it holds")
+        Path | None,
+        typer.Argument(
+            metavar="SYSTEM.json",
+            help="a model file, of which --schema says what it holds, or a netlist: .cir, .net or .sp",
+        ),
     ] = None,
     as_json: JsonArgument = False,
     csv: CsvArgument = None,

@@ -31,6 +31,10 @@ MODULES = {
     "optimal-control": "app.commands.models.optimal_control",
     "max-plus": "app.commands.models.max_plus",
 }
+NETLISTS = (".cir", ".net", ".sp")
+FORMATS = (
+    'a model is JSON, with a netlist as the text "netlist" in it; a netlist alone ends in .cir, .net or .sp'
+)
 TITLE = "A model for `pricing simulate`"
 
 
@@ -49,7 +53,7 @@ class ModelFileError(ValueError):
 
 
 def simulate_file(path: Path) -> Simulation:
-    """Read a model file and run it.
+    """Read a model file, or the netlist of a circuit, and run it.
 
     Raises
     ------
@@ -60,12 +64,17 @@ def simulate_file(path: Path) -> Simulation:
     OSError
         The file cannot be read.
     """
+    if path.suffix.lower() in NETLISTS:
+        from app.commands.models.circuit import simulate_netlist  # noqa: PLC0415
+
+        return replace(simulate_netlist(path), model="circuit")
     try:
         content = parse_json(path.read_bytes().decode("utf-8-sig"))
     except UnicodeError:
         raise ModelFileError(f"{path} is not UTF-8 text") from None
     except JSONTextError as fault:
-        raise ModelFileError(f"{path} {fault}") from None
+        hint = "" if path.suffix.lower() == ".json" else f": {FORMATS}"
+        raise ModelFileError(f"{path} {fault}{hint}") from None
     if not isinstance(content, dict):
         raise ModelFileError(f"{path} must hold one JSON object")
     return simulate_model(content)

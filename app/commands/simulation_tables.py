@@ -18,9 +18,12 @@ MOST_EVENTS = 12  # from the first on, and as many up to the last
 def print_simulation(simulation: Simulation) -> None:
     """Print notes on the model, where the run ends, and its events: their times, kinds, modes and jumps."""
     samples, events, modes = simulation.samples, simulation.events, simulation.modes
-    print(f"{simulation.headline}\n")
-    for note in simulation.facts.get("notes", ()):
-        print(f"note: {note}")
+    print(
+        simulation.headline,
+        *(f"note: {note}" for note in simulation.facts.get("notes", ())),
+        sep="\n",
+        end="\n\n",
+    )
     if samples.points.size:
         print_table(("", f"at {samples.axis} = {samples.points[-1]:.10g}"), _last_row(samples))
     if events:

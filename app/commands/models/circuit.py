@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,10 +40,18 @@ def simulate(values: Mapping[str, Any]) -> Simulation:
     values : mapping
         What `KEYS` read.
     """
-    circuit, method = circuit_of(values), method_in(values)
+    return _simulated(circuit_of(values), values)
+
+
+def simulate_netlist(path: Path) -> Simulation:
+    """Simulate the circuit of a netlist in a file, over the time of its .tran."""
+    return _simulated(DiodeCircuit.from_netlist_file(path), {})
+
+
+def _simulated(circuit: DiodeCircuit, values: Mapping[str, Any]) -> Simulation:
     span = values.get("t_span", circuit.t_span)
     times = None if span is None else times_in({**values, "t_span": span})
-    run = circuit.simulate(span, values.get("x0"), method=method, t_eval=times)
+    run = circuit.simulate(span, values.get("x0"), method=method_in(values), t_eval=times)
     simulation = of_samples(
         run.trajectory,
         _samples(run),

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from app.commands.model_files import MODULES
+from app.commands.model_files import FORMATS, MODULES
 
 MODELS = Path(__file__).parents[3] / "examples" / "models"
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -193,10 +193,39 @@ def test_the_schema_lists_the_keys_of_every_model(pricing: Any) -> None:
     assert model["properties"]["model"]["enum"] == ["lcs"]
 
 
+@pytest.mark.parametrize("ending", ["cir", "net", "sp", "CIR"])
+def test_a_netlist_runs_as_it_does_in_a_model_file(
+    pricing: Any, simulate: Any, tmp_path: Path, ending: str
+) -> None:
+    text = (MODELS / "diode_bridge.cir").read_text(encoding="utf-8")
+    file = tmp_path / f"bridge.{ending}"
+    file.write_text(text, encoding="utf-8")
+    status, output, errors = pricing("simulate", file, "--json")
+    assert (status, errors) == (0, "")
+    found, expected = (
+        json.loads(output),
+        json.loads(simulate({"model": "circuit", "netlist": f"* {text}"}, "--json")[1]),
+    )
+    assert (
+        found.pop("notes")[0]
+        == "line 1 of the netlist is the title: 12 V at 50 Hz into a bridge of diodes, 1000 uF and a load of 100 ohms"
+    )
+    del expected["notes"]
+    assert found == expected
+    assert "note: line 1 of the netlist is the title" in pricing("simulate", file)[1]
+
+
+def test_a_file_of_another_kind_is_told_which_kinds_there_are(pricing: Any, tmp_path: Path) -> None:
+    file = tmp_path / "bridge.txt"
+    file.write_text("* bridge\nR1 a 0 1\n")
+    told = f"pricing: {file} is not JSON from character 0 on: {FORMATS}\n"
+    assert pricing("simulate", file) == (2, "", told)
+
+
 @pytest.mark.parametrize(
     ("name", "end"),
     [
-        ("diode_bridge", [1.418582833608748, 3.324093982098158e-2]),
+        ("diode_bridge_lcs", [1.418582833608748, 3.324093982098158e-2]),
         ("two_relays", [0.0, 0.0]),
         ("two_carts", None),
         ("rectifier", None),
