@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from fastapi import Request
 
-from app.known_names import among
+from app.service.unknown_names import unknown_in_request
 from pricing_core.errors import InvalidInputError, Told
 
 
@@ -18,9 +18,9 @@ def query_parameters(request: Request, names: Sequence[str]) -> dict[str, str]:
     """
     given = request.query_params.multi_items()
     found = dict(given)
-    for name in found:
-        if name not in names:
-            raise InvalidInputError("query", Told("unknown"), f"of the names {among(names, name)}")
+    unknown = [name for name in found if name not in names]
+    if unknown:
+        raise unknown_in_request("query", unknown, names)
     if len(found) < len(given):
         raise InvalidInputError("query", Told("a name twice"), "without a name twice")
     return found

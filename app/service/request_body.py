@@ -3,14 +3,13 @@
 import asyncio
 import functools
 import math
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, TypeAlias, TypeVar
 
 from fastapi import Request
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from app.known_names import among
 from app.service.clients import client_of
 from app.service.contract_schema import CURVE, DATE, DATE_IN_WORDS, KEYS, LOCAL, NUMBER
 from app.service.errors import (
@@ -22,16 +21,26 @@ from app.service.errors import (
 )
 from app.service.json_schema import inline_schema
 from app.service.strict_json import parse_object
+from app.service.unknown_names import unknown_in_request
 from app.service.work.admission import read_body
 from app.service.work.route_limits import Limits, RouteLimits
 from pricing_core.american.contracts.checks import range_in_words
-from pricing_core.american.contracts.field import CURVE_IN_WORDS
+from pricing_core.american.contracts.field import CURVE_IN_WORDS, Field
+from pricing_core.american.contracts.fields import EX_TIME, EXPIRY, INPUT_FIELDS
 from pricing_core.errors import InvalidInputError, Told
 
 Model = TypeVar("Model", bound=BaseModel)
 Location: TypeAlias = tuple[int | str, ...]
 # The kinds that a rate or a time may be of, and their types in JSON.
 KINDS = {NUMBER: "number", CURVE: "object", DATE: "string", LOCAL: "object"}
+FIELDS: Mapping[int | str, Field] = {field.name: field for field in INPUT_FIELDS}
+UNKNOWN_KEY = "extra_forbidden"  # as pydantic calls it
+# In the place of a number that is none: what was given, in words, and where a date may be meant, how to give one.
+JSON_TYPES = {str: "a text", bool: "true or false", type(None): "null", list: "a list", dict: "an object"}
+DATE_INSTEAD: Mapping[int | str, str] = {
+    EXPIRY.name: "it is in years, and in its place valuation_date and expiration_date may give dates",
+    EX_TIME.name: "it is in years, and in its place ex_date gives a date, where there is a valuation_date",
+}
 LENGTHS = ("too_long", "too_short")  # kinds of fault, as pydantic calls them
 # Bytes of a body that every request may hold without a word; what is longer shares the memory of long bodies. Chosen.
 UNCOUNTED = 1 << 16
@@ -132,13 +141,17 @@ async def _read_bytes(request: Request, limits: RouteLimits) -> bytes:
 
 
 def _faults(error: ValidationError, model: type[BaseModel]) -> list[InvalidInputError]:
-    """Return the first of what is wrong: no more are told, and a body may have a thousand."""
-    return [
-        _unknown_key(found["loc"], list(model.model_fields))
-        if found["type"] == "extra_forbidden"
-        else InvalidInputError(_path(found["loc"]), _value(found), _allowed(found, model))
-        for found in error.errors(include_url=False)[:SHOWN_ERRORS]
-    ]
+    """Return the first of what is wrong, unknown keys before all: a body may have a thousand faults."""
+    found = sorted(error.errors(include_url=False), key=lambda fault: fault["type"] != UNKNOWN_KEY)
+    unknown: dict[Location, list[str]] = {}
+    others = []
+    for fault in found[:SHOWN_ERRORS]:
+        *place, last = fault["loc"]
+        if fault["type"] == UNKNOWN_KEY:
+            unknown.setdefault(tuple(place), []).append(str(last))
+        else:
+            others.append(InvalidInputError(_path(fault["loc"]), _value(fault), _allowed(fault, model)))
+    return [_unknown_keys(place, keys, model) for place, keys in unknown.items()] + others
 
 
 def _path(location: Location) -> str:
@@ -155,20 +168,29 @@ def _value(found: ErrorDetails) -> object:
 def _allowed(found: ErrorDetails, model: type[BaseModel]) -> str:
     """Return what completes "must be ...": of numbers the whole range, as the library has it."""
     limits: dict[str, Any] = found.get("ctx", {})
+    place, given = found["loc"], found["input"]
+    field = FIELDS.get(place[0]) if len(place) <= 2 else None
+    whole = field.allowed if field else "a list"
     words = {
         "missing": "given",
         "too_long": f"a list of at most {limits.get('max_length')} entries",
         "too_short": "a list that is not empty",
         "string_too_long": f"at most {limits.get('max_length')} characters long",
-        "model_type": "a JSON object",
+        "bool_type": "true or false",
+        "list_type": whole,
+        "model_type": whole.removeprefix("a list of "),
     }
     allowed = words.get(found["type"], found["msg"].removeprefix("Input should be "))
     if found["type"] in OF_NUMBERS:
-        schema = schema_at(_schema_of(model), found["loc"])
+        schema = schema_at(_schema_of(model), place)
         allowed = range_in_words(schema.get("minimum", -math.inf), schema.get("maximum", math.inf))
-    if found["loc"][-1] != NUMBER:
-        return allowed
-    return f"{allowed} or {CURVE_IN_WORDS if found['loc'][0] in KEYS else DATE_IN_WORDS}"
+    if place[-1] == NUMBER:
+        allowed = f"{allowed} or {CURVE_IN_WORDS if place[0] in KEYS else DATE_IN_WORDS}"
+    if found["type"] == "float_type" and type(given) in JSON_TYPES:
+        allowed += f", not {JSON_TYPES[type(given)]}"
+        if isinstance(given, str) and place[-1] in DATE_INSTEAD:
+            allowed += f"; {DATE_INSTEAD[place[-1]]}"
+    return allowed
 
 
 @functools.cache
@@ -190,10 +212,6 @@ def schema_at(schema: dict[str, Any], location: Location) -> dict[str, Any]:
     return schema
 
 
-def _unknown_key(location: Location, names: list[str]) -> InvalidInputError:
-    """Name the keys that are known, the nearest to an unknown one once more, and not that key itself."""
-    *place, last = location
-    if place:
-        names = list(KEYS[str(place[0])])
-    where = f"key of {_path(tuple(place)) or 'the body'}"
-    return InvalidInputError(where, None, f"one of the names {among(names, str(last))}")
+def _unknown_keys(place: Location, keys: Sequence[str], model: type[BaseModel]) -> InvalidInputError:
+    names = KEYS[str(place[0])] if place else model.model_fields
+    return unknown_in_request(f"key of {_path(place) or 'the body'}", keys, names)

@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 
-from app.known_names import among
 from app.service.contract_schema import MOST_DIVIDENDS, MOST_PIECES
+from app.service.unknown_names import unknown_in_request
 from pricing_core.american.arrow.schema import check_names
 from pricing_core.american.contracts.fields import CASH_DIVIDENDS, COLUMN_FIELDS, PROPORTIONAL_DIVIDENDS
-from pricing_core.errors import InvalidInputError, Told
 
 MOST_ROWS = 1_000_000  # of a batch; chosen
 MOST_JSON_ROWS = (
@@ -36,6 +35,5 @@ def check_columns(names: Sequence[str]) -> None:
     """
     unknown = [name for name in names if name not in FIELDS]
     if unknown:
-        allowed = f"named {among(FIELDS, unknown[0])}"
-        raise InvalidInputError("columns", Told(f"{len(unknown)} of unknown names"), allowed)
+        raise unknown_in_request("columns", unknown, FIELDS)
     check_names(names)

@@ -167,7 +167,8 @@ SOUND = '{"time": 0.5, "amount": 1}'
         ("cash_dividends", f'[{{"ex_date": "{CANARY}", "amount": 1}}]', "cash_dividends[0].ex_date"),
         ("cash_dividends", f'[{{"time": 1, "amount": 1, "foo": "{CANARY}"}}]', "key of cash_dividends[0]"),
         ("proportional_dividends", '[{"time": 0.5, "fraction": 1.1}]', "proportional_dividends[0].fraction"),
-        ("proportional_dividends", f"[{SOUND}]", "proportional_dividends[0].fraction"),
+        ("proportional_dividends", '[{"time": 0.5}]', "proportional_dividends[0].fraction"),
+        ("proportional_dividends", f"[{SOUND}]", "key of proportional_dividends[0]"),
         ("rate", '{"times": [1], "values": [2.1]}', "rate.values[0]"),
         ("rate", '{"times": [1], "values": ["0.05"]}', "rate.values[0]"),
         ("rate", '{"times": [true], "values": [0.05]}', "rate.times[0]"),
@@ -202,14 +203,18 @@ def test_an_unknown_key_of_a_dividend_is_told_the_ones_that_are_known(
 ) -> None:
     literal = '[{"time": 1, "amount": 1, "amonut": 1}]'
     problem = ask_with(client, "/v1/price", question, "cash_dividends", literal)
-    assert problem["errors"][0]["allowed"] == "one of the names time, ex_date, amount; did you mean amount?"
+    assert problem["detail"] == (
+        "key of cash_dividends[0] = an unknown name: must be amount, or another of the names time, ex_date, amount"
+    )
 
 
 def test_a_number_that_is_none_is_told_that_a_curve_would_do(
     client: TestClient, question: dict[str, Any]
 ) -> None:
     problem = ask_with(client, "/v1/price", question, "rate", '"0.05"')
-    assert problem["detail"] == 'rate must be a number from -0.5 to 2 or {"times": [...], "values": [...]}'
+    assert problem["detail"] == (
+        'rate must be a number from -0.5 to 2 or {"times": [...], "values": [...]}, not a text'
+    )
 
 
 @pytest.mark.parametrize(
@@ -218,7 +223,24 @@ def test_a_number_that_is_none_is_told_that_a_curve_would_do(
         ("volatility", "-0.2", "volatility must be a number from 0 to 15 or {curve}"),
         ("expiry", "201", "expiry must be a number from 0 to 200"),
         ("strike", "1e999", "strike must be a number from 1e-30 to 1e+30"),
-        ("strike", '"100"', "strike must be a number from 1e-30 to 1e+30"),
+        ("strike", '"100"', "strike must be a number from 1e-30 to 1e+30, not a text"),
+        ("strike", "true", "strike must be a number from 1e-30 to 1e+30, not true or false"),
+        ("strike", "1" + "0" * 400, "strike must be a number from 1e-30 to 1e+30"),
+        (
+            "expiry",
+            '"2027-01-15"',
+            "expiry must be a number from 0 to 200, not a text; it is in years, and in its place "
+            "valuation_date and expiration_date may give dates",
+        ),
+        (
+            "cash_dividends",
+            '[{"time": "2026-05-01", "amount": 1}]',
+            "cash_dividends[0].time must be a number from 0 to 2000, not a text; it is in years, and in its "
+            "place ex_date gives a date, where there is a valuation_date",
+        ),
+        ("cash_dividends", "[0.5]", 'cash_dividends[0] must be {"time": ..., "amount": ...}'),
+        ("cash_dividends", "{}", 'cash_dividends must be a list of {"time": ..., "amount": ...}'),
+        ("greek_errors", '"yes"', "greek_errors must be true or false"),
         (
             "rate",
             '{"times": [1], "values": [2.5]}',
@@ -291,18 +313,18 @@ def test_a_missing_field_is_named(client: TestClient, question: dict[str, Any], 
     assert problem["errors"] == [{"field": field, "allowed": "given"}]
 
 
-def test_an_unknown_key_is_refused_with_the_keys_that_are_known(
+def test_unknown_keys_are_told_first_with_the_nearest_name_and_the_keys_that_are_known(
     client: TestClient, question: dict[str, Any]
 ) -> None:
-    problem = assert_problem(
-        client.post("/v1/price", json=question | {"volatilty": 0.3}), 422, "invalid-input"
-    )
-    assert [error["field"] for error in problem["errors"]] == ["key of the body"]
+    body = question | {"volatilty": 0.3, "spto": 1, "foo": 1, "spot": "100"}
+    problem = assert_problem(client.post("/v1/price", json=body), 422, "invalid-input")
+    assert [error["field"] for error in problem["errors"]] == ["key of the body", "spot"]
     assert problem["detail"].startswith(
-        "key of the body must be one of the names option_type, strike, expiry, "
+        "key of the body = unknown names: must be volatility, spot, or another of the names option_type, strike, "
     )
     assert "dividend_yield" in problem["detail"]
-    assert "did you mean volatility?" in problem["detail"]
+    assert problem["detail"].endswith("; spot must be a number from 0 to 1e+30, not a text")
+    assert not any(name in problem["detail"] for name in ("volatilty", "spto", "foo"))
 
 
 @pytest.mark.parametrize("key", ["Xq7", "k" * 5_000, "a\x00b<script>", "\u202e"], ids=lambda key: key[:9])
@@ -311,6 +333,9 @@ def test_an_unknown_key_is_refused_and_not_repeated(
 ) -> None:
     problem = assert_problem(client.post("/v1/price", json=question | {key: CANARY}), 422, "invalid-input")
     assert [error["field"] for error in problem["errors"]] == ["key of the body"]
+    assert problem["detail"].startswith(
+        "key of the body = an unknown name: must be one of the names option_type,"
+    )
     assert key not in problem["detail"]
 
 
@@ -415,11 +440,11 @@ def test_of_a_thousand_faults_ten_are_looked_into(
     client: TestClient, question: dict[str, Any], monkeypatch: pytest.MonkeyPatch, address: str, kind: str
 ) -> None:
     looked = []
-    for name in ("schema_at", "_unknown_key"):
-        of_one = getattr(request_body, name)
-        monkeypatch.setattr(
-            request_body, name, lambda *told, of_one=of_one: (looked.append(told), of_one(*told))[1]
-        )
+    schema_at, unknown = request_body.schema_at, request_body.unknown_in_request
+    monkeypatch.setattr(request_body, "schema_at", lambda *told: (looked.append(told), schema_at(*told))[1])
+    monkeypatch.setattr(
+        request_body, "unknown_in_request", lambda *told: (looked.extend(told[1]), unknown(*told))[1]
+    )
     made = []
     of_model = request_body.inline_schema
     monkeypatch.setattr(request_body, "inline_schema", lambda model: (made.append(model), of_model(model))[1])

@@ -237,6 +237,22 @@ def test_what_is_no_batch_is_a_short_problem(
     assert_problem(ask(client, body, form), status, name)
 
 
+def test_unknown_columns_parameters_and_keys_are_told_with_the_nearest_names(client: TestClient) -> None:
+    columns = ask(client, json.dumps(BOOK | {"vol": 0.2, "foo": 1}).encode(), JSON).json()["detail"]
+    assert columns.startswith(
+        "columns = unknown names: must be volatility, or another of the names option_type, spot,"
+    )
+    query = ask(client, body_of(BOOK, JSON), JSON, "?tol=1e-3").json()["detail"]
+    assert query.startswith(
+        "query = an unknown name: must be tolerance, or another of the names tolerance, greeks"
+    )
+    row = {name: cells[0] for name, cells in BOOK.items()} | {"vol": 0.2}
+    answer = json.loads(ask(client, json.dumps(row).encode(), LINES, "", LINES).content)
+    assert answer["message"].startswith(
+        "key = 'vol': must be volatility, or another of the names option_type, spot,"
+    )
+
+
 def column(name: str, cells: Any) -> pa.Table:
     """Return the book with another column, as long as that is."""
     cells = cells if isinstance(cells, pa.Array) else pa.array(cells)
