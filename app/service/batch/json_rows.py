@@ -10,9 +10,9 @@ from app.service.batch.row_limits import FIELDS, MOST_JSON_ROWS, PIECE_WEIGHT, c
 from app.service.contract_schema import LONGEST_DATE
 from app.service.errors import BodyTooLargeError
 from app.service.strict_json import InvalidJsonError, parse_object
-from app.service.unknown_names import nearest_names
 from pricing_core.american.arrow.price_batch import price_read
 from pricing_core.american.book.reading import REQUIRED_COLUMNS, read_book
+from pricing_core.american.contracts.names import unknown_names
 from pricing_core.american.contracts.vocabulary import DEFAULTS
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.errors import InvalidInputError, Told
@@ -127,7 +127,7 @@ def _checked(row: dict[str, Any]) -> Row:
     for name, value in row.items():
         field = FIELDS.get(name)
         if field is None:
-            return InvalidInputError("key", name, nearest_names([name], FIELDS))
+            return unknown_names("key", [name], FIELDS)
         if value is not None and type(value) not in TYPES[field.kind]:
             return InvalidInputError(name, value, field.allowed)
         length = _length(value)

@@ -10,9 +10,9 @@ from difflib import get_close_matches
 import pyarrow as pa
 
 from pricing_core.american.arrow.arrow_column import is_list, is_number, is_text
-from pricing_core.american.contracts.fields import COLUMN_FIELDS, EXPIRY, Greeks
+from pricing_core.american.contracts.fields import COLUMN_FIELDS, Greeks
+from pricing_core.american.contracts.names import check_complete
 from pricing_core.american.contracts.result_fields import price_fields
-from pricing_core.american.contracts.vocabulary import DATES
 from pricing_core.errors import InvalidInputError
 
 # By the kind of an output: the type of its column.
@@ -73,7 +73,7 @@ def check_names(names: Sequence[str]) -> None:
     >>> check_names(["option_type", "spot", "strike", "expiry", "rate"])
     Traceback (most recent call last):
     ...
-    pricing_core.errors.InvalidInputError: column volatility = 'missing': must be present (1/sqrt(year))
+    pricing_core.errors.InvalidInputError: columns = 1 missing: must be completed by volatility (1/sqrt(year))
     """
     for name, count in Counter(names).items():
         if count > 1:
@@ -82,16 +82,7 @@ def check_names(names: Sequence[str]) -> None:
         right = _SPELLINGS.get(_letters(name)) or _near_miss(name, names)
         if right is not None and name != right:
             raise InvalidInputError(f'column "{name}"', "another spelling", f"renamed {right}")
-    dated = all(date in names for date in DATES)
-    missing = [
-        column
-        for column in COLUMN_FIELDS
-        if column.required and column.name not in names and not (dated and column is EXPIRY)
-    ]
-    if missing:
-        wanted = "; ".join(f"column {c.name} must be present ({c.in_brief})" for c in missing[1:])
-        allowed = f"present ({missing[0].in_brief})" + (f"; {wanted}" if wanted else "")
-        raise InvalidInputError(f"column {missing[0].name}", "missing", allowed)
+    check_complete(names)
 
 
 def check_results(names: Sequence[str], results: Sequence[str]) -> None:

@@ -20,6 +20,7 @@ from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.dates import DAYS_PER_YEAR, expiry_from_dates
 from pricing_core.american.contracts.fields import COLUMN_FIELDS, DIVIDEND_YIELD, TOLERANCE
 from pricing_core.american.contracts.market import NEGLIGIBLE_RATE, Market
+from pricing_core.american.contracts.names import check_complete, unknown_names
 from pricing_core.american.contracts.schedule import make_schedule
 from pricing_core.american.contracts.tolerances import LARGEST_RATIO, check_moneyness
 from pricing_core.american.contracts.vocabulary import DATES, DEFAULTS, contract_from
@@ -259,14 +260,11 @@ def _read_singly(
 
 def _check_names(columns: Mapping[str, Any]) -> None:
     """Accept the names of the columns."""
-    dated = all(name in columns for name in DATES)
-    for name in REQUIRED_COLUMNS:
-        if name not in columns and not (name == "expiry" and dated):
-            raise InvalidInputError(name, "missing", "given as a column or a scalar")
-    allowed = [field.name for field in COLUMN_FIELDS]
-    for name in columns:
-        if name not in allowed:
-            raise InvalidInputError("columns", name, "named " + ", ".join(allowed))
+    known = [field.name for field in COLUMN_FIELDS]
+    unknown = [str(name) for name in columns if name not in known]
+    if unknown:
+        raise unknown_names("columns", unknown, known)
+    check_complete(columns.keys())
 
 
 def _read_dates(table: Mapping[str, Column], expiry: Vector) -> None:

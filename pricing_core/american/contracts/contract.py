@@ -18,9 +18,11 @@ from pricing_core.american.contracts.fields import (
     Exercise,
     OptionType,
 )
+from pricing_core.american.contracts.names import arguments_named
 from pricing_core.errors import InvalidInputError, Told
 
 
+@arguments_named
 @dataclass(frozen=True, slots=True)
 class Option:
     """The right to sell (put) or buy (call) one unit of the underlying for the strike.

@@ -26,6 +26,7 @@ from pricing_core.american.contracts.fields import (
     Underlying,
 )
 from pricing_core.american.contracts.local_volatility import Volatility, read_volatility
+from pricing_core.american.contracts.names import arguments_named
 from pricing_core.errors import InvalidInputError
 
 # Largest rate or yield that counts as zero, in 1/year: ratios of smaller ones would overflow.
@@ -35,6 +36,7 @@ NOT_OF_FUTURES = ("dividend_yield", "borrow_rate", "foreign_rate", "cash_dividen
 ADDED = ("borrow_rate", "rate less foreign_rate", "quanto_covariance")
 
 
+@arguments_named
 @dataclass(frozen=True, slots=True)
 class Market:
     """Spot, continuously compounded rate and yield, the volatility of ln(spot), and dividends at known times.

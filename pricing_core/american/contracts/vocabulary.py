@@ -29,6 +29,7 @@ from pricing_core.american.contracts.fields import (
 from pricing_core.american.contracts.json_text import parse_cell
 from pricing_core.american.contracts.local_volatility import Volatility, read_volatility
 from pricing_core.american.contracts.market import Market
+from pricing_core.american.contracts.names import unknown_names
 from pricing_core.errors import InvalidInputError
 
 NAMES = tuple(field.name for field in CONTRACT_FIELDS)
@@ -80,9 +81,9 @@ def contract_from(contract: Mapping[str, Any]) -> tuple[Option, Market]:
     (1.0, (CashDividend(time=0.2, amount=1.0),), (0.2, 0.3))
     """
     check_kind("contract", contract, Mapping, "a mapping of names to values")
-    for name in contract:
-        if name not in NAMES:
-            raise InvalidInputError("contract", name, "named " + ", ".join(NAMES))
+    unknown = [str(name) for name in contract if name not in NAMES]
+    if unknown:
+        raise unknown_names("contract", unknown, NAMES)
     for name in REQUIRED:
         if name not in contract:
             raise InvalidInputError(name, "missing", "given")

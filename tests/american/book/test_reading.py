@@ -215,12 +215,15 @@ def test_tables_are_read_without_changing_them():
 
 @pytest.mark.parametrize("name", ["option_type", "spot", "strike", "expiry", "rate", "volatility"])
 def test_a_missing_column_is_named(name):
-    with pytest.raises(InvalidInputError, match=f"{name} = 'missing': must be given as a column or a scalar"):
+    with pytest.raises(InvalidInputError, match=rf"columns = 1 missing: must be completed by {name} \("):
         read_book({key: value for key, value in ROW.items() if key != name}, 1e-6)
 
 
 def test_an_unknown_column_is_named():
-    with pytest.raises(InvalidInputError, match="columns = 'vol': must be named option_type, spot, strike"):
+    with pytest.raises(
+        InvalidInputError,
+        match="columns = 'vol': must be volatility, or another of the names",
+    ):
         read_book({**ROW, "vol": 0.2}, 1e-6)
 
 

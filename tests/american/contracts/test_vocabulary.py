@@ -127,7 +127,10 @@ def test_a_dividend_of_the_far_future_is_after_expiry_and_no_fault():
 @pytest.mark.parametrize(
     ("contract", "message"),
     [
-        ({**PLAIN, "vol": 0.2}, "contract = 'vol': must be named option_type, spot"),
+        (
+            {**PLAIN, "vol": 0.2},
+            "contract = 'vol': must be volatility, or another of the names option_type, spot",
+        ),
         (UNDATED, "expiry = 'missing': must be given, or valuation_date and expiration_date"),
         ({**DATED, "expiry": 1.0}, "expiry = 1.0: must be left out where dates are given"),
         ({**UNDATED, "valuation_date": "2026-01-01"}, "expiration_date = 'missing': must be given where"),
@@ -144,9 +147,12 @@ def test_a_dividend_of_the_far_future_is_after_expiry_and_no_fault():
         ({**PLAIN, "cash_dividends": "[NaN]"}, "it holds NaN or Infinity"),
         (
             {**PLAIN, "cash_dividends": '{"time": 1}'},
-            "cash_dividends = {'time': 1}: must be a list of dividends",
+            "cash_dividends = {'time': 1}: must be a list of {",
         ),
-        ({**PLAIN, "cash_dividends": [0.5]}, 'cash_dividends[0] = 0.5: must be {"time": ..., "amount": ...}'),
+        (
+            {**PLAIN, "cash_dividends": [0.5]},
+            'cash_dividends[0] = 0.5: must be {"time": ..., "amount": ...} or',
+        ),
         (
             {**PLAIN, "cash_dividends": [{"time": 0.25}]},
             "cash_dividends[0].amount = missing: must be given",
