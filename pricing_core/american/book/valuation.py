@@ -21,6 +21,8 @@ from pricing_core.version import ENGINE_VERSION
 NUMBER_ERRORS = tuple((name, error_of(name)) for name in GREEKS)
 LIST_ERRORS = tuple((name, error_of(name)) for name in GREEK_LISTS)
 
+MOST_SHOWN = 4  # values of a list that are printed
+
 
 @dataclass(frozen=True, slots=True)
 class Diagnostics:
@@ -53,6 +55,8 @@ class Diagnostics:
 @dataclass(frozen=True, slots=True)
 class Valuation:
     """The result of `price`. Money per unit of underlying; None where a number is missing.
+
+    `print` shows in a few lines what is known.
 
     Parameters
     ----------
@@ -124,6 +128,22 @@ class Valuation:
     engine_version: str
     instruction_set: str
     diagnostics: Diagnostics
+
+    def __str__(self) -> str:
+        """Return in some lines what is known: the price with its error, what exercise adds to it, and the Greeks."""
+        lines = (
+            [*self._known("price", "error_estimate"), f"status {self.status}", f"method {self.method}"],
+            self._known("european_price", "early_exercise_premium", "intrinsic_value"),
+            [*self._known("exercise_boundary"), f"exercise_now {self.exercise_now}"],
+            self._known(*GREEKS),
+            self._known(*GREEK_LISTS),
+            [self.diagnostics.message] if self.diagnostics.message else [],
+        )
+        return "\n".join(", ".join(line) for line in lines if line)
+
+    def _known(self, *names: str) -> list[str]:
+        """Return "name value" of each that there is, of a list its first values."""
+        return [f"{name} {_in_brief(value)}" for name in names if (value := getattr(self, name)) is not None]
 
 
 def valuation(
@@ -202,6 +222,13 @@ def _greek_errors(prices: Prices, row: int) -> dict[str, float | tuple[float, ..
         if errors.values.size and (known := errors.known_row(row)):
             found[name] = known
     return found
+
+
+def _in_brief(value: float | tuple[float, ...]) -> str:
+    if isinstance(value, float):
+        return f"{value:.8g}"
+    more = ", ..." if len(value) > MOST_SHOWN else ""
+    return f"({', '.join(f'{entry:.8g}' for entry in value[:MOST_SHOWN])}{more})"
 
 
 def _present(number: float) -> float | None:
