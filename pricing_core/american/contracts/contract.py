@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,6 +21,8 @@ from pricing_core.american.contracts.fields import (
 )
 from pricing_core.american.contracts.names import arguments_named
 from pricing_core.errors import InvalidInputError, Told
+
+DATES_INSTEAD = "in its place contract_from and tables take valuation_date and expiration_date"
 
 
 @arguments_named
@@ -69,6 +72,8 @@ class Option:
         OPTION_TYPE.check_choice(self.option_type)
         EXERCISE.check_choice(self.exercise)
         object.__setattr__(self, "strike", STRIKE.check(self.strike))
+        if isinstance(self.expiry, (str, dt.date, np.datetime64)):
+            raise InvalidInputError("expiry", self.expiry, f"{EXPIRY.allowed}, in years; {DATES_INSTEAD}")
         object.__setattr__(self, "expiry", EXPIRY.check(self.expiry))
         if self.exercise == "bermudan" or type(self.exercise_times) is not tuple or self.exercise_times:
             object.__setattr__(self, "exercise_times", self._checked_times())

@@ -125,6 +125,16 @@ def test_a_dividend_of_the_far_future_is_after_expiry_and_no_fault():
 
 
 @pytest.mark.parametrize(
+    "date", ["2027-01-15", dt.date(2027, 1, 15), dt.datetime(2027, 1, 15), np.datetime64("2027-01-15")]
+)
+def test_a_date_as_expiry_is_told_how_dates_are_given(date):
+    told = "a number from 0 to 200, in years; in its place contract_from and tables take valuation_date and "
+    assert refused({**PLAIN, "expiry": date}).allowed == f"{told}expiration_date"
+    with pytest.raises(InvalidInputError, match=told):
+        Option("put", 90.0, date)
+
+
+@pytest.mark.parametrize(
     ("contract", "message"),
     [
         (
