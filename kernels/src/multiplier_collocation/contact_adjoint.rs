@@ -6,6 +6,7 @@
 
 use super::gradient::{SegmentGradient, FUNCTIONALS};
 use super::multiplier::ContactBlock;
+use super::propagation::LARGEST_DEVIATION;
 use super::segment::Dynamics;
 use super::viewpoint::Viewpoint;
 use crate::lanes::dispatch::{dispatch, Work};
@@ -59,6 +60,17 @@ fn see<V: Vector>(sign: f64, dynamics: &Dynamics, block: &ContactBlock, x: V, sp
     }
 }
 
+/// The place, times the sign, beyond which the contact sets of a block are too far away to count.
+fn beyond(sign: f64, block: &ContactBlock) -> f64 {
+    let ages = &block.ages;
+    (0..LANES)
+        .filter(|&lane| ages.weight[lane] != 0.0)
+        .map(|lane| {
+            sign * (block.boundary[lane] - ages.drift[lane]) + LARGEST_DEVIATION * ages.spread[lane]
+        })
+        .fold(f64::NEG_INFINITY, f64::max)
+}
+
 /// The adjoint weights of the contact sets, block by block, as seen from the viewpoints.
 ///
 /// The contributions and their derivatives by the parameters are added to `gradient`, and what the slopes at the viewpoints count
@@ -101,7 +113,11 @@ impl Work for Seeing<'_> {
             let age = V::from_lanes(block.ages.spread).times(1.0 / dynamics.volatility);
             let age = age * age;
             let mut of_boundary = [V::zero(); FUNCTIONALS];
+            let beyond = beyond(self.sign, block);
             for (view, &spot) in self.views.iter().zip(&spots) {
+                if self.sign * view.x > beyond || view.is_negligible() {
+                    continue;
+                }
                 let seen = see(self.sign, dynamics, block, V::all(view.x), V::all(spot));
                 let derivatives = &seen.derivatives;
                 for (order, counted) in [(0, &view.value), (1, &view.slope)] {

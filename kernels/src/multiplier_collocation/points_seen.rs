@@ -77,8 +77,15 @@ impl<const WALKS: usize> Work for Seeing<'_, WALKS> {
         for start in (0..self.views[0].len()).step_by(LANES) {
             let end = (start + LANES).min(self.views[0].len());
             let views = self.views.map(|views| &views[start..end]);
+            let counts = |k: usize| views.iter().any(|views| !views[k].is_negligible());
+            if !(0..end - start).any(counts) {
+                continue;
+            }
             let over_spot = see_pieces(profile, transition, views, &mut found);
             for (k, over_spot) in (0..end - start).zip(over_spot) {
+                if !counts(k) {
+                    continue;
+                }
                 let weights = views.map(|views| views[k].value.map(|weight| weight * scale));
                 let x = views[0][k].x;
                 let [value, first, second] =

@@ -14,6 +14,8 @@ use crate::lanes::vector::{sum_of_lanes, Vector, LANES};
 
 /// The largest |z| at which a normal distribution function is evaluated; chosen: it is 0 or 1 beyond.
 const FAR: f64 = 37.0;
+/// The smallest weight of a viewpoint that counts; chosen: all of them together weigh about one.
+const NEGLIGIBLE: f64 = 1e-16;
 
 /// A place x, a time s before the profile's.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +37,12 @@ impl Viewpoint {
             value,
             slope: [0.0; FUNCTIONALS],
         }
+    }
+
+    /// Whether neither the value nor the slope counts for more than rounding.
+    pub fn is_negligible(&self) -> bool {
+        let mut weights = self.value.iter().chain(&self.slope);
+        weights.all(|weight| weight.abs() < NEGLIGIBLE)
     }
 
     /// Whether the slope counts.
@@ -95,6 +103,9 @@ impl Work for Seeing<'_> {
         let mut transition = Transition::new(self.dynamics, self.views[0].s);
         let mut s = self.views[0].s;
         for view in self.views {
+            if view.is_negligible() {
+                continue;
+            }
             if view.s.to_bits() != s.to_bits() {
                 s = view.s;
                 transition = Transition::new(self.dynamics, s);

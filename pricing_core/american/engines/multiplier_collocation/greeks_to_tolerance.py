@@ -35,6 +35,7 @@ from pricing_core.american.engines.multiplier_collocation.levels import (
     VIOLATION,
     Solved,
     solve_at_level,
+    solve_once,
     solve_to_tolerance,
 )
 from pricing_core.arrays import BoolVector, Vector
@@ -124,7 +125,8 @@ def _first_or_finer(book: Book, first: Solved, request: Request, *, lacking: boo
     rows = np.flatnonzero(~(missed <= PESSIMISM))
     if rows.size and not request.is_interrupted():
         part, coarse, asked = book.take(rows), first.take(rows, book), request.take(rows)
-        fine = solve_to_tolerance(part, FINER * asked.tolerance, threads, walks=1, interrupt=interrupt)
+        level = np.minimum(coarse.level + 1, FINEST)
+        fine = solve_once(part, level, FINER * asked.tolerance, threads, walks=1, interrupt=interrupt)
         with np.errstate(invalid="ignore"):  # a derivative that was not found is not finite
             moved = np.abs(fine.gradient[:, OWN] - coarse.gradient[:, OWN])
         fine.gradient[:, CHANGE] = MOVED_SHARE * moved + CHANGE_SHARE * coarse.gradient[:, CHANGE]
@@ -239,7 +241,9 @@ def _volga_to_tolerance(book: Book, level: NDArray[np.int64], vega: Columns, req
     rows = np.flatnonzero(~(_largest_error(book, found, request.tolerance) <= VOLGA_PESSIMISM))
     if rows.size and not request.is_interrupted():
         known = {name: column[rows] for name, column in vega.items()}
-        by_vegas = _difference_of_vegas(book.take(rows), VEGAS_STEP * smallest[rows], request)
+        by_vegas = _difference_of_vegas(
+            book.take(rows), VEGAS_STEP * smallest[rows], finer[rows], request.take(rows)
+        )
         closer = _with_error(by_vegas, known, smallest[rows], (VEGAS_STEP, VEGAS_NOISE))
         better = np.flatnonzero(np.isfinite(closer["volga"]))
         found = stored(found, rows[better], {name: column[better] for name, column in closer.items()})
@@ -285,12 +289,14 @@ def _second_difference(
     return (up - down) / (2.0 * step), (up - 2.0 * same + down) / step**2
 
 
-def _difference_of_vegas(book: Book, step: Vector, request: Request) -> tuple[Vector, Vector]:
+def _difference_of_vegas(
+    book: Book, step: Vector, level: NDArray[np.int64], request: Request
+) -> tuple[Vector, Vector]:
     """Return the mean of the vegas at both steps of the volatility, money, and their difference per volatility."""
     bumped, tolerance = Bump(book, "volatility"), np.full(book.count, CLOSE)
     down, up = (
         _vega(
-            solve_to_tolerance(moved, tolerance, request.threads, walks=1, interrupt=request.interrupt), moved
+            solve_once(moved, level, tolerance, request.threads, walks=1, interrupt=request.interrupt), moved
         )
         for moved in (bumped(-step), bumped(step))
     )

@@ -143,26 +143,51 @@ def solve_to_tolerance(
     interrupt : callable, optional
         True ends the work; what is not solved then is not settled.
     """
-    packed, count = pack(book), book.count
-    level = _first_levels(tolerance)
-    value, slope, curvature, boundary = np.full((4, count), np.nan)
-    gradient = np.full((book.segments.end.size if walks else 0, 2, 2, 6), np.nan)
-    solved = Solved(
-        value, slope, curvature, boundary,
-        np.full(count, np.inf), np.zeros(count, dtype=bool), level.copy(), gradient,
-    )  # fmt: skip
-    rows = np.arange(count)
-    while rows.size and not (interrupt is not None and interrupt()):
-        beyond = np.array(NEGLECTED)[level[rows]] + ROUNDING
-        left = np.maximum(tolerance[rows] - beyond, SMALLEST_SHARE * tolerance[rows])
-        found = kernel_values(packed.take(rows), level[rows], threads, left, walks=walks, interrupt=interrupt)
-        before, error = solved.error[rows], found.numbers[ERROR] + beyond
-        _keep(solved, book, rows, level[rows], found, error)
+    packed, level = pack(book), _first_levels(tolerance)
+    solved = _solved(packed, level, tolerance, threads, walks, interrupt)
+    rows, before = np.arange(book.count), np.full(book.count, np.inf)
+    error = solved.error
+    while True:
         met = solved.error[rows] <= tolerance[rows]
         stalls = (error > LEAST_GAIN * before) & (error > OUT_OF_REACH * tolerance[rows])
         rows = rows[~met & ~stalls & (level[rows] < FINEST)]
+        if rows.size == 0 or (interrupt is not None and interrupt()):
+            return solved
         level[rows] += 1
-    return solved
+        finer = _solved(packed.take(rows), level[rows], tolerance[rows], threads, walks, interrupt)
+        before, error = solved.error[rows], finer.error
+        _keep(solved, book, rows, finer)
+
+
+def solve_once(
+    book: Book,
+    level: NDArray[np.int64],
+    tolerance: Vector,
+    threads: int,
+    *,
+    walks: int = 0,
+    interrupt: Callable[[], bool] | None = None,
+) -> Solved:
+    """Solve every contract at its level, with boundaries to the tolerance in fractions of the strike."""
+    return _solved(pack(book), level, tolerance, threads, walks, interrupt)
+
+
+def _solved(
+    packed: Packed,
+    level: NDArray[np.int64],
+    tolerance: Vector,
+    threads: int,
+    walks: int,
+    interrupt: Callable[[], bool] | None,
+) -> Solved:
+    beyond = np.array(NEGLECTED)[level] + ROUNDING
+    left = np.maximum(tolerance - beyond, SMALLEST_SHARE * tolerance)
+    found = kernel_values(packed, level, threads, left, walks=walks, interrupt=interrupt)
+    error = np.where(found.settled, found.numbers[ERROR] + beyond, np.inf)
+    value, slope, curvature, boundary = np.where(found.settled, found.numbers[:4], np.nan)
+    return Solved(
+        value, slope, curvature, boundary, error, found.settled, level.copy(), found.gradient,
+    )  # fmt: skip
 
 
 def european_values(
@@ -183,22 +208,15 @@ def _first_levels(tolerance: Vector) -> NDArray[np.int64]:
     return level
 
 
-def _keep(
-    solved: Solved, book: Book, rows: Rows, level: NDArray[np.int64], found: KernelValues, error: Vector
-) -> None:
+def _keep(solved: Solved, book: Book, rows: Rows, finer: Solved) -> None:
     """Store what these rows found, unless what is there has the smaller error."""
-    better = found.settled & ((error <= solved.error[rows]) | ~solved.settled[rows])
+    better = np.flatnonzero(finer.settled & (finer.error <= solved.error[rows]))
     kept = rows[better]
-    columns = (solved.value, solved.slope, solved.curvature, solved.boundary)
-    for column, numbers in zip(columns, found.numbers[:4], strict=True):
-        column[kept] = numbers[better]
-    solved.error[kept], solved.level[kept] = error[better], level[better]
-    solved.settled[kept] = True
-    if found.gradient.size:
+    for name in ("value", "slope", "curvature", "boundary", "error", "settled", "level"):
+        getattr(solved, name)[kept] = getattr(finer, name)[better]
+    if finer.gradient.size:
         first, _ = gather(book.first, rows)
-        solved.gradient[gather(book.first, kept)[1]] = found.gradient[
-            gather(first, np.flatnonzero(better))[1]
-        ]
+        solved.gradient[gather(book.first, kept)[1]] = finer.gradient[gather(first, better)[1]]
 
 
 class KernelValues(NamedTuple):
