@@ -68,8 +68,11 @@ const OVERHANGING_SHARE: f64 = 0.2;
 const PAID_OUT: f64 = 0.3;
 /// The same in standard deviations of ln S over the segment; chosen.
 const SPREADS_OF_PAID_OUT: f64 = 2.5;
-/// The largest standard deviation of ln S over a segment whose contact set begins between two spots; measured.
+/// The largest standard deviation of ln S over a segment whose contact set begins between two spots; measured. A wider one is
+/// cut there.
 const WIDEST_BETWEEN: f64 = 0.4;
+/// The smallest one that such a segment is cut at; measured.
+const NARROWEST_BETWEEN: f64 = 0.1;
 /// The smallest distance of such spots from the forward, in standard deviations of ln S at the segment's end; measured.
 const LEAST_NEGLECTED: f64 = 3.5;
 /// The share of the dividends paid so far by which the spot is displaced from a lognormal one: the early ones fall with
@@ -229,16 +232,23 @@ impl BackwardRecursion<'_> {
         let overhang = segment.overhang();
         self.overhangs = overhang > OVERHANGING;
         self.neglects_far_end = overhang > 0.0 && !self.overhangs;
+        let mut waiting = vec![*segment];
         if self.overhangs {
-            self.least_relevant =
-                segment.paid_out_below() + PAID_OUT + SPREADS_OF_PAID_OUT * segment.spread();
-            let is_near = self.least_relevant > here.forward - LEAST_NEGLECTED * here.deviation();
-            if is_near || segment.spread() > WIDEST_BETWEEN {
+            let least = segment.paid_out_below() + PAID_OUT;
+            let room = here.forward - LEAST_NEGLECTED * here.deviation() - least;
+            let widest = WIDEST_BETWEEN.min(room / SPREADS_OF_PAID_OUT);
+            let spread = segment.spread().min(widest);
+            if spread < NARROWEST_BETWEEN.min(segment.spread()) {
                 return Err(Unsettled);
             }
+            self.least_relevant = least + SPREADS_OF_PAID_OUT * spread;
             self.error += self.neglected(segment, here);
+            if spread < segment.spread() {
+                let share = spread / segment.spread();
+                let (earlier, later) = segment.split(share * share * segment.duration);
+                waiting = vec![earlier, later];
+            }
         }
-        let mut waiting = vec![*segment];
         let mut cuts = 0;
         let mut part_end = *here;
         let mut offset = 0.0;
