@@ -20,6 +20,7 @@ from pricing_core.american.engines.multiplier_collocation.greeks import by_spot
 from pricing_core.american.engines.multiplier_collocation.greeks_to_tolerance import greeks_to_tolerance
 from pricing_core.american.engines.multiplier_collocation.levels import (
     FINEST,
+    Packed,
     Solved,
     boundaries_at,
     european_values,
@@ -61,9 +62,10 @@ class MultiplierCollocation:
         )
         believed = solved.settled & (solved.error <= np.maximum(request.tolerance, ROUGHEST))
         exercised = book.sign * (solved.boundary - log_moneyness(book)) >= 0.0
-        boundary = _with_far_boundaries(book, solved, request)
+        packed = pack(book)
+        boundary = _with_far_boundaries(packed, solved, request)
         # Before the Greeks: what ends these leaves the price whole.
-        european = european_values(book, request.tolerance, request.threads, request.interrupt)
+        european = european_values(packed, request.tolerance, request.threads, request.interrupt)
         columns: dict[str, Any] = by_spot(book, solved) | {
             "complete": True,
             "european": book.strike * european,
@@ -121,13 +123,13 @@ def _in_money(book: Book, solved: Solved, boundary: Vector, exercised: BoolVecto
     )
 
 
-def _with_far_boundaries(book: Book, solved: Solved, request: Request) -> Vector:
+def _with_far_boundaries(packed: Packed, solved: Solved, request: Request) -> Vector:
     """Return ln(S*/K) now, of puts also where that is too far from the spot to matter to the price."""
-    rows = np.flatnonzero(solved.settled & np.isnan(solved.boundary) & book.is_put)
+    rows = np.flatnonzero(solved.settled & np.isnan(solved.boundary) & (packed.sign > 0.0))
     if rows.size == 0 or request.is_interrupted():
         return solved.boundary
     boundary, level = solved.boundary.copy(), solved.level[rows]
-    boundary[rows] = far_boundaries(pack(book.take(rows)), level, request.threads, request.interrupt)
+    boundary[rows] = far_boundaries(packed.take(rows), level, request.threads, request.interrupt)
     return boundary
 
 

@@ -71,10 +71,10 @@ def far_boundaries(
         rows, waiting = rows[seen], _Waiting(waiting.spot[seen], waiting.last[seen])
     if rows.size == 0:
         return found
-    part, spot, last = packed.take(rows), waiting.spot, waiting.last
-    is_over = _leaves_nothing(part, spot, last)
+    part, spot = packed.take(rows), waiting.spot
+    last, is_over = _end_of_waiting(part, waiting)
     lower = np.where(is_over, 0.0, SEEN_FROM * np.sqrt(_variance(part)))
-    seen = _until(replace(part, x=np.log(spot) - lower), np.where(is_over, last, np.diff(part.first) - 1))
+    seen = _until(replace(part, x=np.log(spot) - lower), last)
     needed = np.argmax(spot[:, None] > SMALLEST_SPOTS, axis=1)
     level = np.maximum(np.maximum(level[rows], needed), FIRST_LEVEL)
     solved = kernel_values(seen, level, threads, np.zeros(rows.size), interrupt=interrupt)
@@ -131,6 +131,19 @@ def _waiting(packed: Packed) -> _Waiting:
     is_smallest = spot <= np.repeat(smallest, counts)
     last = np.minimum.reduceat(np.where(is_smallest, _places(packed), spot.size), first)
     return _Waiting(np.where(smallest > 0.0, smallest, np.nan), last)
+
+
+def _end_of_waiting(packed: Packed, waiting: _Waiting) -> tuple[NDArray[np.int64], BoolVector]:
+    """Return after which segment the puts are exercised at once, and whether there is one before expiry."""
+    last, ends = waiting.last.copy(), np.diff(packed.first) - 1
+    is_over = np.zeros(last.size, dtype=bool)
+    rows, step = np.arange(last.size), 1
+    while rows.size:
+        is_over[rows] = _leaves_nothing(packed.take(rows), waiting.spot[rows], last[rows])
+        rows = rows[~is_over[rows] & (last[rows] < ends[rows])]
+        last[rows] = np.minimum(last[rows] + step, ends[rows])
+        step *= 2
+    return last, is_over
 
 
 def _leaves_nothing(packed: Packed, spot: Vector, last: NDArray[np.int64]) -> BoolVector:

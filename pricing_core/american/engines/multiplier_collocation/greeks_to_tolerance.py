@@ -63,7 +63,8 @@ BY_DIFFERENCES = 1e-2
 DIFFERENCE_SHARES = (1.0, 0.5)  # Steps of differences, in the usual ones; chosen.
 # Steps of the volatility for volga by values and by vegas, as shares of the contract's smallest one; calibrated.
 VALUES_STEP, VEGAS_STEP = 0.005, 0.0025
-FINER_LEVELS = 1  # How many levels finer than the price the values for volga are held; chosen.
+# How many levels finer than the price values and vegas for volga are held; chosen.
+VALUES_FINER, VEGAS_FINER = 1, 2
 # Largest ratio of the violations of complementarity of values that are solved alike; calibrated on random contracts.
 ALIKE = 1.2
 SMALLEST_VIOLATION = 1e-7  # Violation, in strikes, that is nothing; chosen.
@@ -235,15 +236,15 @@ def _volga_to_tolerance(book: Book, level: NDArray[np.int64], vega: Columns, req
         Vega and its error.
     """
     smallest = np.minimum.reduceat(book.segments.volatility, book.first[:-1])
-    finer = np.minimum(level + FINER_LEVELS, FINEST)
+    finer = np.minimum(level + VALUES_FINER, FINEST)
     by_values = _second_difference(book, VALUES_STEP * smallest, finer, request)
     found = _with_error(by_values, vega, smallest, (VALUES_STEP, VALUES_NOISE))
     rows = np.flatnonzero(~(_largest_error(book, found, request.tolerance) <= VOLGA_PESSIMISM))
     if rows.size and not request.is_interrupted():
         known = {name: column[rows] for name, column in vega.items()}
-        by_vegas = _difference_of_vegas(
-            book.take(rows), VEGAS_STEP * smallest[rows], finer[rows], request.take(rows)
-        )
+        finer = np.minimum(level[rows] + VEGAS_FINER, FINEST)
+        step = VEGAS_STEP * smallest[rows]
+        by_vegas = _difference_of_vegas(book.take(rows), step, finer, request.take(rows))
         closer = _with_error(by_vegas, known, smallest[rows], (VEGAS_STEP, VEGAS_NOISE))
         better = np.flatnonzero(np.isfinite(closer["volga"]))
         found = stored(found, rows[better], {name: column[better] for name, column in closer.items()})

@@ -191,13 +191,11 @@ def _solved(
 
 
 def european_values(
-    book: Book, tolerance: Vector, threads: int, interrupt: Callable[[], bool] | None = None
+    packed: Packed, tolerance: Vector, threads: int, interrupt: Callable[[], bool] | None = None
 ) -> Vector:
     """Return V/K without early exercise at the levels of the tolerances, shape (n,)."""
-    nothing = np.zeros(book.count)
-    found = kernel_values(
-        pack(book).european(), _first_levels(tolerance), threads, nothing, interrupt=interrupt
-    )
+    nothing = np.zeros(tolerance.size)
+    found = kernel_values(packed.european(), _first_levels(tolerance), threads, nothing, interrupt=interrupt)
     value: Vector = found.numbers[0]
     return value
 
