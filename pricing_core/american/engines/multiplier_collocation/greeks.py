@@ -31,10 +31,10 @@ OWN, CHANGE = range(2)  # The derivatives, and their changes with the degrees of
 # Error of each derivative over the sum of its changes with the degrees, and over the value's error (times the years for
 # those by rate, yield and volatility), for two degrees may agree by accident; calibrated on random contracts, as is all
 # that follows.
-CHANGE_SHARES = np.array([2.2, 2.1, 1.6, 2.6, 2.6, 0.64])
-VALUE_SHARES = np.array([3.0, 2.1, 1.6, 2.6])
+CHANGE_SHARES = np.array([1.8, 1.8, 1.6, 2.6, 2.6, 0.64])
+VALUE_SHARES = np.array([0.8, 1.2, 1.6, 2.6])
 # The same of a derivative by one piece of a curve, with the years over the standard deviation of ln S.
-PIECE_CHANGE_SHARE, PIECE_VALUE_SHARE = 3.0, 0.05
+PIECE_CHANGE_SHARE, PIECE_VALUE_SHARE = 2.0, 0.04
 # The same of the slope, of the second derivative by x (with the years over the variance) and of vanna.
 SLOPE_VALUE_SHARE, GAMMA_SHARE, GAMMA_VALUE_SHARE, VANNA_SHARE, VANNA_VALUE_SHARE = 0.32, 1.6, 0.3, 1.5, 7.5
 # Errors that the panels leave at each level, in strikes: of a derivative by a parameter, per 1.00 and year, and of the
@@ -43,7 +43,7 @@ BY_PANELS = np.array([1e-4, 4e-6, 1e-9, 4e-11, 4e-11, 4e-11, 4e-11])
 SLOPE_BY_PANELS = np.array([1e-4, 2e-6, 1e-10, 2e-11, 2e-11, 2e-11, 2e-11])
 # Error of charm over the change of the first segment's derivatives, over that of the slope in variances of ln S, and
 # over what the panels leave of the slope in variances over the first segment; calibrated.
-CHARM_BY_FIRST, CHARM_BY_SLOPE, CHARM_BY_PANELS = 1.0, 1.0, 3.0
+CHARM_BY_FIRST, CHARM_BY_SLOPE, CHARM_BY_PANELS = 0.5, 0.5, 1.5
 # What the panels leave of a further derivative by x over what they leave of the one before, in the same unit.
 PANEL_ROUGHNESS = 20.0
 Derivatives = NDArray[np.float64]  # (m, 2, 2, 6), or a part of it
