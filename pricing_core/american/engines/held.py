@@ -11,8 +11,8 @@ from pricing_core.american.book.prices import Prices, prices
 from pricing_core.arrays import BoolVector, Vector
 
 ROUNDING = 4e-16  # Smallest error of a value, as a share of it; two units in the last place.
-# Error of theta over what the errors of delta and gamma in its equation are worth, which partly cancel; calibrated on random
-# contracts.
+# Error of theta over what the errors of delta and gamma are worth in its equation, where they partly cancel; calibrated
+# on random contracts.
 THETA_SHARE = 0.55
 BY_PARAMETERS = ("vega", "rho", "dividend_rho", "vanna", "volga", "charm")
 
