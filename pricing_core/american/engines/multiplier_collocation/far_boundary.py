@@ -24,7 +24,7 @@ from pricing_core.american.engines.multiplier_collocation.levels import (
     Packed,
     kernel_values,
 )
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import BoolVector, Matrix, Vector
 
 DURATION, RATE, YIELD, VOLATILITY, EXERCISABLE, _, FRACTION = range(7)  # columns of a segment
 FIRST_LEVEL = 2  # Coarsest level at which such a boundary is found to a thousandth of itself; measured.
@@ -116,14 +116,16 @@ def _waiting(packed: Packed) -> _Waiting:
     """
     first, segments = packed.first[:-1], packed.segments
     counts = np.diff(packed.first)
-    growth = np.exp(_running(segments[:, RATE] * segments[:, DURATION], packed))
-    at_start = segments[:, ESCROW] * np.exp(-segments[:, RATE] * segments[:, DURATION])
+    kept = np.log(np.maximum(1.0 - segments[:, FRACTION], SMALLEST_REST))
+    duration = segments[:, DURATION]
+    per_segment = segments[:, RATE] * duration, kept - segments[:, YIELD] * duration, segments[:, AMOUNT]
+    interest, kept, amount = _running(np.stack(per_segment), packed)
+    growth = np.exp(interest)
+    at_start = segments[:, ESCROW] * np.exp(-segments[:, RATE] * duration)
     escrow_after = np.append(at_start[1:], 0.0)
     escrow_after[packed.first[1:] - 1] = 0.0
     cost = growth * (1.0 - np.repeat(at_start[first], counts)) - (1.0 - escrow_after)
-    kept = np.log(np.maximum(1.0 - segments[:, FRACTION], SMALLEST_REST))
-    share = -np.expm1(_running(kept - segments[:, YIELD] * segments[:, DURATION], packed))
-    amount = _running(segments[:, AMOUNT], packed)
+    share = -np.expm1(kept)
     with np.errstate(divide="ignore", invalid="ignore"):
         by_share = np.where(share > 0.0, (cost - amount) / share, np.where(cost > amount, np.inf, 0.0))
     spot = np.minimum(np.maximum(cost, by_share), 1.0)
@@ -191,10 +193,11 @@ def _total(column: Vector, packed: Packed) -> Vector:
     return total
 
 
-def _running(column: Vector, packed: Packed) -> Vector:
-    """Return the sum over the segments of each schedule up to each of them."""
-    total, places = column.copy(), _places(packed)
-    for place in range(1, int(places.max(initial=0)) + 1):  # of its own numbers alone, to the last bit
-        at = np.flatnonzero(places == place)
-        total[at] += total[at - 1]
-    return total
+def _running(columns: Matrix, packed: Packed) -> Matrix:
+    """Return the sums over the segments of each schedule up to each of them, of k columns, shape (k, m)."""
+    counts = np.diff(packed.first)
+    there = np.arange(counts.max()) < counts[:, None]
+    filled = np.zeros((len(columns), *there.shape))
+    filled[:, there] = columns
+    running: Matrix = np.cumsum(filled, axis=2)[:, there]  # each of its own numbers alone, to the last bit
+    return running
