@@ -14,7 +14,7 @@ use crate::lanes::vector::{sum_of_lanes, Vector, LANES};
 
 /// The largest |z| at which a normal distribution function is evaluated; chosen: it is 0 or 1 beyond.
 const FAR: f64 = 37.0;
-/// The smallest weight of a viewpoint that counts; chosen: all of them together weigh about one.
+/// The smallest weight of a viewpoint that counts; chosen: the sum of all is about one.
 const NEGLIGIBLE: f64 = 1e-16;
 
 /// A place x, a time s before the profile's.
