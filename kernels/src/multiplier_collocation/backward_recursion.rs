@@ -139,6 +139,7 @@ pub fn solve_schedule(
         kinks: Vec::new(),
         end: segments.iter().map(|segment| segment.duration).sum(),
         overhangs: false,
+        waits_for_cash: false,
         neglects_far_end: false,
         least_relevant: f64::NEG_INFINITY,
         has_far_ends: false,
@@ -194,6 +195,8 @@ struct BackwardRecursion<'a> {
     end: f64,
     /// Whether the contact set of the next segment may begin between two spots.
     overhangs: bool,
+    /// Whether that of the last one may have, and has not reached to a spot of zero by its beginning.
+    waits_for_cash: bool,
     /// Whether it does, and its far end is neglected.
     neglects_far_end: bool,
     /// The x up to which its contact set is neglected then, for the event takes smaller spots whole.
@@ -233,11 +236,18 @@ impl BackwardRecursion<'_> {
         query: &mut BoundaryQuery,
     ) -> Result<(), Unsettled> {
         let overhang = segment.overhang();
-        self.overhangs = overhang > OVERHANGING;
+        let goes_on = self.waits_for_cash && segment.dynamics.dividend < 0.0;
+        if goes_on && segment.dynamics.rate <= 0.0 {
+            return Err(Unsettled);
+        }
+        self.overhangs = overhang > OVERHANGING || goes_on;
         self.neglects_far_end = overhang > 0.0 && !self.overhangs;
         let mut waiting = vec![*segment];
         if self.overhangs {
-            let least = segment.paid_out_below() + PAID_OUT;
+            let mut least = segment.paid_out_below() + PAID_OUT;
+            if goes_on {
+                least = least.max(self.least_relevant);
+            }
             let room = here.forward - LEAST_NEGLECTED * here.deviation() - least;
             let widest = WIDEST_BETWEEN.min(room / SPREADS_OF_PAID_OUT);
             let spread = segment.spread().min(widest);
@@ -277,6 +287,8 @@ impl BackwardRecursion<'_> {
                 }
             }
         }
+        let waits = |now: &SegmentValue| now.boundary.is_none() || now.far.is_finite();
+        self.waits_for_cash = self.overhangs && self.later().is_some_and(waits);
         Ok(())
     }
 
@@ -503,6 +515,11 @@ impl BackwardRecursion<'_> {
         let far = far
             .map(|end| end.at_beginning)
             .filter(|&x| x > relevant + MARGIN * part.spread());
+        let near = boundary.as_ref().map(|b| b.near().at_beginning);
+        let is_reversed = |(far, near): (f64, f64)| part.sign * (near - far) <= 0.0;
+        if far.zip(near).is_some_and(is_reversed) {
+            return Err(Unsettled);
+        }
         let later_is_monotone = self.later().is_none_or(|later| later.is_monotone);
         let now = SegmentValue {
             profile: transferred.profile,

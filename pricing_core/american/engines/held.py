@@ -46,6 +46,9 @@ def priced(
     payoff, now = book.payoff(), book.first_segments().exercisable
     least = np.maximum(np.where(now, payoff, 0.0), european)
     value, missing = np.maximum(value, least), least - value
+    exercised = exercised & ~(
+        european - payoff > np.fmax(error, ROUNDING * payoff)
+    )  # holding it is worth more
     by_value, by_delta, by_gamma = _theta_weights(book)
     columns = {
         "value": value,

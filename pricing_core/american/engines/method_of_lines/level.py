@@ -35,6 +35,9 @@ HOPELESS = 1.0
 SMALLEST_VOLATILITY = 1e-100
 TRUNCATION_SHARE = 0.01  # Share of the tolerance that the ends of the grid may neglect; chosen.
 LARGEST_TRUNCATION = 1e-6  # Largest value that the ends of the grid may neglect, in strikes; chosen.
+INDIFFERENT = (
+    1e-6  # Excess of a value over the payoff, in strikes, up to which the option is exercised; chosen.
+)
 STEPS_PER_RATE = 4.0  # Number of steps per unit of |rate| * duration; calibrated.
 STEPS_PER_DRIFT = 2.0  # Number of steps per standard deviation that the spot drifts; calibrated.
 
@@ -143,9 +146,12 @@ class ScheduleSolver:
         if with_exercise is None or without is None or answers[-1] is None:
             return None
         sweep = with_exercise.sweep
-        exercised = sweep.region.contains(self.spot)
+        paid = self.exercised(sweep)
+        # Before a large dividend a put may be held at spots below those at which it is exercised.
+        is_held = with_exercise.at_spot[0, 0] - paid[0, 0] > INDIFFERENT
+        exercised = sweep.region.contains(self.spot) and not is_held
         return Level(
-            self.exercised(sweep) if exercised else self._total(with_exercise.at_spot),
+            paid if exercised else self._total(with_exercise.at_spot),
             self._total(without.at_spot) if held else np.full((1, 4), math.nan),
             exercised,
             actual_region(sweep.region, self._escrow()),

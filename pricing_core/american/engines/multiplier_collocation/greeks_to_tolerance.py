@@ -63,8 +63,7 @@ BY_DIFFERENCES = 1e-2
 DIFFERENCE_SHARES = (1.0, 0.5)  # Steps of differences, in the usual ones; chosen.
 # Steps of the volatility for volga by values and by vegas, as shares of the contract's smallest one; calibrated.
 VALUES_STEP, VEGAS_STEP = 0.005, 0.0025
-# How many levels finer than the price values and vegas for volga are held; chosen.
-VALUES_FINER, VEGAS_FINER = 1, 2
+FINER_LEVELS = 1  # How many levels finer than the price the values for volga are held; chosen.
 # Largest ratio of the violations of complementarity of values that are solved alike; calibrated on random contracts.
 ALIKE = 1.2
 SMALLEST_VIOLATION = 1e-7  # Violation, in strikes, that is nothing; chosen.
@@ -236,15 +235,13 @@ def _volga_to_tolerance(book: Book, level: NDArray[np.int64], vega: Columns, req
         Vega and its error.
     """
     smallest = np.minimum.reduceat(book.segments.volatility, book.first[:-1])
-    finer = np.minimum(level + VALUES_FINER, FINEST)
+    finer = np.minimum(level + FINER_LEVELS, FINEST)
     by_values = _second_difference(book, VALUES_STEP * smallest, finer, request)
     found = _with_error(by_values, vega, smallest, (VALUES_STEP, VALUES_NOISE))
     rows = np.flatnonzero(~(_largest_error(book, found, request.tolerance) <= VOLGA_PESSIMISM))
     if rows.size and not request.is_interrupted():
         known = {name: column[rows] for name, column in vega.items()}
-        finer = np.minimum(level[rows] + VEGAS_FINER, FINEST)
-        step = VEGAS_STEP * smallest[rows]
-        by_vegas = _difference_of_vegas(book.take(rows), step, finer, request.take(rows))
+        by_vegas = _difference_of_vegas(book.take(rows), VEGAS_STEP * smallest[rows], request)
         closer = _with_error(by_vegas, known, smallest[rows], (VEGAS_STEP, VEGAS_NOISE))
         better = np.flatnonzero(np.isfinite(closer["volga"]))
         found = stored(found, rows[better], {name: column[better] for name, column in closer.items()})
@@ -290,14 +287,12 @@ def _second_difference(
     return (up - down) / (2.0 * step), (up - 2.0 * same + down) / step**2
 
 
-def _difference_of_vegas(
-    book: Book, step: Vector, level: NDArray[np.int64], request: Request
-) -> tuple[Vector, Vector]:
+def _difference_of_vegas(book: Book, step: Vector, request: Request) -> tuple[Vector, Vector]:
     """Return the mean of the vegas at both steps of the volatility, money, and their difference per volatility."""
     bumped, tolerance = Bump(book, "volatility"), np.full(book.count, CLOSE)
     down, up = (
         _vega(
-            solve_once(moved, level, tolerance, request.threads, walks=1, interrupt=request.interrupt), moved
+            solve_to_tolerance(moved, tolerance, request.threads, walks=1, interrupt=request.interrupt), moved
         )
         for moved in (bumped(-step), bumped(step))
     )

@@ -156,6 +156,18 @@ def test_both_boundaries_are_found_and_do_not_depend_on_the_spot():
     assert np.isnan(near.error).all()
 
 
+@needs_kernel
+@pytest.mark.parametrize(("spot", "price"), [(20.0, 88.11), (46.88227782239284, 56.682), (85.0, 15.0)])
+def test_below_the_spots_of_exercise_a_put_may_wait_for_a_large_dividend(spot, price):
+    """Prices by finite differences of V - (K - S) in the spot; just below the boundary the put is exercised."""
+    paid = [CashDividend(1.6662977698340915, 13.802671769527018)]
+    market = Market(spot, 0.012320316430753878, 0.12021858745533272, -0.0937399650663395, paid)
+    found = solved(ENGINE, (Option("put", 100.0, 1.7199364591528923), market), tolerance=1e-6)
+    assert found.value[0] == pytest.approx(price, abs=2e-3)
+    assert found.value[0] >= found.european[0] - found.error[0]
+    assert found.exercised[0] == (spot == 85.0)
+
+
 def test_a_row_does_not_depend_on_the_others():
     contracts = list(CONTRACTS.values())
     together = solved(ENGINE, *contracts, tolerance=1e-4, greeks="standard")

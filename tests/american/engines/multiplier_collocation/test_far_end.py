@@ -141,6 +141,54 @@ def test_segments_over_which_the_spot_spreads_far_are_cut(volatility, least):
     assert (distance <= found.error + general["error_estimate"] / 100.0)[met].all()
 
 
+@pytest.mark.parametrize("kind", ["cash", "proportional"])
+def test_a_small_dividend_next_to_a_larger_one_changes_little(kind):
+    """What is waited for may be paid a few events later; so may the contact set with two ends go on through an event."""
+    random, rows = np.random.default_rng(5), random_puts(5, 40, volatility=(0.1, 0.9))
+    for row in rows:
+        time = float(random.uniform(0.02, 0.98) * row["expiry"])
+        size = float(10.0 ** random.uniform(-4.0, -0.5))
+        small = {"time": time, "amount": size} if kind == "cash" else {"time": time, "fraction": 0.1 * size}
+        row["proportional_dividends"] = [small] if kind == "proportional" else []
+        dividends = [*row["cash_dividends"], *([small] if kind == "cash" else [])]
+        row["cash_dividends"] = sorted(dividends, key=lambda each: each["time"])
+    found = solve_to_tolerance(Book.of([contract_from(row) for row in rows]), np.full(40, 1e-6), 1)
+    met = found.settled & (found.error <= 1e-6)
+    assert met.mean() >= 0.6
+    general = table(rows, tolerance=1e-6, greeks="none", method="lcs")
+    distance = np.abs(found.value - general["price"] / 100.0)
+    assert (distance <= found.error + general["error_estimate"] / 100.0)[met].all()
+
+
+@pytest.mark.parametrize(
+    ("spot", "expiry", "rate", "dividend_yield", "volatility", "cash", "proportional", "price"),
+    [
+        (113.0, 0.403, 4.74e-4, -0.242, 1.53, [(0.233, 0.00167), (0.31, 1.44e-4), (0.401, 0.643)], [], None),
+        (120.0, 1.8, 0.029, -0.063, 0.27, [(1.1, 6.6), (1.4, 1.3)], [(1.3, 8.7e-4)], 5.83125),
+        (220.0, 5.1, 1.3e-4, -0.12, 0.28, [(4.0, 1.7)], [(2.9, 1.3e-4)], 0.76744),
+    ],
+)
+def test_known_contracts_with_two_events_in_a_row(
+    spot, expiry, rate, dividend_yield, volatility, cash, proportional, price
+):
+    row = {
+        "option_type": "put",
+        "spot": spot,
+        "strike": 100.0,
+        "expiry": expiry,
+        "rate": rate,
+        "dividend_yield": dividend_yield,
+        "volatility": volatility,
+        "cash_dividends": [{"time": t, "amount": a} for t, a in cash],
+        "proportional_dividends": [{"time": t, "fraction": f} for t, f in proportional],
+    }
+    found, general = (table([row], tolerance=1e-6, greeks="none", method=m) for m in ("auto", "lcs"))
+    doubt = found["error_estimate"] + general["error_estimate"]
+    assert np.abs(found["price"] - general["price"]) <= doubt
+    if price is not None:
+        assert found["price"][0] == pytest.approx(price, abs=2e-4)
+
+
 def test_what_reaches_to_spots_that_a_dividend_takes_whole_is_left_to_the_general_path():
     row = {
         "option_type": "put",
