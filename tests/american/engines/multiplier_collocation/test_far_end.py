@@ -143,7 +143,7 @@ def test_segments_over_which_the_spot_spreads_far_are_cut(volatility, least):
 
 @pytest.mark.parametrize("kind", ["cash", "proportional"])
 def test_a_small_dividend_next_to_a_larger_one_changes_little(kind):
-    """What is waited for may be paid a few events later; so may the contact set with two ends go on through an event."""
+    """What is waited for may be paid a few events later, and a contact set with two ends may go on through an event."""
     random, rows = np.random.default_rng(5), random_puts(5, 40, volatility=(0.1, 0.9))
     for row in rows:
         time = float(random.uniform(0.02, 0.98) * row["expiry"])
