@@ -28,6 +28,9 @@ from pricing_core.arrays import BoolVector, Matrix, Vector
 
 DURATION, RATE, YIELD, VOLATILITY, EXERCISABLE, _, FRACTION = range(7)  # columns of a segment
 FIRST_LEVEL = 2  # Coarsest level at which such a boundary is found to a thousandth of itself; measured.
+# Level for a whole life, and the standard deviation of ln S over one of its segments from which on it is needed;
+# measured: such boundaries are found to half a hundredth then, as a rule.
+LEVEL_OF_LONG_WAITS, LONG_WAIT = 4, 0.25
 # Smallest spot, in strikes, of a boundary that each level of the kernel sees: some times its own smallest spot.
 SMALLEST_SPOTS = 5.0 * np.array([1e-3, 4e-4, 5e-5, 1e-5, 2e-6, 4e-7, 1e-7])
 # Largest move of ln S, in standard deviations, after which the rest of a spot must still be exercised; chosen.
@@ -76,7 +79,9 @@ def far_boundaries(
     lower = np.where(is_over, 0.0, SEEN_FROM * np.sqrt(_variance(part)))
     seen = _until(replace(part, x=np.log(spot) - lower), last)
     needed = np.argmax(spot[:, None] > SMALLEST_SPOTS, axis=1)
-    level = np.maximum(np.maximum(level[rows], needed), FIRST_LEVEL)
+    spread = np.maximum.reduceat(_spreads(part), part.first[:-1])
+    first = np.where(~is_over & (spread > LONG_WAIT), LEVEL_OF_LONG_WAITS, FIRST_LEVEL)
+    level = np.maximum(np.maximum(level[rows], needed), first)
     solved = kernel_values(seen, level, threads, np.zeros(rows.size), interrupt=interrupt)
     found[rows] = np.where(solved.settled, solved.numbers[3], np.nan)
     return found
@@ -185,7 +190,13 @@ def _chosen(packed: Packed, chosen: BoolVector) -> Packed:
 
 def _variance(packed: Packed) -> Vector:
     """Return the variance of ln S at the end, shape (n,)."""
-    return _total(packed.segments[:, VOLATILITY] ** 2 * packed.segments[:, DURATION], packed)
+    return _total(_spreads(packed) ** 2, packed)
+
+
+def _spreads(packed: Packed) -> Vector:
+    """Return the standard deviation of ln S over each segment."""
+    spreads: Vector = packed.segments[:, VOLATILITY] * np.sqrt(packed.segments[:, DURATION])
+    return spreads
 
 
 def _total(column: Vector, packed: Packed) -> Vector:

@@ -1,5 +1,7 @@
 """Boundaries of puts far below the spot: they are those of contracts seen from there, wherever the spot is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,26 @@ def test_they_are_where_exercise_begins_wherever_the_spot_is():
             seen = price(option, market(share * boundary), tolerance=1e-8, greeks="none")
             assert seen.exercise_now == exercised, (option, market(share * boundary))
     assert far > 15
+
+
+def test_they_are_found_where_the_spot_spreads_far_before_the_dividend():
+    random, whole_lives = np.random.default_rng(3), 0
+    for _ in range(60):
+        expiry, count = random.uniform(0.5, 3.0), random.integers(1, 4)
+        times = np.sort(random.uniform(0.3, 0.98, count)) * expiry
+        dividends = [{"time": t, "amount": random.uniform(0.5, 6.0)} for t in times.tolist()]
+        rate, dividend_yield, volatility = random.uniform((0.01, 0.0, 0.3), (0.08, 0.05, 0.8))
+        option, market = (
+            Option("put", STRIKE, expiry),
+            Market(140.0, rate, volatility, dividend_yield, dividends),
+        )
+        boundary = price(option, market, greeks="none").exercise_boundary
+        assert boundary is not None
+        whole_lives += 5.0 < boundary < 60.0
+        for share, exercised in ((0.96, True), (1.04, False)):
+            moved = replace(market, spot=share * boundary)
+            assert price(option, moved, tolerance=1e-8, greeks="none").exercise_now == exercised, moved
+    assert whole_lives > 20
 
 
 def test_a_tree_of_the_small_spot_agrees():
