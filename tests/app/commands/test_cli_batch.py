@@ -180,7 +180,6 @@ def test_a_pipe_may_take_the_rejects(tmp_path: Path) -> None:
 def test_an_interruption_leaves_no_half_written_output(tmp_path: Path, how: signal.Signals) -> None:
     source = write(tmp_path / "in.csv", *[50 + k % 100 for k in range(300_000)])
     command = [sys.executable, "-m", "app", "batch", str(source), str(tmp_path / "out.csv")]
-    command += ["--greeks", "extended"]  # so that it is still at work when the signal comes
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         until = time.monotonic() + 60.0
         while len(list(tmp_path.iterdir())) == 1 and time.monotonic() < until:
