@@ -63,7 +63,7 @@ class DiodeCircuit(CircuitBuilder):
 
         In SPICE line 1 is always the title. Here the first line of a text is the title only where it cannot be read as
         part of the circuit; `Diode bridge rectifier` can, as a diode from `bridge` to `rectifier`. Begin a title with
-        *, and `notes` says how a first line without it was taken. In `from_netlist_file` line 1 is always the title.
+        `*`, and `notes` says how a first line without it was taken. In `from_netlist_file` line 1 is always the title.
 
         .param NAME=expression; .subckt and .ends; .ic for the voltages of capacitors and the currents of inductors;
         .tran for t_span; .model of type D, SW (VT, VH, RON, ROFF), VSWITCH (VON, VOFF) and CSW (IT, IH). A diode's
