@@ -139,8 +139,8 @@ pub fn solve_schedule(
         kinks: Vec::new(),
         end: segments.iter().map(|segment| segment.duration).sum(),
         overhangs: false,
-        waits_for_cash: false,
         neglects_far_end: false,
+        waits_for_cash: false,
         least_relevant: f64::NEG_INFINITY,
         has_far_ends: false,
         violation: 0.0,
@@ -176,7 +176,7 @@ pub fn solve_schedule(
 }
 
 /// The state of the recursion between two segments.
-#[allow(clippy::struct_excessive_bools)] // four facts that have nothing to do with each other
+#[allow(clippy::struct_excessive_bools)] // facts that have little to do with each other
 struct BackwardRecursion<'a> {
     level: usize,
     fineness: &'a Fineness,
@@ -195,10 +195,10 @@ struct BackwardRecursion<'a> {
     end: f64,
     /// Whether the contact set of the next segment may begin between two spots.
     overhangs: bool,
-    /// Whether that of the last one may have, and has not reached to a spot of zero by its beginning.
-    waits_for_cash: bool,
     /// Whether it does, and its far end is neglected.
     neglects_far_end: bool,
+    /// Whether that of the last segment may have begun so, and has not reached to a spot of zero by its beginning.
+    waits_for_cash: bool,
     /// The x up to which its contact set is neglected then, for the event takes smaller spots whole.
     least_relevant: f64,
     /// Whether a contact set had two ends anywhere.
@@ -294,8 +294,8 @@ impl BackwardRecursion<'_> {
 
     /// The most that it matters, in strikes, that a contact set which begins between two spots is taken to reach to a spot of
     /// zero once it reaches to `least_relevant`, and that nothing is exercised at smaller spots before: times the
-    /// probabilities of such spots at any time of the segment, what waiting is worth there, and what it costs where the event takes the whole spot,
-    /// until interest earns more than the dividend.
+    /// probabilities of such spots at any time of the segment, what waiting is worth there, and what it costs where the event
+    /// takes the whole spot, until interest earns more than the dividend.
     fn neglected(&self, segment: &Segment, here: &Forecast) -> f64 {
         let below = |x: f64| AT_SOME_TIME * distribution((x - here.forward) / here.deviation());
         let dynamics = &segment.dynamics;

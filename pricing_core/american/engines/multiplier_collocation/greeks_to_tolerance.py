@@ -34,6 +34,7 @@ from pricing_core.american.engines.multiplier_collocation.levels import (
     FINEST,
     VIOLATION,
     Solved,
+    pack,
     solve_at_level,
     solve_once,
     solve_to_tolerance,
@@ -126,7 +127,7 @@ def _first_or_finer(book: Book, first: Solved, request: Request, *, lacking: boo
     if rows.size and not request.is_interrupted():
         part, coarse, asked = book.take(rows), first.take(rows, book), request.take(rows)
         level = np.minimum(coarse.level + 1, FINEST)
-        fine = solve_once(part, level, FINER * asked.tolerance, threads, walks=1, interrupt=interrupt)
+        fine = solve_once(pack(part), level, FINER * asked.tolerance, threads, 1, interrupt)
         with np.errstate(invalid="ignore"):  # a derivative that was not found is not finite
             moved = np.abs(fine.gradient[:, OWN] - coarse.gradient[:, OWN])
         fine.gradient[:, CHANGE] = MOVED_SHARE * moved + CHANGE_SHARE * coarse.gradient[:, CHANGE]

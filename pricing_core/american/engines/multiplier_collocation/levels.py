@@ -144,7 +144,7 @@ def solve_to_tolerance(
         True ends the work; what is not solved then is not settled.
     """
     packed, level = pack(book), _first_levels(tolerance)
-    solved = _solved(packed, level, tolerance, threads, walks, interrupt)
+    solved = solve_once(packed, level, tolerance, threads, walks, interrupt)
     rows, before = np.arange(book.count), np.full(book.count, np.inf)
     error = solved.error
     while True:
@@ -154,25 +154,12 @@ def solve_to_tolerance(
         if rows.size == 0 or (interrupt is not None and interrupt()):
             return solved
         level[rows] += 1
-        finer = _solved(packed.take(rows), level[rows], tolerance[rows], threads, walks, interrupt)
+        finer = solve_once(packed.take(rows), level[rows], tolerance[rows], threads, walks, interrupt)
         before, error = solved.error[rows], finer.error
         _keep(solved, book, rows, finer)
 
 
 def solve_once(
-    book: Book,
-    level: NDArray[np.int64],
-    tolerance: Vector,
-    threads: int,
-    *,
-    walks: int = 0,
-    interrupt: Callable[[], bool] | None = None,
-) -> Solved:
-    """Solve every contract at its level, with boundaries to the tolerance in fractions of the strike."""
-    return _solved(pack(book), level, tolerance, threads, walks, interrupt)
-
-
-def _solved(
     packed: Packed,
     level: NDArray[np.int64],
     tolerance: Vector,
@@ -180,6 +167,7 @@ def _solved(
     walks: int,
     interrupt: Callable[[], bool] | None,
 ) -> Solved:
+    """Solve every contract at its level, with boundaries to the tolerance in fractions of the strike."""
     beyond = np.array(NEGLECTED)[level] + ROUNDING
     left = np.maximum(tolerance - beyond, SMALLEST_SHARE * tolerance)
     found = kernel_values(packed, level, threads, left, walks=walks, interrupt=interrupt)
