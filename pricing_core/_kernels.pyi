@@ -97,6 +97,7 @@ def solve_schedules(
     segments: Matrix,
     level: NDArray[np.int64],
     tolerance: Vector,
+    volatility_step: Vector,
     times: Vector,
     first_time: NDArray[np.int64],
     walks: int,

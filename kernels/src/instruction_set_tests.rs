@@ -148,6 +148,7 @@ fn schedules(set: InstructionSet, rows: &[ScheduleRow], tolerance: f64) -> (Vec<
         segments: &segments,
         level: &vec![4; rows.len()],
         tolerance: &vec![tolerance; rows.len()],
+        volatility_step: &vec![0.001; rows.len()],
         times: &[],
         first_time: &vec![0; rows.len() + 1],
         walks: 2,

@@ -13,29 +13,21 @@
 use super::boundary::Boundary;
 use super::boundary_adjoint::see_boundary;
 use super::contact_adjoint::see_contact_sets;
+use super::event_transfer::NARROWEST_LINE;
 use super::gauss_legendre::legendre;
 use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
 use super::points_seen::{see_from_points, PointsSeen};
-use super::profile::PieceKind;
+use super::profile::{Piece, PieceKind};
 use super::schedule::Schedule;
+use super::segment::Segment;
 use super::segment_value::SegmentValue;
+use super::solved_part::SolvedPart;
 use super::spot_drop::SpotDrop;
 use super::unsettled::Unsettled;
-use super::viewpoint::{see_profile, weight_of_piece, Viewpoint};
+use super::viewpoint::{see_profile, weight_of_piece, Coefficient, Viewpoint};
 
 /// The relative distance within which a place is that of the onset; chosen.
 const SAME_PLACE: f64 = 1e-12;
-
-/// A solved part of a segment.
-pub struct SolvedPart {
-    /// The place of the segment in the schedule.
-    pub index: usize,
-    /// The time from the part's end to that of its segment, years.
-    pub offset: f64,
-    pub value: SegmentValue,
-    /// The end of the contact set at the part's end, x, infinite without one.
-    pub contact: f64,
-}
 
 /// Which of its degrees every boundary is taken from.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -60,7 +52,7 @@ pub fn differentiate<const WALKS: usize>(
         if (schedule.interrupt)() {
             return Err(Unsettled);
         }
-        let (part, later) = (&parts[k], k.checked_sub(1).map(|k| &parts[k]));
+        let part = &parts[k];
         let now = &part.value;
         let mut passages = Vec::with_capacity(WALKS);
         for walk in &mut walks {
@@ -78,7 +70,7 @@ pub fn differentiate<const WALKS: usize>(
             }
         }
         for (walk, passage) in walks.iter_mut().zip(passages) {
-            walk.leave(passage, part, later);
+            walk.leave(passage, part, &parts[..k]);
         }
     }
     Ok(walks.map(|walk| walk.gradients))
@@ -182,8 +174,9 @@ impl Walk {
         }
     }
 
-    /// Go to the part that is `later`.
-    fn leave(&mut self, passage: Passage, part: &SolvedPart, later: Option<&SolvedPart>) {
+    /// Go to the last of the parts that are `later`.
+    fn leave(&mut self, passage: Passage, part: &SolvedPart, all_later: &[SolvedPart]) {
+        let later = all_later.last();
         let (now, mut gradient) = (&part.value, passage.gradient);
         let (mut views, mut densities) = (passage.views, passage.densities);
         if !views.is_empty() {
@@ -201,7 +194,7 @@ impl Walk {
             amount: now.segment.amount,
         };
         self.points = nodes_seen(now, &densities, drop);
-        self.count_pieces(part, later, &views, &mut gradient);
+        self.count_pieces((part, all_later), drop, &views, &mut gradient);
         self.boundary = [0.0; FUNCTIONALS];
         self.count_place(part, later, drop, &passage.place, &mut gradient);
         self.take_in(part, &gradient);
@@ -210,17 +203,29 @@ impl Walk {
     /// Add the adjoint weights of the lines of the profile.
     fn count_pieces(
         &mut self,
-        part: &SolvedPart,
-        later: Option<&SolvedPart>,
+        (part, all_later): (&SolvedPart, &[SolvedPart]),
+        drop: SpotDrop,
         views: &[Viewpoint],
         gradient: &mut SegmentGradient,
     ) {
+        let later = all_later.last();
         let segment = &part.value.segment;
         for piece in &part.value.profile.pieces {
             if piece.kind == PieceKind::Other {
                 continue;
             }
-            let weights = weight_of_piece(piece, &segment.dynamics, views);
+            let weight = |of| weight_of_piece(piece, &segment.dynamics, views, of);
+            let weights = weight(Coefficient::Constant);
+            if piece.kind == PieceKind::Waiting {
+                let by_slope = weight(Coefficient::Slope);
+                let seen = line_seen(piece, segment, (&weights, &by_slope), drop);
+                self.points.extend(seen);
+                continue;
+            }
+            if piece.kind == PieceKind::AtZero {
+                self.count_at_zero(all_later, &weights);
+                continue;
+            }
             if piece.kind == PieceKind::Payoff {
                 add(&mut gradient.escrow, -segment.sign, &weights);
                 continue;
@@ -239,6 +244,23 @@ impl Walk {
                     &weights,
                 );
                 self.take_in(later, &beyond);
+            }
+        }
+    }
+
+    /// Add the adjoint weights of the value at a spot of zero: what is paid at the next exercise, discounted.
+    fn count_at_zero(&mut self, all_later: &[SolvedPart], weights: &Weights) {
+        for (k, part) in all_later.iter().enumerate().rev() {
+            let (value, segment) = (&part.value, &part.value.segment);
+            if value.is_exercised_at_zero() {
+                return;
+            }
+            let by_rate = -segment.duration * value.at_zero;
+            add(&mut self.gradients[part.index].rate, by_rate, weights);
+            let waits = |next: &SolvedPart| next.value.at_zero > segment.strike(0.0);
+            let goes_on = k.checked_sub(1).is_some_and(|k| waits(&all_later[k]));
+            if segment.exercise_at_end && !goes_on {
+                return;
             }
         }
     }
@@ -296,6 +318,30 @@ impl Walk {
         );
         self.gradients[part.index].increase(&own);
     }
+}
+
+/// Two places on a line of the value of waiting as viewpoints after the event, with the adjoint weights that follow from those of
+/// its constant and its slope.
+fn line_seen(
+    line: &Piece,
+    segment: &Segment,
+    (by_constant, by_slope): (&Weights, &Weights),
+    drop: SpotDrop,
+) -> [Viewpoint; 2] {
+    let apart = 0.5 * NARROWEST_LINE * segment.spread();
+    let places = if segment.sign > 0.0 {
+        [line.upper, line.upper - apart]
+    } else {
+        [line.lower, line.lower + apart]
+    };
+    let [near, far] = places.map(f64::exp);
+    let shares: Weights =
+        std::array::from_fn(|k| (by_slope[k] - near * by_constant[k]) / (near - far));
+    let weights = [
+        std::array::from_fn(|k| by_constant[k] + shares[k]),
+        shares.map(|share| -share),
+    ];
+    std::array::from_fn(|k| Viewpoint::of_value(drop.after(places[k]), 0.0, weights[k]))
 }
 
 /// The nodes of a profile as viewpoints after the event, with their adjoint weights.

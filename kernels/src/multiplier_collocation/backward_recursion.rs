@@ -1,25 +1,30 @@
 //! One schedule from expiry to now, segment by segment.
 
-use super::adjoint::{differentiate, SolvedPart};
+use super::adjoint::differentiate;
 use super::boundary::Boundary;
 use super::boundary_query::BoundaryQuery;
-use super::boundary_solver::find_boundary;
+use super::boundary_solver::{find_boundary, solve_alike};
+use super::contact_onset::ContactOnset;
 use super::degree_control::{distribution, DegreeControl};
 use super::event_transfer::{at_expiry, before_event, Transferred};
 use super::fineness::{Fineness, FINENESS, LEVELS};
-use super::forecast::{forecasts, Forecast};
+use super::forecast::{forecasts, Forecast, Later};
 use super::gradient::SegmentGradient;
+use super::nearby_values::values_nearby;
 use super::onset_search::OnsetSearch;
 use super::panels::{Interval, Kink, PanelWidths};
+use super::profile::Profile;
 use super::schedule::Schedule;
 use super::segment::{Segment, OVERHANGING};
 use super::segment_value::SegmentValue;
+use super::solved_part::{SolvedPart, RELEVANT};
 use super::unsettled::Unsettled;
 
 /// The number of results of a schedule: value, slope and second derivative by x, in strikes; the boundary ln(S*/K) now,
 /// NaN without one; the largest violation of complementarity that was seen and the error estimate of the boundaries,
-/// both in strikes.
-pub const RESULTS: usize = 6;
+/// both in strikes; and, NaN where they are not wanted or not found, the values at volatilities lower by a step, the same and
+/// higher, with boundaries of the same degrees, in strikes.
+pub const RESULTS: usize = 9;
 
 /// The largest width of a panel where the contact set begins at nodes, in standard deviations of ln S over the segment;
 /// calibrated on random contracts.
@@ -29,12 +34,12 @@ const FINE_PANEL: f64 = 0.4;
 const CHECKED: f64 = 0.5;
 /// The largest amount by which waiting may be worth less than exercise outside the contact set, in strikes; chosen.
 const LARGEST_VIOLATION: f64 = 1e-4;
-/// The largest distance from the forward at which a contact set matters, in standard deviations of ln S at its time;
-/// chosen.
-const RELEVANT: f64 = 5.0;
 /// The largest distance from the forward at which boundaries are looked for, the one now and any that is asked for, in
 /// standard deviations of ln S at expiry; chosen.
 const BOUNDARY_REACH: f64 = 2.5;
+/// How much further, in standard deviations of ln S, the value is held where a path there and then to the strike is what is
+/// unlikely: beyond, nothing is known of its derivatives. Chosen.
+const HELD_REACH: f64 = 1.0;
 /// The largest number of cuts of one segment; chosen.
 const MOST_CUTS: usize = 4;
 /// The place where a segment is cut whose boundary no degree follows closely enough, as a share of its duration from the
@@ -119,45 +124,16 @@ pub fn solve_schedule(
     result: &mut [f64; RESULTS],
     walks: usize,
 ) -> Result<Option<Derivatives>, Unsettled> {
-    let segments = schedule.segments;
-    let forecasts = forecasts(segments, schedule.x);
-    if forecasts.iter().any(|here| !here.forward.is_finite()) {
-        return Err(Unsettled); // the dividends take the spot to nothing, many times over
-    }
-    #[allow(clippy::cast_precision_loss)]
-    let smallest_budget = KEPT_SHARE * schedule.tolerance / segments.len() as f64;
-    let mut recursion = BackwardRecursion {
-        level: schedule.level,
-        fineness: &FINENESS[schedule.level],
-        tolerance: schedule.tolerance,
-        smallest_budget,
-        deviation: forecasts.last().map_or(0.0, |f| f.variance).sqrt(),
-        exercised: segments
-            .iter()
-            .any(|segment| segment.exercisable || segment.exercise_at_end),
-        solved: Vec::with_capacity(segments.len()),
-        kinks: Vec::new(),
-        end: segments.iter().map(|segment| segment.duration).sum(),
-        overhangs: false,
-        neglects_far_end: false,
-        waits_for_cash: false,
-        least_relevant: f64::NEG_INFINITY,
-        has_far_ends: false,
-        violation: 0.0,
-        error: 0.0,
-        excess: 0.0,
-    };
-    for (index, (segment, here)) in segments.iter().zip(&forecasts).enumerate().rev() {
-        if (schedule.interrupt)() {
-            return Err(Unsettled);
-        }
-        recursion.solve_segment((index, segment), here, query)?;
-    }
+    let recursion = BackwardRecursion::run(schedule, None, query)?;
     let now = recursion.later().ok_or(Unsettled)?;
     if now.segment.sign * (schedule.x - now.far) < 0.0 {
         return Err(Unsettled); // the boundary that is reported is the one next to the strike
     }
     let [value, slope, second] = now.value(schedule.x);
+    if !(value.is_finite() && slope.is_finite() && second.is_finite()) {
+        return Err(Unsettled);
+    }
+    let [lower, same, higher] = values_nearby(schedule, &recursion.solved);
     *result = [
         value,
         slope,
@@ -165,10 +141,10 @@ pub fn solve_schedule(
         now.boundary_now(),
         recursion.violation,
         recursion.error,
+        lower,
+        same,
+        higher,
     ];
-    if !(value.is_finite() && slope.is_finite() && second.is_finite()) {
-        return Err(Unsettled);
-    }
     if walks == 0 {
         return Ok(None);
     }
@@ -177,7 +153,12 @@ pub fn solve_schedule(
 
 /// The state of the recursion between two segments.
 #[allow(clippy::struct_excessive_bools)] // facts that have little to do with each other
-struct BackwardRecursion<'a> {
+pub struct BackwardRecursion<'a> {
+    segments: &'a [Segment],
+    /// Those at the ends of the segments.
+    forecasts: Vec<Forecast>,
+    /// A solution whose cuts and degrees are taken.
+    similar: Option<&'a [SolvedPart]>,
     level: usize,
     fineness: &'a Fineness,
     tolerance: f64,
@@ -188,7 +169,7 @@ struct BackwardRecursion<'a> {
     /// Whether the option may ever be exercised early, or before the dividends of the last day.
     exercised: bool,
     /// The parts that are solved, from expiry on.
-    solved: Vec<SolvedPart>,
+    pub solved: Vec<SolvedPart>,
     /// Where the value of the last one is not smooth.
     kinks: Vec<Kink>,
     /// The time from now to the end of the next segment, years.
@@ -222,9 +203,60 @@ enum Part {
     Cut(f64),
 }
 
-impl BackwardRecursion<'_> {
+impl<'a> BackwardRecursion<'a> {
+    /// Go from expiry to now, with the cuts and the degrees of a `similar` solution where one is given.
+    pub fn run(
+        schedule: &Schedule<'a>,
+        similar: Option<&'a [SolvedPart]>,
+        query: &mut BoundaryQuery,
+    ) -> Result<BackwardRecursion<'a>, Unsettled> {
+        let segments = schedule.segments;
+        let forecasts = forecasts(segments, schedule.x);
+        if forecasts.iter().any(|here| !here.forward.is_finite()) {
+            return Err(Unsettled); // the dividends take the spot to nothing, many times over
+        }
+        #[allow(clippy::cast_precision_loss)]
+        let smallest_budget = KEPT_SHARE * schedule.tolerance / segments.len() as f64;
+        let mut recursion = BackwardRecursion {
+            segments,
+            forecasts: forecasts.clone(),
+            similar,
+            level: schedule.level,
+            fineness: &FINENESS[schedule.level],
+            tolerance: schedule.tolerance,
+            smallest_budget,
+            deviation: forecasts.last().map_or(0.0, |f| f.variance).sqrt(),
+            exercised: segments
+                .iter()
+                .any(|segment| segment.exercisable || segment.exercise_at_end),
+            solved: Vec::with_capacity(segments.len()),
+            kinks: Vec::new(),
+            end: segments.iter().map(|segment| segment.duration).sum(),
+            overhangs: false,
+            neglects_far_end: false,
+            waits_for_cash: false,
+            least_relevant: f64::NEG_INFINITY,
+            has_far_ends: false,
+            violation: 0.0,
+            error: 0.0,
+            excess: 0.0,
+        };
+        for (index, (segment, here)) in segments.iter().zip(&forecasts).enumerate().rev() {
+            if (schedule.interrupt)() {
+                return Err(Unsettled);
+            }
+            recursion.solve_segment((index, segment), here, query)?;
+        }
+        Ok(recursion)
+    }
+
+    /// The part of the similar solution that the next part is like.
+    fn next_similar(&self) -> Option<&'a SolvedPart> {
+        self.similar?.get(self.solved.len())
+    }
+
     /// The value after the event of the next segment; None at expiry.
-    fn later(&self) -> Option<&SegmentValue> {
+    pub fn later(&self) -> Option<&SegmentValue> {
         self.solved.last().map(|part| &part.value)
     }
 
@@ -262,6 +294,9 @@ impl BackwardRecursion<'_> {
                 waiting = vec![earlier, later];
             }
         }
+        if let Some(similar) = self.similar {
+            waiting = split_alike(*segment, &similar[self.solved.len()..], index);
+        }
         let mut cuts = 0;
         let mut part_end = *here;
         let mut offset = 0.0;
@@ -269,11 +304,14 @@ impl BackwardRecursion<'_> {
             if part.exercisable && part.is_two_sided() {
                 return Err(Unsettled);
             }
+            cuts = self.next_similar().map_or(cuts, |similar| similar.cuts);
             match self.solve_part((index, part), (here, part_end), cuts, query)? {
                 Part::Solved { value, contact } => {
                     part_end = part_end.before(&part);
                     self.solved.push(SolvedPart {
                         index,
+                        cuts,
+                        beginning: part_end,
                         offset,
                         value: *value,
                         contact,
@@ -315,7 +353,7 @@ impl BackwardRecursion<'_> {
         cuts: usize,
         query: &mut BoundaryQuery,
     ) -> Result<Part, Unsettled> {
-        let ends = self.interval(&part, here);
+        let ends = self.interval(&part, index, &part_end);
         let ordinary = 2.0 * self.fineness.reach * self.deviation;
         self.excess += (ends.1 - ends.0 - ordinary).max(0.0) / part.spread();
         if self.excess > MOST_EXCESS {
@@ -332,30 +370,35 @@ impl BackwardRecursion<'_> {
         let found = self
             .onset_search(&transferred, &part, relevant, cuts > 0)
             .find()?;
-        if found.split > 0.0 && cuts < MOST_CUTS {
-            return Ok(Part::Cut(found.split));
-        }
-        if found.split > 0.0 && found.onsets.is_empty() {
-            return Err(Unsettled);
-        }
-        let beginning = part_end.before(&part);
-        let control = self.degree_control(index, &beginning, cuts);
-        let first = found.onsets.first();
-        let boundary =
-            first.map(|_| find_boundary(&transferred.profile, &part, &found.onsets, &control));
         self.has_far_ends |= found.onsets.len() > 1;
-        let cut_off = part.spread() * NEXT_TO_EVENT.sqrt();
-        let may_cut = cuts < MOST_CUTS && ends.1 - ends.0 <= MOST_SPREADS * cut_off;
-        let is_close = |b: &Boundary| b.is_found() && !b.exceeds_budget(&control);
-        if may_cut && !boundary.as_ref().is_none_or(is_close) {
-            let since = first.map_or(0.0, |onset| onset.time);
-            let share = if since > 0.0 {
-                AFTER_ONSET
-            } else {
-                NEXT_TO_EVENT
-            };
-            return Ok(Part::Cut(since + share * (part.duration - since)));
-        }
+        let boundary = if let Some(similar) = self.next_similar() {
+            boundary_alike(&transferred.profile, &part, &found.onsets, similar)?
+        } else {
+            if found.split > 0.0 && cuts < MOST_CUTS {
+                return Ok(Part::Cut(found.split));
+            }
+            if found.split > 0.0 && found.onsets.is_empty() {
+                return Err(Unsettled);
+            }
+            let beginning = part_end.before(&part);
+            let control = self.degree_control(index, &beginning, cuts);
+            let first = found.onsets.first();
+            let boundary =
+                first.map(|_| find_boundary(&transferred.profile, &part, &found.onsets, &control));
+            let cut_off = part.spread() * NEXT_TO_EVENT.sqrt();
+            let may_cut = cuts < MOST_CUTS && ends.1 - ends.0 <= MOST_SPREADS * cut_off;
+            let is_close = |b: &Boundary| b.is_found() && !b.exceeds_budget(&control);
+            if may_cut && !boundary.as_ref().is_none_or(is_close) {
+                let since = first.map_or(0.0, |onset| onset.time);
+                let share = if since > 0.0 {
+                    AFTER_ONSET
+                } else {
+                    NEXT_TO_EVENT
+                };
+                return Ok(Part::Cut(since + share * (part.duration - since)));
+            }
+            boundary
+        };
         if let Some(boundary) = &boundary {
             self.violation = self.violation.max(boundary.violation);
             self.error += boundary.error;
@@ -374,9 +417,10 @@ impl BackwardRecursion<'_> {
         })
     }
 
-    /// The interval of x that matters at a segment's end: where the spot may be then, and as far as a boundary may be.
-    fn interval(&self, part: &Segment, here: &Forecast) -> Interval {
-        let reach = self.fineness.reach;
+    /// The interval of x that matters at a segment's end: where the spot may be then and the value is not a line in it, and as
+    /// far as a boundary may be.
+    fn interval(&self, part: &Segment, index: usize, part_end: &Forecast) -> Interval {
+        let (reach, here) = (self.fineness.reach, &self.forecasts[index]);
         let near = reach * here.deviation();
         let (mut lower, mut upper) = (here.forward - near, here.forward + near);
         if self.exercised {
@@ -391,6 +435,16 @@ impl BackwardRecursion<'_> {
         if part.sign > 0.0 {
             let least = self.fineness.smallest_spot.min(here.forward.exp());
             lower = lower.min(here.lowest(reach, least)).max(least.ln());
+        }
+        let later = Later::from(self.segments, &self.forecasts, index);
+        let reach = reach + HELD_REACH;
+        if let Some(furthest) = part_end.furthest_held(&later, reach) {
+            let beyond_strike = RELEVANT * part.spread();
+            if part.sign > 0.0 {
+                upper = upper.min(furthest.max(beyond_strike));
+            } else {
+                lower = lower.max(furthest.min(-beyond_strike));
+            }
         }
         (lower, upper)
     }
@@ -538,6 +592,43 @@ impl BackwardRecursion<'_> {
         }
         Ok(now)
     }
+}
+
+/// The parts of a segment that `similar`, from its end on, was cut into, the last of them first.
+fn split_alike(mut segment: Segment, similar: &[SolvedPart], index: usize) -> Vec<Segment> {
+    let count = similar
+        .iter()
+        .take_while(|part| part.index == index)
+        .count();
+    let mut parts = Vec::with_capacity(count);
+    for part in &similar[..count.saturating_sub(1)] {
+        let (earlier, later) = segment.split(part.value.segment.duration);
+        parts.push(later);
+        segment = earlier;
+    }
+    parts.push(segment);
+    parts.reverse();
+    parts
+}
+
+/// The boundary of a part as that of a similar one was found; unsettled where it is not like that. None where only one of them
+/// has a contact set, which then only just begins to matter.
+fn boundary_alike(
+    profile: &Profile,
+    part: &Segment,
+    onsets: &[ContactOnset],
+    similar: &SolvedPart,
+) -> Result<Option<Boundary>, Unsettled> {
+    let Some(boundary) = similar
+        .value
+        .boundary
+        .as_ref()
+        .filter(|_| !onsets.is_empty())
+    else {
+        return Ok(None);
+    };
+    let found = solve_alike(profile, part, onsets, boundary);
+    found.map(Some).ok_or(Unsettled)
 }
 
 /// Refuse a value of waiting that is less than the payoff outside the contact set: next to it, and where it has left.

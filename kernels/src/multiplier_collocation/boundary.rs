@@ -6,6 +6,7 @@ use super::contact_onset::{crossing_at, ContactOnset};
 use super::degree_control::{DegreeControl, CELL, CELLS};
 use super::multiplier::{age_blocks, contribution, ContactBlock};
 use super::profile::Profile;
+use super::propagation::LARGEST_DEVIATION;
 use super::segment::Segment;
 use crate::lanes::vector::LANES;
 
@@ -174,6 +175,20 @@ impl Boundary {
             }
         }
         self.exercise_values = values;
+    }
+
+    /// The x furthest outside the contact sets at which they contribute, at the segment's beginning, more than rounding.
+    pub fn furthest_effect(&self) -> f64 {
+        let sign = self.segment.sign;
+        let effects = self.contact_blocks.iter().flat_map(|block| {
+            let ages = &block.ages;
+            let nodes = (0..LANES).filter(|&lane| ages.weight[lane] != 0.0);
+            nodes.map(move |lane| {
+                let away = (LARGEST_DEVIATION + ages.spread[lane]) * ages.spread[lane];
+                sign * (block.boundary[lane] - ages.drift[lane]) + away
+            })
+        });
+        sign * effects.fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// The value, slope and second derivative at x of what exercise on the segment contributes, at its beginning.

@@ -5,7 +5,7 @@ use super::chebyshev::interpolation;
 use super::collocation_nodes::{collocation_nodes, CollocationNodes};
 use super::collocation_system::CollocationSystem;
 use super::contact_onset::ContactOnset;
-use super::degree_control::{DegreeControl, CELLS, DEGREES};
+use super::degree_control::{value_points, DegreeControl, CELLS, DEGREES, SMALLEST_RESIDUAL};
 use super::newton::{newton, Stopping};
 use super::profile::Profile;
 use super::segment::Segment;
@@ -48,8 +48,7 @@ pub fn find_boundary(
         return found;
     }
     let mut onsets = onsets.to_vec();
-    let (time, place) = (onsets[0].time, onsets[0].place);
-    onsets[0] = ContactOnset::from_crossing(profile, segment, segment.sign, (time, place));
+    onsets[0] = value_onset(profile, segment, &onsets[0]);
     solve_boundary(profile, segment, &onsets, control)
 }
 
@@ -125,15 +124,11 @@ fn solve_degree(
 ) -> Boundary {
     let (m, points, value_points) = DEGREES[degree];
     let nodes = collocation_nodes(m, points);
-    let mut system = CollocationSystem::new(profile, segment, onsets, nodes);
-    let mut coefficients = match last {
-        None => system.guess(),
-        Some(before) => before
-            .ends
-            .iter()
-            .flat_map(|end| refined(end, before.nodes, nodes))
-            .collect(),
-    };
+    let start = last.map(|before| {
+        let ends = before.ends.iter();
+        ends.flat_map(|end| refined(end, before.nodes, nodes))
+            .collect()
+    });
     let is_start = degree < control.last && control.budget.is_none();
     let is_sketch = degree == 0
         && control.budget.is_some()
@@ -143,6 +138,31 @@ fn solve_degree(
         settled: if is_start { COARSELY_SETTLED } else { SETTLED },
         enough: if is_sketch { SKETCH * least } else { least },
     };
+    let mut now = solve_equations(
+        (profile, segment, onsets),
+        nodes,
+        start,
+        stopping,
+        curvature,
+    );
+    if !is_start {
+        now.sample_contact_sets(profile, collocation_nodes(m, value_points));
+        now.violation = now.violation_inside(profile);
+    }
+    now
+}
+
+/// The boundary at these nodes from coefficients to start from, without what is sampled of it.
+fn solve_equations(
+    (profile, segment, onsets): (&Profile, &Segment, &[ContactOnset]),
+    nodes: &'static CollocationNodes,
+    start: Option<Vec<f64>>,
+    stopping: Stopping,
+    curvature: &mut f64,
+) -> Boundary {
+    let m = nodes.degree;
+    let mut system = CollocationSystem::new(profile, segment, onsets, nodes);
+    let mut coefficients = start.unwrap_or_else(|| system.guess());
     let residual = newton(&mut system, &mut coefficients, stopping, curvature);
     let each = onsets.iter().zip(coefficients.chunks(m + 1)).enumerate();
     let ends = each.map(|(end, (onset, coefficients))| BoundaryEnd {
@@ -150,7 +170,7 @@ fn solve_degree(
         coefficients: coefficients.to_vec(),
         at_beginning: system.stage_boundary(end, m - 1, coefficients[m]).0,
     });
-    let mut now = Boundary {
+    Boundary {
         segment: *segment,
         ends: ends.collect(),
         nodes,
@@ -161,12 +181,52 @@ fn solve_degree(
         violation: 0.0,
         error: 0.0,
         other: None,
-    };
-    if !is_start {
-        now.sample_contact_sets(profile, collocation_nodes(m, value_points));
-        now.violation = now.violation_inside(profile);
     }
-    now
+}
+
+/// The boundary of a contact set with these onsets by the equations that gave a `similar` one, from its solution; None where
+/// the contact set begins otherwise.
+pub fn solve_alike(
+    profile: &Profile,
+    segment: &Segment,
+    onsets: &[ContactOnset],
+    similar: &Boundary,
+) -> Option<Boundary> {
+    let mut onsets = onsets.to_vec();
+    if similar.near().onset.is_from_crossing() && !onsets[0].is_from_crossing() {
+        onsets[0] = value_onset(profile, segment, &onsets[0]);
+    }
+    let representations = similar.ends.iter().map(|end| end.onset.representation);
+    if !representations.eq(onsets.iter().map(|onset| onset.representation)) {
+        return None;
+    }
+    let nodes = similar.nodes;
+    let start = similar.ends.iter().zip(&onsets).flat_map(|(end, onset)| {
+        let stages = end.coefficients[1..].iter().copied();
+        std::iter::once(onset.first_coefficient()).chain(stages)
+    });
+    let stopping = Stopping {
+        settled: SETTLED,
+        enough: SMALLEST_RESIDUAL,
+    };
+    let mut curvature = f64::INFINITY;
+    let mut found = solve_equations(
+        (profile, segment, &onsets),
+        nodes,
+        Some(start.collect()),
+        stopping,
+        &mut curvature,
+    );
+    found.sample_contact_sets(
+        profile,
+        collocation_nodes(nodes.degree, value_points(nodes.degree)),
+    );
+    found.is_found().then_some(found)
+}
+
+/// The onset measured from the payoff crossing, so that the equation is that of the value.
+fn value_onset(profile: &Profile, segment: &Segment, onset: &ContactOnset) -> ContactOnset {
+    ContactOnset::from_crossing(profile, segment, segment.sign, (onset.time, onset.place))
 }
 
 /// Fill in the error estimate of the value now: what is left of the change from one degree to the next, and of the

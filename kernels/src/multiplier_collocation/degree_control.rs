@@ -19,6 +19,12 @@ pub const DEGREES: [(usize, usize, usize); 7] = [
 /// The largest of the degrees.
 pub const LARGEST_DEGREE: usize = DEGREES[DEGREES.len() - 1].0;
 
+/// The number of nodes of the integral for the value that goes with one of the degrees.
+pub fn value_points(degree: usize) -> usize {
+    let row = DEGREES.iter().find(|row| row.0 == degree);
+    row.map_or(DEGREES[DEGREES.len() - 1].2, |row| row.2)
+}
+
 /// The number of cells in which two boundaries are compared; chosen.
 pub const CELLS: usize = 8;
 /// The width of a cell, in standard deviations of ln S over the segment; chosen.
@@ -32,7 +38,7 @@ const ENOUGH_OF_SLOPE: f64 = 0.5;
 /// The largest residual that is small enough, as a share of the tolerance, of the value; calibrated on random contracts.
 const ENOUGH_OF_VALUE: f64 = 0.05;
 /// The residual that is always small enough, in strikes; chosen.
-const SMALLEST_RESIDUAL: f64 = 1e-9;
+pub const SMALLEST_RESIDUAL: f64 = 1e-9;
 
 /// How far the degree is raised.
 #[derive(Clone, Copy)]

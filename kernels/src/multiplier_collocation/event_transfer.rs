@@ -16,6 +16,10 @@ const USUAL_PANELS: usize = 40;
 /// The width of the kink where the event takes the whole spot, in standard deviations of ln S over the segment; chosen.
 const PAID_OUT_WIDTH: f64 = 0.25;
 
+/// The smallest width of a line of the value of waiting that is taken as one, in standard deviations of ln S over the segment;
+/// chosen: each of its ends costs as much as two panels.
+pub const NARROWEST_LINE: f64 = 8.0;
+
 /// The value at a segment's end, before the event.
 pub struct Transferred {
     pub profile: Profile,
@@ -160,6 +164,10 @@ pub fn before_event(
         vec![inside]
     };
     waiting.retain(|interval| interval.0 < interval.1);
+    for line in later.lines() {
+        let line = before_drop(&line, drop);
+        waiting = without_line(&waiting, &line, (inside, open_ends), widths, &mut pieces);
+    }
     let mut goes_on = false;
     let mut contact = -segment.sign * f64::INFINITY;
     let continuation = later.continuation();
@@ -175,7 +183,7 @@ pub fn before_event(
                 drop,
                 segment,
             };
-            let exercised = exercise(&choice, &mut pieces, &mut waiting, open_ends);
+            let exercised = exercise(&choice, &mut pieces, &mut waiting, (inside, open_ends));
             let (end, places) = contact_end(&exercised, segment.sign);
             contact = end;
             kinks.extend(places.into_iter().map(sharp_kink));
@@ -216,7 +224,7 @@ fn known_pieces(
     let mut pieces = Vec::new();
     if paid_out > f64::NEG_INFINITY {
         pieces.push(piece(
-            PieceKind::Other,
+            PieceKind::AtZero,
             f64::NEG_INFINITY,
             paid_out,
             later.at_zero,
@@ -250,21 +258,82 @@ fn known_pieces(
     (pieces, (lower, upper))
 }
 
+/// The interval, which reaches to the open end where it covers an end of what is `inside`.
+fn opened(interval: Interval, inside: Interval, open_ends: Interval) -> Interval {
+    let lower = if interval.0 <= inside.0 {
+        open_ends.0
+    } else {
+        interval.0
+    };
+    let upper = if interval.1 >= inside.1 {
+        open_ends.1
+    } else {
+        interval.1
+    };
+    (lower, upper)
+}
+
+/// A line in the spot after a drop as one in the spot before it.
+fn before_drop(line: &Piece, drop: SpotDrop) -> Piece {
+    Piece {
+        lower: drop.before(line.lower),
+        upper: drop.before(line.upper),
+        constant: line.constant - line.slope * drop.amount,
+        slope: line.slope * drop.keep,
+        ..*line
+    }
+}
+
+/// What is left of the intervals of waiting beside a line, which is added to the pieces where it spares enough panels; from an end
+/// of what is `inside` it is continued to the open end.
+fn without_line(
+    waiting: &[Interval],
+    line: &Piece,
+    (inside, open_ends): (Interval, Interval),
+    widths: &PanelWidths,
+    pieces: &mut Vec<Piece>,
+) -> Vec<Interval> {
+    let mut left = Vec::with_capacity(waiting.len() + 1);
+    for &(start, stop) in waiting {
+        let (lower, upper) = (line.lower.max(start), line.upper.min(stop));
+        if upper - lower < NARROWEST_LINE * widths.spread {
+            left.push((start, stop));
+            continue;
+        }
+        let ends = opened((lower, upper), inside, open_ends);
+        pieces.push(Piece {
+            lower,
+            upper,
+            ..*line
+        });
+        let beyond = [(ends.0, lower), (upper, ends.1)].into_iter();
+        pieces.extend(beyond.filter(|rest| rest.0 < rest.1).map(|rest| Piece {
+            kind: PieceKind::Other,
+            lower: rest.0,
+            upper: rest.1,
+            ..*line
+        }));
+        left.extend(
+            [(start, lower), (upper, stop)]
+                .into_iter()
+                .filter(|rest| rest.0 < rest.1),
+        );
+    }
+    left
+}
+
 /// Replace pieces and intervals of waiting by the payoff where that is larger; return where it is.
 fn exercise(
     choice: &Choice,
     pieces: &mut Vec<Piece>,
     waiting: &mut Vec<Interval>,
-    open_ends: Interval,
+    (inside, open_ends): (Interval, Interval),
 ) -> Vec<Interval> {
     let segment = choice.segment;
     let (chosen, mut exercised) = choose(pieces, segment);
     *pieces = chosen;
-    let last = waiting.len().saturating_sub(1);
-    for (k, interval) in std::mem::take(waiting).into_iter().enumerate() {
-        let lower = if k == 0 { open_ends.0 } else { interval.0 };
-        let upper = if k == last { open_ends.1 } else { interval.1 };
-        let split: Chosen = choice.split(interval, (lower, upper));
+    for interval in std::mem::take(waiting) {
+        let split: Chosen = choice.split(interval, opened(interval, inside, open_ends));
         waiting.extend(split.waiting);
         exercised.extend(split.exercised);
     }
@@ -325,7 +394,13 @@ impl Sample<'_> {
         if let (Some(first), Some(last)) = (self.waiting.first(), self.waiting.last()) {
             if first.0.total_cmp(&start).is_eq() && start > lower {
                 let (constant, slope) = self.tangent(start);
-                pieces.push(piece(PieceKind::Other, lower, start, constant, slope));
+                // A put on so small a spot is worth all but what it is worth on a spot of zero.
+                let kind = if self.later.segment.sign > 0.0 {
+                    PieceKind::AtZero
+                } else {
+                    PieceKind::Other
+                };
+                pieces.push(piece(kind, lower, start, constant, slope));
             }
             if last.1.total_cmp(&stop).is_eq() && stop < upper {
                 let (constant, slope) = self.tangent(stop);
@@ -347,7 +422,7 @@ impl Sample<'_> {
 /// The value before an event that takes the whole spot.
 fn paid_out_whole(later: &SegmentValue, segment: &Segment) -> Transferred {
     let mut pieces = vec![piece(
-        PieceKind::Other,
+        PieceKind::AtZero,
         f64::NEG_INFINITY,
         f64::INFINITY,
         later.at_zero,

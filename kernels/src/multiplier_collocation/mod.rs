@@ -48,8 +48,8 @@
 //! Just after an event V is known as a function of x: the payoff on the contact set, the integrals beside it
 //! (`segment_value`, `continuation`). Before the event the spot is larger by the dividend, and the holder chooses between
 //! that and the payoff (`event_transfer`, `exercise_choice`). The result is a profile (`profile`): lines in the spot where
-//! it is known to be one, Gauss panels between them, which are fine next to kinks (`panels`). So the recursion goes back
-//! to now (`backward_recursion`).
+//! it is known to be one, Gauss panels between them, which are fine next to kinks (`panels`). They reach as far as the spot
+//! may come and still meet the strike later (`forecast`). So the recursion goes back to now (`backward_recursion`).
 //!
 //! # Error
 //!
@@ -62,7 +62,8 @@
 //! # Derivatives
 //!
 //! The adjoint of the recursion gives the derivatives of the value now, and of its slope, by the numbers of every segment
-//! (`adjoint`, `boundary_adjoint`).
+//! (`adjoint`, `boundary_adjoint`). The second derivative by the volatility is the second difference of values next to a
+//! solution, with boundaries of the same degrees (`nearby_values`).
 //!
 //! The chapter `docs/multiplier_collocation.md` tells the same with the literature.
 
@@ -90,6 +91,7 @@ mod gauss_legendre;
 mod gradient;
 mod linear_system;
 mod multiplier;
+mod nearby_values;
 mod newton;
 mod onset_search;
 mod panel_polynomials;
@@ -103,6 +105,7 @@ mod schedule;
 mod schedules;
 mod segment;
 mod segment_value;
+mod solved_part;
 mod spot_drop;
 mod stage_integrals;
 mod unsettled;

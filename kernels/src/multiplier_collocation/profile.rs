@@ -11,6 +11,10 @@ pub enum PieceKind {
     Payoff,
     /// The payoff just after the event: the option is held through it and exercised then, or expires.
     LaterPayoff,
+    /// The value of waiting, which is a line where the option is all but sure to be exercised, or never to be.
+    Waiting,
+    /// The value at a spot of zero, which the event leaves, or of a put next to that.
+    AtZero,
     /// Any other line: its dependence on the parameters does not matter, for the spot hardly gets there.
     Other,
 }

@@ -4,6 +4,7 @@ use super::segment::Segment;
 use crate::interrupt::Interrupt;
 
 /// What is asked of one schedule.
+#[derive(Clone, Copy)]
 pub struct Schedule<'a> {
     /// The segments from now on, at least one.
     pub segments: &'a [Segment],
@@ -13,5 +14,7 @@ pub struct Schedule<'a> {
     pub level: usize,
     /// The largest error estimate of the boundaries, in strikes; 0 for one degree without an estimate.
     pub tolerance: f64,
+    /// The step of all volatilities for which values nearby are wanted; 0 for none.
+    pub volatility_step: f64,
     pub interrupt: Interrupt<'a>,
 }

@@ -26,6 +26,8 @@ pub struct Schedules<'a> {
     pub level: &'a [usize],
     /// The largest error estimate of the boundaries, in strikes; 0 for the level's own degree, (n,).
     pub tolerance: &'a [f64],
+    /// The step of all volatilities at which values nearby are wanted; 0 for none, (n,).
+    pub volatility_step: &'a [f64],
     /// Years from now at which boundaries are wanted, increasing for each schedule, (t,).
     pub times: &'a [f64],
     /// The first time of each schedule, and the number of times, (n + 1,).
@@ -138,6 +140,7 @@ fn solve_rows(schedules: Schedules, start: usize, output: &mut Output, interrupt
             x: schedules.x[row],
             level: schedules.level[row],
             tolerance: schedules.tolerance[row],
+            volatility_step: schedules.volatility_step[row],
             interrupt,
         };
         let result = &mut output.rows[k];
@@ -195,6 +198,7 @@ mod tests {
                 segments: &segment,
                 level: &[5],
                 tolerance: &[0.0],
+                volatility_step: &[0.0],
                 times: &[],
                 first_time: &[0, 0],
                 walks: 0,

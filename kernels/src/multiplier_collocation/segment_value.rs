@@ -3,7 +3,8 @@
 use super::boundary::Boundary;
 use super::continuation::Continuation;
 use super::panels::Kink;
-use super::profile::Profile;
+use super::profile::{Piece, PieceKind, Profile};
+use super::propagation::{Transition, LARGEST_DEVIATION};
 use super::segment::Segment;
 
 /// The value at the beginning of a segment, in strikes.
@@ -24,6 +25,12 @@ pub struct SegmentValue {
 }
 
 impl SegmentValue {
+    /// Whether the option is exercised at the beginning if the spot is zero.
+    pub fn is_exercised_at_zero(&self) -> bool {
+        let segment = &self.segment;
+        segment.exercisable && segment.sign > 0.0 && self.at_zero <= self.strike()
+    }
+
     /// The end of the contact set, NaN without one.
     pub fn boundary_now(&self) -> f64 {
         self.boundary
@@ -87,6 +94,39 @@ impl SegmentValue {
             return [sign * self.strike() + paid, paid, paid];
         }
         self.waiting(x)
+    }
+
+    /// Where the value of waiting is a line in the spot but for rounding: where the spot does not leave a line of the profile,
+    /// nor come to the contact sets.
+    pub fn lines(&self) -> Vec<Piece> {
+        let (segment, spread) = (&self.segment, self.segment.spread());
+        let transition = Transition::new(&segment.dynamics, segment.duration);
+        let away = (LARGEST_DEVIATION + spread) * spread;
+        let nearest = self
+            .boundary
+            .as_ref()
+            .map_or(-segment.sign * f64::INFINITY, Boundary::furthest_effect);
+        let known = self.profile.pieces.iter();
+        let known = known.filter(|p| !matches!(p.kind, PieceKind::AtZero | PieceKind::Other));
+        let lines = known.map(|piece| {
+            let (mut lower, mut upper) = (
+                piece.lower - transition.shift + away,
+                piece.upper - transition.shift - away,
+            );
+            if segment.sign > 0.0 {
+                lower = lower.max(nearest);
+            } else {
+                upper = upper.min(nearest);
+            }
+            Piece {
+                kind: PieceKind::Waiting,
+                lower,
+                upper,
+                constant: transition.bond * piece.constant,
+                slope: transition.discount * piece.slope,
+            }
+        });
+        lines.filter(|line| line.lower < line.upper).collect()
     }
 
     /// The kinks of the value: those at the segment's end, moved by the drift and smoothed, and the end of the contact

@@ -189,8 +189,13 @@ fn see_pieces<V: Vector>(profile: &Profile, transition: &Transition, x: f64) -> 
     found
 }
 
-/// The derivative of each functional by the constant of a piece.
-pub fn weight_of_piece(piece: &Piece, dynamics: &Dynamics, views: &[Viewpoint]) -> Weights {
+/// The derivative of each functional by the constant of a piece, or by its slope.
+pub fn weight_of_piece(
+    piece: &Piece,
+    dynamics: &Dynamics,
+    views: &[Viewpoint],
+    of: Coefficient,
+) -> Weights {
     let mut total = [0.0; FUNCTIONALS];
     for (place, sign) in [(piece.upper, 1.0), (piece.lower, -1.0)] {
         if place == f64::NEG_INFINITY {
@@ -200,17 +205,26 @@ pub fn weight_of_piece(piece: &Piece, dynamics: &Dynamics, views: &[Viewpoint]) 
             place,
             dynamics,
             views,
+            of,
         });
         add(&mut total, sign, &below);
     }
     total
 }
 
-/// The derivative of each functional by a constant below a place, which may be infinity.
+/// One of the two numbers of a piece.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Coefficient {
+    Constant,
+    Slope,
+}
+
+/// The derivative of each functional by a constant below a place, which may be infinity, or by a slope.
 struct Below<'a> {
     place: f64,
     dynamics: &'a Dynamics,
     views: &'a [Viewpoint],
+    of: Coefficient,
 }
 
 impl Work for Below<'_> {
@@ -219,6 +233,7 @@ impl Work for Below<'_> {
     #[inline(always)]
     fn run<V: Vector>(self) -> Weights {
         let dynamics = self.dynamics;
+        let is_slope = self.of == Coefficient::Slope;
         let mut totals = [V::zero(); FUNCTIONALS];
         for views in self.views.chunks(LANES) {
             let lanes = |of: &dyn Fn(&Viewpoint) -> f64, rest: f64| {
@@ -229,17 +244,32 @@ impl Work for Below<'_> {
                 V::from_lanes(lanes)
             };
             let (x, s) = (lanes(&|view| view.x, 0.0), lanes(&|view| view.s, 1.0));
-            let inverse = V::all(1.0) / s.sqrt().times(dynamics.volatility);
+            let spread = s.sqrt().times(dynamics.volatility);
+            let inverse = V::all(1.0) / spread;
             let bond = exp(s.times(-dynamics.rate));
             let z = (V::all(self.place.min(f64::MAX)) - x - s.times(dynamics.drift())) * inverse;
             let z = z.max(V::all(-FAR)).min(V::all(FAR));
             let density = exp((z * z).times(-0.5)).times(ONE_OVER_SQRT_TWO_PI) * bond;
-            let mass = weighted_normal(z, density, bond);
-            let by_x = density * inverse;
+            // For a slope, e^x n(z - spread) e^{-q s} = e^place n(z) e^{-r s}.
+            let (mass, density) = if is_slope {
+                let stock = exp(x - s.times(dynamics.dividend));
+                let density = if self.place < f64::INFINITY {
+                    density.times(self.place.exp())
+                } else {
+                    V::zero()
+                };
+                (weighted_normal(z - spread, density, stock), density)
+            } else {
+                (weighted_normal(z, density, bond), density)
+            };
+            let mut by_x = V::zero() - density * inverse;
+            if is_slope {
+                by_x = by_x + mass;
+            }
             for (k, total) in totals.iter_mut().enumerate() {
                 let value = lanes(&|view| view.value[k], 0.0);
                 let slope = lanes(&|view| view.slope[k], 0.0);
-                *total = *total + value * mass - slope * by_x;
+                *total = *total + value * mass + slope * by_x;
             }
         }
         totals.map(sum_of_lanes)

@@ -17,7 +17,10 @@ from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.held import priced
 from pricing_core.american.engines.multiplier_collocation.far_boundary import begun_at, far_boundaries
 from pricing_core.american.engines.multiplier_collocation.greeks import by_spot
-from pricing_core.american.engines.multiplier_collocation.greeks_to_tolerance import greeks_to_tolerance
+from pricing_core.american.engines.multiplier_collocation.greeks_to_tolerance import (
+    greeks_to_tolerance,
+    volatility_step,
+)
 from pricing_core.american.engines.multiplier_collocation.levels import (
     FINEST,
     Packed,
@@ -57,8 +60,14 @@ class MultiplierCollocation:
     def solve(self, book: Book, request: Request) -> Prices:
         """Solve to the tolerances; the Greeks are derivatives of the solution itself."""
         wanted = request.greeks != "none"
+        step = volatility_step(book) if request.greeks == "extended" else None
         solved = solve_to_tolerance(
-            book, request.tolerance, request.threads, walks=2 * wanted, interrupt=request.interrupt
+            book,
+            request.tolerance,
+            request.threads,
+            walks=2 * wanted,
+            volatility_step=step,
+            interrupt=request.interrupt,
         )
         believed = solved.settled & (solved.error <= np.maximum(request.tolerance, ROUGHEST))
         exercised = book.sign * (solved.boundary - log_moneyness(book)) >= 0.0

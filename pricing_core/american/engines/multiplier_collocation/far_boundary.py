@@ -28,8 +28,9 @@ from pricing_core.arrays import BoolVector, Matrix, Vector
 
 DURATION, RATE, YIELD, VOLATILITY, EXERCISABLE, _, FRACTION = range(7)  # columns of a segment
 FIRST_LEVEL = 2  # Coarsest level at which such a boundary is found to a thousandth of itself; measured.
-# Level for a whole life, and the standard deviation of ln S over one of its segments from which on it is needed;
-# measured: such boundaries are found to half a hundredth then, as a rule.
+# How many levels coarser than the price a whole life is solved, and the level that it needs where the standard
+# deviation of ln S over one of its segments is large; measured: such boundaries are mostly found to half a hundredth.
+COARSER_LEVELS = 2
 LEVEL_OF_LONG_WAITS, LONG_WAIT = 4, 0.25
 # Smallest spot, in strikes, of a boundary that each level of the kernel sees: some times its own smallest spot.
 SMALLEST_SPOTS = 5.0 * np.array([1e-3, 4e-4, 5e-5, 1e-5, 2e-6, 4e-7, 1e-7])
@@ -64,7 +65,7 @@ def far_boundaries(
     packed : Packed
         n contracts; where the spot is now does not count.
     level : int array, shape (n,)
-        The coarsest level of the kernel that counts.
+        The level of the price.
     """
     found = np.full(packed.x.size, np.nan)
     rows = np.flatnonzero(_may_be_exercised(packed))
@@ -80,8 +81,9 @@ def far_boundaries(
     seen = _until(replace(part, x=np.log(spot) - lower), last)
     needed = np.argmax(spot[:, None] > SMALLEST_SPOTS, axis=1)
     spread = np.maximum.reduceat(_spreads(part), part.first[:-1])
-    first = np.where(~is_over & (spread > LONG_WAIT), LEVEL_OF_LONG_WAITS, FIRST_LEVEL)
-    level = np.maximum(np.maximum(level[rows], needed), first)
+    of_wait = np.maximum(level[rows], FIRST_LEVEL)
+    of_life = np.maximum(level[rows] - COARSER_LEVELS, np.where(spread > LONG_WAIT, LEVEL_OF_LONG_WAITS, 0))
+    level = np.maximum(np.where(is_over, of_wait, of_life), needed)
     solved = kernel_values(seen, level, threads, np.zeros(rows.size), interrupt=interrupt)
     found[rows] = np.where(solved.settled, solved.numbers[3], np.nan)
     return found

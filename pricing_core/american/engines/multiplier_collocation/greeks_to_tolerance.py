@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pricing_core.american.book.book import Book, Rows
 from pricing_core.american.book.prices import error_of, taken
@@ -32,10 +31,8 @@ from pricing_core.american.engines.multiplier_collocation.greeks import (
 )
 from pricing_core.american.engines.multiplier_collocation.levels import (
     FINEST,
-    VIOLATION,
     Solved,
     pack,
-    solve_at_level,
     solve_once,
     solve_to_tolerance,
 )
@@ -56,26 +53,37 @@ ALLOWED = {
 }
 # How much larger an estimate may be: it is some thirty times the error in the median; calibrated on random contracts.
 PESSIMISM = 5.0
-VOLGA_PESSIMISM = 8.0  # The same of volga, whose estimate from values is as pessimistic as it is from vegas.
+VOLGA_PESSIMISM = 4.0  # The same of volga from values; calibrated likewise.
 LEAST_TOLERANCE = 1e-7  # Smallest tolerance, in strikes, that the errors of Greeks are measured by; chosen.
 CLOSE = 1e-8  # Tolerance, in strikes, of values whose differences are taken; chosen.
 # Error of a derivative by a parameter, in strikes, from which on differences are tried; chosen: they take many solves.
 BY_DIFFERENCES = 1e-2
 DIFFERENCE_SHARES = (1.0, 0.5)  # Steps of differences, in the usual ones; chosen.
-# Steps of the volatility for volga by values and by vegas, as shares of the contract's smallest one; calibrated.
-VALUES_STEP, VEGAS_STEP = 0.005, 0.0025
-FINER_LEVELS = 1  # How many levels finer than the price the values for volga are held; chosen.
-# Largest ratio of the violations of complementarity of values that are solved alike; calibrated on random contracts.
-ALIKE = 1.2
-SMALLEST_VIOLATION = 1e-7  # Violation, in strikes, that is nothing; chosen.
-# Error of volga over that of vega, in smallest volatilities, from values and from vegas; calibrated likewise.
-VALUES_NOISE, VEGAS_NOISE = 1.0, 0.2
 # Error of a second difference by its step, in squared shares of that, over volga and vega over the volatility, and over
 # what it is if the value falls with the square of its distance from the strike; calibrated likewise.
 VOLGA_TRUNCATION, FAR_TRUNCATION = 1.5, 0.3
-# Error of volga over how far vega at the steps is from what it is known to be, over the step; calibrated.
-VOLGA_NOISE = 0.1
 Columns = dict[str, Any]
+
+
+class Differences(NamedTuple):
+    """How volga is found by differences.
+
+    Parameters
+    ----------
+    step : float
+        Step of the volatility, as a share of the contract's smallest one.
+    vega_share, slope_share : float
+        Error of volga over that of vega, in smallest volatilities, and over how far vega by the differences is from it,
+        in steps.
+    """
+
+    step: float
+    vega_share: float
+    slope_share: float
+
+
+# Volga from values and from vegas; calibrated on random contracts.
+BY_VALUES, BY_VEGAS = Differences(0.005, 0.5, 0.04), Differences(0.0025, 0.2, 0.1)
 
 
 def greeks_to_tolerance(
@@ -121,13 +129,20 @@ def _first_or_finer(book: Book, first: Solved, request: Request, *, lacking: boo
     price, error = first.value, np.maximum(first.error, request.tolerance)
     if lacking:
         book = with_entries(book, extended=extended)
-        first = solve_to_tolerance(book, request.tolerance, threads, walks=2, interrupt=interrupt)
+        step = volatility_step(book) if extended else None
+        first = solve_to_tolerance(
+            book, request.tolerance, threads, walks=2, volatility_step=step, interrupt=interrupt
+        )
     found, missed = _greeks_and_errors(book, first, (price, error), request)
-    rows = np.flatnonzero(~(missed <= PESSIMISM))
+    volga = _volga_by_values(book, first, found) if extended else {}
+    lacks_volga = ~(_largest_error(book, volga, request.tolerance) <= VOLGA_PESSIMISM)
+    rows = np.flatnonzero(~(missed <= PESSIMISM) | lacks_volga)
     if rows.size and not request.is_interrupted():
         part, coarse, asked = book.take(rows), first.take(rows, book), request.take(rows)
-        level = np.minimum(coarse.level + 1, FINEST)
-        fine = solve_once(pack(part), level, FINER * asked.tolerance, threads, 1, interrupt)
+        level, step = np.minimum(coarse.level + 1, FINEST), None
+        if extended:
+            step = np.where(lacks_volga[rows], volatility_step(part), 0.0)
+        fine = solve_once(pack(part), level, FINER * asked.tolerance, threads, 1, interrupt, step)
         with np.errstate(invalid="ignore"):  # a derivative that was not found is not finite
             moved = np.abs(fine.gradient[:, OWN] - coarse.gradient[:, OWN])
         fine.gradient[:, CHANGE] = MOVED_SHARE * moved + CHANGE_SHARE * coarse.gradient[:, CHANGE]
@@ -135,9 +150,10 @@ def _first_or_finer(book: Book, first: Solved, request: Request, *, lacking: boo
         better = np.flatnonzero(still < missed[rows])
         missed[rows[better]] = still[better]
         found = stored(found, rows[better], {name: taken(column, better) for name, column in finer.items()})
+        if extended:
+            volga = _closest(volga, rows, _volga_by_values(part, fine, finer))
     if extended:
-        vega = {name: found[name] for name in ("vega", error_of("vega"))}
-        found |= _volga_to_tolerance(book, first.level, vega, request)
+        found |= _volga_to_tolerance(book, volga, found, request)
         missed = np.where(np.isnan(found["volga"]), np.inf, missed)
     return found, missed
 
@@ -227,65 +243,54 @@ def _better(value: Vector, error: Vector, far: Vector, near: Vector, noise: Vect
     return np.where(closer, near + (near - far) / 3.0, value), np.where(closer, distance, error)
 
 
-def _volga_to_tolerance(book: Book, level: NDArray[np.int64], vega: Columns, request: Request) -> Columns:
-    """Return volga and its error: from values, or from vegas to a small tolerance where the error is too large.
+def volatility_step(book: Book) -> Vector:
+    """Return the step of the volatility to the values nearby from which volga is found, shape (n,)."""
+    return BY_VALUES.step * _smallest_volatility(book)
 
-    Parameters
-    ----------
-    vega : dict
-        Vega and its error.
-    """
-    smallest = np.minimum.reduceat(book.segments.volatility, book.first[:-1])
-    finer = np.minimum(level + FINER_LEVELS, FINEST)
-    by_values = _second_difference(book, VALUES_STEP * smallest, finer, request)
-    found = _with_error(by_values, vega, smallest, (VALUES_STEP, VALUES_NOISE))
-    rows = np.flatnonzero(~(_largest_error(book, found, request.tolerance) <= VOLGA_PESSIMISM))
-    if rows.size and not request.is_interrupted():
-        known = {name: column[rows] for name, column in vega.items()}
-        by_vegas = _difference_of_vegas(book.take(rows), VEGAS_STEP * smallest[rows], request)
-        closer = _with_error(by_vegas, known, smallest[rows], (VEGAS_STEP, VEGAS_NOISE))
-        better = np.flatnonzero(np.isfinite(closer["volga"]))
-        found = stored(found, rows[better], {name: column[better] for name, column in closer.items()})
-    return found
+
+def _smallest_volatility(book: Book) -> Vector:
+    smallest: Vector = np.minimum.reduceat(book.segments.volatility, book.first[:-1])
+    return smallest
+
+
+def _volga_by_values(book: Book, solved: Solved, greeks: Columns) -> Columns:
+    """Return volga from the solution's values nearby, NaN without these, and its error; `greeks` are the solution's."""
+    step = volatility_step(book)
+    down, same, up = (book.strike * value for value in solved.nearby.T)
+    by_values = (up - down) / (2.0 * step), (up - 2.0 * same + down) / step**2
+    return _with_error(by_values, greeks, _smallest_volatility(book), BY_VALUES)
+
+
+def _closest(columns: Columns, rows: Rows, found: Columns) -> Columns:
+    """Return volga and its error with those found for some rows put in where that error is smaller."""
+    error = error_of("volga")
+    better = np.flatnonzero(np.isfinite(found[error]) & ~(columns[error][rows] <= found[error]))
+    return stored(columns, rows[better], {name: column[better] for name, column in found.items()})
+
+
+def _volga_to_tolerance(book: Book, volga: Columns, greeks: Columns, request: Request) -> Columns:
+    """Return volga and its error from vegas to a small tolerance where the error from values is too large."""
+    rows = np.flatnonzero(~(_largest_error(book, volga, request.tolerance) <= VOLGA_PESSIMISM))
+    if rows.size == 0 or request.is_interrupted():
+        return volga
+    part, known = book.take(rows), {name: greeks[name][rows] for name in ("vega", error_of("vega"))}
+    smallest = _smallest_volatility(part)
+    by_vegas = _difference_of_vegas(part, BY_VEGAS.step * smallest, request)
+    return _closest(volga, rows, _with_error(by_vegas, known, smallest, BY_VEGAS))
 
 
 def _with_error(
-    differences: tuple[Vector, Vector], vega: Columns, smallest: Vector, calibrated: tuple[float, float]
+    found: tuple[Vector, Vector], vega: Columns, smallest: Vector, differences: Differences
 ) -> Columns:
-    """Return volga and its error from vega and volga by differences.
-
-    Parameters
-    ----------
-    smallest : Vector
-        The smallest volatility of each contract.
-    calibrated : tuple
-        The step as a share of that, and the error over that of vega.
-    """
-    (slope, volga), (share, noise) = differences, calibrated
+    """Return volga and its error from vega and volga by differences, and the smallest volatility of each contract."""
+    (slope, volga), step = found, differences.step * smallest
     per_volatility = np.abs(vega["vega"]) / smallest
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         far = np.nan_to_num((volga / per_volatility) ** 2, posinf=0.0)
     curved = VOLGA_TRUNCATION * (np.abs(volga) + per_volatility) + FAR_TRUNCATION * far * np.abs(volga)
-    error = share**2 * curved + noise * vega[error_of("vega")] / smallest
-    error += VOLGA_NOISE * np.abs(slope - vega["vega"]) / (share * smallest)
+    error = differences.step**2 * curved + differences.vega_share * vega[error_of("vega")] / smallest
+    error += differences.slope_share * np.abs(slope - vega["vega"]) / step
     return {"volga": volga, error_of("volga"): error}
-
-
-def _second_difference(
-    book: Book, step: Vector, level: NDArray[np.int64], request: Request
-) -> tuple[Vector, Vector]:
-    """Return first and second differences by the volatility, money, of values of boundaries of a fixed degree.
-
-    NaN where these are not solved alike: their boundaries violate complementarity by different amounts.
-    """
-    bumped, threads, interrupt = Bump(book, "volatility"), request.threads, request.interrupt
-    found = [solve_at_level(bumped(by * step), level, threads, interrupt) for by in (-1.0, 0.0, 1.0)]
-    settled = np.all([each.settled for each in found], axis=0)
-    violation = np.maximum([each.numbers[VIOLATION] for each in found], SMALLEST_VIOLATION)
-    with np.errstate(invalid="ignore"):
-        alike = settled & (violation.max(axis=0) <= ALIKE * violation.min(axis=0))
-    down, same, up = (np.where(alike, book.strike * each.numbers[0], np.nan) for each in found)
-    return (up - down) / (2.0 * step), (up - 2.0 * same + down) / step**2
 
 
 def _difference_of_vegas(book: Book, step: Vector, request: Request) -> tuple[Vector, Vector]:

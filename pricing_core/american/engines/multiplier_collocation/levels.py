@@ -33,10 +33,8 @@ LEAST_GAIN, OUT_OF_REACH = 0.8, 1.2
 SMALLEST_SHARE = 0.1  # Smallest share of the tolerance that is left for the boundaries; chosen.
 EXERCISE = slice(4, 6)  # The columns of a segment that tell when the holder may exercise.
 AMOUNT, ESCROW = 7, 8  # The columns of money.
-VIOLATION, ERROR = (
-    4,
-    5,
-)  # What the kernel's numbers say of complementarity and of the value's error, in strikes.
+# What the kernel's numbers say of complementarity and of the value's error, in strikes, and of the values nearby.
+VIOLATION, ERROR, NEARBY = 4, 5, slice(6, 9)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,6 +114,7 @@ class Solved:
     settled: BoolVector
     level: NDArray[np.int64]
     gradient: NDArray[np.float64]
+    nearby: Matrix
 
     def take(self, rows: Rows, book: Book) -> Solved:
         """Return some rows of the solution."""
@@ -129,6 +128,7 @@ def solve_to_tolerance(
     threads: int,
     *,
     walks: int = 0,
+    volatility_step: Vector | None = None,
     interrupt: Callable[[], bool] | None = None,
 ) -> Solved:
     """Solve every contract at the level of its tolerance, and at finer ones until its error meets that or stalls.
@@ -140,11 +140,14 @@ def solve_to_tolerance(
     walks : int
         0, 1 for the derivatives by the segments' numbers, 2 for their changes with the boundaries' degrees as well; the
         values do not depend on it.
+    volatility_step : Vector, shape (n,), optional
+        Step of all volatilities for the values nearby.
     interrupt : callable, optional
         True ends the work; what is not solved then is not settled.
     """
     packed, level = pack(book), _first_levels(tolerance)
-    solved = solve_once(packed, level, tolerance, threads, walks, interrupt)
+    step = np.zeros(book.count) if volatility_step is None else volatility_step
+    solved = solve_once(packed, level, tolerance, threads, walks, interrupt, step)
     rows, before = np.arange(book.count), np.full(book.count, np.inf)
     error = solved.error
     while True:
@@ -154,7 +157,9 @@ def solve_to_tolerance(
         if rows.size == 0 or (interrupt is not None and interrupt()):
             return solved
         level[rows] += 1
-        finer = solve_once(packed.take(rows), level[rows], tolerance[rows], threads, walks, interrupt)
+        finer = solve_once(
+            packed.take(rows), level[rows], tolerance[rows], threads, walks, interrupt, step[rows]
+        )
         before, error = solved.error[rows], finer.error
         _keep(solved, book, rows, finer)
 
@@ -166,15 +171,19 @@ def solve_once(
     threads: int,
     walks: int,
     interrupt: Callable[[], bool] | None,
+    volatility_step: Vector | None = None,
 ) -> Solved:
     """Solve every contract at its level, with boundaries to the tolerance in fractions of the strike."""
     beyond = np.array(NEGLECTED)[level] + ROUNDING
     left = np.maximum(tolerance - beyond, SMALLEST_SHARE * tolerance)
-    found = kernel_values(packed, level, threads, left, walks=walks, interrupt=interrupt)
+    found = kernel_values(
+        packed, level, threads, left, walks=walks, volatility_step=volatility_step, interrupt=interrupt
+    )
     error = np.where(found.settled, found.numbers[ERROR] + beyond, np.inf)
     value, slope, curvature, boundary = np.where(found.settled, found.numbers[:4], np.nan)
     return Solved(
         value, slope, curvature, boundary, error, found.settled, level.copy(), found.gradient,
+        found.numbers[NEARBY].T.copy(),
     )  # fmt: skip
 
 
@@ -198,7 +207,7 @@ def _keep(solved: Solved, book: Book, rows: Rows, finer: Solved) -> None:
     """Store what these rows found, unless what is there has the smaller error."""
     better = np.flatnonzero(finer.settled & (finer.error <= solved.error[rows]))
     kept = rows[better]
-    for name in ("value", "slope", "curvature", "boundary", "error", "settled", "level"):
+    for name in ("value", "slope", "curvature", "boundary", "error", "settled", "level", "nearby"):
         getattr(solved, name)[kept] = getattr(finer, name)[better]
     if finer.gradient.size:
         first, _ = gather(book.first, rows)
@@ -230,13 +239,15 @@ def kernel_values(
     tolerance: Vector,
     *,
     walks: int = 0,
+    volatility_step: Vector | None = None,
     interrupt: Callable[[], bool] | None = None,
 ) -> KernelValues:
     """Solve the contracts at these levels; where the tolerance is 0 every boundary has the degree of its level."""
     assert kernel.solve_schedules is not None
     nothing, none = np.zeros(0), np.zeros(packed.x.size + 1, dtype=np.int64)
+    step = np.zeros(packed.x.size) if volatility_step is None else volatility_step
     numbers, _, settled, gradient = kernel.solve_schedules(
-        packed.sign, packed.x, packed.first, packed.segments, level, tolerance, nothing, none,
+        packed.sign, packed.x, packed.first, packed.segments, level, tolerance, step, nothing, none,
         walks, threads, interrupt,
     )  # fmt: skip
     return KernelValues(numbers, settled, gradient)
@@ -260,6 +271,7 @@ def boundaries_at(
         packed.first,
         packed.segments,
         np.array([level], dtype=np.int64),
+        np.zeros(1),
         np.zeros(1),
     )
     _, boundary, settled, _ = kernel.solve_schedules(*numbers, times, ends, 0, 1, interrupt)

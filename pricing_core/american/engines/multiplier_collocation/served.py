@@ -19,8 +19,8 @@ def is_served(book: Book) -> BoolVector:
     """Tell for which schedules the collocation may be tried.
 
     Every segment must have a positive volatility, large enough beside its drift, and a standard deviation no smaller
-    than 1/WIDEST of the whole one; spot and strike must be within reach of each other; a call's spot must not spread
-    so far that its parts cancel; and the contact set of a put must not begin between two spots.
+    than 1/WIDEST of the whole one; spot and strike must be within reach of each other; and a call's spot must not
+    spread so far that its parts cancel.
     """
     starts, segments = book.first[:-1], book.segments
     duration, x = segments.duration, log_moneyness(book)

@@ -236,3 +236,44 @@ def test_volga_is_the_derivative_of_vega(kind, seed):
     assert sure.mean() > 0.75
     assert np.mean((missed <= 1e-4 + doubt)[sure]) > 0.95
     assert (missed <= 1e-5 + doubt + 5.0 * found.volga_error / book.strike)[sure].all()
+
+
+@pytest.mark.parametrize("exercise", ["american", "european"])
+def test_rho_counts_what_is_left_where_dividends_take_the_whole_spot(exercise):
+    """Where the spot is nothing, the strike is paid later, discounted."""
+    rng = np.random.default_rng(17)
+    contracts = [
+        (
+            Option("put", 100.0, expiry, exercise=exercise),
+            Market(
+                rng.uniform(60.0, 120.0),
+                rate,
+                rng.uniform(0.2, 0.5),
+                cash_dividends=[
+                    {"time": share * expiry, "amount": rng.uniform(15.0, 30.0)} for share in (0.3, 0.7)
+                ],
+            ),
+        )
+        for expiry, rate in zip(rng.uniform(1.0, 5.0, 20), rng.uniform(-0.02, 0.06, 20), strict=True)
+    ]
+    book = Book.of(contracts)
+    prices = solved(book, greeks="standard")
+    wanted, doubt = difference(bumped_value(book, "rate"), 5e-4)
+    sure = prices.settled & prices.complete & ~prices.exercised & (doubt < 1e-4)
+    assert sure.sum() >= 12
+    missed = np.abs(prices.rho / book.strike - wanted)[sure]
+    assert np.mean(missed <= 1e-3 * np.abs(wanted[sure]) + doubt[sure]) >= 0.9
+
+
+def test_values_nearby_are_like_the_solution():
+    """The middle one is the solution, and the differences are vega and volga."""
+    book = Book.of(random_contracts(13, 200))
+    step = 0.004 * np.minimum.reduceat(book.segments.volatility, book.first[:-1])
+    found = solve_to_tolerance(book, np.full(book.count, 1e-6), 2, walks=1, volatility_step=step)
+    known = found.settled & np.isfinite(found.nearby).all(axis=1)
+    assert known.mean() > 0.9
+    down, same, up = found.nearby[known].T
+    np.testing.assert_allclose(same, found.value[known], rtol=0.0, atol=1e-7)
+    vega = np.add.reduceat(found.gradient[:, 0, 0, 2], book.first[:-1])[known]
+    missed = np.abs((up - down) / (2.0 * step[known]) - vega)
+    assert np.mean(missed <= 1e-5 + 1e-3 * np.abs(vega)) > 0.95

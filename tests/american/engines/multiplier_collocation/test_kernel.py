@@ -12,16 +12,18 @@ from tests.problems.schedules import CONTRACTS
 
 pytestmark = needs_kernel
 NO_TIMES = np.zeros(0)
+STEP = 1e-3  # Step of the volatilities for values nearby.
 TIMES = np.array([0.0, 0.05, 0.3, 0.375, 0.7, 1.0])
 
 
 def arguments(contracts, level, times=NO_TIMES, tolerance=0.0):
-    """Return what `solve_schedules` takes first: the contracts, their levels and tolerances, and the times."""
+    """Return what `solve_schedules` takes first: the contracts, their levels, tolerances and steps, and the times."""
     packed = pack(Book.of(contracts))
     count = len(contracts)
     first_time, every = np.arange(count + 1) * times.size, np.tile(times, count)
     levels, tolerances = np.full(count, level, dtype=np.int64), np.full(count, tolerance)
-    return packed.sign, packed.x, packed.first, packed.segments, levels, tolerances, every, first_time
+    steps = np.full(count, STEP)
+    return packed.sign, packed.x, packed.first, packed.segments, levels, tolerances, steps, every, first_time
 
 
 def solve(contracts, level, times=NO_TIMES, threads=1, tolerance=0.0):

@@ -309,3 +309,46 @@ def test_value_and_slope_go_smoothly_through_a_yield_of_zero(name, step):
     # The second difference is that of a smooth function, some 1 per square of the yield, but for the errors.
     assert abs(np.diff(found.value, 2)[0]) <= step**2 + found.error @ [1.0, 2.0, 1.0]
     assert abs(np.diff(found.slope, 2)[0]) <= 4.0 * step**2 + 1e-5
+
+
+@pytest.mark.parametrize(
+    ("option", "market"),
+    [
+        # Exercised before a dividend, after which the strike is too far away to be met.
+        (
+            Option("call", 100.0, 0.05),
+            Market(
+                96.0,
+                0.14,
+                0.076,
+                cash_dividends=[{"time": t, "amount": a} for t, a in ((0.012, 2.9), (0.03, 1.7))],
+            ),
+        ),
+        # Out of the money by five standard deviations.
+        (
+            Option("call", 100.0, 0.47),
+            Market(69.0, 0.07, 0.115, 0.03, cash_dividends=[{"time": 0.25, "amount": 0.8}]),
+        ),
+        # Below the boundary the spot waits through small dividends: a line for many standard deviations.
+        (
+            Option("put", 100.0, 9.4),
+            Market(
+                106.0,
+                0.07,
+                0.15,
+                cash_dividends=[{"time": 0.2 + 0.25 * k, "amount": 1.06} for k in range(37)],
+            ),
+        ),
+        # In the money for every spot that matters.
+        (
+            Option("call", 100.0, 3.0),
+            Market(390.0, 0.126, 0.04, 0.016, cash_dividends=[{"time": 1.4, "amount": 0.5}]),
+        ),
+    ],
+)
+def test_what_lies_beyond_the_interval_and_on_lines_does_not_matter(option, market):
+    book = Book.of([(option, market)])
+    exact, _ = solved(book, 1e-9)
+    for tolerance in (1e-4, 1e-5, 1e-6, 1e-7):
+        value, error = solved(book, tolerance)
+        assert abs(value - exact) <= error + 1e-9 * option.strike
