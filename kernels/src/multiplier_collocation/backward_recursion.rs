@@ -1,6 +1,5 @@
 //! One schedule from expiry to now, segment by segment.
 
-use super::adjoint::differentiate;
 use super::boundary::Boundary;
 use super::boundary_query::BoundaryQuery;
 use super::boundary_solver::{find_boundary, solve_alike};
@@ -9,8 +8,6 @@ use super::degree_control::{distribution, DegreeControl};
 use super::event_transfer::{at_expiry, before_event, Transferred};
 use super::fineness::{Fineness, FINENESS, LEVELS};
 use super::forecast::{forecasts, Forecast, Later};
-use super::gradient::SegmentGradient;
-use super::nearby_values::values_nearby;
 use super::onset_search::OnsetSearch;
 use super::panels::{Interval, Kink, PanelWidths};
 use super::profile::Profile;
@@ -19,12 +16,6 @@ use super::segment::{Segment, OVERHANGING};
 use super::segment_value::SegmentValue;
 use super::solved_part::{SolvedPart, RELEVANT};
 use super::unsettled::Unsettled;
-
-/// The number of results of a schedule: value, slope and second derivative by x, in strikes; the boundary ln(S*/K) now,
-/// NaN without one; the largest violation of complementarity that was seen and the error estimate of the boundaries,
-/// both in strikes; and, NaN where they are not wanted or not found, the values at volatilities lower by a step, the same and
-/// higher, with boundaries of the same degrees, in strikes.
-pub const RESULTS: usize = 9;
 
 /// The largest width of a panel where the contact set begins at nodes, in standard deviations of ln S over the segment;
 /// calibrated on random contracts.
@@ -88,69 +79,6 @@ const AT_SOME_TIME: f64 = 3.0;
 const DISPLACED_SHARE: f64 = 0.5;
 /// The number of segments still to come from which on a boundary's share of the tolerance shrinks; chosen.
 const FEW_SEGMENTS: f64 = 6.0;
-/// The derivatives of a schedule's value, in strikes.
-pub struct Derivatives {
-    /// The derivatives of value and slope by the numbers of every segment.
-    pub by_segment: Vec<SegmentGradient>,
-    /// The same with other degrees of the boundaries; None where only one walk was wanted.
-    pub by_segment_otherwise: Option<Vec<SegmentGradient>>,
-}
-
-/// The derivatives from the solved parts of a schedule, by one walk or two.
-fn derivatives(
-    parts: &[SolvedPart],
-    schedule: &Schedule,
-    walks: usize,
-) -> Result<Derivatives, Unsettled> {
-    let has_boundary = parts.iter().any(|part| part.value.boundary.is_some());
-    let (by_segment, by_segment_otherwise) = if walks > 1 && has_boundary {
-        let [own, other] = differentiate(parts, schedule)?;
-        (own, Some(other))
-    } else {
-        let [own] = differentiate(parts, schedule)?;
-        let same = (walks > 1).then(|| own.clone());
-        (own, same)
-    };
-    Ok(Derivatives {
-        by_segment,
-        by_segment_otherwise,
-    })
-}
-
-/// Fill in the results and the boundaries that are asked for; return the derivatives where they are.
-pub fn solve_schedule(
-    schedule: &Schedule,
-    query: &mut BoundaryQuery,
-    result: &mut [f64; RESULTS],
-    walks: usize,
-) -> Result<Option<Derivatives>, Unsettled> {
-    let recursion = BackwardRecursion::run(schedule, None, query)?;
-    let now = recursion.later().ok_or(Unsettled)?;
-    if now.segment.sign * (schedule.x - now.far) < 0.0 {
-        return Err(Unsettled); // the boundary that is reported is the one next to the strike
-    }
-    let [value, slope, second] = now.value(schedule.x);
-    if !(value.is_finite() && slope.is_finite() && second.is_finite()) {
-        return Err(Unsettled);
-    }
-    let [lower, same, higher] = values_nearby(schedule, &recursion.solved);
-    *result = [
-        value,
-        slope,
-        second,
-        now.boundary_now(),
-        recursion.violation,
-        recursion.error,
-        lower,
-        same,
-        higher,
-    ];
-    if walks == 0 {
-        return Ok(None);
-    }
-    Ok(derivatives(&recursion.solved, schedule, walks).ok())
-}
-
 /// The state of the recursion between two segments.
 #[allow(clippy::struct_excessive_bools)] // facts that have little to do with each other
 pub struct BackwardRecursion<'a> {
@@ -185,8 +113,8 @@ pub struct BackwardRecursion<'a> {
     /// Whether a contact set had two ends anywhere.
     has_far_ends: bool,
     /// The largest violation of complementarity so far, and the sum of the error estimates, in strikes.
-    violation: f64,
-    error: f64,
+    pub violation: f64,
+    pub error: f64,
     /// What the intervals of x so far are wider than the law of the spot at expiry, in standard deviations of ln S over
     /// their segments.
     excess: f64,

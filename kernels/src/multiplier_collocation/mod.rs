@@ -105,14 +105,15 @@ mod schedule;
 mod schedules;
 mod segment;
 mod segment_value;
+mod solution;
 mod solved_part;
 mod spot_drop;
 mod stage_integrals;
 mod unsettled;
 mod viewpoint;
 
-pub use backward_recursion::RESULTS;
 pub use fineness::LEVELS;
 pub use gradient::{FUNCTIONALS, PARAMETERS};
 pub(crate) use roots::find_root;
 pub use schedules::{solve_schedules, Schedules, Solved, COLUMNS};
+pub use solution::RESULTS;

@@ -1,10 +1,10 @@
 //! Many schedules, each by itself, on several threads.
 
-use super::backward_recursion::{solve_schedule, RESULTS};
 use super::boundary_query::BoundaryQuery;
 use super::gradient::{FUNCTIONALS, PARAMETERS};
 use super::schedule::Schedule;
 use super::segment::{Dynamics, Segment};
+use super::solution::{solve_schedule, RESULTS};
 use crate::interrupt::Interrupt;
 
 /// The number of numbers of a segment: duration (years), rate, yield, volatility, exercisable, exercise at the end (0 or
