@@ -234,7 +234,7 @@ def test_random_increasing_characteristics_are_followed_exactly(seed):
     def rate(t, x):
         return A @ x - C.T @ [curve(value) for curve, value in zip(curves, C @ x, strict=True)]
 
-    reference = solve_ivp(rate, (0.0, 3.0), x0, t_eval=times, rtol=1e-9, atol=1e-10, max_step=0.02)
+    reference = solve_ivp(rate, (0.0, 3.0), x0, t_eval=times, rtol=1e-9, atol=1e-10, max_step=0.005)
     assert run.x == pytest.approx(reference.y.T, abs=1e-6)
 
 
