@@ -82,9 +82,6 @@ const FEW_SEGMENTS: f64 = 6.0;
 /// The state of the recursion between two segments.
 #[allow(clippy::struct_excessive_bools)] // facts that have little to do with each other
 pub struct BackwardRecursion<'a> {
-    segments: &'a [Segment],
-    /// Those at the ends of the segments.
-    forecasts: Vec<Forecast>,
     /// A solution whose cuts and degrees are taken.
     similar: Option<&'a [SolvedPart]>,
     level: usize,
@@ -146,8 +143,6 @@ impl<'a> BackwardRecursion<'a> {
         #[allow(clippy::cast_precision_loss)]
         let smallest_budget = KEPT_SHARE * schedule.tolerance / segments.len() as f64;
         let mut recursion = BackwardRecursion {
-            segments,
-            forecasts: forecasts.clone(),
             similar,
             level: schedule.level,
             fineness: &FINENESS[schedule.level],
@@ -169,11 +164,12 @@ impl<'a> BackwardRecursion<'a> {
             error: 0.0,
             excess: 0.0,
         };
-        for (index, (segment, here)) in segments.iter().zip(&forecasts).enumerate().rev() {
+        for index in (0..segments.len()).rev() {
             if (schedule.interrupt)() {
                 return Err(Unsettled);
             }
-            recursion.solve_segment((index, segment), here, query)?;
+            let later = Later::from(segments, &forecasts, index);
+            recursion.solve_segment(index, &later, query)?;
         }
         Ok(recursion)
     }
@@ -188,13 +184,14 @@ impl<'a> BackwardRecursion<'a> {
         self.solved.last().map(|part| &part.value)
     }
 
-    /// Solve a segment, cut into parts where its boundary needs that; `here` is the forecast at its end.
+    /// Solve a segment, the first of `later`, cut into parts where its boundary needs that.
     fn solve_segment(
         &mut self,
-        (index, segment): (usize, &Segment),
-        here: &Forecast,
+        index: usize,
+        later: &Later,
         query: &mut BoundaryQuery,
     ) -> Result<(), Unsettled> {
+        let (segment, here) = (&later.segments[0], &later.forecasts[0]);
         let overhang = segment.overhang();
         let goes_on = self.waits_for_cash && segment.dynamics.dividend < 0.0;
         if goes_on && segment.dynamics.rate <= 0.0 {
@@ -233,7 +230,7 @@ impl<'a> BackwardRecursion<'a> {
                 return Err(Unsettled);
             }
             cuts = self.next_similar().map_or(cuts, |similar| similar.cuts);
-            match self.solve_part((index, part), (here, part_end), cuts, query)? {
+            match self.solve_part((index, part), (later, part_end), cuts, query)? {
                 Part::Solved { value, contact } => {
                     part_end = part_end.before(&part);
                     self.solved.push(SolvedPart {
@@ -273,15 +270,16 @@ impl<'a> BackwardRecursion<'a> {
         gained * below(self.least_relevant) + interest * below(taken)
     }
 
-    /// Solve one part of a segment; `here` and `part_end` are the forecasts at the segment's end and at the part's.
+    /// Solve one part of a segment, the first of `later`; `part_end` is the forecast at the part's end.
     fn solve_part(
         &mut self,
         (index, part): (usize, Segment),
-        (here, part_end): (&Forecast, Forecast),
+        (later, part_end): (&Later, Forecast),
         cuts: usize,
         query: &mut BoundaryQuery,
     ) -> Result<Part, Unsettled> {
-        let ends = self.interval(&part, index, &part_end);
+        let here = &later.forecasts[0];
+        let ends = self.interval(&part, later, &part_end);
         let ordinary = 2.0 * self.fineness.reach * self.deviation;
         self.excess += (ends.1 - ends.0 - ordinary).max(0.0) / part.spread();
         if self.excess > MOST_EXCESS {
@@ -347,8 +345,8 @@ impl<'a> BackwardRecursion<'a> {
 
     /// The interval of x that matters at a segment's end: where the spot may be then and the value is not a line in it, and as
     /// far as a boundary may be.
-    fn interval(&self, part: &Segment, index: usize, part_end: &Forecast) -> Interval {
-        let (reach, here) = (self.fineness.reach, &self.forecasts[index]);
+    fn interval(&self, part: &Segment, later: &Later, part_end: &Forecast) -> Interval {
+        let (reach, here) = (self.fineness.reach, &later.forecasts[0]);
         let near = reach * here.deviation();
         let (mut lower, mut upper) = (here.forward - near, here.forward + near);
         if self.exercised {
@@ -364,9 +362,8 @@ impl<'a> BackwardRecursion<'a> {
             let least = self.fineness.smallest_spot.min(here.forward.exp());
             lower = lower.min(here.lowest(reach, least)).max(least.ln());
         }
-        let later = Later::from(self.segments, &self.forecasts, index);
-        let reach = reach + HELD_REACH;
-        if let Some(furthest) = part_end.furthest_held(&later, reach) {
+        let held = reach + HELD_REACH;
+        if let Some(furthest) = part_end.furthest_held(later, held) {
             let beyond_strike = RELEVANT * part.spread();
             if part.sign > 0.0 {
                 upper = upper.min(furthest.max(beyond_strike));

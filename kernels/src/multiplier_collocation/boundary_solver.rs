@@ -5,7 +5,7 @@ use super::chebyshev::interpolation;
 use super::collocation_nodes::{collocation_nodes, CollocationNodes};
 use super::collocation_system::CollocationSystem;
 use super::contact_onset::ContactOnset;
-use super::degree_control::{value_points, DegreeControl, CELLS, DEGREES, SMALLEST_RESIDUAL};
+use super::degree_control::{DegreeControl, CELLS, DEGREES, SMALLEST_RESIDUAL};
 use super::newton::{newton, Stopping};
 use super::profile::Profile;
 use super::segment::Segment;
@@ -201,6 +201,7 @@ pub fn solve_alike(
         return None;
     }
     let nodes = similar.nodes;
+    let (_, _, value_points) = *DEGREES.iter().find(|row| row.0 == nodes.degree)?;
     let start = similar.ends.iter().zip(&onsets).flat_map(|(end, onset)| {
         let stages = end.coefficients[1..].iter().copied();
         std::iter::once(onset.first_coefficient()).chain(stages)
@@ -217,10 +218,7 @@ pub fn solve_alike(
         stopping,
         &mut curvature,
     );
-    found.sample_contact_sets(
-        profile,
-        collocation_nodes(nodes.degree, value_points(nodes.degree)),
-    );
+    found.sample_contact_sets(profile, collocation_nodes(nodes.degree, value_points));
     found.is_found().then_some(found)
 }
 

@@ -19,12 +19,6 @@ pub const DEGREES: [(usize, usize, usize); 7] = [
 /// The largest of the degrees.
 pub const LARGEST_DEGREE: usize = DEGREES[DEGREES.len() - 1].0;
 
-/// The number of nodes of the integral for the value that goes with one of the degrees.
-pub fn value_points(degree: usize) -> usize {
-    let row = DEGREES.iter().find(|row| row.0 == degree);
-    row.map_or(DEGREES[DEGREES.len() - 1].2, |row| row.2)
-}
-
 /// The number of cells in which two boundaries are compared; chosen.
 pub const CELLS: usize = 8;
 /// The width of a cell, in standard deviations of ln S over the segment; chosen.

@@ -12,7 +12,7 @@ const MEETINGS: [f64; 5] = [0.0625, 0.125, 0.25, 0.5, 1.0];
 /// The number of largest drops of the spot at which it is taken to meet the strike as well; chosen.
 const DROPS: usize = 4;
 
-/// The segments that end after some time, and the forecasts at their ends.
+/// A segment and those after it, and the forecasts at their ends.
 pub struct Later<'a> {
     pub segments: &'a [Segment],
     pub forecasts: &'a [Forecast],
@@ -37,12 +37,6 @@ impl<'a> Later<'a> {
             largest_drops: places,
         }
     }
-}
-
-/// The further of two places, where there are any.
-fn further(sign: f64, a: Option<f64>, b: Option<f64>) -> Option<f64> {
-    let furthest = [a, b].into_iter().flatten();
-    furthest.reduce(|a, b| if sign * (a - b) > 0.0 { a } else { b })
 }
 
 /// The distribution of x = ln(S/K) at one time.
@@ -93,36 +87,37 @@ impl Forecast {
     /// end later, the forecasts at their ends, and which of them end with the largest drops.
     pub fn furthest_held(&self, later: &Later, reach: f64) -> Option<f64> {
         let sign = later.segments[0].sign;
-        let furthest = |share: f64| {
-            let ahead = share * (later.forecasts.last()?.variance - self.variance);
+        let still_to_come = later.forecasts.last()?.variance - self.variance;
+        let on_the_way = MEETINGS.map(|share| {
+            let ahead = share * still_to_come;
             let is_before = |end: &Forecast| end.variance < self.variance + ahead;
             let index = later.forecasts.partition_point(is_before);
-            let index = index.min(later.segments.len() - 1);
-            let on_the_way = self.furthest_by_meeting(later, (index, ahead), reach);
-            further(
-                sign,
-                on_the_way,
-                self.furthest_by_event(later, index, reach),
-            )
-        };
-        let on_the_way = MEETINGS.into_iter().map(furthest);
-        let drops = later.largest_drops.iter();
-        let at_drops = drops.map(|index| self.furthest_by_event(later, *index, reach));
-        let at_once = self.furthest_by_event(later, 0, reach);
+            (index.min(later.segments.len() - 1), ahead)
+        });
+        let mut events = later.largest_drops.clone();
+        events.push(0);
+        events.extend(on_the_way.map(|(index, _)| index));
+        events.sort_unstable();
+        events.dedup();
+        let at_events = events
+            .into_iter()
+            .map(|index| self.meeting_at(later, index));
         on_the_way
-            .chain(at_drops)
-            .fold(at_once, |a, b| further(sign, a, b))
+            .into_iter()
+            .chain(at_events)
+            .filter_map(|meeting| self.furthest_by_meeting(later, meeting, reach))
+            .reduce(|a, b| if sign * (a - b) > 0.0 { a } else { b })
     }
 
-    /// The same where the strike is met at the end of a segment: by a call before the event, by a put after it.
-    fn furthest_by_event(&self, later: &Later, index: usize, reach: f64) -> Option<f64> {
-        let end = later.forecasts.get(index)?;
+    /// In which segment, and after how much variance, the strike is met at the end of the segment at the place `index`: by a
+    /// call before the event, by a put after it.
+    fn meeting_at(&self, later: &Later, index: usize) -> (usize, f64) {
         let after = usize::from(later.segments[0].sign > 0.0 && index + 1 < later.segments.len());
-        let ahead = (end.variance - self.variance).max(0.0);
-        self.furthest_by_meeting(later, (index + after, ahead), reach)
+        let ahead = (later.forecasts[index].variance - self.variance).max(0.0);
+        (index + after, ahead)
     }
 
-    /// The same where the strike is met after so much variance, in the segment at the place `index`.
+    /// The x furthest away from exercise where the strike is met after so much variance, in the segment at the place `index`.
     fn furthest_by_meeting(
         &self,
         later: &Later,

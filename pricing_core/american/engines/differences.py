@@ -160,7 +160,7 @@ def plan_differences(book: Book, *, extended: bool, share: float = 1.0) -> Diffe
             plan.terms.append(_Term("vanna", everyone, weight / step, place, by_delta=True))
     for name in ("rate", "dividend_yield"):
         # Below zero exercise is another matter, so that a rate next to it is bumped upward only.
-        smallest = _smallest(book, getattr(book.segments, name))
+        smallest = smallest_of(book, getattr(book.segments, name))
         upward = (smallest >= 0.0) & (smallest < steps[name])
         for rows, difference in ((everyone[~upward], plan.central), (everyone[upward], plan.forward)):
             if rows.size:
@@ -260,19 +260,20 @@ def stored(columns: dict[str, Any], rows: Rows, found: dict[str, Any]) -> dict[s
 def _steps(book: Book, share: float) -> dict[str, Vector]:
     """Return the step of each parameter, shape (n,)."""
     volatility = book.segments.volatility
-    smallest = _smallest(book, np.where(volatility > 0.0, volatility, np.inf))
+    smallest = smallest_of(book, np.where(volatility > 0.0, volatility, np.inf))
     rate = share * RATE_STEP / np.maximum(book.expiry, 1.0)
     # With a rate or a yield below 0 exercise is another matter on either side of r = q.
     lower = np.minimum(book.segments.rate, book.segments.dividend_yield)
     between = np.abs(book.segments.rate - book.segments.dividend_yield)
-    closest = np.maximum(0.5 * _smallest(book, between), SMALLEST_RATE_STEP)
-    rate = np.where(_smallest(book, lower) < 0.0, np.minimum(rate, closest), rate)
+    closest = np.maximum(0.5 * smallest_of(book, between), SMALLEST_RATE_STEP)
+    rate = np.where(smallest_of(book, lower) < 0.0, np.minimum(rate, closest), rate)
     volatility_step = share * VOLATILITY_SHARE * np.where(np.isfinite(smallest), smallest, 1.0)
     volatility_step = np.maximum(volatility_step, SMALLEST_VOLATILITY_STEP)
     return {"volatility": volatility_step, "rate": rate, "dividend_yield": rate}
 
 
-def _smallest(book: Book, column: Vector) -> Vector:
+def smallest_of(book: Book, column: Vector) -> Vector:
+    """Return the smallest number of a column of segments for each contract, shape (n,)."""
     return np.minimum.reduceat(column, book.first[:-1])
 
 

@@ -16,6 +16,7 @@ from pricing_core.american.engines.differences import (
     PARALLEL,
     Bump,
     plan_differences,
+    smallest_of,
     stored,
     unchanged,
 )
@@ -245,20 +246,16 @@ def _better(value: Vector, error: Vector, far: Vector, near: Vector, noise: Vect
 
 def volatility_step(book: Book) -> Vector:
     """Return the step of the volatility to the values nearby from which volga is found, shape (n,)."""
-    return BY_VALUES.step * _smallest_volatility(book)
-
-
-def _smallest_volatility(book: Book) -> Vector:
-    smallest: Vector = np.minimum.reduceat(book.segments.volatility, book.first[:-1])
-    return smallest
+    return BY_VALUES.step * smallest_of(book, book.segments.volatility)
 
 
 def _volga_by_values(book: Book, solved: Solved, greeks: Columns) -> Columns:
     """Return volga from the solution's values nearby, NaN without these, and its error; `greeks` are the solution's."""
-    step = volatility_step(book)
+    smallest = smallest_of(book, book.segments.volatility)
+    step = BY_VALUES.step * smallest
     down, same, up = (book.strike * value for value in solved.nearby.T)
     by_values = (up - down) / (2.0 * step), (up - 2.0 * same + down) / step**2
-    return _with_error(by_values, greeks, _smallest_volatility(book), BY_VALUES)
+    return _with_error(by_values, greeks, smallest, BY_VALUES)
 
 
 def _closest(columns: Columns, rows: Rows, found: Columns) -> Columns:
@@ -274,7 +271,7 @@ def _volga_to_tolerance(book: Book, volga: Columns, greeks: Columns, request: Re
     if rows.size == 0 or request.is_interrupted():
         return volga
     part, known = book.take(rows), {name: greeks[name][rows] for name in ("vega", error_of("vega"))}
-    smallest = _smallest_volatility(part)
+    smallest = smallest_of(part, part.segments.volatility)
     by_vegas = _difference_of_vegas(part, BY_VEGAS.step * smallest, request)
     return _closest(volga, rows, _with_error(by_vegas, known, smallest, BY_VEGAS))
 

@@ -146,8 +146,7 @@ def solve_to_tolerance(
         True ends the work; what is not solved then is not settled.
     """
     packed, level = pack(book), _first_levels(tolerance)
-    step = np.zeros(book.count) if volatility_step is None else volatility_step
-    solved = solve_once(packed, level, tolerance, threads, walks, interrupt, step)
+    solved = solve_once(packed, level, tolerance, threads, walks, interrupt, volatility_step)
     rows, before = np.arange(book.count), np.full(book.count, np.inf)
     error = solved.error
     while True:
@@ -157,9 +156,8 @@ def solve_to_tolerance(
         if rows.size == 0 or (interrupt is not None and interrupt()):
             return solved
         level[rows] += 1
-        finer = solve_once(
-            packed.take(rows), level[rows], tolerance[rows], threads, walks, interrupt, step[rows]
-        )
+        step = None if volatility_step is None else volatility_step[rows]
+        finer = solve_once(packed.take(rows), level[rows], tolerance[rows], threads, walks, interrupt, step)
         before, error = solved.error[rows], finer.error
         _keep(solved, book, rows, finer)
 
