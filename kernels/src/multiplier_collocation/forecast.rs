@@ -48,7 +48,7 @@ pub struct Forecast {
     pub variance: f64,
     /// The cash dividends paid so far, with what they would have grown by, in strikes.
     pub paid: f64,
-    /// The logarithm of what is left so far, with its growth, of a spot of one that pays the proportional dividends.
+    /// The logarithm of the forward, over the strike, of a spot that pays no cash dividends.
     growth: f64,
     /// The share of the forward that the next event takes.
     drop: f64,
@@ -127,7 +127,9 @@ impl Forecast {
         let sign = later.segments[0].sign;
         // What is left of a put counts in shares on the way there and in cash on the way on, that of a call the other way
         // round: so far these two laws of ln S are from the middle between them.
-        let forward = self.forward + 0.5 * sign * self.variance;
+        // Cash dividends hardly matter to spots that have risen far.
+        let forward = if sign > 0.0 { self.growth } else { self.forward };
+        let forward = forward + 0.5 * sign * self.variance;
         let strike = self.meeting(&later.segments[index], &later.forecasts[index], ahead)?;
         let strike = strike + 0.5 * sign * ahead;
         let on_the_way_on = strike + sign * reach * ahead.sqrt();
@@ -158,7 +160,7 @@ impl Forecast {
 
 /// The forecasts at the ends of all segments, before their events, for x now.
 pub fn forecasts(segments: &[Segment], x: f64) -> Vec<Forecast> {
-    let (mut variance, mut forward, mut paid, mut growth) = (0.0, x, 0.0, 0.0);
+    let (mut variance, mut forward, mut paid, mut growth) = (0.0, x, 0.0, x);
     segments
         .iter()
         .map(|segment| {

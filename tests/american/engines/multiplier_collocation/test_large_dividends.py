@@ -1,0 +1,45 @@
+"""Puts whose cash dividends take most of the spot, or all of it: what is left has no forward to speak of."""
+
+import numpy as np
+import pytest
+
+from pricing_core.american import price_many
+from tests.problems.needs_kernel import needs_kernel
+
+pytestmark = needs_kernel
+
+
+def put(random, life):
+    """Return a put whose dividends are together as large as the spot, or larger."""
+    expiry, count = random.uniform(*life), int(random.integers(5, 14))
+    times = np.sort(random.uniform(0.0, expiry, count))
+    spot = 100.0 * np.exp(random.normal(0.0, 0.4))
+    amounts = random.dirichlet(np.ones(count)) * random.uniform(0.8, 2.0) * spot
+    return {
+        "option_type": "put",
+        "spot": spot,
+        "strike": 100.0,
+        "expiry": expiry,
+        "rate": random.uniform(0.01, 0.09),
+        "dividend_yield": random.uniform(0.0, 0.08),
+        "volatility": np.exp(random.uniform(np.log(0.1), np.log(0.8))),
+        "cash_dividends": [
+            {"time": time, "amount": amount} for time, amount in zip(times, amounts, strict=True)
+        ],
+    }
+
+
+@pytest.mark.parametrize("life", [(0.2, 2.0), (2.0, 10.0)], ids=["short", "long"])
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+def test_the_price_is_that_of_the_method_of_lines(life, tolerance):
+    random = np.random.default_rng(23)
+    rows = [put(random, life) for _ in range(40)]
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
+    found = price_many(columns, tolerance=tolerance, greeks="none")
+    fine = price_many(columns, tolerance=1e-6, greeks="none", method="lcs")
+    served = np.array(found["method"]) == "multiplier-collocation"
+    assert served.mean() > 0.5
+    apart = np.abs(np.array(found["price"]) - np.array(fine["price"]))[served]
+    allowed = (np.array(found["error_estimate"]) + np.array(fine["error_estimate"]))[served]
+    assert np.mean(apart <= allowed) > 0.92
+    assert np.all(apart <= 1e-3 + allowed)
