@@ -4,7 +4,7 @@ use super::boundary::Boundary;
 use super::boundary_query::BoundaryQuery;
 use super::boundary_solver::{find_boundary, solve_alike};
 use super::contact_onset::ContactOnset;
-use super::degree_control::{distribution, DegreeControl};
+use super::degree_control::{distribution, DegreeControl, ErrorTotal};
 use super::event_transfer::{at_expiry, before_event, Transferred};
 use super::fineness::{Fineness, FINENESS, LEVELS};
 use super::forecast::{forecasts, Forecast, Later};
@@ -77,7 +77,8 @@ const AT_SOME_TIME: f64 = 3.0;
 /// The share of the dividends paid so far by which the spot is displaced from a lognormal one: the early ones fall with
 /// it, the late ones do not. Chosen.
 const DISPLACED_SHARE: f64 = 0.5;
-/// The number of segments still to come from which on a boundary's share of the tolerance shrinks; chosen.
+/// The total of as many equal errors as segments are still to come, over one of them, from which on a boundary's share of the
+/// tolerance shrinks; chosen.
 const FEW_SEGMENTS: f64 = 6.0;
 /// The state of the recursion between two segments.
 #[allow(clippy::struct_excessive_bools)] // facts that have little to do with each other
@@ -109,9 +110,10 @@ pub struct BackwardRecursion<'a> {
     least_relevant: f64,
     /// Whether a contact set had two ends anywhere.
     has_far_ends: bool,
-    /// The largest violation of complementarity so far, and the sum of the error estimates, in strikes.
+    /// The largest violation of complementarity so far, in strikes.
     pub violation: f64,
-    pub error: f64,
+    /// The error estimates so far.
+    pub error: ErrorTotal,
     /// What the intervals of x so far are wider than the law of the spot at expiry, in standard deviations of ln S over
     /// their segments.
     excess: f64,
@@ -140,8 +142,8 @@ impl<'a> BackwardRecursion<'a> {
         if forecasts.iter().any(|here| !here.forward.is_finite()) {
             return Err(Unsettled); // the dividends take the spot to nothing, many times over
         }
-        #[allow(clippy::cast_precision_loss)]
-        let smallest_budget = KEPT_SHARE * schedule.tolerance / segments.len() as f64;
+        let smallest_budget =
+            KEPT_SHARE * schedule.tolerance / ErrorTotal::of_equals(segments.len());
         let mut recursion = BackwardRecursion {
             similar,
             level: schedule.level,
@@ -161,7 +163,7 @@ impl<'a> BackwardRecursion<'a> {
             least_relevant: f64::NEG_INFINITY,
             has_far_ends: false,
             violation: 0.0,
-            error: 0.0,
+            error: ErrorTotal::default(),
             excess: 0.0,
         };
         for index in (0..segments.len()).rev() {
@@ -212,7 +214,7 @@ impl<'a> BackwardRecursion<'a> {
                 return Err(Unsettled);
             }
             self.least_relevant = least + SPREADS_OF_PAID_OUT * spread;
-            self.error += self.neglected(segment, here);
+            self.error.add(self.neglected(segment, here));
             if spread < segment.spread() {
                 let share = spread / segment.spread();
                 let (earlier, later) = segment.split(share * share * segment.duration);
@@ -327,7 +329,7 @@ impl<'a> BackwardRecursion<'a> {
         };
         if let Some(boundary) = &boundary {
             self.violation = self.violation.max(boundary.violation);
-            self.error += boundary.error;
+            self.error.add(boundary.error);
         }
         let (contact, kinks) = (transferred.contact, std::mem::take(&mut transferred.kinks));
         let now = self.value_at_beginning(transferred, (part, relevant), boundary)?;
@@ -452,9 +454,8 @@ impl<'a> BackwardRecursion<'a> {
     /// How far the degree of the next boundary is raised; `beginning` is the forecast at the part's beginning.
     fn degree_control(&self, index: usize, beginning: &Forecast, cuts: usize) -> DegreeControl {
         let tolerance = self.tolerance;
-        let left = (1.0 - KEPT_SHARE) * tolerance - self.error;
-        #[allow(clippy::cast_precision_loss)]
-        let share = SHARE * (FEW_SEGMENTS / (index + 1) as f64).min(1.0);
+        let left = (1.0 - KEPT_SHARE) * tolerance - self.error.total();
+        let share = SHARE * (FEW_SEGMENTS / ErrorTotal::of_equals(index + 1)).min(1.0);
         DegreeControl {
             last: if tolerance > 0.0 {
                 LEVELS - 1

@@ -40,8 +40,8 @@ const fn level(
 /// `DEGREES` at the same place.
 pub const FINENESS: [Fineness; LEVELS] = [
     level(5, 2.0, 1.5, 4.6, 1e-3),
-    level(5, 2.0, 1.4, 4.9, 4e-4),
-    level(8, 2.0, 1.3, 5.8, 5e-5),
+    level(7, 2.2, 1.4, 4.9, 4e-4),
+    level(8, 2.2, 1.3, 5.6, 5e-5),
     level(8, 1.6, 1.1, 6.4, 1e-5),
     level(10, 1.6, 1.1, 6.9, 2e-6),
     level(10, 1.4, 1.0, 7.3, 4e-7),

@@ -67,7 +67,7 @@ pub fn solve_schedule(
         second,
         now.boundary_now(),
         recursion.violation,
-        recursion.error,
+        recursion.error.total(),
         lower,
         same,
         higher,

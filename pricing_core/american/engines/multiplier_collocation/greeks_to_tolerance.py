@@ -40,10 +40,10 @@ from pricing_core.american.engines.multiplier_collocation.levels import (
 from pricing_core.arrays import BoolVector, Vector
 
 # Share of the tolerance to which a contract is solved again for Greeks whose errors are too large; chosen.
-FINER = 0.05
+FINER = 0.03
 # Shares of how far the finer solution's derivatives are from the first one's, and of the first one's changes with the
 # degrees, that stand for the changes of the finer ones; calibrated on random contracts.
-MOVED_SHARE, CHANGE_SHARE = 0.2, 0.05
+MOVED_SHARE, CHANGE_SHARE = 0.13, 0.03
 # How large the errors of Greeks should be at most, in tolerances times a power of the strike; chosen.
 ALLOWED = {
     **dict.fromkeys(("delta", DIVIDENDS), (10.0, 0)),

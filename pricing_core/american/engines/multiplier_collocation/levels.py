@@ -25,7 +25,7 @@ FINEST = 6  # Finest level of the kernel.
 # Tolerances from which a level is tried first; calibrated on random contracts.
 FIRST_LEVELS = ((4e-6, 1), (4e-7, 2), (4e-8, 3), (0.0, 4))
 # What lies beyond the interval of space of each level, in strikes; derived from the interval.
-NEGLECTED = (1e-5, 1e-6, 2e-8, 1e-9, 3e-11, 1e-12, 1e-13)
+NEGLECTED = (1e-5, 1e-6, 6e-8, 1e-9, 3e-11, 1e-12, 1e-13)
 ROUNDING = 1e-13  # Rounding error of a value, in strikes; measured.
 # Share of the last level's error above which a finer level brings nothing, and error, in tolerances, above which it is
 # not tried again then; chosen.
