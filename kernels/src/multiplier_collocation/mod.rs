@@ -77,6 +77,7 @@ mod boundary_adjoint;
 mod boundary_query;
 mod boundary_solver;
 mod chebyshev;
+mod close_events;
 mod collocation_nodes;
 mod collocation_system;
 mod contact_adjoint;

@@ -1,10 +1,11 @@
 //! Many schedules, each by itself, on several threads.
 
 use super::boundary_query::BoundaryQuery;
+use super::close_events::Merged;
 use super::gradient::{FUNCTIONALS, PARAMETERS};
 use super::schedule::Schedule;
 use super::segment::{Dynamics, Segment};
-use super::solution::{solve_schedule, RESULTS};
+use super::solution::{solve_schedule, ERROR, RESULTS};
 use crate::interrupt::Interrupt;
 
 /// The number of numbers of a segment: duration (years), rate, yield, volatility, exercisable, exercise at the end (0 or
@@ -135,11 +136,15 @@ fn solve_rows(schedules: Schedules, start: usize, output: &mut Output, interrupt
             times: &schedules.times[wanted.clone()],
             found: &mut output.boundary[wanted.start - origin..wanted.end - origin],
         };
+        let tolerance = schedules.tolerance[row];
+        let Ok(merged) = Merged::of(&segments, schedules.x[row], tolerance) else {
+            continue;
+        };
         let schedule = Schedule {
-            segments: &segments,
+            segments: &merged.segments,
             x: schedules.x[row],
             level: schedules.level[row],
-            tolerance: schedules.tolerance[row],
+            tolerance: (tolerance - merged.error).max(0.0),
             volatility_step: schedules.volatility_step[row],
             interrupt,
         };
@@ -148,14 +153,18 @@ fn solve_rows(schedules: Schedules, start: usize, output: &mut Output, interrupt
             continue;
         };
         output.settled[k] = true;
+        result[ERROR] += merged.error;
         if let Some(found) = found {
             let place = schedules.first[row] - schedules.first[start];
             let own = &mut output.gradient[place..place + segments.len()];
-            for (out, gradient) in own.iter_mut().zip(&found.by_segment) {
+            let by_segment = merged.apart(&segments, &found.by_segment);
+            for (out, gradient) in own.iter_mut().zip(&by_segment) {
                 out[0] = std::array::from_fn(|functional| gradient.of(functional));
             }
-            let others = found.by_segment_otherwise.iter().flatten();
-            for ((out, gradient), other) in own.iter_mut().zip(&found.by_segment).zip(others) {
+            let others = found.by_segment_otherwise;
+            let others = others.map(|others| merged.apart(&segments, &others));
+            let others = others.iter().flatten();
+            for ((out, gradient), other) in own.iter_mut().zip(&by_segment).zip(others) {
                 out[1] = std::array::from_fn(|functional| gradient.distance(other, functional));
             }
         }

@@ -14,6 +14,8 @@ use super::unsettled::Unsettled;
 /// both in strikes; and, NaN where they are not wanted or not found, the values at volatilities lower by a step, the same and
 /// higher, with boundaries of the same degrees, in strikes.
 pub const RESULTS: usize = 9;
+/// The place of the error estimate among them.
+pub const ERROR: usize = 5;
 
 /// The derivatives of a schedule's value, in strikes.
 pub struct Derivatives {

@@ -189,8 +189,7 @@ def european_values(
     packed: Packed, tolerance: Vector, threads: int, interrupt: Callable[[], bool] | None = None
 ) -> Vector:
     """Return V/K without early exercise at the levels of the tolerances, shape (n,)."""
-    nothing = np.zeros(tolerance.size)
-    found = kernel_values(packed.european(), _first_levels(tolerance), threads, nothing, interrupt=interrupt)
+    found = kernel_values(packed.european(), _first_levels(tolerance), threads, tolerance, interrupt=interrupt)
     value: Vector = found.numbers[0]
     return value
 

@@ -11,26 +11,21 @@ from pricing_core.arrays import BoolVector, Vector
 FURTHEST = 30.0
 LARGEST_CALL_DEVIATION = 4.0  # Largest standard deviation of ln S at expiry for a call; measured.
 LARGEST_DRIFT = 6.0  # Largest drift of ln S over one segment, in standard deviations over it; calibrated.
-WIDEST = 2000.0  # Largest standard deviation of ln S at expiry over that of one segment; measured.
-SMALLEST_SPREAD = 1e-7  # Smallest standard deviation of ln S over one segment; measured.
 
 
 def is_served(book: Book) -> BoolVector:
     """Tell for which schedules the collocation may be tried.
 
-    Every segment must have a positive volatility, large enough beside its drift, and a standard deviation no smaller
-    than 1/WIDEST of the whole one; spot and strike must be within reach of each other; and a call's spot must not
-    spread so far that its parts cancel.
+    Every segment must have a positive volatility, large enough beside its drift; spot and strike must be within reach
+    of each other; and a call's spot must not spread so far that its parts cancel.
     """
     starts, segments = book.first[:-1], book.segments
     duration, x = segments.duration, log_moneyness(book)
     spread = segments.volatility * np.sqrt(duration)
     deviation = np.sqrt(np.add.reduceat(spread * spread, starts))
-    least = np.minimum.reduceat(spread, starts)
     served = (book.spot > 0.0) & (np.abs(x) <= FURTHEST * deviation)
-    served &= (least >= SMALLEST_SPREAD) & (least >= deviation / WIDEST)
     drift = np.abs(segments.rate - segments.dividend_yield) * duration
-    served &= np.logical_and.reduceat(drift <= LARGEST_DRIFT * spread, starts)
+    served &= np.logical_and.reduceat((spread > 0.0) & (drift <= LARGEST_DRIFT * spread), starts)
     return served & (book.is_put | (deviation <= LARGEST_CALL_DEVIATION))
 
 
