@@ -128,7 +128,11 @@ impl Forecast {
         // What is left of a put counts in shares on the way there and in cash on the way on, that of a call the other way
         // round: so far these two laws of ln S are from the middle between them.
         // Cash dividends hardly matter to spots that have risen far.
-        let forward = if sign > 0.0 { self.growth } else { self.forward };
+        let forward = if sign > 0.0 {
+            self.growth
+        } else {
+            self.forward
+        };
         let forward = forward + 0.5 * sign * self.variance;
         let strike = self.meeting(&later.segments[index], &later.forecasts[index], ahead)?;
         let strike = strike + 0.5 * sign * ahead;
