@@ -189,7 +189,9 @@ def european_values(
     packed: Packed, tolerance: Vector, threads: int, interrupt: Callable[[], bool] | None = None
 ) -> Vector:
     """Return V/K without early exercise at the levels of the tolerances, shape (n,)."""
-    found = kernel_values(packed.european(), _first_levels(tolerance), threads, tolerance, interrupt=interrupt)
+    found = kernel_values(
+        packed.european(), _first_levels(tolerance), threads, tolerance, interrupt=interrupt
+    )
     value: Vector = found.numbers[0]
     return value
 

@@ -39,27 +39,32 @@ def contract(random, kind, years):
     }
     curve = {"times": [first, expiry], "values": [0.03, 0.05]}
     paid_second = [{"time": second, "amount": amount}]
-    return row | {
-        "two cash dividends": {"cash_dividends": [*row["cash_dividends"], {"time": second, "amount": other}]},
-        "cash, then a fraction": {"proportional_dividends": [{"time": second, "fraction": 0.01 * other}]},
-        "a fraction, then cash": {
-            "cash_dividends": paid_second,
-            "proportional_dividends": [{"time": first, "fraction": 0.01 * other}],
-        },
-        "escrowed": {
-            "cash_dividends": [*row["cash_dividends"], {"time": second, "amount": other}],
-            "dividend_model": "escrowed",
-        },
-        "dividend, then expiry": {"cash_dividends": [{"time": expiry - years, "amount": amount}]},
-        "dividend, then knot": {"rate": {**curve, "times": [second, expiry]}},
-        "knot, then dividend": {"cash_dividends": paid_second, "rate": curve},
-        "dividend, then exercise date": {"exercise": "bermudan", "exercise_times": [second, expiry]},
-        "exercise date, then dividend": {
-            "cash_dividends": paid_second,
-            "exercise": "bermudan",
-            "exercise_times": [first, expiry],
-        },
-    }[kind]
+    return (
+        row
+        | {
+            "two cash dividends": {
+                "cash_dividends": [*row["cash_dividends"], {"time": second, "amount": other}]
+            },
+            "cash, then a fraction": {"proportional_dividends": [{"time": second, "fraction": 0.01 * other}]},
+            "a fraction, then cash": {
+                "cash_dividends": paid_second,
+                "proportional_dividends": [{"time": first, "fraction": 0.01 * other}],
+            },
+            "escrowed": {
+                "cash_dividends": [*row["cash_dividends"], {"time": second, "amount": other}],
+                "dividend_model": "escrowed",
+            },
+            "dividend, then expiry": {"cash_dividends": [{"time": expiry - years, "amount": amount}]},
+            "dividend, then knot": {"rate": {**curve, "times": [second, expiry]}},
+            "knot, then dividend": {"cash_dividends": paid_second, "rate": curve},
+            "dividend, then exercise date": {"exercise": "bermudan", "exercise_times": [second, expiry]},
+            "exercise date, then dividend": {
+                "cash_dividends": paid_second,
+                "exercise": "bermudan",
+                "exercise_times": [first, expiry],
+            },
+        }[kind]
+    )
 
 
 def table(row, **asked):
