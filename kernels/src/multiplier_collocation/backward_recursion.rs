@@ -69,6 +69,10 @@ const SPREADS_OF_PAID_OUT: f64 = 2.5;
 const WIDEST_BETWEEN: f64 = 0.4;
 /// The smallest one that such a segment is cut at; measured.
 const NARROWEST_BETWEEN: f64 = 0.1;
+/// The share of the tolerance that what is neglected in one segment may take before the segment is cut nearer to its event, and
+/// by which share of its width then; chosen.
+const NEGLECTED_SHARE: f64 = 0.03;
+const NARROWER: f64 = 0.7;
 /// The smallest distance of such spots from the forward, in standard deviations of ln S at the segment's end; measured.
 const LEAST_NEGLECTED: f64 = 3.5;
 /// The probability that a spot is below some place at any time of a segment, over that at its end: two by reflection, and what
@@ -209,12 +213,21 @@ impl<'a> BackwardRecursion<'a> {
             }
             let room = here.forward - LEAST_NEGLECTED * here.deviation() - least;
             let widest = WIDEST_BETWEEN.min(room / SPREADS_OF_PAID_OUT);
-            let spread = segment.spread().min(widest);
+            let mut spread = segment.spread().min(widest);
             if spread < NARROWEST_BETWEEN.min(segment.spread()) {
                 return Err(Unsettled);
             }
-            self.least_relevant = least + SPREADS_OF_PAID_OUT * spread;
-            self.error.add(self.neglected(segment, here));
+            let relevant = |spread: f64| least + SPREADS_OF_PAID_OUT * spread;
+            let allowed = NEGLECTED_SHARE * self.tolerance;
+            while allowed > 0.0
+                && NARROWER * spread >= NARROWEST_BETWEEN
+                && neglected(segment, here, relevant(spread)) > allowed
+            {
+                spread *= NARROWER;
+            }
+            self.least_relevant = relevant(spread);
+            self.error
+                .add(neglected(segment, here, self.least_relevant));
             if spread < segment.spread() {
                 let share = spread / segment.spread();
                 let (earlier, later) = segment.split(share * share * segment.duration);
@@ -255,21 +268,6 @@ impl<'a> BackwardRecursion<'a> {
         let waits = |now: &SegmentValue| now.boundary.is_none() || now.far.is_finite();
         self.waits_for_cash = self.overhangs && self.later().is_some_and(waits);
         Ok(())
-    }
-
-    /// The most that it matters, in strikes, that a contact set which begins between two spots is taken to reach to a spot of
-    /// zero once it reaches to `least_relevant`, and that nothing is exercised at smaller spots before: times the
-    /// probabilities of such spots at any time of the segment, what waiting is worth there, and what it costs where the event
-    /// takes the whole spot, until interest earns more than the dividend.
-    fn neglected(&self, segment: &Segment, here: &Forecast) -> f64 {
-        let below = |x: f64| AT_SOME_TIME * distribution((x - here.forward) / here.deviation());
-        let dynamics = &segment.dynamics;
-        let earned = (segment.amount + segment.escrow).ln_1p() / dynamics.rate;
-        let h = segment.duration.min(earned);
-        let gained = self.least_relevant.exp() * (-dynamics.dividend * h).exp_m1();
-        let interest = -(-dynamics.rate * h).exp_m1();
-        let taken = segment.paid_out_below().min(interest.ln());
-        gained * below(self.least_relevant) + interest * below(taken)
     }
 
     /// Solve one part of a segment, the first of `later`; `part_end` is the forecast at the part's end.
@@ -518,6 +516,21 @@ impl<'a> BackwardRecursion<'a> {
         }
         Ok(now)
     }
+}
+
+/// The most that it matters, in strikes, that a contact set which begins between two spots is taken to reach to a spot of zero
+/// once it reaches to x = `least_relevant`, and that nothing is exercised at smaller spots before: times the probabilities of
+/// such spots at any time of the segment, what waiting is worth there, and what it costs where the event takes the whole spot,
+/// until interest earns more than the dividend.
+fn neglected(segment: &Segment, here: &Forecast, least_relevant: f64) -> f64 {
+    let below = |x: f64| AT_SOME_TIME * distribution((x - here.forward) / here.deviation());
+    let dynamics = &segment.dynamics;
+    let earned = (segment.amount + segment.escrow).ln_1p() / dynamics.rate;
+    let h = segment.duration.min(earned);
+    let gained = least_relevant.exp() * (-dynamics.dividend * h).exp_m1();
+    let interest = -(-dynamics.rate * h).exp_m1();
+    let taken = segment.paid_out_below().min(interest.ln());
+    gained * below(least_relevant) + interest * below(taken)
 }
 
 /// The parts of a segment that `similar`, from its end on, was cut into, the last of them first.
