@@ -31,8 +31,10 @@ const BOUNDARY_REACH: f64 = 2.5;
 /// How much further, in standard deviations of ln S, the value is held where a path there and then to the strike is what is
 /// unlikely: beyond, nothing is known of its derivatives. Chosen.
 const HELD_REACH: f64 = 1.0;
-/// The largest number of cuts of one segment; chosen.
-const MOST_CUTS: usize = 4;
+/// The largest number of cuts of one segment, and of one whose contact set may begin between two spots: more do not help there.
+/// Chosen.
+const MOST_CUTS: usize = 7;
+const MOST_CUTS_BETWEEN: usize = 4;
 /// The place where a segment is cut whose boundary no degree follows closely enough, as a share of its duration from the
 /// onset of its contact set; chosen.
 const NEXT_TO_EVENT: f64 = 0.1;
@@ -185,6 +187,15 @@ impl<'a> BackwardRecursion<'a> {
         self.similar?.get(self.solved.len())
     }
 
+    /// The largest number of cuts of the next segment.
+    fn most_cuts(&self) -> usize {
+        if self.overhangs {
+            MOST_CUTS_BETWEEN
+        } else {
+            MOST_CUTS
+        }
+    }
+
     /// The value after the event of the next segment; None at expiry.
     pub fn later(&self) -> Option<&SegmentValue> {
         self.solved.last().map(|part| &part.value)
@@ -300,7 +311,7 @@ impl<'a> BackwardRecursion<'a> {
         let boundary = if let Some(similar) = self.next_similar() {
             boundary_alike(&transferred.profile, &part, &found.onsets, similar)?
         } else {
-            if found.split > 0.0 && cuts < MOST_CUTS {
+            if found.split > 0.0 && cuts < self.most_cuts() {
                 return Ok(Part::Cut(found.split));
             }
             if found.split > 0.0 && found.onsets.is_empty() {
@@ -312,7 +323,7 @@ impl<'a> BackwardRecursion<'a> {
             let boundary =
                 first.map(|_| find_boundary(&transferred.profile, &part, &found.onsets, &control));
             let cut_off = part.spread() * NEXT_TO_EVENT.sqrt();
-            let may_cut = cuts < MOST_CUTS && ends.1 - ends.0 <= MOST_SPREADS * cut_off;
+            let may_cut = cuts < self.most_cuts() && ends.1 - ends.0 <= MOST_SPREADS * cut_off;
             let is_close = |b: &Boundary| b.is_found() && !b.exceeds_budget(&control);
             if may_cut && !boundary.as_ref().is_none_or(is_close) {
                 let since = first.map_or(0.0, |onset| onset.time);
@@ -462,7 +473,7 @@ impl<'a> BackwardRecursion<'a> {
             },
             budget: (tolerance > 0.0).then(|| self.smallest_budget.max(share * left)),
             tolerance,
-            patience: if cuts < MOST_CUTS {
+            patience: if cuts < self.most_cuts() {
                 MOST_STALLS
             } else {
                 LEVELS
