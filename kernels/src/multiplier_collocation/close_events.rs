@@ -59,6 +59,7 @@ impl Merged {
         };
         // The time from now to the last end, years, and the spot expected there without dividends, in strikes.
         let (mut time, mut spot) = (0.0, x.exp());
+        // By how much what comes next begins earlier.
         let mut earlier = 0.0;
         for (place, segment) in segments.iter().enumerate() {
             let last = merged.segments.last_mut().zip(merged.groups.last_mut());
@@ -99,6 +100,9 @@ impl Merged {
             });
             time += duration;
             spot *= ((segment.dynamics.rate - segment.dynamics.dividend) * duration).exp();
+        }
+        if let Some(last) = merged.segments.last_mut() {
+            last.duration += earlier; // nothing came next
         }
         let spreads = || merged.segments.iter().map(Segment::spread);
         let variance: f64 = spreads().map(|spread| spread * spread).sum();
