@@ -94,7 +94,7 @@ ANSWERS: Mapping[str, Any] = {
         "cumulative_probability": [0.163747, 0.487361],
         "assignment_probability": [0.163747, 0.487361],
         "cost_of_waiting": [0.0714235, 0.516831],
-        "cost_error": [0.000107707, 6.80749e-05],
+        "cost_error": [7.58105e-05, 6.80749e-05],
         "status": "ok",
         "method": "closed-form, multiplier-collocation, premium-march",
         "engine_version": ENGINE_VERSION,

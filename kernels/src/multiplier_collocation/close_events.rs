@@ -192,7 +192,8 @@ impl Pair<'_> {
         let variances = (between.volatility.powi(2) - dynamics.volatility.powi(2)).abs();
         let is_date = moved.exercise_at_end && !moved.exercisable;
         let is_next_to_expiry = self.next.is_none() && self.first_pays();
-        let dates = if is_date || is_next_to_expiry {
+        let is_exercised_otherwise = self.second.exercisable != becomes.exercisable;
+        let dates = if is_date || is_next_to_expiry || is_exercised_otherwise {
             carry
         } else {
             0.0

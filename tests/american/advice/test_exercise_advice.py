@@ -212,7 +212,7 @@ def test_events_close_together_change_nothing_where_nothing_happens():
     curve = PiecewiseConstant([0.5, 0.5 + 1e-7, 0.6, 1.0], [0.05, 0.05 + 1e-12, 0.05, 0.05 + 1e-12])
     cut = exercise_advice(Option("put", 100.0, 1.0), Market(100.0, curve, 0.2), times=[0.5, 1.0])
     bound = whole.probability_error + cut.probability_error
-    assert np.abs(whole.cumulative_probability - cut.cumulative_probability).max() <= bound < 1e-3
+    assert np.abs(whole.cumulative_probability - cut.cumulative_probability).max() <= bound < 2e-3
 
 
 def test_what_is_not_supported_is_told():
@@ -238,7 +238,7 @@ def test_a_law_that_rounding_keeps_from_being_resolved_takes_bounded_memory_and_
         asked += 1
         return asked > asked_at_most
 
-    option = Option("call", 1e30, 1e-9, exercise_start=5e-10)
+    option = Option("call", 1e29, 1e-9, exercise_start=5e-10)
     tracemalloc.start()
     try:
         with pytest.raises(NumericalError):
