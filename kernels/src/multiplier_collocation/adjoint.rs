@@ -250,12 +250,13 @@ impl Walk {
 
     /// Add the adjoint weights of the value at a spot of zero: what is paid at the next exercise, discounted.
     fn count_at_zero(&mut self, all_later: &[SolvedPart], weights: &Weights) {
+        let at_zero = all_later.last().map_or(0.0, |part| part.value.at_zero);
         for (k, part) in all_later.iter().enumerate().rev() {
             let (value, segment) = (&part.value, &part.value.segment);
             if value.is_exercised_at_zero() {
                 return;
             }
-            let by_rate = -segment.duration * value.at_zero;
+            let by_rate = -segment.duration * at_zero;
             add(&mut self.gradients[part.index].rate, by_rate, weights);
             let waits = |next: &SolvedPart| next.value.at_zero > segment.strike(0.0);
             let goes_on = k.checked_sub(1).is_some_and(|k| waits(&all_later[k]));

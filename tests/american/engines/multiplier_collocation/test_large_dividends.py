@@ -43,3 +43,23 @@ def test_the_price_is_that_of_the_method_of_lines(life, tolerance):
     allowed = (np.array(found["error_estimate"]) + np.array(fine["error_estimate"]))[served]
     assert np.mean(apart <= allowed) > 0.92
     assert np.all(apart <= 1e-3 + allowed)
+
+
+@pytest.mark.parametrize("rate", [-0.03, -0.0035])
+def test_rho_counts_every_discount_of_what_is_left_at_a_spot_of_zero(rate):
+    dividends = [{"time": time, "amount": 0.4} for time in (0.7, 1.4, 2.9)]
+    row = {"option_type": "put", "spot": 63.0, "strike": 100.0, "expiry": 3.4, "dividend_yield": 0.018}
+    columns = {name: [value] for name, value in {**row, "volatility": 1.4}.items()} | {
+        "cash_dividends": [dividends]
+    }
+    step, by_steps = 2e-4, []
+    for by in (step, 2.0 * step):
+        ends = [
+            price_many({**columns, "rate": [rate + side * by]}, tolerance=1e-8, greeks="none")["price"][0]
+            for side in (1.0, -1.0)
+        ]
+        by_steps.append((ends[0] - ends[1]) / (2.0 * by))
+    wanted = (4.0 * by_steps[0] - by_steps[1]) / 3.0
+    found = price_many({**columns, "rate": [rate]}, greeks="standard")
+    assert found["method"][0] == "multiplier-collocation"
+    assert found["rho"][0] == pytest.approx(wanted, abs=1e-4)
