@@ -73,7 +73,7 @@ const WIDEST_BETWEEN: f64 = 0.4;
 const NARROWEST_BETWEEN: f64 = 0.1;
 /// The share of the tolerance that what is neglected in one segment may take before the segment is cut nearer to its event, and
 /// by which share of its width then; chosen.
-const NEGLECTED_SHARE: f64 = 0.03;
+const NEGLECTED_SHARE: f64 = 0.15;
 const NARROWER: f64 = 0.7;
 /// The smallest distance of such spots from the forward, in standard deviations of ln S at the segment's end; measured.
 const LEAST_NEGLECTED: f64 = 3.5;
