@@ -3,7 +3,7 @@
 use super::chebyshev::interpolation;
 use super::collocation_nodes::CollocationNodes;
 use super::contact_onset::{crossing_at, ContactOnset};
-use super::degree_control::{DegreeControl, CELL, CELLS};
+use super::degree_control::{value_nodes, DegreeControl, CELL, CELLS};
 use super::multiplier::{age_blocks, contribution, ContactBlock};
 use super::profile::Profile;
 use super::propagation::LARGEST_DEVIATION;
@@ -100,8 +100,9 @@ impl Boundary {
         control.budget.is_some_and(is_beyond)
     }
 
-    /// Evaluate the contact sets as seen from the segment's beginning, at `nodes`.
-    pub fn sample_contact_sets(&mut self, profile: &Profile, nodes: &CollocationNodes) {
+    /// Evaluate the contact sets as seen from the segment's beginning.
+    pub fn sample_contact_sets(&mut self, profile: &Profile) {
+        let nodes = value_nodes(self.nodes.degree);
         let (segment, onset_time) = (&self.segment, self.onset_time());
         let span = segment.duration - onset_time;
         let times: Vec<f64> = nodes

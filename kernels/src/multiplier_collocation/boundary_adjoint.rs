@@ -7,11 +7,11 @@
 //! eta.
 
 use super::boundary::{dot, Boundary};
-use super::collocation_nodes::{collocation_nodes, CollocationNodes};
+use super::collocation_nodes::CollocationNodes;
 use super::collocation_system::CollocationSystem;
 use super::contact_adjoint::{see_contact_sets, BoundaryWeights};
 use super::contact_onset::{ContactOnset, Representation};
-use super::degree_control::DEGREES;
+use super::degree_control::value_nodes;
 use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
 use super::linear_system::eliminate;
 use super::multiplier::ContactBlock;
@@ -74,11 +74,7 @@ impl BoundaryAdjoint<'_> {
     /// Add the adjoint weights of the contact sets that the segment's beginning sees.
     fn count_contact_sets(&mut self, contact_sets: &[BoundaryWeights]) {
         let (boundary, degree) = (self.boundary, self.boundary.nodes.degree);
-        let points = DEGREES
-            .iter()
-            .find(|(m, _, _)| *m == degree)
-            .map_or(0, |(_, _, points)| *points);
-        let nodes = (collocation_nodes(degree, points), degree - 1);
+        let nodes = (value_nodes(degree), degree - 1);
         let blocks = &boundary.contact_blocks;
         self.count_nodes(nodes, boundary.segment.duration, blocks, contact_sets, true);
     }

@@ -122,7 +122,7 @@ fn solve_degree(
     last: Option<&Boundary>,
     curvature: &mut f64,
 ) -> Boundary {
-    let (m, points, value_points) = DEGREES[degree];
+    let (m, points, _) = DEGREES[degree];
     let nodes = collocation_nodes(m, points);
     let start = last.map(|before| {
         let ends = before.ends.iter();
@@ -146,7 +146,7 @@ fn solve_degree(
         curvature,
     );
     if !is_start {
-        now.sample_contact_sets(profile, collocation_nodes(m, value_points));
+        now.sample_contact_sets(profile);
         now.violation = now.violation_inside(profile);
     }
     now
@@ -201,7 +201,6 @@ pub fn solve_alike(
         return None;
     }
     let nodes = similar.nodes;
-    let (_, _, value_points) = *DEGREES.iter().find(|row| row.0 == nodes.degree)?;
     let start = similar.ends.iter().zip(&onsets).flat_map(|(end, onset)| {
         let stages = end.coefficients[1..].iter().copied();
         std::iter::once(onset.first_coefficient()).chain(stages)
@@ -218,7 +217,7 @@ pub fn solve_alike(
         stopping,
         &mut curvature,
     );
-    found.sample_contact_sets(profile, collocation_nodes(nodes.degree, value_points));
+    found.sample_contact_sets(profile);
     found.is_found().then_some(found)
 }
 

@@ -164,6 +164,10 @@ impl Pair<'_> {
         pays(self.first, Some(self.second))
     }
 
+    fn may_be_exercised_between(&self) -> bool {
+        self.second.exercisable || self.second.exercise_at_end
+    }
+
     /// Whether both happen when the first does, and not when the second does: after the first payment a call is not exercised,
     /// nor a put before the second one.
     fn is_at_first(&self) -> bool {
@@ -205,18 +209,18 @@ impl Pair<'_> {
 
     /// Whether exercise between the two is exercise before or after both, or not worth while.
     fn is_representable(&self) -> bool {
-        let between = self.second.exercisable || self.second.exercise_at_end;
         let after = self.next.is_none_or(|next| next.exercisable);
-        !between || !self.first_pays() || (self.first.exercise_at_end && after)
+        !self.may_be_exercised_between()
+            || !self.first_pays()
+            || (self.first.exercise_at_end && after)
     }
 
     /// The first segment with both events at its end.
     fn joined(&self) -> Segment {
         let (first, second, pays) = (self.first, self.second, self.first_pays());
-        let between = second.exercisable || second.exercise_at_end;
         let keep = 1.0 - second.fraction;
         Segment {
-            exercise_at_end: first.exercise_at_end || (!pays && between),
+            exercise_at_end: first.exercise_at_end || (!pays && self.may_be_exercised_between()),
             fraction: 1.0 - (1.0 - first.fraction) * keep,
             amount: first.amount * keep + second.amount,
             escrow: if pays { first.escrow } else { second.escrow },

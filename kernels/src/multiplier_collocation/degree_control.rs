@@ -1,6 +1,7 @@
 //! How far the degree of a boundary's polynomial is raised: the table of degrees, the error that the value may have, and
 //! where the spot is likely to be.
 
+use super::collocation_nodes::{collocation_nodes, CollocationNodes};
 use super::contact_onset::Representation;
 use super::segment::Segment;
 
@@ -18,6 +19,12 @@ pub const DEGREES: [(usize, usize, usize); 7] = [
 ];
 /// The largest of the degrees.
 pub const LARGEST_DEGREE: usize = DEGREES[DEGREES.len() - 1].0;
+
+/// The nodes at which the value at the segment's beginning sees the contact sets of a boundary of this degree.
+pub fn value_nodes(degree: usize) -> &'static CollocationNodes {
+    let row = DEGREES.iter().find(|row| row.0 == degree);
+    collocation_nodes(degree, row.map_or(0, |row| row.2))
+}
 
 /// The number of cells in which two boundaries are compared; chosen.
 pub const CELLS: usize = 8;

@@ -125,14 +125,14 @@ impl Forecast {
         reach: f64,
     ) -> Option<f64> {
         let sign = later.segments[0].sign;
-        // What is left of a put counts in shares on the way there and in cash on the way on, that of a call the other way
-        // round: so far these two laws of ln S are from the middle between them.
         // Cash dividends hardly matter to spots that have risen far.
         let forward = if sign > 0.0 {
             self.growth
         } else {
             self.forward
         };
+        // What is left of a put counts in shares on the way there and in cash on the way on, that of a call the other way
+        // round: so far these two laws of ln S are from the middle between them.
         let forward = forward + 0.5 * sign * self.variance;
         let strike = self.meeting(&later.segments[index], &later.forecasts[index], ahead)?;
         let strike = strike + 0.5 * sign * ahead;

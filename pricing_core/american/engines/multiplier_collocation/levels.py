@@ -33,8 +33,8 @@ LEAST_GAIN, OUT_OF_REACH = 0.8, 1.2
 SMALLEST_SHARE = 0.1  # Smallest share of the tolerance that is left for the boundaries; chosen.
 EXERCISE = slice(4, 6)  # The columns of a segment that tell when the holder may exercise.
 AMOUNT, ESCROW = 7, 8  # The columns of money.
-# What the kernel's numbers say of complementarity and of the value's error, in strikes, and of the values nearby.
-VIOLATION, ERROR, NEARBY = 4, 5, slice(6, 9)
+# What the kernel's numbers say of the value's error, in strikes, and of the values nearby.
+ERROR, NEARBY = 5, slice(6, 9)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +86,7 @@ def pack(book: Book) -> Packed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solved:
-    """The solution of the collocation for each schedule, in strikes; every array has shape (n,).
+    """The solution of the collocation for each schedule, in strikes; arrays have shape (n,) unless stated.
 
     Parameters
     ----------
@@ -104,6 +104,8 @@ class Solved:
         The derivatives of value and slope (third axis) by the rate, yield, volatility, amount and escrow of each
         segment, what exercise on it contributes, and (second axis) how far all that changes with the degrees of the
         boundaries; NaN what is not found or was not asked for.
+    nearby : Matrix, shape (n, 3)
+        V/K at volatilities lower by a step, the same and higher, solved alike; NaN what is not found or not asked for.
     """
 
     value: Vector
