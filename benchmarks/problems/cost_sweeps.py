@@ -30,6 +30,7 @@ BOOKS: dict[str, Kind] = {
     "quarterly dividends": kinds.quarterly,
     "volatility 80-150 %": kinds.volatile,
     "specials of 20-50 %": kinds.special,
+    "a tenth of the spot each year": kinds.annual,
     "steep curves": kinds.steep_curves,
     "negative yields": kinds.negative_yield,
     "60 weekly dividends": kinds.weekly,

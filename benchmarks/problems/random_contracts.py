@@ -166,6 +166,12 @@ def special(random: np.random.Generator) -> Row:
     return paying(row, spread_out(row, 1, random), random, size=(0.2, 0.5))
 
 
+def annual(random: np.random.Generator) -> Row:
+    """Return a contract of one to five years with a cash dividend of about a tenth of the spot each year."""
+    row = {**flat(random), "expiry": random.uniform(1.0, 5.0)}
+    return paying(row, every(row, 1.0, random), random, size=(0.08, 0.12))
+
+
 def steep_curves(random: np.random.Generator) -> Row:
     """Return a contract with curves that jump far, and two cash dividends."""
     row = flat(random)

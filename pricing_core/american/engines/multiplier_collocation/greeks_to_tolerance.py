@@ -54,7 +54,6 @@ ALLOWED = {
 }
 # How much larger an estimate may be: it is some thirty times the error in the median; calibrated on random contracts.
 PESSIMISM = 5.0
-VOLGA_PESSIMISM = 4.0  # The same of volga from values; calibrated likewise.
 LEAST_TOLERANCE = 1e-7  # Smallest tolerance, in strikes, that the errors of Greeks are measured by; chosen.
 CLOSE = 1e-8  # Tolerance, in strikes, of values whose differences are taken; chosen.
 # Error of a derivative by a parameter, in strikes, from which on differences are tried; chosen: they take many solves.
@@ -84,7 +83,7 @@ class Differences(NamedTuple):
 
 
 # Volga from values and from vegas; calibrated on random contracts.
-BY_VALUES, BY_VEGAS = Differences(0.005, 0.5, 0.04), Differences(0.0025, 0.2, 0.1)
+BY_VALUES, BY_VEGAS = Differences(0.005, 1.0, 0.015), Differences(0.0025, 0.2, 0.1)
 
 
 def greeks_to_tolerance(
@@ -136,7 +135,7 @@ def _first_or_finer(book: Book, first: Solved, request: Request, *, lacking: boo
         )
     found, missed = _greeks_and_errors(book, first, (price, error), request)
     volga = _volga_by_values(book, first, found) if extended else {}
-    lacks_volga = ~(_largest_error(book, volga, request.tolerance) <= VOLGA_PESSIMISM)
+    lacks_volga = ~(_largest_error(book, volga, request.tolerance) <= PESSIMISM)
     rows = np.flatnonzero(~(missed <= PESSIMISM) | lacks_volga)
     if rows.size and not request.is_interrupted():
         part, coarse, asked = book.take(rows), first.take(rows, book), request.take(rows)
@@ -267,7 +266,7 @@ def _closest(columns: Columns, rows: Rows, found: Columns) -> Columns:
 
 def _volga_to_tolerance(book: Book, volga: Columns, greeks: Columns, request: Request) -> Columns:
     """Return volga and its error from vegas to a small tolerance where the error from values is too large."""
-    rows = np.flatnonzero(~(_largest_error(book, volga, request.tolerance) <= VOLGA_PESSIMISM))
+    rows = np.flatnonzero(~(_largest_error(book, volga, request.tolerance) <= PESSIMISM))
     if rows.size == 0 or request.is_interrupted():
         return volga
     part, known = book.take(rows), {name: greeks[name][rows] for name in ("vega", error_of("vega"))}
