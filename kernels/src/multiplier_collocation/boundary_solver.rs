@@ -196,6 +196,11 @@ pub fn solve_alike(
     if similar.near().onset.is_from_crossing() && !onsets[0].is_from_crossing() {
         onsets[0] = value_onset(profile, segment, &onsets[0]);
     }
+    for (onset, end) in onsets.iter_mut().zip(&similar.ends) {
+        if !onset.is_from_crossing() && !end.onset.is_from_crossing() {
+            onset.representation = end.onset.representation; // either does between smooth and like a root
+        }
+    }
     let representations = similar.ends.iter().map(|end| end.onset.representation);
     if !representations.eq(onsets.iter().map(|onset| onset.representation)) {
         return None;
@@ -217,6 +222,7 @@ pub fn solve_alike(
         stopping,
         &mut curvature,
     );
+    found.enough = similar.enough.max(SMALLEST_RESIDUAL);
     found.sample_contact_sets(profile);
     found.is_found().then_some(found)
 }

@@ -12,7 +12,7 @@ use super::solved_part::SolvedPart;
 /// both; chosen.
 const UNEVEN: f64 = 0.08;
 /// The difference of two moves that is too small to tell, in x; chosen.
-const SMALLEST_MOVE: f64 = 1e-6;
+const SMALLEST_MOVE: f64 = 2e-5;
 
 /// The values at volatilities lower by the step, the same and higher, with the cuts and the degrees of a solution, in strikes;
 /// NaN where they are not wanted, or where the three are not alike.

@@ -98,6 +98,7 @@ def greeks_to_tolerance(
     """
     extended = request.greeks == "extended"
     wanted, complete = np.flatnonzero(believed & ~exercised), exercised.copy()
+    refused = np.zeros(book.count, dtype=bool)
     columns = _nothing_known(book, solved, np.flatnonzero(~exercised), extended=extended)
     lacking = lacks_cuts(book, extended=extended)
     for rows in (wanted[~lacking[wanted]], wanted[lacking[wanted]]):
@@ -106,12 +107,14 @@ def greeks_to_tolerance(
         if request.is_interrupted():
             break
         part, first = book.take(rows), solved.take(rows, book)
-        found, missed = _first_or_finer(part, first, request.take(rows), lacking=bool(lacking[rows[0]]))
+        found, missed, refused[rows] = _first_or_finer(
+            part, first, request.take(rows), lacking=bool(lacking[rows[0]])
+        )
         known = np.flatnonzero(missed < np.inf)
         columns = stored(columns, rows[known], {name: taken(column, known) for name, column in found.items()})
         complete[rows[known]] = True
     doubtful = [columns[error_of(greek)][wanted] / book.strike[wanted] for greek in PARALLEL.values()]
-    rows = wanted[complete[wanted] & (np.max(doubtful, axis=0) > BY_DIFFERENCES)]
+    rows = wanted[(complete & ~refused)[wanted] & (np.max(doubtful, axis=0) > BY_DIFFERENCES)]
     if rows.size and not request.is_interrupted():
         closer = _closer(book.take(rows), columns, rows, request)
         columns |= stored({name: columns[name] for name in closer}, rows, closer)
@@ -119,11 +122,14 @@ def greeks_to_tolerance(
     return columns | {"complete": complete}, late
 
 
-def _first_or_finer(book: Book, first: Solved, request: Request, *, lacking: bool) -> tuple[Columns, Vector]:
+def _first_or_finer(
+    book: Book, first: Solved, request: Request, *, lacking: bool
+) -> tuple[Columns, Vector, BoolVector]:
     """Return the Greeks of the first solution, or of a finer one where those have too large errors.
 
-    The second result is the largest error of each contract over what it should be at most. `lacking` tells that no
-    segment ends at some entries by which there is a derivative.
+    The second result is the largest error of each contract over what it should be at most; the third tells where the
+    finer solution was not found, so that still finer ones would be sought in vain. `lacking` tells that no segment ends
+    at some entries by which there is a derivative.
     """
     extended, threads, interrupt = request.greeks == "extended", request.threads, request.interrupt
     price, error = first.value, np.maximum(first.error, request.tolerance)
@@ -137,12 +143,14 @@ def _first_or_finer(book: Book, first: Solved, request: Request, *, lacking: boo
     volga = _volga_by_values(book, first, found) if extended else {}
     lacks_volga = ~(_largest_error(book, volga, request.tolerance) <= PESSIMISM)
     rows = np.flatnonzero(~(missed <= PESSIMISM) | lacks_volga)
+    refused = np.zeros(book.count, dtype=bool)
     if rows.size and not request.is_interrupted():
         part, coarse, asked = book.take(rows), first.take(rows, book), request.take(rows)
         level, step = np.minimum(coarse.level + 1, FINEST), None
         if extended:
             step = np.where(lacks_volga[rows], volatility_step(part), 0.0)
         fine = solve_once(pack(part), level, FINER * asked.tolerance, threads, 1, interrupt, step)
+        refused[rows] = ~fine.settled
         with np.errstate(invalid="ignore"):  # a derivative that was not found is not finite
             moved = np.abs(fine.gradient[:, OWN] - coarse.gradient[:, OWN])
         fine.gradient[:, CHANGE] = MOVED_SHARE * moved + CHANGE_SHARE * coarse.gradient[:, CHANGE]
@@ -153,9 +161,9 @@ def _first_or_finer(book: Book, first: Solved, request: Request, *, lacking: boo
         if extended:
             volga = _closest(volga, rows, _volga_by_values(part, fine, finer))
     if extended:
-        found |= _volga_to_tolerance(book, volga, found, request)
+        found |= _volga_to_tolerance(book, volga, found, ~refused, request)
         missed = np.where(np.isnan(found["volga"]), np.inf, missed)
-    return found, missed
+    return found, missed, refused
 
 
 def _greeks_and_errors(
@@ -264,9 +272,17 @@ def _closest(columns: Columns, rows: Rows, found: Columns) -> Columns:
     return stored(columns, rows[better], {name: column[better] for name, column in found.items()})
 
 
-def _volga_to_tolerance(book: Book, volga: Columns, greeks: Columns, request: Request) -> Columns:
-    """Return volga and its error from vegas to a small tolerance where the error from values is too large."""
-    rows = np.flatnonzero(~(_largest_error(book, volga, request.tolerance) <= PESSIMISM))
+def _volga_to_tolerance(
+    book: Book, volga: Columns, greeks: Columns, solvable: BoolVector, request: Request
+) -> Columns:
+    """Return volga and its error from vegas to a small tolerance where the error from values is too large.
+
+    Parameters
+    ----------
+    solvable : bool array, shape (n,)
+        Where such a small tolerance is tried.
+    """
+    rows = np.flatnonzero(solvable & ~(_largest_error(book, volga, request.tolerance) <= PESSIMISM))
     if rows.size == 0 or request.is_interrupted():
         return volga
     part, known = book.take(rows), {name: greeks[name][rows] for name in ("vega", error_of("vega"))}
