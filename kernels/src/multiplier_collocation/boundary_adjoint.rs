@@ -188,6 +188,7 @@ impl BoundaryAdjoint<'_> {
 
         let equations = self.transposed_solve(&jacobian, m)?;
         for (index, weights) in equations.iter().enumerate() {
+            add(&mut gradient.last_step, residual[index], weights);
             let (end, k) = (index / m, index % m);
             let of_value = onsets[end].is_from_crossing();
             let s = system.times[k];

@@ -5,7 +5,7 @@ pub const FUNCTIONALS: usize = 2;
 /// One number for each functional.
 pub type Weights = [f64; FUNCTIONALS];
 
-/// The number of numbers of `SegmentGradient`.
+/// The number of derivatives in `SegmentGradient`.
 pub const PARAMETERS: usize = 6;
 
 /// The derivatives of the functionals by the numbers of one segment, in strikes.
@@ -19,6 +19,8 @@ pub struct SegmentGradient {
     pub escrow: Weights,
     /// What exercise on the segment contributes to the functionals themselves.
     pub exercise: Weights,
+    /// What the functionals change by one more step of Newton's method for the boundary; not among `PARAMETERS`.
+    pub last_step: Weights,
 }
 
 impl SegmentGradient {
@@ -30,6 +32,15 @@ impl SegmentGradient {
         add(&mut self.amount, 1.0, &other.amount);
         add(&mut self.escrow, 1.0, &other.escrow);
         add(&mut self.exercise, 1.0, &other.exercise);
+        add(&mut self.last_step, 1.0, &other.last_step);
+    }
+
+    /// What the value of the option changes by one more step of Newton's method for all boundaries.
+    pub fn last_step_of_value(by_segment: &[SegmentGradient]) -> f64 {
+        by_segment
+            .iter()
+            .map(|gradient| gradient.last_step[0])
+            .sum()
     }
 
     /// How far all derivatives of one functional are from others.

@@ -9,36 +9,33 @@ use super::schedule::Schedule;
 use super::solved_part::SolvedPart;
 
 /// The largest difference of two moves of a boundary, by equal steps of the volatility down and up, that are alike, as a share of
-/// both; chosen.
+/// both; chosen: an uneven move is to another solution of the same equations.
 const UNEVEN: f64 = 0.08;
 /// The difference of two moves that is too small to tell, in x; chosen.
 const SMALLEST_MOVE: f64 = 2e-5;
 
 /// The values at volatilities lower by the step, the same and higher, with the cuts and the degrees of a solution, in strikes;
-/// NaN where they are not wanted, or where the three are not alike.
-pub fn values_nearby(schedule: &Schedule, solved: &[SolvedPart]) -> [f64; 3] {
+/// None where the three are not alike. `same` is the value of the solution after one more step of Newton's method, which
+/// solves the equations as closely as those of the others are.
+pub fn values_nearby(schedule: &Schedule, solved: &[SolvedPart], same: f64) -> Option<[f64; 3]> {
     let step = schedule.volatility_step;
-    if step <= 0.0 {
-        return [f64::NAN; 3];
-    }
-    let mut values = [f64::NAN; 3];
-    let mut ends: [Vec<f64>; 3] = Default::default();
-    for (k, more) in [-step, 0.0, step].into_iter().enumerate() {
-        let Some(found) = solve_alike_nearby(schedule, more, solved) else {
-            return [f64::NAN; 3];
-        };
-        (values[k], ends[k]) = found;
-    }
-    let [lower, same, higher] = &ends;
-    let mut moves = lower.iter().zip(same).zip(higher);
-    let leaps = |((lower, same), higher): ((&f64, &f64), &f64)| {
-        let (down, up) = (same - lower, higher - same);
-        (up - down).abs() > UNEVEN * (up.abs() + down.abs()) + SMALLEST_MOVE
+    let (lower, lower_ends) = solve_alike_nearby(schedule, -step, solved)?;
+    let (higher, higher_ends) = solve_alike_nearby(schedule, step, solved)?;
+    let moves_evenly = |ends: &[f64]| {
+        let mut all = lower_ends.iter().zip(ends).zip(&higher_ends);
+        all.all(|((lower, same), higher)| {
+            let (down, up) = (same - lower, higher - same);
+            let uneven = (up - down).abs() > UNEVEN * (up.abs() + down.abs()) + SMALLEST_MOVE;
+            !uneven // also where there is no end
+        })
     };
-    if moves.any(leaps) {
-        return [f64::NAN; 3]; // another solution of the same equations
+    let ends: Vec<f64> = solved.iter().map(SolvedPart::relevant_end).collect();
+    if moves_evenly(&ends) {
+        return Some([lower, same, higher]);
     }
-    values
+    // The ends of the solution are solved for less closely, which may have been what was uneven.
+    let (same, ends) = solve_alike_nearby(schedule, 0.0, solved)?;
+    moves_evenly(&ends).then_some([lower, same, higher])
 }
 
 /// The value where every volatility is larger by some amount, with the cuts and the degrees of a solution, in strikes, and the

@@ -62,7 +62,20 @@ pub fn solve_schedule(
     if !(value.is_finite() && slope.is_finite() && second.is_finite()) {
         return Err(Unsettled);
     }
-    let [lower, same, higher] = values_nearby(schedule, &recursion.solved);
+    let derivatives = if walks > 0 {
+        derivatives(&recursion.solved, schedule, walks).ok()
+    } else {
+        None
+    };
+    let mut nearby = None;
+    if let Some(found) = derivatives
+        .as_ref()
+        .filter(|_| schedule.volatility_step > 0.0)
+    {
+        let last_step = SegmentGradient::last_step_of_value(&found.by_segment);
+        nearby = values_nearby(schedule, &recursion.solved, value + last_step);
+    }
+    let [lower, same, higher] = nearby.unwrap_or([f64::NAN; 3]);
     *result = [
         value,
         slope,
@@ -74,8 +87,5 @@ pub fn solve_schedule(
         same,
         higher,
     ];
-    if walks == 0 {
-        return Ok(None);
-    }
-    Ok(derivatives(&recursion.solved, schedule, walks).ok())
+    Ok(derivatives)
 }

@@ -43,7 +43,7 @@ BY_PANELS = np.array([1e-4, 4e-6, 1e-9, 4e-11, 4e-11, 4e-11, 4e-11])
 SLOPE_BY_PANELS = np.array([1e-4, 2e-6, 1e-10, 2e-11, 2e-11, 2e-11, 2e-11])
 # Error of charm over the change of the first segment's derivatives, over that of the slope in variances of ln S, and
 # over what the panels leave of the slope in variances over the first segment; calibrated.
-CHARM_BY_FIRST, CHARM_BY_SLOPE, CHARM_BY_PANELS = 0.55, 0.7, 3.0
+CHARM_BY_FIRST, CHARM_BY_SLOPE, CHARM_BY_PANELS = 0.57, 0.75, 3.0
 # What the panels leave of a further derivative by x over what they leave of the one before, in the same unit.
 PANEL_ROUGHNESS = 20.0
 Derivatives = NDArray[np.float64]  # (m, 2, 2, 6), or a part of it

@@ -54,6 +54,7 @@ ALLOWED = {
 }
 # How much larger an estimate may be: it is some thirty times the error in the median; calibrated on random contracts.
 PESSIMISM = 5.0
+VOLGA_PESSIMISM = 4.0  # The same of volga, whose estimate is closer; calibrated likewise.
 LEAST_TOLERANCE = 1e-7  # Smallest tolerance, in strikes, that the errors of Greeks are measured by; chosen.
 CLOSE = 1e-8  # Tolerance, in strikes, of values whose differences are taken; chosen.
 # Error of a derivative by a parameter, in strikes, from which on differences are tried; chosen: they take many solves.
@@ -141,7 +142,7 @@ def _first_or_finer(
         )
     found, missed = _greeks_and_errors(book, first, (price, error), request)
     volga = _volga_by_values(book, first, found) if extended else {}
-    lacks_volga = ~(_largest_error(book, volga, request.tolerance) <= PESSIMISM)
+    lacks_volga = ~(_largest_error(book, volga, request.tolerance) <= VOLGA_PESSIMISM)
     rows = np.flatnonzero(~(missed <= PESSIMISM) | lacks_volga)
     refused = np.zeros(book.count, dtype=bool)
     if rows.size and not request.is_interrupted():
@@ -282,7 +283,7 @@ def _volga_to_tolerance(
     solvable : bool array, shape (n,)
         Where such a small tolerance is tried.
     """
-    rows = np.flatnonzero(solvable & ~(_largest_error(book, volga, request.tolerance) <= PESSIMISM))
+    rows = np.flatnonzero(solvable & ~(_largest_error(book, volga, request.tolerance) <= VOLGA_PESSIMISM))
     if rows.size == 0 or request.is_interrupted():
         return volga
     part, known = book.take(rows), {name: greeks[name][rows] for name in ("vega", error_of("vega"))}
