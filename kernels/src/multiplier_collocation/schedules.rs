@@ -27,7 +27,7 @@ pub struct Schedules<'a> {
     pub level: &'a [usize],
     /// The largest error estimate of the boundaries, in strikes; 0 for the level's own degree, (n,).
     pub tolerance: &'a [f64],
-    /// The step of all volatilities at which values nearby are wanted; 0 for none, (n,).
+    /// The step of all volatilities at which values nearby are wanted, for which there must be a walk; 0 for none, (n,).
     pub volatility_step: &'a [f64],
     /// Years from now at which boundaries are wanted, increasing for each schedule, (t,).
     pub times: &'a [f64],
