@@ -193,12 +193,15 @@ pub fn solve_alike(
     similar: &Boundary,
 ) -> Option<Boundary> {
     let mut onsets = onsets.to_vec();
-    if similar.near().onset.is_from_crossing() && !onsets[0].is_from_crossing() {
-        onsets[0] = value_onset(profile, segment, &onsets[0]);
-    }
     for (onset, end) in onsets.iter_mut().zip(&similar.ends) {
-        if !onset.is_from_crossing() && !end.onset.is_from_crossing() {
-            onset.representation = end.onset.representation; // either does between smooth and like a root
+        if onset.is_from_crossing() {
+            continue;
+        }
+        if end.onset.is_from_crossing() {
+            *onset = value_onset(profile, segment, onset);
+        } else {
+            // A small change may turn a boundary that begins smoothly into one that begins like a root.
+            onset.representation = end.onset.representation;
         }
     }
     let representations = similar.ends.iter().map(|end| end.onset.representation);
@@ -222,7 +225,7 @@ pub fn solve_alike(
         stopping,
         &mut curvature,
     );
-    found.enough = similar.enough.max(SMALLEST_RESIDUAL);
+    found.enough = similar.enough;
     found.sample_contact_sets(profile);
     found.is_found().then_some(found)
 }

@@ -1,7 +1,8 @@
 //! Values at volatilities next to those of a solved schedule, whose differences give the second derivative by the volatility.
 //!
 //! They are solved alike: with the cuts of the segments and the degrees of the boundaries that the solution has, and from its
-//! boundaries. So the errors of the three values are nearly the same, and their second difference is that of the values.
+//! boundaries. The value at the same volatility is the solution's own, as the adjoint corrects it. So the errors of the three values
+//! are nearly the same, and their second difference is that of the values.
 
 use super::backward_recursion::BackwardRecursion;
 use super::boundary_query::BoundaryQuery;

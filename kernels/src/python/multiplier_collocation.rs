@@ -17,8 +17,8 @@ use crate::multiplier_collocation::{
 ///
 /// By schedule, each (n,): `sign`, 1 for a put and -1 for a call, `x` = ln(S/K) now, `level` of fineness, `tolerance` of
 /// the boundaries' error estimate in strikes, or 0 for the level's own degree, `volatility_step` of all volatilities at which
-/// values nearby are wanted, or 0. `segments`, (m, 9): duration in years, rate,
-/// yield, volatility, exercisable, exercise at the end, fraction, amount, escrow, money in strikes, in the order of time;
+/// values nearby are wanted, which takes a walk, or 0. `segments`, (m, 9): duration in years, rate, yield, volatility,
+/// exercisable, exercise at the end, fraction, amount, escrow, money in strikes, in the order of time;
 /// `first`, (n + 1,), has the first segment of each schedule and m. `times`, (t,), are years from now at which boundaries
 /// are wanted, increasing for each schedule; `first_time`, (n + 1,), has the first time of each schedule and t.
 ///

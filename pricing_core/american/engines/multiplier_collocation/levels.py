@@ -143,7 +143,7 @@ def solve_to_tolerance(
         0, 1 for the derivatives by the segments' numbers, 2 for their changes with the boundaries' degrees as well; the
         values do not depend on it.
     volatility_step : Vector, shape (n,), optional
-        Step of all volatilities for the values nearby.
+        Step of all volatilities for the values nearby, which take at least one walk.
     interrupt : callable, optional
         True ends the work; what is not solved then is not settled.
     """
