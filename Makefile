@@ -23,7 +23,7 @@ ONE_THREAD := OPENBLAS_NUM_THREADS=1
 # cargo and the build backend must agree on the interpreter, or each would recompile the other's work.
 export PYO3_PYTHON := $(abspath $(BIN)/python)
 
-.PHONY: help demo test check benchmark figures examples docs nightly wheels image lock clean
+.PHONY: help demo test check check-python check-crate benchmark figures examples docs nightly wheels image lock clean
 .DEFAULT_GOAL := help
 
 help:  ## show this list
@@ -36,7 +36,9 @@ test: $(VENV)/.installed-for-tests  ## run the Rust tests (where the kernel is c
 	if $(HAS_KERNEL); then cargo test --quiet --locked $(MANIFEST); fi
 	$(BIN)/python -m pytest $(PYTEST_FLAGS)
 
-check: $(VENV)/.installed-for-tests  ## what is checked before the tests: style, types, import contract
+check: check-python check-crate  ## what is checked before the tests: style, types, import contract
+
+check-python: $(VENV)/.packages
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -45,6 +47,8 @@ check: $(VENV)/.installed-for-tests  ## what is checked before the tests: style,
 	$(BIN)/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 	$(BIN)/check-jsonschema --builtin-schema vendor.citation-file-format CITATION.cff
 	$(BIN)/zizmor --quiet --offline --persona pedantic .github
+
+check-crate: $(VENV)/.installed-for-tests
 	if $(HAS_KERNEL); then cargo fmt $(MANIFEST) --check; fi
 	if $(HAS_KERNEL); then cargo clippy --quiet --locked $(MANIFEST) --all-targets --features python -- --deny warnings; fi
 
@@ -111,7 +115,12 @@ $(VENV)/.installed: $(VENV)/.build-tools $(SOURCES)
 	@$(SAY_KERNEL)
 	touch $@
 
-$(VENV)/.installed-for-tests: $(VENV)/.build-tools $(SOURCES)
+# What the tests and checks need, without the kernel: `make --jobs 2 check` compiles that beside the checks of Python.
+$(VENV)/.packages: $(VENV)/.build-tools pyproject.toml setup.py constraints.txt
+	PRICING_CORE_KERNEL=none $(INSTALL) --no-build-isolation --editable '.[all]' --group test
+	touch $@
+
+$(VENV)/.installed-for-tests: $(VENV)/.packages $(SOURCES)
 	@$(SAY_WHAT_IS_DONE)
 	$(INSTALL) --no-build-isolation --editable '.[all]' --group test
 	@$(SAY_KERNEL)

@@ -30,7 +30,7 @@ def put(random, life):
 
 
 @pytest.mark.parametrize("life", [(0.2, 2.0), (2.0, 10.0)], ids=["short", "long"])
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+@pytest.mark.parametrize("tolerance", [pytest.param(1e-4, marks=pytest.mark.nightly), 1e-6])
 def test_the_price_is_that_of_the_method_of_lines(life, tolerance):
     random = np.random.default_rng(23)
     rows = [put(random, life) for _ in range(40)]
