@@ -20,8 +20,8 @@ const LEVELS: (usize, usize) = (2, STEPS.len() - 1);
 
 /// The error of a derivative as shares of its change from one march to the next, and of the value's error over the spread,
 /// or over its square: by x, by x twice, by rate, dividend and spread; calibrated on random puts.
-const CHANGE_SHARES: [f64; 5] = [0.5, 0.5, 0.8, 0.8, 0.5];
-const VALUE_SHARES: [f64; 5] = [0.4, 0.6, 1.5, 1.5, 0.5];
+const CHANGE_SHARES: [f64; 5] = [0.47, 0.5, 0.76, 0.7, 0.5];
+const VALUE_SHARES: [f64; 5] = [0.37, 0.6, 1.4, 1.3, 0.5];
 const OVER_SQUARE: [bool; 5] = [false, true, true, true, false];
 /// The same for vanna, charm and volga; calibrated.
 const CROSS_SHARE: f64 = 0.5;
