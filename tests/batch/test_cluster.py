@@ -153,15 +153,15 @@ def test_a_unit_that_kills_its_workers_is_named_when_all_others_are_priced(
 def test_a_lost_scheduler_is_told_and_the_work_goes_on_from_there(
     book: Path, undisturbed: pa.Table, there: Cluster, tmp_path: Path
 ) -> None:
-    target = tmp_path / "out.parquet"
+    target, block = tmp_path / "out.parquet", 50  # so many units that they are not all done when it is lost
     there.worker()
     kill = after(3, lambda: there.scheduler.send_signal(signal.SIGKILL))
     with pytest.raises(ClusterError, match="the scheduler is lost"):
-        run_batch(book, target, block_size=BLOCK, engine="dask", scheduler=there.address, progress=kill)
+        run_batch(book, target, block_size=block, engine="dask", scheduler=there.address, progress=kill)
     assert not target.exists()
     priced: list[int] = []
-    run_batch(book, target, block_size=BLOCK, resume=True, progress=lambda told: priced.append(told.unit))
-    assert 0 < len(priced) <= ROWS // BLOCK - 3
+    run_batch(book, target, block_size=block, resume=True, progress=lambda told: priced.append(told.unit))
+    assert 0 < len(priced) <= ROWS // block - 3
     assert pq.read_table(target).equals(undisturbed)
 
 

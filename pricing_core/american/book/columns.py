@@ -34,7 +34,9 @@ def broadcast_columns(columns: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     if any(array.ndim > 1 for array in arrays.values()) or len(lengths) > 1:
         raise _unlisted(arrays) or _ragged(arrays)
     length = lengths.pop() if lengths else 1
-    return {name: np.broadcast_to(array, (length,)) for name, array in arrays.items()}
+    return {
+        name: array if array.ndim else np.broadcast_to(array, (length,)) for name, array in arrays.items()
+    }
 
 
 def _unlisted(arrays: Mapping[str, NDArray[Any]]) -> InvalidInputError | None:

@@ -41,12 +41,14 @@ def solve_in_chunks(
     workers : int
         Number of threads; the prices do not depend on it.
     """
+    whole = slice(0, book.count)
     if request.share_solves:  # contracts that share a solve stay together
-        take(slice(0, book.count), solve_in_time(book, replace(request, threads=workers), engines))
+        take(whole, solve_in_time(book, replace(request, threads=workers), engines))
         return
 
     def price(rows: slice) -> None:
-        take(rows, solve_in_time(book.part(rows), request.take(rows), engines))
+        some = (book, request) if rows == whole else (book.part(rows), request.take(rows))
+        take(rows, solve_in_time(*some, engines))
 
     mapped(price, _chunks(book, workers), workers)
 
@@ -82,6 +84,8 @@ def _chunks(book: Book, workers: int) -> list[slice]:
     """Cut the book into consecutive rows with about as many segments each."""
     segments = int(book.first[-1])
     size = min(LARGEST_CHUNK, max(SMALLEST_CHUNK, -(-segments // workers)))
+    if 0 < segments <= size:
+        return [slice(0, book.count)]
     cuts = np.unique(np.searchsorted(book.first, np.arange(0, segments + size, size)))
     cuts = np.minimum(cuts, book.count)
     return [slice(int(a), int(b)) for a, b in pairwise(cuts) if a < b]
