@@ -177,3 +177,17 @@ def test_a_boundary_that_begins_at_no_spot_is_none(strike):
     market = Market(strike, PiecewiseConstant([0.2, 1.0], [0.05, 1e-300]), 1e-4, 2.0, dividends)
     found = exercise_boundary(Option("put", strike, 2.0), market)
     assert np.all(np.isnan(found.boundary) | (found.boundary <= strike))
+
+
+def test_a_put_on_a_spot_that_hardly_moves_after_it_moved_far_has_no_boundary_above_the_strike():
+    """The grid's cells are a seventh of the spot wide: an end of the region is known to within one of them."""
+    market = Market(
+        1e-6,
+        {"times": [0.12, 0.35, 0.61, 0.78, 1.04], "values": [0.3, 0.0, -0.5, 0.05, 2.0]},
+        {"times": [0.5, 2.0], "values": [15.0, 1e-12]},
+        2.0,
+        cash_dividends=[CashDividend(0.92, 1.0)],
+        dividend_model="escrowed",
+    )
+    found = exercise_boundary(Option("put", 100.0, 1.0), market, tolerance=0.01).boundary
+    assert np.nanmax(found) <= 100.0

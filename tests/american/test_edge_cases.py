@@ -99,3 +99,13 @@ def test_an_error_is_never_below_the_rounding_of_the_value(exercise):
     assert found.price == pytest.approx(2.2652784469501787e45, rel=1e-13)
     assert 4e-16 * found.price <= found.error_estimate <= 1e-12 * found.price
     assert found.status == "tolerance_not_met"
+
+
+@pytest.mark.parametrize("volatility", [1e-8, 0.2, 3.0])
+def test_a_call_whose_escrow_exceeds_the_strike_is_exercised_just_before_the_dividend(volatility):
+    market = Market(
+        1000.0, 0.05, volatility, cash_dividends=[CashDividend(0.5, 500.0)], dividend_model="escrowed"
+    )
+    found = price(Option("call", 100.0, 1.0), market)
+    assert found.status == "ok"
+    assert found.price == pytest.approx(1000.0 - 100.0 * math.exp(-0.025), abs=found.error_estimate + 1e-9)

@@ -225,7 +225,8 @@ def exercised(
     errors += [region.error for region in regions if region is not None]
 
     def run(count: int, shift: float) -> Exercised:
-        march = ExerciseMarch if schedule.local is None else DensityMarch
+        diffuses_locally = schedule.local is not None and schedule.spot > 0.0
+        march = DensityMarch if diffuses_locally else ExerciseMarch
         return march(schedule, count, shift, check).run(spans, regions)
 
     fine, coarse, moved = run(INTERVALS, 0.0), run(INTERVALS // 2, 0.0), run(INTERVALS // 2, max(errors))

@@ -346,7 +346,7 @@ class Book:
 
     def schedule(self, row: int) -> Schedule:
         """Return one contract as a schedule."""
-        alone = self.part(slice(row, row + 1))
+        alone = self if self.count == 1 else self.part(slice(row, row + 1))
         escrowed, escrow = bool(self.escrowed[row]), alone.escrow().tolist()
         columns = zip(*(getattr(alone.segments, name).tolist() for name in Segments.__slots__), strict=True)
         segments = tuple(

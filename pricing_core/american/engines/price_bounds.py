@@ -73,8 +73,8 @@ def bounds_of(book: Book) -> PriceBounds:
     """Return the bounds of the contracts, whose volatilities are ignored.
 
     At volatility 0 the spot is certain. At infinite volatility it goes to 0 on almost every path: a put brings the
-    strike, less the escrow, a call the spot, less the fractions and the yield paid before exercise, each with interest
-    to the best time; European ones with interest to expiry (Merton 1973).
+    strike, less the escrow; a call the spot, less the fractions and the yield paid before exercise, and what the escrow
+    exceeds the strike by; each with interest to the best time; European ones with interest to expiry (Merton 1973).
     """
     segments, sign, K, count = book.segments, book.sign, book.strike, book.count
     lower, european_lower = certain_value(book), certain_value(book.european())
@@ -94,7 +94,7 @@ def bounds_of(book: Book) -> PriceBounds:
             bond = sign[rows] * (after[0] * K[rows] - due)
             earlier = np.where(exercisable, sign[rows] * (before[0] * K[rows] - due), bond)
             stock = np.maximum(after[1], np.where(exercisable, before[1], 0.0))
-            most = np.maximum(np.maximum(bond, earlier), 0.0) * (sign[rows] > 0.0) + held[rows] * stock
+            most = np.maximum(np.maximum(bond, earlier), 0.0) + held[rows] * stock
             allowed = exercisable | segments.exercise_at_end[at]
             upper[rows] = np.maximum(upper[rows], np.where(allowed, most, 0.0))
             discount[rows], share[rows] = after[0], after[1] * (1.0 - segments.fraction[at])

@@ -107,12 +107,19 @@ def boundary_of(
     for engine in engines:
         if engine.serves(book)[0] and not every(best.found):
             best = best.completed_by(engine.boundary(book, times, request))
+    best = best._replace(near=_where_exercise_pays(book, best.near))
     if not book.is_plain or book.is_local()[0]:
         return best
     # Without events the boundary is monotone in time (Jaillet, Lamberton, Lapeyre 1990).
     running = np.fmin if book.is_put[0] else np.fmax
     monotone = running.accumulate(best.near[::-1])[::-1]
     return best._replace(near=np.where(np.isnan(best.near), best.near, monotone))
+
+
+def _where_exercise_pays(book: Book, boundary: Vector) -> Vector:
+    """Return boundaries, money, with those at the strike that lie where exercise brings nothing."""
+    beyond = book.sign * (boundary - book.strike) > 0.0
+    return np.where(beyond, book.strike, boundary) if some(beyond) else boundary
 
 
 def _is_worthwhile(engine: Engine, before: Prices, book: Book) -> BoolVector:
@@ -176,6 +183,8 @@ def _with_status(best: Prices, allowed: Vector, *, interrupted: bool) -> Prices:
 
 def _completed(book: Book, best: Prices, request: Request, engines: Sequence[Engine]) -> Prices:
     """Return the prices of the contracts as they are stated, with what needs no engine."""
+    boundary = _where_exercise_pays(book, best.boundary)
+    best = best if boundary is best.boundary else replace(best, boundary=boundary)
     found = _with_greeks_of_payoffs(book, _with_boundaries(book, best, request, engines), request)
     return found if book.reduction is None else book.reduction.stated(found, book.listed.dividend_yield)
 

@@ -9,6 +9,7 @@ from scipy.stats import norm
 
 from pricing_core.american import (
     CashDividend,
+    LocalVolatility,
     Market,
     Option,
     PiecewiseConstant,
@@ -247,3 +248,11 @@ def test_a_law_that_rounding_keeps_from_being_resolved_takes_bounded_memory_and_
     finally:
         tracemalloc.stop()
     assert asked == asked_at_most + 1
+
+
+def test_a_call_on_a_spot_of_zero_is_worthless_whatever_its_volatility():
+    local = LocalVolatility([0.8], [50.0, 100.0, 200.0], [[0.2, 0.2, 0.5]])
+    for volatility in (0.2, local):
+        market = Market(0.0, -0.5, volatility, 0.05, cash_dividends=[CashDividend(0.3, 1.0)])
+        found = exercise_advice(Option("call", 100.0, 1.0), market)
+        assert (found.probability, found.exercised_at_expiry, found.expires_worthless) == (0.0, 0.0, 1.0)
