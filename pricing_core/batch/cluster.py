@@ -150,7 +150,7 @@ def _completed(client: Any, units: Iterator[Unit], folder: WorkFolder) -> Iterat
                 price_on_worker, unit, folder, versions, key=f"{unit.part}-{uuid4().hex}", pure=False
             )
             running[future] = unit
-            while len(running) >= UNITS_PER_THREAD * max(1, sum(client.nthreads().values())):
+            while len(running) >= UNITS_PER_THREAD * _threads(client):
                 yield from _done(running)
         while running:
             yield from _done(running)
@@ -158,6 +158,14 @@ def _completed(client: Any, units: Iterator[Unit], folder: WorkFolder) -> Iterat
         for future in running:
             with suppress(Exception):
                 future.cancel()
+
+
+def _threads(client: Any) -> int:
+    """Return the number of threads of all workers, at least 1."""
+    try:
+        return max(1, sum(client.nthreads().values()))
+    except OSError as error:  # there is nobody to ask
+        raise ClusterError(f"the scheduler is lost: {error}") from None
 
 
 def _done(running: dict[Any, Unit]) -> Iterator[tuple[Unit, Any]]:
