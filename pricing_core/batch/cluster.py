@@ -163,9 +163,10 @@ def _completed(client: Any, units: Iterator[Unit], folder: WorkFolder) -> Iterat
 def _threads(client: Any) -> int:
     """Return the number of threads of all workers, at least 1."""
     try:
-        return max(1, sum(client.nthreads().values()))
+        threads: int = sum(client.nthreads().values())
     except OSError as error:  # there is nobody to ask
         raise ClusterError(f"the scheduler is lost: {error}") from None
+    return max(1, threads)
 
 
 def _done(running: dict[Any, Unit]) -> Iterator[tuple[Unit, Any]]:
