@@ -165,7 +165,7 @@ def _threads(client: Any) -> int:
     try:
         threads: int = sum(client.nthreads().values())
     except OSError as error:  # there is nobody to ask
-        raise ClusterError(f"the scheduler is lost: {error}") from None
+        raise distributed.comm.CommClosedError(str(error)) from None
     return max(1, threads)
 
 
