@@ -109,20 +109,16 @@ $(VENV)/.build-tools: constraints.txt
 	$(INSTALL) pip $(BUILD_TOOLS)
 	touch $@
 
-$(VENV)/.installed: $(VENV)/.build-tools $(SOURCES)
-	@$(SAY_WHAT_IS_DONE)
-	$(INSTALL) --no-build-isolation --editable '.[all]'
-	@$(SAY_KERNEL)
-	touch $@
-
 # What the tests and checks need, without the kernel: `make --jobs 2 check` compiles that beside the checks of Python.
 $(VENV)/.packages: $(VENV)/.build-tools pyproject.toml setup.py constraints.txt
 	PRICING_CORE_KERNEL=none $(INSTALL) --no-build-isolation --editable '.[all]' --group test
 	touch $@
 
-$(VENV)/.installed-for-tests: $(VENV)/.packages $(SOURCES)
+$(VENV)/.installed: $(VENV)/.build-tools
+$(VENV)/.installed-for-tests: $(VENV)/.packages
+$(VENV)/.installed $(VENV)/.installed-for-tests: $(SOURCES)
 	@$(SAY_WHAT_IS_DONE)
-	$(INSTALL) --no-build-isolation --editable '.[all]' --group test
+	$(INSTALL) --no-build-isolation --editable '.[all]'
 	@$(SAY_KERNEL)
 	touch $(VENV)/.installed $@
 
