@@ -61,10 +61,10 @@ class Table:
             elif field.kind == "flag":
                 self.columns[field.name] = np.zeros(count, dtype=bool)
             elif field.kind == "text":
-                self.columns[field.name] = np.full(count, "", dtype=object)
+                self.columns[field.name] = _texts(count)
             else:
                 self._lists[field.name] = []
-        self.columns["message"] = np.full(count, "", dtype=object)
+        self.columns["message"] = _texts(count)
 
     def fill(self, rows: Rows | slice, payoff: Vector, prices: Prices) -> None:
         """Write prices to some rows.
@@ -119,3 +119,10 @@ class Table:
                     rows, Ragged.concatenated([part for _, part in parts]).known()
                 )
         return found
+
+
+def _texts(count: int) -> NDArray[np.object_]:
+    """Return so many empty texts; `np.full` takes five times as long for objects."""
+    texts = np.empty(count, dtype=object)
+    texts[:] = ""
+    return texts

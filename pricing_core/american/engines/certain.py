@@ -75,8 +75,8 @@ def uncertainty(book: Book) -> Vector:
 def is_far_out_of_the_money(book: Book) -> BoolVector:
     """Tell contracts whose spot is millions of times the strike of a put, or a call's strike millions of times it."""
     spot, strike = book.spot, book.strike
-    far: BoolVector = np.where(book.is_put, spot >= FAR * strike, (FAR * spot <= strike) & (spot > 0.0))
-    return far
+    far_put, far_call = spot >= FAR * strike, (FAR * spot <= strike) & (spot > 0.0)
+    return (far_put & book.is_put) | (far_call & ~book.is_put)
 
 
 def _out_of_reach(book: Book) -> Vector:
