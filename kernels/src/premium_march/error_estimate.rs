@@ -6,6 +6,8 @@ use crate::lanes::vector::{Vector, LANES};
 
 /// The first level whose extrapolant rests on three marches: with fewer steps there is no march with a quarter of them.
 pub const COARSEST_CHECKED: usize = 4;
+/// The level whose march is compared with a single step of implicit Euler's.
+pub const ONE_STEP_CHECKED: usize = 0;
 
 /// The difference of two marches over the error of the finer one; calibrated on random puts.
 const GAIN: f64 = 5.5;

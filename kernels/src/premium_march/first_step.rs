@@ -9,7 +9,7 @@ use super::grid_values::{array_of, Workspace};
 use super::mesh::Mesh;
 use super::obstacle::{Obstacle, TimeFactors};
 use crate::lanes::normal::ln;
-use crate::lanes::vector::Vector;
+use crate::lanes::vector::{Part, Vector};
 
 /// The largest number of Halley's steps; chosen.
 const ITERATIONS: usize = 16;
@@ -29,6 +29,41 @@ pub struct FirstNode<V> {
     pub xi: V,
     /// The derivatives of `xi` by rate, dividend and spread.
     pub xi_by: [V; 3],
+}
+
+/// A march of one step alone: u = `contact` e^{-`lam` (xi' - xi)} at xi' beyond the boundary xi.
+pub struct OnlyStep<V> {
+    pub xi: V,
+    pub contact: V,
+    pub lam: f64,
+}
+
+impl<V: Vector> OnlyStep<V> {
+    /// March from expiry to now.
+    #[inline(always)]
+    pub fn take(contracts: &Contracts<V>) -> Self {
+        V::call(TakeOnlyStep(contracts))
+    }
+}
+
+struct TakeOnlyStep<'a, V>(&'a Contracts<V>);
+
+impl<V: Vector> Part<V> for TakeOnlyStep<'_, V> {
+    type Result = OnlyStep<V>;
+
+    #[inline(always)]
+    fn run(self) -> OnlyStep<V> {
+        let (time, lam) = (
+            TimeFactors::new(self.0, 1.0, 1.0),
+            std::f64::consts::SQRT_2,
+        );
+        let xi = first_boundary(self.0, &time, lam);
+        OnlyStep {
+            xi,
+            contact: Obstacle::at(self.0, &time, xi).value,
+            lam,
+        }
+    }
 }
 
 /// Take the step; with derivatives by the parameters in D arrays, see `array_of`.

@@ -1,7 +1,10 @@
 //! As many marches side by side as a vector holds, refined together, and what they say of their spots.
 
 use super::contracts::{Contracts, Puts};
-use super::error_estimate::{derivatives_are_met, is_hopeless, Comparison, COARSEST_CHECKED};
+use super::error_estimate::{
+    derivatives_are_met, is_hopeless, Comparison, COARSEST_CHECKED, ONE_STEP_CHECKED,
+};
+use super::first_step::OnlyStep;
 use super::grid_values::Workspace;
 use super::march::{march, Marched};
 use super::mesh::Mesh;
@@ -141,16 +144,22 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
         earlier: Option<&[EarlierMarches]>,
     ) -> Option<()> {
         let mut coarsest = level;
+        let mut coarser_first = None;
         if let Some(earlier) = earlier {
             for chunk in &mut self.chunks {
                 chunk.restore(earlier);
             }
         } else if level >= COARSEST_CHECKED {
             coarsest = level - 4;
-        } else {
+        } else if level > ONE_STEP_CHECKED {
             coarsest = level - 2;
+        } else {
+            let alone = OnlyStep::take(&self.contracts);
+            for chunk in &mut self.chunks {
+                chunk.keep_newest(chunk.spots.evaluate_only_step(&alone));
+            }
+            coarser_first = Some(alone.xi);
         }
-        let mut coarser_first = None;
         for at in (coarsest..=level).step_by(2) {
             let mesh = class.mesh(at);
             let with_derivatives = self.puts.limits.is_some() && at + 2 >= level;
@@ -204,7 +213,11 @@ impl<V: Vector> Chunk<'_, V> {
     /// Take in what a march says.
     #[inline(always)]
     fn evaluate<const D: usize>(&mut self, mesh: &Mesh, marched: &Marched<V>, work: &Workspace<V>) {
-        let newest = self.spots.evaluate::<D>(mesh, marched, work);
+        self.keep_newest(self.spots.evaluate::<D>(mesh, marched, work));
+    }
+
+    #[inline(always)]
+    fn keep_newest(&mut self, newest: SpotEvaluation<V>) {
         self.evaluations = [newest, self.evaluations[0], self.evaluations[1]];
     }
 

@@ -138,16 +138,15 @@ pub fn classify<V: Vector>(
     std::array::from_fn(|l| {
         (served[l] > 0.0).then(|| {
             let decay = decay_class[l].max(0.0).ceil() as u32;
-            let fewest = if tolerance[l] >= LOOSE_TOLERANCE {
-                2
-            } else {
-                4
-            };
-            let level = STEPS.iter().filter(|&&s| (s as f64) < steps[l]).count();
-            let level = level
-                .clamp(fewest, STEPS.len() - 1)
-                .clamp(levels.0, levels.1);
-            let class = MeshClass::new(distance[l].ceil() as u32, decay, STEPS[level]);
+            let mut level = STEPS.iter().filter(|&&s| (s as f64) < steps[l]).count();
+            if tolerance[l] < LOOSE_TOLERANCE {
+                level = level.max(4);
+            } else if level <= 2 {
+                level = 0;
+            }
+            let level = level.clamp(levels.0, levels.1);
+            // The marches of a put that starts with two steps go on from four as if it had started there.
+            let class = MeshClass::new(distance[l].ceil() as u32, decay, STEPS[level.max(2)]);
             (class, level)
         })
     })

@@ -17,6 +17,8 @@ const LEAST_ERROR: f64 = 4e-16;
 const SPREAD_STEP: f64 = 0.002;
 /// The limits of the number of time steps of the finest march, as places in `STEPS`: 4 and 384; calibrated.
 const LEVELS: (usize, usize) = (2, STEPS.len() - 1);
+/// The smallest level where there are no Greeks: 2 steps.
+const SMALLEST_LEVEL: usize = 0;
 
 /// The error of a derivative as shares of its change from one march to the next, and of the value's error over the spread,
 /// or over its square: by x, by x twice, by rate, dividend and spread; calibrated on random puts.
@@ -214,7 +216,11 @@ impl Columns {
             tolerance: &self.tolerance,
             limits: self.limits.as_deref(),
             spread_step: (greeks == Greeks::Extended).then_some(SPREAD_STEP),
-            levels: LEVELS,
+            levels: if greeks == Greeks::None {
+                (SMALLEST_LEVEL, LEVELS.1)
+            } else {
+                LEVELS
+            },
             interrupt,
         }
     }

@@ -1,6 +1,7 @@
 //! From the premium at the nodes to the options at sixteen spots.
 
 use super::contracts::Contracts;
+use super::first_step::OnlyStep;
 use super::grid_values::Workspace;
 use super::interpolation::Interpolation;
 use super::march::Marched;
@@ -142,6 +143,27 @@ impl<V: Vector> Spots<V> {
             tangent_slopes: waiting.tangent_slopes,
             boundary,
             settled: V::from_lanes(settled),
+        }
+    }
+
+    /// Evaluate a march of one step at the spots, without derivatives by the parameters.
+    #[inline(always)]
+    pub fn evaluate_only_step(&self, step: &OnlyStep<V>) -> SpotEvaluation<V> {
+        let Contracts {
+            rate,
+            dividend,
+            spread,
+        } = self.contracts;
+        let (from, lam) = (self.of_lanes(step.xi), step.lam);
+        let boundary = from * spread - (rate - dividend) + (spread * spread).times(0.5);
+        let u = self.of_lanes(step.contact) * exp((from - self.xi).times(lam));
+        let depth = boundary - self.x; // negative where the option is not exercised
+        SpotEvaluation {
+            u: depth.negative(u, self.exercised.u),
+            slope: depth.negative(u.times(-lam), self.exercised.slope),
+            curvature: depth.negative(u.times(lam * lam), self.exercised.curvature),
+            boundary,
+            ..SpotEvaluation::zero()
         }
     }
 
