@@ -4,6 +4,29 @@ use super::vector::{Part, Vector};
 
 /// 1/sqrt(2 pi).
 pub const ONE_OVER_SQRT_TWO_PI: f64 = 0.398_942_280_401_432_7;
+/// What the exponential of one precision needs: what is added to round to an integer and leave that in the lowest bits,
+/// the largest |x| (e^x and e^-x are normal numbers), ln 2 in two parts, of which the first has so few bits that its
+/// products with exponents are exact (Cody and Waite), and the first of the coefficients `EXPM1`.
+struct Exponential {
+    round: f64,
+    largest: f64,
+    ln_2: [f64; 2],
+    first: usize,
+}
+
+const DOUBLE: Exponential = Exponential {
+    round: ROUND,
+    largest: LARGEST,
+    ln_2: [LN_2_HIGH, LN_2_LOW],
+    first: 0,
+};
+const SINGLE: Exponential = Exponential {
+    round: 12_582_912.0,
+    largest: 87.0,
+    ln_2: [0.693_359_375, -2.121_944_400_546_905_7e-4],
+    first: 6,
+};
+
 /// The upper part of ln 2, with so few bits that its products with exponents are exact (Cody and Waite).
 #[allow(clippy::excessive_precision)] // 17 digits
 const LN_2_HIGH: f64 = 6.931_471_803_691_238_2e-1;
@@ -60,17 +83,36 @@ const MILLS: [f64; 23] = [
     1.275_423_482_652_190_85,
 ];
 
+/// The same for single precision, in (y - 3)/(y + 3) and of degree 8, relative error 8e-7.
+const MILLS_SINGLE: [f64; 9] = [
+    -6.891_837_202_3e-4,
+    -1.006_119_421_6e-3,
+    5.951_916_693_3e-3,
+    6.314_112_115_1e-3,
+    -4.917_002_296_7e-2,
+    5.535_479_093_4e-2,
+    1.132_360_222_4e-1,
+    -5.006_489_150_2e-1,
+    1.370_656_621_2,
+];
+
 /// (e^r - 1, 2^k) with x = r + k ln 2.
 #[inline(always)]
 fn split_exponential<V: Vector>(x: V) -> (V, V) {
-    let x = x.max(V::all(-LARGEST)).min(V::all(LARGEST));
-    let shifted = x.times_plus(V::all(std::f64::consts::LOG2_E), V::all(ROUND));
-    let k = shifted.plus(-ROUND);
-    let r = k.times_plus(V::all(-LN_2_LOW), k.times_plus(V::all(-LN_2_HIGH), x));
+    let Exponential {
+        round,
+        largest,
+        ln_2: [high, low],
+        first,
+    } = if V::IS_SINGLE { SINGLE } else { DOUBLE };
+    let x = x.max(V::all(-largest)).min(V::all(largest));
+    let shifted = x.times_plus(V::all(std::f64::consts::LOG2_E), V::all(round));
+    let k = shifted.plus(-round);
+    let r = k.times_plus(V::all(-low), k.times_plus(V::all(-high), x));
     // Two interleaved polynomials in r^2 shorten the chain of dependent products.
     let r2 = r * r;
-    let (mut odd, mut even) = (V::all(EXPM1[0]), V::all(EXPM1[1]));
-    for j in (2..EXPM1.len()).step_by(2) {
+    let (mut odd, mut even) = (V::all(EXPM1[first]), V::all(EXPM1[first + 1]));
+    for j in (first + 2..EXPM1.len()).step_by(2) {
         odd = odd.times_plus(r2, V::all(EXPM1[j]));
         even = even.times_plus(r2, V::all(EXPM1[j + 1]));
     }
@@ -119,8 +161,8 @@ functions! {
 
     /// ln x for normal x > 0, by 2 artanh((m - 1)/(m + 1)) with the mantissa m between 0.7 and 1.4.
     ln(x: Ln) {
-        /// The number of terms of the series: (0.172)^22 is below rounding.
-        const TERMS: usize = 11;
+        // The number of terms of the series: (0.172)^22 is below rounding, (0.172)^10 in single precision.
+        let terms = if V::IS_SINGLE { 5 } else { 11 };
         let (m, e) = (x.mantissa(), x.exponent());
         let large = V::all(std::f64::consts::SQRT_2) - m;
         let (m, e) = (
@@ -130,17 +172,21 @@ functions! {
         let f = m.plus(-1.0) / m.plus(1.0);
         let f2 = f * f;
         let mut p = V::zero();
-        for k in (1..TERMS).rev() {
+        for k in (1..terms).rev() {
             #[allow(clippy::cast_precision_loss)]
             let c = 2.0 / (2 * k + 1) as f64;
             p = p.times_plus(f2, V::all(c));
         }
         let mantissa = (p * f2).times_plus(f, f + f);
-        e.times_plus(V::all(LN_2_HIGH), e.times_plus(V::all(LN_2_LOW), mantissa))
+        let [high, low] = if V::IS_SINGLE { SINGLE } else { DOUBLE }.ln_2;
+        e.times_plus(V::all(high), e.times_plus(V::all(low), mantissa))
     }
 
     /// The Mills ratio N(-y)/N'(y) for y >= 0.
     mills_ratio(y: MillsRatio) {
+        if V::IS_SINGLE {
+            return mills_ratio_in_single(y);
+        }
         // One division for both quotients.
         let (left, right) = (y.plus(4.5), y.plus(1.5));
         let inverse = V::all(1.0) / (left * right);
@@ -156,6 +202,22 @@ functions! {
     }
 }
 
+/// The Mills ratio in single precision.
+#[inline(always)]
+fn mills_ratio_in_single<V: Vector>(y: V) -> V {
+    let (left, right) = (y.plus(3.0), y.plus(1.5));
+    let inverse = V::all(1.0) / (left * right);
+    let t = y.plus(-3.0) * (right * inverse);
+    let t2 = t * t;
+    let (mut even, mut odd) = (V::all(MILLS_SINGLE[0]), V::all(MILLS_SINGLE[1]));
+    for j in (2..8).step_by(2) {
+        even = even.times_plus(t2, V::all(MILLS_SINGLE[j]));
+        odd = odd.times_plus(t2, V::all(MILLS_SINGLE[j + 1]));
+    }
+    even = even.times_plus(t2, V::all(MILLS_SINGLE[8]));
+    odd.times_plus(t, even) * (left * inverse)
+}
+
 /// N(d) density(s)/density(d), where `density` is that at s and `whole` the limit for large d.
 #[inline(always)]
 pub fn weighted_normal<V: Vector>(d: V, density: V, whole: V) -> V {
@@ -165,8 +227,18 @@ pub fn weighted_normal<V: Vector>(d: V, density: V, whole: V) -> V {
 
 #[cfg(test)]
 mod tests {
-    use super::super::dispatch::Portable;
+    use super::super::dispatch::{dispatch, forced, InstructionSet, Portable, Work};
     use super::super::vector::Vector;
+
+    /// sqrt(pi/2), and R(y) from mpmath with 30 digits.
+    const KNOWN_MILLS: [(f64, f64); 6] = [
+        (0.0, 1.253_314_137_315_500_3),
+        (0.5, 0.876_364_456_453_692_3),
+        (1.0, 0.655_679_542_418_798_5),
+        (3.0, 0.304_590_298_710_103),
+        (10.0, 0.099_028_596_471_731_92),
+        (40.0, 0.024_984_404_205_720_57),
+    ];
 
     fn exp(x: f64) -> f64 {
         super::exp(Portable::all(x)).lanes()[3]
@@ -205,18 +277,49 @@ mod tests {
 
     #[test]
     fn the_mills_ratio_has_its_known_values() {
-        // sqrt(pi/2), and R(y) from mpmath with 30 digits.
-        let known = [
-            (0.0, 1.253_314_137_315_500_3),
-            (0.5, 0.876_364_456_453_692_3),
-            (1.0, 0.655_679_542_418_798_5),
-            (3.0, 0.304_590_298_710_103),
-            (10.0, 0.099_028_596_471_731_92),
-            (40.0, 0.024_984_404_205_720_57),
-        ];
-        for (y, r) in known {
+        for (y, r) in KNOWN_MILLS {
             let found = mills_ratio(y);
             assert!((found - r).abs() <= 3e-15 * r, "{y}: {found} {r}");
+        }
+    }
+
+    /// Functions in single precision on an instruction set that has it.
+    struct InSingle(f64);
+
+    impl Work for InSingle {
+        type Result = [f64; 4];
+
+        #[inline(always)]
+        fn run<V: Vector>(self) -> [f64; 4] {
+            let x = V::Single::all(self.0);
+            let found = [
+                super::exp(x),
+                super::expm1(x),
+                super::ln(x),
+                super::mills_ratio(x),
+            ];
+            found.map(|f| f.lanes()[3])
+        }
+    }
+
+    #[test]
+    fn single_precision_has_seven_digits_on_every_instruction_set() {
+        for set in InstructionSet::available() {
+            for i in 1..20_000 {
+                let x = f64::from(f32::from_bits(0x3580_0000 + i * 0x2000)); // up to 85
+                let [exp, expm1, ln, _] = forced::with(set, || dispatch(InSingle(x)));
+                let close = |a: f64, b: f64| (a - b).abs() <= 5e-7 * b.abs().max(1e-3);
+                assert!(close(exp, x.exp()), "{x}: {exp} on {set:?}");
+                assert!(close(expm1, x.exp_m1()), "{x}: {expm1} on {set:?}");
+                assert!(
+                    (ln - x.ln()).abs() <= 3e-7 * x.ln().abs().max(1.0),
+                    "{x}: {ln} on {set:?}"
+                );
+            }
+            for (y, r) in KNOWN_MILLS {
+                let found = forced::with(set, || dispatch(InSingle(y)))[3];
+                assert!((found - r).abs() <= 1e-6 * r, "{y}: {found} {r} on {set:?}");
+            }
         }
     }
 }

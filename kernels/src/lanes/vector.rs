@@ -21,6 +21,11 @@ pub trait Vector:
     const WIDTH: usize;
     /// The narrow vector of the same instruction set.
     type Narrow: Vector;
+    /// As many numbers in single precision, for which `Single` and `Narrow` are itself; where there is no such vector, the
+    /// same one.
+    type Single: Vector;
+    /// Whether the numbers are of single precision; what is taken in and given out is rounded to it.
+    const IS_SINGLE: bool;
 
     /// The same number in every lane.
     fn all(x: f64) -> Self;
@@ -42,7 +47,7 @@ pub trait Vector:
     fn sqrt(self) -> Self;
     /// `yes` where `self` < 0, else `no`.
     fn negative(self, yes: Self, no: Self) -> Self;
-    /// 2^k from the sum of an integer k and 1.5 2^52.
+    /// 2^k from the sum of an integer k and 1.5 2^52, in single precision 1.5 2^23.
     fn power_of_two(self) -> Self;
 
     /// e with x = m 2^e, 1 <= m < 2, for normal x > 0.
@@ -99,7 +104,7 @@ pub fn sum_of_lanes<V: Vector>(values: V) -> f64 {
 
 /// Implement `Vector` for an array of registers from the operations on one; written out, for nothing here may remain a call.
 macro_rules! vector {
-    ($name:ident, $narrow:ident, $register:ty, $ops:ident, $width:literal, $count:literal: $($i:tt)*) => {
+    ($name:ident, $narrow:ident, $single:ident, $is_single:literal, $register:ty, $ops:ident, $width:literal, $count:literal: $($i:tt)*) => {
         #[derive(Clone, Copy)]
         pub struct $name([$register; $count]);
 
@@ -119,6 +124,8 @@ macro_rules! vector {
         impl Vector for $name {
             const WIDTH: usize = $width * $count;
             type Narrow = $narrow;
+            type Single = $single;
+            const IS_SINGLE: bool = $is_single;
 
             #[inline(always)]
             fn all(x: f64) -> Self {

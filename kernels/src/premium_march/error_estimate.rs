@@ -72,10 +72,15 @@ impl<V: Vector> Comparison<'_, V> {
             quarter,
             ..
         } = self;
-        let less = |newest: [V; 3], before: [V; 3]| std::array::from_fn(|j| newest[j] - before[j]);
+        // Loops, for `std::array::from_fn` is not compiled for the instruction set.
+        let (mut tangents, mut tangent_slopes) = (whole.tangents, whole.tangent_slopes);
+        for j in 0..3 {
+            tangents[j] = tangents[j] - half.tangents[j];
+            tangent_slopes[j] = tangent_slopes[j] - half.tangent_slopes[j];
+        }
         SpotEvaluation {
-            tangents: less(whole.tangents, half.tangents),
-            tangent_slopes: less(whole.tangent_slopes, half.tangent_slopes),
+            tangents,
+            tangent_slopes,
             u: whole.u - half.u,
             slope: whole.slope - half.slope,
             curvature: whole.curvature - half.curvature,
@@ -88,12 +93,14 @@ impl<V: Vector> Comparison<'_, V> {
     #[inline(always)]
     pub fn extrapolant(&self, difference: &SpotEvaluation<V>) -> SpotEvaluation<V> {
         let (whole, gain) = (self.whole, self.gain());
-        let limits = |newest: [V; 3], difference: [V; 3]| {
-            std::array::from_fn(|j| extrapolated(newest[j], difference[j], gain))
-        };
+        let (mut tangents, mut tangent_slopes) = (whole.tangents, whole.tangent_slopes);
+        for j in 0..3 {
+            tangents[j] = extrapolated(tangents[j], difference.tangents[j], gain);
+            tangent_slopes[j] = extrapolated(tangent_slopes[j], difference.tangent_slopes[j], gain);
+        }
         SpotEvaluation {
-            tangents: limits(whole.tangents, difference.tangents),
-            tangent_slopes: limits(whole.tangent_slopes, difference.tangent_slopes),
+            tangents,
+            tangent_slopes,
             u: extrapolated(whole.u, difference.u, gain),
             slope: extrapolated(whole.slope, difference.slope, gain),
             curvature: extrapolated(whole.curvature, difference.curvature, gain),

@@ -53,10 +53,7 @@ impl<V: Vector> Part<V> for TakeOnlyStep<'_, V> {
 
     #[inline(always)]
     fn run(self) -> OnlyStep<V> {
-        let (time, lam) = (
-            TimeFactors::new(self.0, 1.0, 1.0),
-            std::f64::consts::SQRT_2,
-        );
+        let (time, lam) = (TimeFactors::new(self.0, 1.0, 1.0), std::f64::consts::SQRT_2);
         let xi = first_boundary(self.0, &time, lam);
         OnlyStep {
             xi,

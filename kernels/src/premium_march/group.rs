@@ -70,14 +70,14 @@ pub struct Outcome {
     pub earlier: Option<EarlierMarches>,
 }
 
-/// Marches side by side.
-pub struct Group<'a, 'w, V> {
+/// Marches side by side: on vectors S, which may be of single precision, evaluated on vectors V.
+pub struct Group<'a, 'w, V, S> {
     puts: Puts<'a>,
-    contracts: Contracts<V>,
+    contracts: Contracts<S>,
     chunks: Vec<Chunk<'a, V>>,
     /// Whether all lanes hold one run.
     is_one_run: bool,
-    work: &'w mut Workspace<V>,
+    work: &'w mut Workspace<S>,
 }
 
 /// At most as many of the spots as a vector holds.
@@ -88,7 +88,7 @@ struct Chunk<'a, V> {
     evaluations: [SpotEvaluation<V>; 3],
 }
 
-impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
+impl<'a, 'w, V: Vector, S: Vector> Group<'a, 'w, V, S> {
     /// The group of items of at most as many runs as the vectors hold, those of one run next to each other.
     ///
     /// With a factor on the spreads the evaluations continue u smoothly into the exercise region, for differences.
@@ -97,7 +97,7 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
         puts: Puts<'a>,
         items: &'a [Item],
         factor: Option<f64>,
-        work: &'w mut Workspace<V>,
+        work: &'w mut Workspace<S>,
     ) -> Self {
         let mut runs = [items[0].run; LANES];
         let mut lane = 0;
@@ -163,7 +163,7 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
         for at in (coarsest..=level).step_by(2) {
             let mesh = class.mesh(at);
             let with_derivatives = self.puts.limits.is_some() && at + 2 >= level;
-            coarser_first = Some(if !with_derivatives {
+            coarser_first = Some(if S::IS_SINGLE || !with_derivatives {
                 self.march_once::<0>(&mesh, coarser_first)?
             } else if V::WIDTH < LANES && self.is_one_run {
                 self.march_once::<1>(&mesh, coarser_first)?
@@ -176,11 +176,11 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
 
     /// March on one mesh and evaluate the march at the spots; return the boundary after its first step.
     #[inline(always)]
-    fn march_once<const D: usize>(&mut self, mesh: &Mesh, coarser_first: Option<V>) -> Option<V> {
+    fn march_once<const D: usize>(&mut self, mesh: &Mesh, coarser_first: Option<S>) -> Option<S> {
         let (contracts, interrupt) = (&self.contracts, self.puts.interrupt);
-        let marched = march::<V, D>(mesh, contracts, coarser_first, self.work, interrupt)?;
+        let marched = march::<S, D>(mesh, contracts, coarser_first, self.work, interrupt)?;
         for chunk in &mut self.chunks {
-            chunk.evaluate::<D>(mesh, &marched, self.work);
+            chunk.evaluate::<S, D>(mesh, &marched, self.work);
         }
         Some(marched.first_boundary)
     }
@@ -212,8 +212,13 @@ impl<'a, 'w, V: Vector> Group<'a, 'w, V> {
 impl<V: Vector> Chunk<'_, V> {
     /// Take in what a march says.
     #[inline(always)]
-    fn evaluate<const D: usize>(&mut self, mesh: &Mesh, marched: &Marched<V>, work: &Workspace<V>) {
-        self.keep_newest(self.spots.evaluate::<D>(mesh, marched, work));
+    fn evaluate<S: Vector, const D: usize>(
+        &mut self,
+        mesh: &Mesh,
+        marched: &Marched<S>,
+        work: &Workspace<S>,
+    ) {
+        self.keep_newest(self.spots.evaluate::<S, D>(mesh, marched, work));
     }
 
     #[inline(always)]

@@ -55,7 +55,7 @@ impl<V: Vector> Interpolation<V> {
     /// The value and its first and second derivative by the cell; `lanes` says which lane of the nodes each place takes.
     #[inline(always)]
     #[allow(clippy::cast_precision_loss)]
-    pub fn with_derivatives(&self, state: &[V], lanes: &[usize; LANES]) -> (V, V, V) {
+    pub fn with_derivatives<S: Vector>(&self, state: &[S], lanes: &[usize; LANES]) -> (V, V, V) {
         let differences = self.differences(state, lanes);
         // The derivatives of the binomials.
         let (mut once, mut twice) = (V::zero(), V::zero());
@@ -74,7 +74,7 @@ impl<V: Vector> Interpolation<V> {
 
     /// The forward differences, by order, from the first nodes on.
     #[inline(always)]
-    fn differences(&self, state: &[V], lanes: &[usize; LANES]) -> [V; STENCIL] {
+    fn differences<S: Vector>(&self, state: &[S], lanes: &[usize; LANES]) -> [V; STENCIL] {
         let mut values = [V::zero(); STENCIL];
         for (k, value) in values.iter_mut().enumerate() {
             let mut numbers = [0.0; LANES];

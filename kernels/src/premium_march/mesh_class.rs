@@ -33,6 +33,14 @@ const LARGEST_SPREAD: f64 = 16.0;
 const LARGEST_DISTANCE: f64 = 40.0;
 /// The fastest decay that is served, in quarters of an octave; chosen.
 const LARGEST_DECAY_CLASS: u32 = 18;
+/// The limits of r T, |q T|, sigma sqrt(T), of what exercise earns, and of places in xi, within which marches may be in
+/// single precision; chosen: beyond them rounding is more than a hundredth of the loosest tolerances.
+const SINGLE_GROWTH: f64 = 1.0;
+const SINGLE_SPREADS: [f64; 2] = [0.02, 1.5];
+const SINGLE_EARNED: f64 = 1e-4;
+const SINGLE_PLACE: f64 = 20.0;
+/// The last level at which they may be: 4 steps.
+const MOST_SINGLE: usize = 2;
 /// The number of widths of the grid, in units of `WIDTH`: above `LARGEST_DISTANCE`/`WIDTH`.
 const DISTANCES: usize = 54;
 
@@ -46,12 +54,14 @@ pub struct MeshClass {
     distance: u32,
     decay: u32,
     halvings: u32,
+    /// Whether the first marches are in single precision.
+    single: bool,
 }
 
 impl MeshClass {
     /// The number of classes.
     pub const COUNT: usize =
-        DISTANCES * (LARGEST_DECAY_CLASS as usize + 1) * (LARGEST_HALVINGS as usize + 1);
+        2 * DISTANCES * (LARGEST_DECAY_CLASS as usize + 1) * (LARGEST_HALVINGS as usize + 1);
 
     /// The class with the fewest halvings that resolve the decay with `steps` time steps.
     fn new(distance: u32, decay: u32, steps: usize) -> Self {
@@ -64,13 +74,20 @@ impl MeshClass {
             distance,
             decay,
             halvings,
+            single: false,
         }
+    }
+
+    /// Whether the march to this level is in single precision.
+    pub fn is_single_at(self, level: usize) -> bool {
+        self.single && level <= MOST_SINGLE
     }
 
     /// The number of this class, below `COUNT`.
     pub fn index(self) -> usize {
         let slope = self.decay * (LARGEST_HALVINGS + 1) + self.halvings;
-        slope as usize * DISTANCES + self.distance as usize
+        let double = slope as usize * DISTANCES + self.distance as usize;
+        double + usize::from(self.single) * (Self::COUNT / 2)
     }
 
     /// The mesh of this class at a level.
@@ -128,6 +145,7 @@ pub fn classify<V: Vector>(
     ] {
         served = (-margin).negative(served, V::zero());
     }
+    let served_in_single = serves_in_single(contracts);
     let (served, decay_class, distance) = (served.lanes(), decay_class.lanes(), distance.lanes());
     let (steps, tolerance) = (steps.lanes(), tolerance.lanes());
     #[allow(
@@ -146,10 +164,37 @@ pub fn classify<V: Vector>(
             }
             let level = level.clamp(levels.0, levels.1);
             // The marches of a put that starts with two steps go on from four as if it had started there.
-            let class = MeshClass::new(distance[l].ceil() as u32, decay, STEPS[level.max(2)]);
+            let mut class = MeshClass::new(distance[l].ceil() as u32, decay, STEPS[level.max(2)]);
+            class.single = level == 0 && class.halvings == 0 && served_in_single[l] > 0.0;
             (class, level)
         })
     })
+}
+
+/// Positive where single precision serves: the parameters are neither large nor small, and no number of the march is
+/// the difference of large ones.
+#[inline(always)]
+fn serves_in_single<V: Vector>(contracts: &Contracts<V>) -> [f64; LANES] {
+    let Contracts {
+        rate,
+        dividend,
+        spread,
+    } = *contracts;
+    let at_expiry = contracts.boundary_at_expiry() / spread;
+    let drift = (rate - dividend) / spread;
+    let mut least = V::all(1.0);
+    for margin in [
+        contracts.earned().plus(-SINGLE_EARNED),
+        V::all(SINGLE_GROWTH) - rate,
+        V::all(SINGLE_GROWTH) - dividend.abs(),
+        spread.plus(-SINGLE_SPREADS[0]),
+        V::all(SINGLE_SPREADS[1]) - spread,
+        at_expiry.plus(SINGLE_PLACE),
+        V::all(SINGLE_PLACE) - drift.abs(),
+    ] {
+        least = least.min(margin);
+    }
+    least.lanes()
 }
 
 /// The distance in xi from the boundary to where the premium is negligible, which the free nodes cover.

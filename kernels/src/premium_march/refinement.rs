@@ -51,6 +51,7 @@ struct Pending {
 struct Workspaces<V: Vector> {
     wide: Workspace<V>,
     narrow: Workspace<V::Narrow>,
+    single: Workspace<V::Single>,
 }
 
 impl Work for Task<'_> {
@@ -67,6 +68,7 @@ impl Work for Task<'_> {
         let mut work = Workspaces::<V> {
             wide: Workspace::new(),
             narrow: Workspace::new(),
+            single: Workspace::new(),
         };
         let mut marched = 0_usize;
         for (level, fresh) in fresh.iter_mut().enumerate() {
@@ -82,10 +84,13 @@ impl Work for Task<'_> {
                             return;
                         }
                         marched += 1;
-                        let found = if run_count(items) <= V::Narrow::WIDTH {
-                            self.march(items, level, continues, &mut pending, &mut work.narrow)
+                        let (pending, narrow) = (&mut pending, &mut work.narrow);
+                        let found = if items[0].class.is_single_at(level) {
+                            self.march::<V, _>(items, level, continues, pending, &mut work.single)
+                        } else if run_count(items) <= V::Narrow::WIDTH {
+                            self.march::<V::Narrow, _>(items, level, continues, pending, narrow)
                         } else {
-                            self.march(items, level, continues, &mut pending, &mut work.wide)
+                            self.march::<V, _>(items, level, continues, pending, &mut work.wide)
                         };
                         if found.is_none() {
                             return;
@@ -147,20 +152,20 @@ impl Task<'_> {
     /// March a group to this level, keep what is found, and note what is still to be done. None where the work is told to
     /// end.
     #[inline(always)]
-    fn march<W: Vector>(
+    fn march<W: Vector, S: Vector>(
         &mut self,
         items: &[Item],
         level: usize,
         continues: bool,
         pending: &mut Pending,
-        work: &mut Workspace<W>,
+        work: &mut Workspace<S>,
     ) -> Option<()> {
         let Pending {
             missed,
             earlier,
             finished,
         } = pending;
-        let mut group = Group::new(self.puts, items, None, work);
+        let mut group = Group::<W, S>::new(self.puts, items, None, work);
         let known = continues.then_some(&earlier[..]);
         group.march(level, items[0].class, known)?;
         let refinement = Refinement {
@@ -282,7 +287,7 @@ fn premiums<W: Vector>(
     level: usize,
     work: &mut Workspace<W>,
 ) -> Option<Vec<[f64; 2]>> {
-    let mut group = Group::new(puts, items, Some(factor), work);
+    let mut group = Group::<W, W>::new(puts, items, Some(factor), work);
     group.march(level, items[0].class, None)?;
     Some(group.premiums(level))
 }

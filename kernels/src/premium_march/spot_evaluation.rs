@@ -114,13 +114,13 @@ impl<V: Vector> Spots<V> {
 
     /// Evaluate a march at the spots, with the derivatives by the parameters from D arrays, see `array_of`.
     #[inline(always)]
-    pub fn evaluate<const D: usize>(
+    pub fn evaluate<S: Vector, const D: usize>(
         &self,
         mesh: &Mesh,
-        marched: &Marched<V>,
-        work: &Workspace<V>,
+        marched: &Marched<S>,
+        work: &Workspace<S>,
     ) -> SpotEvaluation<V> {
-        let waiting = self.interpolate::<D>(mesh, marched, work);
+        let waiting = self.interpolate::<S, D>(mesh, marched, work);
         let boundary = self.of_lanes(marched.boundary);
         let depth = if self.is_continued {
             V::all(-1.0)
@@ -148,7 +148,7 @@ impl<V: Vector> Spots<V> {
 
     /// Evaluate a march of one step at the spots, without derivatives by the parameters.
     #[inline(always)]
-    pub fn evaluate_only_step(&self, step: &OnlyStep<V>) -> SpotEvaluation<V> {
+    pub fn evaluate_only_step<S: Vector>(&self, step: &OnlyStep<S>) -> SpotEvaluation<V> {
         let Contracts {
             rate,
             dividend,
@@ -169,11 +169,11 @@ impl<V: Vector> Spots<V> {
 
     /// The premium at the spots: zero beyond the nodes.
     #[inline(always)]
-    fn interpolate<const D: usize>(
+    fn interpolate<S: Vector, const D: usize>(
         &self,
         mesh: &Mesh,
-        marched: &Marched<V>,
-        work: &Workspace<V>,
+        marched: &Marched<S>,
+        work: &Workspace<S>,
     ) -> SpotEvaluation<V> {
         let per_cell = 1.0 / mesh.last_spacing();
         let cells = (self.xi - self.of_lanes(marched.node)).times(per_cell);
@@ -210,7 +210,7 @@ impl<V: Vector> Spots<V> {
 
     /// Take numbers from the lanes of the march to the spots.
     #[inline(always)]
-    fn of_lanes(&self, v: V) -> V {
+    fn of_lanes<S: Vector>(&self, v: S) -> V {
         let (numbers, mut own) = (v.lanes(), [0.0; LANES]);
         for (number, &lane) in own.iter_mut().zip(&self.lanes) {
             *number = numbers[lane];
