@@ -39,8 +39,8 @@ const SINGLE_GROWTH: f64 = 1.0;
 const SINGLE_SPREADS: [f64; 2] = [0.02, 1.5];
 const SINGLE_EARNED: f64 = 1e-4;
 const SINGLE_PLACE: f64 = 20.0;
-/// The last level at which they may be: 4 steps.
-const MOST_SINGLE: usize = 2;
+/// The last level at which they may be: 8 steps.
+const MOST_SINGLE: usize = 4;
 /// The number of widths of the grid, in units of `WIDTH`: above `LARGEST_DISTANCE`/`WIDTH`.
 const DISTANCES: usize = 54;
 
@@ -72,7 +72,8 @@ impl MeshClass {
         }
         Self {
             distance,
-            decay,
+            // Without halvings the mesh does not depend on it.
+            decay: if halvings > 0 { decay } else { 0 },
             halvings,
             single: false,
         }

@@ -282,12 +282,15 @@ impl Row {
 
     /// Whether even the put without expiry would be exercised: then the boundary alone is needed.
     fn is_exercised_even_without_expiry(&self, put: &Put) -> bool {
-        let drift = (put.rate - put.dividend) / put.spread - 0.5 * put.spread;
-        let decay = drift + (drift * drift + 2.0 * put.rate).sqrt();
         let (spot, strike) = (
             self.choose(self.spot, self.strike),
             self.choose(self.strike, self.spot),
         );
+        if spot >= strike {
+            return false;
+        }
+        let drift = (put.rate - put.dividend) / put.spread - 0.5 * put.spread;
+        let decay = drift + (drift * drift + 2.0 * put.rate).sqrt();
         spot < strike && spot * (1.0 + put.spread / decay) <= strike
     }
 
