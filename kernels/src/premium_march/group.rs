@@ -316,7 +316,7 @@ impl<V: Vector> Chunk<'_, V> {
         let (error, boundary) = (error.lanes(), extrapolant.boundary.lanes());
         let (depth, settled) = (depth.lanes(), difference.settled.lanes());
         let newest_settled = self.evaluations[0].settled.lanes();
-        let cost_at_turn = self.spots.cost_at_turn().lanes();
+        let cost_at_turn = puts.limits.map(|_| self.spots.cost_at_turn().lanes());
         let differences = lanes_of(&differences);
         let mut kept = None;
         for (l, &item) in self.items.iter().enumerate() {
@@ -330,8 +330,9 @@ impl<V: Vector> Chunk<'_, V> {
             }
             let limits = puts.limits.map(|limits| &limits[item.spot * VALUES..]);
             let valued = settled[l] > 0.0 && error[l] <= puts.tolerance[item.spot];
+            let cost_at_turn = cost_at_turn.map_or(f64::MAX, |cost| cost[l]);
             let met = valued
-                && derivatives_are_met(refinement.level, limits, &differences, cost_at_turn[l], l);
+                && derivatives_are_met(refinement.level, limits, &differences, cost_at_turn, l);
             let hopeless = newest_settled[l] < 0.0 && is_hopeless(refinement.level);
             let goes_on = refinement.may_continue && !met && !hopeless;
             let earlier = goes_on.then(|| {

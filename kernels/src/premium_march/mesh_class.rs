@@ -18,6 +18,9 @@ const TYPICAL_ERROR: f64 = 7e-6;
 const TYPICAL_POWER: f64 = 0.7;
 /// The smallest tolerance of V/K for which two marches are enough to state the error; chosen.
 const LOOSE_TOLERANCE: f64 = 1e-4;
+/// The same where prices alone are asked for; chosen: that of a call is 1e-4 of its own strike then, which is the spot of
+/// its put.
+const LOOSE_TOLERANCE_OF_PRICES: f64 = 5e-5;
 /// The power of the error with which the number of steps falls, 1/log2(6); calibrated: twice the steps have a sixth of the
 /// error.
 const STEPS_POWER: f64 = 0.386_852_807_234_541_6;
@@ -39,10 +42,13 @@ const SINGLE_GROWTH: f64 = 1.0;
 const SINGLE_SPREADS: [f64; 2] = [0.02, 1.5];
 const SINGLE_EARNED: f64 = 1e-4;
 const SINGLE_PLACE: f64 = 20.0;
+/// What the widths of their grids are multiples of, in units of `WIDTH`; chosen: fuller groups are worth more nodes.
+const SINGLE_DISTANCES: u32 = 4;
 /// The last level at which they may be: 8 steps.
 const MOST_SINGLE: usize = 4;
-/// The number of widths of the grid, in units of `WIDTH`: above `LARGEST_DISTANCE`/`WIDTH`.
-const DISTANCES: usize = 54;
+/// The number of widths of the grid, in units of `WIDTH`: above `LARGEST_DISTANCE`/`WIDTH`
+/// rounded up to `SINGLE_DISTANCES`.
+const DISTANCES: usize = 57;
 
 /// The largest number of halvings of dx because of that decay; derived: 2^((`LARGEST_DECAY_CLASS` + 2)/4)/sqrt(4) is 2^4.
 const LARGEST_HALVINGS: u32 = 4;
@@ -59,10 +65,6 @@ pub struct MeshClass {
 }
 
 impl MeshClass {
-    /// The number of classes.
-    pub const COUNT: usize =
-        2 * DISTANCES * (LARGEST_DECAY_CLASS as usize + 1) * (LARGEST_HALVINGS as usize + 1);
-
     /// The class with the fewest halvings that resolve the decay with `steps` time steps.
     fn new(distance: u32, decay: u32, steps: usize) -> Self {
         let mut halvings = 0;
@@ -84,11 +86,11 @@ impl MeshClass {
         self.single && level <= MOST_SINGLE
     }
 
-    /// The number of this class, below `COUNT`.
+    /// The number of this class; those of one book lie close together.
     pub fn index(self) -> usize {
         let slope = self.decay * (LARGEST_HALVINGS + 1) + self.halvings;
-        let double = slope as usize * DISTANCES + self.distance as usize;
-        double + usize::from(self.single) * (Self::COUNT / 2)
+        let precision = 2 * slope + u32::from(self.single);
+        precision as usize * DISTANCES + self.distance as usize
     }
 
     /// The mesh of this class at a level.
@@ -154,22 +156,33 @@ pub fn classify<V: Vector>(
         clippy::cast_sign_loss,
         clippy::cast_precision_loss
     )]
-    std::array::from_fn(|l| {
-        (served[l] > 0.0).then(|| {
-            let decay = decay_class[l].max(0.0).ceil() as u32;
-            let mut level = STEPS.iter().filter(|&&s| (s as f64) < steps[l]).count();
-            if tolerance[l] < LOOSE_TOLERANCE {
-                level = level.max(4);
-            } else if level <= 2 {
-                level = 0;
-            }
-            let level = level.clamp(levels.0, levels.1);
-            // The marches of a put that starts with two steps go on from four as if it had started there.
-            let mut class = MeshClass::new(distance[l].ceil() as u32, decay, STEPS[level.max(2)]);
-            class.single = level == 0 && class.halvings == 0 && served_in_single[l] > 0.0;
-            (class, level)
-        })
-    })
+    let loose = if levels.0 == 0 {
+        LOOSE_TOLERANCE_OF_PRICES
+    } else {
+        LOOSE_TOLERANCE
+    };
+    let mut classes = [None; LANES];
+    for (l, found) in classes.iter_mut().enumerate() {
+        if served[l] <= 0.0 {
+            continue;
+        }
+        let decay = decay_class[l].max(0.0).ceil() as u32;
+        let mut level = STEPS.iter().filter(|&&s| (s as f64) < steps[l]).count();
+        if tolerance[l] < loose {
+            level = level.max(4);
+        } else if level <= 2 {
+            level = 0;
+        }
+        let level = level.clamp(levels.0, levels.1);
+        // The marches of a put that starts with two steps go on from four as if it had started there.
+        let mut class = MeshClass::new(distance[l].ceil() as u32, decay, STEPS[level.max(2)]);
+        if level == 0 && class.halvings == 0 && served_in_single[l] > 0.0 {
+            class.single = true;
+            class.distance = class.distance.next_multiple_of(SINGLE_DISTANCES);
+        }
+        *found = Some((class, level));
+    }
+    classes
 }
 
 /// Positive where single precision serves: the parameters are neither large nor small, and no number of the march is
@@ -234,7 +247,7 @@ mod tests {
         for decay in 0..=LARGEST_DECAY_CLASS {
             for (level, &first) in STEPS.iter().enumerate().skip(2) {
                 let class = MeshClass::new(DISTANCES as u32 - 1, decay, first);
-                assert!(class.halvings <= LARGEST_HALVINGS && class.index() < MeshClass::COUNT);
+                assert!(class.halvings <= LARGEST_HALVINGS);
                 let finest = (level..STEPS.len()).map(|level| class.mesh(level).nodes);
                 most = most.max(finest.max().unwrap_or(0));
             }

@@ -20,9 +20,12 @@ pub fn by_class(items: Vec<Item>) -> Vec<Item> {
     if items.len() < 2 {
         return items;
     }
-    let mut places = vec![0_usize; MeshClass::COUNT];
-    for item in &items {
-        places[item.class.index()] += 1;
+    let indices = items.iter().map(|item| item.class.index());
+    let least = indices.clone().min().unwrap_or(0);
+    let most = indices.clone().max().unwrap_or(0);
+    let mut places = vec![0_usize; most - least + 1];
+    for index in indices {
+        places[index - least] += 1;
     }
     let mut next = 0;
     for place in &mut places {
@@ -30,7 +33,7 @@ pub fn by_class(items: Vec<Item>) -> Vec<Item> {
     }
     let mut sorted = items.clone();
     for item in items {
-        let place = &mut places[item.class.index()];
+        let place = &mut places[item.class.index() - least];
         sorted[*place] = item;
         *place += 1;
     }
