@@ -206,6 +206,89 @@ fn marches_agree_on_every_instruction_set() {
     }
 }
 
+/// The largest change of a price from single precision, in strikes; `premium_march::error_estimate` counts it.
+const SINGLE_ROUNDING: f64 = 2e-7;
+
+/// Random puts: r T, q T, sigma sqrt(T), ln(S/K), most of them ordinary.
+fn random_puts(count: usize) -> Vec<[f64; 4]> {
+    let mut state = 1_u64;
+    let mut uniform = |low: f64, high: f64| {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        low + (high - low) * f64::from(u32::try_from(state >> 32).unwrap()) / f64::from(u32::MAX)
+    };
+    let mut put = |_| {
+        let spread = uniform(0.009_f64.ln(), 1.6_f64.ln()).exp();
+        let rate = uniform(1e-6_f64.ln(), 0.6_f64.ln()).exp();
+        let dividend = match uniform(0.0, 4.0) {
+            kind if kind < 1.0 => 0.0,
+            kind if kind < 2.0 => rate * uniform(0.99, 1.01),
+            kind if kind < 3.0 => uniform(-0.05, 0.3),
+            _ => uniform(1e-6_f64.ln(), 0.6_f64.ln()).exp(),
+        };
+        [rate, dividend, spread, uniform(-3.0, 3.0) * spread]
+    };
+    (0..count).map(&mut put).collect()
+}
+
+/// The prices alone of puts, and how many steps each took.
+fn prices(set: InstructionSet, rows: &[[f64; 4]], tolerance: f64) -> (Vec<f64>, Vec<i64>) {
+    let column = |k: usize| rows.iter().map(|put| put[k]).collect::<Vec<f64>>();
+    let (rate, dividend, spread, x) = (column(0), column(1), column(2), column(3));
+    let first: Vec<usize> = (0..=rows.len()).collect();
+    let puts = Puts {
+        rate: &rate,
+        dividend: &dividend,
+        spread: &spread,
+        first: &first,
+        x: &x,
+        tolerance: &vec![tolerance; rows.len()],
+        limits: None,
+        spread_step: None,
+        levels: (0, premium_march::STEPS.len() - 1),
+        interrupt: &never,
+    };
+    on(set, || {
+        let solved = solve_puts(puts, 1);
+        let rows = solved.numbers.chunks(solved.per_spot);
+        (rows.map(|numbers| numbers[0]).collect(), solved.steps)
+    })
+}
+
+#[test]
+fn single_precision_changes_prices_by_less_than_is_counted() {
+    let puts = random_puts(4000);
+    let portable = InstructionSet::available()[0];
+    for tolerance in [1e-2, 1e-4] {
+        let (expected, steps) = prices(portable, &puts, tolerance);
+        assert!(steps.iter().filter(|&&steps| steps == 2).count() > puts.len() / 3);
+        for set in InstructionSet::available() {
+            let (found, own_steps) = prices(set, &puts, tolerance);
+            // Where the error estimate is next to the tolerance, rounding decides whether a put is refined.
+            let same = (0..puts.len()).filter(|&k| steps[k] == own_steps[k]);
+            assert!(same.clone().count() > puts.len() * 99 / 100);
+            for k in same.filter(|&k| steps[k] > 0) {
+                let difference = (found[k] - expected[k]).abs();
+                let told = format!("{:?} on {set:?}: {difference:e}", puts[k]);
+                assert!(difference <= SINGLE_ROUNDING, "{told}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_price_in_single_precision_has_the_same_bits_alone_and_beside_others() {
+    let puts = random_puts(200);
+    for set in InstructionSet::available() {
+        let (beside, _) = prices(set, &puts, 1e-4);
+        for (put, beside) in puts.iter().zip(beside) {
+            let (alone, _) = prices(set, &[*put], 1e-4);
+            assert_eq!(alone[0].to_bits(), beside.to_bits(), "{put:?} on {set:?}");
+        }
+    }
+}
+
 /// So many puts of one class of meshes are marched by a wide vector, one by a narrow one.
 const COPIES: usize = 5;
 

@@ -3,6 +3,7 @@
 use super::contracts::{Contracts, Puts};
 use super::error_estimate::{
     derivatives_are_met, is_hopeless, Comparison, COARSEST_CHECKED, ONE_STEP_CHECKED,
+    SINGLE_ROUNDING,
 };
 use super::first_step::OnlyStep;
 use super::grid_values::Workspace;
@@ -204,7 +205,8 @@ impl<'a, 'w, V: Vector, S: Vector> Group<'a, 'w, V, S> {
     #[inline(always)]
     pub fn report(&self, refinement: Refinement, mut store: impl FnMut(Item, Outcome)) {
         for chunk in &self.chunks {
-            chunk.report(self.puts, refinement, &mut store);
+            let rounding = if S::IS_SINGLE { SINGLE_ROUNDING } else { 0.0 };
+            chunk.report(self.puts, refinement, rounding, &mut store);
         }
     }
 }
@@ -297,11 +299,18 @@ impl<V: Vector> Chunk<'_, V> {
     }
 
     #[inline(always)]
-    fn report(&self, puts: Puts, refinement: Refinement, store: &mut impl FnMut(Item, Outcome)) {
+    fn report(
+        &self,
+        puts: Puts,
+        refinement: Refinement,
+        rounding: f64,
+        store: &mut impl FnMut(Item, Outcome),
+    ) {
         let comparison = self.comparison(refinement.level);
         let difference = comparison.difference();
         let differences = self.spots.value_differences(&difference);
         let error = comparison.error(&difference, differences[0]);
+        let error = error.plus(rounding);
         let extrapolant = comparison.extrapolant(&difference);
         let depth = extrapolant.boundary - self.spots.x;
         let values = lanes_of(&self.spots.values(&extrapolant, depth));

@@ -1,6 +1,7 @@
 //! The mesh that a put is marched on: few classes of meshes, so that puts of one class can march side by side.
 
 use super::contracts::Contracts;
+use super::error_estimate::COARSEST_CHECKED;
 use super::mesh::{Mesh, STEPS};
 use crate::lanes::normal::{exp, ln};
 use crate::lanes::vector::{Vector, LANES};
@@ -36,12 +37,15 @@ const LARGEST_SPREAD: f64 = 16.0;
 const LARGEST_DISTANCE: f64 = 40.0;
 /// The fastest decay that is served, in quarters of an octave; chosen.
 const LARGEST_DECAY_CLASS: u32 = 18;
-/// The limits of r T, |q T|, sigma sqrt(T), of what exercise earns, and of places in xi, within which marches may be in
-/// single precision; chosen: beyond them rounding is more than a hundredth of the loosest tolerances.
-const SINGLE_GROWTH: f64 = 1.0;
-const SINGLE_SPREADS: [f64; 2] = [0.02, 1.5];
-const SINGLE_EARNED: f64 = 1e-4;
-const SINGLE_PLACE: f64 = 20.0;
+/// The limits of ordinary puts, whose marches to prices at a loose tolerance start with two steps, and are in single
+/// precision: dx is not halved, and these are the largest r T and |q T|, the smallest and largest sigma sqrt(T), the least that exercise earns, the largest
+/// drift |r - q| T/(sigma sqrt(T)), and the largest distance of the boundary at expiry from the strike, in xi. Calibrated
+/// on random puts, with room for twice as much: beyond them one step and two agree by accident.
+const ORDINARY_GROWTH: f64 = 0.5;
+const ORDINARY_SPREADS: [f64; 2] = [0.01, 1.5];
+const ORDINARY_EARNED: f64 = 1e-5;
+const ORDINARY_DRIFT: f64 = 1.5;
+const ORDINARY_DISTANCE: f64 = 60.0;
 /// What the widths of their grids are multiples of, in units of `WIDTH`; chosen: fuller groups are worth more nodes.
 const SINGLE_DISTANCES: u32 = 4;
 /// The last level at which they may be: 8 steps.
@@ -115,6 +119,11 @@ impl MeshClass {
 ///
 /// `tolerance` is the largest error allowed in V/K; `levels` has the smallest and the largest level.
 #[inline(always)]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss
+)]
 pub fn classify<V: Vector>(
     contracts: &Contracts<V>,
     tolerance: V,
@@ -148,47 +157,41 @@ pub fn classify<V: Vector>(
     ] {
         served = (-margin).negative(served, V::zero());
     }
-    let served_in_single = serves_in_single(contracts);
+    let ordinary = ordinary(contracts);
     let (served, decay_class, distance) = (served.lanes(), decay_class.lanes(), distance.lanes());
     let (steps, tolerance) = (steps.lanes(), tolerance.lanes());
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss
-    )]
-    let loose = if levels.0 == 0 {
-        LOOSE_TOLERANCE_OF_PRICES
-    } else {
-        LOOSE_TOLERANCE
-    };
     let mut classes = [None; LANES];
     for (l, found) in classes.iter_mut().enumerate() {
         if served[l] <= 0.0 {
             continue;
         }
         let decay = decay_class[l].max(0.0).ceil() as u32;
-        let mut level = STEPS.iter().filter(|&&s| (s as f64) < steps[l]).count();
-        if tolerance[l] < loose {
-            level = level.max(4);
-        } else if level <= 2 {
-            level = 0;
-        }
-        let level = level.clamp(levels.0, levels.1);
-        // The marches of a put that starts with two steps go on from four as if it had started there.
-        let mut class = MeshClass::new(distance[l].ceil() as u32, decay, STEPS[level.max(2)]);
-        if level == 0 && class.halvings == 0 && served_in_single[l] > 0.0 {
+        let level = STEPS.iter().filter(|&&s| (s as f64) < steps[l]).count();
+        let is_loose = levels.0 == 0 && tolerance[l] >= LOOSE_TOLERANCE_OF_PRICES;
+        let mut class = MeshClass::new(distance[l].ceil() as u32, decay, STEPS[2]);
+        if is_loose && ordinary[l] > 0.0 && level < COARSEST_CHECKED && class.halvings == 0 {
             class.single = true;
             class.distance = class.distance.next_multiple_of(SINGLE_DISTANCES);
+            *found = Some((class, 0));
+            continue;
         }
+        let fewest = if tolerance[l] >= LOOSE_TOLERANCE {
+            2
+        } else {
+            4
+        };
+        let level = level
+            .clamp(fewest, STEPS.len() - 1)
+            .clamp(levels.0, levels.1);
+        let class = MeshClass::new(distance[l].ceil() as u32, decay, STEPS[level]);
         *found = Some((class, level));
     }
     classes
 }
 
-/// Positive where single precision serves: the parameters are neither large nor small, and no number of the march is
-/// the difference of large ones.
+/// Positive for ordinary puts, see `ORDINARY_GROWTH`.
 #[inline(always)]
-fn serves_in_single<V: Vector>(contracts: &Contracts<V>) -> [f64; LANES] {
+fn ordinary<V: Vector>(contracts: &Contracts<V>) -> [f64; LANES] {
     let Contracts {
         rate,
         dividend,
@@ -198,13 +201,13 @@ fn serves_in_single<V: Vector>(contracts: &Contracts<V>) -> [f64; LANES] {
     let drift = (rate - dividend) / spread;
     let mut least = V::all(1.0);
     for margin in [
-        contracts.earned().plus(-SINGLE_EARNED),
-        V::all(SINGLE_GROWTH) - rate,
-        V::all(SINGLE_GROWTH) - dividend.abs(),
-        spread.plus(-SINGLE_SPREADS[0]),
-        V::all(SINGLE_SPREADS[1]) - spread,
-        at_expiry.plus(SINGLE_PLACE),
-        V::all(SINGLE_PLACE) - drift.abs(),
+        contracts.earned().plus(-ORDINARY_EARNED),
+        V::all(ORDINARY_GROWTH) - rate,
+        V::all(ORDINARY_GROWTH) - dividend.abs(),
+        spread.plus(-ORDINARY_SPREADS[0]),
+        V::all(ORDINARY_SPREADS[1]) - spread,
+        at_expiry.plus(ORDINARY_DISTANCE),
+        V::all(ORDINARY_DRIFT) - drift.abs(),
     ] {
         least = least.min(margin);
     }
