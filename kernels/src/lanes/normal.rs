@@ -162,7 +162,7 @@ functions! {
     /// ln x for normal x > 0, by 2 artanh((m - 1)/(m + 1)) with the mantissa m between 0.7 and 1.4.
     ln(x: Ln) {
         // The number of terms of the series: (0.172)^22 is below rounding, (0.172)^10 in single precision.
-        let terms = if V::IS_SINGLE { 5 } else { 11 };
+        let terms: usize = if V::IS_SINGLE { 5 } else { 11 };
         let (m, e) = (x.mantissa(), x.exponent());
         let large = V::all(std::f64::consts::SQRT_2) - m;
         let (m, e) = (

@@ -15,6 +15,8 @@ const GAIN: f64 = 5.5;
 const LONE_GAIN: f64 = 12.0;
 /// The same for ln(S*/K); calibrated on random puts.
 const BOUNDARY_GAIN: f64 = 4.0;
+/// The same at `ONE_STEP_CHECKED`; calibrated on random puts.
+const ONE_STEP_BOUNDARY_GAIN: f64 = 7.0;
 /// The share of the difference of M and M/2 steps in the error estimate; calibrated on random puts.
 const NEAR_SHARE: f64 = 0.25;
 /// The share of the difference of M/2 and M/4 steps, about six times the other one; calibrated on random puts.
@@ -95,6 +97,11 @@ impl<V: Vector> Comparison<'_, V> {
     #[inline(always)]
     pub fn extrapolant(&self, difference: &SpotEvaluation<V>) -> SpotEvaluation<V> {
         let (whole, gain) = (self.whole, self.gain());
+        let boundary_gain = if self.level == ONE_STEP_CHECKED {
+            ONE_STEP_BOUNDARY_GAIN
+        } else {
+            BOUNDARY_GAIN
+        };
         let (mut tangents, mut tangent_slopes) = (whole.tangents, whole.tangent_slopes);
         for j in 0..3 {
             tangents[j] = extrapolated(tangents[j], difference.tangents[j], gain);
@@ -106,7 +113,7 @@ impl<V: Vector> Comparison<'_, V> {
             u: extrapolated(whole.u, difference.u, gain),
             slope: extrapolated(whole.slope, difference.slope, gain),
             curvature: extrapolated(whole.curvature, difference.curvature, gain),
-            boundary: extrapolated(whole.boundary, difference.boundary, BOUNDARY_GAIN),
+            boundary: extrapolated(whole.boundary, difference.boundary, boundary_gain),
             settled: difference.settled,
         }
     }

@@ -57,6 +57,10 @@
 //! what the premium can be at most beyond the nodes (`error_estimate`). Where that misses the tolerance the put is marched with 2 M steps as well, and so on (`group`,
 //! `refinement`). Puts of one class of meshes (`mesh_class`) are marched side by side, one in each lane.
 //!
+//! Where prices alone are asked for to a tolerance of at least 5e-5 in V/K, ordinary puts (`mesh_class`) are first marched with
+//! two steps: the march of one step, which is in closed form (`first_step`), stands for that of M/2. Their marches are in
+//! single precision up to eight steps; the error estimate counts what that changes.
+//!
 //! At most four puts of one class are marched in a vector of four lanes, which takes less than half the time.
 //!
 //! The rows of `solve_puts` are independent, and its cost is about proportional to M^{3/2}. The arrays of a thread take at
