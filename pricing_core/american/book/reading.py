@@ -117,8 +117,7 @@ def read_columns(
     with np.errstate(all="ignore"):
         for name, column in numbers.items():
             least, most = LIMITS[name]
-            if not (column.min(initial=least) >= least and column.max(initial=most) <= most):
-                sound &= (column >= least) & (column <= most)
+            sound &= (column >= least) & (column <= most)
         ratio = numbers["spot"] / numbers["strike"]
     # Rows next to the limits, which rounding may place on either side of them, are read one by one.
     sound &= (ratio == 0.0) | ((ratio >= 10.0 / LARGEST_RATIO) & (ratio <= 0.1 * LARGEST_RATIO))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pricing_core.arrays import Vector
+from pricing_core.arrays import Vector, some
 from pricing_core.errors import UnusualColumnWarning
 
 
@@ -41,7 +41,7 @@ def unusual_columns(numbers: Mapping[str, Vector]) -> list[str]:
     found = []
     for name, usual in USUAL.items():
         column = numbers.get(name)
-        if column is None or not (np.abs(column) > usual.below).any():
+        if column is None or not some(np.abs(column) > usual.below):
             continue
         median = _median(column)
         if abs(median) > usual.below:
@@ -66,7 +66,7 @@ def warn_of(sentences: Sequence[str], callers: int) -> None:
 def _median_ratio(strike: Vector, spot: Vector) -> float:
     """Return the median of strike/spot, or 1 where no ratio is large or small enough to ask for it."""
     with np.errstate(all="ignore"):
-        if not ((strike > MOST_RATIO * spot) | (spot > MOST_RATIO * strike)).any():
+        if not some((strike > MOST_RATIO * spot) | (spot > MOST_RATIO * strike)):
             return 1.0
         return _median(strike / spot)
 
