@@ -294,7 +294,7 @@ vector!(Avx2, Avx2Narrow, Avx2Single, false, std::arch::x86_64::__m256d, avx2, 4
 #[cfg(target_arch = "x86_64")]
 vector!(Avx2Narrow, Avx2Narrow, Avx2Narrow, false, std::arch::x86_64::__m256d, avx2, 4, 1: 0);
 
-// In single precision one register holds twice as many numbers, and the march is not faster in a narrower vector.
+// One register of 512 bits holds all numbers of single precision, so that a narrow vector would save little.
 #[cfg(target_arch = "x86_64")]
 vector!(Avx512Single, Avx512Single, Avx512Single, true, std::arch::x86_64::__m512, avx512_single, 16, 1: 0);
 #[cfg(target_arch = "x86_64")]

@@ -48,7 +48,7 @@ const DERIVATIVE_SHARE: f64 = 0.17;
 const DERIVATIVE_SHARE_AT_TURN: f64 = 1.0;
 /// The largest `Spots::cost_at_turn` of such puts; chosen.
 const SHARP_TURN: f64 = 2e-3;
-/// The error of V/K from marches in single precision; measured on random puts.
+/// What marches in single precision may change V/K by; measured on random puts, of which none has half of it.
 pub const SINGLE_ROUNDING: f64 = 2e-7;
 /// The smallest number of steps from which derivatives do not ask for more; chosen.
 const MOST_STEPS_FOR_DERIVATIVES: usize = 96;

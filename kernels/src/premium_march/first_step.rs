@@ -31,10 +31,13 @@ pub struct FirstNode<V> {
     pub xi_by: [V; 3],
 }
 
-/// A march of one step alone: u = `contact` e^{-`lam` (xi' - xi)} at xi' beyond the boundary xi.
+/// A march of one step alone, which leaves u = `contact` e^{-`lam` (xi' - `xi`)} at xi' beyond the boundary.
 pub struct OnlyStep<V> {
+    /// xi of the boundary.
     pub xi: V,
+    /// u there.
     pub contact: V,
+    /// sqrt(2/t) at t = 1.
     pub lam: f64,
 }
 

@@ -19,8 +19,8 @@ const TYPICAL_ERROR: f64 = 7e-6;
 const TYPICAL_POWER: f64 = 0.7;
 /// The smallest tolerance of V/K for which two marches are enough to state the error; chosen.
 const LOOSE_TOLERANCE: f64 = 1e-4;
-/// The same where prices alone are asked for; chosen: that of a call is 1e-4 of its own strike then, which is the spot of
-/// its put.
+/// The smallest tolerance of V/K for which an ordinary put starts with two steps where prices alone are asked for; chosen:
+/// a tolerance of 1e-4 strikes of a call is less in strikes of its put, which are spots of the call.
 const LOOSE_TOLERANCE_OF_PRICES: f64 = 5e-5;
 /// The power of the error with which the number of steps falls, 1/log2(6); calibrated: twice the steps have a sixth of the
 /// error.
@@ -38,9 +38,10 @@ const LARGEST_DISTANCE: f64 = 40.0;
 /// The fastest decay that is served, in quarters of an octave; chosen.
 const LARGEST_DECAY_CLASS: u32 = 18;
 /// The limits of ordinary puts, whose marches to prices at a loose tolerance start with two steps, and are in single
-/// precision: dx is not halved, and these are the largest r T and |q T|, the smallest and largest sigma sqrt(T), the least that exercise earns, the largest
-/// drift |r - q| T/(sigma sqrt(T)), and the largest distance of the boundary at expiry from the strike, in xi. Calibrated
-/// on random puts, with room for twice as much: beyond them one step and two agree by accident.
+/// precision: dx is not halved, and these are the largest r T and |q T|, the smallest and the largest sigma sqrt(T), the
+/// least that exercise earns, the largest drift |r - q| T/(sigma sqrt(T)), and the largest distance of the boundary at
+/// expiry from the strike, in xi. Calibrated on random puts: some beyond twice the growth and the drift have one step and
+/// two agree on a wrong boundary.
 const ORDINARY_GROWTH: f64 = 0.5;
 const ORDINARY_SPREADS: [f64; 2] = [0.01, 1.5];
 const ORDINARY_EARNED: f64 = 1e-5;
