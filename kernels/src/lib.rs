@@ -15,16 +15,19 @@
 //! The engines run sixteen numbers side by side (`lanes`), with the instruction set that the processor has. Nothing here
 //! knows of calendars, currencies or files; the module `python` (feature "python") is the only bridge to Python.
 
+pub mod boundary_collocation;
 mod brennan_schwartz;
 mod equilibration;
 mod error;
 mod first_crossing;
+mod gauss_legendre;
 mod growing_basic_set;
 #[cfg(test)]
 mod instruction_set_tests;
 pub mod interrupt;
 mod lanes;
 mod lemke;
+mod linear_system;
 mod mode_flow;
 mod mode_signs;
 pub mod multiplier_collocation;

@@ -33,7 +33,7 @@ mod _kernels {
     #[pymodule_export]
     use super::multiplier_collocation::solve_schedules;
     #[pymodule_export]
-    use super::premium_march::{march_boundaries, price_options, solve_puts};
+    use super::premium_march::{march_boundaries, price_options, solve_puts, two_boundaries};
     #[pymodule_export]
     use super::segment_march::sweep_schedules;
     #[pymodule_export]
