@@ -40,7 +40,7 @@ ENGINES: dict[str, tuple[Kind, ...]] = {
         *(kinds.cash, kinds.proportional, kinds.mixed, kinds.curves, kinds.escrowed),
         *(kinds.hours_to_expiry_and_ex_date, kinds.hours_to_ex_date, kinds.near_yield_with_cash),
     ),
-    "sdirk2": (kinds.two_boundaries,),  # the method of lines
+    "sdirk2": (kinds.two_boundaries_with_cash,),  # the method of lines
 }
 SLOW = "sdirk2"
 # Number of contracts of each kind.
@@ -280,7 +280,7 @@ def main() -> None:
     if "cost" in wanted:
         costs(COSTED, COSTED if full else WEEKLY_COSTED)
         if SLOW in wanted:
-            cost("0, two boundaries", rows_of(kinds.two_boundaries, SLOWLY_COSTED))
+            cost("1, two boundaries", rows_of(kinds.two_boundaries_with_cash, SLOWLY_COSTED))
     for engine in wanted:
         if engine != "cost":
             report(engine, COUNTS[engine][full])

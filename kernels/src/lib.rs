@@ -1,5 +1,5 @@
-//! What must be fast in `pricing_core`, over plain slices: complementarity solvers, the method of lines, and two
-//! option engines.
+//! What must be fast in `pricing_core`, over plain slices: complementarity solvers, the method of lines, and
+//! three option engines.
 //!
 //! - Solvers of 0 <= z, 0 <= w = M z + q, z w = 0 with a tridiagonal M: `brennan_schwartz`, `growing_basic_set`,
 //!   `policy_iteration`, `projected_sor`; with a dense one: `equilibrate`, `lemke`; with a sparse one,
@@ -9,6 +9,7 @@
 //! - `segment_march`: the method of lines over a schedule of segments, with a tridiagonal problem per stage.
 //! - `march_strikes`: options of all strikes of an expiry under one local volatility, on one grid.
 //! - `premium_march`: American puts in a flat market, by a march of their early exercise premium.
+//! - `boundary_collocation`: American puts in a flat market whose exercise region has two boundaries, by collocation of both.
 //! - `multiplier_collocation`: American and Bermudan options with dividends, curves and exercise dates, by collocation of
 //!   the multiplier of their complementarity system.
 //!

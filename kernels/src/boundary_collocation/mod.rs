@@ -43,14 +43,15 @@ mod integrand;
 mod newton;
 mod nodes;
 mod over_time;
+mod put;
 mod solve;
 mod spot_value;
 mod start;
 mod system;
 
 pub use integrand::Parameters;
-pub use newton::Put;
 pub use over_time::{boundaries_over_time, BoundaryPair};
+pub use put::Put;
 pub use solve::solve_puts;
 
 use crate::premium_march::{ErrorShares, Solver};

@@ -2,6 +2,7 @@
 
 use super::integrand::Parameters;
 use super::nodes::Nodes;
+use super::put::Put;
 use super::start::Guess;
 use super::system::{Curves, Matching, MatchingWork};
 use crate::lanes::vector::Vector;
@@ -28,13 +29,6 @@ const MOST_TRIES: usize = 60;
 pub const MET: f64 = 1e-4;
 /// The smallest distance of the boundaries in a guess, as a share of that at expiry, over 1 - z; chosen.
 const SMALLEST_SLOPE: f64 = 0.1;
-/// A put whose exercise region has two boundaries: dividend < rate < 0.
-#[derive(Clone, Copy)]
-pub struct Put {
-    /// r T, q T and sigma sqrt(T), T being the time to expiry.
-    pub parameters: Parameters,
-}
-
 /// Solved boundaries.
 #[derive(Clone)]
 pub struct Boundaries {
@@ -54,21 +48,6 @@ pub struct BoundaryTangents {
 }
 
 impl Put {
-    /// Whether all parameters are numbers, and the region has two boundaries.
-    pub(super) fn is_served(&self) -> bool {
-        let Parameters {
-            rate,
-            dividend,
-            spread,
-        } = self.parameters;
-        rate < 0.0 && dividend < rate && spread > 0.0 && dividend.is_finite() && spread.is_finite()
-    }
-
-    /// The limit of the lower boundary at expiry, ln(r/q).
-    pub(super) fn lower_at_expiry(&self) -> f64 {
-        (self.parameters.rate / self.parameters.dividend).ln()
-    }
-
     /// The boundaries of the coarsest level: up to `latest`, a share of the time, or where that fails, because they meet
     /// before, to there.
     #[inline(always)]
@@ -96,13 +75,6 @@ impl Put {
             share *= SHORTER;
         }
         None
-    }
-
-    /// The most that the right to exercise early may be worth, over K, where `latest` is the share of the time after which
-    /// nothing is exercised.
-    pub(super) fn largest_premium(&self, latest: f64) -> f64 {
-        let Parameters { rate, dividend, .. } = self.parameters;
-        (rate - dividend) * latest * (-rate).exp()
     }
 
     /// The boundaries of the next level, from these.
@@ -192,12 +164,6 @@ impl Put {
                 .collect();
         }
         Some(found)
-    }
-
-    /// The derivatives of ln(r/q) by rate, dividend and spread.
-    fn lower_at_expiry_by(&self) -> [f64; 3] {
-        let Parameters { rate, dividend, .. } = self.parameters;
-        [1.0 / rate, -1.0 / dividend, 0.0]
     }
 }
 

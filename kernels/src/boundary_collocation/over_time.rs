@@ -1,7 +1,7 @@
 //! The two boundaries of one put at given times.
 
-use super::newton::Put;
 use super::nodes::{Nodes, DEGREES};
+use super::put::Put;
 use super::start::LatestExercise;
 use crate::interrupt::Interrupt;
 use crate::lanes::dispatch::{dispatch, Work};

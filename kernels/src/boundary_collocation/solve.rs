@@ -4,8 +4,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::Mutex;
 
 use super::integrand::{EuropeanAt, Parameters};
-use super::newton::{Boundaries, BoundaryTangents, Put, MOST_STEPS};
+use super::newton::{Boundaries, BoundaryTangents, MOST_STEPS};
 use super::nodes::DEGREES;
+use super::put::Put;
 use super::spot_value::SpotValue;
 use super::start::LatestExercise;
 use crate::lanes::dispatch::{dispatch, Work};

@@ -3,8 +3,9 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::integrand::{European, Passed};
-use super::newton::{Boundaries, BoundaryTangents, Put};
+use super::newton::{Boundaries, BoundaryTangents};
 use super::nodes::Nodes;
+use super::put::Put;
 use super::system::chunk;
 use crate::gauss_legendre::legendre;
 use crate::lanes::normal::exp;

@@ -3,8 +3,8 @@
 use std::f64::consts::SQRT_2;
 
 use super::integrand::European;
-use super::newton::Put;
 use super::nodes::Nodes;
+use super::put::Put;
 use super::system::Curves;
 use crate::lanes::vector::{Part, Vector, LANES};
 use crate::premium_march::{first_boundary, Contracts, TimeFactors};

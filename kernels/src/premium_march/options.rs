@@ -21,15 +21,15 @@ const LEVELS: (usize, usize) = (2, STEPS.len() - 1);
 /// How the errors of derivatives follow from what a solver says; shares of a change are of that from one solve to the next,
 /// shares of the value's error of that over the spread, or over its square.
 pub struct ErrorShares {
-    /// By x, by x twice, by rate, dividend and spread: of the change and of the value's error.
+    /// For the derivatives by x, by x twice, by rate, dividend and spread, of the change.
     pub changes: [f64; 5],
-    /// See `OVER_SQUARE`.
+    /// For the same, of the value's error; see `OVER_SQUARE`.
     pub values: [f64; 5],
-    /// Of vanna, volga and charm: of the change.
+    /// For vanna, volga and charm, of the change.
     pub cross_changes: f64,
-    /// Of vanna, volga and charm: of the value's error.
+    /// For vanna, volga and charm, of the value's error.
     pub cross_values: [f64; 3],
-    /// Of theta: of its change, and of the largest error of its terms.
+    /// For theta, of its change, and of the largest error of its terms.
     pub theta: [f64; 2],
 }
 

@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 
 use crate::lanes::dispatch::InstructionSet;
 
-/// Return the instruction set that the two option engines use here: "avx512", "avx2" or "portable".
+/// Return the instruction set that the option engines use here: "avx512", "avx2" or "portable".
 #[pyfunction]
 fn instruction_set() -> &'static str {
     InstructionSet::best().name()
