@@ -29,6 +29,7 @@ const MOST_TRIES: usize = 60;
 pub const MET: f64 = 1e-4;
 /// The smallest distance of the boundaries in a guess, as a share of that at expiry, over 1 - z; chosen.
 const SMALLEST_SLOPE: f64 = 0.1;
+
 /// Solved boundaries.
 #[derive(Clone)]
 pub struct Boundaries {

@@ -170,9 +170,7 @@ impl Work for Run<'_> {
             boundaries = put.first_boundaries::<V>(latest);
         }
         while let Some(at) = boundaries {
-            let Some(level) = self.with_tangents::<V>(&put, at) else {
-                break;
-            };
+            let level = self.with_tangents::<V>(&put, at);
             for (spot, found) in spots.clone().zip(&mut found) {
                 if !found.finished {
                     self.evaluate::<V>(&put, &level, spot, found);
@@ -192,15 +190,16 @@ impl Work for Run<'_> {
 }
 
 impl Run<'_> {
+    /// The boundaries with what the wanted Greeks need, as far as it is found.
     #[inline(always)]
-    fn with_tangents<V: Vector>(&self, put: &Put, boundaries: Boundaries) -> Option<Level> {
+    fn with_tangents<V: Vector>(&self, put: &Put, boundaries: Boundaries) -> Level {
         let mut level = Level {
             boundaries,
             tangents: None,
             beside: None,
         };
         if self.puts.limits.is_some() {
-            level.tangents = Some(put.tangents::<V>(&level.boundaries)?);
+            level.tangents = put.tangents::<V>(&level.boundaries);
         }
         if self.puts.spread_step.is_some() {
             let side = |factor: f64| {
@@ -213,9 +212,11 @@ impl Run<'_> {
                 let tangents = other.tangents::<V>(&boundaries)?;
                 Some((other, boundaries, tangents))
             };
-            level.beside = Some([side(1.0 + SPREAD_STEP)?, side(1.0 - SPREAD_STEP)?]);
+            if let (Some(up), Some(down)) = (side(1.0 + SPREAD_STEP), side(1.0 - SPREAD_STEP)) {
+                level.beside = Some([up, down]);
+            }
         }
-        Some(level)
+        level
     }
 
     /// Evaluate a level at a spot, and compare it with the last.
@@ -291,7 +292,7 @@ impl Level {
     #[inline(always)]
     fn seconds<V: Vector>(&self, put: &Put, x: f64, distance: f64) -> [f64; SECOND] {
         let Some(beside) = &self.beside else {
-            return [0.0; SECOND];
+            return [f64::NAN; SECOND];
         };
         let spread = put.parameters.spread;
         let at = |x: f64| {

@@ -25,7 +25,7 @@ const NODE_ROUNDING: f64 = 1e-15;
 pub struct SpotValue<'a> {
     pub put: &'a Put,
     pub boundaries: &'a Boundaries,
-    /// None leaves out the derivatives by the parameters.
+    /// Without these the derivatives by the parameters are not numbers.
     pub tangents: Option<&'a BoundaryTangents>,
     /// ln(S/K).
     pub x: f64,
@@ -79,10 +79,13 @@ impl<V: Vector> Part<V> for SpotValue<'_> {
         values[1] += european.by_x.lane(0);
         values[2] += european.by_x_twice.lane(0);
         values[3] = european.value.lane(0);
+        values[4..].fill(f64::NAN);
         if let Some(tangents) = self.tangents {
             let at_meeting = self.at_meeting::<V>();
             for j in 0..3 {
-                values[4 + j] += european.by_parameters[j].lane(0) + at_meeting * tangents.share[j];
+                values[4 + j] = sum_of_lanes(sums[4 + j])
+                    + european.by_parameters[j].lane(0)
+                    + at_meeting * tangents.share[j];
             }
         }
         values

@@ -94,6 +94,9 @@ def price_flat(book: Book, request: Request, *, method: str, two_boundaries: boo
         lists[DIVIDENDS] = of_dividends_not_due(book)
     if greeks == "extended":
         lists |= _buckets(book, columns)
+    if two_boundaries and greeks != "none":
+        hardest = columns["volga" if greeks == "extended" else "vega"]
+        lists["complete"] = lists["complete"] & ~np.isnan(hardest)
     return prices(
         book.count,
         exercised=exercised,
