@@ -29,7 +29,7 @@ from benchmarks.measuring.timing import Task, least_seconds
 from benchmarks.option_engine.portfolio_study import study_portfolio
 from benchmarks.problems.cost_sweeps import contract
 from benchmarks.problems.portfolios import everyday
-from benchmarks.problems.random_contracts import Row, rows_of, two_boundaries
+from benchmarks.problems.random_contracts import Row, rows_of, two_boundaries, two_boundaries_with_cash
 from benchmarks.quantlib import american_engines
 from benchmarks.quantlib.american_engines import QD_FP
 from benchmarks.reporting.figures import ROOT, Figures, filled, shown, source_of, write
@@ -89,7 +89,9 @@ def single() -> Figures:
     times: dict[str, tuple[float | list[float], str]] = {
         name: (_milliseconds(row, asked), "{:.2f} ms") for name, (row, asked) in cases.items()
     }
-    lines = [_milliseconds(row, "none") for row in rows_of(two_boundaries, 100)]
+    two = [_milliseconds(row, "none") for row in rows_of(two_boundaries, 100)]
+    times["two"] = float(np.median(two)), "{:.2f} ms"
+    lines = [_milliseconds(row, "none") for row in rows_of(two_boundaries_with_cash, 100)]
     times["lines"] = (
         [min(lines), float(np.median(lines)), max(lines)],
         "{0:.0f} to {2:.0f} ms, {1:.0f} ms in the median",

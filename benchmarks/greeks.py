@@ -8,7 +8,7 @@ the claim; `unsure` counts the others. Contracts that are exercised are left out
 exercised contracts. Differences of delta give vanna and charm, those of vega give volga.
 
 Takes two minutes, with --full half an hour. Run from the root of the project:
-.venv/bin/python -m benchmarks.greeks [--full] [cost] [premium-march] [multiplier-collocation] [sdirk2]
+.venv/bin/python -m benchmarks.greeks [--full] [cost] [ENGINE ...]
 """
 
 import sys
@@ -35,15 +35,21 @@ REFERENCE = 1e-8
 TOLERANCE = 1e-6
 ENGINES: dict[str, tuple[Kind, ...]] = {
     "premium-march": (kinds.flat, kinds.rate_near_yield, kinds.hours_to_expiry),
+    "boundary-collocation": (kinds.two_boundaries,),
     "multiplier-collocation": (
         *(kinds.cash, kinds.proportional, kinds.mixed, kinds.curves, kinds.escrowed),
         *(kinds.hours_to_expiry_and_ex_date, kinds.hours_to_ex_date, kinds.near_yield_with_cash),
     ),
-    "sdirk2": (kinds.two_boundaries,),  # the method of lines
+    "sdirk2": (kinds.two_boundaries_with_cash,),  # the method of lines
 }
 SLOW = "sdirk2"
 # Number of contracts of each kind.
-COUNTS = {"premium-march": (60, 600), "multiplier-collocation": (20, 200), SLOW: (4, 20)}
+COUNTS = {
+    "premium-march": (60, 600),
+    "boundary-collocation": (60, 600),
+    "multiplier-collocation": (20, 200),
+    SLOW: (4, 20),
+}
 # Number of contracts of each row of the table of costs; those of flat ones take 10 us each.
 FLAT_COSTED, COSTED, WEEKLY_COSTED, SLOWLY_COSTED = 400, 40, 4, 3
 DIVIDENDS, WEEKLY = (0, 1, 4, 12, 60), 60  # Number of dividends; from WEEKLY on they are weekly and small.
@@ -274,7 +280,7 @@ def main() -> None:
     if "cost" in wanted:
         costs(COSTED, COSTED if full else WEEKLY_COSTED)
         if SLOW in wanted:
-            cost("0, two boundaries", rows_of(kinds.two_boundaries, SLOWLY_COSTED))
+            cost("1, two boundaries", rows_of(kinds.two_boundaries_with_cash, SLOWLY_COSTED))
     for engine in wanted:
         if engine != "cost":
             report(engine, COUNTS[engine][full])

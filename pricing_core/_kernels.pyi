@@ -60,6 +60,7 @@ def sparse_sweeps(
     interrupt: Callable[[], bool] | None = None,
 ) -> tuple[Vector, int]: ...
 def price_options(
+    two_boundaries: bool,
     is_put: BoolVector,
     spot: Vector,
     strike: Vector,
@@ -90,6 +91,14 @@ def solve_puts(
 def march_boundaries(
     steps: int, rate: Vector, dividend: Vector, spread: Vector, interrupt: Callable[[], bool] | None
 ) -> tuple[Vector, BoolVector]: ...
+def two_boundaries(
+    rate: float,
+    dividend: float,
+    spread: float,
+    shares: Vector,
+    accuracy: float,
+    interrupt: Callable[[], bool] | None,
+) -> tuple[Vector, Vector, Vector] | None: ...
 def solve_schedules(
     sign: Vector,
     x: Vector,

@@ -1,5 +1,6 @@
 """What concerns every test."""
 
+import gc
 import os
 
 # Set before NumPy is imported. The matrices of the tests are small, and the threads of several processes that share the
@@ -16,6 +17,11 @@ from tests.problems.engine_with_errors import EngineWithErrors
 def engine_with_errors(monkeypatch):
     """Let one engine answer every price that knows the errors of some Greeks and not of others."""
     monkeypatch.setattr("pricing_core.american.method.ENGINES", (EngineWithErrors(),))
+
+
+def pytest_collection_finish():
+    """Spare the garbage collector what stands for thirteen thousand tests: it would visit all of it each time."""
+    gc.freeze()
 
 
 def pytest_terminal_summary(terminalreporter):

@@ -148,6 +148,12 @@ def two_boundaries(random: np.random.Generator) -> Row:
     return {**row, "rate": low, "dividend_yield": high}
 
 
+def two_boundaries_with_cash(random: np.random.Generator) -> Row:
+    """Return a contract whose exercise region has two boundaries, with a cash dividend."""
+    row = two_boundaries(random)
+    return paying(row, spread_out(row, 1, random), random)
+
+
 def quarterly(random: np.random.Generator) -> Row:
     """Return a contract of two to ten years with a cash dividend each quarter."""
     row = {**flat(random), "expiry": random.uniform(2.0, 10.0)}

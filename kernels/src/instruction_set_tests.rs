@@ -1,5 +1,6 @@
-//! Both engines on each instruction set that this machine has, against each other and against known values.
+//! The engines on each instruction set that this machine has, against each other and against known values.
 
+use crate::boundary_collocation;
 use crate::interrupt::never;
 use crate::lanes::dispatch::{forced, InstructionSet};
 use crate::multiplier_collocation::{self, solve_schedules, Schedules};
@@ -63,7 +64,25 @@ impl SolvedPuts {
     }
 }
 
+/// American puts whose exercise region has two boundaries, in the first two up to now, in the others until they meet.
+const TWO_BOUNDARIES: [[f64; 4]; 5] = [
+    [-0.02, -0.05, 0.2, 0.1],
+    [-0.01, -0.04, 0.1, -0.3],
+    [-0.2, -0.5, 0.63, 0.05],
+    [-0.09, -0.12, 1.0, -0.2],
+    [-0.05, -0.125, 0.63, -0.7],
+];
+
 fn puts(set: InstructionSet, rows: &[[f64; 4]], tolerance: f64) -> SolvedPuts {
+    puts_by(solve_puts, set, rows, tolerance)
+}
+
+fn puts_by(
+    solve_puts: fn(Puts, usize) -> premium_march::Solved,
+    set: InstructionSet,
+    rows: &[[f64; 4]],
+    tolerance: f64,
+) -> SolvedPuts {
     let column = |k: usize| rows.iter().map(|put| put[k]).collect::<Vec<f64>>();
     let (rate, dividend, spread, x) = (column(0), column(1), column(2), column(3));
     let count = rows.len();
@@ -394,5 +413,31 @@ fn without_rates_a_put_is_european() {
     for set in InstructionSet::available() {
         let (found, _) = schedules(set, &rows, 1e-8);
         assert!((found[0] - found[1]).abs() < 1e-14, "{set:?}");
+    }
+}
+
+/// The largest difference between two instruction sets in derivatives that are differences of solutions.
+const DIFFERENCE_AGREEMENT: f64 = 1e-7;
+
+#[test]
+fn two_boundaries_agree_on_every_instruction_set() {
+    let portable = InstructionSet::available()[0];
+    let solve = |set| puts_by(boundary_collocation::solve_puts, set, &TWO_BOUNDARIES, 1e-7);
+    let expected = solve(portable);
+    assert!(expected.settled.iter().all(|&settled| settled));
+    for set in InstructionSet::available() {
+        let found = solve(set);
+        assert_eq!(found.settled, expected.settled);
+        for (found, expected) in found.rows().into_iter().zip(expected.rows()) {
+            let (numbers, second) = found.split_at(premium_march::COLUMNS);
+            let (expected, expected_second) = expected.split_at(premium_march::COLUMNS);
+            assert_agree(numbers, expected, (set, portable));
+            assert_agree_to(
+                DIFFERENCE_AGREEMENT,
+                second,
+                expected_second,
+                (set, portable),
+            );
+        }
     }
 }

@@ -1,5 +1,5 @@
-//! What must be fast in `pricing_core`, over plain slices: complementarity solvers, the method of lines, and two
-//! option engines.
+//! What must be fast in `pricing_core`, over plain slices: complementarity solvers, the method of lines, and
+//! three option engines.
 //!
 //! - Solvers of 0 <= z, 0 <= w = M z + q, z w = 0 with a tridiagonal M: `brennan_schwartz`, `growing_basic_set`,
 //!   `policy_iteration`, `projected_sor`; with a dense one: `equilibrate`, `lemke`; with a sparse one,
@@ -9,22 +9,26 @@
 //! - `segment_march`: the method of lines over a schedule of segments, with a tridiagonal problem per stage.
 //! - `march_strikes`: options of all strikes of an expiry under one local volatility, on one grid.
 //! - `premium_march`: American puts in a flat market, by a march of their early exercise premium.
+//! - `boundary_collocation`: American puts in a flat market whose exercise region has two boundaries, by collocation of both.
 //! - `multiplier_collocation`: American and Bermudan options with dividends, curves and exercise dates, by collocation of
 //!   the multiplier of their complementarity system.
 //!
 //! The engines run sixteen numbers side by side (`lanes`), with the instruction set that the processor has. Nothing here
 //! knows of calendars, currencies or files; the module `python` (feature "python") is the only bridge to Python.
 
+pub mod boundary_collocation;
 mod brennan_schwartz;
 mod equilibration;
 mod error;
 mod first_crossing;
+mod gauss_legendre;
 mod growing_basic_set;
 #[cfg(test)]
 mod instruction_set_tests;
 pub mod interrupt;
 mod lanes;
 mod lemke;
+mod linear_system;
 mod mode_flow;
 mod mode_signs;
 pub mod multiplier_collocation;

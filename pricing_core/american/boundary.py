@@ -82,7 +82,7 @@ def exercise_boundary(
     """Return the exercise boundary: within 1e-4 of itself at the default tolerance, 1e-5 at the smallest.
 
     Without events every time has a march of its own, scaled to the root of the time to expiry: the accuracy is the same
-    close to expiry. Where there are two boundaries, or the march and the collocation do not serve, the method of lines
+    close to expiry. Where there are two boundaries and events, or the fast engines do not settle, the method of lines
     is taken: 1e-5 for time to expiry >= expiry/4, 1e-4 at expiry/10, 4e-4 at expiry/100.
 
     Parameters

@@ -14,7 +14,6 @@ use super::boundary::Boundary;
 use super::boundary_adjoint::see_boundary;
 use super::contact_adjoint::see_contact_sets;
 use super::event_transfer::NARROWEST_LINE;
-use super::gauss_legendre::legendre;
 use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
 use super::points_seen::{see_from_points, PointsSeen};
 use super::profile::{Piece, PieceKind};
@@ -25,6 +24,7 @@ use super::solved_part::SolvedPart;
 use super::spot_drop::SpotDrop;
 use super::unsettled::Unsettled;
 use super::viewpoint::{see_profile, weight_of_piece, Coefficient, Viewpoint};
+use crate::gauss_legendre::legendre;
 
 /// The relative distance within which a place is that of the onset; chosen.
 const SAME_PLACE: f64 = 1e-12;

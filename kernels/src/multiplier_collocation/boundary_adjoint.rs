@@ -13,7 +13,6 @@ use super::contact_adjoint::{see_contact_sets, BoundaryWeights};
 use super::contact_onset::{ContactOnset, Representation};
 use super::degree_control::value_nodes;
 use super::gradient::{add, SegmentGradient, Weights, FUNCTIONALS};
-use super::linear_system::eliminate;
 use super::multiplier::ContactBlock;
 use super::payoff_crossing::Gap;
 use super::profile::Profile;
@@ -21,6 +20,7 @@ use super::segment::{Dynamics, Segment};
 use super::unsettled::Unsettled;
 use super::viewpoint::{see_profile, Viewpoint};
 use crate::lanes::vector::LANES;
+use crate::linear_system::eliminate;
 
 /// The largest distance in time of an onset that was found to that where value and payoff meet, as a share of the duration;
 /// chosen: ten times that of the search.

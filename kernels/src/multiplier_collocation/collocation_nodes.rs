@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_PI_4, PI};
 use std::sync::Mutex;
 
 use super::chebyshev::{chebyshev_points, interpolation};
-use super::gauss_legendre::legendre;
+use crate::gauss_legendre::legendre;
 
 /// The nodes for one degree m and n nodes in every integral.
 pub struct CollocationNodes {

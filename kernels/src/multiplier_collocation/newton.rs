@@ -2,7 +2,7 @@
 
 use super::collocation_system::CollocationSystem;
 use super::contact_onset::{ContactOnset, Representation};
-use super::linear_system::{eliminate, lift_diagonal};
+use crate::linear_system::{eliminate, lift_diagonal};
 
 /// The largest number of Newton's steps; chosen.
 const MOST_ITERATIONS: usize = 40;

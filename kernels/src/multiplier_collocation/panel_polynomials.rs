@@ -6,9 +6,9 @@
 
 use std::sync::OnceLock;
 
-use super::gauss_legendre::legendre;
 use super::panels::Panel;
 use super::profile::Profile;
+use crate::gauss_legendre::legendre;
 use crate::lanes::dispatch::{dispatch, Work};
 use crate::lanes::vector::{Vector, LANES};
 

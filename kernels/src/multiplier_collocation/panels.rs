@@ -1,7 +1,7 @@
 //! Gauss panels on an interval of x, fine where the value is not smooth.
 
-use super::gauss_legendre::legendre;
 use super::unsettled::Unsettled;
+use crate::gauss_legendre::legendre;
 
 /// The largest number of kinks that panels are fitted to, the newest ones; chosen: older ones are smooth by then.
 const MOST_KINKS: usize = 12;

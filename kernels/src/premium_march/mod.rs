@@ -97,9 +97,12 @@ mod wiener_hopf;
 mod work_items;
 
 pub use boundaries::march_boundaries;
+pub(crate) use contracts::Contracts;
 pub use contracts::Puts;
-pub use group::COLUMNS;
+pub(crate) use first_step::first_boundary;
+pub use group::{COLUMNS, DERIVATIVES, SECOND, SECOND_COLUMNS};
 pub use mesh::STEPS;
-pub use options::{price_options, Greeks, Options};
+pub(crate) use obstacle::TimeFactors;
+pub use options::{price_options, ErrorShares, Greeks, Options, Solver, PREMIUM_MARCH};
 pub use solve::{solve_puts, Solved};
 pub use spot_evaluation::VALUES;

@@ -20,16 +20,44 @@ const LEVELS: (usize, usize) = (2, STEPS.len() - 1);
 /// The smallest level where there are no Greeks: 2 steps.
 const SMALLEST_LEVEL: usize = 0;
 
-/// The error of a derivative as shares of its change from one march to the next, and of the value's error over the spread,
-/// or over its square: by x, by x twice, by rate, dividend and spread; calibrated on random puts.
-const CHANGE_SHARES: [f64; 5] = [0.47, 0.5, 0.76, 0.7, 0.5];
-const VALUE_SHARES: [f64; 5] = [0.37, 0.6, 1.4, 1.3, 0.5];
+/// How the errors of derivatives follow from what a solver says; shares of a change are of that from one solve to the next,
+/// shares of the value's error of that over the spread, or over its square.
+pub struct ErrorShares {
+    /// For the derivatives by x, by x twice, by rate, dividend and spread, of the change.
+    pub changes: [f64; 5],
+    /// For the same, of the value's error; see `OVER_SQUARE`.
+    pub values: [f64; 5],
+    /// For vanna, volga and charm, of the change.
+    pub cross_changes: f64,
+    /// For vanna, volga and charm, of the value's error.
+    pub cross_values: [f64; 3],
+    /// For theta, of its change, and of the largest error of its terms.
+    pub theta: [f64; 2],
+}
+
+/// Whether the share of the value's error is over the square of the spread.
 const OVER_SQUARE: [bool; 5] = [false, true, true, true, false];
-/// The same for vanna, charm and volga; calibrated.
-const CROSS_SHARE: f64 = 0.5;
-const VANNA_VALUE_SHARE: f64 = 1.0;
-const CHARM_VALUE_SHARE: f64 = 0.4;
-const VOLGA_VALUE_SHARE: f64 = 1.0;
+
+/// A solver of puts, and the errors of what it finds.
+#[derive(Clone, Copy)]
+pub struct Solver {
+    /// `solve_puts`, or another one with the same results.
+    pub solve_puts: fn(Puts, usize) -> Solved,
+    /// Calibrated on random puts.
+    pub shares: &'static ErrorShares,
+}
+
+/// The march of the premium.
+pub const PREMIUM_MARCH: Solver = Solver {
+    solve_puts,
+    shares: &ErrorShares {
+        changes: [0.47, 0.5, 0.76, 0.7, 0.5],
+        values: [0.37, 0.6, 1.4, 1.3, 0.5],
+        cross_changes: 0.5,
+        cross_values: [1.0, 1.0, 0.4],
+        theta: [0.0, 1.0],
+    },
+};
 
 /// Which Greeks are found.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -137,9 +165,10 @@ pub struct Priced {
     pub steps: Vec<i64>,
 }
 
-/// Price options to their tolerances. With `shared` rows that differ in spot and strike alone share their marches.
+/// Price options to their tolerances. With `shared` rows that differ in spot and strike alone share their solves.
 #[must_use]
 pub fn price_options(
+    solver: Solver,
     options: Options,
     greeks: Greeks,
     shared: bool,
@@ -159,8 +188,8 @@ pub fn price_options(
         last = Some(put);
     }
     columns.first.push(count);
-    let solved = solve_puts(columns.as_puts(greeks, interrupt), threads);
-    in_money(options, row_of, &solved, greeks)
+    let solved = (solver.solve_puts)(columns.as_puts(greeks, interrupt), threads);
+    in_money(options, row_of, &solved, greeks, solver.shares)
 }
 
 /// The puts as columns, in the order in which they are marched.
@@ -320,7 +349,7 @@ impl Row {
     }
 
     /// What is found of the option; see `NAMES`. `error` is the estimated error of v.
-    fn numbers(&self, found: &Found, greeks: Greeks) -> [f64; NAMES.len()] {
+    fn numbers(&self, found: &Found, greeks: Greeks, shares: &ErrorShares) -> [f64; NAMES.len()] {
         let (scale, spot) = (self.scale(), self.spot);
         let [v, by_x, by_xx, european, ..] = found.values.map(|value| scale * value);
         let least = european.max(self.payoff());
@@ -353,14 +382,15 @@ impl Row {
         if greeks != Greeks::None {
             let by_parameters = [4, 5, 6].map(|at| scale * found.values[at]);
             numbers[PLAIN..10].copy_from_slice(&self.by_parameters(by_parameters));
-            let errors = self.errors(found);
+            let errors = self.errors(found, shares);
             numbers[10..12].copy_from_slice(&errors[..2]);
             let by_others = larger(theta[1].abs() * errors[0], theta[2].abs() * errors[1]);
-            numbers[12] = larger(theta[0].abs() * error, by_others);
+            let terms = larger(theta[0].abs() * error, by_others);
+            numbers[12] = shares.theta[0] * self.change_of_theta(found) + shares.theta[1] * terms;
             numbers[13..STANDARD].copy_from_slice(&errors[2..]);
         }
         if greeks == Greeks::Extended {
-            numbers[STANDARD..].copy_from_slice(&self.second_order(found));
+            numbers[STANDARD..].copy_from_slice(&self.second_order(found, shares));
         }
         if found.exercised {
             numbers[0] = self.payoff();
@@ -388,8 +418,23 @@ impl Row {
         ]
     }
 
+    /// How fast r T, q T and sigma sqrt(T) of the put grow with the time to expiry.
+    fn aging(&self) -> [f64; 3] {
+        [
+            self.choose(self.rate, self.dividend_yield),
+            self.choose(self.dividend_yield, self.rate),
+            0.5 * self.volatility / self.root,
+        ]
+    }
+
+    /// How far theta changed from one solve to the next.
+    fn change_of_theta(&self, found: &Found) -> f64 {
+        let terms = self.aging().into_iter().zip(&found.changes[2..]);
+        self.scale() * terms.map(|(by, change)| by * change).sum::<f64>().abs()
+    }
+
     /// The errors of delta, gamma, vega, rho and dividend rho.
-    fn errors(&self, found: &Found) -> [f64; 5] {
+    fn errors(&self, found: &Found, shares: &ErrorShares) -> [f64; 5] {
         let scale = self.scale();
         let spread = self.volatility * self.root;
         let value = scale * (found.error + ROUNDING);
@@ -400,7 +445,7 @@ impl Row {
             } else {
                 over_spread
             };
-            CHANGE_SHARES[k] * scale * found.changes[k].abs() + VALUE_SHARES[k] * of_value
+            shares.changes[k] * scale * found.changes[k].abs() + shares.values[k] * of_value
         });
         let [vega, rho, dividend_rho] = self.by_parameters(parameters);
         let delta = self.choose(by_x, value + by_x) / self.spot;
@@ -411,15 +456,10 @@ impl Row {
     /// Vanna, volga and charm, and their errors.
     ///
     /// A call's delta is v - `v_x`, v being the put with spot and strike exchanged, and x its ln(K/S).
-    fn second_order(&self, found: &Found) -> [f64; 6] {
+    fn second_order(&self, found: &Found, shares: &ErrorShares) -> [f64; 6] {
         let (scale, spread) = (self.scale(), self.volatility * self.root);
         let value = found.error + ROUNDING;
-        // How fast r T, q T and sigma sqrt(T) of the put grow with the time to expiry.
-        let aging = [
-            self.choose(self.rate, self.dividend_yield),
-            self.choose(self.dividend_yield, self.rate),
-            0.5 * self.volatility / self.root,
-        ];
+        let aging = self.aging();
         let by_volatility = [0.0, 0.0, self.root];
         let of_delta = |weights: [f64; 3], by: &[f64], by_x: &[f64]| -> f64 {
             let terms = (0..3).map(|j| weights[j] * self.choose(by_x[j], by[j] - by_x[j]));
@@ -432,14 +472,14 @@ impl Row {
             of_delta(by_volatility, by, by_x),
             self.expiry * found.seconds[3],
             -of_delta(aging, by, by_x),
-            CROSS_SHARE * of_delta(by_volatility, changes, changes_by_x).abs()
-                + VANNA_VALUE_SHARE * self.root * value / spread.powi(2) / self.spot,
+            shares.cross_changes * of_delta(by_volatility, changes, changes_by_x).abs()
+                + shares.cross_values[0] * self.root * value / spread.powi(2) / self.spot,
             self.expiry
-                * (CROSS_SHARE * found.second_changes[3].abs()
-                    + VOLGA_VALUE_SHARE * value / spread.powi(2)
+                * (shares.cross_changes * found.second_changes[3].abs()
+                    + shares.cross_values[1] * value / spread.powi(2)
                     + volga_rounding),
-            CROSS_SHARE * of_delta(aging, changes, changes_by_x).abs()
-                + CHARM_VALUE_SHARE * value / spread / (self.expiry * self.spot),
+            shares.cross_changes * of_delta(aging, changes, changes_by_x).abs()
+                + shares.cross_values[2] * value / spread / (self.expiry * self.spot),
         ]
         .map(|number| scale * number)
     }
@@ -479,6 +519,7 @@ fn in_money(
     row_of: impl Fn(usize) -> usize,
     solved: &Solved,
     greeks: Greeks,
+    shares: &ErrorShares,
 ) -> Priced {
     let count = solved.steps.len();
     let names = NAMES.into_iter().take(greeks.numbers());
@@ -496,7 +537,7 @@ fn in_money(
         }
         let row = options.row(at);
         let found = Found::of(solved, place);
-        let numbers = row.numbers(&found, greeks);
+        let numbers = row.numbers(&found, greeks, shares);
         for ((_, column), number) in priced.columns.iter_mut().zip(numbers) {
             column[at] = number;
         }

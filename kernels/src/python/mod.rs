@@ -15,7 +15,7 @@ use pyo3::prelude::*;
 
 use crate::lanes::dispatch::InstructionSet;
 
-/// Return the instruction set that the two option engines use here: "avx512", "avx2" or "portable".
+/// Return the instruction set that the option engines use here: "avx512", "avx2" or "portable".
 #[pyfunction]
 fn instruction_set() -> &'static str {
     InstructionSet::best().name()
@@ -33,7 +33,7 @@ mod _kernels {
     #[pymodule_export]
     use super::multiplier_collocation::solve_schedules;
     #[pymodule_export]
-    use super::premium_march::{march_boundaries, price_options, solve_puts};
+    use super::premium_march::{march_boundaries, price_options, solve_puts, two_boundaries};
     #[pymodule_export]
     use super::segment_march::sweep_schedules;
     #[pymodule_export]

@@ -11,6 +11,7 @@ import numpy as np
 from pricing_core.american.book.book import Book, Rows
 from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, LISTS, Prices, error_of, prices
 from pricing_core.american.book.ragged import Ragged
+from pricing_core.american.engines.boundary_collocation import BoundaryCollocation
 from pricing_core.american.engines.closed_form import ClosedForm, has_boundary_elsewhere
 from pricing_core.american.engines.engine import Boundaries, Engine, Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines
@@ -20,10 +21,13 @@ from pricing_core.american.engines.price_bounds import lies_high, range_of
 from pricing_core.arrays import BoolVector, Vector, every, some
 from pricing_core.kernel import warn_where_missing
 
-CLOSED_FORM, PREMIUM_MARCH = ClosedForm(), PremiumMarch()
-ENGINES: tuple[Engine, ...] = (CLOSED_FORM, PREMIUM_MARCH, MultiplierCollocation(), MethodOfLines())
+CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION = ClosedForm(), PremiumMarch(), BoundaryCollocation()
+ENGINES: tuple[Engine, ...] = (
+    *(CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION),
+    *(MultiplierCollocation(), MethodOfLines()),
+)
 # Those whose vega costs no more than a few prices: the search for a volatility asks them first.
-FAST_ENGINES = (CLOSED_FORM, PREMIUM_MARCH)
+FAST_ENGINES = (CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION)
 NO_PRICE = "the estimated error of the price is as large as the range of prices without arbitrage"
 
 

@@ -268,8 +268,8 @@ def test_a_price_that_the_engine_cannot_give_ends_without_convergence(monkeypatc
         raise ArithmeticError
 
     monkeypatch.setattr("pricing_core.american.engines.method_of_lines.engine.make_solver", refuse)
-    two_boundaries = Market(90.0, -0.02, 0.2, -0.05)
-    assert implied_volatility(PUT, two_boundaries, 14.0).status == "no_convergence"
+    general = Market(90.0, -0.02, 0.2, -0.05, cash_dividends=[CashDividend(0.5, 1.0)])  # two boundaries
+    assert implied_volatility(PUT, general, 14.0).status == "no_convergence"
 
 
 @needs_kernel
@@ -287,7 +287,7 @@ def test_a_search_on_the_general_path_is_interrupted_in_the_midst_of_a_price():
         asked += 1
         return asked >= 17  # one price asks about ten times
 
-    market = Market(90.0, -0.02, 0.2, -0.05)  # two boundaries
+    market = Market(90.0, -0.02, 0.2, -0.05, cash_dividends=[CashDividend(0.5, 1.0)])  # two boundaries
     found = implied_volatility(PUT, market, 14.0, interrupt=interrupt)
     assert (found.status, found.volatility) == ("no_convergence", None)
     assert asked < 30

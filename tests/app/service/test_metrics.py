@@ -72,7 +72,9 @@ def test_every_row_of_a_batch_is_counted_by_its_status(client: TestClient, quest
 
 
 def test_a_deadline_is_counted(monkeypatch: pytest.MonkeyPatch, question: dict[str, Any]) -> None:
-    hard = question | {"rate": -0.01, "dividend_yield": -0.03, "tolerance": 1e-8}
+    dividends = [{"time": 0.5, "amount": 1.0}]
+    two_boundaries = {"rate": -0.01, "dividend_yield": -0.03, "cash_dividends": dividends}
+    hard = question | two_boundaries | {"tolerance": 1e-8}
     with TestClient(create_app(Settings(deadline_seconds=1e-6))) as client:
         assert client.post("/v1/price", json=hard).status_code == 503
         found = metrics_of(client.get("/metrics").text)

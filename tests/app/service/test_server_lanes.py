@@ -37,7 +37,7 @@ BODIES: dict[str, tuple[str, dict[str, Any]]] = {
             "greeks": "extended",
         },
     ),
-    "two boundaries for 30 years": (
+    "two boundaries and a dividend": (
         "/v1/price",
         {
             "option_type": "put",
@@ -46,6 +46,7 @@ BODIES: dict[str, tuple[str, dict[str, Any]]] = {
             "expiry": 30,
             "rate": -0.01,
             "dividend_yield": -0.02,
+            "cash_dividends": [{"time": 15, "amount": 1}],
             "volatility": 0.1,
             "tolerance": 1e-8,
             "greeks": "extended",

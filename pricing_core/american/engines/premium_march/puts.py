@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core import kernel
+from pricing_core.american.engines.flat_options import Puts
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
 FEWEST_STEPS, MOST_STEPS = 4, 384  # Limits of the number of time steps of a put's finest march; calibrated.
@@ -20,28 +21,6 @@ BOUNDARY_STEPS = (8, 16, 32, 64, 128, 256)  # Numbers of time steps of the march
 BOUNDARY_GAIN = 4.0  # Difference of two marches over the finer one's error; calibrated.
 # Share of the difference before the last that counts as error: two marches may agree by accident; calibrated.
 FAR_SHARE = 0.25
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Puts:
-    """Dimensionless parameters of puts; every field has shape (n,).
-
-    Parameters
-    ----------
-    x : Vector
-        ln(S/K).
-    rate, dividend, spread : Vector
-        r T, q T, sigma sqrt(T).
-    """
-
-    x: Vector
-    rate: Vector
-    dividend: Vector
-    spread: Vector
-
-    def take(self, rows: NDArray[np.intp]) -> Puts:
-        """Return some of the puts."""
-        return Puts(self.x[rows], self.rate[rows], self.dividend[rows], self.spread[rows])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

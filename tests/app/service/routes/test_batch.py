@@ -370,6 +370,7 @@ def test_rows_unfinished_at_the_deadline_say_so(form: str) -> None:
     count = 300
     book = {name: [cells[0]] * count for name, cells in BOOK.items()}
     book |= {"rate": [-0.01] * count, "dividend_yield": [-0.02] * count, "expiry": [30.0] * count}
+    book["cash_dividends"] = [[{"time": 15.0, "amount": 1.0}]] * count
     with TestClient(create_app(settings)) as client:
         found = columns_of(ask(client, body_of(book, form), form, "?tolerance=1e-8&greeks=extended"))
     assert len(found["status"]) == count

@@ -47,7 +47,16 @@ def test_no_boundary_is_null(client: TestClient, question: dict[str, Any]) -> No
     [
         ({"cash_dividends": [{"time": 0.5, "amount": 2.0}]}, "multiplier-collocation"),
         ({"rate": 0.02, "dividend_yield": 0.05, "volatility": 0.1}, "premium-march"),
-        ({"rate": -0.01, "dividend_yield": -0.04, "volatility": 0.1}, "method-of-lines"),  # two boundaries
+        ({"rate": -0.01, "dividend_yield": -0.04, "volatility": 0.1}, "boundary-collocation"),
+        (
+            {
+                "rate": -0.01,
+                "dividend_yield": -0.04,
+                "volatility": 0.1,
+                "cash_dividends": [{"time": 0.5, "amount": 2.0}],
+            },
+            "method-of-lines",
+        ),
     ],
 )
 def test_the_method_is_that_of_the_engine_that_found_the_boundary(

@@ -320,9 +320,10 @@ def test_a_question_that_is_dearer_than_it_was_thought_is_not_refused_for_what_i
 
 @pytest.mark.parametrize("address", ["/v1/price", "/v1/boundary"])
 def test_a_deadline_ends_the_engine_s_work_with_a_503(question: dict[str, Any], address: str) -> None:
-    two_boundaries = {"rate": -0.01, "dividend_yield": -0.03, "tolerance": 1e-8}
+    dividends = [{"time": 0.5, "amount": 1.0}]
+    general = {"rate": -0.01, "dividend_yield": -0.03, "tolerance": 1e-8, "cash_dividends": dividends}
     with TestClient(create_app(Settings(deadline_seconds=1e-6))) as client:
-        answer = client.post(address, json=question | two_boundaries)
+        answer = client.post(address, json=question | general)
     _assert_deadline(answer)
 
 

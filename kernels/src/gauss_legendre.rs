@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::sync::OnceLock;
 
 /// The largest number of nodes of a rule; chosen: no integral here has more.
-const LARGEST_RULE: usize = 40;
+const LARGEST_RULE: usize = 128;
 /// The largest number of Newton's steps for a node; chosen: five are enough.
 const MOST_STEPS: usize = 100;
 /// The step of Newton's method after which a node is known to rounding.
