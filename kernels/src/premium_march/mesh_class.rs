@@ -21,7 +21,7 @@ const TYPICAL_POWER: f64 = 0.7;
 const LOOSE_TOLERANCE: f64 = 1e-4;
 /// The smallest tolerance of V/K for which an ordinary put starts with two steps where prices alone are asked for; chosen:
 /// a tolerance of 1e-4 strikes of a call is less in strikes of its put, which are spots of the call.
-const LOOSE_TOLERANCE_OF_PRICES: f64 = 5e-5;
+pub const LOOSE_TOLERANCE_OF_PRICES: f64 = 5e-5;
 /// The power of the error with which the number of steps falls, 1/log2(6); calibrated: twice the steps have a sixth of the
 /// error.
 const STEPS_POWER: f64 = 0.386_852_807_234_541_6;

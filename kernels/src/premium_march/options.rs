@@ -15,10 +15,9 @@ const ROUNDING: f64 = 1e-14;
 const LEAST_ERROR: f64 = 4e-16;
 /// The step of the difference for volga, as a share of the volatility; calibrated.
 const SPREAD_STEP: f64 = 0.002;
-/// The limits of the number of time steps of the finest march, as places in `STEPS`: 4 and 384; calibrated.
-const LEVELS: (usize, usize) = (2, STEPS.len() - 1);
-/// The smallest level where there are no Greeks: 2 steps.
-const SMALLEST_LEVEL: usize = 0;
+/// The limits of the number of time steps of the finest march, as places in `STEPS`: 2, or 4 with Greeks, and 384;
+/// calibrated.
+const LEVELS: (usize, usize) = (0, STEPS.len() - 1);
 
 /// How the errors of derivatives follow from what a solver says; shares of a change are of that from one solve to the next,
 /// shares of the value's error of that over the spread, or over its square.
@@ -245,11 +244,7 @@ impl Columns {
             tolerance: &self.tolerance,
             limits: self.limits.as_deref(),
             spread_step: (greeks == Greeks::Extended).then_some(SPREAD_STEP),
-            levels: if greeks == Greeks::None {
-                (SMALLEST_LEVEL, LEVELS.1)
-            } else {
-                LEVELS
-            },
+            levels: LEVELS,
             interrupt,
         }
     }

@@ -6,7 +6,7 @@ use super::contracts::{Contracts, Puts};
 use super::grid_values::Workspace;
 use super::group::{EarlierMarches, Group, Outcome, Refinement, COLUMNS, DERIVATIVES, SECOND};
 use super::mesh::STEPS;
-use super::mesh_class::classify;
+use super::mesh_class::{classify, LOOSE_TOLERANCE_OF_PRICES};
 use super::spot_evaluation::VALUES;
 use super::work_items::{by_class, groups, run_count, Item};
 use crate::lanes::dispatch::Work;
@@ -15,6 +15,8 @@ use crate::lanes::vector::{Vector, LANES};
 /// The number of groups between two questions whether the work shall end; chosen: those that march too few steps to ask
 /// take less than a millisecond together.
 const GROUPS_BETWEEN_QUESTIONS: usize = 8;
+/// The smallest level of a march whose derivatives are wanted.
+const SMALLEST_WITH_DERIVATIVES: usize = 2;
 
 /// A range of runs, and where the results of its spots go; see `Solved`.
 pub struct Task<'a> {
@@ -59,11 +61,104 @@ impl Work for Task<'_> {
 
     /// Go through the levels from the coarsest: at each first the puts that begin there, then those that missed their
     /// tolerance two levels below. What earlier marches said stays where an interrupt ends the work.
+    ///
+    /// Where derivatives are wanted too, the prices at a loose tolerance are found before, in the same way as without
+    /// them.
     #[inline(always)]
     fn run<V: Vector>(mut self) {
+        let whole = self.puts;
+        let mut priced = Vec::new();
+        for wanted in Wanted::of(&whole) {
+            self.puts = wanted.of_puts(whole);
+            let mut fresh: [Vec<Item>; STEPS.len()] = Default::default();
+            self.sort_into_levels::<V>(&mut fresh);
+            wanted.choose(
+                &mut fresh,
+                &mut priced,
+                self.start..self.start + self.settled.len(),
+            );
+            if self.refine::<V>(fresh).is_none() {
+                return;
+            }
+        }
+    }
+}
+
+/// What one passage through the levels is for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Wanted {
+    /// All that was asked for.
+    All,
+    /// The prices of puts that are not marched in the same way where derivatives are wanted.
+    LoosePrices,
+    /// All, but for those prices.
+    Rest,
+}
+
+impl Wanted {
+    /// The passages for these puts.
+    fn of(puts: &Puts) -> &'static [Self] {
+        let may_be_loose = puts.levels.0 < SMALLEST_WITH_DERIVATIVES
+            && puts
+                .tolerance
+                .iter()
+                .any(|&t| t >= LOOSE_TOLERANCE_OF_PRICES);
+        if puts.limits.is_some() && may_be_loose {
+            &[Self::LoosePrices, Self::Rest]
+        } else {
+            &[Self::All]
+        }
+    }
+
+    /// The puts as this passage takes them.
+    fn of_puts(self, puts: Puts) -> Puts {
+        let (smallest, largest) = puts.levels;
+        match self {
+            Self::LoosePrices => Puts {
+                limits: None,
+                spread_step: None,
+                ..puts
+            },
+            Self::All | Self::Rest if puts.limits.is_some() => Puts {
+                levels: (smallest.max(SMALLEST_WITH_DERIVATIVES), largest),
+                ..puts
+            },
+            Self::All | Self::Rest => puts,
+        }
+    }
+
+    /// Leave of the items those that this passage is for; `priced` says of each spot whether its price is found before.
+    fn choose(
+        self,
+        fresh: &mut [Vec<Item>; STEPS.len()],
+        priced: &mut Vec<bool>,
+        spots: Range<usize>,
+    ) {
+        for items in fresh {
+            match self {
+                Self::All => {}
+                Self::LoosePrices => {
+                    priced.resize(spots.len(), false);
+                    items.retain(|item| item.class.is_single_at(0));
+                    for item in items {
+                        priced[item.spot - spots.start] = true;
+                    }
+                }
+                Self::Rest => {
+                    for item in items {
+                        item.valued = priced[item.spot - spots.start];
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Task<'_> {
+    /// March the items from their levels on. None where the work is told to end.
+    #[inline(always)]
+    fn refine<V: Vector>(&mut self, mut fresh: [Vec<Item>; STEPS.len()]) -> Option<()> {
         let puts = self.puts;
-        let mut fresh: [Vec<Item>; STEPS.len()] = Default::default();
-        self.sort_into_levels::<V>(&mut fresh);
         let mut pending = Pending::default();
         let mut work = Workspaces::<V> {
             wide: Workspace::new(),
@@ -81,7 +176,7 @@ impl Work for Task<'_> {
                 for items in by_class(items).chunk_by(|a, b| a.class == b.class) {
                     for items in groups(items) {
                         if marched.is_multiple_of(GROUPS_BETWEEN_QUESTIONS) && (puts.interrupt)() {
-                            return;
+                            return None;
                         }
                         marched += 1;
                         let (pending, narrow) = (&mut pending, &mut work.narrow);
@@ -92,26 +187,18 @@ impl Work for Task<'_> {
                         } else {
                             self.march::<V, _>(items, level, continues, pending, &mut work.wide)
                         };
-                        if found.is_none() {
-                            return;
-                        }
+                        found?;
                     }
                 }
             }
             let finished = std::mem::take(&mut pending.finished);
             if let Some(step) = puts.spread_step {
-                if self
-                    .second_by_spread(level, &finished, step, &mut work)
-                    .is_none()
-                {
-                    return;
-                }
+                self.second_by_spread(level, &finished, step, &mut work)?;
             }
         }
+        Some(())
     }
-}
 
-impl Task<'_> {
     /// Find the mesh and the first level of each run.
     #[inline(always)]
     fn sort_into_levels<V: Vector>(&self, fresh: &mut [Vec<Item>; STEPS.len()]) {

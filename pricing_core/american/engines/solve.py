@@ -36,8 +36,7 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
 
     A contract that an engine does not settle, or whose error estimate misses the tolerance, goes on to the next
     engine that serves it; of two prices the one with the smaller error estimate counts, and Greeks that it lacks are
-    taken from the other; a price that meets its tolerance stays, so that it does not depend on the Greeks asked
-    for, but at the loosest tolerances, at which prices alone take a shorter way (`premium_march`).
+    taken from the other; a price that meets its tolerance stays, so that it does not depend on the Greeks asked for.
 
     Parameters
     ----------

@@ -160,10 +160,7 @@ def test_nothing_leaps_where_the_rate_crosses_zero_towards_one_boundary():
 
 
 def test_the_price_does_not_depend_on_the_greeks_that_are_asked_for():
-    """Greeks may need a finer march than the price, whose figures stay those of the march that met the tolerance.
-
-    At loose tolerances prices alone are found with fewer steps and in single precision.
-    """
+    """Greeks may need a finer march than the price, whose figures stay those of the march that met the tolerance."""
     random = np.random.default_rng(29)
     contracts = [
         (
@@ -183,7 +180,7 @@ def test_the_price_does_not_depend_on_the_greeks_that_are_asked_for():
     ]
     book = Book.of(contracts)
     finer = 0
-    for tolerance in (1e-5, 1e-7):
+    for tolerance in (1e-2, 1e-3, 1e-4, 1e-5, 1e-7):
         alone, standard, extended = (
             ENGINE.solve(book, Request(np.full(book.count, tolerance), greeks))
             for greeks in ("none", "standard", "extended")
@@ -193,15 +190,6 @@ def test_the_price_does_not_depend_on_the_greeks_that_are_asked_for():
                 np.testing.assert_array_equal(getattr(found, name), getattr(alone, name), err_msg=name)
         finer += np.sum(standard.gamma[alone.settled] != alone.gamma[alone.settled])
     assert finer > 100
-    alone, standard = (
-        ENGINE.solve(book, Request(np.full(book.count, 1e-3), greeks)) for greeks in ("none", "standard")
-    )
-    np.testing.assert_array_equal(alone.settled, standard.settled)
-    priced = alone.settled
-    apart = np.abs(alone.value - standard.value)[priced]
-    assert np.mean(apart <= (alone.error + standard.error)[priced]) > 0.99
-    assert np.all(alone.error[priced & (standard.error <= 0.1)] <= 0.1)
-    assert np.all(alone.steps <= standard.steps)
 
 
 def flat_book(seed, count):
