@@ -1,10 +1,11 @@
 //! The engines on each instruction set that this machine has, against each other and against known values.
 
 use crate::boundary_collocation;
+use crate::flat_options::{self, Puts, Solved};
 use crate::interrupt::never;
 use crate::lanes::dispatch::{forced, InstructionSet};
 use crate::multiplier_collocation::{self, solve_schedules, Schedules};
-use crate::premium_march::{self, march_boundaries, solve_puts, Puts};
+use crate::premium_march::{self, march_boundaries, solve_puts};
 
 /// The largest difference between two instruction sets in values and their derivatives, in strikes: fused products and
 /// other orders of sums differ by rounding, which the derivatives magnify; 1e-13 is attained.
@@ -78,7 +79,7 @@ fn puts(set: InstructionSet, rows: &[[f64; 4]], tolerance: f64) -> SolvedPuts {
 }
 
 fn puts_by(
-    solve_puts: fn(Puts, usize) -> premium_march::Solved,
+    solve_puts: fn(Puts, usize) -> Solved,
     set: InstructionSet,
     rows: &[[f64; 4]],
     tolerance: f64,
@@ -87,7 +88,7 @@ fn puts_by(
     let (rate, dividend, spread, x) = (column(0), column(1), column(2), column(3));
     let count = rows.len();
     let first: Vec<usize> = (0..=count).collect();
-    let limits = vec![1.0; premium_march::VALUES * count];
+    let limits = vec![1.0; flat_options::VALUES * count];
     let puts = Puts {
         rate: &rate,
         dividend: &dividend,
@@ -216,8 +217,8 @@ fn marches_agree_on_every_instruction_set() {
         let found = puts(set, &PUTS, 1e-6);
         assert_eq!(found.settled, expected.settled);
         for (found, expected) in found.rows().into_iter().zip(expected.rows()) {
-            let (numbers, second) = found.split_at(premium_march::COLUMNS);
-            let (expected, expected_second) = expected.split_at(premium_march::COLUMNS);
+            let (numbers, second) = found.split_at(flat_options::COLUMNS);
+            let (expected, expected_second) = expected.split_at(flat_options::COLUMNS);
             assert_agree(numbers, expected, (set, portable));
             assert_agree_to(SECOND_AGREEMENT, second, expected_second, (set, portable));
         }
@@ -429,8 +430,8 @@ fn two_boundaries_agree_on_every_instruction_set() {
         let found = solve(set);
         assert_eq!(found.settled, expected.settled);
         for (found, expected) in found.rows().into_iter().zip(expected.rows()) {
-            let (numbers, second) = found.split_at(premium_march::COLUMNS);
-            let (expected, expected_second) = expected.split_at(premium_march::COLUMNS);
+            let (numbers, second) = found.split_at(flat_options::COLUMNS);
+            let (expected, expected_second) = expected.split_at(flat_options::COLUMNS);
             assert_agree(numbers, expected, (set, portable));
             assert_agree_to(
                 DIFFERENCE_AGREEMENT,

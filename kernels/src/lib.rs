@@ -8,6 +8,7 @@
 //!   `taylor_step`, `enter`, `initial_signs`, `leading_signs`.
 //! - `segment_march`: the method of lines over a schedule of segments, with a tridiagonal problem per stage.
 //! - `march_strikes`: options of all strikes of an expiry under one local volatility, on one grid.
+//! - `flat_options`: American options in a flat market as puts in three numbers, and their prices and Greeks in money.
 //! - `premium_march`: American puts in a flat market, by a march of their early exercise premium.
 //! - `boundary_collocation`: American puts in a flat market whose exercise region has two boundaries, by collocation of both.
 //! - `multiplier_collocation`: American and Bermudan options with dividends, curves and exercise dates, by collocation of
@@ -21,6 +22,7 @@ mod brennan_schwartz;
 mod equilibration;
 mod error;
 mod first_crossing;
+pub mod flat_options;
 mod gauss_legendre;
 mod growing_basic_set;
 #[cfg(test)]

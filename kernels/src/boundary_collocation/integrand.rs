@@ -1,8 +1,8 @@
 //! What exercise earns inside the region, as it is worth now: the integrand of the premium, and its derivatives.
 
+use crate::flat_options::VALUES;
 use crate::lanes::normal::{exp, expm1, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{Part, Vector};
-use crate::premium_march::VALUES;
 
 /// The parameters of a put, T being the time that the integral of the premium runs over.
 #[derive(Clone, Copy, Debug)]

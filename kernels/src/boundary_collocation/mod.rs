@@ -54,11 +54,14 @@ pub use over_time::{boundaries_over_time, BoundaryPair};
 pub use put::Put;
 pub use solve::solve_puts;
 
-use crate::premium_march::{ErrorShares, Solver};
+use nodes::DEGREES;
+
+use crate::flat_options::{ErrorShares, Solver};
 
 /// The collocation of two boundaries.
 pub const BOUNDARY_COLLOCATION: Solver = Solver {
     solve_puts,
+    levels: (1, DEGREES.len() - 1),
     shares: &ErrorShares {
         changes: [0.5, 0.5, 0.7, 0.5, 0.5],
         values: [0.3, 0.6, 1.0, 1.0, 0.5],

@@ -9,9 +9,9 @@ use super::nodes::DEGREES;
 use super::put::Put;
 use super::spot_value::SpotValue;
 use super::start::LatestExercise;
+use crate::flat_options::{Puts, Solved, COLUMNS, DERIVATIVES, SECOND, SECOND_COLUMNS, VALUES};
 use crate::lanes::dispatch::{dispatch, Work};
 use crate::lanes::vector::Vector;
-use crate::premium_march::{Puts, Solved, COLUMNS, DERIVATIVES, SECOND, SECOND_COLUMNS, VALUES};
 
 /// The error of a value as a share of its change from one level to the next; calibrated on random puts.
 const CHANGE_SHARE: f64 = 0.5;
@@ -33,19 +33,9 @@ const STEP_OF_DISTANCE: f64 = 0.25;
 /// Find the puts whose exercise region has two boundaries; the others are not settled. See `premium_march::solve_puts`.
 #[must_use]
 pub fn solve_puts(puts: Puts, threads: usize) -> Solved {
-    let count = puts.x.len();
-    let per_spot = match (puts.limits, puts.spread_step) {
-        (_, Some(_)) => COLUMNS + SECOND_COLUMNS,
-        (Some(_), None) => COLUMNS,
-        (None, None) => VALUES + 2,
-    };
-    let solved = Mutex::new(Solved {
-        numbers: vec![f64::NAN; per_spot * count],
-        per_spot,
-        exercised: vec![false; count],
-        settled: vec![false; count],
-        steps: vec![0; count],
-    });
+    let solved = Solved::new(&puts);
+    let per_spot = solved.per_spot;
+    let solved = Mutex::new(solved);
     let next = AtomicUsize::new(0);
     let working = || loop {
         let run = next.fetch_add(1, Ordering::Relaxed);
@@ -177,7 +167,7 @@ impl Work for Run<'_> {
                 }
             }
             let at = level.boundaries;
-            if at.level + 1 == DEGREES.len()
+            if at.level == puts.levels.1
                 || found.iter().all(|found| found.finished)
                 || (puts.interrupt)()
             {

@@ -7,10 +7,10 @@ use super::newton::{Boundaries, BoundaryTangents};
 use super::nodes::Nodes;
 use super::put::Put;
 use super::system::chunk;
+use crate::flat_options::VALUES;
 use crate::gauss_legendre::legendre;
 use crate::lanes::normal::exp;
 use crate::lanes::vector::{sum_of_lanes, Part, Vector, LANES};
-use crate::premium_march::VALUES;
 
 /// The width of the first panel of the integral, in distances of the spot from the boundary, and the factor from panel to
 /// panel; chosen.

@@ -1,9 +1,10 @@
 //! The exercise boundary of many puts, from one march each.
 
-use super::contracts::{Contracts, Puts};
+use super::contracts::Contracts;
 use super::grid_values::Workspace;
 use super::march::march;
 use super::mesh_class::classify;
+use crate::flat_options::Puts;
 use crate::lanes::dispatch::{dispatch, Work};
 use crate::lanes::vector::{Vector, LANES};
 

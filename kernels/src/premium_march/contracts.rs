@@ -1,34 +1,8 @@
-//! The puts to be priced, in their dimensionless parameters: as columns, and sixteen side by side.
+//! The parameters of sixteen puts side by side.
 
-use crate::interrupt::Interrupt;
+use crate::flat_options::Puts;
 use crate::lanes::normal::ln;
 use crate::lanes::vector::{Vector, LANES};
-
-/// Puts in their dimensionless parameters: runs of spots that share a march.
-#[derive(Clone, Copy)]
-pub struct Puts<'a> {
-    /// r T of each run, (runs,).
-    pub rate: &'a [f64],
-    /// q T of each run, (runs,).
-    pub dividend: &'a [f64],
-    /// sigma sqrt(T) of each run, (runs,).
-    pub spread: &'a [f64],
-    /// The first spot of each run, and the number of spots; increasing, (runs + 1,).
-    pub first: &'a [usize],
-    /// ln(S/K) of each spot, (spots,).
-    pub x: &'a [f64],
-    /// The largest error allowed in V/K, (spots,).
-    pub tolerance: &'a [f64],
-    /// The largest error allowed in each of the `VALUES` numbers of a spot, (spots x `VALUES`,); None leaves out the
-    /// derivatives by the parameters.
-    pub limits: Option<&'a [f64]>,
-    /// The step of the spread, as a share of it, for the second derivative of V/K by the spread; None leaves that out.
-    pub spread_step: Option<f64>,
-    /// The smallest and the largest level of the finest march of a put; places in `STEPS`.
-    pub levels: (usize, usize),
-    /// Ends the work; asked within every march.
-    pub interrupt: Interrupt<'a>,
-}
 
 /// The parameters of sixteen puts: r T >= 0 and q T, of which one earns by exercise, sigma sqrt(T) > 0.
 #[derive(Clone, Copy)]

@@ -1,6 +1,6 @@
 //! As many marches side by side as a vector holds, refined together, and what they say of their spots.
 
-use super::contracts::{Contracts, Puts};
+use super::contracts::Contracts;
 use super::error_estimate::{
     derivatives_are_met, is_hopeless, Comparison, COARSEST_CHECKED, ONE_STEP_CHECKED,
     SINGLE_ROUNDING,
@@ -10,20 +10,10 @@ use super::grid_values::Workspace;
 use super::march::{march, Marched};
 use super::mesh::Mesh;
 use super::mesh_class::MeshClass;
-use super::spot_evaluation::{SpotEvaluation, Spots, CROSS, VALUES};
+use super::spot_evaluation::{SpotEvaluation, Spots};
 use super::work_items::Item;
+use crate::flat_options::{Puts, COLUMNS, CROSS, DERIVATIVES, VALUES};
 use crate::lanes::vector::{Vector, LANES};
-
-/// The `VALUES` that are derivatives: of V/K by x, once and twice, and by rate, dividend and spread.
-pub const DERIVATIVES: [usize; 5] = [1, 2, 4, 5, 6];
-/// The number of numbers found for each spot: its `VALUES`, the error estimate of V/K, ln(S*/K), and how far the derivatives
-/// of the last two marches are apart.
-pub const COLUMNS: usize = VALUES + 2 + DERIVATIVES.len();
-/// The number of second derivatives found for each spot where they are wanted: by x and each of rate, dividend and
-/// spread, and by spread twice.
-pub const SECOND: usize = CROSS + 1;
-/// Those, and how far each is apart in the last two marches.
-pub const SECOND_COLUMNS: usize = 2 * SECOND;
 
 /// The numbers of `EarlierMarches`.
 const KEPT: usize = 13;

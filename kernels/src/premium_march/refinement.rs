@@ -2,13 +2,13 @@
 
 use std::ops::Range;
 
-use super::contracts::{Contracts, Puts};
+use super::contracts::Contracts;
 use super::grid_values::Workspace;
-use super::group::{EarlierMarches, Group, Outcome, Refinement, COLUMNS, DERIVATIVES, SECOND};
+use super::group::{EarlierMarches, Group, Outcome, Refinement};
 use super::mesh::STEPS;
 use super::mesh_class::{classify, LOOSE_TOLERANCE_OF_PRICES};
-use super::spot_evaluation::VALUES;
 use super::work_items::{by_class, groups, run_count, Item};
+use crate::flat_options::{Puts, COLUMNS, DERIVATIVES, SECOND, VALUES};
 use crate::lanes::dispatch::Work;
 use crate::lanes::vector::{Vector, LANES};
 

@@ -2,10 +2,8 @@
 
 use std::sync::Mutex;
 
-use super::contracts::Puts;
-use super::group::{COLUMNS, SECOND_COLUMNS};
 use super::refinement::Task;
-use super::spot_evaluation::VALUES;
+use crate::flat_options::{Puts, Solved};
 use crate::lanes::dispatch::dispatch;
 
 /// The number of spots that one thread takes at a time; chosen: enough to fill the lanes, few enough for the cache.
@@ -13,40 +11,12 @@ const TASK: usize = 16_384;
 /// The smallest number of spots that is worth a thread of its own; chosen.
 const SMALLEST_SHARE: usize = 256;
 
-/// The results, by spot; nothing of a spot that is not settled may be used.
-pub struct Solved {
-    /// For each spot `per_spot` numbers side by side: the `VALUES`, the error estimate of V/K, ln(S*/K), and where there are
-    /// limits, `COLUMNS` in all, the differences of the derivatives. Where there is a step of the spread `SECOND_COLUMNS` follow, not a number in the
-    /// exercise region: the derivatives by x and each of rate, dividend and spread, and by spread twice, and how far each
-    /// is apart in the last two marches.
-    pub numbers: Vec<f64>,
-    /// How many numbers there are for each spot.
-    pub per_spot: usize,
-    /// Whether the spot is in the exercise region.
-    pub exercised: Vec<bool>,
-    /// False where x is not finite, the march does not serve, a march lost the boundary, or an interrupt came before.
-    pub settled: Vec<bool>,
-    /// The number of time steps of the finest march; 0 where the march does not serve.
-    pub steps: Vec<i64>,
-}
-
 /// Refine every put until its error estimate meets its tolerance, or to the finest mesh, or until an interrupt ends it all:
 /// what has not been marched then is not settled.
 #[must_use]
 pub fn solve_puts(puts: Puts, threads: usize) -> Solved {
     let count = puts.x.len();
-    let per_spot = match (puts.limits, puts.spread_step) {
-        (_, Some(_)) => COLUMNS + SECOND_COLUMNS,
-        (Some(_), None) => COLUMNS,
-        (None, None) => VALUES + 2,
-    };
-    let mut solved = Solved {
-        numbers: vec![f64::NAN; per_spot * count],
-        per_spot,
-        exercised: vec![false; count],
-        settled: vec![false; count],
-        steps: vec![0; count],
-    };
+    let mut solved = Solved::new(&puts);
     let threads = threads.min(count / SMALLEST_SHARE).max(1);
     let tasks = Mutex::new(tasks(puts, threads, &mut solved));
     let working = || {

@@ -6,14 +6,9 @@ use super::grid_values::Workspace;
 use super::interpolation::Interpolation;
 use super::march::Marched;
 use super::mesh::Mesh;
+use crate::flat_options::{CROSS, VALUES};
 use crate::lanes::normal::{exp, expm1, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{Vector, LANES};
-
-/// The number of values of each spot: V/K, its first and second derivative by x = ln(S/K), the European V/K, and the
-/// derivatives of V/K by rate, dividend and spread.
-pub const VALUES: usize = 7;
-/// The number of second derivatives of V/K that one march gives: by x and each of rate, dividend and spread.
-pub const CROSS: usize = 3;
 
 /// What one march says at sixteen spots; in the exercise region u is the obstacle G, unless it is continued.
 #[derive(Clone, Copy)]

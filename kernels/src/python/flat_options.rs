@@ -8,7 +8,8 @@ use pyo3::types::PyDict;
 use super::arguments::{check_lengths, nonempty_group_starts, numbers};
 use super::interrupt::Question;
 use crate::boundary_collocation::{self, BOUNDARY_COLLOCATION};
-use crate::premium_march::{self, Greeks, Options, Puts, PREMIUM_MARCH, STEPS, VALUES};
+use crate::flat_options::{self, Greeks, Options, Puts, VALUES};
+use crate::premium_march::{self, PREMIUM_MARCH, STEPS};
 
 /// The place of a number of time steps in `STEPS`.
 fn level(steps: usize) -> PyResult<usize> {
@@ -178,7 +179,7 @@ pub fn price_options<'py>(
         PREMIUM_MARCH
     };
     let found = py.detach(|| {
-        premium_march::price_options(solver, options, greeks, shared, threads, &|| {
+        flat_options::price_options(solver, options, greeks, shared, threads, &|| {
             question.is_ended()
         })
     });

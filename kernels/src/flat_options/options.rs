@@ -1,10 +1,7 @@
-//! American puts and calls without events: as the puts of the march, and what it finds of them in money.
+//! American puts and calls without events: as puts in their dimensionless parameters, and what a solver finds of them in
+//! money.
 
-use super::contracts::Puts;
-use super::group::{COLUMNS, SECOND};
-use super::mesh::STEPS;
-use super::solve::{solve_puts, Solved};
-use super::spot_evaluation::VALUES;
+use super::puts::{Puts, Solved, COLUMNS, SECOND, VALUES};
 use crate::interrupt::Interrupt;
 
 /// The errors allowed to Greeks, in tolerances; chosen.
@@ -15,10 +12,6 @@ const ROUNDING: f64 = 1e-14;
 const LEAST_ERROR: f64 = 4e-16;
 /// The step of the difference for volga, as a share of the volatility; calibrated.
 const SPREAD_STEP: f64 = 0.002;
-/// The limits of the number of time steps of the finest march, as places in `STEPS`: 2, or 4 with Greeks, and 384;
-/// calibrated.
-const LEVELS: (usize, usize) = (0, STEPS.len() - 1);
-
 /// How the errors of derivatives follow from what a solver says; shares of a change are of that from one solve to the next,
 /// shares of the value's error of that over the spread, or over its square.
 pub struct ErrorShares {
@@ -40,23 +33,13 @@ const OVER_SQUARE: [bool; 5] = [false, true, true, true, false];
 /// A solver of puts, and the errors of what it finds.
 #[derive(Clone, Copy)]
 pub struct Solver {
-    /// `solve_puts`, or another one with the same results.
+    /// Solves puts on so many threads.
     pub solve_puts: fn(Puts, usize) -> Solved,
+    /// The smallest and the largest level of the finest solve of a put.
+    pub levels: (usize, usize),
     /// Calibrated on random puts.
     pub shares: &'static ErrorShares,
 }
-
-/// The march of the premium.
-pub const PREMIUM_MARCH: Solver = Solver {
-    solve_puts,
-    shares: &ErrorShares {
-        changes: [0.47, 0.5, 0.76, 0.7, 0.5],
-        values: [0.37, 0.6, 1.4, 1.3, 0.5],
-        cross_changes: 0.5,
-        cross_values: [1.0, 1.0, 0.4],
-        theta: [0.0, 1.0],
-    },
-};
 
 /// Which Greeks are found.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -161,6 +144,7 @@ pub struct Priced {
     pub exercised: Vec<bool>,
     /// As in `Solved`.
     pub settled: Vec<bool>,
+    /// As in `Solved`.
     pub steps: Vec<i64>,
 }
 
@@ -187,8 +171,9 @@ pub fn price_options(
         last = Some(put);
     }
     columns.first.push(count);
-    let solved = (solver.solve_puts)(columns.as_puts(greeks, interrupt), threads);
-    in_money(options, row_of, &solved, greeks, solver.shares)
+    let puts = columns.as_puts(greeks, solver.levels, interrupt);
+    let found = (solver.solve_puts)(puts, threads);
+    in_money(options, row_of, &found, greeks, solver.shares)
 }
 
 /// The puts as columns, in the order in which they are marched.
@@ -234,7 +219,12 @@ impl Columns {
         }
     }
 
-    fn as_puts<'a>(&'a self, greeks: Greeks, interrupt: Interrupt<'a>) -> Puts<'a> {
+    fn as_puts<'a>(
+        &'a self,
+        greeks: Greeks,
+        levels: (usize, usize),
+        interrupt: Interrupt<'a>,
+    ) -> Puts<'a> {
         Puts {
             rate: &self.rate,
             dividend: &self.dividend,
@@ -244,7 +234,7 @@ impl Columns {
             tolerance: &self.tolerance,
             limits: self.limits.as_deref(),
             spread_step: (greeks == Greeks::Extended).then_some(SPREAD_STEP),
-            levels: LEVELS,
+            levels,
             interrupt,
         }
     }

@@ -1,0 +1,11 @@
+//! American puts and calls in a flat market, without events: what they are to the solvers of puts, and their prices and
+//! Greeks in money.
+//!
+//! Three numbers are left of a put: r T, q T and sigma sqrt(T). A call is the put with spot and strike, and rate and yield,
+//! exchanged. `premium_march` and `boundary_collocation` solve puts; `price_options` takes either.
+
+mod options;
+mod puts;
+
+pub use options::{price_options, ErrorShares, Greeks, Options, Priced, Solver};
+pub use puts::{Puts, Solved, COLUMNS, CROSS, DERIVATIVES, SECOND, SECOND_COLUMNS, VALUES};
