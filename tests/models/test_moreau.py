@@ -49,7 +49,7 @@ def test_a_ball_bounces_as_the_closed_form_says(restitution):
     np.testing.assert_allclose(found.x[:, 0], wanted, atol=2e-6)
 
 
-@pytest.mark.parametrize("beads", [1, 2, 5, 12, 30])
+@pytest.mark.parametrize("beads", [1, 2, 5, 12, pytest.param(30, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("restitution", [0.0, 0.3, 0.6])
 def test_a_column_of_beads_comes_to_rest_on_the_floor(beads, restitution):
     heights = 0.1 * np.arange(1, beads + 1)
