@@ -34,8 +34,9 @@
 //!
 //! # Error
 //!
-//! The degree grows by half until the value changes by less than twice its tolerance; half of the change is the error
-//! estimate. The cost of a put is below a millisecond.
+//! The degree grows by half until the error estimate meets the tolerance: half of the last change of the value, and a fifth
+//! of that of its slope. Where no boundaries are found and the premium is negligible by a bound, the European value is the
+//! answer (`LatestExercise`). The cost of a put is below a millisecond.
 
 #![allow(clippy::inline_always)]
 
@@ -66,7 +67,7 @@ pub const BOUNDARY_COLLOCATION: Solver = Solver {
         changes: [0.5, 0.5, 0.7, 0.5, 0.5],
         values: [0.3, 0.6, 1.0, 1.0, 0.5],
         cross_changes: 0.35,
-        cross_values: [1.0, 1.0, 0.0],
-        theta: [0.5, 0.02],
+        cross_values: [1.0, 1.0, 0.05],
+        theta: [1.0, 0.2],
     },
 };

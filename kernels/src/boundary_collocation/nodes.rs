@@ -28,8 +28,9 @@ pub struct Nodes {
     weights: Vec<f64>,
     /// The number of points of the quadrature.
     pub points: usize,
-    /// cos phi, (points,).
+    /// cos phi and sin phi, (points,).
     pub cosines: Vec<f64>,
+    pub sines: Vec<f64>,
     /// The weights of the integral over s up to z = 1, (points,).
     pub quadrature: Vec<f64>,
     /// The values at the points of the polynomials that are 1 at one node and 0 at the others: by node from 1, then by
@@ -62,19 +63,19 @@ impl Nodes {
             weights: (0..=degree).map(weight).collect(),
             points,
             cosines: Vec::with_capacity(points),
+            sines: Vec::with_capacity(points),
             quadrature: Vec::with_capacity(points),
             basis: vec![0.0; degree * (degree + 1) * points],
         };
-        let mut sines = Vec::with_capacity(points);
         for (x, weight) in legendre(points) {
             let (sine, cosine) = (FRAC_PI_2 * 0.5 * (x + 1.0)).sin_cos();
-            sines.push(sine);
+            nodes.sines.push(sine);
             nodes.cosines.push(cosine);
             nodes.quadrature.push(PI * 0.5 * weight * sine * cosine);
         }
         for i in 1..=degree {
-            for (point, sine) in sines.iter().enumerate() {
-                let row = nodes.interpolation(nodes.z[i] * sine);
+            for point in 0..points {
+                let row = nodes.interpolation(nodes.z[i] * nodes.sines[point]);
                 for (k, value) in row.into_iter().enumerate() {
                     nodes.basis[((i - 1) * (degree + 1) + k) * points + point] = value;
                 }

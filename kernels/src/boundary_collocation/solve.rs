@@ -16,7 +16,7 @@ use crate::lanes::vector::Vector;
 /// The error of a value as a share of its change from one level to the next; calibrated on random puts.
 const CHANGE_SHARE: f64 = 0.5;
 /// The same of the change of the derivative by x, times the spread: two values may agree by accident; calibrated.
-const SLOPE_SHARE: f64 = 0.1;
+const SLOPE_SHARE: f64 = 0.2;
 /// The smallest error of a value, as a share of the premium: what is left out where the boundaries meet.
 const LEFT_OUT: f64 = 2e-8;
 /// The step of the difference by the spread, as a share of it; chosen: solutions are exact to rounding.
@@ -85,9 +85,16 @@ struct Found {
 }
 
 impl Found {
-    /// Leave the European value, which lacks a premium of at most this.
+    /// Leave the European value where no boundaries are found; it lacks at most `premium`, and its derivatives by rate and
+    /// dividend at most about `latest`: where that is more than `limit`, the derivatives by the parameters are left out.
     #[inline(always)]
-    fn leave_european<V: Vector>(&mut self, put: &Put, x: f64, premium: f64) {
+    fn leave_european<V: Vector>(
+        &mut self,
+        put: &Put,
+        x: f64,
+        (latest, premium): (f64, f64),
+        limit: Option<f64>,
+    ) {
         if !x.is_finite() {
             return;
         }
@@ -111,6 +118,24 @@ impl Found {
         }
         let by_spread = slope(&|step| at(x, 1.0 + step)[6], EUROPEAN_STEP);
         self.numbers[COLUMNS + SECOND - 1] = by_spread / spread;
+        let by_x = premium / spread;
+        self.numbers[VALUES + 2..COLUMNS].copy_from_slice(&[
+            by_x,
+            by_x / spread,
+            latest,
+            latest,
+            by_x,
+        ]);
+        self.numbers[COLUMNS + SECOND..].copy_from_slice(&[
+            latest / spread,
+            latest / spread,
+            by_x / spread,
+            by_x / spread,
+        ]);
+        if limit.is_none_or(|limit| latest > limit) {
+            self.numbers[4..VALUES].fill(f64::NAN);
+            self.numbers[COLUMNS..].fill(f64::NAN);
+        }
         self.degree = 1;
     }
 }
@@ -146,17 +171,11 @@ impl Work for Run<'_> {
                 spread: puts.spread[run],
             },
         };
-        let mut boundaries = None;
+        let (mut boundaries, mut european) = (None, None);
         if put.is_served() {
             let latest = V::call(LatestExercise(&put));
             let premium = put.largest_premium(latest);
-            let is_small = |spot: usize| premium <= NEGLIGIBLE * puts.tolerance[spot];
-            if spots.clone().all(is_small) {
-                for (spot, found) in spots.zip(&mut found) {
-                    found.leave_european::<V>(&put, puts.x[spot], premium);
-                }
-                return found;
-            }
+            european = Some((latest, premium));
             boundaries = put.first_boundaries::<V>(latest);
         }
         while let Some(at) = boundaries {
@@ -174,6 +193,14 @@ impl Work for Run<'_> {
                 break;
             }
             boundaries = put.next_boundaries::<V>(&at);
+        }
+        if let Some((latest, premium)) = european {
+            for (spot, found) in spots.zip(&mut found) {
+                if found.degree == 0 && premium <= NEGLIGIBLE * puts.tolerance[spot] {
+                    let limits = puts.limits.map(|limits| limits[spot * VALUES + 4]);
+                    found.leave_european::<V>(&put, puts.x[spot], (latest, premium), limits);
+                }
+            }
         }
         found
     }

@@ -6,7 +6,7 @@ use super::integrand::{European, Passed};
 use super::newton::{Boundaries, BoundaryTangents};
 use super::nodes::Nodes;
 use super::put::Put;
-use super::system::chunk;
+use super::system::{chunk, upper_boundary};
 use crate::flat_options::VALUES;
 use crate::gauss_legendre::legendre;
 use crate::lanes::normal::exp;
@@ -102,6 +102,7 @@ impl SpotValue<'_> {
         let (x, moneyness) = (V::all(self.x), exp(V::all(self.x)));
         let rule = legendre(nodes.points);
         let per_root = 1.0 / curves.share.sqrt();
+        let within = self.put.parameters.within(curves.share);
         for points in rule.chunks_exact(LANES) {
             let (mut z, mut root, mut weight) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
             for (l, (place, share)) in points.iter().enumerate() {
@@ -120,8 +121,8 @@ impl SpotValue<'_> {
                 };
                 let own: V = polynomials.of(values);
                 let (y, by_unknown, sign) = if is_upper {
-                    let y = -(own.max(V::all(f64::MIN_POSITIVE)).sqrt());
-                    (y, V::all(0.5) / y, 1.0)
+                    let (y, by_square) = upper_boundary(own, chunk(&z, 0), within);
+                    (y, by_square, 1.0)
                 } else {
                     (own, V::all(1.0), -1.0)
                 };

@@ -5,8 +5,9 @@ use super::nodes::Nodes;
 use crate::lanes::normal::exp;
 use crate::lanes::vector::{sum_of_lanes, Part, Vector, LANES};
 
-/// The smallest (ln(S*/K))^2 between the nodes; a polynomial may be negative there before the iteration has settled.
-const SMALLEST_SQUARE: f64 = 1e-300;
+/// The smallest distance of the upper boundary from the strike, in standard deviations; chosen: its square may be negative
+/// between the nodes.
+const SMALLEST_DISTANCE: f64 = 1e-4;
 
 /// The two boundaries at the nodes, up to a share of the time to expiry.
 ///
@@ -91,7 +92,10 @@ impl MatchingWork<'_> {
         let stride = (m + 1) * nodes.points;
         let basis = &nodes.basis[(node - 1) * stride..node * stride];
         for start in (0..nodes.points).step_by(LANES) {
-            let cosine = chunk::<V>(&nodes.cosines, start);
+            let (cosine, sine) = (
+                chunk::<V>(&nodes.cosines, start),
+                chunk::<V>(&nodes.sines, start),
+            );
             let passed = Passed::new(self.parameters, cosine.times(z));
             let weight = chunk::<V>(&nodes.quadrature, start).times(z * z);
             let mut kept = [zero; 4];
@@ -105,8 +109,8 @@ impl MatchingWork<'_> {
                     kept_value = of_node.times_plus(V::all(*value), kept_value);
                 }
                 let (y, by_unknown, sign) = if c == 0 {
-                    let y = -(kept_value.max(V::all(SMALLEST_SQUARE)).sqrt());
-                    (y, V::all(0.5) / y, 1.0)
+                    let (y, by_square) = upper_boundary(kept_value, sine.times(z), self.parameters);
+                    (y, by_square, 1.0)
                 } else {
                     (kept_value, V::all(1.0), -1.0)
                 };
@@ -150,6 +154,17 @@ impl MatchingWork<'_> {
             }
         }
     }
+}
+
+/// The upper boundary ln(S*/K) from its square, and its derivative by that; `root` is the square root of the time to expiry,
+/// in that of `parameters`.
+#[inline(always)]
+pub fn upper_boundary<V: Vector>(square: V, root: V, parameters: Parameters) -> (V, V) {
+    let least = root.times(SMALLEST_DISTANCE * parameters.spread);
+    let least = least * least;
+    let y = -(square.max(least).sqrt());
+    let is_less = square - least; // negative where the square is held
+    (y, is_less.negative(V::zero(), V::all(0.5) / y))
 }
 
 /// As many numbers as there are lanes, from `start`.

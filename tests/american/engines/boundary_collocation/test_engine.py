@@ -233,6 +233,28 @@ def test_where_the_premium_is_negligible_the_value_is_the_european_one():
         assert getattr(found, name)[0] == pytest.approx(european[name][0], rel=1e-7, abs=1e-9)
 
 
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
+def test_greeks_hold_where_little_is_earned(tolerance):
+    """The premium of such contracts is far below the tolerance, but its derivative by the rate is not."""
+    random = np.random.default_rng(12)
+    contracts = columns(300, 11)
+    near = -(10.0 ** random.uniform(-9.0, -4.0, 300))
+    far = near * (1.0 + 10.0 ** random.uniform(-2.0, 1.0, 300))
+    is_put = contracts["option_type"] == "put"
+    contracts |= {"rate": np.where(is_put, near, far), "dividend_yield": np.where(is_put, far, near)}
+    found, fine = (
+        price_many(contracts, tolerance=each, greeks="extended", greek_errors=True)
+        for each in (tolerance, 1e-8)
+    )
+    assert set(found["method"]) == {"boundary-collocation"}
+    waits = ~found["exercise_now"] & ~fine["exercise_now"]
+    for greek in ("delta", "gamma", "theta", "vega", "rho", "dividend_rho", "vanna", "volga", "charm"):
+        assert np.isfinite(found[greek]).all(), greek
+        off = np.abs(found[greek] - fine[greek])[waits]
+        stated = (found[f"{greek}_error"] + fine[f"{greek}_error"])[waits]
+        assert np.mean(off <= stated + 1e-9) >= 0.95, greek
+
+
 def test_an_interrupt_ends_the_work():
     book = Book.of([(PUT, MARKET)] * 3)
     found = ENGINE.solve(book, Request(np.full(3, 1e-6), interrupt=lambda: True))
