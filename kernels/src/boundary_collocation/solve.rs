@@ -283,13 +283,16 @@ impl Run<'_> {
                 found.exercised = exercised;
                 found.degree = i64::try_from(DEGREES[boundaries.level]).unwrap_or(i64::MAX);
             }
+            // A derivative whose change is not known is left out.
             for (k, derivative) in DERIVATIVES.into_iter().enumerate() {
-                numbers[derivative] = values[derivative];
-                numbers[VALUES + 2 + k] = change(derivative);
+                let change = change(derivative);
+                numbers[derivative] = with_change(values[derivative], change);
+                numbers[VALUES + 2 + k] = change;
             }
             for k in 0..SECOND {
-                numbers[COLUMNS + k] = seconds[k];
-                numbers[COLUMNS + SECOND + k] = seconds[k] - last_seconds[k];
+                let change = seconds[k] - last_seconds[k];
+                numbers[COLUMNS + k] = with_change(seconds[k], change);
+                numbers[COLUMNS + SECOND + k] = change;
             }
             found.valued |= error <= puts.tolerance[spot];
             let limits = puts.limits.map(|limits| &limits[spot * VALUES..]);
@@ -301,6 +304,15 @@ impl Run<'_> {
             found.finished = found.valued && met;
         }
         found.last = Some((values, seconds));
+    }
+}
+
+/// The number, or none where its change is none.
+fn with_change(number: f64, change: f64) -> f64 {
+    if change.is_nan() {
+        f64::NAN
+    } else {
+        number
     }
 }
 
