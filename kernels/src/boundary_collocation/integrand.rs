@@ -129,7 +129,8 @@ impl<V: Vector> European<V> {
         let d2 = (x + passed.time.times(drift)) / passed.deviation;
         let d1 = d2 + passed.deviation;
         let density = exp((d2 * d2).times(-0.5)).times(ONE_OVER_SQRT_TWO_PI) * passed.bond;
-        let (moneyness, forward) = (exp(x), exp(x) * passed.stock);
+        let moneyness = exp(x);
+        let forward = moneyness * passed.stock;
         let in_bond = weighted_normal(-d2, density, passed.bond);
         let in_stock = weighted_normal(-d1, density, forward);
         // The European call, and what the put's payoff would earn until expiry.
@@ -137,9 +138,8 @@ impl<V: Vector> European<V> {
             weighted_normal(d1, density, forward),
             weighted_normal(d2, density, passed.bond),
         );
-        let (time, zero) = (passed.time, V::zero());
-        let bond_lost = expm1(zero - time.times(rate));
-        let stock_lost = moneyness * expm1(zero - time.times(dividend));
+        let bond_lost = expm1(passed.time.times(-rate));
+        let stock_lost = moneyness * expm1(passed.time.times(-dividend));
         Self {
             value: in_bond - in_stock,
             above_payoff: (stock_left - bond_left) + (bond_lost - stock_lost),

@@ -77,14 +77,12 @@ impl Work for OverTime<'_> {
             };
             let pairs: Vec<BoundaryPair> = self.shares.iter().enumerate().map(at).collect();
             let is_met = pairs.iter().all(|pair| pair.change <= self.accuracy);
-            let was_compared = found.is_some();
-            found = Some(pairs);
-            if is_met || boundaries.level + 1 == DEGREES.len() || (self.interrupt)() {
-                return if was_compared { found } else { None };
-            }
-            match self.put.next_boundaries::<V>(&boundaries) {
+            let is_compared = found.replace(pairs).is_some();
+            let ends = is_met || boundaries.level + 1 == DEGREES.len() || (self.interrupt)();
+            let next = (!ends).then(|| self.put.next_boundaries::<V>(&boundaries));
+            match next.flatten() {
                 Some(next) => boundaries = next,
-                None => return if was_compared { found } else { None },
+                None => return found.filter(|_| is_compared),
             }
         }
     }

@@ -6,7 +6,7 @@ use super::integrand::{European, Passed};
 use super::newton::{Boundaries, BoundaryTangents};
 use super::nodes::Nodes;
 use super::put::Put;
-use super::system::{chunk, upper_boundary};
+use super::system::{boundary, chunk};
 use crate::flat_options::VALUES;
 use crate::gauss_legendre::legendre;
 use crate::lanes::normal::exp;
@@ -120,12 +120,7 @@ impl SpotValue<'_> {
                     &curves.lower
                 };
                 let own: V = polynomials.of(values);
-                let (y, by_unknown, sign) = if is_upper {
-                    let (y, by_square) = upper_boundary(own, chunk(&z, 0), within);
-                    (y, by_square, 1.0)
-                } else {
-                    (own, V::all(1.0), -1.0)
-                };
+                let (y, by_unknown, sign) = boundary(is_upper, own, chunk(&z, 0), within);
                 let at = passed.integrand(x, moneyness, y);
                 let weight = chunk::<V>(&weight, 0).times(sign);
                 for (k, term) in [at.value, at.by_x, at.by_x_twice].into_iter().enumerate() {

@@ -108,12 +108,8 @@ impl MatchingWork<'_> {
                     let of_node = chunk::<V>(basis, k * nodes.points + start);
                     kept_value = of_node.times_plus(V::all(*value), kept_value);
                 }
-                let (y, by_unknown, sign) = if c == 0 {
-                    let (y, by_square) = upper_boundary(kept_value, sine.times(z), self.parameters);
-                    (y, by_square, 1.0)
-                } else {
-                    (kept_value, V::all(1.0), -1.0)
-                };
+                let root = sine.times(z);
+                let (y, by_unknown, sign) = boundary(c == 0, kept_value, root, self.parameters);
                 for (a, sums) in sums.iter_mut().enumerate() {
                     let x = V::all(targets[a]);
                     let at = passed.integrand(x, V::all(moneyness.lane(a)), y);
@@ -156,15 +152,23 @@ impl MatchingWork<'_> {
     }
 }
 
-/// The upper boundary ln(S*/K) from its square, and its derivative by that; `root` is the square root of the time to expiry,
-/// in that of `parameters`.
+/// ln(S*/K) of a boundary from what `Curves` keeps of it, its derivative by that, and the sign with which the integral up to
+/// it counts; `root` is the square root of the time to expiry, in that of `parameters`.
 #[inline(always)]
-pub fn upper_boundary<V: Vector>(square: V, root: V, parameters: Parameters) -> (V, V) {
+pub fn boundary<V: Vector>(
+    is_upper: bool,
+    kept: V,
+    root: V,
+    parameters: Parameters,
+) -> (V, V, f64) {
+    if !is_upper {
+        return (kept, V::all(1.0), -1.0);
+    }
     let least = root.times(SMALLEST_DISTANCE * parameters.spread);
     let least = least * least;
-    let y = -(square.max(least).sqrt());
-    let is_less = square - least; // negative where the square is held
-    (y, is_less.negative(V::zero(), V::all(0.5) / y))
+    let y = -(kept.max(least).sqrt());
+    let is_held = kept - least; // negative where the square is held
+    (y, is_held.negative(V::zero(), V::all(0.5) / y), 1.0)
 }
 
 /// As many numbers as there are lanes, from `start`.

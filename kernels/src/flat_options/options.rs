@@ -12,6 +12,7 @@ const ROUNDING: f64 = 1e-14;
 const LEAST_ERROR: f64 = 4e-16;
 /// The step of the difference for volga, as a share of the volatility; calibrated.
 const SPREAD_STEP: f64 = 0.002;
+
 /// How the errors of derivatives follow from what a solver says; shares of a change are of that from one solve to the next,
 /// shares of the value's error of that over the spread, or over its square.
 pub struct ErrorShares {
@@ -305,7 +306,7 @@ impl Row {
         }
         let drift = (put.rate - put.dividend) / put.spread - 0.5 * put.spread;
         let decay = drift + (drift * drift + 2.0 * put.rate).sqrt();
-        spot < strike && spot * (1.0 + put.spread / decay) <= strike
+        spot * (1.0 + put.spread / decay) <= strike
     }
 
     /// The strike of the put.

@@ -185,36 +185,31 @@ functions! {
     /// The Mills ratio N(-y)/N'(y) for y >= 0.
     mills_ratio(y: MillsRatio) {
         if V::IS_SINGLE {
-            return mills_ratio_in_single(y);
+            rational_mills_ratio(y, 3.0, &MILLS_SINGLE)
+        } else {
+            rational_mills_ratio(y, 4.5, &MILLS)
         }
-        // One division for both quotients.
-        let (left, right) = (y.plus(4.5), y.plus(1.5));
-        let inverse = V::all(1.0) / (left * right);
-        let t = y.plus(-4.5) * (right * inverse);
-        let t2 = t * t;
-        let (mut even, mut odd) = (V::all(MILLS[0]), V::all(MILLS[1]));
-        for j in (2..22).step_by(2) {
-            even = even.times_plus(t2, V::all(MILLS[j]));
-            odd = odd.times_plus(t2, V::all(MILLS[j + 1]));
-        }
-        even = even.times_plus(t2, V::all(MILLS[22]));
-        odd.times_plus(t, even) * (left * inverse)
     }
 }
 
-/// The Mills ratio in single precision.
+/// The Mills ratio from the coefficients of (y + 1.5) R(y), an odd number of them, in (y - `centre`)/(y + `centre`).
 #[inline(always)]
-fn mills_ratio_in_single<V: Vector>(y: V) -> V {
-    let (left, right) = (y.plus(3.0), y.plus(1.5));
+fn rational_mills_ratio<V: Vector, const N: usize>(
+    y: V,
+    centre: f64,
+    coefficients: &[f64; N],
+) -> V {
+    // One division for both quotients.
+    let (left, right) = (y.plus(centre), y.plus(1.5));
     let inverse = V::all(1.0) / (left * right);
-    let t = y.plus(-3.0) * (right * inverse);
+    let t = y.plus(-centre) * (right * inverse);
     let t2 = t * t;
-    let (mut even, mut odd) = (V::all(MILLS_SINGLE[0]), V::all(MILLS_SINGLE[1]));
-    for j in (2..8).step_by(2) {
-        even = even.times_plus(t2, V::all(MILLS_SINGLE[j]));
-        odd = odd.times_plus(t2, V::all(MILLS_SINGLE[j + 1]));
+    let (mut even, mut odd) = (V::all(coefficients[0]), V::all(coefficients[1]));
+    for j in (2..N - 1).step_by(2) {
+        even = even.times_plus(t2, V::all(coefficients[j]));
+        odd = odd.times_plus(t2, V::all(coefficients[j + 1]));
     }
-    even = even.times_plus(t2, V::all(MILLS_SINGLE[8]));
+    even = even.times_plus(t2, V::all(coefficients[N - 1]));
     odd.times_plus(t, even) * (left * inverse)
 }
 

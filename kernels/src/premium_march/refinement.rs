@@ -134,20 +134,20 @@ impl Wanted {
         priced: &mut Vec<bool>,
         spots: Range<usize>,
     ) {
-        for items in fresh {
-            match self {
-                Self::All => {}
-                Self::LoosePrices => {
-                    priced.resize(spots.len(), false);
+        match self {
+            Self::All => {}
+            Self::LoosePrices => {
+                priced.resize(spots.len(), false);
+                for items in fresh {
                     items.retain(|item| item.class.is_single_at(0));
                     for item in items {
                         priced[item.spot - spots.start] = true;
                     }
                 }
-                Self::Rest => {
-                    for item in items {
-                        item.valued = priced[item.spot - spots.start];
-                    }
+            }
+            Self::Rest => {
+                for item in fresh.iter_mut().flatten() {
+                    item.valued = priced[item.spot - spots.start];
                 }
             }
         }
