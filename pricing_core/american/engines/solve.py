@@ -22,9 +22,10 @@ from pricing_core.arrays import BoolVector, Vector, every, some
 from pricing_core.kernel import warn_where_missing
 
 CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION = ClosedForm(), PremiumMarch(), BoundaryCollocation()
+MULTIPLIER_COLLOCATION = MultiplierCollocation()
 ENGINES: tuple[Engine, ...] = (
     *(CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION),
-    *(MultiplierCollocation(), MethodOfLines()),
+    *(MULTIPLIER_COLLOCATION, MethodOfLines(control=MULTIPLIER_COLLOCATION)),
 )
 # Those whose vega costs no more than a few prices: the search for a volatility asks them first.
 FAST_ENGINES = (CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION)

@@ -12,12 +12,11 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices, concatenated, error_of, prices
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.book.resolution import Resolution, Scheme
-from pricing_core.american.contracts.fields import Greeks
-from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.differences import Bump, plan_differences, unchanged
-from pricing_core.american.engines.engine import Boundaries, Request
+from pricing_core.american.engines.engine import Boundaries, Engine, Request
 from pricing_core.american.engines.held import charm_weights, priced
 from pricing_core.american.engines.method_of_lines.joint_work import Work, done_together
+from pricing_core.american.engines.method_of_lines.known import known_of
 from pricing_core.american.engines.method_of_lines.level import ScheduleSolver, make_solver
 from pricing_core.american.engines.method_of_lines.refinement import (
     Estimate,
@@ -31,9 +30,9 @@ from pricing_core.american.engines.method_of_lines.sharing import solve_shared
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
 from pricing_core.american.engines.method_of_lines.sweep import FAILURES
 from pricing_core.american.engines.method_of_lines.sweep_problem import SharedSweeps
-from pricing_core.american.engines.method_of_lines.tangents import STICKY, Direction, directions_of, moved
+from pricing_core.american.engines.method_of_lines.tangents import STICKY, directions_of, moved
 from pricing_core.american.engines.price_bounds import range_of
-from pricing_core.arrays import BoolVector, Matrix, Vector
+from pricing_core.arrays import BoolVector, Vector
 
 # Number of contracts whose solves are done together, which fills the kernel's lanes; chosen: a deadline may lose all.
 TOGETHER = 128
@@ -41,7 +40,6 @@ TOGETHER = 128
 MANY_DIRECTIONS = 32
 VOLGA_STEP = 0.04  # Step of the volatility for volga, as a share of the largest one; calibrated.
 SURFACE_DIFFERENCE = 1e-3  # How far a surface is moved in ln S for a difference of prices; chosen.
-SPOT_STEP = 1e-4  # Step of the spot for the third derivative of the formula, as a share of it; chosen.
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +60,7 @@ class MethodOfLines:
     scheme: Scheme = "sdirk2"
     lcp_method: LCPMethod = "tridiagonal"
     resolution: Resolution | None = None
+    control: Engine | None = None
 
     @property
     def name(self) -> str:
@@ -131,13 +130,13 @@ class MethodOfLines:
         if not estimate.levels and price_alone is not None:
             estimate = replace(price_alone, interrupted=True)
         if not estimate.levels:
-            european = _exact_european(book)
-            known = math.nan if european is None else book.strike.item(0) * european[0, 0]
-            return prices(1, european=known, status="deadline", method="none")
+            known = known_of(book, (), request, None)
+            european = math.nan if known is None else book.strike.item(0) * known.values[0, 0]
+            return prices(1, european=european, status="deadline", method="none")
         finest = estimate.levels[-1]
         columns: dict[str, Any] = {"complete": True}
         if request.greeks != "none" and not estimate.interrupted:
-            columns = _derivatives(book, solver, estimate, request)
+            columns = _derivatives(book, solver, estimate, request, self.control)
         late = estimate.interrupted or (not columns["complete"] and request.is_interrupted())
         strike, value, errors = book.strike, estimate.american[0], estimate.errors[0]
         if extended:
@@ -170,26 +169,25 @@ class MethodOfLines:
         )
 
     def _estimating(self, book: Book, solver: ScheduleSolver, request: Request) -> Work[Estimate]:
-        extended = request.greeks == "extended"
         return estimating(
             solver,
             request.tolerance.item(0),
             scheme=self.scheme,
             resolution=self.resolution,
-            exact=_exact_control(book, solver.directions)
-            if book.local is not None
-            else _exact_european(book, solver.directions, extended=extended),
+            exact=known_of(book, solver.directions, request, self.control),
         )
 
 
-def _derivatives(book: Book, solver: ScheduleSolver, estimate: Estimate, request: Request) -> dict[str, Any]:
+def _derivatives(
+    book: Book, solver: ScheduleSolver, estimate: Estimate, request: Request, control: Engine | None
+) -> dict[str, Any]:
     """Return the derivatives by the parameters as columns, and whether all are there."""
     extended = request.greeks == "extended"
     if estimate.levels[-1].exercised:
         columns = unchanged(book, extended=extended) | {"complete": True}
         return columns if book.local is None else columns | {STICKY: -book.sign}
     if len(estimate.american) == 1 + len(solver.directions) > 1:
-        return _carried(book, solver, estimate, extended=extended)
+        return _carried(book, solver, estimate, request, control)
     plan = plan_differences(book, extended=extended)
     bumped, strike = plan.book, book.strike.item(0)
     value, delta = np.full((2, bumped.count), math.nan)
@@ -220,9 +218,12 @@ def _derivatives(book: Book, solver: ScheduleSolver, estimate: Estimate, request
     return columns | {"complete": not math.isnan(by_surface)}
 
 
-def _carried(book: Book, solver: ScheduleSolver, estimate: Estimate, *, extended: bool) -> dict[str, Any]:
+def _carried(
+    book: Book, solver: ScheduleSolver, estimate: Estimate, request: Request, control: Engine | None
+) -> dict[str, Any]:
     """Return the derivatives that the march carried along as columns, with their errors."""
-    columns, strike = unchanged(book, extended=extended), book.strike.item(0)
+    extended, strike = request.greeks == "extended", book.strike.item(0)
+    columns = unchanged(book, extended=extended)
     columns |= {
         error_of(name): Ragged(column.first, column.values.copy())
         if isinstance(column, Ragged)
@@ -244,7 +245,7 @@ def _carried(book: Book, solver: ScheduleSolver, estimate: Estimate, *, extended
         estimate.american[[1 + vega], 1],
         estimate.errors[[1 + vega], 1],
     )
-    volga = _volga(book, solver, estimate)
+    volga = _volga(book, solver, estimate, request, control)
     complete = volga is not None
     columns["volga"], columns["volga_error"] = np.full((2, 1), math.nan) if volga is None else volga
     return columns | {"complete": complete}
@@ -262,9 +263,12 @@ def _sticky(book: Book, delta: float, delta_error: float, by_surface: float, err
     return {STICKY: delta + share * by_surface, error_of(STICKY): delta_error + share * error}
 
 
-def _volga(book: Book, solver: ScheduleSolver, estimate: Estimate) -> tuple[Vector, Vector] | None:
+def _volga(
+    book: Book, solver: ScheduleSolver, estimate: Estimate, request: Request, control: Engine | None
+) -> tuple[Vector, Vector] | None:
     """Return volga and its error from vegas at two volatilities, each with its own contact sets."""
     step = VOLGA_STEP * float(np.max(book.segments.volatility))
+    request = replace(request, greeks="standard")
     levels, exact = [], []
     for shift in (step, -step):
         bumped = Bump(book, "volatility")(np.array([shift]))
@@ -274,7 +278,7 @@ def _volga(book: Book, solver: ScheduleSolver, estimate: Estimate) -> tuple[Vect
         if found is None or any(len(level.american) == 1 for level in found):
             return None
         levels.append(found)
-        exact.append(_exact_european(bumped, parameter, extended=False))
+        exact.append(known_of(bumped, parameter, request, control))
     premium = exact[0] is not None and exact[1] is not None
     differences = [
         np.array(
@@ -287,7 +291,8 @@ def _volga(book: Book, solver: ScheduleSolver, estimate: Estimate) -> tuple[Vect
         return scale * differences[0], np.full(1, math.nan)
     volga, error = limit_of(differences, first_order=estimate.levels[-1].fitted)
     if exact[0] is not None and exact[1] is not None:
-        volga = volga + exact[0][1, 0] - exact[1][1, 0]
+        volga = volga + exact[0].values[1, 0] - exact[1].values[1, 0]
+        error = error + exact[0].errors[1, 0] + exact[1].errors[1, 0]
     # What the step leaves out is of the size of its square times the derivatives that the vegas show.
     at_once = [found[-1].american[1, 0] for found in levels]
     vega = next(n for n, direction in enumerate(solver.directions) if direction.kind == "vega")
@@ -303,42 +308,3 @@ def _charm(book: Book, value: Vector, errors: Vector) -> dict[str, Any]:
         "charm": sum(weight * number for weight, number, _ in terms),
         "charm_error": sum(np.abs(weight) * error for weight, _, error in terms),
     }
-
-
-def _exact_control(book: Book, directions: tuple[Direction, ...]) -> Matrix | None:
-    """Return what the formula gives of the European option at the volatility that stands for a local one.
-
-    Shape (1 + P, 4), NaN but in the first row: what a solve on the same grid misses of it, that of the local volatility
-    misses nearly as well.
-    """
-    flat = _exact_european(replace(book, local=None))
-    if flat is None:
-        return None
-    return np.concatenate([flat, np.full((len(directions), 4), math.nan)])
-
-
-def _exact_european(
-    book: Book, directions: tuple[Direction, ...] = (), *, extended: bool = False
-) -> Matrix | None:
-    """Return what the formula gives of the European option in units of the strike, shape (1 + P, 4), NaN where nothing.
-
-    None where it has no formula.
-    """
-    if book.local is not None or (book.drops() > 0.0).any():
-        return None
-    greeks: Greeks = "extended" if extended else "standard" if directions else "none"
-    found, strike = european_columns(book, greeks), book.strike.item(0)
-    exact = np.full((1 + len(directions), 4), math.nan)
-    exact[0, :3] = [found["value"][0] / strike, found["delta"][0], found["gamma"][0] * strike]
-    if extended:
-        step = SPOT_STEP * book.spot
-        gammas = [
-            european_columns(replace(book, spot=book.spot + by), "none")["gamma"] for by in (step, -step)
-        ]
-        exact[0, 3] = ((gammas[0] - gammas[1]) / (2.0 * step)).item(0) * strike**2
-    for row, direction in zip(exact[1:], directions, strict=True):
-        column = found[direction.kind]
-        row[0] = (column.values if isinstance(column, Ragged) else column)[direction.entry] / strike
-        if direction.kind == "vega" and extended:
-            row[1] = found["vanna"][0]
-    return exact

@@ -147,9 +147,8 @@ class ScheduleSolver:
             return None
         sweep = with_exercise.sweep
         paid = self.exercised(sweep)
-        # Before a large dividend a put may be held at spots below those at which it is exercised.
-        is_held = with_exercise.at_spot[0, 0] - paid[0, 0] > INDIFFERENT
-        exercised = sweep.region.contains(self.spot) and not is_held
+        earns = with_exercise.at_spot[0, 0] - paid[0, 0] > INDIFFERENT
+        exercised = sweep.region.contains(self.spot) and not (earns and sweep.holds_in_gap(self.spot))
         return Level(
             paid if exercised else self._total(with_exercise.at_spot),
             self._total(without.at_spot) if held else np.full((1, 4), math.nan),

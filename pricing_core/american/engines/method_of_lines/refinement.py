@@ -2,7 +2,7 @@
 
 The values at the spot have errors that fall like c (ds**2 + dt**2), so that (4 b - a)/3 from two resolutions, each cell
 and step of a halved in b, removes the leading term (Richardson). The European option is solved on the same grids. Where
-a formula gives its exact value, the error that the two solves share is taken out.
+its value is known without them, the error that the two solves share is taken out.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ import numpy as np
 
 from pricing_core.american.book.resolution import MOST, Resolution, Scheme
 from pricing_core.american.contracts.schedule import Schedule
-from pricing_core.american.engines.exercise_region import EMPTY_REGION, ExerciseRegion
+from pricing_core.american.engines.exercise_region import EMPTY_REGION, ExerciseRegion, earning_region
 from pricing_core.american.engines.method_of_lines.grid import even_stretching
 from pricing_core.american.engines.method_of_lines.joint_work import Work, done
+from pricing_core.american.engines.method_of_lines.known import Known
 from pricing_core.american.engines.method_of_lines.level import (
     Level,
     ScheduleSolver,
@@ -53,6 +54,9 @@ LOCAL_STEP_SHARE = 0.25
 WIDE_CELL = 0.05
 # Factor of the error estimates of derivatives by parameters, which converge less regularly; calibrated.
 TANGENT_SHARE = 2.5
+# Estimated error of a derivative by a parameter, in tolerances of the price, up to which it needs no finer resolution;
+# calibrated: it is some twenty times the error.
+DERIVATIVES_SHARE = 20.0
 ROUNDING = 1e-13  # Rounding error of a value, in strikes, or in spots where that is more; measured.
 REGION_DOUBLINGS = 2  # Number of doublings of the first resolution where the region alone is wanted; chosen.
 
@@ -90,6 +94,14 @@ class Estimate:
         """The estimated error of the value v, in units of the strike."""
         return float(self.errors[0, 0])
 
+    def with_derivatives_of(self, finer: Estimate) -> Estimate:
+        """Return this estimate with the derivatives by the parameters of another, if both say that it is held."""
+        if finer.levels[-1].exercised:
+            return self
+        american, errors = finer.american.copy(), finer.errors.copy()
+        american[0], errors[0] = self.american[0], self.errors[0]
+        return replace(finer, american=american, european=self.european, errors=errors, region=self.region)
+
 
 def estimate_to_tolerance(
     solver: ScheduleSolver,
@@ -97,7 +109,7 @@ def estimate_to_tolerance(
     *,
     scheme: Scheme = "sdirk2",
     resolution: Resolution | None = None,
-    exact: Matrix | None = None,
+    exact: Known | None = None,
 ) -> Estimate:
     """Price a schedule to a tolerance; arguments and result are those of `estimating`."""
     work = estimating(solver, tolerance, scheme=scheme, resolution=resolution, exact=exact)
@@ -110,7 +122,7 @@ def estimating(
     *,
     scheme: Scheme = "sdirk2",
     resolution: Resolution | None = None,
-    exact: Matrix | None = None,
+    exact: Known | None = None,
 ) -> Work[Estimate]:
     """Price a schedule to a tolerance by the method of lines, one complementarity problem per stage.
 
@@ -124,8 +136,8 @@ def estimating(
     resolution : Resolution, optional
         Solve at exactly this one, not extrapolated; the error is estimated from a second solve with half as many
         cells and steps. Its scheme, where it has one, goes before `scheme`.
-    exact : Matrix, shape (1 + P, 4), optional
-        What a formula gives of the European option, as in `Level`; NaN where it does not.
+    exact : Known, optional
+        What is known of the European option.
 
     Returns
     -------
@@ -149,7 +161,7 @@ def estimating(
         found = yield from _at_resolution(
             solver, replace(resolution, scheme=resolution.scheme or scheme), exact
         )
-    if found.interrupted or not (_region_is_elsewhere(solver, found.region) or _is_coarse(solver, found)):
+    if found.interrupted or not _region_is_elsewhere(solver, found):
         return found
     region = yield from _region_elsewhere(solver, tolerance)
     return replace(found, region=region)
@@ -242,22 +254,30 @@ def _ends(solver: ScheduleSolver, times: tuple[float, ...], tolerance: float) ->
 
 
 def _refined(
-    solver: ScheduleSolver, tolerance: float, coarsest: Resolution, exact: Matrix | None
+    solver: ScheduleSolver, tolerance: float, coarsest: Resolution, exact: Known | None
 ) -> Work[Estimate]:
-    """Refine from `coarsest` until the estimated error meets the tolerance, or to the finest resolution."""
+    """Refine from `coarsest` until the estimated error meets the tolerance, or to the finest resolution.
+
+    Where the derivatives by the parameters need it, one more resolution is solved for these alone: the price does not
+    depend on which are asked for.
+    """
     levels: list[Level] = []
-    best = _NOTHING
+    best, price = _NOTHING, None
     resolution = coarsest
     doublings = DOUBLINGS if tolerance >= TIGHT_TOLERANCE else TIGHT_DOUBLINGS
     while True:
         level = yield from solver.solving(resolution)
         if level is None:
-            return replace(best, interrupted=True, solves=len(levels))
+            return best if price else replace(best, interrupted=True, solves=len(levels))
         levels.append(level)
         if len(levels) >= 2:
             best = _extrapolated(solver, levels, exact)
+        if price is not None:
+            return price.with_derivatives_of(best)
         if len(levels) >= FEWEST_SOLVES and best.error <= tolerance:
-            break
+            price = best
+            if level.exercised or np.all(best.errors[1:, 0] <= DERIVATIVES_SHARE * tolerance):
+                break
         small = 4 * level.steps * resolution.intervals <= MOST_WORK
         most = max(resolution.intervals, resolution.steps) > MOST // 2 or 4 * level.stored > MOST_STORED
         if most or len(levels) > (TIGHT_DOUBLINGS if small else doublings):
@@ -266,7 +286,7 @@ def _refined(
     return best
 
 
-def _at_resolution(solver: ScheduleSolver, resolution: Resolution, exact: Matrix | None) -> Work[Estimate]:
+def _at_resolution(solver: ScheduleSolver, resolution: Resolution, exact: Known | None) -> Work[Estimate]:
     """Solve at `resolution`, not extrapolated; a second solve and the European value, if known, give the error."""
     second = resolution.coarsened()
     level = yield from solver.solving(resolution)
@@ -276,12 +296,12 @@ def _at_resolution(solver: ScheduleSolver, resolution: Resolution, exact: Matrix
     american, european, known = _common([level, other])
     errors = ERROR_SHARE * np.abs(american[0] - american[1])
     if exact is not None and not level.exercised:
-        errors = np.fmax(errors, EUROPEAN_SHARE * np.abs(known[0] - exact[: len(errors)]))
+        errors = np.fmax(errors, EUROPEAN_SHARE * np.abs(known[0] - exact.values[: len(errors)]))
     errors[0, 0] += _noise(solver, level)
     return Estimate(american[0], european[0], errors, level.region, (level,), 2, False)
 
 
-def _extrapolated(solver: ScheduleSolver, levels: list[Level], exact: Matrix | None) -> Estimate:
+def _extrapolated(solver: ScheduleSolver, levels: list[Level], exact: Known | None) -> Estimate:
     """Return the extrapolant of the last two levels, n >= 2, with its error."""
     last = levels[-1]
     americans, europeans, knowns = _common(levels)
@@ -289,17 +309,17 @@ def _extrapolated(solver: ScheduleSolver, levels: list[Level], exact: Matrix | N
     american, errors = limit_of(americans, first_order=last.fitted, step_share=step_share)
     european, _ = limit_of(europeans, first_order=last.fitted)
     if exact is not None:
-        exact = exact[: len(american)]
+        values, of_values = (part[: len(american)] for part in exact)
         # Where the option is exercised its value is the payoff, and the European value's error has no part in it.
         if not last.exercised:
             premiums = [a - b for a, b in zip(americans, knowns, strict=True)]
             premium, of_premium = limit_of(premiums, first_order=last.fitted, step_share=step_share)
-            known = ~np.isnan(exact)
-            american = np.where(known, exact + premium, american)
-            errors = np.where(known, of_premium, errors)
+            known = ~np.isnan(values)
+            american = np.where(known, values + premium, american)
+            errors = np.where(known, of_premium + of_values, errors)
         differences = [a - b for a, b in zip(europeans, knowns, strict=True)]
         difference, _ = limit_of(differences, first_order=last.fitted)
-        european = np.where(np.isnan(exact), european, exact + difference)
+        european = np.where(np.isnan(values), european, values + difference)
     errors[1:] *= TANGENT_SHARE
     if last.exercised:
         american = americans[-1]
@@ -343,27 +363,31 @@ def limit_of(
     return limit, np.maximum(moves[-1], earlier)
 
 
-def _region_is_elsewhere(solver: ScheduleSolver, region: ExerciseRegion) -> bool:
-    """Whether the exercise region may lie where the solver's grid does not reach."""
-    schedule = solver.schedule
-    if not schedule.segments[0].exercisable:
-        return False
-    empty, exists = region.lower > region.upper, not math.isnan(first_boundaries(schedule)[0])
-    falls = schedule.is_put and solver.span.low > 0.0 and any(s.amount > 0.0 for s in schedule.segments)
-    return not solver.covers_strike or (empty and (falls or exists))
-
-
-def _is_coarse(solver: ScheduleSolver, found: Estimate) -> bool:
-    """Whether the boundary nearer the strike lies where the grid has wide cells."""
+def _region_is_elsewhere(solver: ScheduleSolver, found: Estimate) -> bool:
+    """Whether the exercise region may lie where the solver's grid does not reach, or where its cells are wide."""
     schedule, region = solver.schedule, found.region
-    end = region.upper if schedule.is_put else region.lower
-    if math.isinf(end):
+    first = schedule.segments[0]
+    if not first.exercisable:
         return False
+    if not solver.covers_strike:
+        return True
+    if region.lower <= region.upper:
+        end = region.upper if schedule.is_put else region.lower
+        return not math.isinf(end) and _has_wide_cells(solver, found, math.exp(end))
+    within = earning_region(first, is_put=schedule.is_put)
+    if math.isfinite(within.lower) and math.isfinite(within.upper):
+        return any(_has_wide_cells(solver, found, math.exp(end)) for end in (within.lower, within.upper))
+    falls = schedule.is_put and solver.span.low > 0.0 and any(s.amount > 0.0 for s in schedule.segments)
+    return falls or not math.isnan(first_boundaries(schedule)[0])
+
+
+def _has_wide_cells(solver: ScheduleSolver, found: Estimate, spot: float) -> bool:
+    """Whether the finest grid has wide cells at a spot in strikes, or does not reach it."""
     resolution = found.levels[-1].resolution
-    s = math.exp(end) - schedule.segments[0].escrow_at(0.0) / schedule.strike
+    s = spot - solver.schedule.segments[0].escrow_at(0.0) / solver.schedule.strike
     nodes = solver.span.grid(resolution.intervals, resolution.stretching).nodes
     above = min(max(int(np.searchsorted(nodes, s)), 1), nodes.size - 1)
-    return bool(nodes[above] - nodes[above - 1] > WIDE_CELL * s)
+    return bool(nodes[above] - nodes[above - 1] > WIDE_CELL * s or not nodes[0] <= s <= nodes[-1])
 
 
 def _region_elsewhere(seen: ScheduleSolver, tolerance: float) -> Work[ExerciseRegion]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from pricing_core.american.book.resolution import Resolution
 from pricing_core.american.contracts.schedule import Schedule, Segment
 from pricing_core.american.engines.exercise_region import EMPTY_REGION, ExerciseRegion
@@ -157,6 +159,13 @@ class Sweep:
     fitted: bool
     stored: int = 0
     tangents: Matrix | None = None
+
+    def holds_in_gap(self, s: float) -> bool:
+        """Whether a node next to s in S/K is held between exercised ones, as a put may be before a large dividend."""
+        exercised = np.flatnonzero(self.contact)
+        above = int(self.grid.interior.searchsorted(s))
+        next_to = (above - 1, above)
+        return any(exercised[0] < k < exercised[-1] and not self.contact[k] for k in next_to)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant
+from benchmarks.problems.random_contracts import flat, two_boundaries, two_boundaries_with_cash
+from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, contract_from, price
 from pricing_core.american.book.book import Book
 from pricing_core.american.engines.closed_form import ClosedForm
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines, Resolution, refinement
+from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
 from tests.problems.engines import solved
 from tests.problems.needs_kernel import needs_kernel
 
@@ -166,6 +168,45 @@ def test_below_the_spots_of_exercise_a_put_may_wait_for_a_large_dividend(spot, p
     assert found.value[0] == pytest.approx(price, abs=2e-3)
     assert found.value[0] >= found.european[0] - found.error[0]
     assert found.exercised[0] == (spot == 85.0)
+
+
+@needs_kernel
+@pytest.mark.parametrize("kind", [flat, two_boundaries])
+def test_just_inside_the_exercise_region_the_value_is_the_payoff(kind):
+    """In the cell of the boundary the values of the held side would go on as a parabola above the payoff."""
+    random = np.random.default_rng(5)
+    contracts = [contract_from(kind(random)) for _ in range(40)]
+    boundary = [price(*contract, tolerance=1e-8).exercise_boundary for contract in contracts]
+    inside = [
+        (option, replace(market, spot=end * (1.0 - share if option.option_type == "put" else 1.0 + share)))
+        for (option, market), end in zip(contracts, boundary, strict=True)
+        if end is not None
+        for share in (1e-3, 5e-3)
+    ]
+    truth = [price(*contract, tolerance=1e-8) for contract in inside]
+    found = solved(ENGINE, *inside, tolerance=1e-6)
+    exercised = np.array([valuation.exercise_now for valuation in truth])
+    assert exercised.sum() > 30
+    error = np.abs(found.value - [valuation.price for valuation in truth])
+    assert np.all(error <= found.error + 1e-8)
+    assert np.all(found.exercised[exercised] | (error[exercised] <= 1e-5))
+
+
+@needs_kernel
+def test_a_control_takes_out_the_error_of_the_european_value():
+    """The same price from coarser grids, with the European value of the collocation, and whatever Greeks are asked."""
+    random = np.random.default_rng(8)
+    contracts = [contract_from(two_boundaries_with_cash(random)) for _ in range(12)]
+    helped = MethodOfLines(control=MultiplierCollocation())
+    truth = solved(ENGINE, *contracts, tolerance=1e-7)
+    alone, found = (solved(engine, *contracts, tolerance=1e-6) for engine in (ENGINE, helped))
+    assert np.all(np.abs(found.value - truth.value) <= found.error + truth.error)
+    assert np.all(np.abs(found.european - truth.european) <= truth.error)
+    assert np.sum(found.solves) < np.sum(alone.solves) - 6
+    for greeks in ("standard", "extended"):
+        with_greeks = solved(helped, *contracts, tolerance=1e-6, greeks=greeks)
+        np.testing.assert_array_equal(with_greeks.value, found.value)
+        np.testing.assert_array_equal(with_greeks.error, found.error)
 
 
 def test_a_row_does_not_depend_on_the_others():
