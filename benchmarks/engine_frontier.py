@@ -26,6 +26,7 @@ from benchmarks.reporting.report import Report
 
 # Lowest price that counts, as a fraction of the strike, as with Andersen, Lake and Offengenden.
 LEAST_PRICE = 0.005
+CHUNK = 8192  # Number of rows that `price_many` prices at a time.
 OVERHEAD_ROWS = 1000
 
 
@@ -45,7 +46,7 @@ class Sizes:
 
 FULL = Sizes(
     published=6000,
-    everyday=2000,
+    everyday=CHUNK,
     wide=2000,
     batch=32768,
     ladders=64,

@@ -8,4 +8,6 @@ mod options;
 mod puts;
 
 pub use options::{price_options, ErrorShares, Greeks, Options, Priced, Solver};
-pub use puts::{Puts, Solved, COLUMNS, CROSS, DERIVATIVES, SECOND, SECOND_COLUMNS, VALUES};
+pub use puts::{
+    Puts, Solved, COLUMNS, CROSS, DERIVATIVES, SECOND, SECOND_COLUMNS, SPOTS_AT_ONCE, VALUES,
+};

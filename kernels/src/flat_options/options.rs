@@ -1,7 +1,7 @@
 //! American puts and calls without events: as puts in their dimensionless parameters, and what a solver finds of them in
 //! money.
 
-use super::puts::{Puts, Solved, COLUMNS, SECOND, VALUES};
+use super::puts::{Puts, Solved, COLUMNS, SECOND, SPOTS_AT_ONCE, VALUES};
 use crate::interrupt::Interrupt;
 
 /// The errors allowed to Greeks, in tolerances; chosen.
@@ -162,19 +162,27 @@ pub fn price_options(
     let count = options.spot.len();
     let order = shared.then(|| options.side_by_side());
     let row_of = |place: usize| order.as_ref().map_or(place, |order| order[place]);
-    let mut columns = Columns::with_capacity(count, greeks);
-    let mut last: Option<Put> = None;
-    for at in (0..count).map(row_of) {
-        let row = options.row(at);
-        let put = row.put();
-        let continues = shared && last.is_some_and(|last| last.compare(&put).is_eq());
-        columns.push(&row, &put, options.tolerance[at], continues);
-        last = Some(put);
+    let mut priced = Priced::nothing(count, greeks);
+    // Rows that share solves stay together.
+    let block = if shared { count } else { SPOTS_AT_ONCE };
+    for start in (0..count).step_by(block.max(1)) {
+        let places = start..count.min(start + block);
+        let mut columns = Columns::with_capacity(places.len(), greeks);
+        let mut last: Option<Put> = None;
+        for at in places.map(row_of) {
+            let row = options.row(at);
+            let put = row.put();
+            let continues = shared && last.is_some_and(|last| last.compare(&put).is_eq());
+            columns.push(&row, &put, options.tolerance[at], continues);
+            last = Some(put);
+        }
+        columns.first.push(columns.x.len());
+        let found = (solver.solve_puts)(columns.as_puts(greeks, solver.levels, interrupt), threads);
+        for (place, at) in (start..).take(found.steps.len()).map(row_of).enumerate() {
+            priced.keep(at, &options.row(at), &found, place, greeks, solver.shares);
+        }
     }
-    columns.first.push(count);
-    let puts = columns.as_puts(greeks, solver.levels, interrupt);
-    let found = (solver.solve_puts)(puts, threads);
-    in_money(options, row_of, &found, greeks, solver.shares)
+    priced
 }
 
 /// The puts as columns, in the order in which they are marched.
@@ -499,38 +507,40 @@ impl Found {
     }
 }
 
-/// Take what was found to the rows of the options, in money; `row_of` is the row of each put.
-fn in_money(
-    options: Options,
-    row_of: impl Fn(usize) -> usize,
-    solved: &Solved,
-    greeks: Greeks,
-    shares: &ErrorShares,
-) -> Priced {
-    let count = solved.steps.len();
-    let names = NAMES.into_iter().take(greeks.numbers());
-    let mut priced = Priced {
-        columns: names.map(|name| (name, vec![f64::NAN; count])).collect(),
-        exercised: vec![false; count],
-        settled: vec![false; count],
-        steps: vec![0; count],
-    };
-    for place in 0..count {
-        let at = row_of(place);
-        priced.steps[at] = solved.steps[place];
-        if !solved.settled[place] {
-            continue;
+impl Priced {
+    /// Nothing yet, of so many options.
+    fn nothing(count: usize, greeks: Greeks) -> Self {
+        let names = NAMES.into_iter().take(greeks.numbers());
+        Self {
+            columns: names.map(|name| (name, vec![f64::NAN; count])).collect(),
+            exercised: vec![false; count],
+            settled: vec![false; count],
+            steps: vec![0; count],
         }
-        let row = options.row(at);
+    }
+
+    /// Keep what was found of a put, in the money of the row of its option.
+    fn keep(
+        &mut self,
+        at: usize,
+        row: &Row,
+        solved: &Solved,
+        place: usize,
+        greeks: Greeks,
+        shares: &ErrorShares,
+    ) {
+        self.steps[at] = solved.steps[place];
+        if !solved.settled[place] {
+            return;
+        }
         let found = Found::of(solved, place);
         let numbers = row.numbers(&found, greeks, shares);
-        for ((_, column), number) in priced.columns.iter_mut().zip(numbers) {
+        for ((_, column), number) in self.columns.iter_mut().zip(numbers) {
             column[at] = number;
         }
-        priced.settled[at] = true;
-        priced.exercised[at] = found.exercised && row.payoff() > 0.0;
+        self.settled[at] = true;
+        self.exercised[at] = found.exercised && row.payoff() > 0.0;
     }
-    priced
 }
 
 /// The larger of two numbers; NaN where one is.

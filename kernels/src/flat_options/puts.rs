@@ -19,6 +19,10 @@ pub const SECOND: usize = CROSS + 1;
 /// Those, and how far each is apart in the last two marches.
 pub const SECOND_COLUMNS: usize = 2 * SECOND;
 
+/// The number of spots that are solved at a time: enough to fill the lanes, few enough for what is kept of them to stay in
+/// a core's cache; measured.
+pub const SPOTS_AT_ONCE: usize = 2048;
+
 /// Puts in their dimensionless parameters: runs of spots that share a march.
 #[derive(Clone, Copy)]
 pub struct Puts<'a> {

@@ -12,7 +12,7 @@ use super::mesh::Mesh;
 use super::mesh_class::MeshClass;
 use super::spot_evaluation::{SpotEvaluation, Spots};
 use super::work_items::Item;
-use crate::flat_options::{Puts, COLUMNS, CROSS, DERIVATIVES, VALUES};
+use crate::flat_options::{Puts, CROSS, VALUES};
 use crate::lanes::vector::{Vector, LANES};
 
 /// The numbers of `EarlierMarches`.
@@ -41,16 +41,28 @@ pub struct Refinement {
     pub may_continue: bool,
 }
 
-/// What is found for one spot.
-pub struct Outcome {
-    /// The `VALUES`, the error estimate of V/K, ln(S*/K), the differences of the derivatives.
-    pub numbers: [f64; COLUMNS],
+/// What the marches of a chunk say, number by number, of all its lanes.
+pub struct Found {
+    /// The `VALUES`.
+    pub values: [[f64; LANES]; VALUES],
+    /// How far they are apart in the last two marches.
+    pub differences: [[f64; LANES]; VALUES],
+    /// The error estimate of V/K.
+    pub error: [f64; LANES],
+    /// ln(S*/K).
+    pub boundary: [f64; LANES],
     /// The derivatives by x and each parameter, and how far they are apart in the last two marches.
-    pub cross: [[f64; CROSS]; 2],
-    /// The early exercise premium over K, and how far it is apart in the last two marches.
-    pub premium: [f64; 2],
+    pub cross: [[[f64; LANES]; CROSS]; 2],
+    /// The early exercise premium over K.
+    pub premium: [f64; LANES],
     /// The second derivative by the spread of the European V/K.
-    pub european_by_spread_twice: f64,
+    pub european_by_spread_twice: [f64; LANES],
+}
+
+/// What is found for one spot.
+pub struct Outcome<'a> {
+    pub found: &'a Found,
+    pub lane: usize,
     /// Whether the spot lies in the exercise region.
     pub exercised: bool,
     /// Whether no march lost the boundary.
@@ -193,7 +205,7 @@ impl<'a, 'w, V: Vector, S: Vector> Group<'a, 'w, V, S> {
 
     /// Extrapolate, estimate the error, and say of each spot what is found and whether it needs a finer march.
     #[inline(always)]
-    pub fn report(&self, refinement: Refinement, mut store: impl FnMut(Item, Outcome)) {
+    pub fn report(&self, refinement: Refinement, mut store: impl FnMut(Item, Outcome<'_>)) {
         for chunk in &self.chunks {
             let rounding = if S::IS_SINGLE { SINGLE_ROUNDING } else { 0.0 };
             chunk.report(self.puts, refinement, rounding, &mut store);
@@ -294,44 +306,47 @@ impl<V: Vector> Chunk<'_, V> {
         puts: Puts,
         refinement: Refinement,
         rounding: f64,
-        store: &mut impl FnMut(Item, Outcome),
+        store: &mut impl FnMut(Item, Outcome<'_>),
     ) {
         let comparison = self.comparison(refinement.level);
         let difference = comparison.difference();
         let differences = self.spots.value_differences(&difference);
         let error = comparison.error(&difference, differences[0]);
-        let error = error.plus(rounding);
         let extrapolant = comparison.extrapolant(&difference);
         let depth = extrapolant.boundary - self.spots.x;
-        let values = lanes_of(&self.spots.values(&extrapolant, depth));
         let nothing = [[0.0; LANES]; CROSS];
-        let (mut cross, mut cross_apart, mut european) = (nothing, nothing, [0.0; LANES]);
+        let mut found = Found {
+            values: lanes_of(&self.spots.values(&extrapolant, depth)),
+            differences: lanes_of(&differences),
+            error: error.plus(rounding).lanes(),
+            boundary: extrapolant.boundary.lanes(),
+            cross: [nothing; 2],
+            premium: self.spots.discounted(extrapolant.u).lanes(),
+            european_by_spread_twice: [0.0; LANES],
+        };
         if puts.spread_step.is_some() {
-            cross = lanes_of(&self.spots.cross_derivatives(&extrapolant, depth));
-            cross_apart = lanes_of(&self.spots.cross_differences(&difference));
-            european = self.spots.european_by_spread_twice().lanes();
+            found.cross = [
+                lanes_of(&self.spots.cross_derivatives(&extrapolant, depth)),
+                lanes_of(&self.spots.cross_differences(&difference)),
+            ];
+            found.european_by_spread_twice = self.spots.european_by_spread_twice().lanes();
         }
-        let premium = self.spots.discounted(extrapolant.u).lanes();
-        let (error, boundary) = (error.lanes(), extrapolant.boundary.lanes());
         let (depth, settled) = (depth.lanes(), difference.settled.lanes());
         let newest_settled = self.evaluations[0].settled.lanes();
         let cost_at_turn = puts.limits.map(|_| self.spots.cost_at_turn().lanes());
-        let differences = lanes_of(&differences);
         let mut kept = None;
         for (l, &item) in self.items.iter().enumerate() {
-            let mut numbers = [0.0; COLUMNS];
-            for (number, value) in numbers.iter_mut().zip(&values) {
-                *number = value[l];
-            }
-            (numbers[VALUES], numbers[VALUES + 1]) = (error[l], boundary[l]);
-            for (number, of) in numbers[VALUES + 2..].iter_mut().zip(DERIVATIVES) {
-                *number = differences[of][l];
-            }
             let limits = puts.limits.map(|limits| &limits[item.spot * VALUES..]);
-            let valued = settled[l] > 0.0 && error[l] <= puts.tolerance[item.spot];
+            let valued = settled[l] > 0.0 && found.error[l] <= puts.tolerance[item.spot];
             let cost_at_turn = cost_at_turn.map_or(f64::MAX, |cost| cost[l]);
             let met = valued
-                && derivatives_are_met(refinement.level, limits, &differences, cost_at_turn, l);
+                && derivatives_are_met(
+                    refinement.level,
+                    limits,
+                    &found.differences,
+                    cost_at_turn,
+                    l,
+                );
             let hopeless = newest_settled[l] < 0.0 && is_hopeless(refinement.level);
             let goes_on = refinement.may_continue && !met && !hopeless;
             let earlier = goes_on.then(|| {
@@ -339,10 +354,8 @@ impl<V: Vector> Chunk<'_, V> {
                 columns.each_ref().map(|column| column[l])
             });
             let outcome = Outcome {
-                numbers,
-                premium: [premium[l], differences[0][l]],
-                european_by_spread_twice: european[l],
-                cross: [cross.map(|of| of[l]), cross_apart.map(|of| of[l])],
+                found: &found,
+                lane: l,
                 exercised: depth[l] >= 0.0,
                 settled: settled[l] > 0.0,
                 valued,

@@ -32,7 +32,8 @@ pub struct Task<'a> {
     pub steps: &'a mut [i64],
 }
 
-/// A spot that needs no finer march; the numbers are those of `Outcome`.
+/// A spot that needs no finer march: its premium over K, how far that is apart in the last two marches, and the number of
+/// `Found`.
 struct Finished {
     item: Item,
     premium: [f64; 2],
@@ -262,10 +263,11 @@ impl Task<'_> {
         group.report(refinement, |item, outcome| {
             self.store(item, level, &outcome);
             if outcome.earlier.is_none() && outcome.settled && !outcome.exercised {
+                let Outcome { found, lane, .. } = outcome;
                 finished.push(Finished {
                     item,
-                    premium: outcome.premium,
-                    european_by_spread_twice: outcome.european_by_spread_twice,
+                    premium: [found.premium[lane], found.differences[0][lane]],
+                    european_by_spread_twice: found.european_by_spread_twice[lane],
                 });
             }
             if let Some(kept) = outcome.earlier {
@@ -342,29 +344,30 @@ impl Task<'_> {
 
     /// Keep what was found; the value that met its tolerance stays, whatever derivatives are asked for.
     #[inline(always)]
-    fn store(&mut self, item: Item, level: usize, found: &Outcome) {
+    fn store(&mut self, item: Item, level: usize, outcome: &Outcome<'_>) {
+        let Outcome { found, lane, .. } = *outcome;
         let numbers = self.numbers_of(item.spot);
-        if item.valued {
-            if found.settled {
-                for (k, derivative) in DERIVATIVES.into_iter().enumerate() {
-                    for column in [derivative, VALUES + 2 + k] {
-                        numbers[column] = found.numbers[column];
-                    }
-                }
-                store_cross(numbers, found);
+        if !item.valued {
+            for (kept, value) in numbers.iter_mut().zip(&found.values) {
+                *kept = value[lane];
             }
+            (numbers[VALUES], numbers[VALUES + 1]) = (found.error[lane], found.boundary[lane]);
+        }
+        if !item.valued || outcome.settled {
+            for (k, derivative) in DERIVATIVES.into_iter().enumerate() {
+                if let Some(apart) = numbers.get_mut(VALUES + 2 + k) {
+                    *apart = found.differences[derivative][lane];
+                    numbers[derivative] = found.values[derivative][lane];
+                }
+            }
+            store_cross(numbers, outcome);
+        }
+        if item.valued {
             return;
         }
-        // Two copies of fixed lengths, which take no call.
-        let (first, derivatives) = numbers.split_at_mut(VALUES + 2);
-        first.copy_from_slice(&found.numbers[..VALUES + 2]);
-        for (kept, number) in derivatives.iter_mut().zip(&found.numbers[VALUES + 2..]) {
-            *kept = *number;
-        }
-        store_cross(numbers, found);
         let at = item.spot - self.start;
-        self.exercised[at] = found.exercised;
-        self.settled[at] = found.settled;
+        self.exercised[at] = outcome.exercised;
+        self.settled[at] = outcome.settled;
         self.steps[at] = i64::try_from(STEPS[level]).unwrap_or(i64::MAX);
     }
 }
@@ -385,9 +388,14 @@ fn premiums<W: Vector>(
 
 /// Keep the derivatives by x and each parameter, where there is room for them.
 #[inline(always)]
-fn store_cross(numbers: &mut [f64], found: &Outcome) {
+fn store_cross(numbers: &mut [f64], outcome: &Outcome<'_>) {
     let start = numbers.len().min(COLUMNS);
-    for (kept, cross) in numbers[start..].chunks_exact_mut(SECOND).zip(&found.cross) {
-        kept[..cross.len()].copy_from_slice(cross);
+    for (kept, cross) in numbers[start..]
+        .chunks_exact_mut(SECOND)
+        .zip(&outcome.found.cross)
+    {
+        for (kept, number) in kept.iter_mut().zip(cross) {
+            *kept = number[outcome.lane];
+        }
     }
 }

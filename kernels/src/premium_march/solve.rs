@@ -3,11 +3,9 @@
 use std::sync::Mutex;
 
 use super::refinement::Task;
-use crate::flat_options::{Puts, Solved};
+use crate::flat_options::{Puts, Solved, SPOTS_AT_ONCE};
 use crate::lanes::dispatch::dispatch;
 
-/// The number of spots that one thread takes at a time; chosen: enough to fill the lanes, few enough for the cache.
-const TASK: usize = 16_384;
 /// The smallest number of spots that is worth a thread of its own; chosen.
 const SMALLEST_SHARE: usize = 256;
 
@@ -37,10 +35,13 @@ fn take<'a>(tasks: &Mutex<Vec<Task<'a>>>) -> Option<Task<'a>> {
     tasks.lock().ok()?.pop()
 }
 
-/// Split the runs into tasks of about `TASK` spots, equally many for each thread.
+/// Split the runs into tasks of about `SPOTS_AT_ONCE` spots, equally many for each thread.
 fn tasks<'a>(puts: Puts<'a>, threads: usize, solved: &'a mut Solved) -> Vec<Task<'a>> {
     let count = puts.x.len();
-    let wanted = count.div_ceil(TASK).next_multiple_of(threads).max(1);
+    let wanted = count
+        .div_ceil(SPOTS_AT_ONCE)
+        .next_multiple_of(threads)
+        .max(1);
     let size = count.div_ceil(wanted).max(1);
     let (per_spot, mut numbers) = (solved.per_spot, &mut solved.numbers[..]);
     let (mut exercised, mut settled, mut steps) = (

@@ -27,8 +27,16 @@ IN_OTHER_UNITS = {
 }
 
 
+# The types of the columns of one value for each row, by kind of field, and what they hold where there is no contract, by
+# kind of type.
+_TYPES = {"number": np.float64, "flag": np.bool_, "text": np.object_}
+_NOTHING = {"f": np.nan, "b": False, "O": ""}
+
+
 class Table:
     """The results of n rows by the names of their fields, which are filled part by part, from any thread.
+
+    Every row is either filled or refused.
 
     Parameters
     ----------
@@ -51,20 +59,15 @@ class Table:
         self, count: int, greeks: Greeks, columns: Container[str], *, greek_errors: bool, advice: bool = False
     ) -> None:
         self.count = count
-        self.columns: dict[str, NDArray[Any]] = {}
-        self._lists: dict[str, list[tuple[Rows, Ragged]]] = {}
         fields = price_fields(greeks, columns, greek_errors=greek_errors, advice=advice)
         self.names = (*(field.name for field in fields), "message")
-        for field in fields:
-            if field.kind == "number":
-                self.columns[field.name] = np.full(count, np.nan)
-            elif field.kind == "flag":
-                self.columns[field.name] = np.zeros(count, dtype=bool)
-            elif field.kind == "text":
-                self.columns[field.name] = _texts(count)
-            else:
-                self._lists[field.name] = []
-        self.columns["message"] = _texts(count)
+        self.columns: dict[str, NDArray[Any]] = {
+            field.name: np.empty(count, _TYPES[field.kind]) for field in fields if field.kind in _TYPES
+        }
+        self.columns["message"] = np.empty(count, dtype=object)
+        self._lists: dict[str, list[tuple[Rows, Ragged]]] = {
+            field.name: [] for field in fields if field.name not in self.columns
+        }
 
     def fill(self, rows: Rows | slice, payoff: Vector, prices: Prices) -> None:
         """Write prices to some rows.
@@ -87,7 +90,7 @@ class Table:
             if name in self.columns:
                 numbers[name] = numbers[greek] / share
         for name, column in numbers.items():
-            self.columns[name][rows] = column + 0.0  # no -0.0
+            self._write(name, rows, column)
         self.columns["exercise_now"][rows] = prices.exercised
         for name in ("status", "method", "message"):
             self.columns[name][rows] = getattr(prices, name)
@@ -101,12 +104,24 @@ class Table:
     def advise(self, rows: Rows | slice, advice: Mapping[str, Vector]) -> None:
         """Write the columns of the exercise advice into some rows."""
         for name, column in advice.items():
+            self._write(name, rows, column)
+
+    def _write(self, name: str, rows: Rows | slice, column: Vector) -> None:
+        """Write numbers, none of them -0.0."""
+        if isinstance(rows, slice):
+            np.add(column, 0.0, out=self.columns[name][rows])
+        else:
             self.columns[name][rows] = column + 0.0
 
     def refuse(self, faults: Mapping[int, InvalidInputError]) -> None:
-        """Write into some rows why they are not contracts."""
-        for row, fault in faults.items():
-            self.columns["status"][row], self.columns["message"][row] = "invalid_input", str(fault)
+        """Write into the rows that are not filled why they are not contracts."""
+        if not faults:
+            return
+        rows = np.array([*faults])
+        for column in self.columns.values():
+            column[rows] = _NOTHING[column.dtype.kind]
+        self.columns["status"][rows] = "invalid_input"
+        self.columns["message"][rows] = np.array([str(fault) for fault in faults.values()], dtype=object)
 
     def lists(self) -> dict[str, Ragged]:
         """Return the lists of all rows; empty where a number is missing."""
@@ -119,10 +134,3 @@ class Table:
                     rows, Ragged.concatenated([part for _, part in parts]).known()
                 )
         return found
-
-
-def _texts(count: int) -> NDArray[np.object_]:
-    """Return so many empty texts; `np.full` takes five times as long for objects."""
-    texts = np.empty(count, dtype=object)
-    texts[:] = ""
-    return texts
