@@ -27,9 +27,9 @@ IN_OTHER_UNITS = {
 }
 
 
-# The types of the columns of one value for each row, by kind of field, and what they hold where there is no contract, by
-# kind of type.
+# The types of the columns of one value for each row, by kind of field.
 _TYPES = {"number": np.float64, "flag": np.bool_, "text": np.object_}
+# What they hold where there is no contract, by kind of type.
 _NOTHING = {"f": np.nan, "b": False, "O": ""}
 
 
