@@ -145,11 +145,12 @@ def port_hamiltonian(seed, size, kind):
     return (H - H.T - R) * Q, B, B.T * Q, K - K.T + D
 
 
+SIZES = [8, 25, *(pytest.param(size, marks=pytest.mark.nightly) for size in (38, 60))]
 KINDS = ["lossless", "lossless full", "lossless half", "strict", "strict full", "strict half"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("size", [8, 25, 38, 60])
+@pytest.mark.parametrize("size", SIZES)
 def test_port_hamiltonian_systems_are_passive(size, kind):
     for seed in range(3 if size < 60 else 1):
         found = passivity(LCS(*port_hamiltonian(seed, size, kind)))
@@ -163,7 +164,7 @@ def test_port_hamiltonian_systems_are_passive(size, kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("size", [8, 25, 38, 60])
+@pytest.mark.parametrize("size", SIZES)
 def test_port_hamiltonian_systems_that_deliver_energy_are_not_passive(size, kind):
     """A negative resistance of one state that no loss makes up for."""
     for seed in range(2):

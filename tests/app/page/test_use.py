@@ -169,8 +169,15 @@ STATES = {
 }
 
 
-@pytest.mark.parametrize("width", [320, 1440])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(
+    ("width", "scheme"),
+    [
+        (320, "light"),
+        (1440, "dark"),
+        pytest.param(320, "dark", marks=pytest.mark.nightly),
+        pytest.param(1440, "light", marks=pytest.mark.nightly),
+    ],
+)
 @pytest.mark.parametrize("state", [*STATES, "error"])
 def test_axe_finds_nothing(page: Page, width: int, scheme: str, state: str, axe: str) -> None:
     page.set_view(width, scheme=scheme)

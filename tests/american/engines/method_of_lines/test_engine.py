@@ -29,6 +29,7 @@ CONTRACTS = {
     "curves": (PUT, Market(100.0, CURVE, PiecewiseConstant([0.5, 1.0], [0.2, 0.3]), 0.01)),
     "dates": (Option("put", 100.0, 1.0, "bermudan", (0.25, 0.5, 0.75, 1.0)), Market(100.0, 0.05, 0.25)),
 }
+SLOW_WITHOUT_KERNEL = [name for name in CONTRACTS if name not in ("two boundaries", "dates")]
 
 
 def value(contract, *, tolerance=1e-6, **changes):
@@ -44,7 +45,10 @@ def shifted(curve, by):
     )
 
 
-@pytest.mark.parametrize("name", CONTRACTS)
+@pytest.mark.parametrize(
+    "name",
+    ["two boundaries", "dates", *(pytest.param(name, marks=needs_kernel) for name in SLOW_WITHOUT_KERNEL)],
+)
 def test_greeks_are_the_derivatives(name):
     contract = _, market = CONTRACTS[name]
     found = solved(ENGINE, contract, tolerance=1e-5, greeks="extended")

@@ -424,7 +424,13 @@ def test_error_estimates_hold_for_nineteen_contracts_in_twenty():
     assert np.mean(within) >= 0.95
 
 
-@pytest.mark.parametrize(("option", "market"), [*random_contracts(12, 40)])
+@pytest.mark.parametrize(
+    ("option", "market"),
+    [
+        *random_contracts(12, 10),
+        *(pytest.param(*each, marks=needs_kernel) for each in random_contracts(13, 30)),
+    ],
+)
 def test_error_estimates_hold_from_a_loose_first_resolution_on(option, market):
     fine = lines(option, market, 1e-6)
     for tolerance in (1e-2, 1e-4):

@@ -102,7 +102,7 @@ TWICE = (CashDividend(0.3, 2.0), CashDividend(0.8, 2.0))
 @pytest.mark.parametrize(
     ("option_type", "dividends"),
     [
-        ("put", ()),
+        pytest.param("put", (), marks=pytest.mark.nightly),
         pytest.param("put", TWICE, marks=pytest.mark.nightly),
         pytest.param("call", (), marks=pytest.mark.nightly),
         ("call", TWICE),

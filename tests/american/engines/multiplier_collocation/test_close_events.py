@@ -71,10 +71,11 @@ def table(row, **asked):
     return price_many({name: [value] for name, value in row.items()}, threads=1, **asked)
 
 
+@pytest.mark.parametrize("count", [5, pytest.param(24, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_price_is_that_of_the_method_of_lines(kind):
+def test_the_price_is_that_of_the_method_of_lines(kind, count):
     random = np.random.default_rng(KINDS.index(kind))
-    for _ in range(12):
+    for _ in range(count):
         row = contract(random, kind, 10.0 ** random.uniform(-11.0, -5.0))
         found, fine = table(row, greeks="none"), table(row, greeks="none", tolerance=1e-7, method="lcs")
         assert found["status"][0] == "ok"
