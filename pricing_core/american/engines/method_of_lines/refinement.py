@@ -54,9 +54,6 @@ LOCAL_STEP_SHARE = 0.25
 WIDE_CELL = 0.05
 # Factor of the error estimates of derivatives by parameters, which converge less regularly; calibrated.
 TANGENT_SHARE = 2.5
-# Estimated error of a derivative by a parameter, in tolerances of the price, up to which it needs no finer resolution;
-# calibrated: it is some twenty times the error.
-DERIVATIVES_SHARE = 20.0
 ROUNDING = 1e-13  # Rounding error of a value, in strikes, or in spots where that is more; measured.
 REGION_DOUBLINGS = 2  # Number of doublings of the first resolution where the region alone is wanted; chosen.
 
@@ -93,14 +90,6 @@ class Estimate:
     def error(self) -> float:
         """The estimated error of the value v, in units of the strike."""
         return float(self.errors[0, 0])
-
-    def with_derivatives_of(self, finer: Estimate) -> Estimate:
-        """Return this estimate with the derivatives by the parameters of another, if both say that it is held."""
-        if finer.levels[-1].exercised:
-            return self
-        american, errors = finer.american.copy(), finer.errors.copy()
-        american[0], errors[0] = self.american[0], self.errors[0]
-        return replace(finer, american=american, european=self.european, errors=errors, region=self.region)
 
 
 def estimate_to_tolerance(
@@ -256,28 +245,20 @@ def _ends(solver: ScheduleSolver, times: tuple[float, ...], tolerance: float) ->
 def _refined(
     solver: ScheduleSolver, tolerance: float, coarsest: Resolution, exact: Known | None
 ) -> Work[Estimate]:
-    """Refine from `coarsest` until the estimated error meets the tolerance, or to the finest resolution.
-
-    Where the derivatives by the parameters need it, one more resolution is solved for these alone: the price does not
-    depend on which are asked for.
-    """
+    """Refine from `coarsest` until the estimated error meets the tolerance, or to the finest resolution."""
     levels: list[Level] = []
-    best, price = _NOTHING, None
+    best = _NOTHING
     resolution = coarsest
     doublings = DOUBLINGS if tolerance >= TIGHT_TOLERANCE else TIGHT_DOUBLINGS
     while True:
         level = yield from solver.solving(resolution)
         if level is None:
-            return best if price else replace(best, interrupted=True, solves=len(levels))
+            return replace(best, interrupted=True, solves=len(levels))
         levels.append(level)
         if len(levels) >= 2:
             best = _extrapolated(solver, levels, exact)
-        if price is not None:
-            return price.with_derivatives_of(best)
         if len(levels) >= FEWEST_SOLVES and best.error <= tolerance:
-            price = best
-            if level.exercised or np.all(best.errors[1:, 0] <= DERIVATIVES_SHARE * tolerance):
-                break
+            break
         small = 4 * level.steps * resolution.intervals <= MOST_WORK
         most = max(resolution.intervals, resolution.steps) > MOST // 2 or 4 * level.stored > MOST_STORED
         if most or len(levels) > (TIGHT_DOUBLINGS if small else doublings):
