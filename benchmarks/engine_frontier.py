@@ -23,10 +23,10 @@ from benchmarks.problems.portfolios import (
 )
 from benchmarks.quantlib import american_engines
 from benchmarks.reporting.report import Report
+from pricing_core.american.engines.chunks import LARGEST_CHUNK
 
 # Lowest price that counts, as a fraction of the strike, as with Andersen, Lake and Offengenden.
 LEAST_PRICE = 0.005
-CHUNK = 8192  # Number of rows that `price_many` prices at a time.
 OVERHEAD_ROWS = 1000
 
 
@@ -46,7 +46,7 @@ class Sizes:
 
 FULL = Sizes(
     published=6000,
-    everyday=CHUNK,
+    everyday=LARGEST_CHUNK,
     wide=2000,
     batch=32768,
     ladders=64,

@@ -3,6 +3,7 @@ import pytest
 
 from benchmarks.complementarity_simulation import count, main
 from benchmarks.lcs.classes import CLASSES, column, skew_feedthrough
+from tests.problems.nightly import nightly
 
 QUICK = 3
 
@@ -19,7 +20,7 @@ def test_forty_pairs_with_skew_feedthrough_are_simulated():
     assert case.fault(case.run(lambda: False)) == ""
 
 
-@pytest.mark.parametrize("beads", [10, *(pytest.param(n, marks=pytest.mark.nightly) for n in (20, 50))])
+@pytest.mark.parametrize("beads", [10, *nightly((20, 50))])
 def test_long_columns_come_to_rest(beads):
     case = column(np.random.default_rng(1), beads)
     run = case.run(lambda: False)

@@ -11,6 +11,7 @@ from pricing_core.lcs import LCS, passivity
 from pricing_core.lcs.rational_system import rational_system
 from pricing_core.linalg.rational_definite import is_exactly_positive_definite, negative_vector
 from tests.problems.lcs_systems import bridge, filtered_bridge, integrators, oscillator, two_carts
+from tests.problems.nightly import nightly
 
 
 def inequality(system, Q):
@@ -145,7 +146,7 @@ def port_hamiltonian(seed, size, kind):
     return (H - H.T - R) * Q, B, B.T * Q, K - K.T + D
 
 
-SIZES = [8, 25, *(pytest.param(size, marks=pytest.mark.nightly) for size in (38, 60))]
+SIZES = [8, 25, *nightly((38, 60))]
 KINDS = ["lossless", "lossless full", "lossless half", "strict", "strict full", "strict half"]
 
 

@@ -11,7 +11,7 @@ from pricing_core.lcs.uniqueness import has_unique_state
 from pricing_core.linalg.principal_minors import all_positive
 from pricing_core.models import MechanicalSystem
 from tests.problems.lcs_systems import oscillator, random_system, two_integrators
-from tests.problems.seeds import seeds
+from tests.problems.nightly import nightly
 
 
 def side_by_side(rng, systems):
@@ -75,7 +75,7 @@ def test_a_shift_decides_what_no_storage_function_of_the_system_itself_does():
     assert not is_passive_after_pole_shift(rational_system(LCS([[0, 1], [0, 0]], [[0], [1]], [[1, 0]])))
 
 
-@pytest.mark.parametrize("seed", seeds(5, 12))
+@pytest.mark.parametrize("seed", [*range(5), *nightly(range(5, 12))])
 def test_up_to_24_pairs_are_examined_part_by_part(seed):
     rng = np.random.default_rng(seed)
     systems, pairs = [], 0
@@ -144,7 +144,7 @@ def test_an_offset_that_varies_is_not_taken_for_its_first_value():
     assert well_posedness(LCS([[-1]], [[0]], [[0]], [[0]], g=[0])).verdict == "well-posed"
 
 
-@pytest.mark.parametrize("seed", seeds(5, 12))
+@pytest.mark.parametrize("seed", [*range(5), *nightly(range(5, 12))])
 def test_independent_constraints_of_any_number_leave_one_motion(seed):
     """F M^-1 F^T > 0: with up to 30 contacts, and not where a constraint is stated twice with another sign."""
     rng = np.random.default_rng(seed)

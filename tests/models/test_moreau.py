@@ -6,7 +6,7 @@ import pytest
 from pricing_core.errors import InvalidInputError
 from pricing_core.lcs import LCS, PiecewiseConstant, TimeStepping, simulate
 from pricing_core.models import MechanicalSystem
-from tests.problems.seeds import seeds
+from tests.problems.nightly import nightly
 
 GRAVITY = 9.81
 
@@ -50,7 +50,7 @@ def test_a_ball_bounces_as_the_closed_form_says(restitution):
     np.testing.assert_allclose(found.x[:, 0], wanted, atol=2e-6)
 
 
-@pytest.mark.parametrize("beads", [1, 2, 5, *(pytest.param(n, marks=pytest.mark.nightly) for n in (12, 30))])
+@pytest.mark.parametrize("beads", [1, 2, 5, *nightly((12, 30))])
 @pytest.mark.parametrize("restitution", [0.0, 0.3, 0.6])
 def test_a_column_of_beads_comes_to_rest_on_the_floor(beads, restitution):
     heights = 0.1 * np.arange(1, beads + 1)
@@ -76,7 +76,7 @@ def random_system(rng):
     return system, q, rng.standard_normal(n)
 
 
-@pytest.mark.parametrize("seed", seeds(16, 40))
+@pytest.mark.parametrize("seed", [*range(16), *nightly(range(16, 40))])
 def test_energy_does_not_grow_but_by_what_vanishes_with_the_step(seed):
     system, q, v = random_system(np.random.default_rng(seed))
     n = q.size

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pricing_core.errors import InvalidInputError, NonUniqueError
 from pricing_core.lcs import EventDriven, TimeStepping, theorem_11_6
 from pricing_core.models import RelaySystem
-from tests.problems.seeds import seeds
+from tests.problems.nightly import nightly
 
 FORMS = ("input-output", "dae")
 both_forms = pytest.mark.parametrize("form", FORMS)
@@ -276,7 +276,7 @@ def test_many_relays_in_symmetric_directions_have_one_state(seed):
     assert relays.well_posedness().verdict == "well-posed"
 
 
-@pytest.mark.parametrize("seed", seeds(5, 12))
+@pytest.mark.parametrize("seed", [*range(5), *nightly(range(5, 12))])
 def test_what_has_slid_to_rest_does_not_switch_at_the_end_of_the_interval(seed):
     """Relays that all see one combination c x of a damped state hold c x at zero from the first time it vanishes."""
     rng = np.random.default_rng(seed)

@@ -347,12 +347,6 @@ impl Task<'_> {
     fn store(&mut self, item: Item, level: usize, outcome: &Outcome<'_>) {
         let Outcome { found, lane, .. } = *outcome;
         let numbers = self.numbers_of(item.spot);
-        if !item.valued {
-            for (kept, value) in numbers.iter_mut().zip(&found.values) {
-                *kept = value[lane];
-            }
-            (numbers[VALUES], numbers[VALUES + 1]) = (found.error[lane], found.boundary[lane]);
-        }
         if !item.valued || outcome.settled {
             for (k, derivative) in DERIVATIVES.into_iter().enumerate() {
                 if let Some(apart) = numbers.get_mut(VALUES + 2 + k) {
@@ -365,6 +359,10 @@ impl Task<'_> {
         if item.valued {
             return;
         }
+        for (kept, value) in numbers.iter_mut().zip(&found.values) {
+            *kept = value[lane];
+        }
+        (numbers[VALUES], numbers[VALUES + 1]) = (found.error[lane], found.boundary[lane]);
         let at = item.spot - self.start;
         self.exercised[at] = outcome.exercised;
         self.settled[at] = outcome.settled;

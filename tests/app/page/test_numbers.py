@@ -12,7 +12,7 @@ from app.service.schemas import ImpliedVolatilityRequest, PriceRequest
 from pricing_core.american.contracts.result_fields import PRICE_FIELDS
 from tests.app.page.page import DIVIDENDS, PUT, Page
 from tests.app.service.server_process import Server
-from tests.problems.seeds import seeds
+from tests.problems.nightly import nightly
 
 
 def random_question(seed: int) -> dict[str, Any]:
@@ -43,7 +43,7 @@ def random_question(seed: int) -> dict[str, Any]:
     return {name: value for name, value in question.items() if value is not None}
 
 
-@pytest.mark.parametrize("seed", seeds(6, 10))
+@pytest.mark.parametrize("seed", [*range(6), *nightly(range(6, 10))])
 def test_the_numbers_are_those_of_the_service(page: Page, page_server: Server, seed: int) -> None:
     question = random_question(seed)
     page.open(question)

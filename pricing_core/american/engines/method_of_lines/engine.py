@@ -55,6 +55,9 @@ class MethodOfLines:
     resolution : Resolution, optional
         Solve at exactly this grid and these steps, once, without extrapolation; the error is estimated from a second
         solve with half as many of each.
+    control : Engine, optional
+        Prices the European options that have no formula, so that the error which the grid makes in them is taken out.
+        Without one, what is found does not depend on another engine's treatment of events.
     """
 
     scheme: Scheme = "sdirk2"
@@ -130,7 +133,7 @@ class MethodOfLines:
         if not estimate.levels and price_alone is not None:
             estimate = replace(price_alone, interrupted=True)
         if not estimate.levels:
-            known = known_of(book, (), request, None)
+            known = None if book.local is not None else known_of(book, (), request, None)
             european = math.nan if known is None else book.strike.item(0) * known.values[0, 0]
             return prices(1, european=european, status="deadline", method="none")
         finest = estimate.levels[-1]
@@ -269,7 +272,7 @@ def _volga(
     """Return volga and its error from vegas at two volatilities, each with its own contact sets."""
     step = VOLGA_STEP * float(np.max(book.segments.volatility))
     request = replace(request, greeks="standard")
-    levels, exact = [], []
+    levels, known = [], []
     for shift in (step, -step):
         bumped = Bump(book, "volatility")(np.array([shift]))
         parameter = directions_of(bumped, extended=False, only="vega")
@@ -278,8 +281,10 @@ def _volga(
         if found is None or any(len(level.american) == 1 for level in found):
             return None
         levels.append(found)
-        exact.append(known_of(bumped, parameter, request, control))
-    premium = exact[0] is not None and exact[1] is not None
+        exact = known_of(bumped, parameter, request, control)
+        if exact is not None and not math.isnan(exact.values[1, 0]):
+            known.append(exact)
+    premium = len(known) == len(levels)
     differences = [
         np.array(
             [up.american[1, 0] - down.american[1, 0] - premium * (up.european[1, 0] - down.european[1, 0])]
@@ -290,9 +295,9 @@ def _volga(
     if len(differences) == 1:
         return scale * differences[0], np.full(1, math.nan)
     volga, error = limit_of(differences, first_order=estimate.levels[-1].fitted)
-    if exact[0] is not None and exact[1] is not None:
-        volga = volga + exact[0].values[1, 0] - exact[1].values[1, 0]
-        error = error + exact[0].errors[1, 0] + exact[1].errors[1, 0]
+    if premium:
+        volga = volga + known[0].values[1, 0] - known[1].values[1, 0]
+        error = error + known[0].errors[1, 0] + known[1].errors[1, 0]
     # What the step leaves out is of the size of its square times the derivatives that the vegas show.
     at_once = [found[-1].american[1, 0] for found in levels]
     vega = next(n for n, direction in enumerate(solver.directions) if direction.kind == "vega")

@@ -35,9 +35,8 @@ HOPELESS = 1.0
 SMALLEST_VOLATILITY = 1e-100
 TRUNCATION_SHARE = 0.01  # Share of the tolerance that the ends of the grid may neglect; chosen.
 LARGEST_TRUNCATION = 1e-6  # Largest value that the ends of the grid may neglect, in strikes; chosen.
-INDIFFERENT = (
-    1e-6  # Excess of a value over the payoff, in strikes, up to which the option is exercised; chosen.
-)
+# Excess of a value over the payoff, in strikes, up to which a spot next to a node that is held is exercised; chosen.
+INDIFFERENT = 1e-6
 STEPS_PER_RATE = 4.0  # Number of steps per unit of |rate| * duration; calibrated.
 STEPS_PER_DRIFT = 2.0  # Number of steps per standard deviation that the spot drifts; calibrated.
 

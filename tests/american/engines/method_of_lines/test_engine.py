@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from benchmarks.problems.random_contracts import flat, two_boundaries, two_boundaries_with_cash
-from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, contract_from, price
+from pricing_core.american import (
+    CashDividend,
+    LocalVolatility,
+    Market,
+    Option,
+    PiecewiseConstant,
+    contract_from,
+    price,
+)
 from pricing_core.american.book.book import Book
 from pricing_core.american.engines.closed_form import ClosedForm
 from pricing_core.american.engines.engine import Request
@@ -211,6 +219,41 @@ def test_a_control_takes_out_the_error_of_the_european_value():
         with_greeks = solved(helped, *contracts, tolerance=1e-6, greeks=greeks)
         np.testing.assert_array_equal(with_greeks.value, found.value)
         np.testing.assert_array_equal(with_greeks.error, found.error)
+
+
+class WithoutVega(MultiplierCollocation):
+    """The collocation, which knows no vega."""
+
+    def solve(self, book, request):
+        """Leave vega out."""
+        found = super().solve(book, request)
+        return replace(found, vega=np.full(book.count, math.nan))
+
+
+@needs_kernel
+def test_what_a_control_does_not_know_comes_from_the_grid():
+    contract = CONTRACTS["cash dividends"]
+    alone, helped = (
+        solved(engine, contract, tolerance=1e-5, greeks="extended")
+        for engine in (ENGINE, MethodOfLines(control=WithoutVega()))
+    )
+    for greek in ("vega", "volga"):
+        found, expected = getattr(helped, greek)[0], getattr(alone, greek)[0]
+        stated = getattr(helped, f"{greek}_error")[0] + getattr(alone, f"{greek}_error")[0]
+        assert abs(found - expected) <= stated, greek
+
+
+def test_an_interrupt_leaves_the_european_value_under_a_local_volatility_unknown():
+    surface = LocalVolatility([0.0], [80.0, 120.0], [[0.3, 0.2]])
+    for volatility, is_known in ((surface, False), (0.25, True)):
+        asked = []
+        found = solved(
+            ENGINE,
+            (PUT, Market(100.0, 0.05, volatility)),
+            interrupt=lambda asked=asked: bool(asked) or bool(asked.append(0)),
+        )
+        assert found.status[0] == "deadline"
+        assert np.isfinite(found.european[0]) == is_known
 
 
 def test_a_row_does_not_depend_on_the_others():

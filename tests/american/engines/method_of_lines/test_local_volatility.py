@@ -14,6 +14,7 @@ from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
 from pricing_core.american.engines.premium_march import PremiumMarch
 from tests.problems.needs_kernel import needs_kernel
+from tests.problems.nightly import nightly
 
 SHIFTED = [(100.0, -30.0, 0.25, 0.05, 0.5), (110.0, -50.0, 0.5, 0.08, 1.0), (90.0, 40.0, 0.2, 0.03, 2.0)]
 
@@ -155,9 +156,7 @@ def test_puts_and_calls_are_symmetric(seed):
 
 
 @needs_kernel
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(1, 6))]
-)
+@pytest.mark.parametrize("seed", [0, *nightly(range(1, 6))])
 def test_greeks_are_the_differences_of_prices(seed):
     rng = np.random.default_rng(seed)
     spots, times = np.geomspace(60.0, 160.0, 7), np.array([0.0, 0.4, 1.0])
