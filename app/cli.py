@@ -225,7 +225,6 @@ def implied_volatility_command(
 ) -> None:
     """Find the volatility at which the option is worth its price, or its bid and ask."""
     with one_line_errors():
-        from app.commands.no_volatility import why_no_volatility  # noqa: PLC0415
         from app.commands.tables import implied_volatility_json, print_implied_volatility  # noqa: PLC0415
         from pricing_core.american import contract_from, implied_volatility  # noqa: PLC0415
 
@@ -237,9 +236,8 @@ def implied_volatility_command(
             elif found.volatility is not None:
                 print_implied_volatility(found)
         if found.volatility is None:
-            observed = 0.5 * (bid + ask) if bid is not None and ask is not None else option_price
-            reason = why_no_volatility(found.status, option, market, observed or 0.0)
-            print_failure(f"there is no implied volatility: {reason}")
+            reason = f": {found.message}" if found.message else ""
+            print_failure(f"there is no implied volatility: {found.status}{reason}")
             raise typer.Exit(FAILED)
 
 
@@ -520,9 +518,9 @@ def simulate_command(
                 print(json.dumps(schema_of_models(), indent=1))
             return
         if source is None:
-            from pricing_core.errors import InvalidInputError, Told  # noqa: PLC0415
+            from pricing_core.errors import MissingInputError  # noqa: PLC0415
 
-            raise InvalidInputError("SYSTEM.json", Told("missing"), "a model file, or --schema given")
+            raise MissingInputError("SYSTEM.json", "give a model file, or --schema")
         from app.commands.model_files import simulate_file  # noqa: PLC0415
         from app.commands.output_files import check_output_files, write_columns  # noqa: PLC0415
         from app.commands.simulation_tables import print_simulation, simulation_columns, simulation_json  # noqa: PLC0415

@@ -4,6 +4,8 @@
 
     PricingCoreError
     ├── InvalidInputError (ValueError)     the question is wrong: field, value, what is allowed
+    │   ├── MissingInputError              what must be given is not
+    │   └── UnknownNameError               what is given has a name that is not known
     ├── MissingExtraError (ImportError)    a module of an extra is not installed: the message says which extra
     ├── ClusterError (ConnectionError)      workers are missing, lost, or of another version
     └── NumericalError (ArithmeticError)   the question stands, the method could not answer it
@@ -23,10 +25,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping, Sequence
+from difflib import get_close_matches
 from fractions import Fraction
 from typing import Any
 
 SHOWN_CHARACTERS = 40
+# Unknown names that are shown and compared with the known ones, and characters of each; chosen.
+MOST_NAMES, LONGEST_NAME = 10, SHOWN_CHARACTERS
 
 
 class Told(str):
@@ -53,6 +59,8 @@ class InvalidInputError(PricingCoreError, ValueError):
         What was given; the message shows at most 40 characters of it.
     allowed : str
         What is allowed, completing "must be ...".
+    sentence : str
+        The message, where "must be ..." would not say it; it may be sent to a client unless a class says otherwise.
 
     Examples
     --------
@@ -60,24 +68,120 @@ class InvalidInputError(PricingCoreError, ValueError):
     volatility = -0.2: must be a number >= 0
     """
 
-    def __init__(self, field: str, value: object, allowed: str) -> None:
+    def __init__(self, field: str, value: object, allowed: str, sentence: str = "") -> None:
         self.field = field
         self.value = value
         self.allowed = allowed
-        super().__init__(f"{field} = {shown(value)}: must be {allowed}")
+        self.sentence = sentence
+        super().__init__(sentence or f"{field} = {shown(value)}: must be {allowed}")
 
     @property
     def message_without_value(self) -> str:
         """The message without anything of what was given."""
-        return f"{self.field} must be {self.allowed}"
+        return self.sentence or f"{self.field} must be {self.allowed}"
 
     @property
     def message_for_strangers(self) -> str:
         """The message that may be sent to a client: it holds the value only where the library has worded it."""
         return str(self) if isinstance(self.value, Told) else self.message_without_value
 
-    def __reduce__(self) -> tuple[type[InvalidInputError], tuple[str, object, str]]:
-        return type(self), (self.field, self.value, self.allowed)
+    def called(self, field: str) -> InvalidInputError:
+        """Return the same fault of something that the caller knows by another name."""
+        return InvalidInputError(field, self.value, self.allowed)
+
+    def __reduce__(self) -> tuple[type[InvalidInputError], tuple[Any, ...]]:
+        return type(self), (self.field, self.value, self.allowed, self.sentence)
+
+
+class MissingInputError(InvalidInputError):
+    """What must be given is not.
+
+    Parameters
+    ----------
+    missing : str, or mapping of str to str
+        The name of what is missing; the names of several things, each with what it is, or "".
+    remedy : str
+        What to do about it, where that is not evident.
+
+    Examples
+    --------
+    >>> print(MissingInputError("expiry", "give it, or valuation_date and expiration_date"))
+    expiry is missing: give it, or valuation_date and expiration_date
+    >>> print(MissingInputError({"strike": "money", "rate": "1/year", "option_type": ""}))
+    strike (money), rate (1/year) and option_type are missing
+    """
+
+    def __init__(self, missing: str | Mapping[str, str], remedy: str = "") -> None:
+        told = {missing: ""} if isinstance(missing, str) else dict(missing)
+        names = [f"{name} ({what})" if what else name for name, what in told.items()]
+        self.missing, self.remedy = missing, remedy
+        sentence = f"{enumerated(names)} {'is' if len(names) == 1 else 'are'} missing"
+        super().__init__(
+            ", ".join(told), Told("missing"), "given", f"{sentence}: {remedy}" if remedy else sentence
+        )
+
+    def called(self, field: str) -> InvalidInputError:
+        """Return the same fault of something that the caller knows by another name."""
+        return MissingInputError(field, self.remedy)
+
+    def __reduce__(self) -> tuple[type[InvalidInputError], tuple[Any, ...]]:
+        return type(self), (self.missing, self.remedy)
+
+
+class UnknownNameError(InvalidInputError):
+    """What is given has a name that is not known.
+
+    Parameters
+    ----------
+    kind : str
+        What the names are of, such as "column".
+    unknown : sequence of str
+    known : collection of str
+        All names that are known.
+    owner : str
+        What has columns, keys or arguments, where that is not evident.
+
+    Examples
+    --------
+    >>> print(UnknownNameError("column", ["vol"], ["spot", "volatility"]))
+    there is no column 'vol': did you mean volatility?
+    >>> print(UnknownNameError("key", ["x", "y"], ["times", "values"], "rate"))
+    rate has no key 'x' or 'y': choose from times and values
+    """
+
+    def __init__(self, kind: str, unknown: Sequence[str], known: Collection[str], owner: str = "") -> None:
+        self.kind, self.unknown, self.known, self.owner = kind, unknown, known, owner
+        shown_names = [shown(str(name)) for name in unknown[:MOST_NAMES]]
+        more = f" and {len(unknown) - MOST_NAMES} more" if len(unknown) > MOST_NAMES else ""
+        nearest = enumerated(nearest_names(unknown, known), "or")
+        self.advice = f"did you mean {nearest}?" if nearest else f"choose from {enumerated([*known])}"
+        none = f"{owner} has no" if owner else "there is no"
+        sentence = f"{none} {kind} {enumerated(shown_names, 'or')}{more}: {self.advice}"
+        field = f"{kind} of {owner}" if owner else kind
+        super().__init__(
+            field, Told("an unknown name"), nearest or f"one of {enumerated([*known], 'or')}", sentence
+        )
+
+    @property
+    def message_without_value(self) -> str:
+        """The message without the names that were given."""
+        return (
+            f"{self.owner} has no such {self.kind}: {self.advice}"
+            if self.owner
+            else (f"there is no such {self.kind}: {self.advice}")
+        )
+
+    @property
+    def message_for_strangers(self) -> str:
+        """The same: a client's own names are not sent back."""
+        return self.message_without_value
+
+    def called(self, field: str) -> InvalidInputError:
+        """Return the same fault of something that the caller knows by another name."""
+        return UnknownNameError(self.kind, self.unknown, self.known, field)
+
+    def __reduce__(self) -> tuple[type[InvalidInputError], tuple[Any, ...]]:
+        return type(self), (self.kind, self.unknown, self.known, self.owner)
 
 
 class ClusterError(PricingCoreError, ConnectionError):
@@ -163,3 +267,28 @@ def shown(value: object) -> str:
     except ValueError:  # integers of thousands of digits have no repr
         return f"a value of type {type(value).__name__}"
     return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."
+
+
+def enumerated(words: Sequence[str], last: str = "and") -> str:
+    """Return words with commas between them, and another word before the last.
+
+    Examples
+    --------
+    >>> enumerated(["put", "call"], "or"), enumerated(["american", "european", "bermudan"], "or")
+    ('put or call', 'american, european or bermudan')
+    """
+    return f" {last} ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
+def nearest_names(unknown: Sequence[str], known: Collection[str]) -> list[str]:
+    """Return for unknown names the known ones that are most like them, or begin with them; none where none does."""
+    compared = [str(name)[:LONGEST_NAME].lower() for name in unknown[:MOST_NAMES]]
+    nearest = (
+        name
+        for word in compared
+        for name in (
+            get_close_matches(word, known, n=1)
+            or [name for name in known if word and name.startswith(word)][:1]
+        )
+    )
+    return [*dict.fromkeys(nearest)]

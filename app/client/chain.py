@@ -11,7 +11,8 @@ import pyarrow as pa
 
 from app.client.errors import BrokenAnswerError
 from app.client.exchange import Question
-from app.client.questions import ARROW, JSON, plain, table_question
+from app.client.questions import ARROW, JSON, table_question
+from pricing_core.american.contracts.json_text import plain_json
 from pricing_core.american.contracts.local_volatility import LocalVolatility
 from pricing_core.errors import InvalidInputError
 
@@ -50,10 +51,10 @@ def chain_question(
 ) -> Question:
     """Return the question about a chain, its quotes as an Arrow stream."""
     table = quotes if isinstance(quotes, pa.Table) else _read(quotes)
-    asked = {"rate": repr(rate) if isinstance(rate, (int, float)) else json.dumps(rate, default=plain)}
+    asked = {"rate": repr(rate) if isinstance(rate, (int, float)) else json.dumps(rate, default=plain_json)}
     asked["tolerance"] = repr(tolerance)
     if cash_dividends:
-        asked["cash_dividends"] = json.dumps(list(cash_dividends), default=plain)
+        asked["cash_dividends"] = json.dumps(list(cash_dividends), default=plain_json)
     if valuation_date is not None:
         asked["valuation_date"] = str(valuation_date).replace(" ", "T")
     question = table_question(f"v1/chain?{urlencode(asked)}", table)

@@ -16,7 +16,7 @@ from app.command_failures import INTERRUPTED, Tell, print_json, standard_output
 from app.commands.progress import json_progress, shown_progress
 from app.commands.tables import print_summary
 from pricing_core.batch import BatchSummary, TextCheck, rejects_path, run_batch
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, MissingInputError, Told
 
 STANDARD = "-"
 
@@ -84,16 +84,27 @@ def _log_end(summary: BatchSummary, target: str) -> None:
     print_json({"event": "end", **counts, "unread": list(summary.unread), "output": target})
 
 
+def check_format(side: str, stated: str | None) -> None:
+    """Accept the format of standard input or output.
+
+    Raises
+    ------
+    InvalidInputError
+        It is not given, or not known.
+    """
+    if stated is None:
+        raise MissingInputError(f"{side}_format", f"standard {side} may be csv or parquet")
+    if stated not in ("csv", "parquet"):
+        raise InvalidInputError(f"{side}_format", stated, f'"csv" or "parquet" for standard {side}')
+
+
 @contextmanager
 def input_file(source: str, stated: str | None) -> Iterator[str]:
     """Yield a file; standard input is copied into one, so that it can be read twice."""
     if source != STANDARD:
         yield source
         return
-    if stated not in ("csv", "parquet"):
-        raise InvalidInputError(
-            "input_format", stated or Told("missing"), '"csv" or "parquet" for standard input'
-        )
+    check_format("input", stated)
     with tempfile.TemporaryDirectory(prefix="pricing-") as folder:
         path = Path(folder) / f"stdin.{stated}"
         text = TextCheck(path.name)
@@ -111,10 +122,7 @@ def output_file(target: str, stated: str | None) -> Iterator[str]:
     if target != STANDARD:
         yield target
         return
-    if stated not in ("csv", "parquet"):
-        raise InvalidInputError(
-            "output_format", stated or Told("missing"), '"csv" or "parquet" for standard output'
-        )
+    check_format("output", stated)
     with tempfile.TemporaryDirectory(prefix="pricing-") as folder:
         path = Path(folder) / f"stdout.{stated}"
         yield os.fspath(path)

@@ -15,7 +15,7 @@ from app.command_failures import standard_output
 from pricing_core.chains import ChainFit, fit_chain, read_chain
 from pricing_core.chains.fit_tables import tables_of
 from pricing_core.chains.side_files import read_dividends, read_rates
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, MissingInputError, Told
 from pricing_core.replacement import replacement
 
 MOST_NAMED = 5  # rows and expirations that are written out; chosen
@@ -44,10 +44,10 @@ def fit_file(
     OSError
         A file cannot be read or written.
     """
-    if (rate is None) == (rates is None):
-        raise InvalidInputError(
-            "rate", Told("missing" if rate is None else "given twice"), "given by --rate or --rates"
-        )
+    if rate is None and rates is None:
+        raise MissingInputError("rate", "give --rate or --rates")
+    if rate is not None and rates is not None:
+        raise InvalidInputError("rate", Told("given twice"), "given by --rate or by --rates")
     table = read_chain(source, format_, underlying_price, valuation_date)
     fit = fit_chain(
         table,

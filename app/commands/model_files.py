@@ -19,7 +19,7 @@ from app.commands.model_keys import Key, choice, keys_for, object_schema, read_o
 from app.commands.models.method import KEYS_OF_FIELDS
 from app.commands.simulation import Simulation
 from pricing_core.american.contracts.json_text import JSONTextError, parse_json
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import MissingInputError, enumerated
 
 MODULES = {
     "lcs": "app.commands.models.lcs",
@@ -92,7 +92,7 @@ def simulate_model(content: Mapping[str, Any]) -> Simulation:
     ('2 steps, cycle time 4.5', [[1.0, 0.0], [7.0, 4.0], [11.0, 9.0]])
     """
     if "model" not in content:
-        raise InvalidInputError("model", Told("missing"), "one of " + ", ".join(MODULES))
+        raise MissingInputError("model", f"give one of {enumerated([*MODULES], 'or')}")
     name = choice(*MODULES).read("model", content["model"])
     model = _model(name)
     keys = max(_forms(name, model).values(), key=lambda form: _likeness(form, content))

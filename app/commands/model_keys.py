@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import Any, TypeAlias
 
 from pricing_core.arrays import as_whole_number
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, MissingInputError, Told, UnknownNameError
 
 Number: TypeAlias = int | float | Fraction
 Reader: TypeAlias = Callable[[str, Any], Any]
@@ -57,14 +57,12 @@ def read_object(field: str, value: Any, keys: Mapping[str, Key]) -> dict[str, An
     if not isinstance(value, dict):
         raise InvalidInputError(field, value, "an object with the keys " + ", ".join(keys))
     prefix = f"{field}." if field else ""
-    for name in value:
-        if name not in keys:
-            raise InvalidInputError("key", prefix + name, "one of " + ", ".join(keys))
+    unknown = [name for name in value if name not in keys]
+    if unknown:
+        raise UnknownNameError("key", unknown, keys, field)
     for name, key in keys.items():
         if key.required and name not in value:
-            raise InvalidInputError(
-                prefix + name, Told("missing"), str(key.schema.get("description", "given"))
-            )
+            raise MissingInputError(prefix + name, str(key.schema.get("description", "")))
     return {name: keys[name].read(prefix + name, entry) for name, entry in value.items()}
 
 
@@ -176,7 +174,7 @@ def built(make: Callable[..., Any], keys: Mapping[str, Key]) -> Key:
         try:
             return make(**given)
         except InvalidInputError as fault:  # the library does not know where in the file its argument stands
-            raise InvalidInputError(f"{field}.{fault.field}", fault.value, fault.allowed) from None
+            raise fault.called(f"{field}.{fault.field}") from None
 
     return Key(read, object_schema(keys))
 
@@ -187,7 +185,7 @@ def keys_for(arguments: Mapping[str, str]) -> Iterator[None]:
     try:
         yield
     except InvalidInputError as fault:
-        raise InvalidInputError(arguments.get(fault.field, fault.field), fault.value, fault.allowed) from None
+        raise fault.called(arguments.get(fault.field, fault.field)) from None
 
 
 def one_of(forms: Mapping[str, Key], allowed: str) -> Key:

@@ -9,7 +9,7 @@ import typer
 from app.command_failures import standard_output
 from app.commands.batch_command import STANDARD, input_file, output_file
 from pricing_core.batch import read_scenarios, run_explain, run_scenarios, scenarios_of
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, MissingInputError, Told
 
 Shifts = Sequence[float] | None
 
@@ -38,9 +38,10 @@ def value_file(
         As `run_scenarios`; there are both or neither of scenarios and shifts; or a format is missing.
     """
     lists = any(values is not None for values in shifts)
-    if lists == (named is not None):
-        given = Told("both given" if lists else "missing")
-        raise InvalidInputError("scenarios", given, "a file, or --spot-shifts and the like")
+    if not lists and named is None:
+        raise MissingInputError("scenarios", "give --spot-shifts and the like, or --scenarios FILE")
+    if lists and named is not None:
+        raise InvalidInputError("scenarios", Told("given twice"), "a file, or --spot-shifts and the like")
     scenarios = scenarios_of(*shifts) if named is None else read_scenarios(named)
     with (
         input_file(source, options["input_format"]) as read,

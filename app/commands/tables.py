@@ -123,7 +123,7 @@ def _print_results(
 
 
 def _shown(value: object) -> str:
-    if value is None:
+    if value is None or value == "":
         return "-"
     if isinstance(value, tuple):
         return ", ".join(_shown(number) for number in value)

@@ -1,15 +1,17 @@
 """The contract in a request: an option and a market in the flat vocabulary, as the table of fields states it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import isfinite
 from types import MappingProxyType
 from typing import Annotated, Any, TypeAlias
 
 import pydantic
-from pydantic import BaseModel, ConfigDict, Discriminator, Tag
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Tag
 
 from pricing_core.american import Market, Option
 from pricing_core.american.contracts import fields
+from pricing_core.american.contracts.dates import is_date
+from pricing_core.american.contracts.dividends import is_pair
 from pricing_core.american.contracts.field import Field
 from pricing_core.american.contracts.vocabulary import NAMES, contract_from
 
@@ -97,6 +99,23 @@ class VolatilitySurface(Strict):
     ]
 
 
+def as_mapping(size: Field) -> Callable[[object], object]:
+    """Return what makes of a dividend given as its time, or its ex-date, and its size one with these names."""
+
+    def named(entry: object) -> object:
+        if not is_pair(entry):
+            return entry
+        when, what = entry
+        return {fields.EX_DATE.name if is_date(when) else fields.EX_TIME.name: when, size.name: what}
+
+    return named
+
+
+def word(field: Field) -> Any:
+    """Return a validator that understands the words of a choice in any case, and their short forms."""
+    return BeforeValidator(lambda value: field.word(value) or value)
+
+
 class CashAmount(Strict):
     """An amount of money that the spot drops by at its ex-time."""
 
@@ -143,27 +162,50 @@ TimeOrDate: TypeAlias = Annotated[
 ]
 
 
+ExTime: TypeAlias = Annotated[float, limits(fields.EX_TIME)] | Date
+CashDividend: TypeAlias = Annotated[
+    CashAmount,
+    BeforeValidator(
+        as_mapping(fields.AMOUNT),
+        json_schema_input_type=CashAmount | tuple[ExTime, Annotated[float, limits(fields.AMOUNT)]],
+    ),
+]
+ProportionalDividend: TypeAlias = Annotated[
+    ProportionalAmount,
+    BeforeValidator(
+        as_mapping(fields.FRACTION),
+        json_schema_input_type=ProportionalAmount | tuple[ExTime, Annotated[float, limits(fields.FRACTION)]],
+    ),
+]
+OptionType: TypeAlias = Annotated[fields.OptionType, word(fields.OPTION_TYPE)]
+Exercise: TypeAlias = Annotated[fields.Exercise, word(fields.EXERCISE)]
+DividendModel: TypeAlias = Annotated[fields.DividendModel, word(fields.DIVIDEND_MODEL)]
+Underlying: TypeAlias = Annotated[fields.Underlying, word(fields.UNDERLYING)]
+Greeks: TypeAlias = Annotated[fields.Greeks, word(fields.GREEKS)]
+GreeksUnits: TypeAlias = Annotated[fields.GreeksUnits, word(fields.GREEKS_UNITS)]
+
+
 class Contract(Strict):
     """The part that all questions share: the option, and the market without spot and volatility."""
 
-    option_type: fields.OptionType = stated(fields.OPTION_TYPE)
+    option_type: OptionType = stated(fields.OPTION_TYPE)
     strike: float = stated(fields.STRIKE)
     expiry: float | None = stated(fields.EXPIRY, default=None)
     valuation_date: Date | None = stated(fields.VALUATION_DATE)
     expiration_date: Date | None = stated(fields.EXPIRATION_DATE)
     rate: RateOrCurve = stated(fields.RATE)
     dividend_yield: RateOrCurve = stated(fields.DIVIDEND_YIELD)
-    cash_dividends: list[CashAmount] = stated(fields.CASH_DIVIDENDS, max_length=MOST_DIVIDENDS)
-    proportional_dividends: list[ProportionalAmount] = stated(
+    cash_dividends: list[CashDividend] = stated(fields.CASH_DIVIDENDS, max_length=MOST_DIVIDENDS)
+    proportional_dividends: list[ProportionalDividend] = stated(
         fields.PROPORTIONAL_DIVIDENDS, max_length=MOST_DIVIDENDS
     )
-    dividend_model: fields.DividendModel = stated(fields.DIVIDEND_MODEL)
-    underlying: fields.Underlying = stated(fields.UNDERLYING)
+    dividend_model: DividendModel = stated(fields.DIVIDEND_MODEL)
+    underlying: Underlying = stated(fields.UNDERLYING)
     borrow_rate: RateOrCurve = stated(fields.BORROW_RATE)
     foreign_rate: RateOrCurve | None = stated(fields.FOREIGN_RATE)
     quanto_covariance: float = stated(fields.QUANTO_COVARIANCE)
     settlement_lag: float = stated(fields.SETTLEMENT_LAG)
-    exercise: fields.Exercise = stated(fields.EXERCISE)
+    exercise: Exercise = stated(fields.EXERCISE)
     exercise_times: list[TimeOrDate] = stated(
         fields.EXERCISE_TIMES, max_length=fields.EXERCISE_TIMES.most_entries
     )

@@ -54,7 +54,8 @@ class InvalidRequestError(ServiceError):
     def __init__(self, faults: Sequence[InvalidInputError]) -> None:
         different = {fault.message_for_strangers: fault for fault in faults}
         self.faults = tuple(different.values())[:SHOWN_ERRORS]
-        super().__init__("; ".join(fault.message_for_strangers for fault in self.faults))
+        told = "; ".join(fault.message_for_strangers for fault in self.faults)
+        super().__init__(told.replace("?;", "?"))
 
 
 class UnauthorizedError(ServiceError):

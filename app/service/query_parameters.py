@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 from fastapi import Request
 
-from app.service.unknown_names import unknown_in_request
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, Told, UnknownNameError
 
 
 def query_parameters(request: Request, names: Sequence[str]) -> dict[str, str]:
@@ -20,7 +19,7 @@ def query_parameters(request: Request, names: Sequence[str]) -> dict[str, str]:
     found = dict(given)
     unknown = [name for name in found if name not in names]
     if unknown:
-        raise unknown_in_request("query", unknown, names)
+        raise UnknownNameError("parameter", unknown, names, "the query")
     if len(found) < len(given):
         raise InvalidInputError("query", Told("a name twice"), "without a name twice")
     return found

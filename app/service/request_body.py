@@ -21,13 +21,12 @@ from app.service.errors import (
 )
 from app.service.json_schema import inline_schema
 from app.service.strict_json import parse_object
-from app.service.unknown_names import unknown_in_request
 from app.service.work.admission import read_body
 from app.service.work.route_limits import Limits, RouteLimits
 from pricing_core.american.contracts.checks import range_in_words
 from pricing_core.american.contracts.field import CURVE_IN_WORDS, Field
 from pricing_core.american.contracts.fields import EX_TIME, EXPIRY, INPUT_FIELDS
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, Told, UnknownNameError
 
 Model = TypeVar("Model", bound=BaseModel)
 Location: TypeAlias = tuple[int | str, ...]
@@ -214,4 +213,4 @@ def schema_at(schema: dict[str, Any], location: Location) -> dict[str, Any]:
 
 def _unknown_keys(place: Location, keys: Sequence[str], model: type[BaseModel]) -> InvalidInputError:
     names = KEYS[str(place[0])] if place else model.model_fields
-    return unknown_in_request(f"key of {_path(place) or 'the body'}", keys, names)
+    return UnknownNameError("key", keys, names, _path(place) or "the body")

@@ -5,7 +5,15 @@ from typing import Annotated
 from pydantic import ConfigDict, Field, JsonValue
 
 from app.service.answers import answer_model
-from app.service.contract_schema import Contract, Strict, VolatilityOrCurve, limits, stated
+from app.service.contract_schema import (
+    Contract,
+    Greeks,
+    GreeksUnits,
+    Strict,
+    VolatilityOrCurve,
+    limits,
+    stated,
+)
 from pricing_core.american.contracts import fields
 from pricing_core.american.contracts.result_fields import (
     ADVICE_FIELDS,
@@ -55,9 +63,9 @@ class PriceRequest(Contract):
 
     spot: float = stated(fields.SPOT)
     volatility: VolatilityOrCurve = stated(fields.VOLATILITY)
-    greeks: fields.Greeks = stated(fields.GREEKS)
+    greeks: Greeks = stated(fields.GREEKS)
     greek_errors: bool = stated(fields.GREEK_ERRORS)
-    greeks_units: fields.GreeksUnits = stated(fields.GREEKS_UNITS)
+    greeks_units: GreeksUnits = stated(fields.GREEKS_UNITS)
 
 
 class BoundaryRequest(Contract):
@@ -120,7 +128,7 @@ class SurfaceRequest(Contract):
     greeks: SurfaceGreeks = stated(
         fields.GREEKS, description="standard: delta, gamma, theta and vega at every point; none: no Greek."
     )
-    greeks_units: fields.GreeksUnits = stated(fields.GREEKS_UNITS)
+    greeks_units: GreeksUnits = stated(fields.GREEKS_UNITS)
 
 
 PriceResponse = answer_model(

@@ -84,7 +84,7 @@ def price(
     tolerance = TOLERANCE.check(tolerance)
     check_kind("option", option, Option, "an Option")
     check_kind("market", market, Market, "a Market")
-    GREEKS.check_choice(greeks)
+    greeks = GREEKS.check_choice(greeks)
     engines = engines_of(method, lcp_method, resolution)
     check_moneyness(option, market.spot)
     request = Request(np.array([tolerance]), greeks, interrupt=interrupt)

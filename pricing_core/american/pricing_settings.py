@@ -46,7 +46,7 @@ class PricingSettings:
 
     def __post_init__(self) -> None:
         TOLERANCE.check(self.tolerance)
-        GREEKS.check_choice(self.greeks)
+        object.__setattr__(self, "greeks", GREEKS.check_choice(self.greeks))
         check_kind("greek_errors", self.greek_errors, bool, "True or False")
         check_kind("share_solves", self.share_solves, bool, "True or False")
         check_kind("advice", self.advice, bool, "True or False")

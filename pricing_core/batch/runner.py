@@ -13,7 +13,6 @@ from pathlib import Path
 import pyarrow as pa
 
 from pricing_core.american.book.unusual import warn_of
-from pricing_core.american.contracts.checks import alternatives
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, Greeks
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.batch.assembling import Assembly, check_publishable, publish_file, publish_folder
@@ -31,7 +30,7 @@ from pricing_core.batch.plan import Plan, plan_of
 from pricing_core.batch.tables import is_folder
 from pricing_core.batch.unit import Counts, Unit, read_part, sum_of
 from pricing_core.batch.work_folder import LocalFolder, WorkFolder, claimed, work_folder
-from pricing_core.errors import DamagedPartError, DiscardedPartsWarning, InvalidInputError
+from pricing_core.errors import DamagedPartError, DiscardedPartsWarning, InvalidInputError, enumerated
 
 ENGINES = ("local", "dask")
 PathLike = str | os.PathLike[str]
@@ -355,7 +354,7 @@ def _done_already(plan: Plan, target: str) -> BatchSummary | None:
 
 def _executor(engine: str, scheduler: str | None, threads: int) -> Executor:
     if engine not in ENGINES:
-        raise InvalidInputError("engine", engine, alternatives([f'"{name}"' for name in ENGINES]))
+        raise InvalidInputError("engine", engine, enumerated([f'"{name}"' for name in ENGINES], "or"))
     if engine == "local":
         if scheduler is not None:
             raise InvalidInputError("scheduler", scheduler, 'left out where the engine is not "dask"')

@@ -40,7 +40,7 @@ from pricing_core.chains.smiles import american_quotes, smiles_of
 from pricing_core.chains.surface.smile_quotes import SmileQuotes
 from pricing_core.chains.surfaces import Fitted, fit_surfaces, without_surface
 from pricing_core.chains.volatilities import QuoteVolatilities, quote_volatilities, reconcile
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import MissingInputError
 
 ANY_VOLATILITY = 0.2  # of a market whose volatility is what is looked for
 
@@ -98,7 +98,7 @@ def fit_chain(
     """
     tolerance, _ = TOLERANCE.check(tolerance), checked_threads(threads)
     if rate is None:
-        raise InvalidInputError("rate", Told("missing"), "given: a number or a curve, 1/year")
+        raise MissingInputError({"rate": "1/year"}, "give a number or a curve")
     read = read_quotes(_canonical(quotes), valuation_date)
     market = _market(read, rate, filled(cash_dividends), proportional_dividends)
     flags = flag_quotes(read)

@@ -15,7 +15,7 @@ from pricing_core.chains.occ_symbol import read_occ_symbol
 from pricing_core.chains.raw_files import raw_table
 from pricing_core.chains.suspicious import check_units
 from pricing_core.chains.vendor_map import Names, VendorMap, map_for, plain_name
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, MissingInputError, enumerated
 
 FROM_SYMBOL = ("underlying_symbol", "expiration", "strike", "option_type")
 Cells = dict[str, list[Any]]
@@ -277,12 +277,8 @@ def _check_present(cells: Cells, map_: VendorMap) -> None:
     missing = [name for name in NEEDED if name not in cells and name not in from_symbol]
     if missing:
         given = [name for name in missing if name in ("underlying_price", "quote_date")]
-        hint = f"; {' and '.join(given)} may be given beside the file" if given else ""
-        raise InvalidInputError(
-            f"column {missing[0]}",
-            Told("missing"),
-            f"there: read as {map_.name}, the table lacks {', '.join(missing)}{hint}",
-        )
+        hint = f"; {enumerated(given)} may be given beside the file" if given else ""
+        raise MissingInputError(dict.fromkeys(missing, ""), f"the table was read as {map_.name}{hint}")
 
 
 def _as_date(moment: dt.datetime | dt.date | None) -> dt.date | None:

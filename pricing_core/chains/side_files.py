@@ -14,7 +14,7 @@ from pricing_core.chains.canonical import RawTable
 from pricing_core.chains.cells import as_float, as_moment, is_missing
 from pricing_core.chains.raw_files import json_content, raw_table
 from pricing_core.chains.vendor_map import plain_name
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, MissingInputError, Told
 
 LARGEST_RATE = 0.4  # 1/year: a larger one looks like percent; chosen
 PERCENT = "optionmetrics"  # the format whose zero curve has rates in percent
@@ -79,7 +79,7 @@ def read_dividends(path: str) -> list[dict[str, Any]]:
             continue
         day = as_moment(f"ex_date, row {row + 1}", raw.columns[dated][row])
         if day is None:
-            raise InvalidInputError(f"ex_date, row {row + 1}", Told("missing"), "given")
+            raise MissingInputError(f"ex_date, row {row + 1}")
         found.append({"ex_date": day, "amount": amount})
     return found
 
@@ -110,9 +110,9 @@ def _is_empty(raw: RawTable, wanted: str, row: int) -> bool:
 def _number(raw: RawTable, wanted: str, row: int) -> float:
     name = next((name for name in raw.columns if plain_name(name) == wanted), None)
     if name is None:
-        raise InvalidInputError(f"column {wanted}", Told("missing"), "there; also days for time")
+        raise MissingInputError(f"column {wanted}", "a time may be a column days")
     if is_missing(raw.columns[name][row]):
-        raise InvalidInputError(f"column {wanted}, row {row + 1}", Told("missing"), "given")
+        raise MissingInputError(f"column {wanted}, row {row + 1}")
     return as_float(f"column {wanted}, row {row + 1}", raw.columns[name][row])
 
 

@@ -56,6 +56,6 @@ def _place_of_line(number: int, content: str) -> Place:
         time = float(holding) if not holding.strip().isdecimal() else int(holding)
         return Place(source.strip(), target.strip(), time, int(tokens) if tokens.strip() else 0)
     except InvalidInputError as error:
-        raise InvalidInputError(f"line {number}: {error.field}", error.value, error.allowed) from None
+        raise error.called(f"line {number}: {error.field}") from None
     except ValueError:
         raise InvalidInputError(f"line {number}", content, "SOURCE -> TARGET: HOLDING, TOKENS") from None

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from pricing_core.arrays import Matrix, Vector, as_matrix, as_share, as_square_matrix, as_vector
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, MissingInputError, Told
 from pricing_core.lcs import (
     LCS,
     EventDriven,
@@ -132,9 +132,12 @@ class MechanicalSystem:
         object.__setattr__(self, "force", force)
         object.__setattr__(self, "offset", as_vector("offset", np.zeros(k) if offset is None else offset, k))
         object.__setattr__(self, "restitution", as_share("restitution", restitution))
-        for name, given, other in (("tangents", tangents, friction), ("friction", friction, tangents)):
+        for name, given, other_name, other in (
+            ("tangents", tangents, "friction", friction),
+            ("friction", friction, "tangents", tangents),
+        ):
             if given is None and other is not None:
-                raise InvalidInputError(name, Told("missing"), "given together with tangents and friction")
+                raise MissingInputError(name, f"{other_name} needs it")
         object.__setattr__(self, "tangents", None if tangents is None else as_tangents(tangents, k, n))
         object.__setattr__(self, "friction", None if friction is None else as_friction(friction, k))
 

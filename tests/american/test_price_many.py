@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, price, price_many
+from pricing_core.american.book.columns import as_objects
 from pricing_core.american.contracts.result_fields import GREEK_ERROR_FIELDS
 from pricing_core.american.contracts.vocabulary import contract_from
 from pricing_core.errors import InvalidInputError, UnusualColumnWarning
@@ -119,7 +120,7 @@ def test_scalars_alone_make_one_row_and_empty_columns_none():
     ("field", "columns", "options"),
     [
         ("volatility", {k: v for k, v in COLUMNS.items() if k != "volatility"}, {}),
-        ("columns", {**COLUMNS, "colour": "red"}, {}),
+        ("column", {**COLUMNS, "colour": "red"}, {}),
         ("columns", {**COLUMNS, "rate": [0.05, 0.05]}, {}),
         ("columns", {**COLUMNS, "rate": [[0.05]]}, {}),
         ("tolerance", COLUMNS, {"tolerance": 1.0}),
@@ -592,13 +593,16 @@ def test_an_unknown_method_is_refused():
         price_many(COLUMNS, method="finite-differences")
 
 
-@pytest.mark.parametrize("dividends", [[(0.5, 1.0)], [[0.5, 1.0], [0.7, 1.0], [0.9, 1.0]]])
-def test_dividends_as_pairs_of_numbers_are_refused_by_their_name(dividends):
-    book = {"option_type": "put", "spot": [90.0, 100.0], "strike": 100.0, "expiry": 1.0, "rate": 0.05}
-    with pytest.raises(
-        InvalidInputError, match=r'cash_dividends\[0\] = .*a list of {"time": ..., "amount": ...}'
-    ):
-        price_many({**book, "volatility": 0.2, "cash_dividends": dividends})
+@pytest.mark.parametrize(
+    "dividends", [[(0.5, 1.0), (0.7, 1.0)], [[0.7, 1.0], [0.5, 1.0]], np.array([[0.5, 1.0], [0.7, 1.0]])]
+)
+def test_dividends_as_pairs_of_numbers_serve_all_rows(dividends):
+    book = {"option_type": "put", "spot": [90.0, 100.0, 110.0], "strike": 100.0, "expiry": 1.0, "rate": 0.05}
+    listed = [{"time": 0.5, "amount": 1.0}, {"time": 0.7, "amount": 1.0}]
+    wanted = price_many({**book, "volatility": 0.2, "cash_dividends": listed})
+    for cell in (dividends, [dividends] * 3, as_objects([listed, None, dividends])):
+        found = price_many({**book, "volatility": 0.2, "cash_dividends": cell})
+        assert found["price"][[0, 2]].tolist() == wanted["price"][[0, 2]].tolist()
 
 
 def test_a_book_in_days_is_warned_about():

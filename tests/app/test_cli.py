@@ -143,9 +143,12 @@ def test_a_missing_number_is_null_in_json_and_a_dash_in_the_table(pricing: Any) 
             ["price", *PUT, "--valuation-date", "2026-01-01"],
             "expiry = 1.0: must be left out where dates are given",
         ),
-        (["price", *UNDATED], "expiry = 'missing': must be given, or valuation_date and expiration_date"),
-        (["price", *UNDATED, "--valuation-date", "2026-01-01"], "expiration_date = 'missing'"),
-        (["implied-volatility", *PUT], "option_price = None: must be given"),
+        (["price", *UNDATED], "expiry is missing: give it, or valuation_date and expiration_date"),
+        (["price", *UNDATED, "--valuation-date", "2026-01-01"], "expiration_date is missing"),
+        (
+            ["implied-volatility", *PUT],
+            "option_price is missing: give option_price alone, or both bid and ask",
+        ),
         (["implied-volatility", *PUT, "--bid", "1_0"], "'1_0' must be a number"),
         (["price", *PUT, "--option-type", "put\nor\ncall"], "option_type"),
         (["boundary", *PUT, "--plot", "boundary.svg"], ".png"),
@@ -444,27 +447,33 @@ def test_no_implied_volatility_is_one_line_and_status_2(pricing: Any) -> None:
     status, output, errors = pricing("implied-volatility", *PUT, "--option-price", "101", "--json")
     assert (status, json.loads(output)["volatility"]) == (2, None)
     assert errors == (
-        "pricing: there is no implied volatility: above_upper_bound: 101 must be below 100: "
-        "no volatility makes the option worth that\n"
+        "pricing: there is no implied volatility: above_upper_bound: the price must be below 100, "
+        "what the option is worth at the largest volatility; it is 101\n"
     )
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--option-price", "200"], "above_upper_bound: 200 must be below 100:"),
-        (["--bid", "150", "--ask", "250"], "above_upper_bound: 200 must be below 100:"),
+        (
+            ["--option-price", "200"],
+            "above_upper_bound: the price must be below 100, what the option is worth",
+        ),
+        (
+            ["--bid", "150", "--ask", "250"],
+            "above_upper_bound: the price must be below 100, what the option is worth",
+        ),
         (
             ["--spot", "90", "--option-price", "9"],
-            "below_lower_bound: 9 must be at least 10, what the option",
+            "below_lower_bound: the price must be at least 10, what the option",
         ),
         (
             ["--spot", "50", "--option-price", "50"],
-            "not_identifiable: the option is worth 50 at volatility 0",
+            "not_identifiable: the price must be above 50, what the option",
         ),
         (
             ["--exercise", "european", "--cash-dividend", "0.5:1", "--option-price", "96"],
-            "above_upper_bound: 96 must be below 95.12294245:",
+            "above_upper_bound: the price must be below 95.12294245, what",
         ),
     ],
 )

@@ -176,7 +176,7 @@ def test_a_quote_left_open_on_the_last_line_is_a_fault_of_that_line(path: Path) 
         (b"\n".join([HEADER, ROW, b"\xc3"]), "UTF-8 text; line 3 is not"),
         ((HEADER + b"\n" + ROW).decode().encode("utf-16"), "UTF-8"),
         (HEADER.replace(b"spot", b"strike"), "column strike = '2 columns of this name'"),
-        (HEADER.replace(b"spot", b"stock"), "columns = 1 missing: must be completed by spot (money)"),
+        (HEADER.replace(b"spot", b"stock"), "spot (money) is missing"),
         (HEADER.replace(b",", b";"), "separated by commas"),
         (HEADER.replace(b",", b"\t"), "separated by commas"),
         (HEADER + b",x" * 2_000, "2007 columns: must be a table of at most 2000 columns"),

@@ -195,7 +195,7 @@ def test_exchanged_sides_are_refused():
 @pytest.mark.parametrize(
     ("source", "field"),
     [
-        ({"strike": [1.0], "bid": [1.0]}, "column underlying_price"),
+        ({"strike": [1.0], "bid": [1.0]}, "underlying_price, quote_date, expiration, option_type, ask"),
         ({"a": [1.0], "b": [1.0, 2.0]}, "quotes"),
         ([1, 2], "quotes"),
         (3, "quotes"),

@@ -374,8 +374,8 @@ def test_without_friction_both_are_what_they_were():
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"friction": None}, "friction = missing: must be given together with tangents and friction"),
-        ({"tangents": None}, "tangents = missing: must be given together with tangents and friction"),
+        ({"friction": None}, "friction is missing: tangents needs it"),
+        ({"tangents": None}, "tangents is missing: friction needs it"),
         ({"friction": [-0.1]}, "friction = .-0.1.: must be coefficients >= 0"),
         ({"friction": [0.1, 0.2]}, "friction = 'shape .2,.': must be a vector of length 1"),
         ({"tangents": [[1.0]]}, r"tangents = shape \(1, 1\): must be of shape \(1, 2\) in the plane, or"),

@@ -37,7 +37,7 @@ def with_boxes(values: Mapping[str, Any]) -> dict[str, Any]:
     try:
         system: MechanicalSystem = box_stack(**sizes)
     except InvalidInputError as fault:
-        raise InvalidInputError(f"boxes.{fault.field}", fault.value, fault.allowed) from None
+        raise fault.called(f"boxes.{fault.field}") from None
     count = len(sizes["mass"])
     numbers = [str(i + 1) for i in range(count)] if count > 1 else [""]
     names = [[f"{word}{number}" for word in ("x", "y", "turn")] for number in numbers]

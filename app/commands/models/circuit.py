@@ -14,7 +14,7 @@ from app.commands.models.circuit_elements import ELEMENTS
 from app.commands.models.method import METHOD, method_in
 from app.commands.models.times import SPAN_AND_TIMES, T_SPAN, times_in
 from app.commands.simulation import CURVE_POINTS, Columns, Modes, Samples, Scene, Simulation, of_samples
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, MissingInputError, Told
 from pricing_core.models import CircuitRun, DiodeCircuit
 from pricing_core.models.circuits.equations import GROUND
 from pricing_core.models.circuits.switched_circuit import SwitchedRecord
@@ -86,10 +86,10 @@ def circuit_of(values: Mapping[str, Any]) -> DiodeCircuit:
         It is stated twice or not at all, or is no circuit.
     """
     stated = [name for name in CIRCUIT if name in values]
-    if len(stated) != 1:
-        raise InvalidInputError(
-            "circuit", Told(" and ".join(stated) or "missing"), 'given either as "netlist" or as "elements"'
-        )
+    if not stated:
+        raise MissingInputError("circuit", 'give "netlist" or "elements"')
+    if len(stated) > 1:
+        raise InvalidInputError("circuit", Told("given twice"), 'given either as "netlist" or as "elements"')
     if "netlist" in values:
         return DiodeCircuit.from_netlist(values["netlist"])
     circuit = DiodeCircuit()

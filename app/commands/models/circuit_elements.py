@@ -18,7 +18,7 @@ from app.commands.model_keys import (
 )
 from app.commands.models.characteristics import CHARACTERISTIC
 from app.commands.models.inputs import CORNERS, GENERATED, PIECES
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, MissingInputError
 from pricing_core.lcs import Exosystem, PiecewiseConstant, piecewise_linear
 from pricing_core.models import Pulse, Sine
 from pricing_core.models.circuits.quantity import quantity
@@ -136,7 +136,7 @@ def _read_element(field: str, value: Any) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise InvalidInputError(field, value, f'an object with "kind", which is {kinds}')
     if "kind" not in value:
-        raise InvalidInputError(f"{field}.kind", Told("missing"), kinds)
+        raise MissingInputError(f"{field}.kind", f"give {kinds}")
     kind = choice(*KINDS).read(f"{field}.kind", value["kind"])
     return read_object(field, value, _keys(kind))
 

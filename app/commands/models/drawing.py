@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from app.commands.model_keys import NUMBER, TEXT, choice, list_of, object_of
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, MissingInputError
 
 NAME = TEXT.described("the name of a coordinate, as in names, or q1, q2, ...")
 BODY = {
@@ -34,7 +34,7 @@ def check_drawing(drawing: Mapping[str, Any] | None, coordinates: Sequence[str])
         field = f"drawing.bodies[{i}]"
         for name in ("radius",) if body["shape"] == "disc" else ("width", "height"):
             if name not in body:
-                raise InvalidInputError(f"{field}.{name}", Told("missing"), f"given for a {body['shape']}")
+                raise MissingInputError(f"{field}.{name}", f"a {body['shape']} needs it")
             if body[name] <= 0.0:
                 raise InvalidInputError(f"{field}.{name}", body[name], "> 0")
         for name in ("x", "y", "turn"):

@@ -11,11 +11,11 @@ from app.service.contract_schema import LONGEST_DATE
 from app.service.errors import BodyTooLargeError
 from app.service.strict_json import InvalidJsonError, parse_object
 from pricing_core.american.arrow.price_batch import price_read
+from pricing_core.american.book.columns import is_list_of_row
 from pricing_core.american.book.reading import REQUIRED_COLUMNS, read_book
-from pricing_core.american.contracts.names import unknown_names
 from pricing_core.american.contracts.vocabulary import DEFAULTS
 from pricing_core.american.pricing_settings import PricingSettings
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, Told, UnknownNameError
 
 # By the kind of a field: the types of the JSON values that it may have.
 TYPES: Mapping[str, tuple[type, ...]] = {
@@ -127,7 +127,7 @@ def _checked(row: dict[str, Any]) -> Row:
     for name, value in row.items():
         field = FIELDS.get(name)
         if field is None:
-            return unknown_names("key", [name], FIELDS)
+            return UnknownNameError("key", [name], FIELDS)
         if value is not None and type(value) not in TYPES[field.kind]:
             return InvalidInputError(name, value, field.allowed)
         length = _length(value)
@@ -148,7 +148,7 @@ def _is_column(name: str, cells: object) -> bool:
     """Tell a column from a cell that serves all rows; a list of entries is such a cell."""
     if not isinstance(cells, list):
         return False
-    return FIELDS[name].kind != "list" or any(cell is None or isinstance(cell, list) for cell in cells)
+    return FIELDS[name].kind != "list" or any(is_list_of_row(name, cell) for cell in cells)
 
 
 def _parts(rows: Iterator[Row]) -> Iterator[list[Row]]:

@@ -78,7 +78,7 @@ def batch_question(request: Request) -> BatchQuestion:
 
 
 def _choice(name: str, given: dict[str, str], choices: tuple[str, ...], default: str) -> Any:
-    value = given.get(name, default)
+    value = given.get(name, default).strip().lower()
     if value not in choices:
         raise InvalidInputError(name, value, " or ".join(choices))
     return value

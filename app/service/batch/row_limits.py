@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from app.service.contract_schema import MOST_DIVIDENDS, MOST_PIECES
-from app.service.unknown_names import unknown_in_request
 from pricing_core.american.arrow.schema import check_names
 from pricing_core.american.contracts.fields import CASH_DIVIDENDS, COLUMN_FIELDS, PROPORTIONAL_DIVIDENDS
+from pricing_core.errors import UnknownNameError
 
 MOST_ROWS = 1_000_000  # of a batch; chosen
 MOST_JSON_ROWS = (
@@ -35,5 +35,5 @@ def check_columns(names: Sequence[str]) -> None:
     """
     unknown = [name for name in names if name not in FIELDS]
     if unknown:
-        raise unknown_in_request("columns", unknown, FIELDS)
+        raise UnknownNameError("column", unknown, FIELDS)
     check_names(names)

@@ -11,7 +11,7 @@ from pricing_core.american.contracts.fields import RATE, TOLERANCE
 from pricing_core.american.contracts.json_text import parse_cell
 from pricing_core.chains import vendor_maps
 from pricing_core.chains.expiry_time import valuation_moment
-from pricing_core.errors import InvalidInputError, Told
+from pricing_core.errors import InvalidInputError, MissingInputError, Told
 from pricing_core.plain_number import read_number
 
 MOST_DIVIDENDS = 64  # chosen
@@ -88,7 +88,7 @@ def chain_question(request: Request) -> ChainQuestion:
 
 def _question(found: dict[str, str]) -> ChainQuestion:
     if "rate" not in found:
-        raise InvalidInputError("rate", Told("missing"), "given: a number or the JSON of a curve, 1/year")
+        raise MissingInputError({"rate": "1/year"}, "give a number or the JSON of a curve")
     if found.get("format", "auto") not in FORMATS:
         raise InvalidInputError("format", found["format"], f"one of {', '.join(FORMATS)}")
     if "valuation_date" in found:

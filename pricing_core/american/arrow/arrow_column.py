@@ -23,8 +23,6 @@ from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import InvalidInputError
 from pricing_core.plain_number import read_number
 
-# Short forms of words, in lower case; the words themselves are understood in any case.
-SHORT_FORMS = {"c": "call", "p": "put"}
 BLANKS = " \t"
 
 
@@ -69,10 +67,16 @@ class ArrowColumn:
             numbers[self.is_empty(None)] = self.default
         return numbers
 
-    def is_word(self, word: str) -> BoolVector:
-        """Tell which cells hold the word, or its short form."""
+    def words(self) -> NDArray[np.int8]:
+        """Return the places of what the cells mean among the choices of the field; -1 for none of them."""
         codes, cells = self._distinct()
-        return np.array([*(self._word(cell) == word for cell in cells), self.default == word])[codes]
+        known = {choice: place for place, choice in enumerate(self.field.choices)}
+        places = [*(known.get(self._word(cell), -1) for cell in cells), known.get(self.default, -1)]
+        return np.array(places, dtype=np.int8)[codes]
+
+    def is_word(self, word: str) -> BoolVector:
+        """Tell which cells mean the word."""
+        return np.asarray(self.words() == self.field.choices.index(word))
 
     def is_empty(self, default: object) -> BoolVector:
         """Tell which cells hold nothing, or nothing else than the default."""
@@ -161,9 +165,7 @@ class ArrowColumn:
         if is_empty(cell):
             return self.default
         text = str(_stripped(cell))
-        word = text.lower()
-        word = SHORT_FORMS.get(word, word)
-        return word if word in self.field.choices else text
+        return self.field.word(text) or text
 
 
 def is_number(found: pa.DataType) -> bool:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, is_dataclass
+from collections.abc import Sequence
 from typing import Any, Protocol, TypeVar
 
-import numpy as np
 import pyarrow as pa
 
 from pricing_core.american.arrow.plain_types import plain_table
 from pricing_core.american.arrow.price_batch import price_batch, unusual
 from pricing_core.american.arrow.schema import check_names, check_results, check_types, result_schema
 from pricing_core.american.book.unusual import warn_of
+from pricing_core.american.contracts.checks import real_number
+from pricing_core.american.contracts.dividends import is_pair
 from pricing_core.american.contracts.fields import COLUMN_FIELDS, Greeks
+from pricing_core.american.contracts.json_text import cell_text
+from pricing_core.american.contracts.vocabulary import LISTS, is_missing
 from pricing_core.american.pricing_settings import PricingSettings
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told
 
 
 class Frame(Protocol):
@@ -55,20 +57,36 @@ def known_frame(frame: Any) -> Any:
     return frame if _kind(frame) != "arrow" else pa.table(frame)
 
 
-def contracts_of(table: Any) -> pa.Table:
+def contracts_of(table: Any, unneeded: Sequence[str] = ()) -> pa.Table:
     """Return the columns of a `known_frame` that state the contracts.
+
+    Parameters
+    ----------
+    unneeded : sequence of str
+        Columns that are not read, and may be missing.
 
     Raises
     ------
     InvalidInputError
         A column is missing, misspelt, named twice, or cannot hold its values.
     """
-    names = _names(table)
-    check_names(names)
-    wanted = [field.name for field in COLUMN_FIELDS if field.name in names]
+    names = names_of(table)
+    check_names(names, unneeded)
+    wanted = [field.name for field in COLUMN_FIELDS if field.name in names and field.name not in unneeded]
     contracts = plain_table(pa.table({name: _as_arrow(table, name) for name in wanted}))
     check_types(contracts.schema)
     return contracts
+
+
+def cells_of(table: Any, name: str) -> list[Any]:
+    """Return the cells of a column of a `known_frame`, None where there is nothing."""
+    cells: list[Any] = _as_arrow(table, name).to_pylist()
+    return cells
+
+
+def names_of(table: Any) -> list[str]:
+    """Return the names of the columns of a `known_frame`."""
+    return [str(name) for name in (table.schema.names if _kind(table) == "arrow" else table.columns)]
 
 
 def schema_of_results(table: Any, greeks: Greeks, *, greek_errors: bool, advice: bool = False) -> pa.Schema:
@@ -79,7 +97,7 @@ def schema_of_results(table: Any, greeks: Greeks, *, greek_errors: bool, advice:
     InvalidInputError
         A column of the frame has the name of a result.
     """
-    names = _names(table)
+    names = names_of(table)
     added = result_schema(names, greeks, greek_errors=greek_errors, advice=advice)
     check_results(names, [*added.names, "message"])
     return added
@@ -98,36 +116,46 @@ def with_results(table: Any, results: pa.Table) -> Any:
     return table
 
 
-def _text(cell: Any) -> str | None:
-    """Return a curve or a local volatility as the JSON that stands for it, a number as text."""
-    if is_dataclass(cell) and not isinstance(cell, type):
-        return json.dumps(asdict(cell), default=np.ndarray.tolist)
-    return None if cell is None else str(cell)
-
-
 def _as_arrow(table: Any, name: str) -> pa.ChunkedArray:
-    """Return a column as Arrow holds it."""
+    """Return a column as Arrow holds it, with numbers or text for objects that it has no type for."""
     kind = _kind(table)
     if kind == "arrow":
         return table[name]
+    # Of a pair of a date and a number Arrow makes two dates, and of an object of polars its address.
+    if (name in LISTS and any(map(_has_pairs, table[name]))) or str(table[name].dtype) == "Object":
+        return pa.chunked_array([_as_numbers(name, [*table[name]])])
     try:
         part = table[[name]]
-        if kind == "pandas" and part[name].dtype == object and any(map(is_dataclass, part[name])):
-            return pa.chunked_array([[_text(cell) for cell in part[name]]], pa.string())
         return (pa.Table.from_pandas(part, preserve_index=False) if kind == "pandas" else pa.table(part))[
             name
         ]
-    except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError):
-        raise InvalidInputError(f"column {name}", "values of several types", "values of one type") from None
+    except Exception:  # Arrow, pandas and polars each have errors of their own for this
+        return pa.chunked_array([_as_numbers(name, [*table[name]])])
+
+
+def _has_pairs(cell: Any) -> bool:
+    """Tell a list of pairs from other cells."""
+    return isinstance(cell, list | tuple) and any(map(is_pair, cell))
+
+
+def _as_numbers(name: str, cells: list[Any]) -> pa.Array:
+    """Return objects as numbers; where the column may hold text, as the text that stands for them."""
+    field = next((field for field in COLUMN_FIELDS if field.name == name), None)
+    if field is not None and field.kind != "number":
+        return pa.array([cell_text(cell) for cell in cells], pa.string())
+    try:
+        return pa.array(
+            [None if is_missing(cell) else real_number(name, cell) for cell in cells], pa.float64()
+        )
+    except InvalidInputError:
+        raise InvalidInputError(
+            f"column {name}", Told("values of several types"), "values of one type"
+        ) from None
 
 
 def _kind(frame: Any) -> str:
     package = type(frame).__module__.partition(".")[0]
     return package if package in ("pandas", "polars") and type(frame).__name__ == "DataFrame" else "arrow"
-
-
-def _names(table: Any) -> list[str]:
-    return [str(name) for name in (table.schema.names if _kind(table) == "arrow" else table.columns)]
 
 
 def _results(

@@ -13,7 +13,7 @@ from pricing_core.american.arrow.arrow_column import is_list, is_number, is_text
 from pricing_core.american.contracts.fields import COLUMN_FIELDS, Greeks
 from pricing_core.american.contracts.names import check_complete
 from pricing_core.american.contracts.result_fields import price_fields
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, Told, UnknownNameError
 
 # By the kind of an output: the type of its column.
 ARROW_TYPES = {
@@ -60,8 +60,13 @@ def result_schema(
     return pa.schema([(field.name, ARROW_TYPES[field.kind]) for field in fields])
 
 
-def check_names(names: Sequence[str]) -> None:
+def check_names(names: Sequence[str], unneeded: Sequence[str] = ()) -> None:
     """Accept the column names of a table, or say in one sentence what is wrong with them.
+
+    Parameters
+    ----------
+    unneeded : sequence of str
+        Columns that may be missing although they are required of a table to be priced.
 
     Raises
     ------
@@ -73,7 +78,7 @@ def check_names(names: Sequence[str]) -> None:
     >>> check_names(["option_type", "spot", "strike", "expiry", "rate"])
     Traceback (most recent call last):
     ...
-    pricing_core.errors.InvalidInputError: columns = 1 missing: must be completed by volatility (1/sqrt(year))
+    pricing_core.errors.MissingInputError: volatility (1/sqrt(year)) is missing
     """
     for name, count in Counter(names).items():
         if count > 1:
@@ -81,8 +86,8 @@ def check_names(names: Sequence[str]) -> None:
     for name in names:
         right = _SPELLINGS.get(_letters(name)) or _near_miss(name, names)
         if right is not None and name != right:
-            raise InvalidInputError(f'column "{name}"', "another spelling", f"renamed {right}")
-    check_complete(names)
+            raise UnknownNameError("column", [name], [right])
+    check_complete({*names, *unneeded})
 
 
 def check_results(names: Sequence[str], results: Sequence[str]) -> None:
@@ -95,9 +100,8 @@ def check_results(names: Sequence[str], results: Sequence[str]) -> None:
     """
     for name in names:
         if name in results:
-            raise InvalidInputError(
-                f"column {name}", "an input column", "renamed: it is the name of a result"
-            )
+            sentence = f"column {name} has the name of a result: rename it, or leave it out"
+            raise InvalidInputError(f"column {name}", Told("an input column"), "renamed", sentence)
 
 
 def unread_columns(names: Sequence[str]) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pricing_core.american.book.book import Rows
 from pricing_core.american.book.column import MISSING, NO_DATE, Dates, PlainDividends
 from pricing_core.american.book.columns import as_numbers, plain
+from pricing_core.american.contracts.field import Field
 from pricing_core.american.contracts.fields import CASH_DIVIDENDS
 from pricing_core.american.contracts.json_text import DECODER
 from pricing_core.american.contracts.vocabulary import is_missing
@@ -26,23 +27,33 @@ class ArrayColumn:
 
     Parameters
     ----------
+    field : Field
     array : ndarray, shape (n,)
     """
 
+    field: Field
     array: NDArray[Any]
 
     def numbers(self) -> Vector:
         """Return a copy as floats, NaN for what is no number."""
         return as_numbers(self.array)
 
-    def is_word(self, word: str) -> BoolVector:
-        """Tell which cells hold the word."""
+    def words(self) -> NDArray[np.int8]:
+        """Return the places of what the cells mean among the choices of the field; -1 for none of them."""
         if self.array.size > 1 and self.array.strides == (0,):  # one cell for all rows
-            return np.repeat(ArrayColumn(self.array[:1]).is_word(word), self.array.size)
-        try:
-            return np.asarray(self.array == word, dtype=bool)
-        except Exception:  # a stranger's cell does not know what it equals, an array equals many things
-            return np.array([isinstance(cell, str) and cell == word for cell in self.array.tolist()])
+            return np.repeat(ArrayColumn(self.field, self.array[:1]).words(), self.array.size)
+        places = np.full(self.array.size, -1, dtype=np.int8)
+        for place, choice in enumerate(self.field.choices):
+            places[self._equals(choice)] = place
+        others = np.flatnonzero(places < 0)
+        if others.size:
+            known = dict(zip(self.field.choices, range(len(self.field.choices)), strict=True))
+            cells = self.array[others].tolist()
+            meant = {
+                cell: known.get(self.field.word(cell) or "", -1) for cell in cells if isinstance(cell, str)
+            }
+            places[others] = [meant[cell] if isinstance(cell, str) else -1 for cell in cells]
+        return places
 
     def is_empty(self, default: object) -> BoolVector:
         """Tell which cells hold nothing, or nothing else than the default."""
@@ -61,9 +72,16 @@ class ArrayColumn:
         """Return one cell, NumPy's numbers and texts as Python's."""
         return plain(self.array[row])
 
+    def _equals(self, word: str) -> BoolVector:
+        """Tell which cells are the word."""
+        try:
+            return np.asarray(self.array == word, dtype=bool)
+        except Exception:  # a stranger's cell does not know what it equals, an array equals many things
+            return np.array([isinstance(cell, str) and cell == word for cell in self.array.tolist()])
+
 
 def plain_dividends(cells: Sequence[object]) -> PlainDividends:
-    """Return the cash dividends of cells that are lists of mappings, or their JSON text."""
+    """Return the cash dividends of cells that are lists of mappings or of pairs, or their JSON text."""
     found = [_times_and_amounts(cell) for cell in cells]
     time, amount = np.fromiter(chain.from_iterable(found), np.float64).reshape(-1, 2).T
     return PlainDividends(np.array([len(numbers) // 2 for numbers in found], dtype=np.int64), time, amount)
@@ -89,9 +107,15 @@ def _times_and_amounts(cell: object) -> list[float]:
         entries = DECODER.decode(cell) if type(cell) is str else cell
         if type(entries) is not list or len(entries) > CASH_DIVIDENDS.most_entries:
             return []
-        if set(map(type, entries)) != {dict} or set(map(len, entries)) != {2}:
+        if set(map(len, entries)) != {2}:
             return []
-        numbers = [number for entry in entries for number in (entry["time"], entry["amount"])]
+        kinds = set(map(type, entries))
+        if kinds == {dict}:
+            numbers = [number for entry in entries for number in (entry["time"], entry["amount"])]
+        elif kinds <= {list, tuple}:
+            numbers = [*chain.from_iterable(entries)]
+        else:
+            return []
         return [float(number) for number in numbers] if set(map(type, numbers)) <= {float, int} else []
-    except (ValueError, RecursionError, KeyError, OverflowError):
+    except (TypeError, ValueError, RecursionError, KeyError, OverflowError):
         return []

@@ -44,8 +44,8 @@ class Column(Protocol):
         """Return a copy as floats, NaN for what is no number."""
         ...
 
-    def is_word(self, word: str) -> BoolVector:
-        """Tell which cells hold the word."""
+    def words(self) -> NDArray[np.int8]:
+        """Return the places of what the cells mean among the choices of the column's field; -1 for none of them."""
         ...
 
     def is_empty(self, default: object) -> BoolVector:

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.american.contracts.checks import real_number
-from pricing_core.american.contracts.fields import CASH_DIVIDENDS, PROPORTIONAL_DIVIDENDS
+from pricing_core.american.contracts.dates import is_meant_as_date
+from pricing_core.american.contracts.dividends import is_pair
+from pricing_core.american.contracts.fields import EXERCISE_TIMES
 from pricing_core.american.contracts.vocabulary import DATES, LISTS, is_missing
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, Told
@@ -22,7 +24,7 @@ def broadcast_columns(columns: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     Parameters
     ----------
     columns : mapping of str to array_like, shape (n,), or scalar
-        A column of lists holds a list, or its text, per row; one list of numbers or of dividends serves all rows.
+        A column of lists holds a list, or its text, per row; one list of times or of dividends serves all rows.
 
     Raises
     ------
@@ -32,22 +34,11 @@ def broadcast_columns(columns: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     arrays = {name: _as_array(name, values) for name, values in columns.items()}
     lengths = {array.size for array in arrays.values() if array.ndim == 1}
     if any(array.ndim > 1 for array in arrays.values()) or len(lengths) > 1:
-        raise _unlisted(arrays) or _ragged(arrays)
+        raise _ragged(arrays)
     length = lengths.pop() if lengths else 1
     return {
         name: array if array.ndim else np.broadcast_to(array, (length,)) for name, array in arrays.items()
     }
-
-
-def _unlisted(arrays: Mapping[str, NDArray[Any]]) -> InvalidInputError | None:
-    """Return the fault of dividends that are given as pairs of numbers; None if there are none."""
-    for field in (CASH_DIVIDENDS, PROPORTIONAL_DIVIDENDS):
-        cells = arrays[field.name] if field.name in arrays else np.empty(0)
-        first = cells[0] if cells.ndim == 1 and cells.size else None
-        if isinstance(first, list | tuple | np.ndarray) and len(first) and not isinstance(first[0], Mapping):
-            allowed = f"{field.allowed}, one for all rows, or one list for each row"
-            return InvalidInputError(f"{field.name}[0]", first, allowed)
-    return None
 
 
 def _ragged(arrays: Mapping[str, NDArray[Any]]) -> InvalidInputError:
@@ -84,6 +75,23 @@ def as_objects(cells: Sequence[object]) -> NDArray[Any]:
     return array
 
 
+def is_list_of_row(name: str, value: object) -> bool:
+    """Tell the list of one row, its text or its absence from an entry of the one list that serves all rows.
+
+    Examples
+    --------
+    >>> [is_list_of_row("cash_dividends", value) for value in ([(0.25, 1.0)], "[[0.25, 1]]", None, (0.25, 1.0))]
+    [True, True, True, False]
+    >>> [is_list_of_row("exercise_times", value) for value in ([0.25, 0.5], 0.25, "2026-03-20")]
+    [True, False, False]
+    """
+    if isinstance(value, str):
+        return not is_meant_as_date(value)
+    if isinstance(value, list | tuple | np.ndarray):
+        return name == EXERCISE_TIMES.name or not is_pair(value)
+    return is_missing(value)
+
+
 def plain(cell: object) -> object:
     """Return a number or text of NumPy as one of Python; durations stay, for their item may be a plain integer."""
     return cell.item() if isinstance(cell, np.generic) and cell.dtype.kind in "fiuU" else cell
@@ -95,7 +103,7 @@ def _as_array(name: str, values: object) -> NDArray[Any]:
         if isinstance(values, np.ma.MaskedArray):
             return np.asarray(np.ma.filled(values.astype(object), None))
         if name in LISTS:
-            return _lists(values)
+            return _lists(name, values)
         array = np.asarray(values)
         if array.ndim == 1 and isinstance(values, list | tuple) and _is_mixed(values, array.dtype.kind):
             return as_objects(values)
@@ -110,20 +118,15 @@ def _as_array(name: str, values: object) -> NDArray[Any]:
         raise InvalidInputError(name, type(values).__name__, "a scalar or a vector") from None
 
 
-def _lists(values: Any) -> NDArray[Any]:
+def _lists(name: str, values: Any) -> NDArray[Any]:
     """Return a column of lists; shape () where there is one list, or its text, for all rows."""
     if hasattr(values, "__array__"):
         values = list(np.asarray(values)) if np.ndim(values) else np.asarray(values).item()
-    if isinstance(values, list | tuple) and any(_is_cell(value) for value in values):
+    if isinstance(values, list | tuple) and any(is_list_of_row(name, value) for value in values):
         return as_objects(values)
     shared = np.empty((), dtype=object)
     shared[()] = values
     return shared
-
-
-def _is_cell(value: object) -> bool:
-    """Tell a row's list, its text or its absence from an entry of a list."""
-    return isinstance(value, list | tuple | np.ndarray | str) or is_missing(value)
 
 
 def _is_mixed(cells: Sequence[object], kind: str) -> bool:

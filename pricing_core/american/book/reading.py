@@ -18,18 +18,29 @@ from pricing_core.american.book.reduction import Reduction
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.dates import DAYS_PER_YEAR, expiry_from_dates
-from pricing_core.american.contracts.fields import COLUMN_FIELDS, DIVIDEND_YIELD, TOLERANCE
+from pricing_core.american.contracts.fields import (
+    COLUMN_FIELDS,
+    DIVIDEND_YIELD,
+    EXERCISE,
+    OPTION_TYPE,
+    TOLERANCE,
+    UNDERLYING,
+)
 from pricing_core.american.contracts.market import NEGLIGIBLE_RATE, Market
-from pricing_core.american.contracts.names import check_complete, unknown_names
+from pricing_core.american.contracts.names import check_complete
 from pricing_core.american.contracts.schedule import make_schedule
 from pricing_core.american.contracts.tolerances import LARGEST_RATIO, check_moneyness
 from pricing_core.american.contracts.vocabulary import DATES, DEFAULTS, contract_from
 from pricing_core.arrays import BoolVector, Vector
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, UnknownNameError
 
 REQUIRED_COLUMNS = tuple(field.name for field in COLUMN_FIELDS if field.required)
 LIMITS = {field.name: field.limits for field in COLUMN_FIELDS if field.kind in ("number", "curve")}
 DIVIDENDS = "cash_dividends"
+# Places among the choices, by which `Column.words` names them.
+PUT = OPTION_TYPE.choices.index("put")
+AMERICAN, EUROPEAN = map(EXERCISE.choices.index, ("american", "european"))
+SPOT, FUTURE = map(UNDERLYING.choices.index, ("spot", "future"))
 # Columns of what a row may state beyond a rate and a yield.
 CARRY = ("underlying", "borrow_rate", "foreign_rate", "quanto_covariance", "settlement_lag")
 OTHER_EVENTS: Mapping[str, object] = {  # and what a row without events holds there, if anything
@@ -86,7 +97,9 @@ def read_book(
     check_kind("columns", columns, Mapping, "a mapping of names to columns")
     _check_names(columns)
     arrays = broadcast_columns({**DEFAULTS, "tolerance": tolerance, **columns})
-    table = {name: ArrayColumn(array) for name, array in arrays.items()}
+    table = {
+        field.name: ArrayColumn(field, arrays[field.name]) for field in COLUMN_FIELDS if field.name in arrays
+    }
     return read_columns(table, arrays["spot"].size, refused)
 
 
@@ -107,10 +120,10 @@ def read_columns(
     numbers = {name: table[name].numbers() for name in LIMITS if name in table}
     expiry = numbers.setdefault("expiry", np.full(count, np.nan))
     if any(name in table for name in DATES):
-        _read_dates(table, expiry)
-    types, exercises = table["option_type"], table["exercise"]
-    is_put, is_american = types.is_word("put"), exercises.is_word("american")
-    sound = (is_put | types.is_word("call")) & (is_american | exercises.is_word("european"))
+        read_dates(table, expiry)
+    types, exercises = table["option_type"].words(), table["exercise"].words()
+    is_put, is_american = types == PUT, exercises == AMERICAN
+    sound = (types >= 0) & (is_american | (exercises == EUROPEAN))
     refused = refused or {}
     sound[list(refused)] = False
     stated = _stated(table, numbers, count)
@@ -140,10 +153,13 @@ def _stated(table: Mapping[str, Column], numbers: dict[str, Vector], count: int)
     empty = {name: table[name].is_empty(None) for name in CARRY if name in numbers}
     for name, cells in empty.items():
         numbers[name][cells] = 0.0
-    underlying = table.get("underlying")
+    is_future, is_known = nothing, ~nothing
+    if "underlying" in table:
+        words = table["underlying"].words()
+        is_future, is_known = words == FUTURE, (words == SPOT) | table["underlying"].is_empty(None)
     return {
-        "is_future": nothing if underlying is None else underlying.is_word("future"),
-        "is_known": ~nothing if underlying is None else underlying.is_empty("spot"),
+        "is_future": is_future,
+        "is_known": is_known,
         "is_quanto": ~empty["foreign_rate"] if "foreign_rate" in empty else nothing,
         "lag": numbers.get("settlement_lag", 0.0 * nothing) / DAYS_PER_YEAR,
     }
@@ -262,11 +278,11 @@ def _check_names(columns: Mapping[str, Any]) -> None:
     known = [field.name for field in COLUMN_FIELDS]
     unknown = [str(name) for name in columns if name not in known]
     if unknown:
-        raise unknown_names("columns", unknown, known)
+        raise UnknownNameError("column", unknown, known)
     check_complete(columns.keys())
 
 
-def _read_dates(table: Mapping[str, Column], expiry: Vector) -> None:
+def read_dates(table: Mapping[str, Column], expiry: Vector) -> None:
     """Write the expiries of the rows that have dates, NaN where there is a fault."""
     absent = np.full(expiry.size, MISSING)
     codes, moments = [], []

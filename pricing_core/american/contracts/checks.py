@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -56,14 +55,3 @@ def range_in_words(least: float, most: float) -> str:
     if math.isfinite(least):
         return f"a finite number >= {least:g}"
     return "a finite number"
-
-
-def alternatives(words: Sequence[str]) -> str:
-    """Return words joined by commas and "or".
-
-    Examples
-    --------
-    >>> alternatives(["put", "call"]), alternatives(["american", "european", "bermudan"])
-    ('put or call', 'american, european or bermudan')
-    """
-    return " or ".join([", ".join(words[:-1]), words[-1]])

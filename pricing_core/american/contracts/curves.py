@@ -12,6 +12,7 @@ import numpy as np
 
 from pricing_core.american.contracts.field import Field
 from pricing_core.american.contracts.fields import KNOT_TIMES, KNOT_VALUES
+from pricing_core.american.contracts.json_text import from_text
 from pricing_core.errors import InvalidInputError, Told
 
 
@@ -108,13 +109,16 @@ def read_curve(field: Field, value: object) -> Curve:
     ----------
     field : Field
         Its limits are those of each of the values.
-    value : float, PiecewiseConstant, or mapping with "times" and "values"
+    value : float, PiecewiseConstant, mapping with "times" and "values", or the JSON of one of these
 
     Raises
     ------
     InvalidInputError
         It is none of them, or a value lies outside the limits; the message names the field.
     """
+    if type(value) is float:
+        return field.check(value)
+    value = from_text(field, value)
     if isinstance(value, Mapping):
         if set(value) != {"times", "values"}:
             raise InvalidInputError(field.name, dict(value), field.allowed)
@@ -130,7 +134,7 @@ def _named(field: str, value: Mapping[str, object]) -> PiecewiseConstant:
     try:
         return PiecewiseConstant(value["times"], value["values"])  # type: ignore[arg-type]  # checked inside
     except InvalidInputError as fault:
-        raise InvalidInputError(f"{field}.{fault.field}", fault.value, fault.allowed) from None
+        raise fault.called(f"{field}.{fault.field}") from None
 
 
 def _numbers(field: Field, values: object) -> tuple[float, ...]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import datetime as dt
 import re
+from typing import TypeAlias, TypeGuard
 
 import numpy as np
 
 from pricing_core.american.contracts.fields import EXPIRY
 from pricing_core.errors import InvalidInputError
 
+AnyDate: TypeAlias = str | dt.date | np.datetime64
 DAYS_PER_YEAR = 365.0
 SECONDS_PER_YEAR = DAYS_PER_YEAR * 86_400.0
 ISO_DATE = re.compile(
@@ -68,8 +70,8 @@ def read_moment(field: str, value: object) -> dt.datetime:
     """
     if isinstance(value, np.datetime64):
         value = value.astype("M8[us]").item()  # None, or a number, where there is no such date
-    if isinstance(value, str) and ISO_DATE.fullmatch(value):
-        value = _parsed(value)
+    if isinstance(value, str) and ISO_DATE.fullmatch(value.strip(" \t")):
+        value = _parsed(value.strip(" \t"))
     if isinstance(value, dt.date) and not isinstance(value, dt.datetime):
         value = dt.datetime(value.year, value.month, value.day)
     if not isinstance(value, dt.datetime):
@@ -94,6 +96,25 @@ def years_from(start: dt.datetime, field: str, date: object) -> float:
         offset = "without" if start.tzinfo is None else "with"
         raise InvalidInputError(field, str(date), f"given {offset} a UTC offset, as the other dates are")
     return (end - start).total_seconds() / SECONDS_PER_YEAR
+
+
+def years_from_now(valuation_date: AnyDate | None, field: str, date: AnyDate) -> float:
+    """Return the years from the valuation date to another date.
+
+    Raises
+    ------
+    InvalidInputError
+        There is no valuation date, or as in `years_from`; the message names `field`.
+    """
+    if valuation_date is None:
+        allowed = "a number of years from now; a date where there is a valuation_date"
+        raise InvalidInputError(field, date, allowed)
+    return years_from(read_moment("valuation_date", valuation_date), field, date)
+
+
+def is_date(value: object) -> TypeGuard[AnyDate]:
+    """Tell a date, or a text that may be one, from a number."""
+    return isinstance(value, str | dt.date | np.datetime64)
 
 
 def is_meant_as_date(value: object) -> bool:

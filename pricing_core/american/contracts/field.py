@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
-from pricing_core.american.contracts.checks import alternatives, range_in_words, real_number
-from pricing_core.errors import InvalidInputError
+from pricing_core.american.contracts.checks import range_in_words, real_number
+from pricing_core.errors import InvalidInputError, enumerated
 
 Kind: TypeAlias = Literal["number", "choice", "curve", "list", "date", "time", "flag"]
 REQUIRED: Any = object()  # The mark of a field without a default.
@@ -32,7 +32,9 @@ class Field:
     limits : (float, float)
         Smallest and largest value, both allowed, of a number; of each number in a list; of each value of a curve.
     choices : tuple of str
-        Texts that a choice may be.
+        Words that a choice may be; they are understood in any case, and with blanks around them.
+    short_forms : tuple of (str, str)
+        Further words, in lower case, and what each stands for.
     entries : tuple of Field
         What each entry of a list holds, or a curve that is no number.
     most_entries : int
@@ -48,6 +50,7 @@ class Field:
     meaning: str
     limits: tuple[float, float] = UNLIMITED
     choices: tuple[str, ...] = ()
+    short_forms: tuple[tuple[str, str], ...] = ()
     entries: tuple[Field, ...] = ()
     most_entries: int = 0
     default: Any = REQUIRED
@@ -76,13 +79,13 @@ class Field:
     @property
     def in_brief(self) -> str:
         """The unit, or the choices."""
-        return alternatives(self.choices) if self.choices else self.unit
+        return enumerated(self.choices, "or") if self.choices else self.unit
 
     @property
     def allowed(self) -> str:
         """What the value must be, completing "must be ..."."""
         if self.kind == "choice":
-            return alternatives([f'"{choice}"' for choice in self.choices])
+            return enumerated([f'"{choice}"' for choice in self.choices], "or")
         if self.kind == "curve":
             return f"a number or {CURVE_IN_WORDS}"
         if self.kind != "list":
@@ -105,13 +108,31 @@ class Field:
         """
         return real_number(place or self.name, value, *self.limits)
 
-    def check_choice(self, value: object) -> None:
-        """Accept one of the choices.
+    def word(self, value: object) -> str | None:
+        """Return the choice that a text means; None where it means none.
+
+        Examples
+        --------
+        >>> side = Field("side", "choice", "", "", choices=("put", "call"), short_forms=(("p", "put"),))
+        >>> side.word(" Put"), side.word("P"), side.word("c")
+        ('put', 'put', None)
+        """
+        if not isinstance(value, str):
+            return None
+        text = value.strip().lower()
+        return text if text in self.choices else dict(self.short_forms).get(text)
+
+    def check_choice(self, value: object) -> Any:
+        """Return the choice that a text means.
 
         Raises
         ------
         InvalidInputError
-            It is none of them; the message names them all.
+            It means none of them; the message names them all.
         """
-        if not (isinstance(value, str) and value in self.choices):
+        if isinstance(value, str) and value in self.choices:
+            return value
+        word = self.word(value)
+        if word is None:
             raise InvalidInputError(self.name, value, self.allowed)
+        return word

@@ -100,6 +100,7 @@ OPTION_TYPE = Field(
     "",
     "The right to sell (put) or to buy (call)",
     choices=get_args(OptionType),
+    short_forms=(("p", "put"), ("puts", "put"), ("c", "call"), ("calls", "call")),
     example="put",
 )
 SPOT = Field("spot", "number", "money", "Price of one unit of the underlying now", MONEY, example=100.0)
@@ -133,6 +134,7 @@ EXERCISE = Field(
     "",
     "american: at any time up to expiry; european: at expiry; bermudan: also at exercise_times",
     choices=get_args(Exercise),
+    short_forms=(("a", "american"), ("e", "european")),
     default="american",
     example="american",
 )

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from decimal import Decimal
+from fractions import Fraction
+from numbers import Real
 from typing import Any
 
+import numpy as np
+
+from pricing_core.american.contracts.field import Field
 from pricing_core.errors import InvalidInputError, shown
 
 
@@ -71,6 +79,41 @@ def parse_cell(field: str, text: str, allowed: str) -> Any:
         return parse_json(text)
     except JSONTextError as fault:
         raise InvalidInputError(field, text, f"{allowed}; it {fault}") from None
+
+
+def from_text(field: Field, value: Any) -> Any:
+    """Return the list or the curve that a text is the JSON of; what is no text as it is.
+
+    Raises
+    ------
+    InvalidInputError
+        The text is not JSON; the message names the field.
+    """
+    return parse_cell(field.name, value, field.allowed) if isinstance(value, str) else value
+
+
+def cell_text(cell: Any) -> str | None:
+    """Return the text that stands for a cell of a table: JSON for lists, curves and surfaces; None for nothing.
+
+    Examples
+    --------
+    >>> cell_text([(0.25, 1.0)]), cell_text({"times": [1.0], "values": (0.2,)}), cell_text("put"), cell_text(0.5)
+    ('[[0.25, 1.0]]', '{"times": [1.0], "values": [0.2]}', 'put', '0.5')
+    """
+    if cell is None or isinstance(cell, str):
+        return cell
+    if isinstance(cell, Mapping | list | tuple | np.ndarray) or is_dataclass(cell):
+        return json.dumps(cell, default=plain_json)
+    return repr(float(cell)) if isinstance(cell, Fraction | np.number) else str(cell)
+
+
+def plain_json(value: Any) -> Any:
+    """Return in a form that JSON can hold what it cannot: dataclasses, numbers and arrays of NumPy, dates, decimals."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
+    if isinstance(value, np.ndarray) or (isinstance(value, np.generic) and value.dtype.kind != "M"):
+        return value.tolist()
+    return float(value) if isinstance(value, Real | Decimal) else str(value)
 
 
 def _refuse_constant(_: str) -> float:

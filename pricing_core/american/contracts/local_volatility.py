@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pricing_core.american.contracts.carry import carry_yield
+from pricing_core.american.contracts.checks import real_number
 from pricing_core.american.contracts.curves import Curve, integral, read_curve, seen_from
 from pricing_core.american.contracts.fields import LOCAL_SPOTS, LOCAL_TIMES, LOCAL_VALUES, VOLATILITY
+from pricing_core.american.contracts.json_text import from_text
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import InvalidInputError, Told
 
@@ -224,12 +226,20 @@ def read_volatility(value: object) -> Volatility:
     """
     if isinstance(value, LocalVolatility):
         return value
+    if isinstance(value, str) and '"spots"' in value:
+        return _surface(value)
     if isinstance(value, Mapping) and set(value) == KEYS:
         try:
             return LocalVolatility(value["times"], value["spots"], value["values"])
         except InvalidInputError as fault:
-            raise InvalidInputError(f"{VOLATILITY.name}.{fault.field}", fault.value, fault.allowed) from None
+            raise fault.called(f"{VOLATILITY.name}.{fault.field}") from None
     return read_curve(VOLATILITY, value)
+
+
+@lru_cache(maxsize=16)
+def _surface(text: str) -> Volatility:
+    """Return the surface that a text is the JSON of, which may be long, and that of many contracts."""
+    return read_volatility(from_text(VOLATILITY, text))
 
 
 def volatility_seen_from(volatility: Volatility, time: float) -> Volatility:
@@ -319,6 +329,8 @@ def _numbers(name: str, given: object, axes: int) -> Any:
         array = np.array(given)
     except ValueError:
         raise InvalidInputError(name, Told("lists of different lengths"), allowed) from None
+    if array.dtype.kind == "O":
+        array = np.array([real_number(name, entry) for entry in array.ravel()]).reshape(array.shape)
     if array.dtype.kind not in "fiu" or array.ndim != axes or array.size == 0:
         raise InvalidInputError(name, Told("something else"), allowed)
     return array.astype(np.float64)

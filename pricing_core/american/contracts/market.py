@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 
 from pricing_core.american.contracts.carry import carry_yield
 from pricing_core.american.contracts.checks import range_in_words
 from pricing_core.american.contracts.curves import Curve, PiecewiseConstant, read_curve
+from pricing_core.american.contracts.dates import AnyDate, read_moment
 from pricing_core.american.contracts.dividends import (
     CashDividend,
     ProportionalDividend,
@@ -49,9 +50,9 @@ class Market:
         1/year, continuously compounded, -0.5 to 2.
     volatility : float, PiecewiseConstant or LocalVolatility
         1/sqrt(year), 0 to 15.
-    cash_dividends : sequence of CashDividend or {"time": ..., "amount": ...}
+    cash_dividends : sequence of CashDividend, {"time": ..., "amount": ...} or (time, amount)
         Kept in the order of their times.
-    proportional_dividends : sequence of ProportionalDividend or {"time": ..., "fraction": ...}
+    proportional_dividends : sequence of ProportionalDividend, {"time": ..., "fraction": ...} or (time, fraction)
         Kept in the order of their times; on one date they come before the cash dividends.
     dividend_model : {"spot", "escrowed"}
         "spot": the spot drops by each amount, and is lognormal in between. "escrowed": the spot less the present
@@ -65,9 +66,12 @@ class Market:
     quanto_covariance : float
         1/year: correlation of ln(spot) and the logarithm of the price of the underlying's currency, times both
         volatilities. `carry_yield` says how these three enter.
+    valuation_date : str, datetime.date, datetime.datetime or numpy.datetime64, optional
+        Where it is given, dividends may have ex-dates in the place of times, as {"ex_date": ..., "amount": ...} or
+        (date, amount); one before it has gone from the spot already, as one at time 0. It is not kept.
 
     Curves may also be given as {"times": [...], "values": [...]}, a local volatility as
-    {"times": [...], "spots": [...], "values": [[...], ...]}.
+    {"times": [...], "spots": [...], "values": [[...], ...]}; curves and lists also as JSON text.
 
     Raises
     ------
@@ -86,8 +90,11 @@ class Market:
     borrow_rate: Curve = 0.0
     foreign_rate: Curve | None = None
     quanto_covariance: float = 0.0
+    valuation_date: InitVar[AnyDate | None] = None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, valuation_date: AnyDate | None) -> None:
+        if valuation_date is not None:
+            read_moment("valuation_date", valuation_date)
         object.__setattr__(self, "spot", SPOT.check(self.spot))
         for field in (RATE, DIVIDEND_YIELD):
             rate = read_curve(field, getattr(self, field.name))
@@ -95,11 +102,13 @@ class Market:
             object.__setattr__(self, field.name, 0.0 if negligible else rate)
         object.__setattr__(self, "volatility", read_volatility(self.volatility))
         if type(self.cash_dividends) is not tuple or self.cash_dividends:
-            object.__setattr__(self, "cash_dividends", read_cash_dividends(self.cash_dividends))
+            object.__setattr__(
+                self, "cash_dividends", read_cash_dividends(self.cash_dividends, valuation_date)
+            )
         if type(self.proportional_dividends) is not tuple or self.proportional_dividends:
-            read = read_proportional_dividends(self.proportional_dividends)
+            read = read_proportional_dividends(self.proportional_dividends, valuation_date)
             object.__setattr__(self, "proportional_dividends", read)
-        DIVIDEND_MODEL.check_choice(self.dividend_model)
+        object.__setattr__(self, "dividend_model", DIVIDEND_MODEL.check_choice(self.dividend_model))
         numbers = (self.borrow_rate, self.quanto_covariance)
         is_usual = self.underlying == "spot" and self.foreign_rate is None
         if not (is_usual and all(type(number) is float and number == 0.0 for number in numbers)):
@@ -107,7 +116,7 @@ class Market:
 
     def _check_carry(self) -> None:
         """Check what the yield is made of, and the yield."""
-        UNDERLYING.check_choice(self.underlying)
+        object.__setattr__(self, "underlying", UNDERLYING.check_choice(self.underlying))
         object.__setattr__(self, "borrow_rate", read_curve(BORROW_RATE, self.borrow_rate))
         object.__setattr__(self, "quanto_covariance", QUANTO_COVARIANCE.check(self.quanto_covariance))
         if self.foreign_rate is not None:

@@ -198,6 +198,8 @@ IMPLIED_VOLATILITY_FIELDS = (
     ResultField(
         "method", "text", "", "How the price was computed; none where there is no volatility", "premium-march"
     ),
+    ResultField("price_bound", "number", "money", "Price of the option that its own is beyond or at", None),
+    ResultField("message", "text", "", "Why there is no volatility, with that bound; else empty", ""),
 )
 
 BOUNDARY_FIELDS = (

@@ -9,18 +9,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.book.columns import as_numbers, broadcast_columns
+from pricing_core.american.book.array_column import ArrayColumn
+from pricing_core.american.book.columns import as_numbers, broadcast_columns, is_list_of_row
+from pricing_core.american.book.reading import read_dates
 from pricing_core.american.contracts.checks import check_kind
-from pricing_core.american.contracts.fields import EXPIRY, STRIKE
+from pricing_core.american.contracts.fields import EXERCISE, EXPIRY, OPTION_TYPE, STRIKE, input_field
 from pricing_core.american.contracts.market import Market
-from pricing_core.american.implied.volatility_bounds import ANY_VOLATILITY
+from pricing_core.american.contracts.names import DATES_INSTEAD
+from pricing_core.american.contracts.vocabulary import DATES, LISTS
+from pricing_core.american.implied.volatility_targets import ANY_VOLATILITY
 from pricing_core.arrays import BoolVector, Vector
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, MissingInputError, Told, UnknownNameError
+from pricing_core.extras import needs_extra
 
 CONTRACTS = ("option_type", "strike", "expiry")
 PRICES = ("option_price", "bid", "ask")
 SHARED = ("spot", "rate")
 DIVIDENDS = ("cash_dividends", "proportional_dividends", "dividend_model")
+OPTIONAL = ("exercise", "valuation_date", *DIVIDENDS)
+NAMES = (*CONTRACTS, *DATES, *PRICES, *SHARED, "exercise", *DIVIDENDS)
 NARROWEST = 1e-9  # Smallest width of a quote that counts, in strikes; chosen.
 
 
@@ -70,48 +77,77 @@ class Chain:
     exercise: str
 
 
-def read_chain(chain: Mapping[str, Any]) -> Chain:
+def read_chain(chain: Any) -> Chain:
     """Return the pairs with two prices above 0; other rows take no part.
+
+    Parameters
+    ----------
+    chain : mapping of str, or a frame
+        As in `implied_carry`.
 
     Raises
     ------
     InvalidInputError
         A column is missing or unknown, lengths differ, or what the options share is outside what is allowed.
     """
-    check_kind("chain", chain, Mapping, "a mapping of names to columns")
+    if hasattr(chain, "__arrow_c_stream__"):
+        with needs_extra("batch"):
+            from pricing_core.american.arrow.frames import cells_of, known_frame, names_of  # noqa: PLC0415
+        table = known_frame(chain)
+        chain = {name: cells_of(table, name) for name in names_of(table) if name in NAMES}
+    check_kind("chain", chain, Mapping, "a mapping of names to columns, or a frame")
     _check_names(chain)
+    shared = {name: _shared(name, chain[name]) for name in (*SHARED, *OPTIONAL) if name in chain}
+    exercise = EXERCISE.check_choice(shared.pop("exercise", EXERCISE.default))
+    if exercise == "bermudan":
+        raise InvalidInputError("exercise", exercise, '"american" or "european", for the whole chain')
     market = Market(
-        chain["spot"],
-        chain["rate"],
-        ANY_VOLATILITY,
-        **{name: chain[name] for name in DIVIDENDS if chain.get(name) is not None},
+        **{name: value for name, value in shared.items() if value is not None}, volatility=ANY_VOLATILITY
     )
     if market.spot == 0.0:
-        raise InvalidInputError("spot", chain["spot"], "a number above 0")
-    exercise = chain.get("exercise", "american")
-    if exercise not in ("american", "european"):
-        raise InvalidInputError("exercise", exercise, '"american" or "european", for the whole chain')
-    table = broadcast_columns({name: chain[name] for name in (*CONTRACTS, *PRICES) if name in chain})
-    numbers = {name: as_numbers(column) for name, column in table.items() if name != "option_type"}
+        raise InvalidInputError("spot", market.spot, "a number above 0")
+    columns = broadcast_columns(
+        {name: chain[name] for name in (*CONTRACTS, *DATES, *PRICES) if name in chain}
+    )
+    numbers = {name: as_numbers(columns[name]) for name in ("strike", "expiry", *PRICES) if name in columns}
+    expiry = numbers.setdefault("expiry", np.full(columns["strike"].size, np.nan))
+    if any(name in columns for name in DATES):
+        read_dates({name: ArrayColumn(input_field(name), columns[name]) for name in DATES}, expiry)
     with np.errstate(all="ignore"):
         sound, price, width = _quotes(numbers)
-    expiry = numbers["expiry"]
     expiries = np.unique(expiry[(expiry > 0.0) & (expiry <= EXPIRY.most)])
-    sides = [np.flatnonzero(sound & (table["option_type"] == side)) for side in ("call", "put")]
+    words = ArrayColumn(OPTION_TYPE, columns["option_type"]).words()
+    sides = [np.flatnonzero(sound & (words == OPTION_TYPE.choices.index(side))) for side in ("call", "put")]
     return Chain(expiries, _match(sides, numbers, price, width, expiries), market, exercise)
 
 
 def _check_names(chain: Mapping[str, Any]) -> None:
-    for name in chain:
-        if name not in (*CONTRACTS, *PRICES, *SHARED, *DIVIDENDS, "exercise"):
-            names = ", ".join((*CONTRACTS, *PRICES, *SHARED, *DIVIDENDS, "exercise"))
-            raise InvalidInputError("chain", name, f"named {names}")
-    for name in (*CONTRACTS, *SHARED):
-        if name not in chain:
-            raise InvalidInputError(name, "missing", "given")
+    unknown = [str(name) for name in chain if name not in NAMES]
+    if unknown:
+        raise UnknownNameError("column", unknown, NAMES, "a chain")
+    dated = all(name in chain for name in DATES)
+    needed = [name for name in (*CONTRACTS, *SHARED) if not (dated and name == "expiry")]
+    missing = {name: DATES_INSTEAD if name == "expiry" else "" for name in needed if name not in chain}
+    if missing:
+        raise MissingInputError(missing)
     given = {name for name in PRICES if name in chain}
     if given not in ({"option_price"}, {"bid", "ask"}):
         raise InvalidInputError("chain", ", ".join(sorted(given)), "option_price alone, or bid and ask")
+
+
+def _shared(name: str, value: Any) -> Any:
+    """Return what all rows share: a value, or that of a column in which it is the same in every row."""
+    is_list = isinstance(value, list | tuple | np.ndarray) and np.ndim(np.asarray(value, dtype=object)) > 0
+    if name in LISTS:
+        is_list = is_list and any(is_list_of_row(name, cell) for cell in value)
+    elif hasattr(value, "tolist") and not is_list:  # a series of pandas
+        value, is_list = [*value], np.ndim(value) > 0
+    if not is_list:
+        return value
+    first = value[0] if value else None
+    if any(cell != first for cell in value):
+        raise InvalidInputError(name, Told("different values"), "the same in every row of a chain")
+    return first
 
 
 def _quotes(numbers: Mapping[str, Vector]) -> tuple[BoolVector, Vector, Vector]:

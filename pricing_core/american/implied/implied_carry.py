@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from pricing_core.american.implied.implied_volatility_many import implied_volati
 from pricing_core.american.price_many import price_columns
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.arrays import BoolVector, Vector
+
+if TYPE_CHECKING:
+    from pricing_core.american.arrow.frames import Frame
 
 PAIRS = 8  # Number of pairs of an expiry that are used, those nearest the money; chosen.
 MOST_PASSES = 20  # Largest number of trial yields; chosen.
@@ -104,7 +107,7 @@ class Premiums(NamedTuple):
 
 
 def implied_carry(
-    chain: Mapping[str, Any], *, tolerance: float = DEFAULT_TOLERANCE, threads: int | None = None
+    chain: Mapping[str, Any] | Frame, *, tolerance: float = DEFAULT_TOLERANCE, threads: int | None = None
 ) -> ImpliedCarry:
     """Return for every expiry of a chain the dividend yield at which call and put have one volatility per strike.
 
@@ -119,11 +122,12 @@ def implied_carry(
 
     Parameters
     ----------
-    chain : mapping of str
-        Quotes of one underlying: columns option_type, strike, expiry, and bid and ask or option_price, shape (n,) or
-        scalar; spot, a number; rate, a number or a curve; exercise, "american" (default) or "european", for all;
-        cash_dividends, proportional_dividends and dividend_model as in `Market`, where they are known. Rows without a
-        bid above 0 and an ask at least as high take no part.
+    chain : mapping of str, or a frame
+        Quotes of one underlying: columns option_type, strike, expiry or both dates, and bid and ask or option_price,
+        shape (n,) or scalar. For all rows alike, as one value or as a column of equal ones: spot; rate, a number or a
+        curve; exercise, "american" (default) or "european"; cash_dividends, proportional_dividends and dividend_model
+        as in `Market`, where they are known. Rows without a bid above 0 and an ask at least as high take no part.
+        Other columns of a frame are not read.
     tolerance : float
         Tolerance of the prices, as a fraction of the strike, 1e-8 to 1e-2.
     threads : int, optional

@@ -14,10 +14,10 @@ from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.fields import ASK, BID, DEFAULT_TOLERANCE, OPTION_PRICE, TOLERANCE
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.tolerances import check_moneyness
-from pricing_core.american.implied.volatility_bounds import ANY_VOLATILITY
 from pricing_core.american.implied.volatility_pricers import find_volatilities
-from pricing_core.american.implied.volatility_search import STATUSES, ImpliedStatus
-from pricing_core.errors import InvalidInputError
+from pricing_core.american.implied.volatility_search import STATUSES, ImpliedStatus, why_none
+from pricing_core.american.implied.volatility_targets import ANY_VOLATILITY
+from pricing_core.errors import InvalidInputError, MissingInputError
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +51,11 @@ class ImpliedVolatility:
         How that price was computed, as in `Valuation`; "none" unless ok.
     bid_volatility, ask_volatility : float or None
         The volatilities of bid and ask, where these are given and have one.
+    price_bound : float or None
+        What the price, or the mid, is below, not below, or equal to where the status is "below_lower_bound",
+        "above_upper_bound" or "not_identifiable".
+    message : str
+        The same in words; empty for another status.
     """
 
     volatility: float | None
@@ -63,6 +68,8 @@ class ImpliedVolatility:
     method: str
     bid_volatility: float | None = None
     ask_volatility: float | None = None
+    price_bound: float | None = None
+    message: str = ""
 
 
 def implied_volatility(
@@ -128,6 +135,8 @@ def implied_volatility(
         method=found.method.item(0),
         bid_volatility=sides[0],
         ask_volatility=sides[1],
+        price_bound=_number(found.price_bound[0]),
+        message=why_none(STATUSES[found.status.item(0)], prices[0], found.price_bound.item(0)),
     )
 
 
@@ -139,7 +148,7 @@ def _observed(option_price: object, bid: object, ask: object) -> list[float]:
         return [OPTION_PRICE.check(option_price)]
     if bid is None or ask is None:
         missing = "option_price" if bid is None and ask is None else ("bid" if bid is None else "ask")
-        raise InvalidInputError(missing, None, "given, option_price alone or both bid and ask")
+        raise MissingInputError(missing, "give option_price alone, or both bid and ask")
     low, high = BID.check(bid), ASK.check(ask)
     if high == 0.0 or low > high:
         raise InvalidInputError("ask", ask, f"above 0 and at least the bid, {low:g}")

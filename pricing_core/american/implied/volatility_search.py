@@ -77,6 +77,8 @@ class FoundVolatilities:
     pricings : int array
     method : object array of str
         The pricer's of the last price; "none" unless OK.
+    price_bound : Vector
+        The price that the one to be met is below or not below, or that it equals; NaN where no bound settles it.
     """
 
     status: NDArray[np.int8]
@@ -87,6 +89,7 @@ class FoundVolatilities:
     volatility_error: Vector
     pricings: NDArray[np.int64]
     method: NDArray[np.object_]
+    price_bound: Vector
 
     def store(self, rows: NDArray[np.intp], part: FoundVolatilities) -> None:
         """Write what was found elsewhere into some of the rows."""
@@ -96,7 +99,7 @@ class FoundVolatilities:
 
 def nothing_found(count: int, status: int) -> FoundVolatilities:
     """Return the result of `count` rows for which no volatility has been found yet."""
-    volatility, price, european, error, volatility_error = np.full((5, count), np.nan)
+    volatility, price, european, error, volatility_error, price_bound = np.full((6, count), np.nan)
     return FoundVolatilities(
         status=np.full(count, status, dtype=np.int8),
         volatility=volatility,
@@ -106,7 +109,28 @@ def nothing_found(count: int, status: int) -> FoundVolatilities:
         volatility_error=volatility_error,
         pricings=np.zeros(count, dtype=np.int64),
         method=np.full(count, "none", dtype=object),
+        price_bound=price_bound,
     )
+
+
+def why_none(status: ImpliedStatus, price: float, bound: float) -> str:
+    """Return why a price has no volatility, in words with the bound; nothing where no bound settles it.
+
+    Examples
+    --------
+    >>> why_none("below_lower_bound", 10.0, 12.52)
+    'the price must be at least 12.52, what the option is worth at volatility 0; it is 10'
+    >>> why_none("above_upper_bound", 200.0, 100.0)
+    'the price must be below 100, what the option is worth at the largest volatility; it is 200'
+    """
+    if math.isnan(bound):
+        return ""
+    worth = {
+        "below_lower_bound": f"at least {bound:.10g}, what the option is worth at volatility 0",
+        "above_upper_bound": f"below {bound:.10g}, what the option is worth at the largest volatility",
+        "not_identifiable": f"above {bound:.10g}, what the option is worth at a whole interval of volatilities from 0",
+    }
+    return f"the price must be {worth[status]}; it is {price:.10g}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -169,6 +193,9 @@ def _settled_by_bounds(targets: Targets) -> FoundVolatilities:
     found.status[targets.price >= targets.bounds.upper - rounding] = ABOVE
     found.status[targets.price <= targets.bounds.lower + rounding] = NOT_IDENTIFIABLE
     found.status[targets.price < targets.bounds.lower - allowed] = BELOW
+    settled = np.flatnonzero(found.status != OPEN)
+    above = found.status[settled] == ABOVE
+    found.price_bound[settled] = np.where(above, targets.bounds.upper[settled], targets.bounds.lower[settled])
     return found
 
 
@@ -216,6 +243,8 @@ def _advance(
     share = targets.share(rows, prices.value)
     y, by_share = coordinate.of(rows, share)
     _learn(targets, state, rows, prices, y, by_share)
+    above = np.flatnonzero(status == ABOVE)
+    found.price_bound[rows[above]] = prices.value[above]
     settled = np.flatnonzero(status == OK)
     if settled.size:
         done = rows[settled]

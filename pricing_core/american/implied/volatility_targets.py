@@ -11,6 +11,7 @@ from pricing_core.american.engines.price_bounds import PriceBounds
 from pricing_core.american.implied.black_spread import black_spread, black_time_value
 from pricing_core.arrays import BoolVector, Vector
 
+ANY_VOLATILITY = 0.2  # Volatility, 1/sqrt(year), that stands in for the one that is looked for.
 LARGEST_MONEYNESS = 600.0  # Largest |ln(F/K)|, so that powers of e do not overflow; chosen.
 # Largest time value, as a share of what is possible, that grows like a square next to the exercise region; calibrated.
 ROOT_SHARE = 0.02

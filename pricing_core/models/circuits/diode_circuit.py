@@ -9,7 +9,13 @@ from typing import Self
 from numpy.typing import ArrayLike
 
 from pricing_core.arrays import as_number, as_vector, check_callable
-from pricing_core.errors import InfeasibleError, InvalidInputError, NotFoundError, NumericalError, Told
+from pricing_core.errors import (
+    InfeasibleError,
+    InvalidInputError,
+    MissingInputError,
+    NotFoundError,
+    NumericalError,
+)
 from pricing_core.lcs.simulate import simulate_without_energy
 from pricing_core.lcs.simulation_method import EventDriven, SimulationMethod, as_method
 from pricing_core.lcs.simulation_times import checked_span, checked_times
@@ -158,8 +164,8 @@ class DiodeCircuit(CircuitBuilder):
         switched = SwitchedCircuit(self.elements)
         names = [switch.name for switch in switched.switches]
         if names and closed is None:
-            raise InvalidInputError(
-                "closed", Told("missing"), f"some of the switches {', '.join(names)}, or ()"
+            raise MissingInputError(
+                "closed", f"give those of the switches {', '.join(names)} that are closed, or ()"
             )
         if closed is not None and not isinstance(closed, list | tuple | set | frozenset):
             raise InvalidInputError("closed", closed, "a list of names of switches")
@@ -207,7 +213,7 @@ class DiodeCircuit(CircuitBuilder):
         (array([2.]), 3.0)
         """
         if t_span is None and self.t_span is None:
-            raise InvalidInputError("t_span", Told("missing"), "given, or in the netlist as .tran")
+            raise MissingInputError("t_span", "give it, or .tran in the netlist")
         span = checked_span(self.t_span if t_span is None else t_span)  # type: ignore[arg-type]
         for element in self.elements:
             if isinstance(element, VoltageSource | CurrentSource):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.arrays import BoolVector, Matrix, Vector, as_number
-from pricing_core.errors import InvalidInputError, NotFoundError, NumericalError, Told
+from pricing_core.errors import InvalidInputError, MissingInputError, NotFoundError, NumericalError
 from pricing_core.lcs import EventDriven, Exosystem, PiecewiseConstant, Trajectory
 from pricing_core.lcs.flow import Flow
 from pricing_core.lcs.sensitivity import end_by_start
@@ -235,7 +235,7 @@ def _period(circuit: SwitchedCircuit, period: float | None) -> float:
             elif isinstance(element.value, Exosystem) and element.value.period is not None:
                 found.append(element.value.period)
     if not found:
-        raise InvalidInputError("period", Told("missing"), "given where no source or control is periodic")
+        raise MissingInputError("period", "no source or control is periodic")
     return max(found)
 
 

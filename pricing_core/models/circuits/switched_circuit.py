@@ -85,7 +85,7 @@ class SwitchedCircuit:
                 self.systems[positions] = assemble(elements, shared=True)
             except InvalidInputError as error:
                 field_ = f"{error.field} with {self.described(positions)}"
-                raise InvalidInputError(field_, error.value, error.allowed) from None
+                raise error.called(field_) from None
         return self.systems[positions]
 
     def placed(self, positions: Positions) -> list[Element]:

@@ -10,6 +10,7 @@ from pricing_core.american.book.book import Book, Segments
 from pricing_core.american.book.columns import as_objects
 from pricing_core.american.book.dividend_rows import read_dividend_rows
 from pricing_core.american.book.reading import checked_contract, read_book
+from pricing_core.american.contracts.fields import CASH_DIVIDENDS
 
 ROW = {"option_type": "put", "spot": 95.0, "strike": 100.0, "expiry": 1.0, "rate": 0.05, "volatility": 0.25}
 ARRAYS = {
@@ -20,6 +21,9 @@ PLAIN = [
     [{"time": 0.5, "amount": 1.0}],
     [{"amount": 1, "time": 0.5}, {"time": 0.75, "amount": 2}],
     ' [{"time": 0.5, "amount": 1e0}]\n',
+    [(0.5, 1.0)],
+    [[0.5, 1.0], (0.75, 2)],
+    "[[0.5, 1]]",
 ]
 NOT_PLAIN = [
     None,
@@ -37,6 +41,10 @@ NOT_PLAIN = [
     [{"time": 0.5, "amount": float("nan")}],
     [{"time": float("nan"), "amount": 1.0}],
     [{"time": 0.5, "amount": 1.0, "ex_date": None}],
+    [(0.5, 1.0, 2.0)],
+    [("2026-03-15", 1.0)],
+    [(0.5, True)],
+    [(0.5, 1.0), {"time": 0.75, "amount": 1.0}],
     [{"ex_date": "2026-03-15", "amount": 1.0}],
     [{"time": 0.0, "amount": 1.0}],
     [{"time": 1.0, "amount": 1.0}],
@@ -52,7 +60,7 @@ NOT_PLAIN = [
 
 def rows_read(cells):
     arrays = {name: np.repeat(column, len(cells)) for name, column in ARRAYS.items()}
-    found = read_dividend_rows(ArrayColumn(as_objects(cells)), np.arange(len(cells)), arrays)
+    found = read_dividend_rows(ArrayColumn(CASH_DIVIDENDS, as_objects(cells)), np.arange(len(cells)), arrays)
     if found is None:
         return []
     rows, book = found

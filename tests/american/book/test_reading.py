@@ -67,7 +67,7 @@ def schedules(read: ReadBook) -> dict[int, object]:
 
 BAD_CELLS = [
     ("option_type", "straddle"),
-    ("option_type", "Put"),
+    ("option_type", "Putt"),
     ("option_type", None),
     ("exercise", "bermudan"),  # without exercise times
     ("exercise", "sometimes"),
@@ -215,15 +215,12 @@ def test_tables_are_read_without_changing_them():
 
 @pytest.mark.parametrize("name", ["option_type", "spot", "strike", "expiry", "rate", "volatility"])
 def test_a_missing_column_is_named(name):
-    with pytest.raises(InvalidInputError, match=rf"columns = 1 missing: must be completed by {name} \("):
+    with pytest.raises(InvalidInputError, match=rf"^{name} \(.*\) is missing"):
         read_book({key: value for key, value in ROW.items() if key != name}, 1e-6)
 
 
 def test_an_unknown_column_is_named():
-    with pytest.raises(
-        InvalidInputError,
-        match="columns = 'vol': must be volatility, or another of the names",
-    ):
+    with pytest.raises(InvalidInputError, match=r"there is no column 'vol': did you mean volatility\?"):
         read_book({**ROW, "vol": 0.2}, 1e-6)
 
 
@@ -413,7 +410,7 @@ def test_a_column_of_lists_of_one_length_is_no_matrix(times):
             "cash_dividends[1].amount = -1.0: must be a number from 0 to 1e+30",
         ),
         ({"cash_dividends": "[{]"}, "cash_dividends = '[{]': must be a list of"),
-        ({"cash_dividends": [[0.5, 1.0]]}, "cash_dividends[0] = [0.5, 1.0]: must be"),
+        ({"cash_dividends": [[[0.5, 1.0, 2.0]]]}, "cash_dividends[0] = [[0.5, 1.0, 2.0]]: must be"),
         (
             {"cash_dividends": [{"time": 0.5, "amount": 200.0}], "dividend_model": "escrowed"},
             "must be worth less today than the spot in the escrowed model",
@@ -428,7 +425,10 @@ def test_a_column_of_lists_of_one_length_is_no_matrix(times):
         ({"exercise_start": True}, "exercise_start = True: must be a number from 0 to 200"),
         ({"exercise_start": 2.0}, "exercise_start = 2.0: must be at most the expiry, 1"),
         ({"valuation_date": "2026-01-01"}, "expiry = 1.0: must be left out where dates are given"),
-        ({"expiry": None, "valuation_date": "2026-01-01"}, "expiration_date = 'missing': must be given"),
+        (
+            {"expiry": None, "valuation_date": "2026-01-01"},
+            "expiration_date is missing: valuation_date needs it",
+        ),
         (
             {"expiry": None, "valuation_date": "x", "expiration_date": "y"},
             "valuation_date = 'x': must be an ISO",
@@ -441,10 +441,13 @@ def test_a_column_of_lists_of_one_length_is_no_matrix(times):
             {"expiry": None, "valuation_date": {1}, "expiration_date": "y"},
             "valuation_date = {1}: must be an ISO",
         ),
-        ({"expiry": None}, "expiry = 'missing': must be given, or valuation_date and expiration_date"),
+        ({"expiry": None}, "expiry is missing: give it, or valuation_date and expiration_date"),
         ({"rate": 1j}, "rate = 1j: must be a number from -0.5 to 2"),
         ({"spot": [100.0]}, "spot = [100.0]: must be a number from 0 to 1e+30"),
-        ({"exercise": np.array([])}, 'exercise = []: must be "american", "european" or "bermudan"'),
+        (
+            {"exercise": np.array([])},
+            'exercise = array([], dtype=float64): must be "american", "european" or "bermudan"',
+        ),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )

@@ -15,23 +15,25 @@ from pricing_core.errors import InvalidInputError
     [
         (
             lambda: Market(spot=100.0, rate=0.05, volatility=0.2, div_yield=0.01),
-            "argument of Market = 'div_yield': must be dividend_yield, or another of the names spot, rate, volatility",
+            "Market has no argument 'div_yield': did you mean dividend_yield?",
         ),
-        (lambda: Market(100.0, 0.05, vol=0.2), "argument of Market = 'vol': must be volatility, or another"),
+        (lambda: Market(100.0, 0.05, vol=0.2), "Market has no argument 'vol': did you mean volatility?"),
         (
             lambda: Option("put", 100.0, maturity=1.0),
-            "argument of Option = 'maturity': must be one of the names option_type, strike, expiry, exercise",
+            "Option has no argument 'maturity': choose from option_type, strike, expiry, exercise",
         ),
         (
             lambda: replace(Market(100.0, 0.05, 0.2), sopt=90.0),
-            "argument of Market = 'sopt': must be spot, or another",
+            "Market has no argument 'sopt': did you mean spot?",
         ),
         (
             lambda: CashDividend(0.5, value=1.0),
-            "argument of CashDividend = 'value': must be one of the names time, amount",
+            "CashDividend has no argument 'value': choose from time and amount",
         ),
-        (lambda: Market(100.0, rate=0.05), "volatility = missing: must be given"),
-        (lambda: Option("put"), "strike = missing: must be given"),
+        (lambda: Market(100.0, rate=0.05), "volatility is missing"),
+        (lambda: Option("put"), "strike is missing"),
+        (Option, "option_type and strike are missing"),
+        (lambda: Option("put", 100.0), "expiry is missing: give it, or valuation_date and expiration_date"),
     ],
 )
 def test_arguments_that_are_not_known_or_missing_are_named(make, message):
@@ -67,10 +69,10 @@ def test_records_whose_arguments_are_named_have_their_signature_and_are_pickled(
             CashDividend(0.5, 1.0),
             "cash_dividends = CashDividend(time=0.5, amount=1.0): must be a list of {",
         ),
-        ([(0.5, 1.0)], "cash_dividends[0] = (0.5, 1.0): must be {"),
+        ([(0.5, 1.0, 2.0)], "cash_dividends[0] = (0.5, 1.0, 2.0): must be {"),
         (
             [{"time": 0.5, "value": 1.0}],
-            "cash_dividends[0].value = 1.0: must be left out: a dividend has time",
+            "cash_dividends[0] has no key 'value': choose from time, ex_date and amount",
         ),
     ],
 )

@@ -128,8 +128,8 @@ def test_a_dividend_of_the_far_future_is_after_expiry_and_no_fault():
     "date", ["2027-01-15", dt.date(2027, 1, 15), dt.datetime(2027, 1, 15), np.datetime64("2027-01-15")]
 )
 def test_a_date_as_expiry_is_told_how_dates_are_given(date):
-    told = "a number from 0 to 200, in years; in its place contract_from and tables take valuation_date and "
-    assert refused({**PLAIN, "expiry": date}).allowed == f"{told}expiration_date"
+    told = "a number from 0 to 200, in years; or valuation_date and expiration_date in its place"
+    assert refused({**PLAIN, "expiry": date}).allowed == told
     with pytest.raises(InvalidInputError, match=told):
         Option("put", 90.0, date)
 
@@ -139,14 +139,15 @@ def test_a_date_as_expiry_is_told_how_dates_are_given(date):
     [
         (
             {**PLAIN, "vol": 0.2},
-            "contract = 'vol': must be volatility, or another of the names option_type, spot",
+            "a contract has no field 'vol': did you mean volatility?",
         ),
-        (UNDATED, "expiry = 'missing': must be given, or valuation_date and expiration_date"),
+        (UNDATED, "expiry is missing: give it, or valuation_date and expiration_date"),
         ({**DATED, "expiry": 1.0}, "expiry = 1.0: must be left out where dates are given"),
-        ({**UNDATED, "valuation_date": "2026-01-01"}, "expiration_date = 'missing': must be given where"),
-        ({**UNDATED, "expiration_date": "2026-01-01"}, "valuation_date = 'missing': must be given where"),
+        ({**UNDATED, "valuation_date": "2026-01-01"}, "expiration_date is missing: valuation_date needs it"),
+        ({**UNDATED, "expiration_date": "2026-01-01"}, "valuation_date is missing: expiration_date needs it"),
         ({**PLAIN, "valuation_date": "2026-01-01"}, "expiry = 1.0: must be left out where dates are given"),
-        ({**PLAIN, "rate": "0.05"}, "rate = '0.05': must be a number from -0.5 to 2"),
+        ({**PLAIN, "rate": "5%"}, "rate = '5%': must be a number or {"),
+        ({**PLAIN, "rate": "3"}, "rate = 3: must be a number from -0.5 to 2"),
         ({**PLAIN, "rate": '{"times": [1]'}, "rate = '{\"times\": [1]': must be a number or {"),
         (
             {**PLAIN, "rate": {"times": [1.0], "values": [3.0]}},
@@ -157,23 +158,23 @@ def test_a_date_as_expiry_is_told_how_dates_are_given(date):
         ({**PLAIN, "cash_dividends": "[NaN]"}, "it holds NaN or Infinity"),
         (
             {**PLAIN, "cash_dividends": '{"time": 1}'},
-            "cash_dividends = {'time': 1}: must be a list of {",
+            "cash_dividends = '{\"time\": 1}': must be a list of {",
         ),
         (
             {**PLAIN, "cash_dividends": [0.5]},
-            'cash_dividends[0] = 0.5: must be {"time": ..., "amount": ...} or',
+            'cash_dividends[0] = 0.5: must be {"time": ..., "amount": ...}, (time, amount) or',
         ),
         (
             {**PLAIN, "cash_dividends": [{"time": 0.25}]},
-            "cash_dividends[0].amount = missing: must be given",
+            "cash_dividends[0].amount is missing",
         ),
         (
             {**PLAIN, "proportional_dividends": [{"fraction": 0.25}]},
-            "proportional_dividends[0].time = missing: must be given, or ex_date where there is a valuation_date",
+            "proportional_dividends[0].time is missing: give it, or ex_date where there is a valuation_date",
         ),
         (
             {**PLAIN, "cash_dividends": [{"time": 0.25, "amount": 1.0, "fraction": 0.1}]},
-            "cash_dividends[0].fraction = 0.1: must be left out: a dividend has time and amount",
+            "cash_dividends[0] has no key 'fraction': choose from time, ex_date and amount",
         ),
         (
             {**PLAIN, "cash_dividends": [{"time": 1, "amount": 1}, {"time": 1, "amount": -1.0}]},
@@ -181,7 +182,7 @@ def test_a_date_as_expiry_is_told_how_dates_are_given(date):
         ),
         (
             {**PLAIN, "cash_dividends": [{"ex_date": "2026-05-01", "amount": 1.0}]},
-            "cash_dividends[0].ex_date = '2026-05-01': must be left out, and time given, where",
+            "cash_dividends[0].ex_date = '2026-05-01': must be a number of years from now; a date where there is a",
         ),
         (
             {**DATED, "cash_dividends": [{"ex_date": "2026-05-01", "time": 1.0, "amount": 1.0}]},

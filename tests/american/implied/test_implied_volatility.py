@@ -22,7 +22,6 @@ from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.price_bounds import bounds_of
 from pricing_core.american.engines.solve import CLOSED_FORM, solve
 from pricing_core.american.implied.black_spread import black_spread, black_time_value
-from pricing_core.american.implied.volatility_bounds import price_bounds
 from pricing_core.american.implied.volatility_search import search
 from pricing_core.american.implied.volatility_targets import Targets
 from pricing_core.errors import InvalidInputError
@@ -461,7 +460,6 @@ def test_bounds_with_dividends_can_be_computed_by_hand():
     assert put.lower[0] == pytest.approx(just_after)
     assert put.upper[0] == 110.0
     assert not put.at_once[0]
-    assert price_bounds(Option("put", 110.0, 1.0), cash) == (put.lower[0], put.upper[0])
     proportional = Market(100.0, 0.0, 0.2, proportional_dividends=[ProportionalDividend(0.5, 0.1)])
     call = bounds(Option("call", 80.0, 1.0, "european"), proportional)
     assert (call.lower[0], call.upper[0]) == (pytest.approx(10.0), pytest.approx(90.0))
@@ -473,3 +471,42 @@ def test_bounds_with_dividends_can_be_computed_by_hand():
     put = bounds(bermudan, curve)
     assert put.lower[0] == pytest.approx(100.0 * math.exp(-0.01) - 90.0)
     assert put.upper[0] == pytest.approx(100.0 * math.exp(-0.01))
+
+
+@pytest.mark.parametrize(
+    ("price", "status", "bound", "words"),
+    [
+        (10.0, "below_lower_bound", 20.0, "at least 20, what the option is worth at volatility 0; it is 10"),
+        (
+            20.0,
+            "not_identifiable",
+            20.0,
+            "above 20, what the option is worth at a whole interval of volatilities",
+        ),
+        (
+            200.0,
+            "above_upper_bound",
+            100.0,
+            "below 100, what the option is worth at the largest volatility; it is 200",
+        ),
+    ],
+)
+def test_a_price_without_volatility_is_told_its_bound(price, status, bound, words):
+    option, market = Option("put", 100.0, 1.0), Market(80.0, 0.05, 0.2)
+    found = implied_volatility(option, market, price)
+    assert (found.status, found.price_bound) == (status, bound)
+    assert words in found.message
+    row = {"option_type": "put", "spot": 80.0, "strike": 100.0, "expiry": 1.0, "rate": 0.05}
+    table = implied_volatility_many(row, option_price=[price, 21.0])
+    assert (table["status"].tolist(), table["price_bound"][0]) == ([status, "ok"], bound)
+    assert table["message"].tolist() == [found.message, ""]
+    assert np.isnan(table["price_bound"][1])
+
+
+def test_a_price_above_that_of_the_largest_volatility_is_told_that():
+    """A short life: even at the largest volatility the option is far from its limit."""
+    option, market = Option("put", 100.0, 1e-3), Market(100.0, 0.05, 15.0)
+    most = price(option, market, tolerance=1e-8).price
+    found = implied_volatility(option, market, most + 1.0)
+    assert found.status == "above_upper_bound"
+    assert found.price_bound == pytest.approx(most, abs=1e-3)

@@ -185,7 +185,7 @@ def test_what_the_service_refuses_is_raised_as_the_library_raises_it(client: Cli
         client.price(option, market, tolerance=1)
     with pytest.raises(InvalidInputError, match="times"):
         client.boundary(option, market, [2.0])
-    with pytest.raises(InvalidInputError, match="2 rows"):
+    with pytest.raises(InvalidInputError, match="lengths 2, 3"):
         client.price_many({"spot": [1.0, 2.0], "strike": [1.0, 2.0, 3.0]})
     with pytest.raises(InvalidInputError, match="expiry"):
         client.price_many({**COMMON, "spot": [1.0], "strike": 1.0, "rate": 0.0})

@@ -149,9 +149,9 @@ def test_the_command_writes_the_file(pricing: Any, tmp_path: Path, monkeypatch: 
 @pytest.mark.parametrize(
     ("body", "sentence"),
     [
-        ({"shape": "disc"}, r"drawing.bodies[0].at = missing: must be its middle"),
-        ({"shape": "disc", "at": [0, 0]}, "drawing.bodies[0].radius = missing: must be given for a disc"),
-        ({"shape": "box", "at": [0, 0], "width": 1}, "drawing.bodies[0].height = missing"),
+        ({"shape": "disc"}, r"drawing.bodies[0].at is missing: its middle"),
+        ({"shape": "disc", "at": [0, 0]}, "drawing.bodies[0].radius is missing: a disc needs it"),
+        ({"shape": "box", "at": [0, 0], "width": 1}, "drawing.bodies[0].height is missing"),
         ({"shape": "cube", "at": [0, 0]}, "drawing.bodies[0].shape = 'cube': must be one of"),
         ({"shape": "disc", "radius": 1, "at": [0]}, "drawing.bodies[0].at = [0]: must be two numbers"),
         ({"shape": "disc", "radius": 0, "at": [0, 0]}, "drawing.bodies[0].radius = 0.0: must be > 0"),

@@ -113,7 +113,7 @@ def test_quiet_says_nothing(tmp_path: Path) -> None:
     ("content", "words"),
     [
         (b"", "it is empty"),
-        (b"id,spot\n1,2\n", "completed by option_type"),
+        (b"id,spot\n1,2\n", "option_type (put or call), strike (money), expiry"),
         (b"id,\xff\n", "UTF-8"),
         (b"spot,spot\n", "column spot"),
     ],

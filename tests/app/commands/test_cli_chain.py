@@ -71,10 +71,13 @@ def test_a_file_of_which_all_has_expired_ends_with_1(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        ((), "rate = missing: must be given by --rate or --rates"),
+        ((), "rate is missing: give --rate or --rates"),
         (("--rate", "0.04", "--rates", "rates.csv"), "rate = given twice"),
         (("--rate", "0.04", "--format", "bloomberg"), "format = 'bloomberg': must be one of"),
-        (("--rate", "0.04", "--format", "orats"), "column underlying_price = missing"),
+        (
+            ("--rate", "0.04", "--format", "orats"),
+            "underlying_price, quote_date, expiration, bid and ask are missing",
+        ),
         (("--rate", "0.04", "--dividends", "absent.csv"), "absent.csv: No such file"),
         (("--rate", "0.04", "--valuation-date", "soon"), "must be a date"),
     ],

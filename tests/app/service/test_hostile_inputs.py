@@ -100,7 +100,7 @@ def test_a_body_that_is_not_one_plain_json_object_is_a_422(
         ("tolerance", "0.1"),
         ("tolerance", "1e-300"),
         ("option_type", f'"{CANARY}"'),
-        ("option_type", '"PUT"'),
+        ("option_type", '"PUTT"'),
         ("option_type", "1"),
         ("exercise", f'"{CANARY}"'),
         ("exercise", "null"),
@@ -162,7 +162,8 @@ SOUND = '{"time": 0.5, "amount": 1}'
         ("cash_dividends", '[{"time": "0.5", "amount": 1}]', "cash_dividends[0].time"),
         ("cash_dividends", '[{"amount": 1}]', "cash_dividends[0].time"),
         ("cash_dividends", f"[{SOUND}, null]", "cash_dividends[1]"),
-        ("cash_dividends", "[[0.5, 1]]", "cash_dividends[0]"),
+        ("cash_dividends", "[[0.5, 1, 2]]", "cash_dividends[0]"),
+        ("cash_dividends", "[[0.5, -1]]", "cash_dividends[0].amount"),
         ("cash_dividends", '[{"ex_date": 20260101, "amount": 1}]', "cash_dividends[0].ex_date"),
         ("cash_dividends", f'[{{"ex_date": "{CANARY}", "amount": 1}}]', "cash_dividends[0].ex_date"),
         ("cash_dividends", f'[{{"time": 1, "amount": 1, "foo": "{CANARY}"}}]', "key of cash_dividends[0]"),
@@ -184,8 +185,8 @@ SOUND = '{"time": 0.5, "amount": 1}'
         ("dividend_yield", '{"times": [1], "values": [null]}', "dividend_yield.values[0]"),
         ("exercise_times", "[0.5, true]", "exercise_times[1]"),
         ("exercise_times", "[0.5, 201]", "exercise_times[1]"),
-        ("exercise_times", f'[0.5, "{CANARY}"]', "exercise_times[1]"),
-        ("exercise_times", '["2026-07-01"]', "exercise_times[0]"),
+        ("exercise_times", f'[0.5, "{CANARY}"]', "exercise_times"),
+        ("exercise_times", '["2026-07-01"]', "exercise_times"),
     ],
     ids=lambda value: repr(value)[:50],
 )
@@ -195,7 +196,7 @@ def test_a_fault_inside_a_list_or_a_curve_is_named_by_its_place(
 ) -> None:
     problem = ask_with(client, address, question, field, literal)
     assert problem["errors"][0]["field"] == place
-    assert place in problem["detail"]
+    assert place.removeprefix("key of ") in problem["detail"]
 
 
 def test_an_unknown_key_of_a_dividend_is_told_the_ones_that_are_known(
@@ -203,9 +204,7 @@ def test_an_unknown_key_of_a_dividend_is_told_the_ones_that_are_known(
 ) -> None:
     literal = '[{"time": 1, "amount": 1, "amonut": 1}]'
     problem = ask_with(client, "/v1/price", question, "cash_dividends", literal)
-    assert problem["detail"] == (
-        "key of cash_dividends[0] = an unknown name: must be amount, or another of the names time, ex_date, amount"
-    )
+    assert problem["detail"] == ("cash_dividends[0] has no such key: did you mean amount?")
 
 
 def test_a_number_that_is_none_is_told_that_a_curve_would_do(
@@ -293,7 +292,7 @@ def test_every_door_takes_as_many_exercise_times(client: TestClient, question: d
             "cash_dividends[0].ex_date",
         ),
         ({"exercise": "bermudan"}, "exercise_times"),
-        ({"exercise": "bermudan", "exercise_times": [2.0]}, "exercise_times"),
+        ({"exercise": "bermudan", "exercise_times": [2.0]}, "exercise_times[0]"),
         ({"exercise": "european", "exercise_start": 0.5}, "exercise_start"),
     ],
     ids=str,
@@ -319,11 +318,8 @@ def test_unknown_keys_are_told_first_with_the_nearest_name_and_the_keys_that_are
     body = question | {"volatilty": 0.3, "spto": 1, "foo": 1, "spot": "100"}
     problem = assert_problem(client.post("/v1/price", json=body), 422, "invalid-input")
     assert [error["field"] for error in problem["errors"]] == ["key of the body", "spot"]
-    assert problem["detail"].startswith(
-        "key of the body = unknown names: must be volatility, spot, or another of the names option_type, strike, "
-    )
-    assert "dividend_yield" in problem["detail"]
-    assert problem["detail"].endswith("; spot must be a number from 0 to 1e+30, not a text")
+    assert problem["detail"].startswith("the body has no such key: did you mean volatility or spot? ")
+    assert problem["detail"].endswith("? spot must be a number from 0 to 1e+30, not a text")
     assert not any(name in problem["detail"] for name in ("volatilty", "spto", "foo"))
 
 
@@ -333,9 +329,7 @@ def test_an_unknown_key_is_refused_and_not_repeated(
 ) -> None:
     problem = assert_problem(client.post("/v1/price", json=question | {key: CANARY}), 422, "invalid-input")
     assert [error["field"] for error in problem["errors"]] == ["key of the body"]
-    assert problem["detail"].startswith(
-        "key of the body = an unknown name: must be one of the names option_type,"
-    )
+    assert problem["detail"].startswith("the body has no such key: choose from option_type, ")
     assert key not in problem["detail"]
 
 
@@ -440,10 +434,10 @@ def test_of_a_thousand_faults_ten_are_looked_into(
     client: TestClient, question: dict[str, Any], monkeypatch: pytest.MonkeyPatch, address: str, kind: str
 ) -> None:
     looked = []
-    schema_at, unknown = request_body.schema_at, request_body.unknown_in_request
+    schema_at, unknown = request_body.schema_at, request_body.UnknownNameError
     monkeypatch.setattr(request_body, "schema_at", lambda *told: (looked.append(told), schema_at(*told))[1])
     monkeypatch.setattr(
-        request_body, "unknown_in_request", lambda *told: (looked.extend(told[1]), unknown(*told))[1]
+        request_body, "UnknownNameError", lambda *told: (looked.extend(told[1]), unknown(*told))[1]
     )
     made = []
     of_model = request_body.inline_schema

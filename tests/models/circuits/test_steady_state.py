@@ -159,5 +159,5 @@ def test_a_circuit_without_states_is_steady_at_once():
 
 
 def test_a_circuit_without_a_clock_needs_a_period():
-    with pytest.raises(InvalidInputError, match="period = missing: must be given where"):
+    with pytest.raises(InvalidInputError, match="period is missing: no source or control is periodic"):
         DiodeCircuit().resistor("R", "a", "0", 1).capacitor("C", "a", "0", 1).steady_state()

@@ -192,7 +192,7 @@ def test_the_state_may_switch_no_more_often_than_allowed():
             lambda c: c.switch("S1", "a", "0", ("q", "0", 1, 0)).simulate((0, 1)),
             "control of S1.*a node of the",
         ),
-        (lambda c: c.switch("S1", "a", "0", Pulse(1, 0.5)).to_lcs(), "closed = missing: must be some of"),
+        (lambda c: c.switch("S1", "a", "0", Pulse(1, 0.5)).to_lcs(), "closed is missing: give those of"),
         (lambda c: c.to_lcs(closed=["S7"]), "closed = 'S7': must be a switch: there is none"),
         (
             lambda c: c.switch("S1", "a", "0", Pulse(1, 0.5)).simulate((0, 1), method="time-stepping"),

@@ -44,7 +44,7 @@ def element_of(card: Card, place: Place) -> Element:
     except InvalidInputError as fault:  # the element does not know its line
         if fault.field.startswith(card.field):
             raise
-        raise InvalidInputError(f"{card.field}: {fault.field}", fault.value, fault.allowed) from None
+        raise fault.called(f"{card.field}: {fault.field}") from None
 
 
 def _two_nodes(card: Card, place: Place) -> tuple[str, str, str]:

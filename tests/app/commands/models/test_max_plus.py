@@ -135,7 +135,7 @@ def test_a_place_may_be_an_object_or_a_list_and_inputs_are_given() -> None:
         (GRAPH | {"places": [["drill", "press"]]}, "places[0]"),
         (GRAPH | {"places": [{"source": "drill"}]}, "places[0].target"),
         (GRAPH | {"places": [{"source": "drill", "target": 1}]}, "places[0].target"),
-        (GRAPH | {"places": [{"source": "drill", "target": "press", "time": 1}]}, "key"),
+        (GRAPH | {"places": [{"source": "drill", "target": "press", "time": 1}]}, "key of places[0]"),
         (GRAPH | {"places": None}, "places"),
         (GRAPH | {"transitions": None}, "transitions"),
         (GRAPH | {"transitions": "a"}, "transitions"),

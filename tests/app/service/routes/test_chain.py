@@ -80,7 +80,7 @@ def test_a_row_that_cannot_be_read_has_a_status_and_is_not_repeated(client: Test
         ("", "rate"),
         ("?rate=x", "rate"),
         ("?rate=%7B%7D", "rate"),
-        ("?rate=0.04&rates=1", "query"),
+        ("?rate=0.04&rates=1", "parameter of the query"),
         ("?rate=0.04&rate=0.05", "query"),
         ("?rate=0.04&format=bloomberg", "format"),
         ("?rate=0.04&underlying_price=-1", "underlying_price"),
