@@ -76,14 +76,13 @@ def instructions(text: str) -> list[tuple[str, str]]:
 
 
 def empty_stage(root: Path) -> Stage:
-    """Return a stage in a new folder; PATH, and where this machine keeps Rust, is all that is taken over."""
+    """Return a stage in a new folder; PATH, where this machine keeps Rust, and how cargo compiles are taken over."""
     (root / "opt").mkdir(parents=True)
     home = Path.home()
     variables = {"PATH": os.environ["PATH"], "HOME": str(root)}
     for name, default in (("CARGO_HOME", home / ".cargo"), ("RUSTUP_HOME", home / ".rustup")):
         variables[name] = os.environ.get(name, str(default))
-    if "CARGO_TARGET_DIR" in os.environ:  # compiled packages of others, kept from one run to the next
-        variables["CARGO_TARGET_DIR"] = os.environ["CARGO_TARGET_DIR"]
+    variables |= {name: value for name, value in os.environ.items() if name.startswith("CARGO_")}
     return Stage(root, root, variables)
 
 
