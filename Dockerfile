@@ -26,9 +26,10 @@ COPY --from=build /opt/wheels /opt/wheels
 # An image whose wheel has no kernel is a mistake.
 RUN /opt/pricing/bin/pip install --no-deps --no-index --find-links /opt/wheels pricing-core \
     && /opt/pricing/bin/python -c "import pricing_core; assert pricing_core.kernel_name() == 'rust'"
-ENV PATH=/opt/pricing/bin:$PATH PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 MPLCONFIGDIR=/tmp/matplotlib
+ENV PATH=/opt/pricing/bin:$PATH PYTHONUNBUFFERED=1 PYTHONDONTWRITEBYTECODE=1 MPLCONFIGDIR=/tmp/matplotlib \
+    PRICING_HOST=0.0.0.0 PRICING_PORT=8000
 USER 10001
 EXPOSE 8000
 HEALTHCHECK --interval=30s --timeout=5s --start-period=15s --retries=3 \
-    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/livez', timeout=4)"]
-CMD ["pricing", "serve", "--host", "0.0.0.0", "--port", "8000"]
+    CMD ["python", "-c", "import os, urllib.request; urllib.request.urlopen(f'http://127.0.0.1:{os.environ[\"PRICING_PORT\"]}/livez', timeout=4)"]
+CMD ["pricing", "serve"]

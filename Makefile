@@ -52,13 +52,13 @@ check-crate: $(VENV)/.installed-for-tests
 	if $(HAS_KERNEL); then cargo fmt $(MANIFEST) --check; fi
 	if $(HAS_KERNEL); then cargo clippy --quiet --locked $(MANIFEST) --all-targets --features python -- --deny warnings; fi
 
-benchmark: $(VENV)/.installed-for-tests  ## run every benchmark quickly, into build/benchmarks; BENCHMARK_FLAGS= measures in full
+benchmark: $(VENV)/.installed  ## run every benchmark quickly, into build/benchmarks; BENCHMARK_FLAGS= measures in full
 	$(ONE_THREAD) $(BIN)/pricing benchmark $(BENCHMARK_FLAGS) --output build/benchmarks
 
 examples: $(VENV)/.installed  ## run every example; each asserts what it shows, and writes its output and its picture into examples/out
 	$(BIN)/python examples/run_all.py
 
-figures: $(VENV)/.installed-for-tests  ## measure the figures of README and docs anew into docs/figures, and write them into the texts
+figures: $(VENV)/.installed  ## measure the figures of README and docs anew into docs/figures, and write them into the texts
 	$(INSTALL) 'QuantLib>=1.44,<2'
 	$(ONE_THREAD) $(BIN)/python -m benchmarks.figures
 
@@ -73,8 +73,8 @@ nightly: $(VENV)/.installed-for-tests  ## run the long accuracy tests
 wheels: $(VENV)/.installed-for-release  ## build the sdist and the abi3 wheel into dist, and try them on each installed Python
 	$(BIN)/python .ci/wheels.py
 
-image: $(VENV)/.installed-for-release  ## run the steps of the Dockerfile in an empty folder, up to a priced contract over HTTP
-	$(BIN)/python .ci/image.py
+image:  ## run the steps of the Dockerfile in an empty folder, up to a priced contract over HTTP
+	$(PYTHON) .ci/image.py
 
 .PHONY: licenses release
 licenses:  ## collect the licence texts of what is compiled into the kernel; needs cargo
@@ -126,6 +126,6 @@ $(VENV)/.installed-for-docs: $(VENV)/.installed
 	$(INSTALL) --group docs
 	touch $@
 
-$(VENV)/.installed-for-release: $(VENV)/.installed-for-tests
+$(VENV)/.installed-for-release: $(VENV)/.build-tools
 	$(INSTALL) --group release
 	touch $@

@@ -25,7 +25,6 @@ from typing import Any
 ROOT = Path(__file__).parents[1]
 SYSTEM = ("apt-get", "useradd")  # Commands of the lines that are left to the base image.
 INSIDE = re.compile(r"(?<![\w./-])/(src|opt)\b")  # The absolute paths that lie in a stage's folder.
-PORT = "8000"
 CONTRACT = {"option_type": "put", "spot": 100, "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
 PRICE = 6.0903
 SECONDS = 60.0  # that the server may take until it is healthy
@@ -77,14 +76,13 @@ def instructions(text: str) -> list[tuple[str, str]]:
 
 
 def empty_stage(root: Path) -> Stage:
-    """Return a stage in a new folder; PATH, and where this machine keeps Rust, is all that is taken over."""
+    """Return a stage in a new folder; PATH, where this machine keeps Rust, and how cargo compiles are taken over."""
     (root / "opt").mkdir(parents=True)
     home = Path.home()
     variables = {"PATH": os.environ["PATH"], "HOME": str(root)}
     for name, default in (("CARGO_HOME", home / ".cargo"), ("RUSTUP_HOME", home / ".rustup")):
         variables[name] = os.environ.get(name, str(default))
-    if "CARGO_TARGET_DIR" in os.environ:  # compiled packages of others, kept from one run to the next
-        variables["CARGO_TARGET_DIR"] = os.environ["CARGO_TARGET_DIR"]
+    variables |= {name: value for name, value in os.environ.items() if name.startswith("CARGO_")}
     return Stage(root, root, variables)
 
 
@@ -168,10 +166,9 @@ def serve(stage: Stage) -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = str(free.getsockname()[1])
-    command = [word.replace(PORT, port) for word in stage.command]
-    health = [word.replace(PORT, port) for word in stage.health]
+    command, health = stage.command, stage.health
     print("CMD", *command, flush=True)
-    options: dict[str, Any] = {"cwd": stage.folder, "env": stage.variables}
+    options: dict[str, Any] = {"cwd": stage.folder, "env": stage.variables | {"PRICING_PORT": port}}
     command[0] = shutil.which(command[0], path=stage.variables["PATH"]) or command[0]
     health[0] = shutil.which(health[0], path=stage.variables["PATH"]) or health[0]
     server = subprocess.Popen(command, **options)

@@ -593,12 +593,20 @@ def key_command(
 
 @app.command("serve")
 def serve_command(
-    host: Annotated[str, typer.Option("--host")] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0 takes a free one")] = 8000,
-    workers: Annotated[int, typer.Option("--workers", min=1, max=64, help="processes on that port")] = 1,
+    host: Annotated[
+        str | None,
+        typer.Option("--host", help="0.0.0.0 is every address; default: PRICING_HOST, or 127.0.0.1"),
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option("--port", help="0 takes a free one; default: PRICING_PORT, or 8000")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", help="processes on that port; default: PRICING_WORKERS, or 1")
+    ] = None,
 ) -> None:
-    """Serve the HTTP interface until SIGTERM; its limits are PRICING_... environment variables."""
+    """Serve the HTTP interface until SIGTERM; its limits are PRICING_... environment variables, too."""
     with one_line_errors():
         from app.service.server import serve  # noqa: PLC0415
+        from app.settings import settings_from_environment  # noqa: PLC0415
 
-        serve(host, port, workers)
+        serve(settings_from_environment(host=host, port=port, workers=workers))

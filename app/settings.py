@@ -1,19 +1,41 @@
-"""The service's limits, from the environment: PRICING_SLOTS=4 sets `slots`."""
+"""Where the service listens, and its limits, from the environment: PRICING_SLOTS=4 sets `slots`."""
 
 import ipaddress
 import os
 import re
+import socket
 from collections.abc import Iterator
+from difflib import get_close_matches
 from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
 from annotated_types import Ge, Gt, Le
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from pricing_core.errors import InvalidInputError
 
 PREFIX = "PRICING_"
+# The variables that are no settings: those that Kubernetes sets for a service called "pricing", and those that the
+# installation and the benchmarks read.
+NO_SETTING = re.compile(PREFIX + "((PORT|SERVICE)(_|$)|CORE_KERNEL$|(SICONOS|NOSNOC)_PYTHON$)")
+# What Kubernetes has in PRICING_PORT.
+SERVICE_ADDRESS = re.compile("(tcp|udp|sctp)://")
+
+
+def known_host(name: str) -> str:
+    """Return the name of a host, or its address, if it is known here.
+
+    Raises
+    ------
+    ValueError
+        It is not.
+    """
+    try:
+        socket.getaddrinfo(name, None)
+    except OSError:
+        raise ValueError("no host") from None
+    return name
 
 
 def named_networks(names: str) -> str:
@@ -51,10 +73,12 @@ def parts(names: str) -> list[str]:
     return [name.strip() for name in names.split(",") if name.strip()]
 
 
+Host = Annotated[str, AfterValidator(known_host)]
 Networks = Annotated[str, AfterValidator(named_networks)]
 Origins = Annotated[str, AfterValidator(named_origins)]
 # What completes "must be ..." for the types of this module.
 IN_WORDS = {
+    "host": "an address of this machine, or a name for one",
     "trusted_proxies": "addresses or networks, with commas between them",
     "cors_origins": "origins such as https://desk.example, with commas between them, or *",
 }
@@ -65,6 +89,11 @@ class Settings(BaseSettings):
 
     model_config = SettingsConfigDict(env_prefix=PREFIX, frozen=True, allow_inf_nan=False)
 
+    host: Host = Field(default="127.0.0.1", description="The address to listen at; 0.0.0.0 is every one.")
+    port: int = Field(default=8000, ge=0, le=65535, description="The port to listen at; 0 takes a free one.")
+    workers: int = Field(
+        default=1, ge=1, le=64, description="Processes on that port; each has the limits below to itself."
+    )
     slots: int = Field(
         default_factory=lambda: max(2, os.cpu_count() or 1),
         ge=1,
@@ -135,32 +164,49 @@ class Settings(BaseSettings):
         default="INFO", description="Of the lines on standard error; that of each request is INFO."
     )
 
+    @field_validator("port", mode="before")
+    @classmethod
+    def _own_port(cls, value: object) -> object:
+        of_kubernetes = isinstance(value, str) and SERVICE_ADDRESS.match(value)
+        return cls.model_fields["port"].default if of_kubernetes else value
 
-# What Kubernetes sets for a service that is called "pricing".
-SERVICE_LINK = re.compile(PREFIX + "(PORT|SERVICE)(_|$)")
 
-
-def settings_from_environment() -> Settings:
+def settings_from_environment(**options: str | int | None) -> Settings:
     """Return the settings that the environment variables make.
+
+    Parameters
+    ----------
+    **options : str, int or None
+        Settings that the command line has; they win over their variables. None is no setting.
 
     Raises
     ------
     InvalidInputError
-        A variable does not hold what its setting must be, or there is no setting for it.
+        An option or a variable does not hold what its setting must be, or there is no setting for a variable.
     """
-    names = {PREFIX + name.upper() for name in Settings.model_fields}
+    names = sorted(PREFIX + name.upper() for name in Settings.model_fields)
     for variable in os.environ:
         unknown = variable.upper().startswith(PREFIX) and variable.upper() not in names
-        if unknown and not SERVICE_LINK.match(variable):
+        if unknown and not NO_SETTING.match(variable):
             # Without its value: a misspelt setting may be somebody's secret.
-            raise InvalidInputError("environment variable", variable, f"one of {', '.join(sorted(names))}")
+            raise InvalidInputError("environment variable", variable, _nearest_first(variable, names))
+    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     try:
-        return Settings()
+        return Settings(**given)
     except ValidationError as error:
         found = error.errors(include_url=False)[0]
         name = str(found["loc"][0])
         allowed = IN_WORDS.get(name) or found["msg"].removeprefix("Input should be ").partition(", unable")[0]
-        raise InvalidInputError(PREFIX + name.upper(), found["input"], allowed) from None
+        told = f"--{name}" if name in given else PREFIX + name.upper()
+        raise InvalidInputError(told, found["input"], allowed) from None
+
+
+def _nearest_first(variable: str, names: list[str]) -> str:
+    """Return what completes "must be ..." where a variable is not known; what all names begin with does not count."""
+    ends = [name.removeprefix(PREFIX) for name in names]
+    nearest = [PREFIX + end for end in get_close_matches(variable.upper().removeprefix(PREFIX), ends, n=1)]
+    allowed = f"{nearest[0]}, or another of the names" if nearest else "one of the names"
+    return f"{allowed} {', '.join(names)}"
 
 
 def settings_table() -> str:

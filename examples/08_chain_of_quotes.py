@@ -9,6 +9,7 @@ import runpy
 from pathlib import Path
 
 import numpy as np
+import pyarrow.compute as pc
 from matplotlib.figure import Figure
 
 from pricing_core.chains import fit_chain, read_chain
@@ -31,16 +32,17 @@ assert np.all(np.abs(implied - made["DIVIDEND_YIELD"]) < 3.0 * errors)
 assert fit.share_within_after >= 0.99
 
 # How far the model's prices are from the middle of bid and ask, in halves of the spread between them.
-table = fit.quotes.to_pandas()
-table = table[(table["status"] == "ok") & (table["ask"] > table["bid"])]
-off = (2.0 * table["model_price"] - table["bid"] - table["ask"]) / (table["ask"] - table["bid"])
+table = fit.quotes.filter((pc.field("status") == "ok") & (pc.field("ask") > pc.field("bid")))
+columns = ("expiry", "strike", "bid", "ask", "model_price")
+expiry, strike, bid, ask, price = (table[name].to_numpy() for name in columns)
+off = (2.0 * price - bid - ask) / (ask - bid)
 figure = Figure(figsize=(7.0, 4.5), layout="constrained")
 axes = figure.subplots()
-for expiry, rows in table.groupby("expiry"):
-    axes.plot(rows["strike"], off[rows.index], ".", label=f"{365 * expiry:.0f} days")
+for years in np.unique(expiry):
+    axes.plot(strike[expiry == years], off[expiry == years], ".", label=f"{365 * years:.0f} days")
 for edge, name in ((-1.0, "bid"), (1.0, "ask")):
     axes.axhline(edge, color="0.6", linewidth=0.8)
-    axes.annotate(name, (table["strike"].max(), edge), va="bottom", ha="right", color="0.4")
+    axes.annotate(name, (strike.max(), edge), va="bottom", ha="right", color="0.4")
 axes.set(xlabel="strike", ylabel="model price, from the middle", title="The American quotes are repriced")
 axes.legend(frameon=False, ncols=4, loc="upper left")
 axes.set_ylim(-1.6, 2.2)

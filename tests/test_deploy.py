@@ -42,12 +42,8 @@ def seconds_to_stop(settings: Settings) -> float:
     return settings.drain_seconds + CONNECT_SECONDS + LAST_SECONDS + settings.grace_seconds + EXTRA_SECONDS
 
 
-def check_command(command: list[str]) -> None:
-    options = dict(zip(command[2::2], command[3::2], strict=True))
-    assert command[:2] == ["pricing", "serve"]
-    assert options.keys() <= {"--host", "--port", "--workers"}
-    assert options["--host"] == "0.0.0.0"
-    assert int(options["--port"]) == image_port()
+def image_settings() -> dict[str, str]:
+    return dict(re.findall(rf"\b({PREFIX}\w+)=(\S+)", DOCKERFILE))
 
 
 @pytest.fixture(params=["as it is", "with keys"])
@@ -73,13 +69,14 @@ def test_no_file_names_a_registry() -> None:
 
 def test_compose_runs_the_image_as_it_is_meant_to_run(compose: dict[str, Any]) -> None:
     (service,) = compose["services"].values()
-    check_command(service["command"])
+    assert "command" not in service
     (port,) = service["ports"]
     assert port == f"127.0.0.1:{image_port()}:{image_port()}"
     assert service["user"].split(":")[0] == re.findall(r"^USER (\d+)$", DOCKERFILE, re.MULTILINE)[0]
     assert service["read_only"] is True
     assert service["cap_drop"] == ["ALL"]
-    settings = settings_of(service["environment"])
+    settings = settings_of(image_settings() | service["environment"])
+    assert settings.port == image_port()
     assert int(service["stop_grace_period"].removesuffix("s")) >= seconds_to_stop(settings)
     assert service["ulimits"]["nofile"] > settings.max_connections + 512
     assert (ROOT / "deploy" / service["build"] / "Dockerfile").is_file()
@@ -92,14 +89,15 @@ def test_compose_runs_the_image_as_it_is_meant_to_run(compose: dict[str, Any]) -
 def test_the_deployment_runs_the_image_as_it_is_meant_to_run(kubernetes: dict[str, Any]) -> None:
     pod = kubernetes["Deployment"]["spec"]["template"]["spec"]
     (container,) = pod["containers"]
-    check_command(container["command"])
+    assert "command" not in container
     assert pod["securityContext"]["runAsNonRoot"] is True
     assert (
         str(pod["securityContext"]["runAsUser"]) == re.findall(r"^USER (\d+)$", DOCKERFILE, re.MULTILINE)[0]
     )
     assert container["securityContext"]["readOnlyRootFilesystem"] is True
     assert container["securityContext"]["allowPrivilegeEscalation"] is False
-    settings = settings_of({one["name"]: one["value"] for one in container["env"]})
+    settings = settings_of(image_settings() | {one["name"]: one["value"] for one in container["env"]})
+    assert settings.port == image_port()
     assert pod["terminationGracePeriodSeconds"] >= seconds_to_stop(settings)
     assert container["resources"]["limits"].keys() == {"cpu", "memory"}
     mounts = {mount["name"]: mount["mountPath"] for mount in container["volumeMounts"]}
@@ -141,8 +139,11 @@ def test_the_manifests_belong_together(kubernetes: dict[str, Any]) -> None:
     assert port["targetPort"] == named["name"]
 
 
-def test_the_image_s_own_check_asks_a_probe_on_its_port() -> None:
-    (check,) = re.findall(r"HEALTHCHECK .*\\\n\s*CMD (\[.*\])$", DOCKERFILE, re.MULTILINE)
-    assert f"http://127.0.0.1:{image_port()}/livez" in " ".join(json.loads(check))
+def test_the_image_serves_everyone_on_its_port_and_its_own_check_asks_a_probe_there() -> None:
+    settings = settings_of(image_settings())
+    assert (settings.host, settings.port) == ("0.0.0.0", image_port())
     (command,) = re.findall(r"^CMD (\[.*\])$", DOCKERFILE, re.MULTILINE)
-    check_command(json.loads(command))
+    assert json.loads(command) == ["pricing", "serve"]
+    (check,) = re.findall(r"HEALTHCHECK .*\\\n\s*CMD (\[.*\])$", DOCKERFILE, re.MULTILINE)
+    *_, program = json.loads(check)
+    assert """f'http://127.0.0.1:{os.environ["PRICING_PORT"]}/livez'""" in program

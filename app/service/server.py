@@ -30,7 +30,7 @@ with needs_extra("service"):
     from app.service.memory import spare_memory
     from app.service.metrics import forget_process, remove_folder, share_as, shared_folder
     from app.service.worker_processes import supervise
-    from app.settings import Settings, parts, settings_from_environment
+    from app.settings import Settings, parts
 
 log = logging.getLogger("pricing.server")
 
@@ -111,27 +111,21 @@ class DrainingServer(uvicorn.Server):
         return BoundedConnection(self.config, self.server_state, self.lifespan.state)
 
 
-def serve(host: str, port: int, workers: int = 1) -> None:
+def serve(settings: Settings) -> None:
     """Serve until SIGTERM or SIGINT; port 0 takes a free one, which the first log line names.
-
-    Parameters
-    ----------
-    workers : int
-        Processes that share the port; each has the limits of the settings to itself.
 
     Raises
     ------
     OSError
         The address cannot be bound.
     InvalidInputError
-        An environment variable does not hold what its setting must be.
+        The process may not open as many files as there may be connections, or the file of keys is not what it must be.
     """
-    settings = settings_from_environment()
     if settings.api_keys_file:
         read_keys(settings.api_keys_file)  # here too, where what is wrong is said in one line
     reserve_descriptors(settings.max_connections)
-    with listen(host, port) as listener:
-        if workers == 1:
+    with listen(settings.host, settings.port) as listener:
+        if settings.workers == 1:
             configure_logging(settings.log_level)
             _say_where(listener)
             _serve_here(listener, settings, None, lambda: True)
@@ -139,7 +133,7 @@ def serve(host: str, port: int, workers: int = 1) -> None:
             configure_logging(settings.log_level, in_background=False)
             _say_where(listener)
             with shared_folder():
-                supervise(_Workers(listener, settings, parent=os.getpid()), workers)
+                supervise(_Workers(listener, settings, parent=os.getpid()), settings.workers)
 
 
 def _say_where(listener: socket.socket) -> None:

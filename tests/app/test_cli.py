@@ -160,7 +160,8 @@ def test_a_missing_number_is_null_in_json_and_a_dash_in_the_table(pricing: Any) 
         (["batch", "/nowhere/in.csv", "out.csv"], "/nowhere/in.csv"),
         (["batch", "in.csv", "out.csv", "--threads", "0"], "--threads"),
         (["serve", "--port", "70000"], "--port"),
-        (["serve", "--host", "256.0.0.1", "--port", "0"], ""),
+        (["serve", "--host", "256.0.0.1", "--port", "0"], "--host = '256.0.0.1': must be an address"),
+        (["serve", "--host", "192.0.2.1", "--port", "0"], "host 192.0.2.1, port 0: Cannot assign"),
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_status_2(
