@@ -12,6 +12,7 @@ from fastapi.testclient import TestClient
 from app.cli import main
 from app.main import create_app
 from app.settings import Settings
+from tests.app.held_work import HeldWork
 
 
 @pytest.fixture
@@ -28,7 +29,26 @@ def question() -> dict[str, Any]:
 
 
 @pytest.fixture
-def client() -> Iterator[TestClient]:
+def unhurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Give up no cheap question for the processor time that it takes, which a slow machine needs more of."""
+    for module in ("lanes", "cheap_lane"):
+        monkeypatch.setattr(f"app.service.work.{module}.INLINE_SECONDS", 60.0)
+
+
+@pytest.fixture
+def waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wait for work that ends late, so that the answer is its own, however short the deadline is."""
+    monkeypatch.setattr("app.service.work.lanes.LATE_SHARE", 1e9)
+
+
+@pytest.fixture
+def held(tmp_path: Path) -> HeldWork:
+    """Work that a test holds, in a server or a command that is started with it."""
+    return HeldWork(tmp_path / "held")
+
+
+@pytest.fixture
+def client(unhurried: None) -> Iterator[TestClient]:
     with TestClient(create_app(Settings(slots=2))) as client:
         yield client
 

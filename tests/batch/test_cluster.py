@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +18,7 @@ from app.cli import app
 from pricing_core.batch import Progress, run_batch
 from pricing_core.batch.runner import parts_path
 from pricing_core.errors import ClusterError, InvalidInputError
+from tests.problems.eventually import PATIENCE, eventually
 
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
 ROWS, BLOCK = 4_000, 250
@@ -32,10 +32,25 @@ def poisoned(unit, folder):
     return price_unit(unit, folder)
 cluster.price_unit = poisoned
 """
+NEVER_DONE = """
+import time
+from pricing_core.batch import cluster
+from pricing_core.batch.unit import price_unit
+def never_done(unit, folder):
+    while unit.index >= 8:
+        time.sleep(1.0)
+    return price_unit(unit, folder)
+cluster.price_unit = never_done
+"""
 OTHER_VERSION = """
 from pricing_core.batch import cluster
 cluster.ENGINE_VERSION = "0.0.1"
 """
+
+
+@pytest.fixture(autouse=True)
+def time_to_connect(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pricing_core.batch.cluster.SECONDS_TO_CONNECT", PATIENCE)
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +86,7 @@ class Cluster:
         self.scheduler = self._start(
             "scheduler", "--port", "0", "--no-dashboard", "--scheduler-file", str(place)
         )
-        while not place.exists() or not place.read_text().strip():
-            time.sleep(0.05)
+        assert eventually(lambda: place.exists() and bool(place.read_text().strip()))
         self.address: str = json.loads(place.read_text())["address"]
 
     def worker(self, *options: str, preload: str = "") -> subprocess.Popen[bytes]:
@@ -153,15 +167,15 @@ def test_a_unit_that_kills_its_workers_is_named_when_all_others_are_priced(
 def test_a_lost_scheduler_is_told_and_the_work_goes_on_from_there(
     book: Path, undisturbed: pa.Table, there: Cluster, tmp_path: Path
 ) -> None:
-    target, block = tmp_path / "out.parquet", 50  # so many units that they are not all done when it is lost
-    there.worker()
+    target = tmp_path / "out.parquet"
+    there.worker(preload=NEVER_DONE)  # so that not all are done when it is lost
     kill = after(3, lambda: there.scheduler.send_signal(signal.SIGKILL))
     with pytest.raises(ClusterError, match="the scheduler is lost"):
-        run_batch(book, target, block_size=block, engine="dask", scheduler=there.address, progress=kill)
+        run_batch(book, target, block_size=BLOCK, engine="dask", scheduler=there.address, progress=kill)
     assert not target.exists()
     priced: list[int] = []
-    run_batch(book, target, block_size=block, resume=True, progress=lambda told: priced.append(told.unit))
-    assert 0 < len(priced) <= ROWS // block - 3
+    run_batch(book, target, block_size=BLOCK, resume=True, progress=lambda told: priced.append(told.unit))
+    assert ROWS // BLOCK - 8 <= len(priced) <= ROWS // BLOCK - 3
     assert pq.read_table(target).equals(undisturbed)
 
 

@@ -5,7 +5,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,8 @@ import pytest
 from benchmarks.problems.portfolios import everyday
 from pricing_core.batch import parts_path, run_batch
 from pricing_core.errors import InvalidInputError
+from tests.app.held_work import HeldWork
+from tests.problems.eventually import PATIENCE, eventually
 
 COARSE = 1e-3
 # Runs a batch in a process whose memory, or whose files, have a limit, and prints its peak memory in MiB.
@@ -118,16 +119,14 @@ def test_a_file_that_would_fill_the_memory_is_refused_before_it_does(tmp_path: P
 
 
 def test_an_interrupted_command_prints_the_line_that_resumes(tmp_path: Path) -> None:
-    source, target = book(tmp_path / "in.parquet", 200_000), tmp_path / "out.csv"
+    held, units = HeldWork(tmp_path / "held", first_unit=3), 16  # which a table of so many rows is cut into
+    source, target = book(tmp_path / "in.parquet", 50_000), tmp_path / "out.csv"
     arguments = ["batch", str(source), str(target), "--tolerance", "1e-5"]
-    command = [sys.executable, "-m", "app", *arguments]
     parts = Path(parts_path(target))
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        until = time.monotonic() + 60.0
-        while not list(parts.glob("*.arrow")) and process.poll() is None and time.monotonic() < until:
-            time.sleep(0.01)
+    with held.started(*arguments) as process:
+        assert eventually(lambda: held.begun > 0 and bool(list(parts.glob("*.arrow"))))
         process.send_signal(signal.SIGINT)
-        output, told = process.communicate(timeout=60)
+        output, told = process.communicate(timeout=PATIENCE)
     assert (process.returncode, output) == (130, "")
     assert told == f"pricing: interrupted; go on with: {shlex.join(['pricing', *arguments, '--resume'])}\n"
     kept = len(list(parts.glob("*.arrow")))
@@ -141,7 +140,7 @@ def test_an_interrupted_command_prints_the_line_that_resumes(tmp_path: Path) -> 
         timeout=120,
         check=True,
     ).stderr.splitlines()
-    assert len(log) - 1 <= -(-200_000 // 12_500) - kept  # the units that were left
+    assert len(log) - 1 <= units - kept  # the units that were left
     run_batch(source, tmp_path / "whole.csv", tolerance=1e-5)
     assert target.read_bytes() == (tmp_path / "whole.csv").read_bytes()
 

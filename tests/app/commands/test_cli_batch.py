@@ -5,12 +5,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from pricing_core.american.contracts.result_fields import price_fields
+from tests.app.held_work import HeldWork
+from tests.problems.eventually import PATIENCE, eventually
 
 HEADER = ["id", "option_type", "spot", "strike", "expiry", "rate", "volatility", "desk"]
 BOOK = Path(__file__).parents[3] / "examples" / "book.csv"
@@ -178,18 +179,18 @@ def test_a_pipe_may_take_the_rejects(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interruption_leaves_no_half_written_output(tmp_path: Path, how: signal.Signals) -> None:
-    source = write(tmp_path / "in.csv", *[50 + k % 100 for k in range(300_000)])
-    command = [sys.executable, "-m", "app", "batch", str(source), str(tmp_path / "out.csv")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        until = time.monotonic() + 60.0
-        while len(list(tmp_path.iterdir())) == 1 and time.monotonic() < until:
-            time.sleep(0.05)
-        assert len(list(tmp_path.iterdir())) > 1  # the work has begun
+    held, folder = HeldWork(tmp_path / "held", first_unit=0), tmp_path / "files"
+    folder.mkdir()
+    source = write(folder / "in.csv", *[50 + k % 100 for k in range(30_000)])
+    process = held.started("batch", source, folder / "out.csv")
+    with process:
+        assert eventually(lambda: held.begun > 0)
+        assert len(list(folder.iterdir())) > 1  # some is written
         process.send_signal(how)
-        output, errors = process.communicate(timeout=60)
+        output, errors = process.communicate(timeout=PATIENCE)
     assert (process.returncode, output) == (130, "")
     assert errors == "pricing: interrupted; nothing was written\n"
-    assert list(tmp_path.iterdir()) == [source]
+    assert list(folder.iterdir()) == [source]
 
 
 def test_the_example_book_is_priced_whole(tmp_path: Path) -> None:

@@ -8,24 +8,44 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from typing import Any
 
+from prometheus_client.parser import text_string_to_metric_families
+
+from tests.app.held_work import HELD_STRIKE, HeldWork
+from tests.problems.eventually import PATIENCE
+
 QUESTION = {"option_type": "put", "spot": 100, "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
-SETTINGS = {"PRICING_BODY_SECONDS": "1", "PRICING_DRAIN_SECONDS": "1", "PRICING_SLOTS": "2"}
+EXPENSIVE = QUESTION | {"tolerance": 1e-8, "greeks": "extended"}  # by what it is expected to cost
+HELD = EXPENSIVE | {"strike": HELD_STRIKE}
+# Limits that no answer meets by chance, however slow the machine is; the drain would only be waited for.
+SETTINGS = {
+    "PRICING_BODY_SECONDS": "60",
+    "PRICING_DEADLINE_SECONDS": "120",
+    "PRICING_DRAIN_SECONDS": "0",
+    "PRICING_SLOTS": "2",
+}
 
 
 class Server:
-    """A `pricing serve` process on a free port."""
+    """A `pricing serve` process on a free port.
 
-    def __init__(self, *arguments: str, **settings: str) -> None:
+    Parameters
+    ----------
+    held : HeldWork, optional
+        What the test holds of its work.
+    """
+
+    def __init__(self, *arguments: str, held: HeldWork | None = None, **settings: str) -> None:
+        self.held = held
+        module, environment = ("tests.app.held_work", held.environment) if held else ("app", {})
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "app", "serve", "--port", "0", *arguments],
+            [sys.executable, "-m", module, "serve", "--port", "0", *arguments],
             stderr=subprocess.PIPE,
             text=True,
-            env=os.environ | SETTINGS | settings,
+            env=os.environ | SETTINGS | settings | environment,
         )
         assert self.process.stderr is not None
         self.log: list[dict[str, Any]] = [json.loads(self.process.stderr.readline())]
@@ -51,7 +71,7 @@ class Server:
 
     def request(self, method: str, path: str, body: object = None, **headers: str) -> tuple[int, Any, Any]:
         """Return status, headers and parsed body of one request on a connection of its own."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=PATIENCE)
         try:
             raw = None if body is None else json.dumps(body)
             connection.request(method, path, raw, {"Content-Type": "application/json"} | headers)
@@ -60,12 +80,26 @@ class Server:
         finally:
             connection.close()
 
+    def connect(self) -> socket.socket:
+        """Return a new connection."""
+        return socket.create_connection(("127.0.0.1", self.port), timeout=PATIENCE)
+
+    def is_refused(self) -> bool:
+        """Tell whether a new connection is refused."""
+        try:
+            self.connect().close()
+        except ConnectionRefusedError:
+            return True
+        return False
+
     def stop(self) -> int:
-        """Send SIGTERM and return the exit status."""
+        """Release what is held, send SIGTERM and return the exit status."""
+        if self.held is not None:
+            self.held.release()
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
-        status = self.process.wait(30)
-        self._reader.join(10)
+        status = self.process.wait(PATIENCE)
+        self._reader.join(PATIENCE)
         assert not self._reader.is_alive(), "another process holds the log open"
         assert self.process.stderr is not None
         self.process.stderr.close()
@@ -73,38 +107,29 @@ class Server:
 
 
 @contextmanager
-def running(*arguments: str, **settings: str) -> Iterator[Server]:
-    server = Server(*arguments, **settings)
+def running(*arguments: str, held: HeldWork | None = None, **settings: str) -> Iterator[Server]:
+    server = Server(*arguments, held=held, **settings)
     try:
         yield server
     finally:
         server.stop()
 
 
-def answer_to(server: Server, *parts: bytes, pause: float = 0.0) -> bytes:
-    """Send raw bytes and return all that comes back until the server closes or has been silent for 1 s."""
-    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as connection:
-        for part in parts:
-            connection.sendall(part)
-            time.sleep(pause)
-        received = b""
-        try:
-            while block := connection.recv(65_536):
-                received += block
-                connection.settimeout(1.0)
-        except (TimeoutError, ConnectionResetError):
-            pass
-        return received
+def answer_to(server: Server, *parts: bytes) -> bytes:
+    """Send raw bytes, and return all that comes until the server closes the connection."""
+    with server.connect() as connection:
+        with suppress(ConnectionError):  # it may close before it has read them all
+            for part in parts:
+                connection.sendall(part)
+        return everything(connection)
 
 
 def everything(connection: socket.socket) -> bytes:
     """Return all that comes until the server closes the connection."""
     received = b""
-    try:
+    with suppress(ConnectionResetError):
         while block := connection.recv(65_536):
             received += block
-    except ConnectionResetError:
-        pass
     return received
 
 
@@ -121,13 +146,37 @@ def raw(path: str, body: object) -> bytes:
     return f"POST {path} HTTP/1.1\r\nHost: x\r\n{length}\r\n".encode() + text
 
 
-def eventually(holds: Callable[[], bool], seconds: float = 10.0) -> bool:
-    end = time.monotonic() + seconds
-    while not holds():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.02)
-    return True
+@contextmanager
+def asking(count: int, ask: Callable[[], object]) -> Iterator[None]:
+    """Let so many clients ask meanwhile, each one question after the other."""
+    stop = threading.Event()
+
+    def client() -> None:
+        while not stop.is_set():
+            ask()
+
+    threads = [threading.Thread(target=client) for _ in range(count)]
+    for thread in threads:
+        thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join()
+
+
+def metric(server: Server, name: str, **labels: str) -> float:
+    """Return the sum of the samples with these labels."""
+    with closing(http.client.HTTPConnection("127.0.0.1", server.port, timeout=PATIENCE)) as connection:
+        connection.request("GET", "/metrics")
+        text = connection.getresponse().read().decode()
+    return sum(
+        sample.value
+        for family in text_string_to_metric_families(text)
+        for sample in family.samples
+        if sample.name == name and labels.items() <= sample.labels.items()
+    )
 
 
 def children(process: int) -> list[int]:

@@ -180,10 +180,10 @@ def test_the_limits_are_those_of_the_key(keys: Path, question: dict[str, Any], m
 
 
 def test_a_key_that_has_used_up_its_minute_is_refused_expensive_questions_alone(
-    tmp_path: Path, question: dict[str, Any]
+    tmp_path: Path, question: dict[str, Any], unhurried: None
 ) -> None:
     path = tmp_path / "keys"
-    path.write_text(f"{line('desk', KEY, 'seconds_per_minute=0.001')}\n{line('risk', OTHER)}")
+    path.write_text(f"{line('desk', KEY, 'seconds_per_minute=1e-6')}\n{line('risk', OTHER)}")
     cheap, expensive = question | {"exercise": "european"}, question | EXPENSIVE
     with TestClient(create_app(Settings(slots=2, api_keys_file=str(path)))) as client:
         assert client.post("/v1/price", json=expensive, headers=bearer(KEY)).status_code == 200

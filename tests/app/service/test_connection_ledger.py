@@ -1,4 +1,5 @@
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -43,3 +44,16 @@ def test_who_is_closed_for_another_is_told_whose_limit_it_was(
     most = 20 if expected is OverloadedError else 5 * len(set(addresses))
     assert {type(reason) for reason in reasons} == {expected}
     assert (len(left), len(reasons)) == (most, len(connections) - most)
+
+
+def test_the_log_has_one_line_a_second_that_counts_the_closed_ones(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    now = 0.0
+    monkeypatch.setattr("app.service.connection_ledger.time", SimpleNamespace(monotonic=lambda: now))
+    ledger = ConnectionLedger(Settings(max_connections=10))
+    for number in range(100):
+        now = number / 40.0
+        ledger.enter(Connection("192.0.2.1", number))
+    counts = [record.fields["closed"] for record in caplog.records]  # type: ignore[attr-defined]
+    assert counts == [1, 40, 40]

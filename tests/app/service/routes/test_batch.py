@@ -1,6 +1,7 @@
 import json
 import math
 import struct
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +13,10 @@ from fastapi.testclient import TestClient
 from app.greeks_units import PER_DAY_PER_POINT
 from app.main import create_app
 from app.service.batch.answers import ANSWERS, ARROW, FORMS, JSON, LINES
+from app.service.batch.arrow_body import ArrowRows
+from app.service.batch.json_rows import JsonRows
 from app.service.batch.row_limits import FIELDS, LONGEST_COLUMNS, MOST_JSON_ROWS
+from app.service.work.lanes import Interruption
 from app.settings import Settings
 from pricing_core.american import price_many
 from pricing_core.american.arrow.price_batch import results_schema, unfinished_rows
@@ -359,14 +363,24 @@ def test_an_answer_of_a_kind_that_there_is_not_is_refused(client: TestClient, ac
 
 @needs_kernel
 @pytest.mark.parametrize("form", FORMS)
-def test_rows_unfinished_at_the_deadline_say_so(form: str) -> None:
-    settings = Settings(slots=2, batch_deadline_seconds=0.5)
+def test_rows_unfinished_at_the_deadline_say_so(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch, waited_for: None, form: str
+) -> None:
+    for rows in (JsonRows, ArrowRows):
+
+        def late(
+            some: Any, settings: PricingSettings, interrupt: Interruption, price: Any = rows.price
+        ) -> Any:
+            """Price once the deadline has passed."""
+            interrupt.end_by(time.monotonic() - 1.0)
+            return price(some, settings, interrupt)
+
+        monkeypatch.setattr(rows, "price", late)
     count = 300
     book = {name: [cells[0]] * count for name, cells in BOOK.items()}
     book |= {"rate": [-0.01] * count, "dividend_yield": [-0.02] * count, "expiry": [30.0] * count}
     book["cash_dividends"] = [[{"time": 15.0, "amount": 1.0}]] * count
-    with TestClient(create_app(settings)) as client:
-        found = columns_of(ask(client, body_of(book, form), form, "?tolerance=1e-8&greeks=extended"))
+    found = columns_of(ask(client, body_of(book, form), form, "?tolerance=1e-8&greeks=extended"))
     assert len(found["status"]) == count
     assert set(found["status"]) <= {"ok", "tolerance_not_met", "deadline", "invalid_input"}
     assert found["status"].count("deadline") > 200

@@ -1,3 +1,4 @@
+import time
 from pathlib import Path
 from typing import Any
 
@@ -7,8 +8,8 @@ import pyarrow.csv as pa_csv
 import pytest
 from fastapi.testclient import TestClient
 
-from app.main import create_app
-from app.settings import Settings
+from app.service.chain.fitting import fitted_body
+from app.service.work.lanes import Interruption
 from pricing_core.chains import fit_chain, read_chain
 from tests.app.service.test_hostile_inputs import CANARY, assert_problem
 
@@ -125,8 +126,15 @@ def test_other_answers_than_json_are_not_acceptable(client: TestClient) -> None:
     assert_problem(answer, 406, "not-acceptable")
 
 
-def test_a_fit_that_takes_too_long_is_told_by_the_deadline() -> None:
-    with TestClient(create_app(Settings(batch_deadline_seconds=0.02))) as hurried:
-        answer = ask(hurried, (SAMPLES / "generic.csv").read_bytes(), CSV)
-        assert_problem(answer, 503, "deadline")
-        assert answer.headers["Retry-After"]
+def test_a_fit_that_takes_too_long_is_told_by_the_deadline(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch, waited_for: None
+) -> None:
+    def late(body: Any, form: str, question: Any, interrupt: Interruption) -> bytes:
+        """Fit once the deadline has passed."""
+        interrupt.end_by(time.monotonic() - 1.0)
+        return fitted_body(body, form, question, interrupt)
+
+    monkeypatch.setattr("app.service.routes.chain.fitted_body", late)
+    answer = ask(client, (SAMPLES / "generic.csv").read_bytes(), CSV)
+    assert "fewer quotes" in assert_problem(answer, 503, "deadline")["detail"]
+    assert answer.headers["Retry-After"]

@@ -64,10 +64,10 @@ def test_a_wrong_question_is_refused(
     assert assert_problem(answer, 422, "invalid-input")["errors"][0]["field"] == field
 
 
-def test_a_deadline_ends_the_work_with_a_503(question: dict[str, Any]) -> None:
+def test_a_deadline_ends_the_work_with_a_503(question: dict[str, Any], waited_for: None) -> None:
     times = np.linspace(0.0, 1.0, 367)[1:].tolist()
     hard = {"cash_dividends": [{"time": time, "amount": 0.05} for time in times], "option_type": "call"}
-    with TestClient(create_app(Settings(slots=2, deadline_seconds=0.3))) as client:
+    with TestClient(create_app(Settings(slots=2, deadline_seconds=1e-6))) as client:
         answer = client.post("/v1/exercise-advice", json=question | hard)
-    assert_problem(answer, 503, "deadline")
+    assert "fewer times" in assert_problem(answer, 503, "deadline")["detail"]
     assert int(answer.headers["retry-after"]) > 0

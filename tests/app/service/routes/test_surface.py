@@ -76,8 +76,11 @@ def test_what_is_no_surface_is_refused(
     assert_problem(client.post("/v1/surface", json=question | POINTS | change), 422, "invalid-input")
 
 
-def test_a_surface_that_is_not_ready_by_the_deadline_is_refused(question: dict[str, Any]) -> None:
+def test_a_surface_that_is_not_ready_by_the_deadline_is_refused(
+    question: dict[str, Any], waited_for: None
+) -> None:
     hard = {"rate": -0.01, "dividend_yield": -0.02, "expiry": 30.0, "tolerance": 1e-8}
     many = {"spots": np.linspace(60.0, 140.0, 100).tolist(), "times": np.linspace(0.0, 29.0, 100).tolist()}
-    with TestClient(create_app(Settings(slots=2, deadline_seconds=0.3))) as client:
-        assert_problem(client.post("/v1/surface", json=question | hard | many), 503, "deadline")
+    with TestClient(create_app(Settings(slots=2, deadline_seconds=1e-6))) as client:
+        problem = assert_problem(client.post("/v1/surface", json=question | hard | many), 503, "deadline")
+    assert "fewer points are faster" in problem["detail"]

@@ -14,13 +14,13 @@ from pricing_core.american.book.book import Book
 from tests.problems.needs_kernel import needs_kernel
 
 Result = TypeVar("Result")
-pytestmark = needs_kernel
+pytestmark = [needs_kernel, pytest.mark.usefixtures("unhurried")]
 CHEAP = 1e-3  # seconds that each is expected to take
 
 
 def in_a_lane(scenario: Callable[[CheapLane], Awaitable[Result]]) -> Result:
     async def run() -> Result:
-        return await asyncio.wait_for(scenario(CheapLane()), 30.0)
+        return await asyncio.wait_for(scenario(CheapLane()), 60.0)
 
     return asyncio.run(run())
 
@@ -58,6 +58,18 @@ def test_prices_together_are_those_of_each_alone_in_several_rounds() -> None:
         if valuation is not None:  # else another engine would be asked
             assert valuation == price(option, market, tolerance=tolerance, greeks=greeks)
     assert sum(valuation is not None for valuation in found) > 50
+
+
+def test_one_that_takes_much_longer_than_it_was_expected_to_is_given_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(cheap_lane, "INLINE_SECONDS", -1.0)
+    contract = Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2)
+
+    async def scenario(lane: CheapLane) -> Valuation | None:
+        return await lane.price(contract, Book.of([contract]), 1e-4, "standard", CHEAP)
+
+    assert in_a_lane(scenario) is None
 
 
 def test_one_that_fails_or_is_no_longer_wanted_costs_nobody_else_the_answer(
