@@ -5,7 +5,6 @@ import os
 import re
 import socket
 from collections.abc import Iterator
-from difflib import get_close_matches
 from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
@@ -13,7 +12,7 @@ from annotated_types import Ge, Gt, Le
 from pydantic import AfterValidator, Field, ValidationError, field_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, UnknownNameError
 
 PREFIX = "PRICING_"
 # The variables that are no settings: those that Kubernetes sets for a service called "pricing", and those that the
@@ -189,7 +188,7 @@ def settings_from_environment(**options: str | int | None) -> Settings:
         unknown = variable.upper().startswith(PREFIX) and variable.upper() not in names
         if unknown and not NO_SETTING.match(variable):
             # Without its value: a misspelt setting may be somebody's secret.
-            raise InvalidInputError("environment variable", variable, _nearest_first(variable, names))
+            raise UnknownNameError("environment variable", [variable], names)
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     try:
         return Settings(**given)
@@ -199,14 +198,6 @@ def settings_from_environment(**options: str | int | None) -> Settings:
         allowed = IN_WORDS.get(name) or found["msg"].removeprefix("Input should be ").partition(", unable")[0]
         told = f"--{name}" if name in given else PREFIX + name.upper()
         raise InvalidInputError(told, found["input"], allowed) from None
-
-
-def _nearest_first(variable: str, names: list[str]) -> str:
-    """Return what completes "must be ..." where a variable is not known; what all names begin with does not count."""
-    ends = [name.removeprefix(PREFIX) for name in names]
-    nearest = [PREFIX + end for end in get_close_matches(variable.upper().removeprefix(PREFIX), ends, n=1)]
-    allowed = f"{nearest[0]}, or another of the names" if nearest else "one of the names"
-    return f"{allowed} {', '.join(names)}"
 
 
 def settings_table() -> str:

@@ -281,14 +281,28 @@ def enumerated(words: Sequence[str], last: str = "and") -> str:
 
 
 def nearest_names(unknown: Sequence[str], known: Collection[str]) -> list[str]:
-    """Return for unknown names the known ones that are most like them, or begin with them; none where none does."""
-    compared = [str(name)[:LONGEST_NAME].lower() for name in unknown[:MOST_NAMES]]
-    nearest = (
-        name
-        for word in compared
-        for name in (
-            get_close_matches(word, known, n=1)
-            or [name for name in known if word and name.startswith(word)][:1]
-        )
-    )
+    """Return for unknown names the known ones that are most like them, or begin with them; none where none does.
+
+    The case of letters does not count, nor what all known names begin with.
+
+    Examples
+    --------
+    >>> nearest_names(["Spto", "vol"], ["spot", "volatility"])
+    ['spot', 'volatility']
+    >>> nearest_names(["PRICING_COLOUR", "PRICING_PROT"], ["PRICING_HOST", "PRICING_PORT"])
+    ['PRICING_PORT']
+    """
+    shared = ""
+    for letters in zip(*known, strict=False):
+        if len(known) == 1 or len({*letters}) > 1:
+            break
+        shared += letters[0]
+    ends = {name.removeprefix(shared).lower(): name for name in known}
+    nearest = []
+    for name in unknown[:MOST_NAMES]:
+        end = str(name).removeprefix(shared)[:LONGEST_NAME].lower()
+        alike = get_close_matches(end, ends, n=1) or [
+            other for other in ends if end and other.startswith(end)
+        ]
+        nearest += [ends[other] for other in alike[:1]]
     return [*dict.fromkeys(nearest)]
