@@ -21,7 +21,7 @@ with needs_extra("service"):
     from app.service.envelope import Envelope
     from app.service.errors import install_handlers
     from app.service.head_requests import HeadAsGet
-    from app.service.incoming_body import BodyMemory
+    from app.service.memory_budget import MemoryBudget
     from app.service.metrics import Metrics
     from app.service.problem_responses import problem_responses
     from app.service.routes import (
@@ -105,7 +105,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     if found.status != "ok":
         raise RuntimeError(f"the first price has the status {found.status}")
     app.state.cheap_lane = CheapLane()
-    app.state.body_memory = BodyMemory(app.state.settings.max_batch_bytes)
+    app.state.memory = MemoryBudget(app.state.settings.max_batch_bytes)
     app.state.expensive_lane = ExpensiveLane(app.state.settings)
     try:
         yield

@@ -1,47 +1,17 @@
 """A long body as it arrives: counted, held in memory that all such bodies share, read whole or line by line."""
 
 import asyncio
-from collections import Counter
 from collections.abc import AsyncIterator
 
 from fastapi import Request
 from starlette.requests import ClientDisconnect
 
-from app.service.clients import client_of
-from app.service.errors import BodyTooLargeError, ClientLimitError, OverloadedError, ServiceError
-from app.service.request_body import too_large, too_late
+from app.service.errors import BodyTooLargeError, ServiceError
+from app.service.request_body import memory_of, too_large, too_late
 from app.service.work.route_limits import RouteLimits
 
 LONGEST_LINE = 1 << 20  # bytes; chosen: those of the body of a single contract by default
-LINES_AT_A_TIME, MOST_LINES = 1 << 20, 4096  # bytes and number of lines that are read together; chosen
-
-
-class BodyMemory:
-    """The bytes that long bodies hold, all together and by client: two of the largest, one for each client."""
-
-    def __init__(self, most: int) -> None:
-        self._most = most
-        self._held: Counter[str] = Counter()
-
-    def take(self, client: str, count: int) -> None:
-        """Count bytes as held.
-
-        Raises
-        ------
-        ClientLimitError, OverloadedError
-            The client, or all together, hold as much as they may.
-        """
-        if self._held[client] + count > self._most:
-            raise ClientLimitError("the long bodies of this client are larger together than one may be")
-        if self._held.total() + count > 2 * self._most:
-            raise OverloadedError("the long bodies in work are as large together as they may be")
-        self._held[client] += count
-
-    def give_back(self, client: str, count: int) -> None:
-        """Count bytes as free again."""
-        self._held[client] -= count
-        if not self._held[client]:
-            del self._held[client]
+LINES_AT_A_TIME, MOST_LINES = 1 << 18, 4096  # bytes and number of lines that are read together; chosen
 
 
 class IncomingBody:
@@ -56,8 +26,7 @@ class IncomingBody:
 
     def __init__(self, request: Request, limits: RouteLimits) -> None:
         self._request, self._limits = request, limits
-        self._client = client_of(request)
-        self._memory: BodyMemory = request.app.state.body_memory
+        self._memory = memory_of(request)
         self._pending = bytearray()
         self._received = 0
         self._fault: Exception | None = None
@@ -67,10 +36,9 @@ class IncomingBody:
         self._task = asyncio.ensure_future(self._receive())
 
     def close(self) -> None:
-        """Stop reading, and free the memory that is held."""
+        """Stop reading."""
         self._task.cancel()
-        count, self._pending = len(self._pending), bytearray()  # others may still look at its memory
-        self._memory.give_back(self._client, count)
+        self._pending = bytearray()  # others may still look at its memory
 
     async def gone(self) -> None:
         """Wait until the client has closed the connection."""
@@ -123,7 +91,7 @@ class IncomingBody:
 
     def _cut(self, count: int) -> None:
         del self._pending[:count]
-        self._memory.give_back(self._client, count)
+        self._memory.give_back(count)
 
     async def _receive(self) -> None:
         try:
@@ -150,14 +118,14 @@ class IncomingBody:
         self._received += len(part)
         if self._received > self._limits.body_bytes:
             raise too_large(self._limits)
-        self._memory.take(self._client, len(part))
+        self._memory.take(len(part))
         self._pending += part
         return bool(message.get("more_body", False))
 
 
 def _end_of_lines(text: bytearray) -> int:
     """Return where the whole lines end that are read together, 0 where there is none."""
-    end = text.rfind(b"\n", 0, LINES_AT_A_TIME) + 1
+    end = (text.rfind(b"\n", 0, LINES_AT_A_TIME) + 1) or (text.find(b"\n", LINES_AT_A_TIME) + 1)
     if text.count(b"\n", 0, end) > MOST_LINES:
         end -= len(text[:end].split(b"\n", MOST_LINES)[-1])
     return end

@@ -20,6 +20,7 @@ from app.service.errors import (
     UnsupportedMediaTypeError,
 )
 from app.service.json_schema import inline_schema
+from app.service.memory_budget import Hold
 from app.service.strict_json import parse_object
 from app.service.work.admission import read_body
 from app.service.work.route_limits import Limits, RouteLimits
@@ -110,17 +111,14 @@ def too_late(limits: RouteLimits) -> BodyTimeoutError:
     return BodyTimeoutError(f"the body must arrive within {limits.body_seconds:g} s")
 
 
-def hold_memory(request: Request, count: int) -> None:
-    """Count bytes of a long body as held until the request has been answered.
-
-    Raises
-    ------
-    ClientLimitError, OverloadedError
-        Its client, or all together, hold as much as they may.
-    """
-    memory, client = request.app.state.body_memory, client_of(request)
-    memory.take(client, count)
-    request.state.at_end.append(lambda: memory.give_back(client, count))
+def memory_of(request: Request) -> Hold:
+    """Return what a request holds of the memory budget; it is released when the request has been answered."""
+    state = request.state
+    if not hasattr(state, "memory"):
+        state.memory = Hold(request.app.state.memory, client_of(request))
+        state.at_end.append(state.memory.release)
+    memory: Hold = state.memory
+    return memory
 
 
 async def _read_bytes(request: Request, limits: RouteLimits) -> bytes:
@@ -133,7 +131,7 @@ async def _read_bytes(request: Request, limits: RouteLimits) -> bytes:
                 if len(raw) > limits.body_bytes:
                     raise too_large(limits)
                 if len(raw) > UNCOUNTED:
-                    hold_memory(request, len(part))
+                    memory_of(request).take(len(part))
     except TimeoutError:
         raise too_late(limits) from None
     return bytes(raw)

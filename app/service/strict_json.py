@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from app.service.decoded_size import bytes_of_json
 from pricing_core.american.contracts.json_text import DuplicateKeyError, JSONTextError, parse_json
 
 
@@ -9,8 +10,18 @@ class InvalidJsonError(ValueError):
     """The body is not one JSON object; the message repeats nothing of it."""
 
 
-def parse_object(raw: bytes) -> dict[str, Any]:
+LARGEST_OBJECT = (
+    1 << 24
+)  # bytes that the values of one contract may take; chosen: a hundred times those of any
+
+
+def parse_object(raw: bytes | bytearray, most_bytes: int = LARGEST_OBJECT) -> dict[str, Any]:
     """Parse one JSON object with distinct keys, finite number literals and well-formed Unicode.
+
+    Parameters
+    ----------
+    most_bytes : int
+        Memory that its values may take, by `bytes_of_json`.
 
     Raises
     ------
@@ -26,6 +37,8 @@ def parse_object(raw: bytes) -> dict[str, Any]:
     ...
     app.service.strict_json.InvalidJsonError: the body holds NaN or Infinity, which are not JSON numbers
     """
+    if bytes_of_json(raw) > most_bytes:
+        raise InvalidJsonError("the body holds more values than are read as one object")
     try:
         value = parse_json(raw.decode("utf-8"))
     except DuplicateKeyError:

@@ -1,7 +1,7 @@
 """The answer to a batch, in parts, in each of the forms that it can be asked for."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -37,8 +37,8 @@ class BatchAnswer(Protocol):
         """Take the next rows, and return the bytes that are to be sent now."""
         ...
 
-    def end(self) -> bytes:
-        """Return the last bytes of the answer."""
+    def end(self) -> Iterator[bytes]:
+        """Yield the last bytes of the answer."""
         ...
 
 
@@ -64,9 +64,9 @@ class ArrowAnswer:
         """Return the message unchanged: it is sent at once."""
         return encoded
 
-    def end(self) -> bytes:
-        """Return the bytes that end a stream."""
-        return END_OF_STREAM
+    def end(self) -> Iterator[bytes]:
+        """Yield the bytes that end a stream."""
+        yield END_OF_STREAM
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +95,9 @@ class LinesAnswer:
         """Return the lines unchanged: they are sent at once."""
         return encoded
 
-    def end(self) -> bytes:
-        """Return no bytes: every line is complete."""
-        return b""
+    def end(self) -> Iterator[bytes]:
+        """Yield nothing: every line is complete."""
+        yield from ()
 
 
 @dataclass(slots=True)
@@ -141,13 +141,12 @@ class ColumnsAnswer:
             )
         return b""
 
-    def end(self) -> bytes:
-        """Return the whole object."""
-        columns = zip(*self._parts, strict=True) if self._parts else ([""] for _ in self._names)
-        written = (
-            f', "{name}": [{", ".join(cells)}]' for name, cells in zip(self._names, columns, strict=True)
-        )
-        return f'{{"greeks_units": "{self.units}"{"".join(written)}}}'.encode()
+    def end(self) -> Iterator[bytes]:
+        """Yield the whole object, column by column."""
+        yield f'{{"greeks_units": "{self.units}"'.encode()
+        for place, name in enumerate(self._names):
+            yield f', "{name}": [{", ".join(part[place] for part in self._parts)}]'.encode()
+        yield b"}"
 
 
 ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)

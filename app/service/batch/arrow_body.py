@@ -115,13 +115,15 @@ def pieces_of(batches: Sequence[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
 
 
 def _check_messages(body: bytes | bytearray) -> None:
-    """Refuse compressed buffers, which take whatever memory they name, before Arrow looks at them."""
-    reader = pa.ipc.MessageReader.open_stream(pa.BufferReader(pa.py_buffer(body)))
-    for count, message in enumerate(reader):
+    """Refuse compressed buffers, which take whatever memory they name, before Arrow looks at them, and what follows."""
+    source = pa.BufferReader(pa.py_buffer(body))
+    for count, message in enumerate(pa.ipc.MessageReader.open_stream(source)):
         if count > MOST_BATCHES:
             raise BodyTooLargeError(f"a stream must not hold more than {MOST_BATCHES} batches")
         if _is_compressed(memoryview(message.metadata)):
             raise InvalidArrowError("the buffers of the Arrow stream must not be compressed")
+    if source.tell() < len(body):
+        raise InvalidArrowError("the body must end with the Arrow stream: it goes on behind its end")
 
 
 def _is_compressed(metadata: memoryview) -> bool:
@@ -258,8 +260,11 @@ def _weight(column: pa.Array) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     for entries in _lists(column):
         lengths = pc.fill_null(pc.list_value_length(entries), 0)
         weight += lengths.to_numpy(zero_copy_only=False)
-    if is_text(column.type) and not pa.types.is_dictionary(column.type):
-        weight += pc.fill_null(pc.binary_length(column), 0).to_numpy(zero_copy_only=False) // 8
     if pa.types.is_dictionary(column.type):
-        weight += _largest(pc.binary_length(column.dictionary)) // 8
+        codes = pc.fill_null(column.indices.cast(pa.int64()), -1).to_numpy(zero_copy_only=False)
+        used, first = np.unique(codes, return_index=True)  # a text is read once, however many rows hold it
+        lengths = pc.fill_null(pc.binary_length(column.dictionary), 0).to_numpy(zero_copy_only=False)
+        weight[first[used >= 0]] += lengths[used[used >= 0]] // 8
+    elif is_text(column.type):
+        weight += pc.fill_null(pc.binary_length(column), 0).to_numpy(zero_copy_only=False) // 8
     return weight

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise, repeat
 from typing import Any, TypeAlias
 
 import pyarrow as pa
 
 from app.service.batch.row_limits import FIELDS, MOST_JSON_ROWS, PIECE_WEIGHT, check_columns, most_entries
 from app.service.contract_schema import LONGEST_DATE
+from app.service.decoded_size import bytes_of_json
 from app.service.errors import BodyTooLargeError
 from app.service.strict_json import InvalidJsonError, parse_object
 from pricing_core.american.arrow.price_batch import price_read
@@ -31,35 +33,30 @@ Row: TypeAlias = dict[str, Any] | InvalidInputError
 
 
 @dataclass(frozen=True, slots=True)
-class JsonRows:
-    """Rows to be priced together.
+class JsonColumns:
+    """Consecutive rows of columns, to be priced together.
 
     Parameters
     ----------
-    rows : sequence of Row
-    names : sequence of str
-        The columns of the batch that they belong to.
+    columns : mapping of str to object
+        A list of cells for each name, or one cell that serves all rows.
+    start, end : int
+        Which of the rows they are.
     """
 
-    rows: Sequence[Row]
-    names: Sequence[str]
+    columns: Mapping[str, Any]
+    start: int
+    end: int
 
     @property
     def count(self) -> int:
         """The number of rows."""
-        return len(self.rows)
+        return self.end - self.start
 
     def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:
         """Return the results of every row."""
-        rows = [{} if isinstance(row, InvalidInputError) else row for row in self.rows]
-        refused = {place: row for place, row in enumerate(self.rows) if isinstance(row, InvalidInputError)}
-        given = {name for row in rows for name in row}
-        defaults = {**DEFAULTS, "tolerance": settings.tolerance}
-        columns = {
-            name: [_given(row, name, defaults) for row in rows] for name in {*given, *REQUIRED_COLUMNS}
-        }
-        read = read_book(columns, settings.tolerance, refused)
-        return price_read(read, self.names, settings, interrupt=interrupt)[0]
+        rows = [_checked(row) for row in _rows(self.columns, self.start, self.end)]
+        return _priced(rows, [*self.columns], settings, interrupt)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,14 +72,16 @@ class JsonLines:
 
     def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:
         """Return the results of every row."""
-        return JsonRows([*map(_row_of_line, self._written())], [*FIELDS]).price(settings, interrupt)
+        return _priced([*map(_row_of_line, self._written())], [*FIELDS], settings, interrupt)
 
     def _written(self) -> list[bytes]:
         return [line for line in self.lines.split(b"\n") if line.strip()]
 
 
-def columns_of(body: bytes | bytearray) -> tuple[list[str], list[JsonRows]]:
+def columns_of(body: bytes | bytearray) -> tuple[list[str], list[JsonColumns]]:
     """Return the names of the columns of one JSON object, and its rows in parts to be priced together.
+
+    The memory that the object takes, `bytes_of_json`, is for the caller to count.
 
     Raises
     ------
@@ -93,7 +92,7 @@ def columns_of(body: bytes | bytearray) -> tuple[list[str], list[JsonRows]]:
     BodyTooLargeError
         There are more rows than one JSON object may hold.
     """
-    columns = parse_object(bytes(body))
+    columns = parse_object(body, bytes_of_json(body))
     names = [*columns]
     check_columns(names)
     lengths = {len(cells) for name, cells in columns.items() if _is_column(name, cells)}
@@ -105,9 +104,44 @@ def columns_of(body: bytes | bytearray) -> tuple[list[str], list[JsonRows]]:
         raise BodyTooLargeError(
             f"columns in JSON must not have more than {MOST_JSON_ROWS} rows: send JSON lines or an Arrow stream"
         )
-    each = [cells if _is_column(name, cells) else [cells] * count for name, cells in columns.items()]
-    rows = (_checked(dict(zip(names, cells, strict=True))) for cells in zip(*each, strict=True))
-    return names, [JsonRows(part, names) for part in _parts(rows)]
+    return names, [JsonColumns(columns, start, end) for start, end in pairwise(_cuts(columns, count))]
+
+
+def _rows(columns: Mapping[str, Any], start: int, end: int) -> Iterator[dict[str, Any]]:
+    """Yield some rows of columns, one by one."""
+    cells = [
+        cells[start:end] if _is_column(name, cells) else repeat(cells, end - start)
+        for name, cells in columns.items()
+    ]
+    return (dict(zip(columns, row, strict=True)) for row in zip(*cells, strict=False))
+
+
+def _cuts(columns: Mapping[str, Any], count: int) -> Iterator[int]:
+    """Yield where the parts begin, and the end: each has rows and entries of their lists of some number."""
+    each = sum(_length(cell) for name, cell in columns.items() if not _is_column(name, cell))
+    lists = [cells for name, cells in columns.items() if _is_column(name, cells)]
+    yield 0
+    weight = 0
+    for row in range(count):
+        weight += 1 + each + sum(_length(cells[row]) for cells in lists)
+        if weight >= PIECE_WEIGHT and row + 1 < count:
+            yield row + 1
+            weight = 0
+    if count:
+        yield count
+
+
+def _priced(
+    rows: Sequence[Row], names: Sequence[str], settings: PricingSettings, interrupt: Callable[[], bool]
+) -> pa.RecordBatch:
+    """Return the results of every row; `names` are the columns of the batch that they belong to."""
+    refused = {place: row for place, row in enumerate(rows) if isinstance(row, InvalidInputError)}
+    read: list[dict[str, Any]] = [{} if isinstance(row, InvalidInputError) else row for row in rows]
+    defaults = {**DEFAULTS, "tolerance": settings.tolerance}
+    given = {name for row in read for name in row}
+    columns = {name: [_given(row, name, defaults) for row in read] for name in {*given, *REQUIRED_COLUMNS}}
+    book = read_book(columns, settings.tolerance, refused)
+    return price_read(book, names, settings, interrupt=interrupt)[0]
 
 
 def _given(row: Mapping[str, Any], name: str, defaults: Mapping[str, Any]) -> Any:
@@ -149,16 +183,3 @@ def _is_column(name: str, cells: object) -> bool:
     if not isinstance(cells, list):
         return False
     return FIELDS[name].kind != "list" or any(is_list_of_row(name, cell) for cell in cells)
-
-
-def _parts(rows: Iterator[Row]) -> Iterator[list[Row]]:
-    part: list[Row] = []
-    weight = 0
-    for row in rows:
-        part.append(row)
-        weight += 1 if isinstance(row, InvalidInputError) else 1 + sum(map(_length, row.values()))
-        if weight >= PIECE_WEIGHT:
-            yield part
-            part, weight = [], 0
-    if part:
-        yield part

@@ -12,7 +12,7 @@ MOST_JSON_ROWS = (
     100_000  # of one that is asked or answered as one JSON object, which is held as a whole; chosen
 )
 LONGEST_COLUMNS = 1 << 21  # bytes of a batch as one JSON object: while C parses it nobody is answered; chosen
-PIECE_WEIGHT = 16_384  # rows and entries of their lists that are priced together; chosen
+PIECE_WEIGHT = 4_096  # rows and entries of their lists that are priced together; chosen
 LONGEST_TEXT = 16_384  # bytes of a cell of text; chosen
 
 FIELDS = {field.name: field for field in COLUMN_FIELDS}

@@ -4,7 +4,8 @@ import asyncio
 import contextlib
 from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
-from typing import Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar
 
 import pyarrow as pa
 from fastapi import Request
@@ -13,8 +14,10 @@ from app.service.batch.answers import ARROW, JSON, LINES, BatchAnswer
 from app.service.batch.arrow_body import table_of
 from app.service.batch.json_rows import JsonLines, columns_of
 from app.service.batch.row_limits import FIELDS, LONGEST_COLUMNS, MOST_ROWS
+from app.service.decoded_size import bytes_of_json
 from app.service.errors import BodyTooLargeError, DeadlineError
 from app.service.incoming_body import IncomingBody
+from app.service.request_body import memory_of
 from app.service.request_record import record_of
 from app.service.work.admission import expensive_lane, expensive_place
 from app.service.work.lanes import Interrupt
@@ -22,6 +25,7 @@ from pricing_core.american.arrow.price_batch import results_schema, unfinished_r
 from pricing_core.american.pricing_settings import PricingSettings
 
 Found = TypeVar("Found")
+ROWS_AT_A_TIME = 16_384  # that are answered without being read; chosen
 
 
 class Rows(Protocol):
@@ -35,6 +39,13 @@ class Rows(Protocol):
     def price(self, settings: PricingSettings, interrupt: Interrupt) -> pa.RecordBatch:
         """Return the results of every row; those that are not ready when the work ends have the status deadline."""
         ...
+
+
+@dataclass(frozen=True, slots=True)
+class LateRows:
+    """Rows for which the deadline left no time."""
+
+    count: int
 
 
 class BatchWork:
@@ -59,7 +70,7 @@ class BatchWork:
         answer: BatchAnswer,
     ) -> None:
         self._lane, self._place = expensive_lane(request), expensive_place(request)
-        self._record = record_of(request)
+        self._record, self._memory = record_of(request), memory_of(request)
         self._body, self._form, self._settings, self._answer = body, form, settings, answer
 
     async def answered(self) -> AsyncIterator[bytes]:
@@ -77,49 +88,79 @@ class BatchWork:
             count += part.count
             if count > MOST_ROWS:
                 raise BodyTooLargeError(f"a batch must not have more than {MOST_ROWS} rows")
-            statuses, encoded = await self._priced(part, names)
+            priced = None if isinstance(part, LateRows) else await self._priced(part)
+            if priced is None:
+                async for answer in self._unfinished(part.count, names):
+                    yield answer
+                continue
+            statuses, encoded = priced
             self._record.contracts.update(statuses)
-            yield self._answer.add(encoded, part.count)
-        yield await asyncio.to_thread(self._answer.end)
+            async for answer in self._added(encoded, part.count):
+                yield answer
+        end = self._answer.end()
+        while last := await asyncio.to_thread(next, end, b""):
+            yield last
 
-    async def _read(self) -> tuple[Sequence[str], AsyncIterator[Rows]]:
+    async def _read(self) -> tuple[Sequence[str], AsyncIterator[Rows | LateRows]]:
         """Return the names of the columns, and the rows."""
         if self._form == LINES:
             return [*FIELDS], self._lines()
         body = await self._body.whole()
-        if self._form == JSON and len(body) > LONGEST_COLUMNS:
-            raise BodyTooLargeError(
-                f"one JSON object must not be longer than {LONGEST_COLUMNS} bytes: send {LINES} or {ARROW}"
-            )
-        read: Callable[[bytearray], tuple[list[str], Sequence[Rows]]]
-        read = columns_of if self._form == JSON else table_of
+        read: Callable[[bytearray], tuple[list[str], Sequence[Rows]]] = table_of
+        if self._form == JSON:
+            if len(body) > LONGEST_COLUMNS:
+                raise BodyTooLargeError(
+                    f"one JSON object must not be longer than {LONGEST_COLUMNS} bytes: send {LINES} or {ARROW}"
+                )
+            self._memory.take(bytes_of_json(body))
+            read = columns_of
         names, rows = await self._done(lambda _: read(body))
-        return names, _one_by_one(rows)
+        return names, self._in_time(rows)
 
-    async def _lines(self) -> AsyncIterator[Rows]:
+    async def _in_time(self, rows: Sequence[Rows]) -> AsyncIterator[Rows | LateRows]:
+        """Yield the parts one by one, and once the deadline has passed all that is left as one."""
+        for place, part in enumerate(rows):
+            if not self._place.has_time():
+                yield LateRows(sum(part.count for part in rows[place:]))
+                return
+            yield part
+
+    async def _lines(self) -> AsyncIterator[Rows | LateRows]:
         async for lines in self._body.lines():
             yield JsonLines(lines)
 
-    async def _priced(self, rows: Rows, names: Sequence[str]) -> tuple[Counter[str], object]:
-        """Return how many rows have which status, and their results in the form of the answer."""
+    async def _priced(self, rows: Rows) -> tuple[Counter[str], object] | None:
+        """Return how many rows have which status, and their results in the form of the answer; None if it is late."""
 
         def work(interrupt: Interrupt) -> tuple[Counter[str], object]:
             results = rows.price(self._settings, interrupt)
             return Counter(results["status"].to_pylist()), self._answer.encoded(results)
 
-        def unfinished() -> tuple[Counter[str], object]:
-            row, count = unfinished_rows(1, names, self._settings), rows.count
-            return Counter({row["status"][0].as_py(): count}), self._answer.repeated(row, count)
-
         if self._place.has_time():
             with contextlib.suppress(DeadlineError):
                 return await self._done(work)
-        return await asyncio.to_thread(unfinished)  # what is left is not even read
+        return None
+
+    async def _unfinished(self, count: int, names: Sequence[str]) -> AsyncIterator[bytes]:
+        """Yield what is said of rows that are not even read."""
+        row = unfinished_rows(1, names, self._settings)
+        self._record.contracts[row["status"][0].as_py()] += count
+        many = None
+        for start in range(0, count, ROWS_AT_A_TIME):
+            size = min(ROWS_AT_A_TIME, count - start)
+            if many is None or size < ROWS_AT_A_TIME:
+                many = await asyncio.to_thread(self._answer.repeated, row, size)
+            async for answer in self._added(many, size):
+                yield answer
+
+    async def _added(self, encoded: Any, count: int) -> AsyncIterator[bytes]:
+        """Yield the answer of some rows, and count what it takes of the memory until the client has taken it."""
+        size = len(encoded) if isinstance(encoded, bytes) else sum(map(len, encoded))
+        self._memory.take(size)
+        answer = self._answer.add(encoded, count)
+        if answer:
+            yield answer
+            self._memory.give_back(size)
 
     async def _done(self, work: Callable[[Interrupt], Found]) -> Found:
         return await self._lane.run(work, self._place, self._body.gone())
-
-
-async def _one_by_one(rows: Sequence[Rows]) -> AsyncIterator[Rows]:
-    for part in rows:
-        yield part

@@ -8,7 +8,9 @@ from app.service.batch.answers import ARROW, JSON
 from app.service.batch.arrow_body import flat_table
 from app.service.batch.row_limits import LONGEST_COLUMNS
 from app.service.chain.question import ChainQuestion
+from app.service.decoded_size import bytes_of_csv, bytes_of_json, bytes_of_table
 from app.service.errors import BodyTooLargeError, InvalidRequestError, deadline_told
+from app.service.memory_budget import Hold
 from app.service.strict_json import parse_object
 from app.service.work.lanes import Interrupt
 from pricing_core.chains import ChainFit, fit_chain
@@ -24,8 +26,10 @@ MOST_QUOTES = 20_000  # rows of a body; chosen: the largest chains of one underl
 MOST_COLUMNS = 200  # chosen
 
 
-def fitted_body(body: bytes | bytearray, form: str, question: ChainQuestion, interrupt: Interrupt) -> bytes:
-    """Return the answer to quotes in one of the forms.
+def fitted_body(
+    body: bytes | bytearray, form: str, question: ChainQuestion, memory: Hold, interrupt: Interrupt
+) -> bytes:
+    """Return the answer to quotes in one of the forms; what they take of the memory is counted before it is taken.
 
     Raises
     ------
@@ -34,7 +38,7 @@ def fitted_body(body: bytes | bytearray, form: str, question: ChainQuestion, int
     """
     with deadline_told(interrupt, "fewer quotes or a wider tolerance are faster"):
         try:
-            raw = _raw(body, form)
+            raw = _raw(body, form, memory)
             quotes = read_raw(
                 raw,
                 question.format,
@@ -75,18 +79,23 @@ def answer_of(fit: ChainFit) -> dict[str, Any]:
     return answer
 
 
-def _raw(body: bytes | bytearray, form: str) -> RawTable:
+def _raw(body: bytes | bytearray, form: str, memory: Hold) -> RawTable:
     if form == ARROW:
-        raw = of_arrow(flat_table(body, MOST_QUOTES))
+        table = flat_table(body, MOST_QUOTES)
+        memory.take(bytes_of_table(table))
+        raw = of_arrow(table)
     elif form == JSON:
         if len(body) > LONGEST_COLUMNS:
             raise BodyTooLargeError(
                 f"JSON must not be longer than {LONGEST_COLUMNS} bytes: send {CSV} or {ARROW}"
             )
-        raw = of_json(parse_object(bytes(body)))
+        size = bytes_of_json(body)
+        memory.take(size)
+        raw = of_json(parse_object(body, size))
     else:
         if body.count(b"\n") > MOST_QUOTES + 1:
             raise BodyTooLargeError(f"a chain must not have more than {MOST_QUOTES} quotes")
+        memory.take(bytes_of_csv(body))
         raw = of_csv(_text(body))
     if raw.count > MOST_QUOTES:
         raise BodyTooLargeError(f"a chain must not have more than {MOST_QUOTES} quotes")

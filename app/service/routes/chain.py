@@ -10,7 +10,7 @@ from app.service.chain.question import chain_question
 from app.service.errors import NotAcceptableError
 from app.service.incoming_body import IncomingBody
 from app.service.problem_responses import problem_responses
-from app.service.request_body import check_encoding, check_length, check_media_type
+from app.service.request_body import check_encoding, check_length, check_media_type, memory_of
 from app.service.work.admission import expensive_lane, expensive_place
 from app.service.work.lanes import Interrupt
 from app.service.work.route_limits import for_batch
@@ -42,8 +42,9 @@ async def post_chain(request: Request) -> Response:
     body = IncomingBody(request, limits)
     request.state.at_end.append(body.close)
     content = await body.whole()
+    memory = memory_of(request)
 
     def work(interrupt: Interrupt) -> bytes:
-        return fitted_body(content, form, question, interrupt)
+        return fitted_body(content, form, question, memory, interrupt)
 
     return Response(await expensive_lane(request).run(work, place, body.gone()), media_type=JSON)

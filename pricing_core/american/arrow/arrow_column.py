@@ -158,7 +158,12 @@ class ArrowColumn:
             return np.arange(len(self.array)), [python_value(cell) for cell in self.array]
         encoded = self.array if pa.types.is_dictionary(self.array.type) else self.array.dictionary_encode()
         codes = pc.fill_null(encoded.indices.cast(pa.int64()), -1).to_numpy(zero_copy_only=False)
-        return codes, [_stripped(python_value(cell)) for cell in encoded.dictionary]
+        cells = encoded.dictionary
+        if len(cells) > codes.size:  # these rows are few of those that share the dictionary
+            used, codes = np.unique(codes, return_inverse=True)
+            absent = int(used.size > 0 and used[0] < 0)
+            codes, cells = codes - absent, cells.take(pa.array(used[absent:]))
+        return codes, [_stripped(python_value(cell)) for cell in cells]
 
     def _word(self, cell: Any) -> Any:
         """Return the choice that a cell means; the cell itself where it means none."""

@@ -392,7 +392,7 @@ def test_a_body_declared_too_long_is_a_413(client: TestClient) -> None:
 def test_long_bodies_share_one_memory_and_short_ones_need_none(
     client: TestClient, question: dict[str, Any]
 ) -> None:
-    memory = client.app.state.body_memory  # type: ignore[attr-defined]
+    memory = client.app.state.memory  # type: ignore[attr-defined]
     memory.take("testclient", (1 << 26) - 70_000)  # of 64 MiB, as if by another request of this client
     long = json.dumps(question) + 80_000 * " "
     answer = client.post("/v1/price", content=long, headers=JSON)

@@ -13,9 +13,11 @@ from fastapi.testclient import TestClient
 from app.greeks_units import PER_DAY_PER_POINT
 from app.main import create_app
 from app.service.batch.answers import ANSWERS, ARROW, FORMS, JSON, LINES
-from app.service.batch.arrow_body import ArrowRows
-from app.service.batch.json_rows import JsonRows
-from app.service.batch.row_limits import FIELDS, LONGEST_COLUMNS, MOST_JSON_ROWS
+from app.service.batch.arrow_body import ArrowRows, pieces_of
+from app.service.batch.json_rows import JsonColumns, JsonLines
+from app.service.batch.json_rows import columns_of as columns_of_body
+from app.service.batch.row_limits import FIELDS, LONGEST_COLUMNS, MOST_JSON_ROWS, PIECE_WEIGHT
+from app.service.decoded_size import bytes_of_json
 from app.service.work.lanes import Interruption
 from app.settings import Settings
 from pricing_core.american import price_many
@@ -366,7 +368,7 @@ def test_an_answer_of_a_kind_that_there_is_not_is_refused(client: TestClient, ac
 def test_rows_unfinished_at_the_deadline_say_so(
     client: TestClient, monkeypatch: pytest.MonkeyPatch, waited_for: None, form: str
 ) -> None:
-    for rows in (JsonRows, ArrowRows):
+    for rows in (JsonColumns, JsonLines, ArrowRows):
 
         def late(
             some: Any, settings: PricingSettings, interrupt: Interruption, price: Any = rows.price
@@ -393,7 +395,7 @@ def test_a_body_is_counted_while_it_arrives() -> None:
         assert_problem(client.post("/v1/batch", content=endless, headers=headers), 413, "body-too-large")
         long = {**headers, "content-length": "10001"}
         assert_problem(client.post("/v1/batch", content=b" " * 10_001, headers=long), 413, "body-too-large")
-        assert not client.app.state.body_memory._held  # type: ignore[attr-defined]
+        assert client.app.state.memory.held == 0  # type: ignore[attr-defined]
 
 
 def test_no_rows_are_answered_with_none(client: TestClient) -> None:
@@ -420,7 +422,7 @@ def test_unfinished_rows_are_written_as_if_one_by_one(form: str, units: str) -> 
             rows = unfinished_rows(1 if repeats else count, names, settings)
             encoded = answer.repeated(rows, count) if repeats else answer.encoded(rows)
             parts.append(answer.add(encoded, count))
-        written.append(b"".join([*parts, answer.end()]))
+        written.append(b"".join([*parts, *answer.end()]))
     found = [content(body, form) for body in written]
     assert found[0] == found[1]
     assert found[0]["status"] == ["deadline"] * 308
@@ -438,3 +440,62 @@ def content(body: bytes, form: str) -> dict[str, Any]:
         return columns
     rows = [json.loads(line) for line in body.splitlines()]
     return {name: [row[name] for row in rows] for name in rows[0]}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_rows_for_which_no_time_is_left_are_answered_in_few_pieces(
+    monkeypatch: pytest.MonkeyPatch, form: str
+) -> None:
+    """The deadline passes before the first row: what is left is told many rows at a time, however it was cut."""
+    monkeypatch.setattr("app.service.work.lanes.Place.has_time", lambda self: False)
+    monkeypatch.setattr("app.service.batch.json_rows.PIECE_WEIGHT", 1)
+    monkeypatch.setattr("app.service.batch.arrow_body.PIECE_WEIGHT", 1)
+    asked = []
+    kind = ANSWERS[form]
+    repeated = kind.repeated
+    monkeypatch.setattr(
+        kind, "repeated", lambda self, row, count: (asked.append(count), repeated(self, row, count))[1]
+    )
+    count = 20_000
+    book = {name: [cells[0]] * count for name, cells in BOOK.items()}
+    with TestClient(create_app(Settings(slots=2))) as client:
+        found = columns_of(ask(client, body_of(book, form), form))
+    assert found["status"] == ["deadline"] * count
+    assert len(asked) <= (2 if form != LINES else 10)  # lines come in groups of some thousands
+
+
+def test_a_text_in_a_dictionary_is_weighed_once_however_many_rows_hold_it() -> None:
+    count = 100_000
+    texts = pa.array(["x" * 16_000, "put"])
+    codes = pa.array(np.zeros(count, dtype=np.int8))
+    batch = pa.record_batch({"option_type": pa.DictionaryArray.from_arrays(codes, texts)})
+    pieces = [*pieces_of([batch])]
+    assert sum(piece.num_rows for piece in pieces) == count
+    assert len(pieces) <= count // PIECE_WEIGHT + 3
+
+
+def test_what_follows_an_arrow_stream_in_a_body_is_refused(client: TestClient) -> None:
+    one = body_of(BOOK, ARROW)
+    for body in (one + one, one + b"x", one + b"\0" * 8):
+        assert_problem(ask(client, body, ARROW), 422, "invalid-arrow")
+
+
+def test_columns_that_would_take_more_memory_than_there_is_are_not_parsed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """All of it is counted before: what the body takes as values, and the answer while it grows."""
+    book = {name: [cells[0]] * 2_000 for name, cells in BOOK.items()}
+    body = body_of(book, JSON)
+    parsed = []
+    read = columns_of_body
+    monkeypatch.setattr("app.service.batch.work.columns_of", lambda body: (parsed.append(1), read(body))[1])
+    with TestClient(create_app(Settings(slots=2, max_batch_bytes=len(body) + 1_000))) as client:
+        problem = assert_problem(ask(client, body, JSON), 413, "body-too-large")
+        assert "several parts" in problem["detail"]
+        assert not parsed
+        assert client.app.state.memory.held == 0  # type: ignore[attr-defined]
+    enough = bytes_of_json(body) + len(body) + 1_000
+    with TestClient(create_app(Settings(slots=2, max_batch_bytes=enough))) as client:
+        assert_problem(ask(client, body, JSON), 429, "client-limit")  # the answer does not fit
+        assert parsed
+        assert client.app.state.memory.held == 0  # type: ignore[attr-defined]

@@ -129,10 +129,10 @@ def test_other_answers_than_json_are_not_acceptable(client: TestClient) -> None:
 def test_a_fit_that_takes_too_long_is_told_by_the_deadline(
     client: TestClient, monkeypatch: pytest.MonkeyPatch, waited_for: None
 ) -> None:
-    def late(body: Any, form: str, question: Any, interrupt: Interruption) -> bytes:
+    def late(body: Any, form: str, question: Any, memory: Any, interrupt: Interruption) -> bytes:
         """Fit once the deadline has passed."""
         interrupt.end_by(time.monotonic() - 1.0)
-        return fitted_body(body, form, question, interrupt)
+        return fitted_body(body, form, question, memory, interrupt)
 
     monkeypatch.setattr("app.service.routes.chain.fitted_body", late)
     answer = ask(client, (SAMPLES / "generic.csv").read_bytes(), CSV)
