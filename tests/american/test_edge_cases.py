@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from pricing_core.american import CashDividend, Market, Option, price
-from pricing_core.errors import NumericalError
 from tests.problems.event_values import event_values
 from tests.problems.needs_kernel import needs_kernel
 from tests.problems.true_values import rows_of
@@ -42,9 +41,28 @@ def test_puts_with_two_boundaries_meet_the_default_tolerance(case):
 RISING = {"times": [0.5, 1.0], "values": [0.01, 0.02]}
 
 
-def test_a_spot_without_measure_has_no_price_rather_than_an_impossible_one():
-    with pytest.raises(NumericalError, match="as large as the range of prices without arbitrage"):
-        price(Option("put", 100.0, 1.0), Market(1e30, RISING, 0.2, cash_dividends=[CashDividend(0.5, 1.0)]))
+def test_a_spot_without_measure_has_its_bounds_for_a_price():
+    market = Market(1e30, RISING, 0.2, cash_dividends=[CashDividend(0.5, 1.0)])
+    found = price(Option("put", 100.0, 1.0), market)
+    assert found.status == "tolerance_not_met"
+    assert 0.0 <= found.price - found.error_estimate <= 1e-9
+    assert found.price + found.error_estimate == pytest.approx(100.0)
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    ("option", "market"),
+    [
+        (Option("put", 100.0, 200.0), Market(100.0, 2.0, 0.15, -0.5)),
+        (Option("put", 100.0, 200.0, "bermudan", [100.0]), Market(100.0, 0.05, 0.3, -0.5)),
+    ],
+    ids=["rates far apart", "bermudan"],
+)
+def test_the_ends_of_the_promised_domain_have_an_honest_status(option, market):
+    found = price(option, market, greeks="none", interrupt=lambda: False)
+    assert found.status in ("ok", "tolerance_not_met")
+    assert found.price - found.error_estimate >= 0.0
+    assert found.price + found.error_estimate <= 100.0 * (1.0 + 1e-12)
 
 
 @needs_kernel

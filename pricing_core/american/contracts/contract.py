@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
 from typing import Any
@@ -30,7 +29,7 @@ from pricing_core.american.contracts.json_text import from_text
 from pricing_core.american.contracts.names import DATES_INSTEAD, arguments_named
 from pricing_core.errors import InvalidInputError, MissingInputError, Told
 
-NOT_GIVEN = math.nan
+NOT_GIVEN = float("nan")  # an object of its own, and told by that
 
 
 @arguments_named

@@ -29,7 +29,7 @@ ENGINES: tuple[Engine, ...] = (
 )
 # Those whose vega costs no more than a few prices: the search for a volatility asks them first.
 FAST_ENGINES = (CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION)
-NO_PRICE = "the estimated error of the price is as large as the range of prices without arbitrage"
+BOUNDS_ALONE = "of the price its bounds without arbitrage are known alone, between which it stands"
 
 
 def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) -> Prices:
@@ -164,8 +164,8 @@ def _together(best: Prices | None, count: int, rows: Rows, found: Prices, allowe
 def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
     """Return the prices with none outside the bounds of no arbitrage.
 
-    An error that misses the tolerance and is as large as the range between these bounds says nothing: then there is no
-    price.
+    An error that misses the tolerance and is as large as the range between these bounds says nothing: then the middle
+    of the range is the price, and half the range its error.
     """
     rows = np.flatnonzero((best.error > allowed) | lies_high(book, best.value))
     if rows.size == 0:
@@ -174,8 +174,9 @@ def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
     least, most = range_of(part)
     lost = (found.error > allowed[rows]) & (found.error >= most - least)
     inside = replace(found, value=np.clip(found.value, least, most))
-    nothing = prices(int(lost.sum()), status="out_of_domain", message=NO_PRICE)
-    return best.replaced(rows, inside.replaced(np.flatnonzero(lost), nothing))
+    half = 0.5 * (most - least)[lost]
+    bounds = prices(half.size, value=least[lost] + half, error=half, message=BOUNDS_ALONE)
+    return best.replaced(rows, inside.replaced(np.flatnonzero(lost), bounds))
 
 
 def _with_status(best: Prices, allowed: Vector, *, interrupted: bool) -> Prices:

@@ -21,7 +21,7 @@ from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.chunks import SMALLEST_CHUNK, mapped, solve_in_chunks
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.price_bounds import lies_high, range_of
-from pricing_core.american.engines.solve import ENGINES, FAST_ENGINES, NO_PRICE, boundary_of, solve
+from pricing_core.american.engines.solve import BOUNDS_ALONE, ENGINES, FAST_ENGINES, boundary_of, solve
 from tests.problems.needs_kernel import needs_kernel
 from tests.problems.random_events import random_contracts
 from tests.problems.schedules import CONTRACTS
@@ -219,17 +219,15 @@ def test_no_value_above_its_bound_is_overlooked(seed):
     assert lies_high(book, most * (1.0 + 1e-9)).all()
 
 
-def test_an_error_as_large_as_the_range_without_arbitrage_is_no_price():
+def test_an_error_as_large_as_the_range_without_arbitrage_leaves_the_range():
     found = solved(Stub("first", error=[89.0, 90.0, 92.0, math.inf]))
-    assert found.status.tolist() == [
-        "tolerance_not_met",
-        "tolerance_not_met",
-        "out_of_domain",
-        "out_of_domain",
-    ]
-    assert np.isnan(found.value).tolist() == [False, False, True, True]
+    assert found.status.tolist() == ["tolerance_not_met"] * 4
+    least, most = range_of(BOOK)
+    for row in (2, 3):
+        assert found.value[row] - found.error[row] == pytest.approx(least[row])
+        assert found.value[row] + found.error[row] == pytest.approx(most[row])
     assert np.isnan(found.delta).tolist() == [False, False, True, True]
-    assert found.message[2] == found.message[3] == NO_PRICE
+    assert found.message[2] == found.message[3] == BOUNDS_ALONE
 
 
 # The boundary.
