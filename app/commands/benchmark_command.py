@@ -32,6 +32,7 @@ MODULES = {
     "batch": "benchmarks.batch_throughput",
     "cluster": "benchmarks.cluster_scaling",
     "service": "benchmarks.service_load",
+    "service-attack": "benchmarks.service_attack",
 }
 
 

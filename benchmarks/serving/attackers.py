@@ -1,0 +1,161 @@
+"""Hostile clients of the service, one kind at a time, for some seconds; run as a process of its own.
+
+`python -m benchmarks.serving.attackers SHAPE PORT SECONDS CONNECTIONS` prints the number of answers by status as JSON.
+It speaks to this machine alone.
+"""
+
+import json
+import socket
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+import pyarrow as pa
+
+from benchmarks.problems.hostile_questions import SEARCH
+
+HOST = "127.0.0.1"
+JSON, LINES, ARROW = "application/json", "application/x-ndjson", "application/vnd.apache.arrow.stream"
+MOST_BYTES = 1 << 24  # that one connection sends before it begins anew
+BOOK = {"option_type": "put", "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
+Stream = Callable[[], Iterator[bytes]]
+
+
+def head(path: str, *lines: str, method: str = "POST") -> bytes:
+    """Return the first lines of a request."""
+    return "\r\n".join([f"{method} {path} HTTP/1.1", "Host: x", *lines, "", ""]).encode()
+
+
+def chunked(path: str, chunk: bytes) -> Stream:
+    """Return the stream of a body of equal chunks without an end."""
+
+    def stream() -> Iterator[bytes]:
+        yield head(path, f"Content-Type: {JSON}", "Transfer-Encoding: chunked")
+        block = chunk * (16_384 // len(chunk))
+        while True:
+            yield block
+
+    return stream
+
+
+def endless(start: bytes, part: bytes) -> Stream:
+    """Return the stream of a beginning and one part over and over."""
+
+    def stream() -> Iterator[bytes]:
+        yield start
+        block = part * max(1, 16_384 // len(part))
+        while True:
+            yield block
+
+    return stream
+
+
+def bodies(path: str, kind: str, body: bytes) -> Stream:
+    """Return the stream of one request, to be answered."""
+
+    def stream() -> Iterator[bytes]:
+        yield head(path, f"Content-Type: {kind}", f"Content-Length: {len(body)}") + body
+
+    return stream
+
+
+def columns(**cells: object) -> bytes:
+    """Return a batch as one JSON object."""
+    return json.dumps({**BOOK, **cells}, separators=(",", ":")).encode()
+
+
+def dictionaries(rows: int, length: int) -> bytes:
+    """Return an Arrow stream of many rows that share one long text."""
+    codes = pa.array(np.zeros(rows, dtype=np.int8))
+    columns = {
+        name: pa.array(np.full(rows, 1, dtype=np.int8)) for name in ("spot", "strike", "expiry", "rate")
+    }
+    texts = pa.DictionaryArray.from_arrays(codes, pa.array(["x" * length]))
+    table = pa.table({**columns, "volatility": columns["rate"], "option_type": texts})
+    sink = pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, table.schema) as stream:
+        stream.write_table(table)
+    return sink.getvalue().to_pybytes()  # type: ignore[no-any-return]
+
+
+def shapes() -> Mapping[str, Stream]:
+    """Return the streams by name."""
+    get = head("/livez", method="GET")
+    wide = {f"{name}": 0 for name in ("dividend_yield", "borrow_rate", "settlement_lag", "quanto_covariance")}
+    return {
+        "tiny chunks to nowhere": chunked("/nowhere", b"1\r\n \r\n"),
+        "tiny chunks of a question": chunked("/v1/price", b"1\r\n \r\n"),
+        "tiny chunks of a batch": chunked("/v1/batch", b"1\r\n \r\n"),
+        "chunk extensions": chunked("/v1/price", b"1;a=b\r\n \r\n"),
+        "header lines": endless(b"GET /livez HTTP/1.1\r\nHost: x\r\n", b"a:b\r\n"),
+        "one long header line": endless(b"GET /livez HTTP/1.1\r\nHost: x\r\na:", b"b"),
+        "a long address": endless(b"GET /", b"a"),
+        "empty lines": endless(get, b"\r\n"),
+        "requests without waiting": endless(get, get),
+        "trailers": endless(head("/nowhere", "Transfer-Encoding: chunked") + b"1\r\n \r\n0\r\n", b"a:b\r\n"),
+        "after an upgrade": endless(
+            head("/livez", "Connection: Upgrade", "Upgrade: websocket", method="GET"), b"\0"
+        ),
+        "rubbish": endless(b"", b"\xff"),
+        "spots of many rows": bodies("/v1/batch", JSON, columns(spot=[1] * 99_999)),
+        "wide columns": bodies("/v1/batch", JSON, columns(spot=[1] * 99_999, **wide)),
+        "empty objects": bodies("/v1/batch", JSON, b'{"spot":[' + b"{}," * 600_000 + b"{}]}"),
+        "deep lists": bodies("/v1/price", JSON, b'{"rate":' + b"[" * 400_000),
+        "many keys": bodies("/v1/price", JSON, json.dumps({f"k{k}": 1 for k in range(60_000)}).encode()),
+        "lines of nothing": bodies("/v1/batch", LINES, b"{}\n" * 300_000),
+        "one text for all rows": bodies("/v1/batch", ARROW, dictionaries(1_000_000, 16_000)),
+        "cells of a chain": bodies("/v1/chain?rate=0", "text/csv", b"," * (1 << 22)),
+        "expensive questions": bodies("/v1/implied-volatility", JSON, json.dumps(SEARCH).encode()),
+    }
+
+
+def attack(stream: Stream, port: int, seconds: float, connections: int) -> Counter[str]:
+    """Send a stream over so many connections, each begun anew when it is answered or closed."""
+    end, answers = time.monotonic() + seconds, Counter[str]()
+
+    def one(number: int) -> None:
+        while time.monotonic() < end:
+            try:
+                answers[_exchange(stream, port, end, f"127.0.0.{2 + number % 16}")] += 1
+            except OSError:
+                answers["closed"] += 1
+
+    threads = [threading.Thread(target=one, args=(number,)) for number in range(connections)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return answers
+
+
+def _exchange(stream: Stream, port: int, end: float, source: str) -> str:
+    """Send until there is an answer, or enough, and return its status."""
+    with socket.create_connection((HOST, port), timeout=5.0, source_address=(source, 0)) as connection:
+        connection.setblocking(False)
+        sent, waiting, parts = 0, b"", stream()
+        while time.monotonic() < end:
+            try:
+                if received := connection.recv(65_536):
+                    return received.split(b" ", 2)[1].decode("ascii", "replace")
+                return "closed"
+            except BlockingIOError:
+                pass
+            waiting = waiting or (next(parts, b"") if sent < MOST_BYTES else b"")
+            if not waiting:
+                time.sleep(0.001)
+                continue
+            try:
+                count = connection.send(waiting)
+            except BlockingIOError:
+                time.sleep(0.001)
+                continue
+            sent, waiting = sent + count, waiting[count:]
+    return "unanswered"
+
+
+if __name__ == "__main__":
+    name, where, for_seconds, count = sys.argv[1:]
+    print(json.dumps(attack(shapes()[name], int(where), float(for_seconds), int(count))))
