@@ -5,6 +5,7 @@ from the one on that the test names. Run as `python -m tests.app.held_work`, wit
 """
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -108,5 +109,8 @@ def hold_in_this_process(held: HeldWork) -> None:
 if __name__ == "__main__":
     from app.__main__ import main
 
+    # As in a terminal, also where the tests run in the background.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     hold_in_this_process(HeldWork(Path(os.environ[FOLDER])))
     main()
