@@ -5,10 +5,12 @@ from the one on that the test names. Run as `python -m tests.app.held_work`, wit
 """
 
 import os
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self
 from uuid import uuid4
@@ -44,15 +46,20 @@ class HeldWork:
     def __exit__(self, *_: object) -> None:
         self.release()
 
-    def started(self, *arguments: object) -> subprocess.Popen[str]:
-        """Return a process of `pricing` with these arguments."""
-        return subprocess.Popen(
+    @contextmanager
+    def started(self, *arguments: object) -> Iterator[subprocess.Popen[str]]:
+        """Start a process of `pricing` with these arguments, which is killed at the end where it has not ended."""
+        with subprocess.Popen(
             [sys.executable, "-m", "tests.app.held_work", *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
             env=os.environ | self.environment,
-        )
+        ) as process:
+            try:
+                yield process
+            finally:
+                process.kill()
 
     @property
     def begun(self) -> int:
@@ -102,5 +109,8 @@ def hold_in_this_process(held: HeldWork) -> None:
 if __name__ == "__main__":
     from app.__main__ import main
 
+    # As in a terminal, also where the tests run in the background.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     hold_in_this_process(HeldWork(Path(os.environ[FOLDER])))
     main()

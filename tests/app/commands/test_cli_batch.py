@@ -182,8 +182,7 @@ def test_an_interruption_leaves_no_half_written_output(tmp_path: Path, how: sign
     held, folder = HeldWork(tmp_path / "held", first_unit=0), tmp_path / "files"
     folder.mkdir()
     source = write(folder / "in.csv", *[50 + k % 100 for k in range(30_000)])
-    process = held.started("batch", source, folder / "out.csv")
-    with process:
+    with held.started("batch", source, folder / "out.csv") as process:
         assert eventually(lambda: held.begun > 0)
         assert len(list(folder.iterdir())) > 1  # some is written
         process.send_signal(how)

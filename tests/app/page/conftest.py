@@ -9,7 +9,7 @@ import pytest
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 
-from tests.app.page.page import Page
+from tests.app.page.page import PATIENCE, Page
 from tests.app.service.server_process import Server, running
 
 FLAGS = (
@@ -46,6 +46,7 @@ def browser() -> Iterator[webdriver.Chrome]:
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     found = webdriver.Chrome(options, Service(driver))
+    found.set_script_timeout(PATIENCE)
     try:
         yield found
     finally:

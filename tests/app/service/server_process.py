@@ -98,7 +98,10 @@ class Server:
             self.held.release()
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
-        status = self.process.wait(PATIENCE)
+        try:
+            status = self.process.wait(PATIENCE)
+        finally:
+            self.process.kill()  # where it has not ended
         self._reader.join(PATIENCE)
         assert not self._reader.is_alive(), "another process holds the log open"
         assert self.process.stderr is not None
