@@ -49,14 +49,14 @@ class MemoryBudget:
                 del self._held[client]
 
 
-class Hold:
+class HeldMemory:
     """What one request holds of the budget, until it is released."""
 
     def __init__(self, budget: MemoryBudget, client: str) -> None:
         self._budget, self._client, self._count = budget, client, 0
 
     def take(self, count: int) -> None:
-        """Hold further bytes.
+        """HeldMemory further bytes.
 
         Raises
         ------
@@ -67,10 +67,10 @@ class Hold:
         self._count += count
 
     def give_back(self, count: int) -> None:
-        """Hold some bytes less."""
+        """HeldMemory some bytes less."""
         self._budget.give_back(self._client, count)
         self._count -= count
 
     def release(self) -> None:
-        """Hold nothing any more."""
+        """HeldMemory nothing any more."""
         self.give_back(self._count)

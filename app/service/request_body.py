@@ -20,7 +20,7 @@ from app.service.errors import (
     UnsupportedMediaTypeError,
 )
 from app.service.json_schema import inline_schema
-from app.service.memory_budget import Hold
+from app.service.memory_budget import HeldMemory
 from app.service.strict_json import parse_object
 from app.service.work.admission import read_body
 from app.service.work.route_limits import Limits, RouteLimits
@@ -111,13 +111,13 @@ def too_late(limits: RouteLimits) -> BodyTimeoutError:
     return BodyTimeoutError(f"the body must arrive within {limits.body_seconds:g} s")
 
 
-def memory_of(request: Request) -> Hold:
+def memory_of(request: Request) -> HeldMemory:
     """Return what a request holds of the memory budget; it is released when the request has been answered."""
     state = request.state
     if not hasattr(state, "memory"):
-        state.memory = Hold(request.app.state.memory, client_of(request))
+        state.memory = HeldMemory(request.app.state.memory, client_of(request))
         state.at_end.append(state.memory.release)
-    memory: Hold = state.memory
+    memory: HeldMemory = state.memory
     return memory
 
 

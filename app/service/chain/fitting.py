@@ -10,7 +10,7 @@ from app.service.batch.row_limits import LONGEST_COLUMNS
 from app.service.chain.question import ChainQuestion
 from app.service.decoded_size import bytes_of_csv, bytes_of_json, bytes_of_table
 from app.service.errors import BodyTooLargeError, InvalidRequestError, deadline_told
-from app.service.memory_budget import Hold
+from app.service.memory_budget import HeldMemory
 from app.service.strict_json import parse_object
 from app.service.work.lanes import Interrupt
 from pricing_core.chains import ChainFit, fit_chain
@@ -27,7 +27,7 @@ MOST_COLUMNS = 200  # chosen
 
 
 def fitted_body(
-    body: bytes | bytearray, form: str, question: ChainQuestion, memory: Hold, interrupt: Interrupt
+    body: bytes | bytearray, form: str, question: ChainQuestion, memory: HeldMemory, interrupt: Interrupt
 ) -> bytes:
     """Return the answer to quotes in one of the forms; what they take of the memory is counted before it is taken.
 
@@ -79,7 +79,7 @@ def answer_of(fit: ChainFit) -> dict[str, Any]:
     return answer
 
 
-def _raw(body: bytes | bytearray, form: str, memory: Hold) -> RawTable:
+def _raw(body: bytes | bytearray, form: str, memory: HeldMemory) -> RawTable:
     if form == ARROW:
         table = flat_table(body, MOST_QUOTES)
         memory.take(bytes_of_table(table))
