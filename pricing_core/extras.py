@@ -16,6 +16,7 @@ EXTRAS = {
     "plot": ("jinja2", "matplotlib", "PIL"),
     "service": (
         "fastapi",
+        "httptools",
         "prometheus_client",
         "pyarrow",
         "pydantic",

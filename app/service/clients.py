@@ -36,6 +36,21 @@ def network_of(address: str) -> str:
     return str(ipaddress.ip_network((int(found), NETWORK_BITS), strict=False))
 
 
+def is_address(text: str) -> bool:
+    """Tell whether a text is an IPv4 or IPv6 address.
+
+    Examples
+    --------
+    >>> is_address("2001:db8::5"), is_address("localhost")
+    (True, False)
+    """
+    try:
+        ipaddress.ip_address(text)
+    except ValueError:
+        return False
+    return True
+
+
 class NamedNetworks:
     """Addresses and networks that an operator has named.
 

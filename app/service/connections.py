@@ -4,11 +4,10 @@ import asyncio
 import logging
 import resource
 import uuid
-from typing import Any
 
-import h11
-from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.http.httptools_impl import STATUS_LINE
 
+from app.service.bounded_protocol import BoundedProtocol
 from app.service.clients import network_of
 from app.service.connection_ledger import ConnectionLedger
 from app.service.envelope import SECURITY_HEADERS
@@ -45,7 +44,7 @@ def reserve_descriptors(connections: int) -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 
-class BoundedConnection(H11Protocol):
+class BoundedConnection(BoundedProtocol):
     """One client; what never becomes a request is refused or dropped here, as a problem where one fits.
 
     Where there are too many the ledger says which one is closed. One without a request in work is dropped
@@ -61,6 +60,7 @@ class BoundedConnection(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Enter a new connection into the ledger, and start its clocks."""
         super().connection_made(transport)
+        self.longest_body = self._settings.max_batch_bytes
         self._restart_head_timer()
         self._metrics.connections.inc()
         self._ledger.enter(self)
@@ -73,6 +73,11 @@ class BoundedConnection(H11Protocol):
         self._metrics.connections.dec()
         self._ledger.leave(self)
         super().connection_lost(exc)
+
+    def charge(self, pieces: int) -> None:
+        """Count work to the connection and to its client."""
+        super().charge(pieces)
+        self._ledger.charge(self.address, pieces)
 
     def pause_writing(self) -> None:
         """Wait until the client has read some of what is to be sent, but not for ever."""
@@ -103,17 +108,16 @@ class BoundedConnection(H11Protocol):
     @property
     def rank(self) -> tuple[bool, bool, float]:
         """Whether a request is in work, whether one was ever answered, and when the last one was, or it was opened."""
-        return not self._is_idle(), self._has_answered, self._last
+        return not self.is_idle, self._has_answered, self._last
 
     def make_room(self, reason: ServiceError) -> None:
         """Close the connection in favour of another one; a client that waits for an answer is told the reason."""
         self._metrics.connections_closed.inc()
-        if self._is_idle():
+        if self.is_idle:
             self.transport.abort()
         else:
             self._refuse(reason)
-            self.cycle.disconnected = True  # ends the work, and keeps its answer from what is closed
-            self.cycle.message_event.set()
+            self.transport.close()
 
     @property
     def _ledger(self) -> ConnectionLedger:
@@ -124,9 +128,6 @@ class BoundedConnection(H11Protocol):
     def _metrics(self) -> Metrics:
         metrics: Metrics = self.config.app.state.metrics  # type: ignore[union-attr]
         return metrics
-
-    def _is_idle(self) -> bool:
-        return self.cycle is None or self.cycle.response_complete
 
     @property
     def _settings(self) -> Settings:
@@ -140,7 +141,7 @@ class BoundedConnection(H11Protocol):
         self._head_timer = self.loop.call_later(self._settings.head_seconds, self._drop_if_idle)
 
     def _drop_if_idle(self) -> None:
-        if self._is_idle():
+        if self.is_idle:
             self.transport.abort()  # unlike close(), without waiting for the client to read what is left
 
     def _drop_stalled(self) -> None:
@@ -149,18 +150,18 @@ class BoundedConnection(H11Protocol):
         self.transport.abort()
 
     def _refuse(self, error: Exception) -> None:
-        """Answer outside the application, unless an answer has begun, and close."""
+        """Answer outside the application, unless an answer has begun, and end what is in work."""
         request_id = uuid.uuid4().hex
         response = problem_response(error, request_id, self._settings.retry_after_seconds)
         self._metrics.refused(problem_type(error).name)
         log.warning(str(error), extra={"fields": {"request_id": request_id, "status": response.status_code}})
-        if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
-            extra = {"Connection": "close", "X-Request-ID": request_id, **SECURITY_HEADERS}
-            headers: list[Any] = [*response.headers.items(), *extra.items()]
-            self._send(h11.Response(status_code=response.status_code, headers=headers))
-            self._send(h11.Data(data=bytes(response.body)))
-            self._send(h11.EndOfMessage())
-        self.transport.close()
-
-    def _send(self, event: h11.Event) -> None:
-        self.transport.write(self.conn.send(event) or b"")
+        if self.is_idle or not self.cycle.response_started:
+            extra = {"connection": "close", "x-request-id": request_id, **SECURITY_HEADERS}
+            headers = {**response.headers, **extra}
+            lines = [f"{name.lower()}: {value}\r\n".encode("latin-1") for name, value in headers.items()]
+            self.transport.write(
+                STATUS_LINE[response.status_code] + b"".join(lines) + b"\r\n" + bytes(response.body)
+            )
+        if not self.is_idle:
+            self.cycle.disconnected = True  # ends the work, and keeps its answer from what is closed
+            self.cycle.message_event.set()

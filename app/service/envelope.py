@@ -13,7 +13,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.service.clients import network_of
+from app.service.clients import is_address, network_of
 from app.service.errors import NotReadyError, ProtocolError, problem_response, problem_type
 from app.service.metrics import Metrics
 from app.service.request_record import RequestRecord
@@ -43,7 +43,8 @@ class Envelope:
     metrics : Metrics
         Where requests are counted.
     draining : threading.Event
-        Set once the process shuts down: each answer is its connection's last then.
+        Set once the process shuts down: each answer is its connection's last then, as is one that begins before the
+        end of the request's body.
     """
 
     def __init__(self, app: ASGIApp, retry_after: int, metrics: Metrics, draining: threading.Event) -> None:
@@ -73,7 +74,7 @@ class Envelope:
                 headers["X-Request-ID"] = request_id
                 for name, value in SECURITY_HEADERS.items():
                     headers.setdefault(name, value)
-                if self.draining.is_set():
+                if self.draining.is_set() or _receives(scope):
                     headers["Connection"] = "close"
             await send(message)
 
@@ -115,6 +116,11 @@ def _is_ambiguous(scope: Scope) -> bool:
     return b"transfer-encoding" in names and b"content-length" in names
 
 
+def _receives(scope: Scope) -> bool:
+    """Tell whether a part of the request's body is still to come."""
+    return bool(scope["state"].get("receives", bool)())
+
+
 def request_id_of(headers: Headers) -> str:
     """Return the client's request id if it is a short plain word, else a new one."""
     given = headers.get("x-request-id", "")
@@ -127,7 +133,10 @@ def _trace_parent(headers: Headers) -> str | None:
 
 
 def _client(scope: Scope) -> str:
-    return network_of(scope["client"][0]) if scope.get("client") else ""
+    """Return the client that a proxy names if that is an address, and else whoever has connected."""
+    found = scope.get("client") or ("",)
+    peer = scope.get("state", {}).get("peer") or found
+    return network_of(found[0] if is_address(found[0]) else peer[0])
 
 
 def _log_fields(

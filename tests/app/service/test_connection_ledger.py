@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.service.connection_ledger import ConnectionLedger
+from app.service.connection_ledger import MOST_PIECES, PIECES_A_SECOND, ConnectionLedger
 from app.service.errors import ClientLimitError, OverloadedError, ServiceError
 from app.settings import Settings
 
@@ -14,6 +14,7 @@ class Connection:
     address: str
     opened: float
     reasons: list[ServiceError] = field(default_factory=list)
+    held: float = 0.0
 
     @property
     def rank(self) -> tuple[bool, bool, float]:
@@ -21,6 +22,9 @@ class Connection:
 
     def make_room(self, reason: ServiceError) -> None:
         self.reasons.append(reason)
+
+    def hold(self, seconds: float) -> None:
+        self.held += seconds
 
 
 @pytest.mark.parametrize(
@@ -57,3 +61,35 @@ def test_the_log_has_one_line_a_second_that_counts_the_closed_ones(
         ledger.enter(Connection("192.0.2.1", number))
     counts = [record.fields["closed"] for record in caplog.records]  # type: ignore[attr-defined]
     assert counts == [1, 40, 40]
+
+
+def test_all_connections_of_a_client_are_held_where_they_were_parsed_more_than_allowed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = 0.0
+    monkeypatch.setattr("app.service.connection_ledger.time", SimpleNamespace(monotonic=lambda: now))
+    ledger = ConnectionLedger(Settings(trusted_proxies="192.0.2.128/25"))
+    connections = [Connection(address, 0.0) for address in ("2001:db8::1", "2001:db8::2", "2001:db8:1::1")]
+    for connection in connections:
+        ledger.enter(connection)
+    parsed = 0
+    while now < 10.0:
+        ledger.charge("2001:db8::1", 1_000)
+        parsed += 1_000
+        one, other, neighbour = (connection.held for connection in connections)
+        assert one == other
+        assert neighbour == 0.0
+        now = one
+    assert 9.0 * PIECES_A_SECOND < parsed <= 10.0 * PIECES_A_SECOND + 2 * MOST_PIECES
+
+
+def test_a_client_that_connects_anew_has_no_new_allowance_and_a_proxy_has_no_limit() -> None:
+    ledger = ConnectionLedger(Settings(trusted_proxies="192.0.2.128/25"))
+    for address in ("192.0.2.1", "192.0.2.200"):
+        first, second = Connection(address, 0.0), Connection(address, 1.0)
+        ledger.enter(first)
+        ledger.charge(address, 10 * MOST_PIECES)
+        ledger.leave(first)
+        ledger.enter(second)
+        ledger.charge(address, 1)
+        assert (first.held > 0.0) == (second.held > 0.0) == (address == "192.0.2.1")

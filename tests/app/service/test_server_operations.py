@@ -259,13 +259,17 @@ def test_a_proxy_s_network_is_trusted_and_its_connections_are_not_counted_as_one
     settings = {"PRICING_TRUSTED_PROXIES": "192.0.2.1, 127.0.0.0/8", "PRICING_CLIENT_CONNECTIONS": "2"}
     with running(**settings) as server, ExitStack() as stack:
         opened = [stack.enter_context(server.connect()) for _ in range(5)]
-        server.request("GET", "/livez", **{"X-Forwarded-For": "198.51.100.7", "X-Request-ID": "proxied"})
+        forwarded = {"proxied": "198.51.100.7", "long": "x" * 9_000, "name": "198.51.100.7, unknown"}
+        for name, value in forwarded.items():
+            server.request("GET", "/livez", **{"X-Forwarded-For": value, "X-Request-ID": name})
         for connection in opened:
             connection.sendall(SHORT)
             assert everything(connection).startswith(b"HTTP/1.1 200 ")
-        assert eventually(lambda: any(line.get("request_id") == "proxied" for line in server.log))
-    (line,) = [line for line in server.log if line.get("request_id") == "proxied"]
-    assert line["client"] == "198.51.100.7"
+        assert server.stop() == 0
+    lines = [
+        (line["request_id"], line["client"]) for line in server.log if line.get("request_id") in forwarded
+    ]
+    assert lines == [("proxied", "198.51.100.7"), ("long", "127.0.0.1"), ("name", "127.0.0.1")]
 
 
 def test_the_line_of_a_request_says_what_was_done() -> None:
