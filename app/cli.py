@@ -11,7 +11,6 @@ import typer
 
 from app.command_failures import (
     FAILED,
-    INTERRUPTED,
     SOME_REJECTED,
     interrupted_by_signals,
     one_line_errors,
@@ -19,6 +18,7 @@ from app.command_failures import (
     standard_output,
     tell_in_json,
     tell_in_words,
+    told_of,
 )
 from app.commands.contract_arguments import (
     Contract,
@@ -28,6 +28,7 @@ from app.commands.contract_arguments import (
     numbers,
     takes_contract,
 )
+from app.start_up import INTERRUPTED
 
 app = typer.Typer(
     help="American options solved as linear complementarity systems, and the systems themselves.",
@@ -86,7 +87,13 @@ def main() -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a path may hold what no encoding has
     try:
-        status = app(standalone_mode=False)
+        with standard_output():
+            status = app(standalone_mode=False)
+    except typer.Exit as error:  # nobody reads
+        status = error.exit_code
+    except OSError as error:  # of help and version, which are printed before there is a command
+        print_failure(told_of(error))
+        status = FAILED
     except Exception as error:
         # The parser's own errors know how to put themselves in one sentence.
         sentence = (

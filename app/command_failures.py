@@ -1,5 +1,6 @@
 """The end of a command that fails: one line on standard error and an exit status, never a traceback."""
 
+import errno
 import json
 import os
 import signal
@@ -11,9 +12,10 @@ from typing import Any
 
 import typer
 
+from app.start_up import INTERRUPTED, NOTHING_WRITTEN, SIGNALS, leave_signals
+
 SOME_REJECTED = 1
 FAILED = 2
-INTERRUPTED = 130  # 128 + SIGINT, as shells have it
 NOBODY_READS = 141  # 128 + SIGPIPE
 
 
@@ -43,8 +45,8 @@ def tell_in_json(event: str, sentence: str) -> None:
 
 @contextmanager
 def interrupted_by_signals() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP raise KeyboardInterrupt, so that half-written files are removed then too."""
-    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    """Let SIGINT, SIGTERM and SIGHUP raise KeyboardInterrupt, so that half-written files are removed then too."""
+    before = {number: signal.getsignal(number) for number in SIGNALS}
     try:
         for number, handler in before.items():
             if handler is not signal.SIG_IGN:  # as nohup has it
@@ -53,6 +55,7 @@ def interrupted_by_signals() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        leave_signals()  # what they would say at the start is no longer so
 
 
 @contextmanager
@@ -68,7 +71,7 @@ def standard_output() -> Iterator[None]:
     """
     try:
         yield
-        print(end="", flush=True)  # unlike its flush(), harmless where standard output is closed
+        print(end="", flush=True)
     except OSError as error:
         # What is left in the buffer goes nowhere, so that the interpreter's own last flush cannot fail.
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -76,7 +79,21 @@ def standard_output() -> Iterator[None]:
         os.close(nowhere)
         if isinstance(error, BrokenPipeError):
             raise typer.Exit(NOBODY_READS) from None
-        raise
+        raise named_stream(error, "standard output") from None
+
+
+def named_stream(error: OSError, stream: str) -> OSError:
+    """Return the fault of a standard stream with the name of the stream, and in words where it is closed."""
+    if error.filename is not None or error.errno is None:
+        return error
+    words = "it is closed" if error.errno == errno.EBADF else error.strerror
+    return OSError(error.errno, words, stream)
+
+
+def told_of(error: OSError) -> str:
+    """Return what is wrong with which file in one sentence."""
+    where = f"{error.filename}: " if error.filename else ""
+    return "; ".join([f"{where}{error.strerror or error}", *getattr(error, "__notes__", ())])
 
 
 @contextmanager
@@ -87,11 +104,10 @@ def one_line_errors(tell: Tell = tell_in_words) -> Iterator[None]:
             warnings.showwarning = lambda message, *_, **__: tell("warning", str(message))
             yield
     except KeyboardInterrupt:
-        tell("error", "interrupted; nothing was written")
+        tell("error", NOTHING_WRITTEN)
         raise typer.Exit(INTERRUPTED) from None
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        tell("error", "; ".join([f"{where}{error.strerror or error}", *getattr(error, "__notes__", ())]))
+        tell("error", told_of(error))
         raise typer.Exit(FAILED) from None
     except (ValueError, ArithmeticError, ImportError) as error:
         tell("error", str(error))

@@ -12,9 +12,10 @@ from typing import Any
 
 import typer
 
-from app.command_failures import INTERRUPTED, Tell, print_json, standard_output
+from app.command_failures import Tell, named_stream, print_json, standard_output
 from app.commands.progress import json_progress, shown_progress
 from app.commands.tables import print_summary
+from app.start_up import INTERRUPTED, NOTHING_WRITTEN
 from pricing_core.batch import BatchSummary, TextCheck, rejects_path, run_batch
 from pricing_core.errors import InvalidInputError, MissingInputError, Told
 
@@ -69,7 +70,7 @@ def end_interrupted(error: KeyboardInterrupt, tell: Tell, *, by_pipe: bool) -> N
         again = shlex.join(["pricing", *(word for word in sys.argv[1:] if word != "--resume"), "--resume"])
         tell("error", f"interrupted; go on with: {again}")
     else:
-        tell("error", "interrupted; nothing was written")
+        tell("error", NOTHING_WRITTEN)
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(INTERRUPTED)
@@ -109,11 +110,18 @@ def input_file(source: str, stated: str | None) -> Iterator[str]:
         path = Path(folder) / f"stdin.{stated}"
         text = TextCheck(path.name)
         with path.open("wb") as file:
-            while block := sys.stdin.buffer.read(1 << 20):
+            while block := _standard_input():
                 if stated == "csv":  # a line without end is not to fill the disk
                     text.feed(block)
                 file.write(block)
         yield os.fspath(path)
+
+
+def _standard_input() -> bytes:
+    try:
+        return sys.stdin.buffer.read(1 << 20)
+    except OSError as error:
+        raise named_stream(error, "standard input") from None
 
 
 @contextmanager
@@ -123,6 +131,8 @@ def output_file(target: str, stated: str | None) -> Iterator[str]:
         yield target
         return
     check_format("output", stated)
+    with standard_output():
+        os.write(1, b"")  # where it is closed this is said before there is any work
     with tempfile.TemporaryDirectory(prefix="pricing-") as folder:
         path = Path(folder) / f"stdout.{stated}"
         yield os.fspath(path)

@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 import codecs
-import hashlib
 import io
 from dataclasses import dataclass
 from typing import Any, BinaryIO, cast
 
 import pyarrow as pa
 
+from pricing_core.batch.contents import BYTES_PER_READ, Contents, Recorder, open_unchanged, stamp_of
 from pricing_core.batch.locations import open_binary
 from pricing_core.batch.tables import TableFile
 from pricing_core.errors import InvalidInputError
 
-BYTES_PER_READ = 1 << 20
 LONGEST_LINE = 1 << 26  # bytes; a bound, because a file without line endings is one line
 # Key that every curve has, its quotes doubled inside a quoted cell or not.
 CURVE_KEY = b'"times"'
 
 
 @dataclass(frozen=True, slots=True)
-class CsvCheck:
-    """What the pass found out of the file.
+class CsvCheck(Contents):
+    """What the pass found out of the file, and of the text in it.
 
     Parameters
     ----------
-    digest : str
-        SHA-256 of the file as it lies there.
     size : int
         Bytes of text.
     lines : int
@@ -35,7 +32,6 @@ class CsvCheck:
     mentions_curves : bool
     """
 
-    digest: str
     size: int
     lines: int
     mentions_curves: bool
@@ -114,21 +110,29 @@ def check_csv(table: TableFile) -> CsvCheck:
     InvalidInputError
         It is not UTF-8, has a line that does not end, or is damaged where it is compressed.
     """
-    text = TextCheck(table.name)
+    text, stamp = TextCheck(table.name), stamp_of(table.location)
     with open_binary(table.location) as raw:
-        hashed = _Hashed(raw)
-        with _decompressed(hashed, table) as plain:
+        recorder = Recorder(raw, stamp)
+        with _decompressed(recorder, table) as plain:
             while block := _read(plain, table):
                 text.feed(block)
             text.end()
-        while hashed.read(BYTES_PER_READ):  # what may lie behind the compressed text
-            pass
-        return CsvCheck(hashed.digest(), text.size, text.lines, text.mentions_curves)
+        found = recorder.contents()  # with what may lie behind the compressed text
+    return CsvCheck(
+        found.digest,
+        found.blocks,
+        found.file_size,
+        found.stamp,
+        text.size,
+        text.lines,
+        text.mentions_curves,
+    )
 
 
-def plain_bytes(table: TableFile) -> BinaryIO:
-    """Open a CSV file for reading, decompressed."""
-    return io.BufferedReader(_decompressed(open_binary(table.location), table), BYTES_PER_READ)
+def plain_bytes(table: TableFile, check: CsvCheck) -> BinaryIO:
+    """Open a CSV file for reading, decompressed; it gives what the check has found, or raises."""
+    raw = open_unchanged(table.location, check, table.name)
+    return io.BufferedReader(_decompressed(raw, table), BYTES_PER_READ)
 
 
 def _decompressed(raw: Any, table: TableFile) -> Any:
@@ -145,41 +149,3 @@ def _read(plain: Any, table: TableFile) -> bytes:
             raise
         allowed = f"an undamaged {table.format.compression} file ({error})"
         raise InvalidInputError("input", table.name, allowed) from None
-
-
-class _Hashed:
-    """Passes on what is read, and remembers its hash."""
-
-    closed = False
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file, self._hash = file, hashlib.sha256()
-
-    def __enter__(self) -> _Hashed:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Leave the file to the one who opened it."""
-
-    def read(self, size: int = -1) -> bytes:
-        block = self._file.read(size)
-        self._hash.update(block)
-        return block
-
-    def readable(self) -> bool:
-        return True
-
-    def close(self) -> None:
-        """Leave the file to the one who opened it."""
-
-    def digest(self) -> str:
-        return self._hash.hexdigest()
-
-
-def digest_of(location: str) -> str:
-    """Return the SHA-256 of a file."""
-    with open_binary(location) as file:
-        hashed = _Hashed(file)
-        while hashed.read(BYTES_PER_READ):
-            pass
-        return hashed.digest()

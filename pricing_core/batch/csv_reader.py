@@ -219,12 +219,11 @@ class CsvReader:
     """
 
     def __init__(self, table: TableFile, check: CsvCheck) -> None:
-        self.digest = check.digest
         self.may_hold_curves = check.mentions_curves
         self.rows = max(check.lines - 1, 0)
         size = max(SMALLEST_BLOCK, min(LARGEST_BLOCK, check.size // BLOCKS))
         self._name, self._block_size = table.name, size
-        self._file = plain_bytes(table)
+        self._file = plain_bytes(table, check)
         self._begun = b""  # read, but not used yet
         self._line = 1
         try:

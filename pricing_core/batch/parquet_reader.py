@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from types import TracebackType
-from typing import Any
+from typing import Any, BinaryIO
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -13,8 +13,7 @@ import pyarrow.parquet as pq
 from pricing_core.american.arrow.plain_types import plain_schema
 from pricing_core.american.arrow.schema import check_names, check_types
 from pricing_core.batch.chunk import Chunk
-from pricing_core.batch.csv_check import digest_of
-from pricing_core.batch.locations import is_remote, open_binary
+from pricing_core.batch.contents import Contents, open_unchanged
 from pricing_core.batch.tables import TableFile, check_width
 from pricing_core.errors import InvalidInputError
 
@@ -40,18 +39,19 @@ class ParquetReader:
 
     may_hold_curves = True
 
-    def __init__(self, table: TableFile) -> None:
+    def __init__(self, table: TableFile, contents: Contents) -> None:
         self._table = table
-        self._file, self.schema = _opened(table)
+        self._bytes = open_unchanged(table.location, contents, table.name)
         try:
+            self._file, self.schema = _opened(table, self._bytes)
             names: list[str] = self.schema.names
             self.rows: int = self._file.metadata.num_rows
             check_width(len(names))
             check_names([*names, *(name for name, _ in table.partition)])
             check_types(self.schema)
             _check_growth(table, self._file.metadata)
-        except InvalidInputError:
-            self._file.close()
+        except (InvalidInputError, OSError):
+            self._bytes.close()
             raise
 
     def __enter__(self) -> ParquetReader:
@@ -61,6 +61,7 @@ class ParquetReader:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._file.close()
+        self._bytes.close()
 
     def blocks(self, size: int | None = None) -> Iterator[Chunk]:
         """Yield the rows in order, in blocks of `size` rows.
@@ -123,17 +124,12 @@ class ParquetReader:
         return InvalidInputError("input", self._table.name, allowed)
 
     @property
-    def digest(self) -> str:
-        """SHA-256 of the file, which is read for it."""
-        return digest_of(self._table.location)
-
-    @property
     def block_rows(self) -> int:
         """How many rows a block has."""
         return max(SMALLEST_BLOCK, min(LARGEST_BLOCK, -(-self.rows // BLOCKS)))
 
 
-def _opened(table: TableFile) -> tuple[Any, pa.Schema]:
+def _opened(table: TableFile, place: BinaryIO) -> tuple[Any, pa.Schema]:
     """Open a Parquet file so that a row group is never held as a whole, and return it with its columns.
 
     Text is read as numbers of the values in a dictionary, and no longer than the file has it: a long value that stands
@@ -144,7 +140,6 @@ def _opened(table: TableFile) -> tuple[Any, pa.Schema]:
     InvalidInputError
         The file is not Parquet.
     """
-    place = open_binary(table.location) if is_remote(table.location) else table.location
     try:
         with pq.ParquetFile(place, pre_buffer=False) as plain:
             metadata, schema = plain.metadata, plain.schema_arrow

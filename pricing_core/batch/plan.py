@@ -11,11 +11,17 @@ from pricing_core.american.arrow.schema import check_results, result_schema, unr
 from pricing_core.american.contracts.fields import COLUMN_FIELDS
 from pricing_core.american.contracts.vocabulary import DATES
 from pricing_core.american.pricing_settings import PricingSettings
-from pricing_core.batch.csv_check import CsvCheck, check_csv
+from pricing_core.batch.contents import Contents
 from pricing_core.batch.csv_lines import check_text_form
 from pricing_core.batch.formats import FileFormat, format_of
 from pricing_core.batch.manifest import PART, Identity, identity_of, part_names
-from pricing_core.batch.reader import TableReader, open_table, unusual_columns_of
+from pricing_core.batch.reader import (
+    TableReader,
+    check_table,
+    check_unchanged,
+    open_table,
+    unusual_columns_of,
+)
 from pricing_core.batch.tables import PARQUET, TableFile, is_folder, tables_of
 from pricing_core.batch.unit import Unit, UnitRules
 
@@ -27,8 +33,8 @@ class PlannedTable:
     Parameters
     ----------
     table : TableFile
-    check : CsvCheck or None
-        What the pass through a CSV file has found; None for Parquet.
+    check : Contents
+        What a pass through the file has found before any work.
     rows : int
         In a CSV file at most.
     schema : pyarrow.Schema
@@ -37,7 +43,7 @@ class PlannedTable:
     """
 
     table: TableFile
-    check: CsvCheck | None
+    check: Contents
     rows: int
     schema: pa.Schema
     rules: UnitRules
@@ -49,6 +55,9 @@ class Plan:
 
     Parameters
     ----------
+    source : str
+    input_format : str or None
+        As `run_batch` was given them.
     tables : sequence of PlannedTable
     output : FileFormat
     is_folder : bool
@@ -62,6 +71,8 @@ class Plan:
         Size of every block, in bytes of CSV and rows of Parquet; None: as the readers choose.
     """
 
+    source: str
+    input_format: str | None
     tables: Sequence[PlannedTable]
     output: FileFormat
     is_folder: bool
@@ -84,6 +95,19 @@ class Plan:
                 for block in reader.blocks(self.block_size):
                     yield number, Unit(index, f"{beginning}-{index:06d}{PART}", block, planned.rules)
                     index += 1
+
+    def check_input(self) -> None:
+        """Accept that the input still is what was priced, and what the identity names.
+
+        Raises
+        ------
+        InvalidInputError
+            It has changed.
+        OSError
+            It cannot be read any more.
+        """
+        checks = {planned.table: planned.check for planned in self.tables}
+        check_unchanged(self.source, self.input_format, checks)
 
 
 def plan_of(
@@ -108,19 +132,21 @@ def plan_of(
     output = PARQUET if folder else format_of("output", target, output_format)
     tables, digests, unread, warnings = [], {}, {}, {}
     for table in tables_of(source, input_format):
-        check = check_csv(table) if table.format.kind == "csv" else None
+        check = check_table(table)
         with open_table(table, check) as reader:
             tables.append(_planned(table, check, reader, settings, output, named=folder))
-            digests[table.name if folder else ""] = reader.digest
+            digests[table.name if folder else ""] = check.digest
             unread.update(dict.fromkeys(unread_columns(reader.schema.names)))
             warnings.update(dict.fromkeys(unusual_columns_of(reader, settings)))
     identity = identity_of(digests, settings, str(output), block_size)
-    return Plan(tables, output, folder, tuple(unread), tuple(warnings), identity, block_size)
+    return Plan(
+        source, input_format, tables, output, folder, tuple(unread), tuple(warnings), identity, block_size
+    )
 
 
 def _planned(
     table: TableFile,
-    check: CsvCheck | None,
+    check: Contents,
     reader: TableReader,
     settings: PricingSettings,
     output: FileFormat,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from types import TracebackType
 from typing import Protocol
 
@@ -11,10 +11,11 @@ import pyarrow as pa
 from pricing_core.american.arrow.price_batch import unusual
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.batch.chunk import Chunk
+from pricing_core.batch.contents import Contents, contents_of, input_changed
 from pricing_core.batch.csv_check import CsvCheck, check_csv
 from pricing_core.batch.csv_reader import CsvReader
 from pricing_core.batch.parquet_reader import ParquetReader
-from pricing_core.batch.tables import TableFile
+from pricing_core.batch.tables import TableFile, tables_of
 
 
 class Block(Protocol):
@@ -31,11 +32,6 @@ class TableReader(Protocol):
     schema: pa.Schema  # without the columns of its partition
     may_hold_curves: bool  # whether a rate, a yield or a volatility may be something else than a number
     rows: int  # in a CSV file at most
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of the file."""
-        ...
 
     def __enter__(self) -> TableReader: ...
 
@@ -58,13 +54,26 @@ def unusual_columns_of(reader: TableReader, settings: PricingSettings) -> list[s
     return []
 
 
-def open_table(table: TableFile, check: CsvCheck | None = None) -> TableReader:
+def check_table(table: TableFile) -> Contents:
+    """Read a file once, before any work: what is priced is what it holds now.
+
+    Raises
+    ------
+    InvalidInputError
+        It is a CSV file that cannot be read as a whole.
+    OSError
+        It cannot be read.
+    """
+    return check_csv(table) if table.format.kind == "csv" else contents_of(table.location)
+
+
+def open_table(table: TableFile, check: Contents) -> TableReader:
     """Open a table and check its columns.
 
     Parameters
     ----------
-    check : CsvCheck, optional
-        What an earlier pass through the CSV file has found.
+    check : Contents
+        What `check_table` has found; the file gives these bytes, or raises an InvalidInputError.
 
     Raises
     ------
@@ -73,6 +82,27 @@ def open_table(table: TableFile, check: CsvCheck | None = None) -> TableReader:
     OSError
         The file cannot be read.
     """
-    if table.format.kind == "parquet":
-        return ParquetReader(table)
-    return CsvReader(table, check or check_csv(table))
+    return CsvReader(table, check) if isinstance(check, CsvCheck) else ParquetReader(table, check)
+
+
+def check_unchanged(location: str, stated: str | None, checks: Mapping[TableFile, Contents]) -> None:
+    """Accept an input that still has the same files, and in them what `check_table` has found.
+
+    Parameters
+    ----------
+    location, stated
+        As of `tables_of`.
+
+    Raises
+    ------
+    InvalidInputError
+        It has changed.
+    OSError
+        It cannot be read any more.
+    """
+    before = {table.location: table.name for table in checks}
+    now = {table.location: table.name for table in tables_of(location, stated)}
+    for place in sorted(before.keys() ^ now.keys()):
+        raise input_changed((before | now)[place])
+    for table, check in checks.items():
+        check.check_still_at(table.location, table.name)

@@ -158,7 +158,8 @@ def run_batch(
     ------
     InvalidInputError
         An argument is not what it must be, the table as a whole cannot be read, two of the files are the same, another
-        run writes to `target`, or what is to be resumed was another run.
+        run writes to `target`, what is to be resumed was another run, or the input changed while it was read: what is
+        written comes from the bytes whose SHA-256 the manifest has.
     OSError
         A file cannot be read or written; what has been priced is kept.
     """
@@ -265,6 +266,7 @@ class _Run:
                     self._put_together(assembly, folder)
                 self._put_together(assembly, folder)
             sizes = assembly.sizes()
+            self._plan.check_input()
             publish_file(assembly.rejects, self._rejects)
             (publish_folder if self._plan.is_folder else publish_file)(assembly.output, self._target)
         if not _is_device(self._target):

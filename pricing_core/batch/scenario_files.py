@@ -92,7 +92,8 @@ def run_scenarios(
     Raises
     ------
     InvalidInputError
-        An argument is not what it must be, or the table as a whole cannot be read or written.
+        An argument is not what it must be, the table as a whole cannot be read or written, or it changed while it was
+        read.
     OSError
         A file cannot be read or written.
     """
@@ -110,6 +111,7 @@ def run_scenarios(
         for batch in scenario_rows(table.chunks(), rules, counted):
             write(batch)
             rows += batch.num_rows
+        table.check_unchanged()
     read_by_sums = (*group_by, *(size.name for size in SIZES)) if group_by else ()
     unread = [name for name in unread_columns(table.schema.names) if name not in read_by_sums]
     return ScenarioSummary(counted.contracts, rows, counted.incomplete, tuple(unread))
@@ -141,7 +143,8 @@ def run_explain(
     Raises
     ------
     InvalidInputError
-        An argument is not what it must be, or a table as a whole cannot be read or written.
+        An argument is not what it must be, a table as a whole cannot be read or written, or it changed while it was
+        read.
     OSError
         A file cannot be read or written.
     """
@@ -158,6 +161,8 @@ def run_explain(
             write(batch)
             rows += batch.num_rows
             incomplete += batch.column("profit_and_loss").null_count
+        for table in tables:
+            table.check_unchanged()
     return ScenarioSummary(rows, rows, incomplete)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +13,12 @@ import pyarrow as pa
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.batch.assembling import check_publishable, publish_file
 from pricing_core.batch.chunk import Chunk
+from pricing_core.batch.contents import Contents
 from pricing_core.batch.csv_lines import check_text_form, csv_lines
 from pricing_core.batch.formats import FileFormat, format_of
 from pricing_core.batch.locations import is_remote, same_place
 from pricing_core.batch.plan import numbers_as_text
-from pricing_core.batch.reader import open_table, unusual_columns_of
+from pricing_core.batch.reader import check_table, check_unchanged, open_table, unusual_columns_of
 from pricing_core.batch.tables import TableFile, tables_of
 from pricing_core.batch.writer import table_writer
 from pricing_core.errors import InvalidInputError
@@ -32,7 +33,11 @@ class InputTable:
 
     Parameters
     ----------
-    files : tuple of TableFile
+    location : str
+    stated : str or None
+        As `input_table` was given them.
+    checks : mapping of TableFile to Contents
+        What a pass through each file has found.
     schema : pyarrow.Schema
         The columns of all files, those of their partitions included.
     numbers : tuple of str
@@ -41,17 +46,31 @@ class InputTable:
         What is to be warned of.
     """
 
-    files: tuple[TableFile, ...]
+    location: str
+    stated: str | None
+    checks: Mapping[TableFile, Contents]
     schema: pa.Schema
     numbers: tuple[str, ...]
     unusual: tuple[str, ...]
 
     def chunks(self) -> Iterator[Chunk]:
         """Yield all rows in order."""
-        for file in self.files:
-            with open_table(file) as reader:
+        for file, check in self.checks.items():
+            with open_table(file, check) as reader:
                 for block in reader.blocks():
                     yield block.read()
+
+    def check_unchanged(self) -> None:
+        """Accept that the input still is what the rows were read from.
+
+        Raises
+        ------
+        InvalidInputError
+            It has changed.
+        OSError
+            It cannot be read any more.
+        """
+        check_unchanged(self.location, self.stated, self.checks)
 
 
 def input_table(location: str, settings: PricingSettings, stated: str | None = None) -> InputTable:
@@ -64,11 +83,12 @@ def input_table(location: str, settings: PricingSettings, stated: str | None = N
     OSError
         It cannot be read.
     """
-    files = tables_of(location, stated)
+    checks: dict[TableFile, Contents] = {}
     found: list[tuple[pa.Schema, tuple[str, ...]]] = []
     unusual: dict[str, None] = {}
-    for file in files:
-        with open_table(file) as reader:
+    for file in tables_of(location, stated):
+        checks[file] = check_table(file)
+        with open_table(file, checks[file]) as reader:
             schema = reader.schema.remove_metadata()
             for name, value in file.partition:
                 schema = schema.append(
@@ -77,8 +97,10 @@ def input_table(location: str, settings: PricingSettings, stated: str | None = N
             found.append((schema, numbers_as_text(reader)))
             unusual.update(dict.fromkeys(unusual_columns_of(reader, settings)))
         if not schema.equals(found[0][0]):
-            raise InvalidInputError("input", file.name, f"a table with the columns of {files[0].name}")
-    return InputTable(files, *found[0], tuple(unusual))
+            raise InvalidInputError(
+                "input", file.name, f"a table with the columns of {next(iter(checks)).name}"
+            )
+    return InputTable(location, stated, checks, *found[0], tuple(unusual))
 
 
 def check_distinct(names: dict[str, str]) -> None:
