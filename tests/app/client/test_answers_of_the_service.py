@@ -36,7 +36,7 @@ CHAIN = Path(__file__).parents[2] / "data" / "chains" / "generic.csv"
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
-    with running(PRICING_DEADLINE_SECONDS="120") as server:
+    with running() as server:
         yield server
 
 

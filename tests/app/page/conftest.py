@@ -21,7 +21,7 @@ FLAGS = (
 
 @pytest.fixture(scope="session")
 def page_server() -> Iterator[Server]:
-    with running(PRICING_DEADLINE_SECONDS="120") as server:
+    with running() as server:
         yield server
 
 
