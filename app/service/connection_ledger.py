@@ -4,6 +4,7 @@ import functools
 import logging
 import time
 from collections import defaultdict
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from app.service.allowance import Allowance
@@ -43,6 +44,16 @@ class Closable(Protocol):
         ...
 
 
+@dataclass
+class _Account:
+    """What may still be parsed of a client, and until when all of its connections are held."""
+
+    allowance: Allowance = field(
+        default_factory=lambda: Allowance(PIECES_A_SECOND, MOST_PIECES, time.monotonic)
+    )
+    held_until: float = 0.0
+
+
 class ConnectionLedger:
     """At most `client_connections` of one client, the named proxies left out, and `max_connections` in all.
 
@@ -57,9 +68,7 @@ class ConnectionLedger:
         self._open: defaultdict[str, set[Closable]] = defaultdict(set)
         self._count = self._closed = 0
         self._told = -LEAST_SECONDS
-        self._allowance = functools.lru_cache(MOST_CLIENTS)(
-            lambda client: Allowance(PIECES_A_SECOND, MOST_PIECES, time.monotonic)
-        )
+        self._account = functools.lru_cache(MOST_CLIENTS)(lambda client: _Account())
 
     def enter(self, connection: Closable) -> None:
         """Take up a new connection, and close another one where there are too many."""
@@ -76,15 +85,25 @@ class ConnectionLedger:
                 most, connection, OverloadedError("all clients have more connections open than they may")
             )
 
-    def charge(self, address: str, pieces: int) -> None:
-        """Count what was parsed of a client, and read nothing of it for a while where that is more than it may."""
-        if self._trusts(address):
+    def charge(self, connection: Closable, pieces: int) -> None:
+        """Count what was parsed of a client, and read nothing of it for a while where that is more than it may.
+
+        All of its connections are held at once: each would have one more read otherwise. One that comes later is held
+        alone, so that the work does not grow with the square of their number.
+        """
+        if self._trusts(connection.address):
             return
-        client = network_of(address)
-        seconds = self._allowance(client).charge(pieces)
-        if seconds:
-            for connection in self._open.get(client, ()):
-                connection.hold(seconds)
+        client = network_of(connection.address)
+        account = self._account(client)
+        seconds = account.allowance.charge(pieces)
+        if not seconds:
+            return
+        if (now := time.monotonic()) < account.held_until:
+            connection.hold(seconds)
+            return
+        account.held_until = now + seconds
+        for other in self._open.get(client, ()):
+            other.hold(seconds)
 
     def leave(self, connection: Closable) -> None:
         """Forget a connection."""

@@ -19,6 +19,9 @@ from pricing_core.errors import InvalidInputError, Told
 log = logging.getLogger("pricing.connections")
 
 BACKLOG = 128  # connections taken up in one go, before the first of them is counted
+CONNECTION_PIECES = (
+    200  # that a new connection is charged to its client: as much as the event loop takes for it
+)
 SPARE_DESCRIPTORS = 4 * BACKLOG  # for such bursts, on their way in and out, and for all other files
 
 
@@ -64,6 +67,7 @@ class BoundedConnection(BoundedProtocol):
         self._restart_head_timer()
         self._metrics.connections.inc()
         self._ledger.enter(self)
+        self._ledger.charge(self, CONNECTION_PIECES)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Take a closed connection out of the ledger."""
@@ -77,7 +81,7 @@ class BoundedConnection(BoundedProtocol):
     def charge(self, pieces: int) -> None:
         """Count work to the connection and to its client."""
         super().charge(pieces)
-        self._ledger.charge(self.address, pieces)
+        self._ledger.charge(self, pieces)
 
     def pause_writing(self) -> None:
         """Wait until the client has read some of what is to be sent, but not for ever."""

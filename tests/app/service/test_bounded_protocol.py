@@ -18,6 +18,7 @@ from app.service.bounded_protocol import (
     PIECES_A_SECOND,
     READ_BYTES,
     READ_PIECES,
+    THROWN_BYTES,
 )
 from app.service.connections import BoundedConnection
 from app.service.envelope import Envelope
@@ -126,7 +127,7 @@ def test_one_turn_parses_a_bounded_number_of_bytes_and_pieces_of_any_stream(
 @in_loop
 async def test_a_connection_is_not_read_once_its_allowance_is_used_up_and_is_read_again_later() -> None:
     connection, _, application = opened()
-    application.state.ledger.charge = lambda address, pieces: None
+    application.state.ledger.charge = lambda connection, pieces: None
     now = 0.0
     connection._allowance = Allowance(PIECES_A_SECOND, MOST_PIECES, lambda: now)
     waits: list[float] = []
@@ -171,8 +172,9 @@ async def test_tiny_chunks_and_reads_of_one_byte_hold_the_connection_and_its_who
             reads += 1
         assert reads * (READ_PIECES if data == b"1" else TURN_PIECES // 2) <= 2 * MOST_PIECES
         for _ in range(3):  # from the same address
-            application.state.ledger.charge(connection.address, MOST_PIECES)
+            application.state.ledger.charge(connection, MOST_PIECES)
         assert not others_transport.is_read
+        assert not next(pairs)[1].is_read  # nor is a new one
 
 
 @in_loop
@@ -319,7 +321,7 @@ def test_a_refusal_ends_the_parsing_and_says_so(framing: bytes, monkeypatch: pyt
         sent = 0
         while not transport.is_closed:
             sent += feed(connection, TINY * 50_000)
-            assert connection.pieces <= READ_PIECES + 32
+            assert connection.pieces <= READ_PIECES + BODY_READ_BYTES // THROWN_BYTES
         assert sent <= connection.longest_body + BODY_READ_BYTES
         assert statuses(transport) == [b"404"]
 

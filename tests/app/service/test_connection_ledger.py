@@ -74,7 +74,7 @@ def test_all_connections_of_a_client_are_held_where_they_were_parsed_more_than_a
         ledger.enter(connection)
     parsed = 0
     while now < 10.0:
-        ledger.charge("2001:db8::1", 1_000)
+        ledger.charge(connections[0], 1_000)
         parsed += 1_000
         one, other, neighbour = (connection.held for connection in connections)
         assert one == other
@@ -88,8 +88,19 @@ def test_a_client_that_connects_anew_has_no_new_allowance_and_a_proxy_has_no_lim
     for address in ("192.0.2.1", "192.0.2.200"):
         first, second = Connection(address, 0.0), Connection(address, 1.0)
         ledger.enter(first)
-        ledger.charge(address, 10 * MOST_PIECES)
+        ledger.charge(first, 10 * MOST_PIECES)
         ledger.leave(first)
         ledger.enter(second)
-        ledger.charge(address, 1)
+        ledger.charge(second, 1)
         assert (first.held > 0.0) == (second.held > 0.0) == (address == "192.0.2.1")
+
+
+def test_what_a_client_in_debt_sends_on_new_connections_holds_up_those_alone() -> None:
+    ledger = ConnectionLedger(Settings())
+    first, second = Connection("192.0.2.1", 0.0), Connection("192.0.2.1", 1.0)
+    ledger.enter(first)
+    ledger.charge(first, 10 * MOST_PIECES)
+    held = first.held
+    ledger.enter(second)
+    ledger.charge(second, 1)
+    assert (first.held, second.held > 0.0) == (held, True)
