@@ -58,6 +58,15 @@ class Refuser(Reader):
         await Envelope(refuse, 1, self.state.metrics, threading.Event())(scope, receive, send)
 
 
+class Hasty(Reader):
+    """An application that answers before it has read anything, and does not say that it ends the connection."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self.state.asked += 1
+        await send({"type": "http.response.start", "status": 204, "headers": []})
+        await send({"type": "http.response.body"})
+
+
 class Waiter(Reader):
     """An application that answers nothing before it is told to."""
 
@@ -367,13 +376,21 @@ def test_a_refused_connection_is_closed_after_a_while(monkeypatch: pytest.Monkey
     monkeypatch.setattr(bounded_protocol, "LINGER_SECONDS", 0.01)
 
     async def run() -> None:
-        _, transport, _ = await fed_with(CHUNKED, Refuser(Settings()))
+        _, transport, _ = await fed_with(CHUNKED, Refuser(Settings(head_seconds=3600.0)))
         assert not transport.is_closed
         async with asyncio.timeout(PATIENCE):
             while not transport.is_closed:
                 await asyncio.sleep(0.01)
 
     asyncio.run(run())
+
+
+@in_loop
+async def test_an_answer_before_the_end_of_the_body_ends_the_parsing_even_where_it_does_not_say_so() -> None:
+    connection, transport, _ = await fed_with(CHUNKED, Hasty(Settings()))
+    assert transport.has_ended
+    feed(connection, TINY * 100)
+    assert connection.pieces <= READ_PIECES + 100 * len(TINY) // THROWN_BYTES
 
 
 @in_loop
