@@ -3,7 +3,9 @@
 import asyncio
 import threading
 from collections.abc import Callable, Coroutine
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 from starlette.types import Receive, Scope, Send
@@ -194,6 +196,7 @@ async def test_a_read_is_charged_for_headers_head_body_framing_and_what_is_throw
 async def test_tiny_chunks_and_reads_of_one_byte_hold_the_connection() -> None:
     for data, least in ((TINY * (READ_BYTES // len(TINY)), TURN_PIECES // 2), (b" ", READ_PIECES)):
         connection, transport, _ = opened()
+        connection._allowance = Allowance(PIECES_A_SECOND, MOST_PIECES, lambda: 0.0)
         feed(connection, CHUNKED + b"1000000\r\n" if data == b" " else CHUNKED)
         reads = 0
         while transport.is_read and reads < MOST_PIECES:
@@ -204,6 +207,7 @@ async def test_tiny_chunks_and_reads_of_one_byte_hold_the_connection() -> None:
 
 
 @in_loop
+@patch("app.service.connection_ledger.time", SimpleNamespace(monotonic=lambda: 0.0))
 async def test_what_one_connection_has_parsed_holds_all_of_its_address_and_new_ones() -> None:
     pairs = connections(Reader(Settings()))
     _, others_transport = next(pairs)
