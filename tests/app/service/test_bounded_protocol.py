@@ -26,6 +26,7 @@ from app.service.bounded_protocol import (
 from app.service.connections import BoundedConnection
 from app.service.envelope import Envelope
 from app.service.incoming_head import LONGEST_HEAD, LONGEST_PATH, MOST_LINES
+from app.service.reading import Hold
 from app.settings import Settings
 from tests.app.service.byte_streams import (
     CHUNKED,
@@ -162,11 +163,21 @@ async def test_a_held_connection_is_not_read_even_where_the_application_wants_mo
     connection, transport, _ = opened()
     connection.hold(0.0)
     assert transport.is_read
-    connection.hold(0.05)
-    connection.hold(0.01)  # the longer one counts
+    connection.hold(3_600.0)
+    connection.hold(0.0)
+    connection.hold(1e-3)  # the longer one counts
     connection.flow.pause_reading()
     connection.flow.resume_reading()
-    await asyncio.sleep(0.02)
+    await asyncio.sleep(0.01)
+    assert not transport.is_read
+    connection.flow.free(Hold.ALLOWANCE)
+    assert transport.is_read
+
+
+@in_loop
+async def test_a_held_connection_is_read_again_in_time() -> None:
+    connection, transport, _ = opened()
+    connection.hold(1e-3)
     assert not transport.is_read
     async with asyncio.timeout(PATIENCE):
         while not transport.is_read:
