@@ -3,7 +3,9 @@
 import asyncio
 import threading
 from collections.abc import Callable, Coroutine
+from types import SimpleNamespace
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 from starlette.types import Receive, Scope, Send
@@ -11,6 +13,7 @@ from starlette.types import Receive, Scope, Send
 from app.service import bounded_protocol
 from app.service.allowance import Allowance
 from app.service.bounded_protocol import (
+    BODY_BYTES,
     BODY_READ_BYTES,
     HEADER_PIECES,
     MOST_PIECES,
@@ -23,6 +26,7 @@ from app.service.bounded_protocol import (
 from app.service.connections import BoundedConnection
 from app.service.envelope import Envelope
 from app.service.incoming_head import LONGEST_HEAD, LONGEST_PATH, MOST_LINES
+from app.service.reading import Hold
 from app.settings import Settings
 from tests.app.service.byte_streams import (
     CHUNKED,
@@ -55,6 +59,15 @@ class Refuser(Reader):
 
         self.state.asked += 1
         await Envelope(refuse, 1, self.state.metrics, threading.Event())(scope, receive, send)
+
+
+class Hasty(Reader):
+    """An application that answers before it has read anything, and does not say that it ends the connection."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        self.state.asked += 1
+        await send({"type": "http.response.start", "status": 204, "headers": []})
+        await send({"type": "http.response.body"})
 
 
 class Waiter(Reader):
@@ -150,11 +163,21 @@ async def test_a_held_connection_is_not_read_even_where_the_application_wants_mo
     connection, transport, _ = opened()
     connection.hold(0.0)
     assert transport.is_read
-    connection.hold(0.05)
-    connection.hold(0.01)  # the longer one counts
+    connection.hold(3_600.0)
+    connection.hold(0.0)
+    connection.hold(1e-3)  # the longer one counts
     connection.flow.pause_reading()
     connection.flow.resume_reading()
-    await asyncio.sleep(0.02)
+    await asyncio.sleep(0.01)
+    assert not transport.is_read
+    connection.flow.free(Hold.ALLOWANCE)
+    assert transport.is_read
+
+
+@in_loop
+async def test_a_held_connection_is_read_again_in_time() -> None:
+    connection, transport, _ = opened()
+    connection.hold(1e-3)
     assert not transport.is_read
     async with asyncio.timeout(PATIENCE):
         while not transport.is_read:
@@ -162,9 +185,29 @@ async def test_a_held_connection_is_not_read_even_where_the_application_wants_mo
 
 
 @in_loop
+async def test_a_read_is_charged_for_headers_head_body_framing_and_what_is_thrown_away() -> None:
+    connection, _, _ = opened()
+    head = b"GET / HTTP/1.1\r\n" + HOST + b"a: b\r\n" * 50 + b"\r\n"
+    feed(connection, head)
+    assert connection.pieces == READ_PIECES + 51 * HEADER_PIECES + len(head) // PARSED_BYTES
+    await turns()
+    feed(connection, POST + b"Content-Length: 50000\r\n\r\n")
+    feed(connection, b" " * 10_240)
+    assert connection.pieces == READ_PIECES + 1 + 10_240 // BODY_BYTES
+    connection, _, _ = opened()
+    feed(connection, CHUNKED)
+    feed(connection, b"1;" + b"a" * 3_998)
+    assert connection.pieces == READ_PIECES + 4_000 // PARSED_BYTES
+    connection, _, _ = await fed_with(CHUNKED, Refuser(Settings()))
+    feed(connection, b" " * 10_240)
+    assert connection.pieces == READ_PIECES + 10_240 // THROWN_BYTES
+
+
+@in_loop
 async def test_tiny_chunks_and_reads_of_one_byte_hold_the_connection() -> None:
     for data, least in ((TINY * (READ_BYTES // len(TINY)), TURN_PIECES // 2), (b" ", READ_PIECES)):
         connection, transport, _ = opened()
+        connection._allowance = Allowance(PIECES_A_SECOND, MOST_PIECES, lambda: 0.0)
         feed(connection, CHUNKED + b"1000000\r\n" if data == b" " else CHUNKED)
         reads = 0
         while transport.is_read and reads < MOST_PIECES:
@@ -175,6 +218,7 @@ async def test_tiny_chunks_and_reads_of_one_byte_hold_the_connection() -> None:
 
 
 @in_loop
+@patch("app.service.connection_ledger.time", SimpleNamespace(monotonic=lambda: 0.0))
 async def test_what_one_connection_has_parsed_holds_all_of_its_address_and_new_ones() -> None:
     pairs = connections(Reader(Settings()))
     _, others_transport = next(pairs)
@@ -347,13 +391,21 @@ def test_a_refused_connection_is_closed_after_a_while(monkeypatch: pytest.Monkey
     monkeypatch.setattr(bounded_protocol, "LINGER_SECONDS", 0.01)
 
     async def run() -> None:
-        _, transport, _ = await fed_with(CHUNKED, Refuser(Settings()))
+        _, transport, _ = await fed_with(CHUNKED, Refuser(Settings(head_seconds=3600.0)))
         assert not transport.is_closed
         async with asyncio.timeout(PATIENCE):
             while not transport.is_closed:
                 await asyncio.sleep(0.01)
 
     asyncio.run(run())
+
+
+@in_loop
+async def test_an_answer_before_the_end_of_the_body_ends_the_parsing_even_where_it_does_not_say_so() -> None:
+    connection, transport, _ = await fed_with(CHUNKED, Hasty(Settings()))
+    assert transport.has_ended
+    feed(connection, TINY * 100)
+    assert connection.pieces <= READ_PIECES + 100 * len(TINY) // THROWN_BYTES
 
 
 @in_loop
