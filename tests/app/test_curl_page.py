@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(shutil.which("curl") is None, reason="curl is no
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
-    with running(PRICING_DEADLINE_SECONDS="120") as server:
+    with running() as server:
         yield server
 
 

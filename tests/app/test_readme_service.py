@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.app.service.server_process import Server, running
+from tests.problems.eventually import PATIENCE
 from tests.problems.needs_kernel import needs_kernel
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
@@ -36,7 +37,9 @@ def check_numbers(printed: str, answer: dict[str, float]) -> None:
 def test_the_line_for_curl_is_answered_as_printed(server: Server) -> None:
     (command,) = COMMAND.findall(SECTION)
     command = command.replace("localhost:8000", f"127.0.0.1:{server.port}")
-    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(
+        ["bash", "-c", command], capture_output=True, text=True, check=True, timeout=PATIENCE
+    )
     check_numbers(SECTION.split("}'\n")[1].split("\n\n")[0], json.loads(done.stdout))
 
 

@@ -20,10 +20,11 @@ from tests.problems.eventually import PATIENCE
 QUESTION = {"option_type": "put", "spot": 100, "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
 EXPENSIVE = QUESTION | {"tolerance": 1e-8, "greeks": "extended"}  # by what it is expected to cost
 HELD = EXPENSIVE | {"strike": HELD_STRIKE}
-# Limits that no answer meets by chance, however slow the machine is; the drain would only be waited for.
+# Limits that nothing meets by chance, however slow the machine is; the drain would only be waited for.
 SETTINGS = {
-    "PRICING_BODY_SECONDS": "60",
-    "PRICING_DEADLINE_SECONDS": "120",
+    "PRICING_BODY_SECONDS": "3600",
+    "PRICING_DEADLINE_SECONDS": "3600",
+    "PRICING_BATCH_DEADLINE_SECONDS": "3600",
     "PRICING_DRAIN_SECONDS": "0",
     "PRICING_SLOTS": "2",
 }

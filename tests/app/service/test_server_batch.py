@@ -38,7 +38,7 @@ def chunk(data: bytes) -> bytes:
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
-    with running(PRICING_BATCH_DEADLINE_SECONDS="300") as server:
+    with running() as server:
         yield server
 
 
@@ -89,7 +89,7 @@ def test_a_client_that_reads_nothing_before_it_has_sent_all_is_answered(server: 
 
 
 def test_a_client_that_leaves_ends_its_batch(held: HeldWork) -> None:
-    with running(held=held, PRICING_SLOTS="1", PRICING_BATCH_DEADLINE_SECONDS="3600") as server:
+    with running(held=held, PRICING_SLOTS="1") as server:
         with sent(server, HEAD, chunk(HELD_LINE * 20)):
             assert eventually(lambda: held.begun == 1)
         assert eventually(lambda: any(line.get("status") == 499 for line in server.log))

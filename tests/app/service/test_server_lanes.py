@@ -71,9 +71,6 @@ BODIES: dict[str, tuple[str, dict[str, Any]]] = {
 pytestmark = needs_kernel
 
 
-ENDLESS = {"PRICING_DEADLINE_SECONDS": "3600"}  # for what only the event in question may end
-
-
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     held = HeldWork(tmp_path_factory.mktemp("held"))
@@ -113,7 +110,7 @@ def test_work_that_would_never_end_is_answered_at_the_deadline(server: Server) -
 
 
 def test_a_client_that_leaves_ends_its_work(held: HeldWork) -> None:
-    with running(held=held, PRICING_SLOTS="1", **ENDLESS) as server:
+    with running(held=held, PRICING_SLOTS="1") as server:
         with asked(server, HELD):
             assert eventually(lambda: held.begun == 1)
         assert eventually(lambda: any(line.get("status") == 499 for line in server.log))
@@ -127,7 +124,7 @@ def test_an_honest_client_does_not_notice_hostile_ones_at_its_address(held: Held
         with asked(server, HELD) as connection:
             statuses.append(int(connection.recv(65_536).split()[1]))
 
-    with running(held=held, **ENDLESS) as server, asking(20, attack), held:
+    with running(held=held) as server, asking(20, attack), held:
         assert eventually(lambda: held.begun == 1 and 429 in statuses)
         honest = [server.request("POST", "/v1/price", QUESTION)[0] for _ in range(100)]
         assert honest == [200] * 100
@@ -136,7 +133,7 @@ def test_an_honest_client_does_not_notice_hostile_ones_at_its_address(held: Held
 
 def test_an_address_at_its_limit_of_connections_loses_its_oldest_question(held: HeldWork) -> None:
     settings = {"PRICING_CLIENT_CONNECTIONS": "3", "PRICING_SLOTS": "4"}
-    with running(held=held, **settings, **ENDLESS) as server, ExitStack() as stack:
+    with running(held=held, **settings) as server, ExitStack() as stack:
         oldest, *others = [stack.enter_context(asked(server, HELD)) for _ in range(3)]
         assert eventually(lambda: held.begun == 3)
         assert server.request("POST", "/v1/price", QUESTION)[0] == 200
@@ -150,7 +147,7 @@ def test_an_address_is_what_a_named_proxy_says_it_is(tmp_path: Path) -> None:
     for trusted, expected in (("127.0.0.1", 200), ("", 429)):
         held = HeldWork(tmp_path / str(expected))
         settings = {"PRICING_CLIENT_QUEUE": "1", "PRICING_TRUSTED_PROXIES": trusted}
-        with running(held=held, **settings, **ENDLESS) as server, asked(server, HELD):
+        with running(held=held, **settings) as server, asked(server, HELD):
             assert eventually(lambda: held.begun == 1)  # noqa: B023
             forwarded = {"X-Forwarded-For": "192.0.2.7"}
             status, headers, _ = server.request("POST", "/v1/price", EXPENSIVE, **forwarded)
@@ -159,7 +156,7 @@ def test_an_address_is_what_a_named_proxy_says_it_is(tmp_path: Path) -> None:
 
 
 def test_sigterm_with_expensive_questions_in_work_answers_them_and_ends_in_time(held: HeldWork) -> None:
-    with running(held=held, PRICING_GRACE_SECONDS="2", **ENDLESS) as server, ExitStack() as stack:
+    with running(held=held, PRICING_GRACE_SECONDS="2") as server, ExitStack() as stack:
         questions = [stack.enter_context(asked(server, HELD)) for _ in range(4)]
         slow = stack.enter_context(server.connect())
         slow.sendall(raw("/v1/price", QUESTION)[:-5])

@@ -124,11 +124,7 @@ def test_sigterm_under_load_answers_every_request_and_ends_with_status_0(
     workers: int, tmp_path: Path
 ) -> None:
     held = HeldWork(tmp_path / "held", last_seconds=2.0)
-    settings = {
-        "PRICING_DRAIN_SECONDS": "1",
-        "PRICING_GRACE_SECONDS": "4",
-        "PRICING_DEADLINE_SECONDS": "3600",
-    }
+    settings = {"PRICING_DRAIN_SECONDS": "1", "PRICING_GRACE_SECONDS": "4"}
     with running("--workers", str(workers), held=held, **settings) as server:
         assert eventually(lambda: server.request("GET", "/readyz")[0] == 200)
         stop, ends = threading.Event(), Counter[str]()
@@ -226,7 +222,7 @@ def test_a_client_that_does_not_read_its_answers_is_dropped() -> None:
 
 
 def test_slow_clients_hold_nobody_up() -> None:
-    with running(PRICING_BODY_SECONDS="3600") as server, ExitStack() as stack:
+    with running() as server, ExitStack() as stack:
         slow = [stack.enter_context(server.connect()) for _ in range(80)]
         body = raw("/v1/price", QUESTION)
         for connection in slow:
