@@ -49,7 +49,8 @@ def held(tmp_path: Path) -> HeldWork:
 
 @pytest.fixture
 def client(unhurried: None) -> Iterator[TestClient]:
-    with TestClient(create_app(Settings(slots=2))) as client:
+    settings = Settings(slots=2, deadline_seconds=3_600.0, batch_deadline_seconds=3_600.0)
+    with TestClient(create_app(settings)) as client:
         yield client
 
 

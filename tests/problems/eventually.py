@@ -3,9 +3,7 @@
 import time
 from collections.abc import Callable
 
-PATIENCE = (
-    60.0  # seconds after which what does not come is given up, also on a machine that is ten times slower
-)
+PATIENCE = 120.0  # seconds after which what does not come is given up, however slow the machine is
 
 
 def eventually(holds: Callable[[], bool]) -> bool:

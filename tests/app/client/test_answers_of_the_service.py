@@ -30,6 +30,7 @@ from pricing_core.american.contracts.dividends import ProportionalDividend
 from pricing_core.chains import fit_chain, read_chain
 from pricing_core.errors import InvalidInputError
 from tests.app.service.server_process import Server, running
+from tests.problems.eventually import PATIENCE
 
 CHAIN = Path(__file__).parents[2] / "data" / "chains" / "generic.csv"
 
@@ -42,7 +43,7 @@ def server() -> Iterator[Server]:
 
 @pytest.fixture
 def client(server: Server) -> Iterator[Client]:
-    with Client(f"http://127.0.0.1:{server.port}") as client:
+    with Client(f"http://127.0.0.1:{server.port}", timeout=PATIENCE) as client:
         yield client
 
 
@@ -99,7 +100,7 @@ def test_both_clients_find_the_same(client: Client, server: Server) -> None:
     option, market = random_contract(1)
 
     async def ask() -> list[Any]:
-        async with AsyncClient(f"http://127.0.0.1:{server.port}") as other:
+        async with AsyncClient(f"http://127.0.0.1:{server.port}", timeout=PATIENCE) as other:
             return await asyncio.gather(
                 other.price(option, market),
                 other.boundary(option, market, [0.1]),
@@ -206,7 +207,7 @@ def test_a_chain_is_fitted_as_the_library_fits_it(client: Client, server: Server
     expected = fit_chain(quotes, 0.04, cash_dividends=dividends)
 
     async def ask() -> ChainAnswer:
-        async with AsyncClient(f"http://127.0.0.1:{server.port}") as other:
+        async with AsyncClient(f"http://127.0.0.1:{server.port}", timeout=PATIENCE) as other:
             return await other.chain(CHAIN, 0.04, cash_dividends=dividends)
 
     for found in (client.chain(quotes, 0.04, cash_dividends=dividends), asyncio.run(ask())):

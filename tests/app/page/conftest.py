@@ -9,8 +9,9 @@ import pytest
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 
-from tests.app.page.page import PATIENCE, Page
+from tests.app.page.page import Page
 from tests.app.service.server_process import Server, running
+from tests.problems.eventually import PATIENCE
 
 FLAGS = (
     *("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars"),

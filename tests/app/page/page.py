@@ -10,7 +10,8 @@ from selenium.webdriver import Chrome, Keys
 from selenium.webdriver.common.by import By
 from selenium.webdriver.remote.webelement import WebElement
 
-PATIENCE = 90.0  # seconds, also on a machine that is ten times slower
+from tests.problems.eventually import PATIENCE
+
 PUT = {"option_type": "put", "spot": 100, "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
 DIVIDENDS = [{"time": time, "amount": 1} for time in (0.2, 0.45, 0.7, 0.95)]
 CHARTS = ("value", "multiplier", "boundary", "delta", "gamma", "theta", "vega")

@@ -33,7 +33,7 @@ def keys(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def client(keys: Path):
+def client(keys: Path, unhurried: None):
     with TestClient(create_app(Settings(slots=2, api_keys_file=str(keys)))) as client:
         yield client
 

@@ -26,7 +26,7 @@ def value(found: dict[Any, float], name: str, **labels: str) -> float:
 
 
 @pytest.fixture
-def client(monkeypatch: pytest.MonkeyPatch):
+def client(monkeypatch: pytest.MonkeyPatch, unhurried: None):
     monkeypatch.setattr("app.service.metrics.LEAST_SECONDS", 0.0)
     with TestClient(create_app(Settings(slots=2))) as client:
         yield client
