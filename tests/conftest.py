@@ -8,9 +8,14 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
+from hypothesis import settings
 
 from pricing_core import kernel_name
 from tests.problems.engine_with_errors import EngineWithErrors
+
+# A slow machine is no fault of an example.
+settings.register_profile("any machine", deadline=None)
+settings.load_profile("any machine")
 
 
 @pytest.fixture

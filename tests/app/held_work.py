@@ -80,21 +80,21 @@ class HeldWork:
 def hold_in_this_process(held: HeldWork) -> None:
     """Put the waiting before the work itself, where it runs; all else stays as it is."""
     from app.service import server  # noqa: PLC0415
-    from app.service.batch.json_rows import JsonRows  # noqa: PLC0415
+    from app.service.batch import json_rows  # noqa: PLC0415
     from app.service.routes import price as route  # noqa: PLC0415
     from pricing_core.batch import local_threads  # noqa: PLC0415
 
-    price, rows_price, price_unit = route.price, JsonRows.price, local_threads.price_unit
+    price, price_rows, price_unit = route.price, json_rows.price_rows, local_threads.price_unit
 
     def held_price(option: Any, market: Any, *, interrupt: Any, **choices: Any) -> Any:
         if option.strike == HELD_STRIKE:
             held.hold(interrupt)
         return price(option, market, interrupt=interrupt, **choices)
 
-    def held_rows(rows: Any, settings: Any, interrupt: Any) -> Any:
-        if any(isinstance(row, dict) and row.get("strike") == HELD_STRIKE for row in rows.rows):
+    def held_rows(rows: Any, names: Any, settings: Any, interrupt: Any) -> Any:
+        if any(isinstance(row, dict) and row.get("strike") == HELD_STRIKE for row in rows):
             held.hold(interrupt)
-        return rows_price(rows, settings, interrupt)
+        return price_rows(rows, names, settings, interrupt)
 
     def held_unit(unit: Any, *arguments: Any, **choices: Any) -> Any:
         if unit.index >= float(os.environ.get(FIRST_UNIT, "inf")):
@@ -102,7 +102,7 @@ def hold_in_this_process(held: HeldWork) -> None:
         return price_unit(unit, *arguments, **choices)
 
     route.price, local_threads.price_unit = held_price, held_unit  # type: ignore[assignment]
-    JsonRows.price = held_rows  # type: ignore[method-assign]
+    json_rows.price_rows = held_rows
     server.LAST_SECONDS = float(os.environ.get(LAST_SECONDS, server.LAST_SECONDS))
 
 

@@ -313,7 +313,9 @@ def test_another_spelling_of_a_parquet_column_is_refused(
 ) -> None:
     source = tmp_path / "in.parquet"
     pq.write_table(pa.table({**sound_columns, "dividend_yield ": [0.5]}), source)
-    with pytest.raises(InvalidInputError, match=r'column "dividend_yield " .* renamed dividend_yield'):
+    with pytest.raises(
+        InvalidInputError, match=r"there is no column 'dividend_yield ': did you mean dividend_yield\?"
+    ):
         run_batch(source, target)
 
 
@@ -366,15 +368,13 @@ def test_a_column_with_the_name_of_a_result_is_refused_where_there_is_such_a_res
 ) -> None:
     header = ["delta", "option_type", "spot", "strike", "expiry", "rate", "volatility"]
     source = write_table([row()], header)
-    with pytest.raises(InvalidInputError, match=r"^column delta = .* renamed: it is the name of a result"):
+    with pytest.raises(InvalidInputError, match=r"^column delta has the name of a result"):
         run_batch(source, target)
     assert list(target.parent.iterdir()) == [source]
     assert run_batch(source, target, tolerance=COARSE, greeks="none").priced == 1
     source = write_table([row()], ["delta_error", *header[1:]])
     assert run_batch(source, target, tolerance=COARSE).priced == 1
-    with pytest.raises(
-        InvalidInputError, match=r"^column delta_error = .* renamed: it is the name of a resu"
-    ):
+    with pytest.raises(InvalidInputError, match=r"^column delta_error has the name of a resu"):
         run_batch(source, target, greek_errors=True)
 
 

@@ -56,7 +56,7 @@ class JsonColumns:
     def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:
         """Return the results of every row."""
         rows = [_checked(row) for row in _rows(self.columns, self.start, self.end)]
-        return _priced(rows, [*self.columns], settings, interrupt)
+        return price_rows(rows, [*self.columns], settings, interrupt)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class JsonLines:
 
     def price(self, settings: PricingSettings, interrupt: Callable[[], bool]) -> pa.RecordBatch:
         """Return the results of every row."""
-        return _priced([*map(_row_of_line, self._written())], [*FIELDS], settings, interrupt)
+        return price_rows([*map(_row_of_line, self._written())], [*FIELDS], settings, interrupt)
 
     def _written(self) -> list[bytes]:
         return [line for line in self.lines.split(b"\n") if line.strip()]
@@ -131,7 +131,7 @@ def _cuts(columns: Mapping[str, Any], count: int) -> Iterator[int]:
         yield count
 
 
-def _priced(
+def price_rows(
     rows: Sequence[Row], names: Sequence[str], settings: PricingSettings, interrupt: Callable[[], bool]
 ) -> pa.RecordBatch:
     """Return the results of every row; `names` are the columns of the batch that they belong to."""

@@ -121,7 +121,7 @@ def _as_arrow(table: Any, name: str) -> pa.ChunkedArray:
     kind = _kind(table)
     if kind == "arrow":
         return table[name]
-    # Of a pair of a date and a number Arrow makes two dates, and of an object of polars its address.
+    # Arrow would make two dates of a date and a number, and takes the address for an object of polars.
     if (name in LISTS and any(map(_has_pairs, table[name]))) or str(table[name].dtype) == "Object":
         return pa.chunked_array([_as_numbers(name, [*table[name]])])
     try:

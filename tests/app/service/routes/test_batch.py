@@ -464,7 +464,7 @@ def test_rows_for_which_no_time_is_left_are_answered_in_few_pieces(
     assert len(asked) <= (2 if form != LINES else 10)  # lines come in groups of some thousands
 
 
-def test_a_text_in_a_dictionary_is_weighed_once_however_many_rows_hold_it() -> None:
+def test_a_text_in_a_dictionary_counts_once_however_many_rows_hold_it() -> None:
     count = 100_000
     texts = pa.array(["x" * 16_000, "put"])
     codes = pa.array(np.zeros(count, dtype=np.int8))
