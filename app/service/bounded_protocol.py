@@ -21,7 +21,7 @@ BODY_READ_BYTES = 1 << 18  # of a body whose length is known, or of what is thro
 # A piece is what takes about .3 us: a call of the parser, 32 bytes that it reads for itself, 1 KiB of a body. A header
 # is two, a read as many as the event loop takes for it. Of what is thrown away 256 bytes are one: nobody waits for it.
 READ_PIECES, HEADER_PIECES, PARSED_BYTES, BODY_BYTES, THROWN_BYTES = 60, 2, 1 << 5, 1 << 10, 1 << 8
-# Of one connection: at most 8 % of the event loop's time. Chosen: 3,000 small requests a second are 210,000.
+# What one connection may take: at most 8 % of the event loop's time. Chosen: 3,000 small requests a second are 210,000.
 PIECES_A_SECOND, MOST_PIECES = 250_000, 10_000
 # In which a client that still sends can read why nothing of it is wanted any more; chosen.
 LINGER_SECONDS = 2.0

@@ -103,8 +103,11 @@ def _kind(field: dict[str, Any]) -> str:
     words = [" or ".join(field.get("enum", [])) or str(field.get("type", ""))]
     if "properties" in field:
         words.append("of " + ", ".join(field["properties"]))
-    if "properties" in field.get("items", {}):
-        words.append("of objects of " + ", ".join(field["items"]["properties"]))
+    entries = field.get("items", {})
+    forms = entries.get("anyOf", [entries])
+    if "properties" in forms[0]:
+        pairs = " or pairs" if "prefixItems" in forms[-1] else ""
+        words.append("of objects of " + ", ".join(forms[0]["properties"]) + pairs)
     bounds = (
         ("exclusiveMinimum", "above"),
         ("minimum", "from"),

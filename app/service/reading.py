@@ -15,7 +15,7 @@ class Hold(Enum):
 
 
 class Reading(FlowControl):
-    """uvicorn's flow control, where others than the application may hold up the reading as well."""
+    """Flow control as uvicorn has it, where others than the application may hold up the reading as well."""
 
     def __init__(self, transport: asyncio.Transport) -> None:
         super().__init__(transport)

@@ -61,6 +61,8 @@ ANSWERS: Mapping[str, Any] = {
         "volatility_error": 5.58997e-07,
         "iterations": 4,
         "method": "premium-march",
+        "price_bound": None,
+        "message": "",
         "engine_version": ENGINE_VERSION,
         "instruction_set": "avx512",
     },

@@ -42,7 +42,7 @@ def test_the_page_describes_every_operation_field_and_problem(client: TestClient
     for words in (
         *operations,
         *PriceRequest.model_fields,
-        "array of objects of time, ex_date, amount at most 366",
+        "array of objects of time, ex_date, amount or pairs at most 366",
     ):
         assert words in text
     problems = {kind.name for kind in (*PROBLEM_TYPES.values(), *HTTP_TYPES.values())}
