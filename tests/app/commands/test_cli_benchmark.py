@@ -22,6 +22,7 @@ NAMES = (
     "batch",
     "cluster",
     "service",
+    "service-attack",
 )
 
 
