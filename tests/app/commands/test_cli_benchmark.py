@@ -52,9 +52,9 @@ def test_without_a_name_all_benchmarks_run_and_their_reports_are_named(
     assert (status, errors) == (0, "")
     assert asked == [(name, True) for name in NAMES]
     assert output == "".join(f"{name}: {folder}/{name}.html (0 s)\n" for name in NAMES)
-    assert sorted(path.name for path in folder.iterdir()) == [
-        f"{name}.{ending}" for name in sorted(NAMES) for ending in ("html", "json", "md")
-    ]
+    assert sorted(path.name for path in folder.iterdir()) == sorted(
+        f"{name}.{ending}" for name in NAMES for ending in ("html", "json", "md")
+    )
 
 
 def test_a_named_benchmark_runs_once_and_in_full(
