@@ -353,13 +353,12 @@ def test_an_explanation_of_a_file_that_changes_is_not_written(
 def test_the_command_says_so_in_one_line_with_status_2(tmp_path: Path, table: pa.Table) -> None:
     source, target = tmp_path / "in.csv", tmp_path / "out.csv"
     source.write_bytes(content_of(table, "in.csv"))
-    with HeldWork(tmp_path / "held", first_unit=0) as held:
-        process = held.started("batch", source, target, "--tolerance", "1e-3")
-        with process:
-            assert eventually(lambda: held.begun > 0)
-            append(source)
-            held.release()
-            output, errors = process.communicate(timeout=PATIENCE)
+    held = HeldWork(tmp_path / "held", first_unit=0)
+    with held, held.started("batch", source, target, "--tolerance", "1e-3") as process:
+        assert eventually(lambda: held.begun > 0)
+        append(source)
+        held.release()
+        output, errors = process.communicate(timeout=PATIENCE)
     assert (process.returncode, output) == (2, "")
     assert errors == "pricing: the input changed while it was read: 'in.csv'; nothing was written\n"
     assert not target.exists()
