@@ -37,6 +37,7 @@ from pricing_core.errors import InvalidInputError, UnknownNameError
 REQUIRED_COLUMNS = tuple(field.name for field in COLUMN_FIELDS if field.required)
 LIMITS = {field.name: field.limits for field in COLUMN_FIELDS if field.kind in ("number", "curve")}
 DIVIDENDS = "cash_dividends"
+LONGEST_KEPT = 200  # characters of a text that is at fault; chosen: messages show forty
 # Places among the choices, by which `Column.words` names them.
 PUT = OPTION_TYPE.choices.index("put")
 AMERICAN, EUROPEAN = map(EXERCISE.choices.index, ("american", "european"))
@@ -267,10 +268,18 @@ def _read_singly(
             contract = checked_contract({name: column.cell(row) for name, column in table.items()})
             tolerance[row] = TOLERANCE.check(table["tolerance"].cell(row))
         except InvalidInputError as fault:
-            faults[row] = fault
+            faults[row] = _kept(fault)
         else:
             contracts[row] = contract
     return contracts, faults
+
+
+def _kept(fault: InvalidInputError) -> InvalidInputError:
+    """Return a fault without what it would keep in memory: the calls that led to it, and the rest of a long text."""
+    if isinstance(fault.value, str) and len(fault.value) > LONGEST_KEPT:
+        return InvalidInputError(fault.field, fault.value[:LONGEST_KEPT], fault.allowed)
+    fault.__context__ = None
+    return fault.with_traceback(None)
 
 
 def _check_names(columns: Mapping[str, Any]) -> None:

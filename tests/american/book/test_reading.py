@@ -458,3 +458,11 @@ def test_a_bad_cell_of_an_event_costs_its_row_alone(cells, message):
     assert message in str(read.faults[0])
     assert read.rows.tolist() == [1]
     assert read.book.is_plain
+
+
+def test_what_is_kept_of_a_fault_is_small():
+    """A table of a million rows at fault would keep as many texts, and the calls that led to each."""
+    fault = read_book({**ROW, "option_type": "x" * 16_000}, 1e-6).faults[0]
+    assert len(fault.value) == 200
+    assert fault.__traceback__ is None
+    assert fault.__context__ is None
