@@ -17,7 +17,7 @@ from pricing_core.american.arrow.schema import check_types
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.errors import InvalidInputError, Told
 
-ROWS_AT_A_TIME = 1 << 16  # that are weighed together; chosen
+ROWS_AT_A_TIME = 1 << 16  # that are cut into pieces together; chosen
 MOST_BATCHES = 4_096  # record batches in a stream: each costs some work, whatever it holds; chosen
 # Where the tables of Arrow's messages have what is looked for (Message.fbs).
 HEADER_TYPE, HEADER = 1, 2
@@ -106,7 +106,7 @@ def table_of(body: bytes | bytearray) -> tuple[list[str], list[ArrowRows]]:
 def pieces_of(batches: Sequence[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
     """Yield consecutive rows, few enough to be priced together."""
     for batch in batches:
-        for begin in range(0, batch.num_rows, ROWS_AT_A_TIME):  # their weights take memory as well
+        for begin in range(0, batch.num_rows, ROWS_AT_A_TIME):  # what is counted of each takes memory as well
             rows = batch.slice(begin, ROWS_AT_A_TIME)
             weight = np.ones(rows.num_rows, dtype=np.int64)
             for column in rows.columns:
