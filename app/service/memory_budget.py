@@ -56,7 +56,7 @@ class HeldMemory:
         self._budget, self._client, self._count = budget, client, 0
 
     def take(self, count: int) -> None:
-        """HeldMemory further bytes.
+        """Hold further bytes.
 
         Raises
         ------
@@ -67,10 +67,10 @@ class HeldMemory:
         self._count += count
 
     def give_back(self, count: int) -> None:
-        """HeldMemory some bytes less."""
+        """Hold some bytes less."""
         self._budget.give_back(self._client, count)
         self._count -= count
 
     def release(self) -> None:
-        """HeldMemory nothing any more."""
+        """Hold nothing any more."""
         self.give_back(self._count)

@@ -15,13 +15,13 @@ LARGEST_OBJECT = (
 )  # bytes that the values of one contract may take; chosen: a hundred times those of any
 
 
-def parse_object(raw: bytes | bytearray, most_bytes: int = LARGEST_OBJECT) -> dict[str, Any]:
+def parse_object(raw: bytes | bytearray, most_bytes: int | None = LARGEST_OBJECT) -> dict[str, Any]:
     """Parse one JSON object with distinct keys, finite number literals and well-formed Unicode.
 
     Parameters
     ----------
-    most_bytes : int
-        Memory that its values may take, by `bytes_of_json`.
+    most_bytes : int or None
+        Memory that its values may take, by `bytes_of_json`; None where the caller has counted it.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def parse_object(raw: bytes | bytearray, most_bytes: int = LARGEST_OBJECT) -> di
     ...
     app.service.strict_json.InvalidJsonError: the body holds NaN or Infinity, which are not JSON numbers
     """
-    if bytes_of_json(raw) > most_bytes:
+    if most_bytes is not None and bytes_of_json(raw) > most_bytes:
         raise InvalidJsonError("the body holds more values than are read as one object")
     try:
         value = parse_json(raw.decode("utf-8"))

@@ -11,6 +11,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 
 import numpy as np
 import pyarrow as pa
@@ -53,11 +54,12 @@ def endless(start: bytes, part: bytes) -> Stream:
     return stream
 
 
-def bodies(path: str, kind: str, body: bytes) -> Stream:
+def bodies(path: str, kind: str, make: Callable[[], bytes]) -> Stream:
     """Return the stream of one request, to be answered."""
+    body = cache(make)
 
     def stream() -> Iterator[bytes]:
-        yield head(path, f"Content-Type: {kind}", f"Content-Length: {len(body)}") + body
+        yield head(path, f"Content-Type: {kind}", f"Content-Length: {len(body())}") + body()
 
     return stream
 
@@ -100,15 +102,17 @@ def shapes() -> Mapping[str, Stream]:
             head("/livez", "Connection: Upgrade", "Upgrade: websocket", method="GET"), b"\0"
         ),
         "rubbish": endless(b"", b"\xff"),
-        "spots of many rows": bodies("/v1/batch", JSON, columns(spot=[1] * 99_999)),
-        "wide columns": bodies("/v1/batch", JSON, columns(spot=[1] * 99_999, **wide)),
-        "empty objects": bodies("/v1/batch", JSON, b'{"spot":[' + b"{}," * 600_000 + b"{}]}"),
-        "deep lists": bodies("/v1/price", JSON, b'{"rate":' + b"[" * 400_000),
-        "many keys": bodies("/v1/price", JSON, json.dumps({f"k{k}": 1 for k in range(60_000)}).encode()),
-        "lines of nothing": bodies("/v1/batch", LINES, b"{}\n" * 300_000),
-        "one text for all rows": bodies("/v1/batch", ARROW, dictionaries(1_000_000, 16_000)),
-        "cells of a chain": bodies("/v1/chain?rate=0", "text/csv", b"," * (1 << 22)),
-        "expensive questions": bodies("/v1/implied-volatility", JSON, json.dumps(SEARCH).encode()),
+        "spots of many rows": bodies("/v1/batch", JSON, lambda: columns(spot=[1] * 99_999)),
+        "wide columns": bodies("/v1/batch", JSON, lambda: columns(spot=[1] * 99_999, **wide)),
+        "empty objects": bodies("/v1/batch", JSON, lambda: b'{"spot":[' + b"{}," * 600_000 + b"{}]}"),
+        "deep lists": bodies("/v1/price", JSON, lambda: b'{"rate":' + b"[" * 400_000),
+        "many keys": bodies(
+            "/v1/price", JSON, lambda: json.dumps({f"k{k}": 1 for k in range(60_000)}).encode()
+        ),
+        "lines of nothing": bodies("/v1/batch", LINES, lambda: b"{}\n" * 300_000),
+        "one text for all rows": bodies("/v1/batch", ARROW, lambda: dictionaries(1_000_000, 16_000)),
+        "cells of a chain": bodies("/v1/chain?rate=0", "text/csv", lambda: b"," * (1 << 22)),
+        "expensive questions": bodies("/v1/implied-volatility", JSON, lambda: json.dumps(SEARCH).encode()),
     }
 
 

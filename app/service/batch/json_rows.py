@@ -9,7 +9,6 @@ import pyarrow as pa
 
 from app.service.batch.row_limits import FIELDS, MOST_JSON_ROWS, PIECE_WEIGHT, check_columns, most_entries
 from app.service.contract_schema import LONGEST_DATE
-from app.service.decoded_size import bytes_of_json
 from app.service.errors import BodyTooLargeError
 from app.service.strict_json import InvalidJsonError, parse_object
 from pricing_core.american.arrow.price_batch import price_read
@@ -92,7 +91,7 @@ def columns_of(body: bytes | bytearray) -> tuple[list[str], list[JsonColumns]]:
     BodyTooLargeError
         There are more rows than one JSON object may hold.
     """
-    columns = parse_object(body, bytes_of_json(body))
+    columns = parse_object(body, most_bytes=None)
     names = [*columns]
     check_columns(names)
     lengths = {len(cells) for name, cells in columns.items() if _is_column(name, cells)}

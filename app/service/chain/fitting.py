@@ -89,9 +89,8 @@ def _raw(body: bytes | bytearray, form: str, memory: HeldMemory) -> RawTable:
             raise BodyTooLargeError(
                 f"JSON must not be longer than {LONGEST_COLUMNS} bytes: send {CSV} or {ARROW}"
             )
-        size = bytes_of_json(body)
-        memory.take(size)
-        raw = of_json(parse_object(body, size))
+        memory.take(bytes_of_json(body))
+        raw = of_json(parse_object(body, most_bytes=None))
     else:
         if body.count(b"\n") > MOST_QUOTES + 1:
             raise BodyTooLargeError(f"a chain must not have more than {MOST_QUOTES} quotes")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
 from typing import Any
@@ -12,6 +13,7 @@ from pricing_core.american.contracts.dates import (
     AnyDate,
     expiry_from_dates,
     is_date,
+    moment_of_valuation,
     years_from_now,
 )
 from pricing_core.american.contracts.fields import (
@@ -88,34 +90,35 @@ class Option:
         object.__setattr__(self, "option_type", OPTION_TYPE.check_choice(self.option_type))
         object.__setattr__(self, "exercise", EXERCISE.check_choice(self.exercise))
         object.__setattr__(self, "strike", STRIKE.check(self.strike))
-        object.__setattr__(self, "expiry", self._checked_expiry(expiration_date, valuation_date))
+        now = moment_of_valuation(valuation_date)
+        object.__setattr__(self, "expiry", self._checked_expiry(now, expiration_date))
         if self.exercise == "bermudan" or type(self.exercise_times) is not tuple or self.exercise_times:
-            object.__setattr__(self, "exercise_times", self._checked_times(valuation_date))
+            object.__setattr__(self, "exercise_times", self._checked_times(now))
         if self.exercise_start != 0.0 or not isinstance(self.exercise_start, float):
-            object.__setattr__(self, "exercise_start", self._checked_start(valuation_date))
+            object.__setattr__(self, "exercise_start", self._checked_start(now))
         if self.settlement_lag != 0.0 or not isinstance(self.settlement_lag, float):
             object.__setattr__(self, "settlement_lag", SETTLEMENT_LAG.check(self.settlement_lag))
 
-    def _checked_expiry(self, expiration_date: AnyDate | None, valuation_date: AnyDate | None) -> float:
+    def _checked_expiry(self, now: dt.datetime | None, expiration_date: AnyDate | None) -> float:
         """Return the expiry, which may be given by dates."""
-        if expiration_date is None and valuation_date is None:
+        is_given = not (self.expiry is NOT_GIVEN or self.expiry is None)
+        if expiration_date is None and now is None:
             if is_date(self.expiry):
                 raise InvalidInputError(
                     "expiry", self.expiry, f"{EXPIRY.allowed}, in years; or {DATES_INSTEAD}"
                 )
-            if self.expiry is NOT_GIVEN or self.expiry is None:
+            if not is_given:
                 raise MissingInputError("expiry", f"give it, or {DATES_INSTEAD}")
             return EXPIRY.check(self.expiry)
-        if not (self.expiry is NOT_GIVEN or self.expiry is None):
+        if is_given:
             raise InvalidInputError("expiry", self.expiry, "left out where dates are given")
-        if expiration_date is None or valuation_date is None:
-            given, missing = "valuation_date", "expiration_date"
-            if valuation_date is None:
-                given, missing = missing, given
-            raise MissingInputError(missing, f"{given} needs it")
-        return expiry_from_dates(valuation_date, expiration_date)
+        if expiration_date is None:
+            raise MissingInputError("expiration_date", "valuation_date needs it")
+        if now is None:
+            raise MissingInputError("valuation_date", "expiration_date needs it")
+        return expiry_from_dates(now, expiration_date)
 
-    def _checked_times(self, valuation_date: AnyDate | None) -> tuple[float, ...]:
+    def _checked_times(self, now: dt.datetime | None) -> tuple[float, ...]:
         """Return the exercise times in order, each once, as years."""
         times = from_text(EXERCISE_TIMES, self.exercise_times)
         if not isinstance(times, Sequence | np.ndarray) or isinstance(times, str | bytes):
@@ -127,15 +130,13 @@ class Option:
         most = EXERCISE_TIMES.most_entries
         if not 1 <= len(times) <= most:
             raise InvalidInputError("exercise_times", Told(f"{len(times)} times"), f"1 to {most} times")
-        read = {
-            self._checked_time(f"exercise_times[{i}]", time, valuation_date) for i, time in enumerate(times)
-        }
+        read = {self._checked_time(f"exercise_times[{i}]", time, now) for i, time in enumerate(times)}
         return tuple(sorted(read))
 
-    def _checked_time(self, place: str, time: Any, valuation_date: AnyDate | None) -> float:
+    def _checked_time(self, place: str, time: Any, now: dt.datetime | None) -> float:
         """Return one exercise time as years from now; `place` names it in the list."""
         if is_date(time):
-            years = years_from_now(valuation_date, place, time)
+            years = years_from_now(now, place, time)
             if not 0.0 < years <= self.expiry:
                 raise InvalidInputError(
                     place, str(time), "after valuation_date, and not after expiration_date"
@@ -146,11 +147,11 @@ class Option:
             raise InvalidInputError(place, years, f"above 0 and at most the expiry, {self.expiry:g}")
         return years
 
-    def _checked_start(self, valuation_date: AnyDate | None) -> float:
+    def _checked_start(self, now: dt.datetime | None) -> float:
         """Return the start of the exercise window as years from now: 0 where a date says that it is open already."""
         given: Any = self.exercise_start
         if is_date(given):
-            start = max(years_from_now(valuation_date, "exercise_start", given), 0.0)
+            start = max(years_from_now(now, "exercise_start", given), 0.0)
             if start > self.expiry:
                 raise InvalidInputError(
                     "exercise_start", str(given), "a date that is not after expiration_date"

@@ -98,18 +98,29 @@ def years_from(start: dt.datetime, field: str, date: object) -> float:
     return (end - start).total_seconds() / SECONDS_PER_YEAR
 
 
-def years_from_now(valuation_date: AnyDate | None, field: str, date: AnyDate) -> float:
-    """Return the years from the valuation date to another date.
+def moment_of_valuation(valuation_date: AnyDate | None) -> dt.datetime | None:
+    """Return the valuation date, where there is one, as `read_moment` does.
+
+    Raises
+    ------
+    InvalidInputError
+        It is no date.
+    """
+    return None if valuation_date is None else read_moment("valuation_date", valuation_date)
+
+
+def years_from_now(now: dt.datetime | None, field: str, date: AnyDate) -> float:
+    """Return the years to a date from the valuation date, as `moment_of_valuation` returns it.
 
     Raises
     ------
     InvalidInputError
         There is no valuation date, or as in `years_from`; the message names `field`.
     """
-    if valuation_date is None:
+    if now is None:
         allowed = "a number of years from now; a date where there is a valuation_date"
         raise InvalidInputError(field, date, allowed)
-    return years_from(read_moment("valuation_date", valuation_date), field, date)
+    return years_from(now, field, date)
 
 
 def is_date(value: object) -> TypeGuard[AnyDate]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeGuard, TypeVar
@@ -70,26 +71,27 @@ Dividend = TypeVar("Dividend", CashDividend, ProportionalDividend)
 ENTRIES = (Mapping, list, tuple, np.ndarray, CashDividend, ProportionalDividend)
 
 
-def read_cash_dividends(value: object, valuation_date: AnyDate | None = None) -> tuple[CashDividend, ...]:
+def read_cash_dividends(value: object, now: dt.datetime | None = None) -> tuple[CashDividend, ...]:
     """Return the dividends in the order of time.
 
     Parameters
     ----------
     value : list of CashDividend, pairs or mappings, or its JSON
         A pair holds the ex-time, or the ex-date, and the amount; a mapping `time` or `ex_date`, and `amount`.
-    valuation_date : str, datetime.date, datetime.datetime or numpy.datetime64, optional
-        Where there is one, ex-dates may be given; a dividend before it is one at time 0.
+    now : datetime.datetime, optional
+        The valuation date, as `moment_of_valuation` returns it: where there is one, ex-dates may be given, and a
+        dividend before it is one at time 0.
 
     Raises
     ------
     InvalidInputError
         Naming cash_dividends and what is wrong.
     """
-    return _read(CASH_DIVIDENDS, CashDividend, value, valuation_date)
+    return _read(CASH_DIVIDENDS, CashDividend, value, now)
 
 
 def read_proportional_dividends(
-    value: object, valuation_date: AnyDate | None = None
+    value: object, now: dt.datetime | None = None
 ) -> tuple[ProportionalDividend, ...]:
     """Return the dividends in the order of time, as `read_cash_dividends` does, with fractions for amounts.
 
@@ -98,7 +100,7 @@ def read_proportional_dividends(
     InvalidInputError
         Naming proportional_dividends and what is wrong.
     """
-    return _read(PROPORTIONAL_DIVIDENDS, ProportionalDividend, value, valuation_date)
+    return _read(PROPORTIONAL_DIVIDENDS, ProportionalDividend, value, now)
 
 
 def is_pair(entry: object) -> TypeGuard[Sequence[object]]:
@@ -108,9 +110,7 @@ def is_pair(entry: object) -> TypeGuard[Sequence[object]]:
     return not any(isinstance(part, ENTRIES) for part in entry)
 
 
-def _read(
-    field: Field, kind: type[Dividend], value: object, valuation_date: AnyDate | None
-) -> tuple[Dividend, ...]:
+def _read(field: Field, kind: type[Dividend], value: object, now: dt.datetime | None) -> tuple[Dividend, ...]:
     """Return the dividends of one kind in the order of time."""
     entries = from_text(field, value)
     if not isinstance(entries, Sequence | np.ndarray) or isinstance(entries, bytes):
@@ -120,9 +120,7 @@ def _read(
             field.name, Told(f"{len(entries)} entries"), f"at most {field.most_entries} dividends"
         )
     read = [
-        entry
-        if isinstance(entry, kind)
-        else kind(*_numbers(field, kind, f"{field.name}[{i}]", entry, valuation_date))
+        entry if isinstance(entry, kind) else kind(*_numbers(field, kind, f"{field.name}[{i}]", entry, now))
         for i, entry in enumerate(entries)
     ]
     return tuple(sorted(read, key=lambda dividend: dividend.time))
@@ -136,13 +134,13 @@ def _forms(field: Field, kind: type) -> str:
 
 
 def _numbers(
-    field: Field, kind: type, place: str, entry: object, valuation_date: AnyDate | None
+    field: Field, kind: type, place: str, entry: object, now: dt.datetime | None
 ) -> tuple[float, float]:
     """Return (time, amount or fraction) of a mapping or a pair, checked; `place` names it in the list."""
     time, _, size = field.entries
     if is_pair(entry):
         when, what = entry
-        return _time(place, when, valuation_date), size.check(what, f"{place}.{size.name}")
+        return _time(place, when, now), size.check(what, f"{place}.{size.name}")
     if not isinstance(entry, Mapping):
         raise InvalidInputError(place, entry, _forms(field, kind))
     given = {name: value for name, value in entry.items() if value is not None}
@@ -163,15 +161,15 @@ def _numbers(
             raise InvalidInputError(
                 f"{place}.{EX_DATE.name}", given[EX_DATE.name], "left out where time is given"
             )
-        years = _ex_time(f"{place}.{EX_DATE.name}", given[EX_DATE.name], valuation_date)
+        years = _ex_time(f"{place}.{EX_DATE.name}", given[EX_DATE.name], now)
     return years, size.check(given[size.name], f"{place}.{size.name}")
 
 
-def _time(place: str, when: object, valuation_date: AnyDate | None) -> float:
+def _time(place: str, when: object, now: dt.datetime | None) -> float:
     """Return the ex-time of a pair, which may be a date."""
-    return _ex_time(place, when, valuation_date) if is_date(when) else EX_TIME.check(when, f"{place}.time")
+    return _ex_time(place, when, now) if is_date(when) else EX_TIME.check(when, f"{place}.time")
 
 
-def _ex_time(place: str, ex_date: AnyDate, valuation_date: AnyDate | None) -> float:
+def _ex_time(place: str, ex_date: AnyDate, now: dt.datetime | None) -> float:
     """Return the time of an ex-date; what lies before now has gone, as at 0."""
-    return min(max(years_from_now(valuation_date, place, ex_date), 0.0), EX_TIME.most)
+    return min(max(years_from_now(now, place, ex_date), 0.0), EX_TIME.most)

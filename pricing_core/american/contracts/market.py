@@ -7,7 +7,7 @@ from dataclasses import InitVar, dataclass
 from pricing_core.american.contracts.carry import carry_yield
 from pricing_core.american.contracts.checks import range_in_words
 from pricing_core.american.contracts.curves import Curve, PiecewiseConstant, read_curve
-from pricing_core.american.contracts.dates import AnyDate, read_moment
+from pricing_core.american.contracts.dates import AnyDate, moment_of_valuation
 from pricing_core.american.contracts.dividends import (
     CashDividend,
     ProportionalDividend,
@@ -93,8 +93,7 @@ class Market:
     valuation_date: InitVar[AnyDate | None] = None
 
     def __post_init__(self, valuation_date: AnyDate | None) -> None:
-        if valuation_date is not None:
-            read_moment("valuation_date", valuation_date)
+        now = moment_of_valuation(valuation_date)
         object.__setattr__(self, "spot", SPOT.check(self.spot))
         for field in (RATE, DIVIDEND_YIELD):
             rate = read_curve(field, getattr(self, field.name))
@@ -102,11 +101,9 @@ class Market:
             object.__setattr__(self, field.name, 0.0 if negligible else rate)
         object.__setattr__(self, "volatility", read_volatility(self.volatility))
         if type(self.cash_dividends) is not tuple or self.cash_dividends:
-            object.__setattr__(
-                self, "cash_dividends", read_cash_dividends(self.cash_dividends, valuation_date)
-            )
+            object.__setattr__(self, "cash_dividends", read_cash_dividends(self.cash_dividends, now))
         if type(self.proportional_dividends) is not tuple or self.proportional_dividends:
-            read = read_proportional_dividends(self.proportional_dividends, valuation_date)
+            read = read_proportional_dividends(self.proportional_dividends, now)
             object.__setattr__(self, "proportional_dividends", read)
         object.__setattr__(self, "dividend_model", DIVIDEND_MODEL.check_choice(self.dividend_model))
         numbers = (self.borrow_rate, self.quanto_covariance)

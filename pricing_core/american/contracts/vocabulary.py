@@ -11,12 +11,7 @@ import numpy as np
 
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
-from pricing_core.american.contracts.fields import (
-    CONTRACT_FIELDS,
-    DIVIDEND_YIELD,
-    EXERCISE,
-    EXPIRY,
-)
+from pricing_core.american.contracts.fields import CONTRACT_FIELDS, DIVIDEND_YIELD, EXERCISE, EXPIRY
 from pricing_core.american.contracts.market import Market
 from pricing_core.errors import MissingInputError, UnknownNameError
 

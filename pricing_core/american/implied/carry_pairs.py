@@ -137,15 +137,12 @@ def _check_names(chain: Mapping[str, Any]) -> None:
 
 def _shared(name: str, value: Any) -> Any:
     """Return what all rows share: a value, or that of a column in which it is the same in every row."""
-    is_list = isinstance(value, list | tuple | np.ndarray) and np.ndim(np.asarray(value, dtype=object)) > 0
-    if name in LISTS:
-        is_list = is_list and any(is_list_of_row(name, cell) for cell in value)
-    elif hasattr(value, "tolist") and not is_list:  # a series of pandas
-        value, is_list = [*value], np.ndim(value) > 0
-    if not is_list:
+    is_array = hasattr(value, "tolist") and np.ndim(value) > 0  # of NumPy, or a series of pandas or polars
+    cells = [*value] if is_array or isinstance(value, list | tuple) else None
+    if cells is None or (name in LISTS and not any(is_list_of_row(name, cell) for cell in cells)):
         return value
-    first = value[0] if value else None
-    if any(cell != first for cell in value):
+    first = cells[0] if cells else None
+    if any(cell != first for cell in cells):
         raise InvalidInputError(name, Told("different values"), "the same in every row of a chain")
     return first
 

@@ -44,7 +44,7 @@ def implied_frame(frame: AnyFrame, prices: Mapping[str, Any], tolerance: float, 
     contracts = contracts_of(table, unneeded=["volatility"])
     volatility = pa.array(np.full(contracts.num_rows, ANY_VOLATILITY))
     batch = pa.record_batch(
-        [*(_whole(column) for column in contracts.columns), volatility],
+        [*(column.combine_chunks() for column in contracts.columns), volatility],
         [*contracts.schema.names, "volatility"],
     )
     read = read_columns(contract_columns(batch, PricingSettings(tolerance)), batch.num_rows)
@@ -52,9 +52,3 @@ def implied_frame(frame: AnyFrame, prices: Mapping[str, Any], tolerance: float, 
     check_results(names, [*found])
     results = pa.table({name: pa.array(column, from_pandas=True) for name, column in found.items()})
     return with_results(table, results)  # type: ignore[no-any-return]
-
-
-def _whole(column: pa.ChunkedArray) -> pa.Array:
-    """Return a column in one piece."""
-    whole = column.combine_chunks()
-    return pa.concat_arrays(whole.chunks) if isinstance(whole, pa.ChunkedArray) else whole

@@ -1,10 +1,12 @@
 import csv
 import datetime as dt
 import math
+from decimal import Decimal
 from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pricing_core.american import (
@@ -333,3 +335,34 @@ def test_a_pair_whose_first_guess_is_exact_tells_its_yield():
     )  # r = q: parity holds for American options too
     assert carry.status.tolist() == ["ok"]
     assert carry.dividend_yield[0] == pytest.approx(0.05, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        np.float64,
+        np.array,
+        lambda spot: np.array([spot, spot]),
+        lambda spot: pd.Series([spot, spot]),
+        Decimal,
+    ],
+    ids=["number of NumPy", "array without axes", "array", "series", "decimal"],
+)
+def test_what_all_rows_share_may_be_a_column_or_a_number_of_any_kind(given):
+    chain = {"option_type": ["call", "put"], "strike": 100.0, "expiry": 1.0, "spot": 100.0, "rate": 0.05}
+    chain |= {"option_price": price_many({**chain, "volatility": 0.2, "dividend_yield": 0.03})["price"]}
+    wanted = implied_carry(chain)
+    found = implied_carry({**chain, "spot": given(100.0), "rate": given(0.05)})
+    assert found.dividend_yield.tolist() == wanted.dividend_yield.tolist()
+
+
+def test_what_all_rows_share_must_be_the_same_in_all_of_them():
+    chain = {
+        "option_type": ["call", "put"],
+        "strike": 100.0,
+        "expiry": 1.0,
+        "rate": 0.05,
+        "option_price": 6.0,
+    }
+    with pytest.raises(InvalidInputError, match="spot = different values: must be the same in every row"):
+        implied_carry({**chain, "spot": np.array([100.0, 101.0])})

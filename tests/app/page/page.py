@@ -104,7 +104,7 @@ class Page:
         raise AssertionError(f"{name} cannot be reached by Tab")
 
     def check_logs(self) -> None:
-        """HeldMemory that nothing was wrong in the console and that every request went to the service itself."""
+        """Hold that nothing was wrong in the console and that every request went to the service itself."""
         said = [entry["message"] for entry in self.browser.get_log("browser")]
         wrong = [message for message in said if not any(part in message for part in EXPECTED)]
         assert not wrong, wrong

@@ -138,7 +138,7 @@ CHECKS = {
 
 
 def check(body: Body, status: int, media_type: str, found: Any) -> None:
-    """HeldMemory an answer against what was asked."""
+    """Hold an answer against what was asked."""
     assert status in STATUSES
     if status == 200:
         if body.question is not None:
