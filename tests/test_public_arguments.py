@@ -106,8 +106,8 @@ CALLABLES = {
 METHODS = {
     f"{type(one).__name__}-{place}.{name}": member
     for place, one in enumerate(OBJECTS)
-    for name, member in inspect.getmembers(one, inspect.ismethod)
-    if not name.startswith("_")
+    for name in dir(one)
+    if not name.startswith("_") and inspect.ismethod(member := getattr(one, name))
 }
 
 

@@ -27,9 +27,10 @@ TERMS = [
 PRICE = ("price", *TERMS)
 CLOSED_OUTPUT = "pricing: standard output: it is closed\n"
 # Python imports this module first. The process sends itself a signal when it comes to import the module that the
-# environment names.
+# environment names; it hears Ctrl-C as in a terminal, also where the tests run in the background.
 SENDER = """
-import os, sys
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
 class Sender:
     def find_spec(self, name, path=None, target=None):
         if name == os.environ["SEND_AT"]:
