@@ -1,7 +1,8 @@
 """What does a neighbour of hostile clients notice, and how much memory do they make the service take?
 
 One kind of attack at a time on a server of two workers, beside a client from another address that asks for a price ten
-times a second and for `/livez` as often. Attackers, neighbour and server share the machine; nothing else is spoken to.
+times a second and for `/livez` as often. Attackers, neighbour and server share the machine, the attackers at the lowest
+priority, as they would not share it elsewhere; nothing else is spoken to.
 """
 
 import json
@@ -68,6 +69,9 @@ def attacks(
 def beside(name: str, connections: int, port: int, process: int, seconds: float) -> Beside:
     """Return what the neighbour sees beside one kind of attack."""
     words = [
+        "nice",
+        "-n",
+        "19",
         sys.executable,
         "-m",
         "benchmarks.serving.attackers",

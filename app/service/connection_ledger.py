@@ -44,6 +44,9 @@ class Closable(Protocol):
         ...
 
 
+LONGEST_HOLD = 5.0  # seconds that a client waits at most; chosen
+
+
 @dataclass
 class _Account:
     """What may still be parsed of a client, and until when all of its connections are held."""
@@ -68,6 +71,9 @@ class ConnectionLedger:
         self._open: defaultdict[str, set[Closable]] = defaultdict(set)
         self._count = self._closed = 0
         self._told = -LEAST_SECONDS
+        self._held: dict[
+            str, float
+        ] = {}  # clients that have had as much parsed as they may, and until when they wait
         self._account = functools.lru_cache(MOST_CLIENTS)(lambda client: _Account())
 
     def enter(self, connection: Closable) -> None:
@@ -89,7 +95,8 @@ class ConnectionLedger:
         """Count what was parsed of a client, and read nothing of it for a while where that is more than it may.
 
         All of its connections are held at once: each would have one more read otherwise. One that comes later is held
-        alone, so that the work does not grow with the square of their number.
+        alone, so that the work does not grow with the square of their number. Where several clients are held they wait
+        as many times as long: all together have little more parsed than one of them alone.
         """
         if self._trusts(connection.address):
             return
@@ -98,7 +105,11 @@ class ConnectionLedger:
         seconds = account.allowance.charge(pieces)
         if not seconds:
             return
-        if (now := time.monotonic()) < account.held_until:
+        now = time.monotonic()
+        self._held = {other: until for other, until in self._held.items() if until > now and other != client}
+        seconds = min(LONGEST_HOLD, seconds * (1 + len(self._held)))
+        self._held[client] = max(account.held_until, now + seconds)
+        if now < account.held_until:
             connection.hold(seconds)
             return
         account.held_until = now + seconds

@@ -1,14 +1,19 @@
 """Bounds of the memory that the values of a body take, from counts of its signs: known before any of it is read."""
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
 # Bytes that Python takes for what JSON writes with each of these signs, with all that it needs on the way, and for the
 # text itself, whose characters take four bytes where one of them needs as many; a test measures that they suffice.
-BYTES_OF_SIGNS = {b",": 48, b'"': 40, b":": 160, b"[": 96, b"{": 96}
+BYTES_OF_SIGNS = {",": 48, '"': 40, ":": 160, "[": 96, "{": 96}
 # A number or a text in a column, its characters apart, and its part of the row that it comes from.
 BYTES_OF_CELL = 120
-SEPARATORS = (b",", b";", b"\t", b"|", b"\n")  # between the cells of a CSV text, whichever it uses
+SEPARATORS = ",;\t|\n"  # between the cells of a CSV text, whichever it uses
+# Characters that are looked at in one go, some tens of microseconds: other threads wait for no longer.
+PIECE = 1 << 16
+BYTES_BY_SIGN = bytes(BYTES_OF_SIGNS.get(chr(sign), 0) for sign in range(256))
+IS_SEPARATOR = bytes(chr(sign) in SEPARATORS for sign in range(256))
 
 
 def bytes_of_json(text: bytes | bytearray) -> int:
@@ -19,13 +24,18 @@ def bytes_of_json(text: bytes | bytearray) -> int:
     >>> bytes_of_json(b"[0.25, 0.5]") - 2 * len("[0.25, 0.5]")
     144
     """
-    return 2 * _bytes_of_text(text) + sum(text.count(sign) * size for sign, size in BYTES_OF_SIGNS.items())
+    return 2 * _bytes_of_text(text) + _sum(text, BYTES_BY_SIGN)
 
 
 def bytes_of_csv(text: bytes | bytearray) -> int:
     """Return a bound of the memory that the cells of a CSV text take."""
-    cells = 1 + sum(text.count(separator) for separator in SEPARATORS)
-    return 2 * _bytes_of_text(text) + BYTES_OF_CELL * cells
+    return 2 * _bytes_of_text(text) + BYTES_OF_CELL * (1 + _sum(text, IS_SEPARATOR))
+
+
+def _sum(text: bytes | bytearray, numbers: bytes) -> int:
+    """Return the sum of a number for each byte of a text, of the 256 that `numbers` holds."""
+    pieces = (text[start : start + PIECE].translate(numbers) for start in range(0, len(text), PIECE))
+    return sum(int(np.frombuffer(piece, np.uint8).sum(dtype=np.int64)) for piece in pieces)
 
 
 def _bytes_of_text(text: bytes | bytearray) -> int:

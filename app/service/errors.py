@@ -142,7 +142,7 @@ HTTP_TYPES: Mapping[int, ProblemType] = {
 
 
 # Who asks again at once, whatever Retry-After says, waits so many seconds for each of these answers; chosen.
-SLOWED_DOWN, PAUSE_SECONDS = (UnauthorizedError, ClientLimitError, OverloadedError), 0.1
+SLOWED_DOWN, PAUSE_SECONDS = (UnauthorizedError, ClientLimitError, OverloadedError), 1.0
 
 
 def problem_type(error: Exception) -> ProblemType:

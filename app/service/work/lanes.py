@@ -118,6 +118,9 @@ class _Job:
             return self.work(self.interruption)
         finally:
             self.worked = time.thread_time() - begun
+            # An error holds this frame, and the answer the error: without this a body would stay until garbage is
+            # collected, which counts objects and not their size.
+            del self
 
     @property
     def begun(self) -> bool:

@@ -21,6 +21,7 @@ from app.service.bounded_protocol import (
     PIECES_A_SECOND,
     READ_BYTES,
     READ_PIECES,
+    REQUEST_PIECES,
     THROWN_BYTES,
 )
 from app.service.connections import BoundedConnection
@@ -189,7 +190,7 @@ async def test_a_read_is_charged_for_headers_head_body_framing_and_what_is_throw
     connection, _, _ = opened()
     head = b"GET / HTTP/1.1\r\n" + HOST + b"a: b\r\n" * 50 + b"\r\n"
     feed(connection, head)
-    assert connection.pieces == READ_PIECES + 51 * HEADER_PIECES + len(head) // PARSED_BYTES
+    assert connection.pieces == READ_PIECES + 51 * HEADER_PIECES + len(head) // PARSED_BYTES + REQUEST_PIECES
     await turns()
     feed(connection, POST + b"Content-Length: 50000\r\n\r\n")
     feed(connection, b" " * 10_240)
