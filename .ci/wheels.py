@@ -90,7 +90,9 @@ def build_again(sdist: Path) -> None:
     """Build an sdist from the unpacked sdist, which must give the same bytes."""
     with tempfile.TemporaryDirectory() as folder:
         with tarfile.open(sdist) as archive:
-            archive.extraction_filter = getattr(tarfile, "data_filter", None)  # Python 3.11.4 has it, 3.11.2 not
+            archive.extraction_filter = getattr(
+                tarfile, "data_filter", None
+            )  # Python 3.11.4 has it, 3.11.2 not
             archive.extractall(folder)
         source = Path(folder) / sdist.name.removesuffix(".tar.gz")
         run(

@@ -151,7 +151,9 @@ class TestSdist:
     def test_two_builds_are_the_same_bit_for_bit(self, source, tmp_path):
         first = sdist(source, 1_700_000_000)
         with tarfile.open(fileobj=io.BytesIO(first)) as archive:
-            archive.extraction_filter = getattr(tarfile, "data_filter", None)  # Python 3.11.4 has it, 3.11.2 not
+            archive.extraction_filter = getattr(
+                tarfile, "data_filter", None
+            )  # Python 3.11.4 has it, 3.11.2 not
             archive.extractall(tmp_path)
         (again,) = tmp_path.iterdir()
         for path in again.rglob("*"):  # Later, and with other permissions.

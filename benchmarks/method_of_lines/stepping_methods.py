@@ -13,7 +13,7 @@ from pricing_core.american.book.resolution import Scheme, TimeMesh
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.method_of_lines.boundary_cell import BoundaryCellStage, region_in_cells
-from pricing_core.american.engines.method_of_lines.crank_nicolson import DAMPED_STEPS, CrankNicolson
+from pricing_core.american.engines.method_of_lines.crank_nicolson import DAMPED_STEPS, crank_nicolson
 from pricing_core.american.engines.method_of_lines.event_transfer import Payoff, before_event
 from pricing_core.american.engines.method_of_lines.grid import SpotRange, even_stretching
 from pricing_core.american.engines.method_of_lines.level import make_solver
@@ -106,7 +106,7 @@ class Method:
             run = integrate_stage(stage, start, expiry, steps, resolution)
         else:
             run = integrate(
-                CrankNicolson(stage, damped_until=0.0),
+                crank_nicolson(stage, 0.0),
                 start,
                 (0.0, expiry),
                 controller=FixedStep(),

@@ -13,7 +13,7 @@ from pricing_core.lcs.system import LCS
 from pricing_core.lcs.time_stepping import ImpulseScheme, LCSState, Scheme
 from pricing_core.lcs.trajectory import Event, Trajectory
 from pricing_core.lcs.transfer import relative_degree
-from pricing_core.stepping import ImplicitEuler, Sdirk2, ThetaMethod
+from pricing_core.stepping import IMPLICIT_EULER, SDIRK2, DiagonallyImplicit, theta_method
 from pricing_core.stepping.implicit import RatedStage
 from pricing_core.stepping.method import OneStepMethod
 
@@ -57,8 +57,8 @@ def one_step_method(
 ) -> OneStepMethod[LCSState]:
     """Build the method of a scheme on an implicit stage."""
     if scheme == "theta":
-        return ThetaMethod(stage, THETA if theta is None else theta)
-    return Sdirk2(stage) if scheme == "sdirk2" else ImplicitEuler(stage)
+        return DiagonallyImplicit(stage, theta_method(THETA if theta is None else theta))
+    return DiagonallyImplicit(stage, SDIRK2 if scheme == "sdirk2" else IMPLICIT_EULER)
 
 
 def stepped_trajectory(

@@ -9,23 +9,36 @@ from pricing_core.stepping.controller import (
     PIController,
     StepSizeController,
 )
-from pricing_core.stepping.implicit import ImplicitEuler, ImplicitStage, Sdirk2, ThetaMethod
+from pricing_core.stepping.implicit import DiagonallyImplicit, ImplicitStage, RannacherStart
 from pricing_core.stepping.integrate import Integration, integrate
 from pricing_core.stepping.method import OneStepMethod, Step, StepDoubling
+from pricing_core.stepping.tableaux import (
+    ESDIRK3,
+    IMPLICIT_EULER,
+    SDIRK2,
+    SDIRK3,
+    Tableau,
+    theta_method,
+)
 
 __all__ = [
+    "ESDIRK3",
+    "IMPLICIT_EULER",
+    "SDIRK2",
+    "SDIRK3",
     "Decision",
+    "DiagonallyImplicit",
     "FixedStep",
     "IController",
-    "ImplicitEuler",
     "ImplicitStage",
     "Integration",
     "OneStepMethod",
     "PIController",
-    "Sdirk2",
+    "RannacherStart",
     "Step",
     "StepDoubling",
     "StepSizeController",
-    "ThetaMethod",
+    "Tableau",
     "integrate",
+    "theta_method",
 ]

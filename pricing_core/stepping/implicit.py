@@ -1,15 +1,14 @@
-"""One-step methods built on one implicit stage, value = base + h F(t, value), whatever solves it."""
+"""Diagonally implicit Runge-Kutta methods on one implicit stage, value = base + h F(t, value), whatever solves it."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from pricing_core.arrays import Vector
-from pricing_core.stepping.method import Step
-
-SDIRK2_THETA = 1.0 - math.sqrt(0.5)
+from pricing_core.stepping.method import OneStepMethod, Step
+from pricing_core.stepping.tableaux import Tableau
 
 
 class HasValue(Protocol):
@@ -41,82 +40,96 @@ class RatedStage(ImplicitStage[ImplicitState], Protocol[ImplicitState]):
 
 
 @dataclass(frozen=True, slots=True)
-class ImplicitEuler(Generic[ImplicitState]):
-    """y+ = y + h F(t + h, y+): order 1, L-stable; a state off the constraints is carried onto them.
+class DiagonallyImplicit(Generic[ImplicitState]):
+    """The method of a tableau on an implicit stage.
 
-    Parameters
-    ----------
-    stage : ImplicitStage
-        Solves y = base + h F(t, y).
-    """
-
-    stage: ImplicitStage[ImplicitState]
-
-    @property
-    def order(self) -> int:
-        """The order of the method, 1."""
-        return 1
-
-    def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
-        """Return the step from t to t + h, which begins at `state`."""
-        end = self.stage.solve(t + h, state.value, h, state)
-        return Step(end, end.value.ravel())
-
-
-@dataclass(frozen=True, slots=True)
-class Sdirk2(Generic[ImplicitState]):
-    """The two-stage singly diagonally implicit Runge-Kutta method of order 2 (Alexander 1977).
-
-    theta = 1 - 1/sqrt(2): y1 = y + theta h F(y1), y+ = y + (1 - theta) h F(y1) + theta h F(y+). L-stable and
-    stiffly accurate: the new state satisfies the constraints at t + h. h F(y1) is (y1 - y)/theta, so F is
-    never evaluated. It must start on the constraints: the first stage would carry a jump 2.4 times too far
-    into the second.
-
-    Parameters
-    ----------
-    stage : ImplicitStage
-        Solves y = base + h F(t, y).
-    """
-
-    stage: ImplicitStage[ImplicitState]
-
-    @property
-    def order(self) -> int:
-        """The order of the method, 2."""
-        return 2
-
-    def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
-        """Return the step from t to t + h, which begins at `state`."""
-        first = self.stage.solve(t + SDIRK2_THETA * h, state.value, SDIRK2_THETA * h, state)
-        base = state.value + (1.0 - SDIRK2_THETA) / SDIRK2_THETA * (first.value - state.value)
-        end = self.stage.solve(t + h, base, SDIRK2_THETA * h, first)
-        return Step(end, end.value.ravel())
-
-
-@dataclass(frozen=True, slots=True)
-class ThetaMethod(Generic[ImplicitState]):
-    """y+ = y + (1 - theta) h F(t, y) + theta h F(t + h, y+): order 2 for theta = 1/2, the trapezoidal rule, else 1.
-
-    Stable for theta >= 1/2; only theta = 1 damps the fastest components. It must start on the constraints.
+    The new state is that of the last stage, so that it satisfies the constraints at t + h. A method with more than one
+    stage, or with an explicit first one, must start on the constraints: a jump onto them would be carried too far into
+    the later stages.
 
     Parameters
     ----------
     stage : RatedStage
-        Solves y = base + h F(t, y), and evaluates F.
-    theta : float
-        Weight of the end of the step, above 0 and at most 1.
+        Solves y = base + h F(t, y), and evaluates F; that only where the tableau has an explicit start.
+    tableau : Tableau
     """
 
-    stage: RatedStage[ImplicitState]
-    theta: float
+    stage: ImplicitStage[ImplicitState] | RatedStage[ImplicitState]
+    tableau: Tableau
 
     @property
     def order(self) -> int:
-        """The order of the method: 2 for theta = 1/2, else 1."""
-        return 2 if self.theta == 0.5 else 1
+        """The order of the method for smooth solutions."""
+        return self.tableau.order
 
     def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
         """Return the step from t to t + h, which begins at `state`."""
-        base = state.value + (1.0 - self.theta) * h * self.stage.rate(t, state)
-        end = self.stage.solve(t + h, base, self.theta * h, state)
+        rate = self.stage.rate(t, state) if self.tableau.has_explicit_start else None  # type: ignore[union-attr]
+        end, _ = take_step(self.tableau, self.stage.solve, t, state, h, rate)
         return Step(end, end.value.ravel())
+
+
+def take_step(
+    tableau: Tableau,
+    solve: Callable[[float, Vector, float, ImplicitState], ImplicitState],
+    t: float,
+    state: ImplicitState,
+    h: float,
+    rate: Vector | None = None,
+    start: Vector | None = None,
+) -> tuple[ImplicitState, Vector]:
+    """Return the state at t + h and F there.
+
+    Parameters
+    ----------
+    solve : callable
+        The method `solve` of an `ImplicitStage`.
+    rate : Vector, optional
+        F(t, state), for a tableau with an explicit start.
+    start : Vector, optional
+        What the step starts from, where it is not the state's own value.
+    """
+    begin = state.value if start is None else start
+    changes: list[tuple[Vector, float]] = []  # a_jj h F_j, and a_jj
+    last = state
+    for row, c in zip(tableau.a, tableau.c, strict=True):
+        if row == (0.0,):
+            assert rate is not None
+            changes.append((h * rate, 1.0))
+            continue
+        base = begin
+        for weight, (change, own) in zip(row[:-1], changes, strict=True):
+            base = base + weight / own * change
+        last = solve(t + c * h, base, row[-1] * h, last)
+        changes.append((last.value - base, row[-1]))
+    change, own = changes[-1]
+    return last, change / (own * h)
+
+
+@dataclass(frozen=True, slots=True)
+class RannacherStart(Generic[ImplicitState]):
+    """A method whose first steps are two half steps of a damping one each: a kink at the start is not damped otherwise.
+
+    Parameters
+    ----------
+    method, damping : OneStepMethod
+        Such as Crank-Nicolson and implicit Euler (Rannacher 1984).
+    until : float
+        Steps that begin before this time are those of `damping`.
+    """
+
+    method: OneStepMethod[ImplicitState]
+    damping: OneStepMethod[ImplicitState]
+    until: float
+
+    @property
+    def order(self) -> int:
+        """The order of the method."""
+        return self.method.order
+
+    def step(self, t: float, state: ImplicitState, h: float) -> Step[ImplicitState]:
+        """Return the step from t to t + h, which begins at `state`."""
+        if t >= self.until:
+            return self.method.step(t, state, h)
+        middle = self.damping.step(t, state, h / 2).state
+        return self.damping.step(t + h / 2, middle, h / 2)

@@ -22,7 +22,7 @@ from pricing_core.american.engines.method_of_lines.level import make_solver
 from pricing_core.american.engines.method_of_lines.node_volatility import NodeVolatility
 from pricing_core.american.engines.method_of_lines.operators import spot_operator
 from pricing_core.arrays import BoolVector, Vector
-from pricing_core.stepping.implicit import SDIRK2_THETA
+from pricing_core.stepping import SDIRK2
 
 CELLS_PER_STEP = 8  # Number of cells of the grid for each step of a span; chosen.
 TOLERANCE = 1e-7  # What may leave the grid, as for a price with this tolerance; chosen.
@@ -119,10 +119,11 @@ class DensityMarch:
             upper[:-1][gone[1:]] = 0.0
             lower[gone] = upper[gone] = diagonal[gone] = 0.0
         before = float(self.mass.sum())
-        first = _transposed_solve(lower, diagonal, upper, SDIRK2_THETA * h, self.mass)
-        ahead = (1.0 - SDIRK2_THETA) / SDIRK2_THETA
+        (theta,), (rest, _) = SDIRK2.a
+        first = _transposed_solve(lower, diagonal, upper, theta * h, self.mass)
+        ahead = rest / theta
         base = self.mass + ahead * (first - self.mass)
-        self.mass = _transposed_solve(lower, diagonal, upper, SDIRK2_THETA * h, base)
+        self.mass = _transposed_solve(lower, diagonal, upper, theta * h, base)
         return absorbed + (before - float(self.mass.sum()) if gone.any() else 0.0)
 
     def _generator(self, segment: Segment, excess: Vector, region: Region | None) -> tuple[Vector, Vector]:

@@ -25,7 +25,7 @@ from pricing_core.american.engines.method_of_lines.tangents import TERMS, Direct
 from pricing_core.american.engines.method_of_lines.time_mesh import prescribed_mesh
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.errors import NumericalError
-from pricing_core.stepping.implicit import SDIRK2_THETA
+from pricing_core.stepping import SDIRK2
 
 # Number of arrays over the nodes that the kernel works with, and that it needs for each derivative; counted.
 WORKING_ARRAYS, TANGENT_ARRAYS = 40, 14
@@ -33,7 +33,7 @@ RIGHTS = slice(7, 9)  # The columns of a segment that say whether the holder may
 # The kernel's number of a scheme, and the scheme's implicit weight.
 KERNEL_SCHEMES: dict[Scheme, tuple[int, float]] = {
     "implicit-euler": (0, 1.0),
-    "sdirk2": (1, SDIRK2_THETA),
+    "sdirk2": (1, SDIRK2.a[0][0]),
 }
 
 

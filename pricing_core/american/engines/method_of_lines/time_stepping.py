@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from pricing_core.american.book.resolution import Resolution, Scheme
-from pricing_core.american.engines.method_of_lines.crank_nicolson import CrankNicolson, damped_until
+from pricing_core.american.engines.method_of_lines.crank_nicolson import crank_nicolson, damped_until
 from pricing_core.american.engines.method_of_lines.stage import OptionStage, OptionState
 from pricing_core.american.engines.method_of_lines.time_mesh import prescribed_mesh
 from pricing_core.stepping import (
+    IMPLICIT_EULER,
+    SDIRK2,
+    DiagonallyImplicit,
     FixedStep,
-    ImplicitEuler,
     Integration,
     OneStepMethod,
     PIController,
-    Sdirk2,
     StepDoubling,
     integrate,
 )
@@ -43,9 +44,9 @@ def integrate_stage(
     """
     mesh = prescribed_mesh(resolution.time_mesh, duration, steps, stop_times)
     methods: dict[Scheme, OneStepMethod[OptionState]] = {
-        "sdirk2": Sdirk2(stage),
-        "implicit-euler": ImplicitEuler(stage),
-        "crank-nicolson": CrankNicolson(stage, damped_until(mesh.tolist())),
+        "sdirk2": DiagonallyImplicit(stage, SDIRK2),
+        "implicit-euler": DiagonallyImplicit(stage, IMPLICIT_EULER),
+        "crank-nicolson": crank_nicolson(stage, damped_until(mesh.tolist())),
     }
     method = methods[resolution.scheme or "sdirk2"]
     adaptive = resolution.time_mesh == "adaptive"

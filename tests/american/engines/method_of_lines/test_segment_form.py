@@ -7,7 +7,7 @@ import pytest
 from pricing_core.american import Market, Option
 from pricing_core.american.engines.method_of_lines.stage import TridiagonalStage, start_state
 from pricing_core.lcs import LCSStage, LCSState, TimeStepping, simulate
-from pricing_core.stepping import ImplicitEuler, Sdirk2
+from pricing_core.stepping import IMPLICIT_EULER, SDIRK2, DiagonallyImplicit
 from tests.problems.segment_forms import CONTRACTS, segment_form
 
 ESCROWED = ("escrowed put", "escrowed call")
@@ -30,13 +30,14 @@ class ExactExponentials:
         return self.stage.solve(t, base, h, near)
 
 
-def marched(form, values, method, h, steps, general_stage):
+def marched(form, values, tableau, h, steps, general_stage):
     """Return the last states of the option's own stages and of the general LCS step."""
     system, x = form.as_lcs(values)
     unknowns = form.grid.interior.size
     general = LCSState(x, np.zeros(unknowns), np.zeros(unknowns))
     own = start_state(form, values)
-    general_method, own_method = method(general_stage(LCSStage(system))), method(TridiagonalStage(form))
+    general_method = DiagonallyImplicit(general_stage(LCSStage(system)), tableau)
+    own_method = DiagonallyImplicit(TridiagonalStage(form), tableau)
     for k in range(steps):
         general = general_method.step(k * h, general, h).state
         own = own_method.step(k * h, own, h).state
@@ -45,13 +46,13 @@ def marched(form, values, method, h, steps, general_stage):
 
 @pytest.mark.parametrize("h", [1e-3, 1e-2, 1e-1])
 @pytest.mark.parametrize("stretching", [0.0, 2.0])
-@pytest.mark.parametrize("method", [ImplicitEuler, Sdirk2])
+@pytest.mark.parametrize("tableau", [IMPLICIT_EULER, SDIRK2])
 @pytest.mark.parametrize("case", CONTRACTS)
-def test_the_options_own_step_equals_the_general_lcs_step(case, method, stretching, h):
+def test_the_options_own_step_equals_the_general_lcs_step(case, tableau, stretching, h):
     """(11.65) for the system (11.63), solved as an LCP for u by the general library, three steps in a row."""
     form, values = segment_form(CONTRACTS[case], 60, stretching=stretching)
     unknowns = form.grid.interior.size
-    own, general = marched(form, values, method, h, 3, lambda stage: ExactExponentials(stage, unknowns))
+    own, general = marched(form, values, tableau, h, 3, lambda stage: ExactExponentials(stage, unknowns))
     size = np.maximum(form.grid.interior, 1.0)
     assert np.all(np.abs(own.value - general.value[:unknowns]) <= 1e-10 * size)
     assert np.all(np.abs(own.slack - general.slack) <= 1e-10 * size)
@@ -65,7 +66,7 @@ def test_one_implicit_euler_step_of_the_system_as_it_stands(case):
     """Its exponentials e^{-rt} become 1/(1 + r h): r**2 h**2/2 of what depends on them."""
     form, values = segment_form(CONTRACTS[case], 60)
     h, unknowns = 1e-3, form.grid.interior.size
-    own, general = marched(form, values, ImplicitEuler, h, 1, lambda stage: stage)
+    own, general = marched(form, values, IMPLICIT_EULER, h, 1, lambda stage: stage)
     segment = form.segment
     gap = max(abs(math.exp(-r * h) - 1.0 / (1.0 + r * h)) for r in (segment.rate, segment.dividend_yield))
     size = np.maximum(form.grid.nodes[-1], 1.0)

@@ -13,7 +13,7 @@ from pricing_core.american.engines.method_of_lines.stage import (
     start_state,
 )
 from pricing_core.errors import NumericalError
-from pricing_core.stepping import Sdirk2
+from pricing_core.stepping import SDIRK2, DiagonallyImplicit
 from tests.problems.segment_forms import CONTRACTS, segment_form
 
 
@@ -32,7 +32,9 @@ def test_the_problem_of_a_stage_is_that_of_the_chapter():
 @pytest.mark.parametrize("case", CONTRACTS)
 def test_complementarity_holds_after_a_step(case):
     form, values = segment_form(CONTRACTS[case], 200)
-    state = Sdirk2(TridiagonalStage(form)).step(0.0, start_state(form, values), 1e-2).state
+    state = (
+        DiagonallyImplicit(TridiagonalStage(form), SDIRK2).step(0.0, start_state(form, values), 1e-2).state
+    )
     assert np.all(state.slack >= 0)
     assert np.all(state.multiplier >= 0)
     assert np.max(state.slack * state.multiplier / form.scale) < 1e-12
@@ -46,8 +48,10 @@ def test_every_lcp_method_takes_the_same_steps(case, lcp_method):
     expected = found = start_state(form, values)
     size = form.scale
     for k in range(3):
-        expected = Sdirk2(TridiagonalStage(form)).step(0.01 * k, expected, 0.01).state
-        found = Sdirk2(TridiagonalStage(form, lcp_method)).step(0.01 * k, found, 0.01).state
+        expected = DiagonallyImplicit(TridiagonalStage(form), SDIRK2).step(0.01 * k, expected, 0.01).state
+        found = (
+            DiagonallyImplicit(TridiagonalStage(form, lcp_method), SDIRK2).step(0.01 * k, found, 0.01).state
+        )
         assert np.all(np.abs(found.value - expected.value) <= 1e-12 * size)
         # The last sweep of PSOR is checked against the largest entry of q.
         assert found.residual < 1e-13 * size.max()

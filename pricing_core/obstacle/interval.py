@@ -1,0 +1,81 @@
+"""The interval and the map of its nodes: wide enough for the places asked for, kinks that hold V on nodes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pricing_core.arrays import Vector
+from pricing_core.errors import InvalidInputError, Told
+from pricing_core.obstacle.grid import GridMap, grid_map
+from pricing_core.obstacle.moment import holds_in_a_point
+from pricing_core.obstacle.problem import ObstacleProblem
+from pricing_core.obstacle.settings import CELLS, LEAST_CELLS, MOST_COARSE_CELLS, WIDTH
+
+PLACES = 65  # at which the volatility is looked at
+TIMES = 4  # of each segment
+
+
+def choose_map(problem: ObstacleProblem, at: Vector) -> GridMap:
+    """Return the map of the coarsest grid for a problem that is asked at places, shape (m,).
+
+    Raises
+    ------
+    InvalidInputError
+        A place lies outside the interval that is given.
+    """
+    left, right, deviation = _reach(problem, at)
+    given_left, given_right = problem.interval
+    left, right = left if given_left is None else given_left, right if given_right is None else given_right
+    outside = (at < left) | (at > right)
+    if outside.any() or not left < right:
+        shown = Told(f"{float(at[outside][0]) if outside.any() else float(at[0]):g}")
+        raise InvalidInputError("at", shown, f"inside the interval, {left:g} to {right:g}")
+    cells = max(LEAST_CELLS, math.ceil((right - left) / (2.0 * WIDTH * deviation) * CELLS))
+    kinks = _holding_kinks(problem, left, right)
+    gaps = np.diff(np.unique([left, *kinks, right]))
+    if kinks.size > 1:
+        cells = max(cells, math.ceil((right - left) / float(gaps.min()) * 1.5))
+    cells = min(cells, MOST_COARSE_CELLS)
+    return grid_map(left, right, cells + cells % 2, kinks, (given_left is not None, given_right is not None))
+
+
+def _reach(problem: ObstacleProblem, at: Vector) -> tuple[float, float, float]:
+    """Return how far x comes, left and right, and its standard deviation at the horizon."""
+    volatility, drift, _ = problem.diffusion.functions
+    low, high, variance = float(at.min()), float(at.max()), 0.0
+    for start, end in reversed(problem.segments):
+        duration = end - start
+        for t in start + duration * (np.arange(TIMES) + 0.5) / TIMES:
+            spread = 2.0 * math.sqrt(variance)
+            places = np.linspace(low - spread, high + spread, PLACES)
+            variance += duration / TIMES * float(np.mean(volatility(places, t) ** 2))
+            ends = np.array([low, high])
+            low, high = (ends + duration / TIMES * drift(ends, t)).tolist()
+            low, high = min(low, float(at.min())), max(high, float(at.max()))
+        for event in problem.at_event(end):
+            move, _ = event.functions
+            if move is not None:
+                moved = move(np.array([low, high]), end)
+                low, high = min(low, float(moved[0])), max(high, float(moved[1]))
+    deviation = math.sqrt(variance)
+    return low - WIDTH * deviation, high + WIDTH * deviation, deviation
+
+
+def _holding_kinks(problem: ObstacleProblem, left: float, right: float) -> Vector:
+    """Return the kinks that may hold V in a point and do not move, in order, shape (k,)."""
+    found = []
+    width = (right - left) / CELLS
+    for obstacle, sign in zip(problem.obstacles, (1.0, -1.0), strict=True):
+        if obstacle is None or (obstacle.during is None and obstacle.at is not None):
+            continue
+        t = 0.5 * problem.horizon if obstacle.during is None else 0.5 * sum(obstacle.during)
+        for kink, function in zip(obstacle.kinks_at(t), obstacle.kink_functions, strict=True):
+            if (
+                not function.has_t
+                and left < kink < right
+                and holds_in_a_point(obstacle, sign, kink, width, t)
+            ):
+                found.append(float(kink))
+    return np.unique(found)

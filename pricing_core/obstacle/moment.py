@@ -1,0 +1,218 @@
+"""The discretised problem at one time between two events: coefficients, contact sets and ends at the nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pricing_core.arrays import BoolVector, Vector
+from pricing_core.errors import InvalidInputError, Told
+from pricing_core.obstacle.averaged import Contact
+from pricing_core.obstacle.compact import CompactScheme
+from pricing_core.obstacle.ends import End, Held, ratio
+from pricing_core.obstacle.grid import Grid
+from pricing_core.obstacle.obstacle import Obstacle
+from pricing_core.obstacle.problem import ObstacleProblem
+
+# Differences of the obstacles, whose functions are exact: their steps in cells and as a part of the segment.
+PLACE_STEP, TIME_STEP = 0.25, 1e-5
+ON_NODE = 1e-6  # cells from a node at which a kink counts as lying on it
+ROUNDING = (
+    1e-12  # of the values' size: what rounding may make of equal obstacles, and of a slope that does not jump
+)
+
+
+@dataclass(frozen=True, slots=True)
+class EndRule:
+    """V_0 = value + first V_1 + second V_2, counted from the end inwards."""
+
+    value: float
+    first: float
+    second: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """The equation at one time.
+
+    Parameters
+    ----------
+    scheme : CompactScheme
+    rate, source : Vector, shape (n,)
+    contact : Contact
+        At the inner nodes.
+    left, right : EndRule
+    lower_ends, upper_ends : Vector, shape (2,)
+        The obstacles at the two ends, infinite where there is none.
+    """
+
+    scheme: CompactScheme
+    rate: Vector
+    source: Vector
+    contact: Contact
+    left: EndRule
+    right: EndRule
+    lower_ends: Vector
+    upper_ends: Vector
+
+    def with_ends(self, V: Vector) -> Vector:
+        """Return the values at all nodes, shape (n,), from those at the inner ones."""
+        ends = np.array(
+            [
+                self.left.value + self.left.first * V[0] + self.left.second * V[1],
+                self.right.value + self.right.first * V[-1] + self.right.second * V[-2],
+            ]
+        )
+        at_lower, at_upper = self.contact.touching(V)
+        ends = np.where(at_lower[[0, -1]], self.lower_ends, ends)
+        ends = np.where(at_upper[[0, -1]], self.upper_ends, ends)
+        ends = np.clip(ends, self.lower_ends, self.upper_ends)
+        return np.concatenate([ends[:1], V, ends[1:]])
+
+
+@dataclass(slots=True, eq=False)
+class Segment:
+    """An interval of time in which nothing happens, on one grid.
+
+    Parameters
+    ----------
+    problem : ObstacleProblem
+    grid : Grid
+    start, end : float
+        Years from now.
+    """
+
+    problem: ObstacleProblem
+    grid: Grid
+    start: float
+    end: float
+    acting: tuple[Obstacle | None, Obstacle | None] = field(init=False)
+    _known: Moment | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        lower, upper = (
+            obstacle if obstacle is not None and obstacle.acts_between(self.start, self.end) else None
+            for obstacle in self.problem.obstacles
+        )
+        self.acting = lower, upper
+
+    @property
+    def duration(self) -> float:
+        """Its length in years."""
+        return self.end - self.start
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether all of its moments are the same."""
+        problem = self.problem
+        held = (end for end in problem.ends if isinstance(end, Held))
+        return (
+            problem.diffusion.is_constant
+            and not problem.source_function.has_t
+            and all(obstacle is None or obstacle.is_constant for obstacle in self.acting)
+            and not any(end.functions[0].has_t for end in held)
+        )
+
+    def at(self, t: float) -> Moment:
+        """Return the equation at the time t."""
+        if self._known is not None:
+            return self._known
+        moment = self._moment(t)
+        if self.is_constant:
+            self._known = moment
+        return moment
+
+    def _moment(self, t: float) -> Moment:
+        x, slope = self.grid.x, self.grid.slope
+        volatility, drift, rate = (function(x, t) for function in self.problem.diffusion.functions)
+        if not (volatility > 0.0).all():
+            first = int(np.argmin(volatility))
+            place = Told(f"{volatility[first]:g} at x = {x[first]:.6g}, t = {t:.6g}")
+            raise InvalidInputError("volatility", place, "above 0 at every x and t")
+        source = self.problem.source_function(x, t)
+        diffusion = 0.5 * volatility * volatility
+        scheme = CompactScheme.of(diffusion / slope**2, drift / slope - diffusion * self.grid.bend / slope**3)
+        coefficients = diffusion, drift, rate, source
+        contact, low_ends, high_ends = self._contact(t, scheme.diffusion, coefficients)
+        left = _end_rule(self.problem.ends[0], x[:3], t)
+        right = _end_rule(self.problem.ends[1], x[:-4:-1], t)
+        return Moment(scheme, rate, source, contact, left, right, low_ends, high_ends)
+
+    def _contact(
+        self, t: float, diffusion: Vector, coefficients: tuple[Vector, ...]
+    ) -> tuple[Contact, Vector, Vector]:
+        """Return the obstacles at the inner nodes and at the ends."""
+        n = self.grid.x.size
+        values = [np.full(n, -np.inf), np.full(n, np.inf)]
+        masses, holds = [np.zeros(n), np.zeros(n)], np.zeros(n, dtype=bool)
+        for k, (obstacle, sign) in enumerate(zip(self.acting, (1.0, -1.0), strict=True)):
+            if obstacle is not None:
+                values[k] = obstacle(self.grid.x, t)
+                income, size = self._income(obstacle, t, coefficients)
+                at_kinks, holding = self._kinks(obstacle, sign, t)
+                masses[k] = np.where(at_kinks | (-sign * income <= size), 0.0, -sign * income)
+                holds |= holding
+        lower, upper = values
+        scale = ROUNDING * max(1.0, *(float(np.abs(v[np.isfinite(v)]).max(initial=0.0)) for v in values))
+        if (lower > upper + scale).any():
+            first = int(np.argmax(lower - upper))
+            place = Told(f"{lower[first]:g} at x = {self.grid.x[first]:.6g}")
+            raise InvalidInputError("lower", place, f"at most upper, {upper[first]:g} there")
+        upper = np.maximum(lower, upper)
+        holds |= upper - lower <= scale + (masses[0] + masses[1]) / (2.0 * diffusion)
+        inner = slice(1, -1)
+        contact = Contact(
+            lower[inner], upper[inner], masses[0][inner], masses[1][inner], diffusion[inner], holds[inner]
+        )
+        return contact, lower[[0, -1]], upper[[0, -1]]
+
+    def _income(self, obstacle: Obstacle, t: float, coefficients: tuple[Vector, ...]) -> tuple[Vector, float]:
+        """Return g_t + L g + f at the nodes, what holding earns more than g in money a year, and what counts as 0."""
+        diffusion, drift, rate, source = coefficients
+        x, step = self.grid.x, PLACE_STEP * self.grid.slope
+        centre = x.copy()
+        for kink in obstacle.kinks_at(t):  # differences stay on their side of a kink
+            gap = x - kink
+            centre = np.where((gap >= 0.0) & (gap < step), np.maximum(centre, kink + step), centre)
+            centre = np.where((gap < 0.0) & (-gap < step), np.minimum(centre, kink - step), centre)
+        n = x.size
+        around = obstacle(np.concatenate([centre - step, centre, centre + step, x]), t)
+        before, at, after, value = (around[k * n : (k + 1) * n] for k in range(4))
+        second = (before - 2.0 * at + after) / step**2
+        first = (after - before) / (2.0 * step) + (x - centre) * second
+        income = diffusion * second + drift * first - rate * value + source
+        if obstacle.function.has_t:
+            change = TIME_STEP * self.duration
+            early, late = max(t - change, self.start), min(t + change, np.nextafter(self.end, self.start))
+            income = income + (obstacle(x, late) - obstacle(x, early)) / (late - early)
+        size = ROUNDING * max(float(np.abs(term).max()) for term in (drift * first, rate * value, source))
+        return income, size
+
+    def _kinks(self, obstacle: Obstacle, sign: float, t: float) -> tuple[BoolVector, BoolVector]:
+        """Return which nodes lie on a kink, and which of them on one that can hold V in a point."""
+        on_kink, holding = (np.zeros(self.grid.x.size, dtype=bool) for _ in range(2))
+        for kink in obstacle.kinks_at(t):
+            index = float(self.grid.index(np.array([kink]))[0])
+            node = round(index)
+            if 0 < node < self.grid.x.size - 1 and abs(index - node) < ON_NODE:
+                on_kink[node] = True
+                holding[node] = holds_in_a_point(obstacle, sign, kink, float(self.grid.slope[node]), t)
+        return on_kink, holding
+
+
+def holds_in_a_point(obstacle: Obstacle, sign: float, kink: float, width: float, t: float) -> bool:
+    """Tell whether the slope falls at a kink of a lower obstacle (sign 1), or rises at one of an upper (-1)."""
+    step = PLACE_STEP * width
+    g = obstacle(kink + step * np.arange(-2.0, 3.0), t)
+    slope_before = (3.0 * g[2] - 4.0 * g[1] + g[0]) / (2.0 * step)
+    slope_after = (-3.0 * g[2] + 4.0 * g[3] - g[4]) / (2.0 * step)
+    size = float(np.abs(g).max()) / step
+    return bool(sign * (slope_after - slope_before) < -ROUNDING * size)
+
+
+def _end_rule(end: End | float, x: Vector, t: float) -> EndRule:
+    if isinstance(end, Held):
+        return EndRule(end.at(t), 0.0, 0.0)
+    q = ratio(end, x)  # type: ignore[arg-type]  # a number has become Held
+    return EndRule(0.0, 1.0 + q, -q)

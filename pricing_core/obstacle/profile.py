@@ -1,0 +1,163 @@
+"""The value between the nodes at one time: the obstacle in contact sets, polynomials that do not cross their ends."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from pricing_core.arrays import BoolVector, Matrix, Vector
+from pricing_core.obstacle.ends import Held, measure
+from pricing_core.obstacle.grid import Grid
+from pricing_core.obstacle.moment import Moment
+from pricing_core.obstacle.problem import ObstacleProblem
+
+POINTS = 6  # of the polynomials
+FEWEST_POINTS = 3  # between two contact sets; where there are fewer their ends are disregarded
+DIFFERENCE = 0.01  # cells, of the differences that give the slope of an obstacle
+
+Intervals = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """V at one time as a function of x.
+
+    Parameters
+    ----------
+    problem : ObstacleProblem
+    grid : Grid
+    t : float
+        The time; where something happens at it, just before.
+    value : Vector, shape (n,)
+        At the nodes.
+    contacts : (intervals, intervals)
+        Where V is the lower and the upper obstacle, in numbers of nodes; infinite where beyond an end as well.
+    """
+
+    problem: ObstacleProblem
+    grid: Grid
+    t: float
+    value: Vector
+    contacts: tuple[Intervals, Intervals]
+
+    def __call__(self, x: Vector) -> Vector:
+        """Return V at x, shape (m,)."""
+        value: Vector = self.derivatives(x)[0]
+        return value
+
+    def derivatives(self, x: Vector) -> Matrix:
+        """Return V, V_x and V_xx at x, shape (3, m)."""
+        index = self.grid.index(x)
+        found = self._free(x, index)
+        for obstacle, intervals in zip(self.problem.obstacles, self.contacts, strict=True):
+            for left, right in intervals:
+                inside = (index >= left) & (index <= right)
+                if obstacle is not None and inside.any():
+                    width = DIFFERENCE * float(self.grid.slope.min())
+                    places = x[inside] + width * np.arange(-1.0, 2.0)[:, None]
+                    before, at, after = obstacle(places.ravel(), self.t).reshape(3, -1)
+                    found[:, inside] = (
+                        at,
+                        (after - before) / (2 * width),
+                        (before - 2 * at + after) / width**2,
+                    )
+        return found
+
+    def _free(self, x: Vector, index: Vector) -> Matrix:
+        """Return the derivatives of what is between the contact sets and beyond the ends."""
+        last = self.grid.x.size - 1
+        found = np.empty((3, x.size))
+        for left, right in self._free_runs():
+            inside = (index >= max(left, 0.0)) & (index <= min(right, float(last)))
+            first = 0 if left < 0.0 else math.floor(left) + 1
+            final = last if right > last else math.ceil(right) - 1
+            if final - first + 1 < FEWEST_POINTS:
+                first, final = 0, last
+            if inside.any():
+                found[:, inside] = self._polynomials(index[inside], first, final)
+        for outside, end, nodes in (
+            (index < 0.0, self.problem.ends[0], [0, 1]),
+            (index > last, self.problem.ends[1], [last, last - 1]),
+        ):
+            if outside.any():
+                found[:, outside] = self._beyond(x[outside], end, nodes)
+        return found
+
+    def _free_runs(self) -> list[tuple[float, float]]:
+        """Return what the contact sets leave, in numbers of nodes."""
+        runs, edge = [], -math.inf
+        for left, right in sorted(pair for intervals in self.contacts for pair in intervals):
+            if left > edge:
+                runs.append((edge, left))
+            edge = max(edge, right)
+        return [*runs, (edge, math.inf)] if edge < math.inf else runs
+
+    def _polynomials(self, index: Vector, first: int, final: int) -> Matrix:
+        points = min(POINTS, final - first + 1)
+        start = np.clip(np.floor(index).astype(int) - (points // 2 - 1), first, final - points + 1)
+        u = index - start
+        coefficients = basis(points) @ self.value[start + np.arange(points)[:, None]]  # (points, m)
+        value, slope, bend = (np.zeros_like(u) for _ in range(3))
+        for coefficient in coefficients[::-1]:
+            bend = bend * u + 2.0 * slope
+            slope = slope * u + value
+            value = value * u + coefficient
+        y = index / self.grid.refined
+        first_derivative = self.grid.map.place(y, 1) / self.grid.refined
+        second_derivative = self.grid.map.place(y, 2) / self.grid.refined**2
+        by_x = slope / first_derivative
+        return np.array([value, by_x, (bend - second_derivative * by_x) / first_derivative**2])
+
+    def _beyond(self, x: Vector, end: object, nodes: list[int]) -> Matrix:
+        if isinstance(end, Held):
+            return np.array([np.full(x.size, end.beyond_at(self.t)), np.zeros(x.size), np.zeros(x.size)])
+        ends = self.grid.x[nodes]
+        s = measure(end, np.concatenate([ends, x]))  # type: ignore[arg-type]
+        slope = (self.value[nodes[1]] - self.value[nodes[0]]) / s[1]
+        growth = np.exp(x - ends[0]) if end == "exponential" else np.ones(x.size)
+        bend = growth if end == "exponential" else np.zeros(x.size)
+        return np.array([self.value[nodes[0]] + slope * s[2:], slope * growth, slope * bend])
+
+
+@cache
+def basis(points: int) -> Matrix:
+    """Return the matrix from values at 0, ..., points - 1 to the coefficients of their polynomial, shape (p, p)."""
+    return np.linalg.inv(np.vander(np.arange(float(points)), increasing=True))
+
+
+def contact_sets(moment: Moment, value: Vector, mass: Vector) -> tuple[Intervals, Intervals]:
+    """Return where V is the lower and the upper obstacle, in numbers of nodes, their ends inside cells.
+
+    Parameters
+    ----------
+    value : Vector, shape (n,)
+    mass : Vector, shape (n - 2,)
+    """
+    contact, V = moment.contact, value[1:-1]
+    side = contact.side(V, np.ones(V.size))
+    distance = np.minimum(side.parameter(V, mass), 1.0)
+    found = []
+    at_ends = value[[0, -1]] <= moment.lower_ends, value[[0, -1]] >= moment.upper_ends
+    for touching, sign, end in zip(contact.touching(V), (1.0, -1.0), at_ends, strict=True):
+        near = side.averaged & (sign * side.c > 0.0)
+        found.append(_intervals(touching, np.where(near, np.maximum(distance, 0.0), 1.0), end))
+    return found[0], found[1]
+
+
+def _intervals(touching: BoolVector, distance: Vector, ends: BoolVector) -> Intervals:
+    """Return the intervals of nodes that touch, and those inside a cell between two nodes near them."""
+    n = touching.size  # the inner nodes 1, ..., n
+    padded = np.concatenate([[False], touching, [False]])
+    changes = np.flatnonzero(padded[1:] != padded[:-1])
+    intervals = []
+    for first, after in zip(changes[::2] + 1, changes[1::2] + 1, strict=True):
+        left = first - 1 + distance[first - 2] if first > 1 else (-np.inf if ends[0] else first)
+        right = after - distance[after - 1] if after <= n else (np.inf if ends[1] else after - 1)
+        intervals.append((float(left), float(right)))
+    inside = ~touching[:-1] & ~touching[1:] & (distance[:-1] + distance[1:] < 1.0)
+    for i in np.flatnonzero(inside):
+        intervals.append((float(i + 1 + distance[i]), float(i + 2 - distance[i + 1])))
+    return tuple(sorted(intervals))

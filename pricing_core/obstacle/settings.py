@@ -1,0 +1,12 @@
+"""The numbers of the march, in one place."""
+
+from __future__ import annotations
+
+# Half the width of an interval that is chosen, in standard deviations: beyond it lies 4e-8 of a normal distribution.
+WIDTH = 5.5
+# Cells of the coarsest grid over that width.
+CELLS = 32
+# Steps for each standard deviation of a segment and cell. The stage matrix is an M-matrix up to sqrt(6 gamma) = 1.617.
+STEPS = 1.4
+# Cells of the coarsest grid, at least and at most, and of the finest.
+LEAST_CELLS, MOST_COARSE_CELLS, MOST_CELLS = 16, 1024, 4096

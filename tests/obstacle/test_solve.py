@@ -1,0 +1,165 @@
+"""Solutions to a tolerance: true values, honest estimates, contact sets, values over times, deadlines."""
+
+import numpy as np
+import pytest
+from scipy.stats import ncx2, norm
+
+from pricing_core.american import Market, Option, exercise_boundary, price
+from pricing_core.errors import NumericalError
+from pricing_core.obstacle import Diffusion, Event, Held, Obstacle, ObstacleProblem, solve
+from tests.obstacle.problems import (
+    AMERICAN_CAPPED_CALL,
+    CALL,
+    CALLABLE_PUT,
+    CAP,
+    PRICES,
+    PUT,
+    STRADDLE,
+    callable_put,
+    capped_call,
+    option,
+)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-6])
+def test_a_value_lies_within_its_estimate_and_that_within_the_tolerance(tolerance):
+    spots = np.array([0.7, 0.85, 1.0, 1.2, 1.5])
+    true = [price(Option("put", 1.0, 1.0), Market(s, 0.05, 0.2), tolerance=1e-8).price for s in spots]
+    solution = solve(option(PUT), np.log(spots), tolerance)
+    assert solution.status == "ok"
+    assert (solution.error_estimate <= tolerance).all()
+    assert (np.abs(solution.value - true) <= solution.error_estimate + 1e-8).all()
+
+
+def test_slope_and_curvature_are_those_of_the_price():
+    spots = np.array([0.9, 1.0, 1.3])
+    solution = solve(option(PUT), np.log(spots), 1e-6)
+    for k, spot in enumerate(spots):
+        greeks = price(Option("put", 1.0, 1.0), Market(spot, 0.05, 0.2), tolerance=1e-7, greeks="standard")
+        delta = solution.slope[k] / spot
+        assert delta == pytest.approx(greeks.delta, abs=3e-6)
+        assert (solution.curvature[k] - solution.slope[k]) / spot**2 == pytest.approx(greeks.gamma, abs=2e-4)
+
+
+def test_the_callable_put_and_the_capped_call_whose_kinks_hold_the_value():
+    solution = solve(callable_put(), np.log([*CALLABLE_PUT]), 1e-6)
+    assert np.abs(solution.value - [*CALLABLE_PUT.values()]).max() < 2e-7
+    assert solution.upper_contact(0.4) == ((pytest.approx(0.0, abs=1e-12),) * 2,)
+    assert solve(capped_call(), 0.0, 1e-7).value == pytest.approx(AMERICAN_CAPPED_CALL, abs=1e-7)
+    (contact,) = solve(capped_call(), 0.0).contact(0.5)
+    assert contact == (pytest.approx(np.log1p(CAP), abs=1e-12), np.inf)
+
+
+def test_contact_sets_are_the_exercise_boundary():
+    solution = solve(option(PUT), 0.0, 1e-6)
+    boundary = exercise_boundary(Option("put", 1.0, 1.0), Market(1.0, 0.05, 0.2), tolerance=1e-6)
+    for t in (0.0, 0.3, 0.7, 0.95):
+        ((left, right),) = solution.contact(t)
+        wanted = np.interp(t, boundary.time, boundary.boundary)
+        assert left == -np.inf
+        assert np.exp(right) == pytest.approx(wanted, abs=3e-4)
+    assert solution.upper_contact(0.5) == ()
+
+
+def test_a_straddle_has_two_contact_sets():
+    solution = solve(option(STRADDLE, dividend_yield=0.08), 0.0, 1e-6)
+    (down, up) = solution.contact(0.2)
+    assert down[0] == -np.inf
+    assert up[1] == np.inf
+    assert down[1] < 0.0 < up[0]
+
+
+def test_values_over_times_and_places():
+    solution = solve(option(PUT), 0.0, 1e-6)
+    spots, times = np.array([0.9, 1.1]), np.array([0.0, 0.5, 0.9])
+    found = solution.values(times, np.log(spots))
+    assert found.shape == (3, 2)
+    for i, t in enumerate(times):
+        for j, spot in enumerate(spots):
+            true = price(Option("put", 1.0, 1.0 - t), Market(spot, 0.05, 0.2), tolerance=1e-7).price
+            assert found[i, j] == pytest.approx(true, abs=2e-4)
+    assert solution.values(1.0, np.log(spots))[0] == pytest.approx(np.maximum(1.0 - spots, 0.0), abs=1e-12)
+
+
+def test_a_window_of_exercise_lies_between_european_and_american():
+    window = option(PUT, lower=Obstacle(PUT.value, kinks=[0.0], during=(0.5, 1.0)))
+    true = price(Option("put", 1.0, 1.0, exercise_start=0.5), Market(0.9, 0.05, 0.2), tolerance=1e-7).price
+    assert solve(window, np.log(0.9), 1e-6).value == pytest.approx(true, abs=1e-6)
+
+
+def test_a_local_volatility():
+    """A European put with sigma(S) = 0.2 S^-0.5 against its closed form, by the non-central chi-square (Cox 1975)."""
+    r, T, alpha, beta = 0.05, 1.0, 0.2, 0.5
+    k = r / (alpha**2 * (1.0 - beta) * np.expm1(2.0 * r * (1.0 - beta) * T))
+    x, y, nu = k * np.exp(2.0 * r * (1.0 - beta) * T), k, 1.0 / (2.0 * (1.0 - beta))
+    call = ncx2.sf(2.0 * y, 2.0 + 2.0 * nu, 2.0 * x) - np.exp(-r * T) * ncx2.cdf(2.0 * x, 2.0 * nu, 2.0 * y)
+    put = call - 1.0 + np.exp(-r * T)
+    diffusion = Diffusion(
+        lambda x: alpha * np.exp((beta - 1.0) * x),
+        lambda x: r - 0.5 * alpha**2 * np.exp(2.0 * (beta - 1.0) * x),
+        r,
+    )
+    solution = solve(ObstacleProblem(diffusion, PUT, T, ends=PRICES), 0.0, 1e-6)
+    assert solution.value == pytest.approx(put, abs=2e-6)
+
+
+def test_coefficients_may_jump_at_breaks():
+    """Black and Scholes with the mean variance and the mean rate."""
+    diffusion = Diffusion(
+        lambda x, t: 0.1 if t < 0.4 else 0.3,
+        lambda x, t: 0.02 - 0.1**2 / 2 if t < 0.4 else 0.06 - 0.3**2 / 2,
+        lambda x, t: 0.02 if t < 0.4 else 0.06,
+        breaks=[0.4],
+    )
+    variance, rate = 0.4 * 0.01 + 0.6 * 0.09, 0.4 * 0.02 + 0.6 * 0.06
+    true = price(
+        Option("put", 1.0, 1.0, exercise="european"), Market(1.0, rate, np.sqrt(variance)), tolerance=1e-8
+    ).price
+    solution = solve(ObstacleProblem(diffusion, PUT, 1.0, ends=PRICES), 0.0, 1e-6)
+    assert solution.value == pytest.approx(true, abs=1e-6)
+
+
+def test_coupons_are_paid_and_moves_are_made_in_their_order():
+    """A bond that pays 0.1 at 0.5 and at the horizon, in a rate that does not move."""
+    bond = ObstacleProblem(
+        Diffusion(0.1, 0.0, 0.05), Obstacle(1.0), 1.0, events=[Event(0.5, cash=0.1), Event(1.0, cash=0.1)]
+    )
+    true = 0.1 * np.exp(-0.025) + 1.1 * np.exp(-0.05)
+    assert solve(bond, 0.3, 1e-7).value == pytest.approx(true, abs=1e-9)
+    moved = ObstacleProblem(
+        Diffusion(0.1, 0.0, 0.0),
+        Obstacle(lambda x: x),
+        1.0,
+        events=[Event(0.5, move=lambda x: 2.0 * x), Event(0.5, move=lambda x: x + 1.0)],
+    )
+    assert solve(moved, 0.3, 1e-7).value == pytest.approx(1.6, abs=1e-9)  # x -> 2 x -> 2 x + 1
+
+
+def test_a_running_cost_with_an_upper_and_a_lower_obstacle_that_meet():
+    both = Obstacle(lambda x: 0.5 * x)
+    pinned = ObstacleProblem(Diffusion(0.3, 0.1, 0.05), both, 1.0, lower=both, upper=both, source=-0.2)
+    solution = solve(pinned, [0.2, -0.4], 1e-7)
+    assert np.allclose(solution.value, [0.1, -0.2], rtol=0.0, atol=1e-12)
+
+
+def test_a_knock_out_pays_its_rebate():
+    """At the barrier the value is the rebate; just inside it is near it."""
+    problem = option(CALL, american=False, interval=(None, 0.3), ends=("exponential", Held(0.05)))
+    solution = solve(problem, [0.3, 0.2999], 1e-6)
+    assert solution.value[0] == pytest.approx(0.05, abs=1e-12)
+    assert solution.value[1] == pytest.approx(0.05, abs=2e-4)
+
+
+def test_a_tolerance_out_of_reach_is_told_with_the_best_value():
+    jump = Obstacle(lambda x: np.where(x < 0.1234, 1.0, 0.0))  # a step that no kink tells of
+    solution = solve(ObstacleProblem(Diffusion(0.2, 0.0, 0.0), jump, 1.0), 0.0, 1e-12)
+    assert solution.status == "tolerance_not_met"
+    assert abs(solution.value - norm.cdf(0.1234 / 0.2)) <= solution.error_estimate
+
+
+def test_a_deadline_ends_the_work():
+    solution = solve(option(PUT), 0.0, 1e-12, deadline=1e-9)
+    assert solution.status == "deadline"
+    assert np.isnan(solution.value)
+    with pytest.raises(NumericalError, match="the deadline came before the first grid was finished"):
+        solution.contact(0.5)
