@@ -8,7 +8,7 @@ from pricing_core.obstacle.ends import Held
 from pricing_core.obstacle.event import Event
 from pricing_core.obstacle.obstacle import Obstacle
 from pricing_core.obstacle.problem import ObstacleProblem
-from pricing_core.obstacle.solution import ObstacleSolution
+from pricing_core.obstacle.solution import ObstacleDerivative, ObstacleSolution
 from pricing_core.obstacle.solve import solve
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "Event",
     "Held",
     "Obstacle",
+    "ObstacleDerivative",
     "ObstacleProblem",
     "ObstacleSolution",
     "as_lcs",

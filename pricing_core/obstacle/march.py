@@ -11,13 +11,13 @@ import numpy as np
 
 from pricing_core.arrays import Vector
 from pricing_core.obstacle.grid import Grid
-from pricing_core.obstacle.moment import Moment, Segment
+from pricing_core.obstacle.moment import Complementarity, Moment, Segment
 from pricing_core.obstacle.problem import ObstacleProblem, just_before
 from pricing_core.obstacle.profile import Profile, contact_sets
 from pricing_core.obstacle.settings import STEPS
 from pricing_core.obstacle.stage import Values, solve_stage
-from pricing_core.obstacle.transfer import Known, before, payoff_of, start_values
-from pricing_core.stepping import ESDIRK3, SDIRK3
+from pricing_core.obstacle.transfer import Known, Start, before, payoff_of
+from pricing_core.stepping import ESDIRK3, SDIRK3, Tableau
 from pricing_core.stepping.implicit import take_step
 
 
@@ -40,6 +40,52 @@ class Instant:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class StageTaken:
+    """One stage: V = base + a (L V + f + u - w) at the time t."""
+
+    t: float
+    a: float
+    base: Vector
+    values: Values
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepTaken:
+    """One step of h years, and its implicit stages."""
+
+    tableau: Tableau
+    h: float
+    stages: tuple[StageTaken, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SegmentMarch:
+    """The march through one segment.
+
+    Parameters
+    ----------
+    segment : Segment
+    known : Known
+        The value at the segment's end, before anything that happens there.
+    start : Start
+    steps : tuple of StepTaken
+    instants : tuple of Instant
+        The end of the segment and of each step.
+    """
+
+    segment: Segment
+    known: Known
+    start: Start
+    steps: tuple[StepTaken, ...]
+    instants: tuple[Instant, ...]
+
+    @property
+    def first(self) -> Profile:
+        """The value just after the segment's beginning."""
+        return profile_at(self.segment.problem, self.segment.grid, self.segment.start, self.instants[-1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class March:
     """The values on one grid from now to the horizon.
 
@@ -47,66 +93,97 @@ class March:
     ----------
     problem : ObstacleProblem
     grid : Grid
-    instants : tuple of Instant
-        The last one is now.
-    steps : tuple of int
-        In each segment, the last segment first.
+    parts : tuple of SegmentMarch
+        The last segment first.
     """
 
     problem: ObstacleProblem
     grid: Grid
-    instants: tuple[Instant, ...]
-    steps: tuple[int, ...]
+    parts: tuple[SegmentMarch, ...]
+
+    @property
+    def instants(self) -> list[Instant]:
+        """The ends of all steps, now the last one."""
+        return [instant for part in self.parts for instant in part.instants]
+
+    @property
+    def steps(self) -> tuple[int, ...]:
+        """The number of steps in each segment, the last segment first."""
+        return tuple(len(part.steps) for part in self.parts)
 
     def profile(self, instant: Instant) -> Profile:
         """Return the value between the nodes."""
-        found = instant.values
-        return Profile(
-            self.problem,
-            self.grid,
-            instant.t,
-            found.value,
-            contact_sets(instant.moment, found.value, found.mass),
-        )
+        return profile_at(self.problem, self.grid, instant.t, instant)
 
     @property
     def now(self) -> Profile:
         """The value at time 0."""
-        return self.profile(self.instants[-1])
+        return self.parts[-1].first
 
 
-def march(problem: ObstacleProblem, grid: Grid, interrupt: Callable[[], bool] | None = None) -> March | None:
-    """March a problem from its horizon to now; None where `interrupt`, asked before every step, says so."""
-    instants: list[Instant] = []
-    counts = []
-    after: Known = payoff_of(problem)
+def profile_at(problem: ObstacleProblem, grid: Grid, t: float, instant: Instant) -> Profile:
+    """Return the value between the nodes, at a time or just before it."""
+    found = instant.values
+    return Profile(problem, grid, t, found.value, contact_sets(instant.moment, found.value, found.mass))
+
+
+def march(
+    problem: ObstacleProblem,
+    grid: Grid,
+    interrupt: Callable[[], bool] | None = None,
+    complementarity: Complementarity = "averaged",
+) -> March | None:
+    """March a problem from its horizon to now; None where `interrupt`, asked before every step, says so.
+
+    With the `complementarity` "right-angle" every node has the plain condition of (11.65).
+    """
+    parts: list[SegmentMarch] = []
+    after = payoff_of(problem, grid)
     for start, end in problem.segments:
-        segment = Segment(problem, grid, start, end)
-        known = before(problem, grid, end, after)
-        moment = segment.at(just_before(end))
-        value, seen = start_values(problem, moment, grid, known, just_before(end))
-        contact = moment.contact
-        values = Values(value, contact.lower_mass - contact.upper_mass)
-        instants.append(Instant(just_before(end), moment, values))
-        steps = step_count(segment, moment)
-        counts.append(steps)
-        rate: Vector | None = None
-        for early, late, goes_on in time_mesh(segment, steps):
-            if interrupt is not None and interrupt():
-                return None
-            tableau = ESDIRK3 if goes_on and rate is not None else SDIRK3
+        segment = Segment(problem, grid, start, end, complementarity)
+        part = _march_segment(segment, before(problem, grid, end, after), interrupt)
+        if part is None:
+            return None
+        parts.append(part)
+        profile = part.first
+        after = Known(profile, _ends_of_contact(profile), profile.nodal)
+    return March(problem, grid, tuple(parts))
 
-            def stage(tau: float, base: Vector, a: float, near: Values, late: float = late) -> Values:
-                return solve_stage(segment.at(max(late - tau, segment.start)), base, a, near)  # noqa: B023
 
-            values, rate = take_step(tableau, stage, 0.0, values, late - early, rate, seen)
-            instants.append(Instant(early, segment.at(early), values))
-            seen = values.value
-        profile = Profile(
-            problem, grid, start, values.value, contact_sets(instants[-1].moment, values.value, values.mass)
-        )
-        after = Known(profile, _ends_of_contact(profile))
-    return March(problem, grid, tuple(instants), tuple(counts))
+def _march_segment(
+    segment: Segment, known: Known, interrupt: Callable[[], bool] | None
+) -> SegmentMarch | None:
+    end = just_before(segment.end)
+    moment = segment.at(end)
+    start = Start.of(segment.problem, moment, segment.grid, known, end)
+    value, seen = start.values(known, segment.grid)
+    values = Values(value, moment.contact.lower_mass - moment.contact.upper_mass)
+    instants, taken = [Instant(end, moment, values)], []
+    rate: Vector | None = None
+    for early, late, goes_on in time_mesh(segment, step_count(segment, moment)):
+        if interrupt is not None and interrupt():
+            return None
+        stages: list[StageTaken] = []
+
+        def stage(
+            tau: float,
+            base: Vector,
+            a: float,
+            near: Values,
+            late: float = late,
+            stages: list[StageTaken] = stages,
+        ) -> Values:
+            t = max(late - tau, segment.start)
+            found = solve_stage(segment.at(t), base, a, near)
+            stages.append(StageTaken(t, a, base, found))
+            return found
+
+        tableau = ESDIRK3 if goes_on and rate is not None else SDIRK3
+        values, rate = take_step(tableau, stage, 0.0, values, late - early, rate, seen)
+        taken.append(StepTaken(tableau, late - early, tuple(stages)))
+        instants.append(Instant(early, segment.at(early), values))
+        seen = values.value
+    return SegmentMarch(segment, known, start, tuple(taken), tuple(instants))
 
 
 def step_count(segment: Segment, moment: Moment) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from pricing_core.obstacle.problem import ObstacleProblem
 
 # Differences of the obstacles, whose functions are exact: their steps in cells and as a part of the segment.
 PLACE_STEP, TIME_STEP = 0.25, 1e-5
+Complementarity: TypeAlias = Literal["averaged", "right-angle"]
 ON_NODE = 1e-6  # cells from a node at which a kink counts as lying on it
 ROUNDING = (
     1e-12  # of the values' size: what rounding may make of equal obstacles, and of a slope that does not jump
@@ -81,12 +83,15 @@ class Segment:
     grid : Grid
     start, end : float
         Years from now.
+    complementarity : {"averaged", "right-angle"}
+        The averaged function; or at every node the right angle 0 <= u _|_ V - lower >= 0 itself, as in (11.65).
     """
 
     problem: ObstacleProblem
     grid: Grid
     start: float
     end: float
+    complementarity: Complementarity = "averaged"
     acting: tuple[Obstacle | None, Obstacle | None] = field(init=False)
     _known: Moment | None = field(init=False, default=None)
 
@@ -161,6 +166,9 @@ class Segment:
             raise InvalidInputError("lower", place, f"at most upper, {upper[first]:g} there")
         upper = np.maximum(lower, upper)
         holds |= upper - lower <= scale + (masses[0] + masses[1]) / (2.0 * diffusion)
+        if self.complementarity == "right-angle":
+            masses = [np.zeros(n), np.zeros(n)]
+            holds = np.isfinite(lower) | np.isfinite(upper)
         inner = slice(1, -1)
         contact = Contact(
             lower[inner], upper[inner], masses[0][inner], masses[1][inner], diffusion[inner], holds[inner]

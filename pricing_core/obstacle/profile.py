@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.obstacle.ends import Held, measure
@@ -66,25 +68,55 @@ class Profile:
                     )
         return found
 
+    def nodal(self, x: Vector) -> Matrix:
+        """Return how V at x depends on the values at the nodes, shape (m, n): not at all in a contact set."""
+        n = self.grid.x.size
+        weights = np.zeros((x.size, n))
+        index = self.grid.index(x)
+        inside = (index >= 0.0) & (index <= n - 1.0)
+        for left, right in self._free_runs():
+            chosen = inside & (index >= left) & (index <= right)
+            if chosen.any():
+                start, points, u = self._stencils(index[chosen], *self._free_nodes(left, right))
+                powers = u[:, None] ** np.arange(points)
+                weights[np.flatnonzero(chosen)[:, None], start[:, None] + np.arange(points)] = powers @ basis(
+                    points
+                )
+        for outside, end, nodes in self._outsides(index):
+            if outside.any() and not isinstance(end, Held):
+                s = measure(end, np.concatenate([self.grid.x[nodes], x[outside]]))
+                share = s[2:] / s[1]
+                weights[outside, nodes[0]], weights[outside, nodes[1]] = 1.0 - share, share
+        for intervals in self.contacts:
+            for left, right in intervals:
+                weights[(index >= left) & (index <= right)] = 0.0
+        return weights
+
     def _free(self, x: Vector, index: Vector) -> Matrix:
         """Return the derivatives of what is between the contact sets and beyond the ends."""
         last = self.grid.x.size - 1
         found = np.empty((3, x.size))
         for left, right in self._free_runs():
             inside = (index >= max(left, 0.0)) & (index <= min(right, float(last)))
-            first = 0 if left < 0.0 else math.floor(left) + 1
-            final = last if right > last else math.ceil(right) - 1
-            if final - first + 1 < FEWEST_POINTS:
-                first, final = 0, last
             if inside.any():
-                found[:, inside] = self._polynomials(index[inside], first, final)
-        for outside, end, nodes in (
-            (index < 0.0, self.problem.ends[0], [0, 1]),
-            (index > last, self.problem.ends[1], [last, last - 1]),
-        ):
+                found[:, inside] = self._polynomials(index[inside], *self._free_nodes(left, right))
+        for outside, end, nodes in self._outsides(index):
             if outside.any():
                 found[:, outside] = self._beyond(x[outside], end, nodes)
         return found
+
+    def _outsides(self, index: Vector) -> list[tuple[BoolVector, Any, list[int]]]:
+        """Return for both ends what lies beyond it, what holds there, and its last two nodes."""
+        last = self.grid.x.size - 1
+        left, right = self.problem.ends
+        return [(index < 0.0, left, [0, 1]), (index > last, right, [last, last - 1])]
+
+    def _free_nodes(self, left: float, right: float) -> tuple[int, int]:
+        """Return the first and the last node between two contact sets, or of all where there are too few."""
+        last = self.grid.x.size - 1
+        first = 0 if left < 0.0 else math.floor(left) + 1
+        final = last if right > last else math.ceil(right) - 1
+        return (0, last) if final - first + 1 < FEWEST_POINTS else (first, final)
 
     def _free_runs(self) -> list[tuple[float, float]]:
         """Return what the contact sets leave, in numbers of nodes."""
@@ -95,10 +127,14 @@ class Profile:
             edge = max(edge, right)
         return [*runs, (edge, math.inf)] if edge < math.inf else runs
 
-    def _polynomials(self, index: Vector, first: int, final: int) -> Matrix:
+    def _stencils(self, index: Vector, first: int, final: int) -> tuple[NDArray[np.intp], int, Vector]:
+        """Return the first nodes of the polynomials, the number of their nodes, and the places counted from there."""
         points = min(POINTS, final - first + 1)
-        start = np.clip(np.floor(index).astype(int) - (points // 2 - 1), first, final - points + 1)
-        u = index - start
+        start = np.clip(np.floor(index).astype(np.intp) - (points // 2 - 1), first, final - points + 1)
+        return start, points, index - start
+
+    def _polynomials(self, index: Vector, first: int, final: int) -> Matrix:
+        start, points, u = self._stencils(index, first, final)
         coefficients = basis(points) @ self.value[start + np.arange(points)[:, None]]  # (points, m)
         value, slope, bend = (np.zeros_like(u) for _ in range(3))
         for coefficient in coefficients[::-1]:

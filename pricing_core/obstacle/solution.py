@@ -4,19 +4,33 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pricing_core.arrays import Matrix, as_number, as_vector
-from pricing_core.errors import InvalidInputError, NumericalError
+from pricing_core.errors import InvalidInputError, NumericalError, Told
+from pricing_core.obstacle.adjoint import NAMES, Walk
 from pricing_core.obstacle.march import Instant, March
 from pricing_core.obstacle.problem import ObstacleProblem
 from pricing_core.obstacle.profile import Intervals
 
 Status: TypeAlias = Literal["ok", "tolerance_not_met", "deadline"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObstacleDerivative:
+    """The derivative of the value in a direction, in money for one unit of it.
+
+    Parameters
+    ----------
+    value, error_estimate : float, or array of shape (m,)
+    """
+
+    value: Any
+    error_estimate: Any
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,8 +46,8 @@ class ObstacleSolution:
         V, the estimate of its error, V_x and V_xx: money, money, money per x, per x^2. One-sided where a place lies on
         the end of a contact set.
     status : {"ok", "tolerance_not_met", "deadline"}
-    march : March or None
-        The values on the finest grid; None where not one was finished.
+    march, coarse : March or None
+        The values on the finest grid and on the one before; None where they were not finished.
     """
 
     problem: ObstacleProblem
@@ -44,6 +58,8 @@ class ObstacleSolution:
     curvature: Any
     status: Status
     march: March | None
+    coarse: March | None
+    _walks: list[Walk] = field(init=False, repr=False, default_factory=list)
 
     def contact(self, t: float) -> Intervals:
         """Return the intervals of x where V = lower at the time t, (left, right) each.
@@ -63,6 +79,46 @@ class ObstacleSolution:
         """
         times, places = as_vector("t", np.atleast_1d(t)), as_vector("x", np.atleast_1d(x))
         return np.array([self._values_at(time, places) for time in times.tolist()])
+
+    def derivative(self, **direction: Any) -> ObstacleDerivative:
+        """Return the derivative of the value in a direction, by the transposed march.
+
+        The first call walks back from each place once, on the two finest grids; the others use what that has left.
+
+        Parameters
+        ----------
+        volatility, drift, rate, source : float or callable
+            The direction of a coefficient: a number or f(x, t), as it is given in the problem.
+        payoff, lower, upper : float or callable
+            The direction of an obstacle.
+        cash : float, or array of shape (events,)
+            The direction of what events pay, in their order in `problem.events`.
+
+        Returns
+        -------
+        ObstacleDerivative
+            The estimate is the difference of the two grids: the derivative converges with at least the second order.
+
+        Raises
+        ------
+        UnknownNameError, InvalidInputError
+            A name is not known, or the problem has no such obstacle.
+        """
+        if not direction:
+            raise InvalidInputError("direction", Told("nothing"), f"one or several of {', '.join(NAMES)}")
+        places = np.atleast_1d(np.asarray(self.at, dtype=np.float64))
+        if not self._walks:
+            for march in (self._march, self.coarse):
+                if march is not None:
+                    self._walks.extend(Walk.of(march, float(x)) for x in places)
+        found = np.array([walk.derivative(direction) for walk in self._walks]).reshape(-1, places.size)
+        value, error = (
+            found[0],
+            np.abs(found[0] - found[-1]) if len(found) > 1 else np.full(places.size, np.nan),
+        )
+        if np.ndim(self.at) == 0:
+            return ObstacleDerivative(float(value[0]), float(error[0]))
+        return ObstacleDerivative(value, error)
 
     @property
     def resolution(self) -> dict[str, Any]:

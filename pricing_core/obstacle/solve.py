@@ -86,7 +86,15 @@ def solve(
     value, slope, curvature = (_shaped(places, row) for row in levels.derivatives)
     error_estimate = _shaped(places, levels.error_estimate)
     return ObstacleSolution(
-        problem, _shaped(places, flat), value, error_estimate, slope, curvature, status, levels.march
+        problem,
+        _shaped(places, flat),
+        value,
+        error_estimate,
+        slope,
+        curvature,
+        status,
+        levels.march,
+        levels.coarse,
     )
 
 
@@ -108,6 +116,7 @@ class Levels:
     map: GridMap
     at: Vector
     march: March | None = None
+    coarse: March | None = None
     derivatives: Matrix = None  # type: ignore[assignment]
     error_estimate: Vector = None  # type: ignore[assignment]
 
@@ -124,10 +133,9 @@ class Levels:
             if self.march is not None:
                 differences.append(self._difference(found, self.march))
                 self._extrapolate(found, self.march, differences)
-                if len(differences) + 1 >= FIRST_LEVELS and (self.error_estimate <= tolerance).all():
-                    self.march = found
-                    return "ok"
-            self.march = found
+            self.march, self.coarse = found, self.march
+            if len(differences) + 1 >= FIRST_LEVELS and (self.error_estimate <= tolerance).all():
+                return "ok"
             refined *= 2
         return "tolerance_not_met"
 

@@ -9,6 +9,7 @@ from scipy.linalg.lapack import dgtsv
 
 from pricing_core.arrays import Vector
 from pricing_core.errors import IterationLimitError
+from pricing_core.obstacle.averaged import Point
 from pricing_core.obstacle.compact import product
 from pricing_core.obstacle.moment import Moment
 
@@ -22,6 +23,85 @@ class Values:
 
     value: Vector
     mass: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StageSystem:
+    """A V - mass/D = rhs at the inner nodes, the ends eliminated.
+
+    Parameters
+    ----------
+    moment : Moment
+    a : float
+        The implicit weight, in years.
+    lower, upper : Vector, shape (n - 3,)
+    diagonal, diffusion : Vector, shape (n - 2,)
+        A, and D.
+    left, right : float
+        What multiplies the values that are held at the ends.
+    """
+
+    moment: Moment
+    a: float
+    lower: Vector
+    diagonal: Vector
+    upper: Vector
+    diffusion: Vector
+    left: float
+    right: float
+
+    @classmethod
+    def of(cls, moment: Moment, a: float) -> StageSystem:
+        """Return the system of a stage at one time."""
+        scheme, left, right = moment.scheme, moment.left, moment.right
+        A = scheme.weights * (1.0 / a + moment.rate) - scheme.operator
+        lower, diagonal, upper = A[0, 1:-1].copy(), A[1, 1:-1].copy(), A[2, 1:-1].copy()
+        diagonal[0] += lower[0] * left.first
+        upper[0] += lower[0] * left.second
+        diagonal[-1] += upper[-1] * right.first
+        lower[-1] += upper[-1] * right.second
+        return cls(
+            moment,
+            a,
+            lower[1:],
+            diagonal,
+            upper[:-1],
+            scheme.diffusion[1:-1],
+            float(lower[0]),
+            float(upper[-1]),
+        )
+
+    @property
+    def omega(self) -> Vector:
+        """The scale of the right angle."""
+        return self.diffusion * self.diagonal
+
+    def rhs(self, base: Vector) -> Vector:
+        """Return the right-hand side of V = base + a (...)."""
+        moment = self.moment
+        rhs = product(moment.scheme.weights, base / self.a + moment.source)
+        rhs[0] -= self.left * moment.left.value
+        rhs[-1] -= self.right * moment.right.value
+        return rhs
+
+    def residual(self, point: Point, rhs: Vector) -> Vector:
+        """Return A V - mass/D - rhs."""
+        residual: Vector = self.diagonal * point.value - rhs - point.mass / self.diffusion
+        residual[1:] += self.lower * point.value[:-1]
+        residual[:-1] += self.upper * point.value[1:]
+        return residual
+
+    def solve(self, point: Point, rhs: Vector) -> Vector:
+        """Solve with the derivative of the residual by s."""
+        slope = point.slope
+        diagonal = self.diagonal * slope - point.change / self.diffusion
+        return np.asarray(dgtsv(self.lower * slope[:-1], diagonal, self.upper * slope[1:], rhs)[3])
+
+    def solve_transposed(self, point: Point, rhs: Vector) -> Vector:
+        """Solve with the transpose of the derivative of the residual by s."""
+        slope = point.slope
+        diagonal = self.diagonal * slope - point.change / self.diffusion
+        return np.asarray(dgtsv(self.upper * slope[1:], diagonal, self.lower * slope[:-1], rhs)[3])
 
 
 def solve_stage(moment: Moment, base: Vector, a: float, near: Values) -> Values:
@@ -42,38 +122,20 @@ def solve_stage(moment: Moment, base: Vector, a: float, near: Values) -> Values:
     IterationLimitError
         Newton's method did not settle.
     """
-    scheme = moment.scheme
-    A = scheme.weights * (1.0 / a + moment.rate) - scheme.operator
-    lower, diagonal, upper = A[0, 1:-1].copy(), A[1, 1:-1].copy(), A[2, 1:-1].copy()
-    rhs = product(scheme.weights, base / a + moment.source)
-    left, right = moment.left, moment.right
-    rhs[0] -= lower[0] * left.value
-    diagonal[0] += lower[0] * left.first
-    upper[0] += lower[0] * left.second
-    rhs[-1] -= upper[-1] * right.value
-    diagonal[-1] += upper[-1] * right.first
-    lower[-1] += upper[-1] * right.second
-    lower, upper = lower[1:], upper[:-1]
-
-    D = scheme.diffusion[1:-1]
-    contact = moment.contact
-    V, settled = near.value[1:-1], SETTLED * max(1.0, float(np.abs(near.value).max()))
-    side = contact.side(V, D * diagonal)
-    s = side.parameter(V, near.mass)
+    system = StageSystem.of(moment, a)
+    rhs, omega, contact = system.rhs(base), system.omega, moment.contact
+    settled = SETTLED * max(1.0, float(np.abs(near.value).max()))
+    side = contact.side(near.value[1:-1], omega)
+    s = side.parameter(near.value[1:-1], near.mass)
     point = side.at(s)
     for _ in range(MOST_ITERATIONS):
-        residual = diagonal * point.value - rhs - point.mass / D
-        residual[1:] += lower * point.value[:-1]
-        residual[:-1] += upper * point.value[1:]
-        slope = point.slope
-        step = dgtsv(lower * slope[:-1], diagonal * slope - point.change / D, upper * slope[1:], residual)[3]
-        before, s = point.value, s - step
+        before, s = point.value, s - system.solve(point, system.residual(point, rhs))
         point = side.at(s)
         if np.abs(point.value - before).max() > settled:
             continue
         if not contact.is_two_sided:
             break
-        other = contact.side(point.value, D * diagonal)
+        other = contact.side(point.value, omega)
         if np.array_equal(other.c > 0.0, side.c > 0.0):
             break
         side, s = other, other.parameter(point.value, point.mass)

@@ -114,3 +114,18 @@ def test_the_order_is_that_which_is_claimed(name):
     assert errors[-1] < 3e-7
     # Steps are even numbers, and where the contact set's end lies in its cell is another on each grid.
     assert fitted > row.order - 0.6 or errors[-1] < 1e-8, errors
+
+
+def test_the_right_angle_is_one_switch_away_and_loses_an_order():
+    """At the nodes it is of second order, with a factor that depends on where in its cell the boundary lies."""
+    spots = np.array([0.85, 0.95, 1.05, 1.2])
+    true = np.array([engine("put", Market(spot, 0.05, 0.25, dividend_yield=0.02), 0.8) for spot in spots])
+    problem = option(PUT, **FLAT)
+    chosen = choose_map(problem, np.zeros(1))
+    for size, gain in ((4, 5.0), (8, 10.0), (16, 20.0)):
+        grid = Grid.of(chosen, size)
+        averaged, nodal = (
+            np.sqrt(np.mean((march(problem, grid, complementarity=kind).now(np.log(spots)) - true) ** 2))
+            for kind in ("averaged", "right-angle")
+        )
+        assert nodal > gain * averaged, size
