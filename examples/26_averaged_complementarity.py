@@ -58,6 +58,8 @@ def draw(found):
     axes.grid(color="#e3e7eb", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     axes.margins(x=0.12)
+    axes.set_xticks([32, 64, 128, 256, 512], labels=["32", "64", "128", "256", "512"])
+    axes.minorticks_off()
     axes.legend(frameon=False)
     return figure
 

@@ -134,9 +134,9 @@ class Side:
             plain = np.clip(s[nodes], self.low, self.high)
             value[nodes] = plain
             mass[nodes] = (plain - s[nodes]) * self.omega
-            slope[nodes] = is_free = plain == s[nodes]
+            slope[nodes] = inside[nodes] = is_free = plain == s[nodes]
             change[nodes] = np.where(is_free, 0.0, -self.omega)
-        return Point(value, mass, slope, change)
+        return Point(value, mass, slope, change, inside)
 
     def parameter(self, V: Vector, mass: Vector) -> Vector:
         """Return s of a value and a mass that need not belong together: the value decides off the obstacle."""
@@ -152,9 +152,13 @@ class Side:
 
 
 class Point(NamedTuple):
-    """V and the mass of u - w at some s, and their derivatives, shape (n,) each."""
+    """V and the mass of u - w at some s, and their derivatives, shape (n,) each.
+
+    The last is the distance of the contact set's end from each node, in cells: 0 in contact, 1 where it is further off.
+    """
 
     value: Vector
     mass: Vector
     slope: Vector
     change: Vector
+    distance: Vector

@@ -26,6 +26,10 @@ def choose_map(problem: ObstacleProblem, at: Vector) -> GridMap:
         A place lies outside the interval that is given.
     """
     left, right, deviation = _reach(problem, at)
+    if (
+        problem.ends[1] == "exponential"
+    ):  # what grows as e^x is worth most where its own measure lies, further right
+        right += deviation * deviation
     given_left, given_right = problem.interval
     left, right = left if given_left is None else given_left, right if given_right is None else given_right
     outside = (at < left) | (at > right)

@@ -187,11 +187,17 @@ def _march_segment(
 
 
 def step_count(segment: Segment, moment: Moment) -> int:
-    """Return the number of steps of a segment, even and at least 2."""
-    contact = moment.contact
+    """Return the number of steps of a segment, even and at least 2.
+
+    The stage matrix is an M-matrix if a D >= (1 + a r) b/12 with b = (1 + |p|/2)/(1 + |p|/2 + p^2/12), p the cell Peclet
+    number: the first step, the shortest, is as long as that asks for, and a third more.
+    """
+    contact, peclet = moment.contact, np.abs(moment.scheme.peclet[1:-1])
+    b = (1.0 + peclet / 2.0) / (1.0 + peclet / 2.0 + peclet * peclet / 12.0)
     may_touch = (contact.lower_mass > 0.0) | (contact.upper_mass > 0.0)
-    slow = contact.diffusion[may_touch] if may_touch.any() else np.median(contact.diffusion)
-    deviation = math.sqrt(2.0 * float(np.min(slow)) * segment.duration)  # in cells
+    slow = contact.diffusion / b
+    slowest = float(slow[may_touch].min() if may_touch.any() else np.median(slow))
+    deviation = math.sqrt(2.0 * slowest * segment.duration)  # in cells, where p is small
     return max(2, 2 * math.ceil(STEPS * deviation / 2.0 - 1e-9))
 
 

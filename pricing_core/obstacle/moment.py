@@ -159,7 +159,8 @@ class Segment:
                 masses[k] = np.where(at_kinks | (-sign * income <= size), 0.0, -sign * income)
                 holds |= holding
         lower, upper = values
-        scale = ROUNDING * max(1.0, *(float(np.abs(v[np.isfinite(v)]).max(initial=0.0)) for v in values))
+        largest = np.maximum(*(np.abs(np.where(np.isfinite(v), v, 0.0)) for v in values))
+        scale = ROUNDING * np.maximum(1.0, largest)
         if (lower > upper + scale).any():
             first = int(np.argmax(lower - upper))
             place = Told(f"{lower[first]:g} at x = {self.grid.x[first]:.6g}")
@@ -175,7 +176,9 @@ class Segment:
         )
         return contact, lower[[0, -1]], upper[[0, -1]]
 
-    def _income(self, obstacle: Obstacle, t: float, coefficients: tuple[Vector, ...]) -> tuple[Vector, float]:
+    def _income(
+        self, obstacle: Obstacle, t: float, coefficients: tuple[Vector, ...]
+    ) -> tuple[Vector, Vector]:
         """Return g_t + L g + f at the nodes, what holding earns more than g in money a year, and what counts as 0."""
         diffusion, drift, rate, source = coefficients
         x, step = self.grid.x, PLACE_STEP * self.grid.slope
@@ -194,7 +197,7 @@ class Segment:
             change = TIME_STEP * self.duration
             early, late = max(t - change, self.start), min(t + change, np.nextafter(self.end, self.start))
             income = income + (obstacle(x, late) - obstacle(x, early)) / (late - early)
-        size = ROUNDING * max(float(np.abs(term).max()) for term in (drift * first, rate * value, source))
+        size = ROUNDING * (np.abs(drift * first) + np.abs(rate * value) + np.abs(source))
         return income, size
 
     def _kinks(self, obstacle: Obstacle, sign: float, t: float) -> tuple[BoolVector, BoolVector]:

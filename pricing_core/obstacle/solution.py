@@ -129,7 +129,7 @@ class ObstacleSolution:
     @property
     def _march(self) -> March:
         if self.march is None:
-            raise NumericalError("the deadline came before the first grid was finished: give it more time")
+            raise NumericalError(f"no grid was finished, status {self.status!r}: there is nothing to tell")
         return self.march
 
     def _around(self, t: float) -> tuple[Instant, Instant, float]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pricing_core.arrays import Matrix, Vector, as_number, as_real_array, check_type
-from pricing_core.errors import InvalidInputError
+from pricing_core.errors import InvalidInputError, IterationLimitError
 from pricing_core.lcp.time_limit import TimeLimit
 from pricing_core.obstacle.grid import Grid, GridMap
 from pricing_core.obstacle.interval import choose_map
@@ -25,6 +25,7 @@ GAIN = 8.0  # of a grid of half the cell: the order is three
 # alone it may vanish by chance.
 AROUND = np.arange(-3.0, 4.0)
 SLOWEST = 0.9  # of a difference to the one before it that still lets the rest be summed
+STEEP = 0.25  # up to which the differences fall as the third order says, and one is extrapolated; it says 1/8
 FIRST_LEVELS = 3
 PESSIMISM = (
     30.0  # by which the difference before the last falls at least on the way to the error; 56 at third order
@@ -127,7 +128,11 @@ class Levels:
         differences: list[Vector] = []
         refined = 1
         while self.map.cells * refined <= MOST_CELLS:
-            found = march(problem, Grid.of(self.map, refined), interrupt)
+            try:
+                found = march(problem, Grid.of(self.map, refined), interrupt)
+            except IterationLimitError:  # on a grid that does not resolve the problem
+                refined *= 2
+                continue
             if found is None:
                 return "deadline"
             if self.march is not None:
@@ -157,7 +162,7 @@ class Levels:
         ratio = np.full(last.shape, 0.5)
         if len(differences) > 1:
             ratio = np.clip(last / np.where(differences[-2] > 0.0, differences[-2], 1.0), 0.0, SLOWEST)
-        falls = ratio <= 0.4
+        falls = ratio <= STEEP
         change = fine_values - coarse.now.derivatives(self.at)
         self.derivatives = np.where(falls, fine_values + change / (GAIN - 1.0), fine_values)
         rest = np.where(falls, 1.0 / (GAIN - 1.0), ratio / (1.0 - ratio))

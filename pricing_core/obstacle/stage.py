@@ -14,7 +14,9 @@ from pricing_core.obstacle.compact import product
 from pricing_core.obstacle.moment import Moment
 
 MOST_ITERATIONS = 60  # ten suffice
-SETTLED = 1e-9  # of the largest value: a last change by which leaves an error of its square
+# What a last iteration may still change in the distances of contact sets' ends, in cells: it leaves an error of its
+# square. Where no distance changes the equations are linear, whatever the values' size, and solved.
+SETTLED = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,14 +126,13 @@ def solve_stage(moment: Moment, base: Vector, a: float, near: Values) -> Values:
     """
     system = StageSystem.of(moment, a)
     rhs, omega, contact = system.rhs(base), system.omega, moment.contact
-    settled = SETTLED * max(1.0, float(np.abs(near.value).max()))
     side = contact.side(near.value[1:-1], omega)
     s = side.parameter(near.value[1:-1], near.mass)
     point = side.at(s)
     for _ in range(MOST_ITERATIONS):
-        before, s = point.value, s - system.solve(point, system.residual(point, rhs))
+        before, s = point.distance, s - system.solve(point, system.residual(point, rhs))
         point = side.at(s)
-        if np.abs(point.value - before).max() > settled:
+        if np.abs(point.distance - before).max() > SETTLED:
             continue
         if not contact.is_two_sided:
             break

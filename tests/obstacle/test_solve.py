@@ -161,5 +161,59 @@ def test_a_deadline_ends_the_work():
     solution = solve(option(PUT), 0.0, 1e-12, deadline=1e-9)
     assert solution.status == "deadline"
     assert np.isnan(solution.value)
-    with pytest.raises(NumericalError, match="the deadline came before the first grid was finished"):
+    with pytest.raises(NumericalError, match="no grid was finished, status 'deadline'"):
         solution.contact(0.5)
+
+
+def test_where_no_stage_settles_there_is_no_value(monkeypatch):
+    monkeypatch.setattr("pricing_core.obstacle.stage.MOST_ITERATIONS", 1)
+    solution = solve(option(PUT), 0.0, 1e-5)
+    assert solution.status == "tolerance_not_met"
+    assert np.isnan(solution.value)
+
+
+@pytest.mark.parametrize(
+    ("market", "option_", "problem"),
+    [
+        (Market(1.0, 0.05, 0.2), Option("put", 1.0, 1 / 8760), option(PUT, expiry=1 / 8760)),
+        (Market(1.0, 0.05, 0.001), Option("put", 1.0, 1.0), option(PUT, volatility=0.001)),
+        (Market(0.9, 0.5, 0.02), Option("put", 1.0, 2.0), option(PUT, rate=0.5, volatility=0.02, expiry=2.0)),
+        (
+            Market(1.0, -0.3, 0.05, dividend_yield=0.2),
+            Option("put", 1.0, 1.0),
+            option(PUT, rate=-0.3, dividend_yield=0.2, volatility=0.05),
+        ),
+        (
+            Market(1.0, 0.05, 2.0, dividend_yield=0.02),
+            Option("put", 1.0, 25.0),
+            option(PUT, dividend_yield=0.02, volatility=2.0, expiry=25.0),
+        ),
+        (
+            Market(1.0, 0.05, 2.0, dividend_yield=0.02),
+            Option("call", 1.0, 25.0),
+            option(CALL, dividend_yield=0.02, volatility=2.0, expiry=25.0),
+        ),
+    ],
+    ids=[
+        "an hour",
+        "hardly any diffusion",
+        "drift",
+        "negative rate",
+        "sigma sqrt(T) of 10",
+        "a call with sigma sqrt(T) of 10",
+    ],
+)
+def test_extreme_numbers(market, option_, problem):
+    true = price(option_, market, tolerance=1e-7)
+    solution = solve(problem, np.log(market.spot), 2e-5)
+    assert solution.status == "ok"
+    assert abs(solution.value - true.price) <= solution.error_estimate + 1e-6
+
+
+def test_events_minutes_apart_in_segments_that_the_grid_does_not_resolve():
+    times = [0.3, 0.3 + 1e-6, 0.3 + 2e-6, 0.6]
+    market = Market(1.0, 0.05, 0.2, cash_dividends=[(t, 0.01) for t in times])
+    events = [Event(t, move=lambda x: np.log(np.maximum(np.exp(x) - 0.01, 1e-9))) for t in times]
+    true = price(Option("put", 1.0, 1.0), market, tolerance=1e-7)
+    solution = solve(option(PUT, events=events), 0.0, 1e-5)
+    assert abs(solution.value - true.price) <= solution.error_estimate + 1e-6
