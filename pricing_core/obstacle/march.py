@@ -189,8 +189,8 @@ def _march_segment(
 def step_count(segment: Segment, moment: Moment) -> int:
     """Return the number of steps of a segment, even and at least 2.
 
-    The stage matrix is an M-matrix if a D >= (1 + a r) b/12 with b = (1 + |p|/2)/(1 + |p|/2 + p^2/12), p the cell Peclet
-    number: the first step, the shortest, is as long as that asks for, and a third more.
+    The stage matrix is an M-matrix if a D >= (1 + a r) b/12 with b = (1 + |p|/2)/(1 + |p|/2 + p^2/12) and p the cell
+    Peclet number: the first step, the shortest, is as long as that asks for, and a third longer.
     """
     contact, peclet = moment.contact, np.abs(moment.scheme.peclet[1:-1])
     b = (1.0 + peclet / 2.0) / (1.0 + peclet / 2.0 + peclet * peclet / 12.0)

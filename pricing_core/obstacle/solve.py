@@ -25,6 +25,7 @@ GAIN = 8.0  # of a grid of half the cell: the order is three
 # alone it may vanish by chance.
 AROUND = np.arange(-3.0, 4.0)
 SLOWEST = 0.9  # of a difference to the one before it that still lets the rest be summed
+MARGIN = 1.5  # on what the extrapolation leaves where the differences fall less than the third order says
 STEEP = 0.25  # up to which the differences fall as the third order says, and one is extrapolated; it says 1/8
 FIRST_LEVELS = 3
 PESSIMISM = (
@@ -165,7 +166,8 @@ class Levels:
         falls = ratio <= STEEP
         change = fine_values - coarse.now.derivatives(self.at)
         self.derivatives = np.where(falls, fine_values + change / (GAIN - 1.0), fine_values)
-        rest = np.where(falls, 1.0 / (GAIN - 1.0), ratio / (1.0 - ratio))
+        geometric, third = ratio / (1.0 - ratio), 1.0 / (GAIN - 1.0)
+        rest = np.where(falls, np.maximum(third, MARGIN * (geometric - third)), geometric)
         rounding = 1e-13 * np.maximum(1.0, np.abs(fine_values[0]))
         before = differences[-2] / PESSIMISM if len(differences) > 1 else 0.0
         self.error_estimate = np.maximum(last * rest, before) + rounding
