@@ -27,10 +27,11 @@ TERMS = [
 PRICE = ("price", *TERMS)
 CLOSED_OUTPUT = "pricing: standard output: it is closed\n"
 # Python imports this module first. The process sends itself a signal when it comes to import the module that the
-# environment names; it hears Ctrl-C as in a terminal, also where the tests run in the background.
+# environment names; it hears Ctrl-C and a terminal that closes, also where the tests run in the background.
 SENDER = """
 import os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 class Sender:
     def find_spec(self, name, path=None, target=None):
         if name == os.environ["SEND_AT"]:
