@@ -167,7 +167,7 @@ def _through_stage(
 def _solved(system: StageSystem, stage: StageTaken) -> tuple[Side, Vector, Point]:
     """Return the side of each node, s and V at the solution of a stage."""
     V = stage.values.value[1:-1]
-    side = system.moment.contact.side(V, system.omega)
+    side = system.side or system.moment.contact.side(V, system.omega)
     s = side.parameter(V, stage.values.mass)
     return side, s, side.at(s)
 

@@ -59,6 +59,16 @@ class Contact:
         at_upper = (self.upper <= V) & (self.right_angle | (self.upper_mass > 0.0))
         return at_lower, at_upper
 
+    def touches_lower(self, V: Vector, node: int) -> bool:
+        """Tell whether one node is in contact with the lower obstacle."""
+        may = self.right_angle[node] or self.lower_mass[node] > 0.0
+        return bool(may and V[node] <= self.lower[node])
+
+    def touches_upper(self, V: Vector, node: int) -> bool:
+        """Tell whether one node is in contact with the upper obstacle."""
+        may = self.right_angle[node] or self.upper_mass[node] > 0.0
+        return bool(may and V[node] >= self.upper[node])
+
     def side(self, V: Vector, omega: Vector) -> Side:
         """Return which of the obstacles each node may touch, the nearer one to V where it may touch both.
 

@@ -14,8 +14,8 @@ from pricing_core.obstacle.grid import Grid
 from pricing_core.obstacle.moment import Complementarity, Moment, Segment
 from pricing_core.obstacle.problem import ObstacleProblem, just_before
 from pricing_core.obstacle.profile import Profile, contact_sets
-from pricing_core.obstacle.settings import STEPS
-from pricing_core.obstacle.stage import Values, solve_stage
+from pricing_core.obstacle.settings import PIECES, STEPS
+from pricing_core.obstacle.stage import StageSystem, Values, solve_stage
 from pricing_core.obstacle.transfer import Known, Start, before, payoff_of
 from pricing_core.stepping import ESDIRK3, SDIRK3, Tableau
 from pricing_core.stepping.implicit import take_step
@@ -160,7 +160,8 @@ def _march_segment(
     values = Values(value, moment.contact.lower_mass - moment.contact.upper_mass)
     instants, taken = [Instant(end, moment, values)], []
     rate: Vector | None = None
-    for early, late, goes_on in time_mesh(segment, step_count(segment, moment)):
+    system: StageSystem | None = None
+    for early, late, goes_on in time_mesh(segment):
         if interrupt is not None and interrupt():
             return None
         stages: list[StageTaken] = []
@@ -173,8 +174,12 @@ def _march_segment(
             late: float = late,
             stages: list[StageTaken] = stages,
         ) -> Values:
+            nonlocal system
             t = max(late - tau, segment.start)
-            found = solve_stage(segment.at(t), base, a, near)
+            moment = segment.at(t)
+            if system is None or system.moment is not moment or system.a != a:
+                system = StageSystem.of(moment, a)
+            found = solve_stage(system, base, near)
             stages.append(StageTaken(t, a, base, found))
             return found
 
@@ -186,28 +191,45 @@ def _march_segment(
     return SegmentMarch(segment, known, start, tuple(taken), tuple(instants))
 
 
-def step_count(segment: Segment, moment: Moment) -> int:
-    """Return the number of steps of a segment, even and at least 2.
+def time_mesh(segment: Segment) -> list[tuple[float, float, bool]]:
+    """Return (early, late) of each step, and whether it goes on smoothly from the one before.
+
+    Steps end where the diffusion since the segment's end is (n/M)^2 of the whole. M is even and such that the first
+    step, the shortest, is by a third longer than the stage matrix needs in order to be an M-matrix (`_diffusion`). A
+    time at which coefficients jump takes the place of the nearest end: a step far shorter than its neighbours would
+    cost two digits.
+    """
+    breaks = [time for time in segment.problem.diffusion.breaks if segment.start < time < segment.end]
+    edges = [segment.end, *breaks[::-1], segment.start]
+    pieces = 1 if segment.problem.diffusion.is_constant else PIECES
+    cuts = [np.linspace(late, early, pieces + 1)[:-1] for late, early in pairwise(edges)]
+    times = np.append(np.concatenate(cuts), segment.start)
+    middles = ((times[1:] + times[:-1]) / 2.0).tolist()
+    parts = np.array([_diffusion(segment.at(t)) for t in middles]) * -np.diff(times)
+    diffused = np.concatenate([[0.0], np.cumsum(parts)])
+    steps = max(2, 2 * math.ceil(STEPS * math.sqrt(2.0 * diffused[-1]) / 2.0 - 1e-9))
+    ends = np.interp(diffused[-1] * (np.arange(steps + 1) / steps) ** 2, diffused, times).tolist()
+    ends[0], ends[-1] = segment.end, segment.start
+    for time in breaks:
+        nearest = min(range(len(ends)), key=lambda k: abs(ends[k] - time))
+        if 0 < nearest < len(ends) - 1 and ends[nearest] not in breaks:
+            ends[nearest] = time
+        else:
+            ends = sorted({*ends, time}, reverse=True)
+    return [(early, late, late not in breaks) for late, early in pairwise(ends)]
+
+
+def _diffusion(moment: Moment) -> float:
+    """Return D/b, in cells^2 a year, where it is least among the nodes that an obstacle may touch.
 
     The stage matrix is an M-matrix if a D >= (1 + a r) b/12 with b = (1 + |p|/2)/(1 + |p|/2 + p^2/12) and p the cell
-    Peclet number: the first step, the shortest, is as long as that asks for, and a third longer.
+    Peclet number.
     """
     contact, peclet = moment.contact, np.abs(moment.scheme.peclet[1:-1])
     b = (1.0 + peclet / 2.0) / (1.0 + peclet / 2.0 + peclet * peclet / 12.0)
     may_touch = (contact.lower_mass > 0.0) | (contact.upper_mass > 0.0)
     slow = contact.diffusion / b
-    slowest = float(slow[may_touch].min() if may_touch.any() else np.median(slow))
-    deviation = math.sqrt(2.0 * slowest * segment.duration)  # in cells, where p is small
-    return max(2, 2 * math.ceil(STEPS * deviation / 2.0 - 1e-9))
-
-
-def time_mesh(segment: Segment, steps: int) -> list[tuple[float, float, bool]]:
-    """Return (early, late) of each step, and whether it goes on smoothly from the one before."""
-    ends = segment.end - segment.duration * (np.arange(steps + 1) / steps) ** 2
-    ends[-1] = segment.start
-    breaks = [time for time in segment.problem.diffusion.breaks if segment.start < time < segment.end]
-    times = np.unique([*ends, *breaks])[::-1].tolist()
-    return [(early, late, late not in breaks) for late, early in pairwise(times)]
+    return float(slow[may_touch].min() if may_touch.any() else np.median(slow))
 
 
 def _ends_of_contact(profile: Profile) -> Vector:

@@ -60,17 +60,17 @@ class Moment:
 
     def with_ends(self, V: Vector) -> Vector:
         """Return the values at all nodes, shape (n,), from those at the inner ones."""
-        ends = np.array(
-            [
-                self.left.value + self.left.first * V[0] + self.left.second * V[1],
-                self.right.value + self.right.first * V[-1] + self.right.second * V[-2],
-            ]
-        )
-        at_lower, at_upper = self.contact.touching(V)
-        ends = np.where(at_lower[[0, -1]], self.lower_ends, ends)
-        ends = np.where(at_upper[[0, -1]], self.upper_ends, ends)
-        ends = np.clip(ends, self.lower_ends, self.upper_ends)
-        return np.concatenate([ends[:1], V, ends[1:]])
+        whole = np.empty(V.size + 2)
+        whole[1:-1] = V
+        for rule, end, first, second in ((self.left, 0, 0, 1), (self.right, -1, -1, -2)):
+            low, high = self.lower_ends[end], self.upper_ends[end]
+            value = rule.value + rule.first * V[first] + rule.second * V[second]
+            if self.contact.touches_lower(V, first):
+                value = low
+            elif self.contact.touches_upper(V, first):
+                value = high
+            whole[end] = min(max(value, low), high)
+        return whole
 
 
 @dataclass(slots=True, eq=False)

@@ -9,7 +9,7 @@ from scipy.linalg.lapack import dgtsv
 
 from pricing_core.arrays import Vector
 from pricing_core.errors import IterationLimitError
-from pricing_core.obstacle.averaged import Point
+from pricing_core.obstacle.averaged import Point, Side
 from pricing_core.obstacle.compact import product
 from pricing_core.obstacle.moment import Moment
 
@@ -41,6 +41,8 @@ class StageSystem:
         A, and D.
     left, right : float
         What multiplies the values that are held at the ends.
+    side : Side or None
+        Which obstacle each node may touch; None where that depends on V.
     """
 
     moment: Moment
@@ -51,6 +53,7 @@ class StageSystem:
     diffusion: Vector
     left: float
     right: float
+    side: Side | None
 
     @classmethod
     def of(cls, moment: Moment, a: float) -> StageSystem:
@@ -62,16 +65,10 @@ class StageSystem:
         upper[0] += lower[0] * left.second
         diagonal[-1] += upper[-1] * right.first
         lower[-1] += upper[-1] * right.second
-        return cls(
-            moment,
-            a,
-            lower[1:],
-            diagonal,
-            upper[:-1],
-            scheme.diffusion[1:-1],
-            float(lower[0]),
-            float(upper[-1]),
-        )
+        D, contact = scheme.diffusion[1:-1], moment.contact
+        side = None if contact.is_two_sided else contact.side(contact.lower, D * diagonal)
+        ends = float(lower[0]), float(upper[-1])
+        return cls(moment, a, lower[1:], diagonal, upper[:-1], D, *ends, side)
 
     @property
     def omega(self) -> Vector:
@@ -106,16 +103,13 @@ class StageSystem:
         return np.asarray(dgtsv(self.upper * slope[1:], diagonal, self.lower * slope[:-1], rhs)[3])
 
 
-def solve_stage(moment: Moment, base: Vector, a: float, near: Values) -> Values:
-    """Return V = base + a (L V + f + u - w) at one time.
+def solve_stage(system: StageSystem, base: Vector, near: Values) -> Values:
+    """Return V = base + a (L V + f + u - w).
 
     Parameters
     ----------
-    moment : Moment
-        The equation at that time.
+    system : StageSystem
     base : Vector, shape (n,)
-    a : float
-        Years.
     near : Values
         Where to start.
 
@@ -124,9 +118,9 @@ def solve_stage(moment: Moment, base: Vector, a: float, near: Values) -> Values:
     IterationLimitError
         Newton's method did not settle.
     """
-    system = StageSystem.of(moment, a)
-    rhs, omega, contact = system.rhs(base), system.omega, moment.contact
-    side = contact.side(near.value[1:-1], omega)
+    moment, contact = system.moment, system.moment.contact
+    rhs = system.rhs(base)
+    side = system.side or contact.side(near.value[1:-1], system.omega)
     s = side.parameter(near.value[1:-1], near.mass)
     point = side.at(s)
     for _ in range(MOST_ITERATIONS):
@@ -134,9 +128,9 @@ def solve_stage(moment: Moment, base: Vector, a: float, near: Values) -> Values:
         point = side.at(s)
         if np.abs(point.distance - before).max() > SETTLED:
             continue
-        if not contact.is_two_sided:
+        if system.side is not None:
             break
-        other = contact.side(point.value, omega)
+        other = contact.side(point.value, system.omega)
         if np.array_equal(other.c > 0.0, side.c > 0.0):
             break
         side, s = other, other.parameter(point.value, point.mass)
