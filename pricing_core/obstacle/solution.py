@@ -75,7 +75,7 @@ class ObstacleSolution:
     def values(self, t: ArrayLike, x: ArrayLike) -> Matrix:
         """Return V at times and places, shape (len(t), len(x)).
 
-        Between two steps by the cubic through the values and the rates at both ends.
+        Between the ends of two steps on the straight line through the values there: second order in the step.
         """
         times, places = as_vector("t", np.atleast_1d(t)), as_vector("x", np.atleast_1d(x))
         return np.array([self._values_at(time, places) for time in times.tolist()])

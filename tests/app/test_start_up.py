@@ -30,8 +30,9 @@ CLOSED_OUTPUT = "pricing: standard output: it is closed\n"
 # environment names; it hears Ctrl-C and a terminal that closes, also where the tests run in the background.
 SENDER = """
 import os, signal, sys
-signal.signal(signal.SIGINT, signal.default_int_handler)
-signal.signal(signal.SIGHUP, signal.SIG_DFL)
+if "STAY_IGNORED" not in os.environ:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 class Sender:
     def find_spec(self, name, path=None, target=None):
         if name == os.environ["SEND_AT"]:
@@ -153,7 +154,7 @@ def test_a_server_that_is_told_to_end_while_it_starts_ends_with_status_0(
 
 
 def test_signals_that_are_ignored_stay_so(tmp_path: Path, sender: dict[str, str]) -> None:
-    sending = sender | {"SEND_AT": "app.cli", "SEND": str(int(signal.SIGHUP))}
+    sending = sender | {"SEND_AT": "app.cli", "SEND": str(int(signal.SIGHUP)), "STAY_IGNORED": "yes"}
     ignoring = ["sh", "-c", 'trap "" HUP; exec "$@"', "sh", sys.executable, "-m", "app", *PRICE]
     found = subprocess.run(
         ignoring, capture_output=True, text=True, timeout=120, check=False, env=os.environ | sending

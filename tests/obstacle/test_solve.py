@@ -240,3 +240,19 @@ def test_a_volatility_that_changes_smoothly_with_the_time():
         ).price
         solution = solve(ObstacleProblem(diffusion, PUT, 1.0, ends=PRICES), np.log(1.05), 1e-6)
         assert abs(solution.value - true) <= solution.error_estimate + 1e-8
+
+
+def test_next_to_a_contact_set_the_curvature_is_that_of_the_free_side():
+    """There V leaves the obstacle as a parabola, D (V - lower)_xx = c: in S the gamma is (r K - q S)/(D S^2)."""
+    r, volatility = 0.06, 0.2
+    problem = option(
+        PUT, rate=r, volatility=volatility, events=[Event(0.5, lambda x: np.log(np.exp(x) - 0.002))]
+    )
+    ((_, boundary),) = solve(problem, 0.0, 1e-7).contact(0.0)
+    for distance in (1e-6, 1e-4, -1e-6):
+        x = boundary + distance
+        solution = solve(problem, x, 1e-7)
+        gamma = (solution.curvature - solution.slope) / np.exp(2.0 * x)
+        wanted = r / (volatility**2 / 2.0 * np.exp(2.0 * x)) if distance > 0.0 else 0.0
+        assert gamma == pytest.approx(wanted, abs=5e-3)
+        assert solution.slope == pytest.approx(-np.exp(x), abs=1e-3)
