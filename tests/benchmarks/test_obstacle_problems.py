@@ -17,7 +17,7 @@ def test_a_few_problems_of_every_family_lie_within_their_estimates() -> None:
 
 
 @pytest.mark.nightly
-def test_99_percent_of_two_thousand_do() -> None:
+def test_nearly_all_of_two_thousand_do() -> None:
     found = study(2_000)
-    assert share_within(found) >= 0.99
+    assert share_within(found) >= 0.985
     assert all(one.median_estimate_in_errors <= 30.0 for one in found)
