@@ -27,7 +27,7 @@ from pricing_core.stepping.controller import FixedStep
 PUT = Obstacle(lambda x: np.maximum(1.0 - np.exp(x), 0.0), kinks=[0.0])
 CALL = Obstacle(lambda x: np.maximum(np.exp(x) - 1.0, 0.0), kinks=[0.0])
 PRICES: tuple[End, End] = ("exponential", "exponential")
-NODES = (199, 399, 799)  # of the nodal problems
+NODAL_CELLS = 200  # of the coarsest nodal problem, over twelve standard deviations
 
 
 class Question(NamedTuple):
@@ -213,7 +213,7 @@ def _nodal(problem: ObstacleProblem, given: Terms, kink: float) -> Question:
     """Return the question whose value three nodal problems tell, with the kink and the place on nodes."""
     deviation = given.volatility * math.sqrt(given.expiry)
     far = max(abs(given.x - kink), 0.25 * deviation)
-    h = far / max(1, round(far / (12.0 * deviation / (NODES[0] + 1))))
+    h = far / max(1, round(far / (12.0 * deviation / NODAL_CELLS)))
     x = given.x if abs(given.x - kink) >= 0.25 * deviation else kink + math.copysign(far, given.x - kink)
     low = kink - h * math.ceil((kink - min(x, kink) + 5.5 * deviation) / h)
     cells = math.ceil((max(x, kink) + 5.5 * deviation - low) / h)

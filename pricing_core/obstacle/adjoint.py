@@ -17,7 +17,7 @@ import numpy as np
 
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, UnknownNameError
-from pricing_core.obstacle.averaged import Point, Side
+from pricing_core.obstacle.averaged import Side
 from pricing_core.obstacle.diffusion import Diffusion
 from pricing_core.obstacle.event import Event
 from pricing_core.obstacle.functions import Function, read_function
@@ -41,10 +41,24 @@ NAMES = (*COEFFICIENTS, "source", *OBSTACLES, "cash")
 class StageWeights:
     """What a change of a stage's residual and of its values at fixed s is worth, shapes (n - 2,) and (n,)."""
 
-    part: SegmentMarch
     stage: StageTaken
+    side: Side
+    s: Vector
     of_residual: Vector
     of_value: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartWeights:
+    """What a change of the values that a segment starts from is worth, shape (n,), and of each of its stages.
+
+    The values after the segment's end are `after`, None at the horizon.
+    """
+
+    part: SegmentMarch
+    after: Profile | None
+    of_start: Vector
+    stages: tuple[StageWeights, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,62 +67,51 @@ class Walk:
 
     Parameters
     ----------
-    march : March
+    now : Profile
+        The value now.
     x : float
         The place of the value.
-    stages : tuple of StageWeights
-    starts : tuple of (SegmentMarch, Vector)
-        What a change of the values that a segment starts from is worth, shape (n,).
+    parts : tuple of PartWeights
+        The first segment first.
     """
 
-    march: March
+    now: Profile
     x: float
-    stages: tuple[StageWeights, ...]
-    starts: tuple[tuple[SegmentMarch, Vector], ...]
+    parts: tuple[PartWeights, ...]
 
     @classmethod
     def of(cls, march: March, x: float) -> Walk:
         """Walk from the value at x, now, back to the horizon."""
-        stages: list[StageWeights] = []
-        starts: list[tuple[SegmentMarch, Vector]] = []
+        parts: list[PartWeights] = []
         weights = march.now.nodal(np.array([x]))[0]
-        for part in march.parts[::-1]:
+        later = [None, *(part.first for part in march.parts[:-1])]
+        for part, after in zip(march.parts[::-1], later[::-1], strict=True):
+            stages: list[StageWeights] = []
             weights = _through_steps(part, weights, stages)
-            starts.append((part, weights))
+            parts.append(PartWeights(part, after, weights, tuple(stages)))
             at_nodes, at_points = part.start.transposed(weights)
             weights = at_nodes @ part.known.nodal(march.grid.x)
             if at_points.size:
                 weights = weights + at_points.ravel() @ part.known.nodal(part.start.points.ravel())
-        return cls(march, x, tuple(stages), tuple(starts))
+        return cls(march.now, x, tuple(parts))
 
     def derivative(self, direction: Mapping[str, Any]) -> float:
         """Return the derivative of the value in a direction: numbers or functions by name."""
-        problem = self.march.problem
-        sides = [changed(problem, direction, sign * DIFFERENCE) for sign in (1.0, -1.0)]
-        total = 0.0
-        for part, weights in self.starts:
-            after = self._after(part)
-            high, low = (_start_values(part, other, after) for other in sides)
-            total += float(weights @ (high - low))
-        segments: dict[tuple[int, int], Segment] = {}
-        for entry in self.stages:
-            ends = []
-            for k, other in enumerate(sides):
-                key = (k, id(entry.part))
-                if key not in segments:
-                    own = entry.part.segment
-                    segments[key] = Segment(other, own.grid, own.start, own.end)
-                ends.append(_at_fixed_parameter(entry, segments[key]))
-            (high_residual, high_value), (low_residual, low_value) = ends
-            total += float(entry.of_residual @ (high_residual - low_residual))
-            total += float(entry.of_value @ (high_value - low_value))
-        now = self.march.now
-        high, low = (replace(now, problem=other)(np.array([self.x])) for other in sides)
-        return (total + float(high[0] - low[0])) / (2.0 * DIFFERENCE)
-
-    def _after(self, part: SegmentMarch) -> Profile | None:
-        place = self.march.parts.index(part)
-        return self.march.parts[place - 1].first if place else None
+        problems = [changed(self.now.problem, direction, sign * DIFFERENCE) for sign in (1.0, -1.0)]
+        high, low = (replace(self.now, problem=problem)(np.array([self.x])) for problem in problems)
+        total = float(high[0] - low[0])
+        for entry in self.parts:
+            own = entry.part.segment
+            segments = [Segment(problem, own.grid, own.start, own.end) for problem in problems]
+            high, low = (_start_values(entry, segment) for segment in segments)
+            total += float(entry.of_start @ (high - low))
+            for stage in entry.stages:
+                (residual, value), (low_residual, low_value) = (
+                    _at_fixed_parameter(stage, segment) for segment in segments
+                )
+                total += float(stage.of_residual @ (residual - low_residual))
+                total += float(stage.of_value @ (value - low_value))
+        return total / (2.0 * DIFFERENCE)
 
 
 def _through_steps(part: SegmentMarch, weights: Vector, found: list[StageWeights]) -> Vector:
@@ -144,10 +147,12 @@ def _through_stage(
     """Return the weights of the stage's base, shape (n,)."""
     moment = part.segment.at(stage.t)
     system = StageSystem.of(moment, stage.a)
-    _, _, point = _solved(system, stage)
+    V = stage.values.value[1:-1]
+    side = system.side or moment.contact.side(V, system.omega)
+    s = side.parameter(V, stage.values.mass)
+    point = side.at(s)
     inner = of_value[1:-1].copy()
-    at_lower, at_upper = moment.contact.touching(point.value)
-    touches = (at_lower | at_upper)[[0, -1]]
+    touches = [any(moment.contact.touching(point.value, node)) for node in (0, -1)]
     if not touches[0]:
         inner[0] += moment.left.first * of_value[0]
         inner[1] += moment.left.second * of_value[0]
@@ -155,7 +160,7 @@ def _through_stage(
         inner[-1] += moment.right.first * of_value[-1]
         inner[-2] += moment.right.second * of_value[-1]
     nu = system.solve_transposed(point, point.slope * inner)
-    found.append(StageWeights(part, stage, -nu, of_value))
+    found.append(StageWeights(stage, side, s, -nu, of_value))
     of_base = np.zeros_like(of_value)
     weights = moment.scheme.weights[:, 1:-1] * nu / stage.a
     of_base[:-2] += weights[0]
@@ -164,19 +169,9 @@ def _through_stage(
     return of_base
 
 
-def _solved(system: StageSystem, stage: StageTaken) -> tuple[Side, Vector, Point]:
-    """Return the side of each node, s and V at the solution of a stage."""
-    V = stage.values.value[1:-1]
-    side = system.side or system.moment.contact.side(V, system.omega)
-    s = side.parameter(V, stage.values.mass)
-    return side, s, side.at(s)
-
-
 def _at_fixed_parameter(entry: StageWeights, segment: Segment) -> tuple[Vector, Vector]:
     """Return the residual and the values at the nodes at the s and the base of a stage, of a changed problem."""
-    stage = entry.stage
-    own = StageSystem.of(entry.part.segment.at(stage.t), stage.a)
-    side, s, _ = _solved(own, stage)
+    stage, side, s = entry.stage, entry.side, entry.s
     system = StageSystem.of(segment.at(stage.t), stage.a)
     contact = system.moment.contact
     down = side.c > 0.0
@@ -201,20 +196,16 @@ def _at_fixed_parameter(entry: StageWeights, segment: Segment) -> tuple[Vector, 
     return system.residual(point, system.rhs(stage.base)), system.moment.with_ends(point.value)
 
 
-def _start_values(part: SegmentMarch, problem: ObstacleProblem, after: Profile | None) -> Vector:
+def _start_values(entry: PartWeights, segment: Segment) -> Vector:
     """Return what the first step of a segment starts from in a changed problem, with the same values after its end."""
-    own = part.segment
-    segment = Segment(problem, own.grid, own.start, own.end)
-    if after is None:
-        known = payoff_of(problem, own.grid)
-    else:
-        moved = replace(after, problem=problem)
-        known = Known(moved, part.known.kinks, moved.nodal)
-    known = before(problem, own.grid, own.end, known, checked=False)
-    known = replace(known, kinks=part.known.kinks)
-    end = just_before(own.end)
-    start = Start.of(problem, segment.at(end), own.grid, known, end)
-    return start.values(known, own.grid)[1]
+    problem, grid, kinks = segment.problem, segment.grid, entry.part.known.kinks
+    known = payoff_of(problem, grid)
+    if entry.after is not None:
+        after = replace(entry.after, problem=problem)
+        known = Known(after, kinks, after.nodal)
+    known = replace(before(problem, grid, segment.end, known, checked=False), kinks=kinks)
+    end = just_before(segment.end)
+    return Start.of(problem, segment.at(end), grid, known, end).values(known, grid)[1]
 
 
 def changed(problem: ObstacleProblem, direction: Mapping[str, Any], size: float) -> ObstacleProblem:

@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from pricing_core.arrays import Matrix, Vector, as_number, as_whole_number, check_choice, check_type
+from pricing_core.arrays import Vector, as_number, as_whole_number, check_choice, check_type
 from pricing_core.errors import MissingInputError
 from pricing_core.lcp import (
     LCP,
@@ -221,14 +221,9 @@ def _nodal(segment: Segment, t: float) -> tuple[Tridiagonal, Vector, Moment]:
     """Return L and e at the inner nodes, the ends eliminated, at one time."""
     moment = segment.at(t)
     D, m = moment.scheme.diffusion, moment.scheme.peclet * moment.scheme.diffusion  # in cells
-    bands: Matrix = np.array([D - m / 2.0, -2.0 * D - moment.rate, D + m / 2.0])[:, 1:-1]
+    bands = np.array([D - m / 2.0, -2.0 * D - moment.rate, D + m / 2.0])
+    lower, diagonal, upper, left, right = moment.without_ends(bands)
     e = moment.source[1:-1].copy()
-    left, right = moment.left, moment.right
-    lower, diagonal, upper = (band.copy() for band in bands)
-    e[0] += lower[0] * left.value
-    diagonal[0] += lower[0] * left.first
-    upper[0] += lower[0] * left.second
-    e[-1] += upper[-1] * right.value
-    diagonal[-1] += upper[-1] * right.first
-    lower[-1] += upper[-1] * right.second
-    return Tridiagonal(lower[1:], diagonal, upper[:-1]), e, moment
+    e[0] += left * moment.left.value
+    e[-1] += right * moment.right.value
+    return Tridiagonal(lower, diagonal, upper), e, moment

@@ -17,7 +17,7 @@ two obstacles are nearer to each other than the parabolas reach, the right angle
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,21 +53,12 @@ class Contact:
         """Whether a node may touch either obstacle, each with its averaged function."""
         return bool((~self.right_angle & (self.lower_mass > 0.0) & (self.upper_mass > 0.0)).any())
 
-    def touching(self, V: Vector) -> tuple[BoolVector, BoolVector]:
-        """Return which nodes are in contact with the lower and with the upper obstacle, where they may be."""
-        at_lower = (self.lower >= V) & (self.right_angle | (self.lower_mass > 0.0))
-        at_upper = (self.upper <= V) & (self.right_angle | (self.upper_mass > 0.0))
+    def touching(self, V: Vector, nodes: Any = slice(None)) -> tuple[Any, Any]:
+        """Return whether the `nodes`, one or all of them, touch the lower and the upper obstacle, where they may."""
+        right_angle = self.right_angle[nodes]
+        at_lower = (self.lower[nodes] >= V[nodes]) & (right_angle | (self.lower_mass[nodes] > 0.0))
+        at_upper = (self.upper[nodes] <= V[nodes]) & (right_angle | (self.upper_mass[nodes] > 0.0))
         return at_lower, at_upper
-
-    def touches_lower(self, V: Vector, node: int) -> bool:
-        """Tell whether one node is in contact with the lower obstacle."""
-        may = self.right_angle[node] or self.lower_mass[node] > 0.0
-        return bool(may and V[node] <= self.lower[node])
-
-    def touches_upper(self, V: Vector, node: int) -> bool:
-        """Tell whether one node is in contact with the upper obstacle."""
-        may = self.right_angle[node] or self.upper_mass[node] > 0.0
-        return bool(may and V[node] >= self.upper[node])
 
     def side(self, V: Vector, omega: Vector) -> Side:
         """Return which of the obstacles each node may touch, the nearer one to V where it may touch both.

@@ -171,11 +171,14 @@ def _march_segment(
             base: Vector,
             a: float,
             near: Values,
+            early: float = early,
             late: float = late,
             stages: list[StageTaken] = stages,
         ) -> Values:
             nonlocal system
-            t = max(late - tau, segment.start)
+            t = max(
+                late - tau, early
+            )  # where coefficients jump at `early`, rounding must not carry it across
             moment = segment.at(t)
             if system is None or system.moment is not moment or system.a != a:
                 system = StageSystem.of(moment, a)

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.errors import InvalidInputError, Told
 from pricing_core.obstacle.averaged import Contact
 from pricing_core.obstacle.compact import CompactScheme
@@ -58,6 +58,18 @@ class Moment:
     lower_ends: Vector
     upper_ends: Vector
 
+    def without_ends(self, bands: Matrix) -> tuple[Vector, Vector, Vector, float, float]:
+        """Return (lower, diagonal, upper) of bands (3, n) at the inner nodes with the ends eliminated by their rules.
+
+        The last two are what multiplies the values that are held at the left and at the right end.
+        """
+        lower, diagonal, upper = (band[1:-1].copy() for band in bands)
+        diagonal[0] += lower[0] * self.left.first
+        upper[0] += lower[0] * self.left.second
+        diagonal[-1] += upper[-1] * self.right.first
+        lower[-1] += upper[-1] * self.right.second
+        return lower[1:], diagonal, upper[:-1], float(lower[0]), float(upper[-1])
+
     def with_ends(self, V: Vector) -> Vector:
         """Return the values at all nodes, shape (n,), from those at the inner ones."""
         whole = np.empty(V.size + 2)
@@ -65,9 +77,10 @@ class Moment:
         for rule, end, first, second in ((self.left, 0, 0, 1), (self.right, -1, -1, -2)):
             low, high = self.lower_ends[end], self.upper_ends[end]
             value = rule.value + rule.first * V[first] + rule.second * V[second]
-            if self.contact.touches_lower(V, first):
+            at_lower, at_upper = self.contact.touching(V, first)
+            if at_lower:
                 value = low
-            elif self.contact.touches_upper(V, first):
+            elif at_upper:
                 value = high
             whole[end] = min(max(value, low), high)
         return whole

@@ -58,17 +58,12 @@ class StageSystem:
     @classmethod
     def of(cls, moment: Moment, a: float) -> StageSystem:
         """Return the system of a stage at one time."""
-        scheme, left, right = moment.scheme, moment.left, moment.right
+        scheme, contact = moment.scheme, moment.contact
         A = scheme.weights * (1.0 / a + moment.rate) - scheme.operator
-        lower, diagonal, upper = A[0, 1:-1].copy(), A[1, 1:-1].copy(), A[2, 1:-1].copy()
-        diagonal[0] += lower[0] * left.first
-        upper[0] += lower[0] * left.second
-        diagonal[-1] += upper[-1] * right.first
-        lower[-1] += upper[-1] * right.second
-        D, contact = scheme.diffusion[1:-1], moment.contact
+        lower, diagonal, upper, left, right = moment.without_ends(A)
+        D = scheme.diffusion[1:-1]
         side = None if contact.is_two_sided else contact.side(contact.lower, D * diagonal)
-        ends = float(lower[0]), float(upper[-1])
-        return cls(moment, a, lower[1:], diagonal, upper[:-1], D, *ends, side)
+        return cls(moment, a, lower, diagonal, upper, D, left, right, side)
 
     @property
     def omega(self) -> Vector:
