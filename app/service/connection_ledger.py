@@ -4,7 +4,6 @@ import functools
 import logging
 import time
 from collections import defaultdict
-from dataclasses import dataclass, field
 from typing import Protocol
 
 from app.service.allowance import Allowance
@@ -47,16 +46,6 @@ class Closable(Protocol):
 LONGEST_HOLD = 5.0  # seconds that a client waits at most; chosen
 
 
-@dataclass
-class _Account:
-    """What may still be parsed of a client, and until when all of its connections are held."""
-
-    allowance: Allowance = field(
-        default_factory=lambda: Allowance(PIECES_A_SECOND, MOST_PIECES, time.monotonic)
-    )
-    held_until: float = 0.0
-
-
 class ConnectionLedger:
     """At most `client_connections` of one client, the named proxies left out, and `max_connections` in all.
 
@@ -74,7 +63,9 @@ class ConnectionLedger:
         self._held: dict[
             str, float
         ] = {}  # clients that have had as much parsed as they may, and until when they wait
-        self._account = functools.lru_cache(MOST_CLIENTS)(lambda client: _Account())
+        self._allowance = functools.lru_cache(MOST_CLIENTS)(
+            lambda client: Allowance(PIECES_A_SECOND, MOST_PIECES, time.monotonic)
+        )
 
     def enter(self, connection: Closable) -> None:
         """Take up a new connection, and close another one where there are too many."""
@@ -101,18 +92,16 @@ class ConnectionLedger:
         if self._trusts(connection.address):
             return
         client = network_of(connection.address)
-        account = self._account(client)
-        seconds = account.allowance.charge(pieces)
+        seconds = self._allowance(client).charge(pieces)
         if not seconds:
             return
         now = time.monotonic()
-        self._held = {other: until for other, until in self._held.items() if until > now and other != client}
-        seconds = min(LONGEST_HOLD, seconds * (1 + len(self._held)))
-        self._held[client] = max(account.held_until, now + seconds)
-        if now < account.held_until:
+        self._held = {other: until for other, until in self._held.items() if until > now}
+        seconds = min(LONGEST_HOLD, seconds * len({*self._held, client}))
+        if client in self._held:
             connection.hold(seconds)
             return
-        account.held_until = now + seconds
+        self._held[client] = now + seconds
         for other in self._open.get(client, ()):
             other.hold(seconds)
 

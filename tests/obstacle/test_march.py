@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import norm
 
 from pricing_core.american import Market, Option, price
-from pricing_core.obstacle import Event, Obstacle, ObstacleProblem
+from pricing_core.obstacle import Diffusion, Event, Obstacle, ObstacleProblem
 from pricing_core.obstacle.grid import Grid
 from pricing_core.obstacle.interval import choose_map
 from pricing_core.obstacle.march import march
@@ -15,6 +15,7 @@ from tests.obstacle.problems import (
     AMERICAN_CAPPED_CALL,
     CALL,
     CALLABLE_PUT,
+    PRICES,
     PUT,
     callable_put,
     capped_call,
@@ -135,3 +136,15 @@ def test_the_right_angle_is_one_switch_away_and_loses_an_order():
             for kind in ("averaged", "right-angle")
         )
         assert nodal > gain * averaged, size
+
+
+def test_no_stage_of_a_step_lies_beyond_its_end():
+    """Rounding would carry the last one across a time at which coefficients jump, to the other side's values."""
+    rng = np.random.default_rng(3)
+    for time in rng.uniform(0.1, 0.7, 60).tolist():
+        diffusion = Diffusion(lambda x, t, time=time: 0.1 if t < time else 0.3, 0.0, 0.05, breaks=[time])
+        problem = ObstacleProblem(diffusion, PUT, 0.8, ends=PRICES)
+        (part,) = march(problem, Grid.of(choose_map(problem, np.zeros(1)), 1)).parts
+        assert time in [instant.t for instant in part.instants]
+        for step, end in zip(part.steps, part.instants[1:], strict=True):
+            assert min(stage.t for stage in step.stages) >= end.t
