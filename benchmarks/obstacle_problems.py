@@ -10,6 +10,7 @@ complementarity problem on three grids with the kink on a node, extrapolated. Ru
 import math
 import sys
 from collections.abc import Callable
+from itertools import pairwise
 from time import process_time
 from typing import NamedTuple
 
@@ -223,9 +224,8 @@ def _nodal(problem: ObstacleProblem, given: Terms, kink: float) -> Question:
         method, state, nodes = nodal_method(problem, count, (low, low + cells * h), tableau=SDIRK2)
         run = integrate(method, state, (0.0, given.expiry), controller=FixedStep(given.expiry / (64 * finer)))
         found.append(float(np.interp(x, nodes, run.states[-1].value)))
-    value = found[2] + (found[2] - found[1]) / 3.0
-    uncertain = abs(found[2] - found[1]) / 3.0 + abs(found[1] - found[0]) / 12.0
-    return Question(problem, x, value, uncertain)
+    coarse, value = (fine + (fine - before) / 3.0 for before, fine in pairwise(found))
+    return Question(problem, x, value, abs(found[2] - found[1]) / 3.0 + abs(value - coarse))
 
 
 FAMILIES: dict[str, tuple[Callable[[np.random.Generator], Question], float]] = {  # and their shares

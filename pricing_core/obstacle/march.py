@@ -14,7 +14,7 @@ from pricing_core.obstacle.grid import Grid
 from pricing_core.obstacle.moment import Complementarity, Moment, Segment
 from pricing_core.obstacle.problem import ObstacleProblem, just_before
 from pricing_core.obstacle.profile import Profile, contact_sets
-from pricing_core.obstacle.settings import PIECES, STEPS
+from pricing_core.obstacle.settings import PIECES, ROUNDED, STEPS
 from pricing_core.obstacle.stage import StageSystem, Values, solve_stage
 from pricing_core.obstacle.transfer import Known, Start, before, payoff_of
 from pricing_core.stepping import ESDIRK3, SDIRK3, Tableau
@@ -197,10 +197,10 @@ def _march_segment(
 def time_mesh(segment: Segment) -> list[tuple[float, float, bool]]:
     """Return (early, late) of each step, and whether it goes on smoothly from the one before.
 
-    Steps end where the diffusion since the segment's end is (n/M)^2 of the whole. M is even and such that the first
-    step, the shortest, is by a third longer than the stage matrix needs in order to be an M-matrix (`_diffusion`). A
-    time at which coefficients jump takes the place of the nearest end: a step far shorter than its neighbours would
-    cost two digits.
+    Steps end where the diffusion since the segment's end is (n/M)^2 of the whole. M is such that the first step, the
+    shortest, is longer than the stage matrix needs in order to be an M-matrix (`_diffusion`), but in segments that are
+    too short for two steps. A time at which coefficients jump takes the place of the nearest end: a step far shorter
+    than its neighbours would cost two digits.
     """
     breaks = [time for time in segment.problem.diffusion.breaks if segment.start < time < segment.end]
     edges = [segment.end, *breaks[::-1], segment.start]
@@ -210,7 +210,7 @@ def time_mesh(segment: Segment) -> list[tuple[float, float, bool]]:
     middles = ((times[1:] + times[:-1]) / 2.0).tolist()
     parts = np.array([_diffusion(segment.at(t)) for t in middles]) * -np.diff(times)
     diffused = np.concatenate([[0.0], np.cumsum(parts)])
-    steps = max(2, 2 * math.ceil(STEPS * math.sqrt(2.0 * diffused[-1]) / 2.0 - 1e-9))
+    steps = _count(STEPS * math.sqrt(2.0 * diffused[-1]))
     ends = np.interp(diffused[-1] * (np.arange(steps + 1) / steps) ** 2, diffused, times).tolist()
     ends[0], ends[-1] = segment.end, segment.start
     for time in breaks:
@@ -220,6 +220,15 @@ def time_mesh(segment: Segment) -> list[tuple[float, float, bool]]:
         else:
             ends = sorted({*ends, time}, reverse=True)
     return [(early, late, late not in breaks) for late, early in pairwise(ends)]
+
+
+def _count(wanted: float) -> int:
+    """Return the number of steps near to what is wanted, at least 2: from 4 on, 4 to 7 times a power of two.
+
+    It doubles exactly where the cells are halved, so that the differences of grids fall as the third order says.
+    """
+    power = 2 ** math.floor(math.log2(max(wanted, 4.0) / 4.0))
+    return max(2, math.floor(ROUNDED * wanted / power) * power)
 
 
 def _diffusion(moment: Moment) -> float:

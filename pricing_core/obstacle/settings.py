@@ -8,6 +8,8 @@ WIDTH = 5.5
 CELLS = 32
 # Steps for each standard deviation of a segment and cell. The stage matrix is an M-matrix up to sqrt(6 gamma) = 1.617.
 STEPS = 1.4
+# By which the steps may be more when their number is rounded.
+ROUNDED = 1.07
 # Cells of the coarsest grid, at least and at most, and of the finest.
 LEAST_CELLS, MOST_COARSE_CELLS, MOST_CELLS = 16, 1024, 4096
 # Pieces of time between two breaks in which a diffusion that depends on the time is looked at.

@@ -55,11 +55,16 @@ SPOTS = (0.9, 0.97, 1.05, 1.2)
 
 @dataclass(frozen=True)
 class Row:
-    """A problem, the prices at which it is asked, its true values there, and the order that is expected."""
+    """A problem, the prices at which it is asked, its true values there, the order that is expected, and the digits.
+
+    Beside a moving boundary the start of a segment leaves a small error of second order, which is what remains of the
+    American puts on fine grids.
+    """
 
     problem: ObstacleProblem
     true: dict[float, float]
     order: float = 3.0
+    accuracy: float = 1e-9
 
 
 def engine(kind, expiry, **choices):
@@ -91,13 +96,13 @@ def rows():
             option(CALL, american=False, source=lambda x: 0.07 * np.exp(x), **FLAT),
             {spot: value + earned * spot for spot, value in call.items()},
         ),
-        "american put": Row(option(PUT, **FLAT), engine("put", 0.8)),
+        "american put": Row(option(PUT, **FLAT), engine("put", 0.8), order=2.5),
         "american put with a cash dividend": Row(
-            option(PUT, events=[cash], **FLAT), engine("put", 0.8, cash_dividends=[(0.3, 0.04)])
+            option(PUT, events=[cash], **FLAT), engine("put", 0.8, cash_dividends=[(0.3, 0.04)]), order=2.3
         ),
         "two boundaries": Row(option(PUT, **two), engine("put", 1.0, **two)),
-        "callable put": Row(callable_put(), {0.9: CALLABLE_PUT[0.9], 1.1: CALLABLE_PUT[1.1]}),
-        "american capped call": Row(capped_call(), {1.0: AMERICAN_CAPPED_CALL}),
+        "callable put": Row(callable_put(), {0.9: CALLABLE_PUT[0.9], 1.1: CALLABLE_PUT[1.1]}, accuracy=1e-7),
+        "american capped call": Row(capped_call(), {1.0: AMERICAN_CAPPED_CALL}, accuracy=1e-7),
         "up-and-out call": Row(up_and_out_call(1.4, **FLAT), barrier),
         "bermudan put": Row(option(PUT, american=False, lower=on_dates, **FLAT), engine("put", 0.8, **dates)),
     }
@@ -116,11 +121,11 @@ def test_the_order_is_that_which_is_expected(name):
         float(np.sqrt(np.mean((march(row.problem, Grid.of(chosen, size)).now(at) - true) ** 2)))
         for size in sizes
     ]
-    fitted = -np.polyfit(np.log2(sizes), np.log2(np.maximum(errors, 1e-10)), 1)[0]
-    # Steps are even numbers, and where the contact set's end lies in its cell is another on each grid. Two of the true
-    # values have seven digits.
+    seen = [k for k, error in enumerate(errors) if error > row.accuracy]
+    fitted = -np.polyfit(np.log2(sizes)[seen], np.log2(errors)[seen], 1)[0]
+    # Where the contact set's end lies in its cell is another on each grid.
     assert errors[-1] < 2e-7
-    assert fitted > row.order - 0.6 or errors[0] < 2e-6, errors
+    assert fitted > row.order - 0.4, errors
 
 
 def test_the_right_angle_is_one_switch_away_and_loses_an_order():
@@ -129,7 +134,7 @@ def test_the_right_angle_is_one_switch_away_and_loses_an_order():
     true = np.array([*engine("put", 0.8).values()])
     problem = option(PUT, **FLAT)
     chosen = choose_map(problem, np.zeros(1))
-    for size, gain in ((4, 5.0), (8, 10.0), (16, 20.0)):
+    for size, gain in ((4, 5.0), (8, 10.0), (16, 15.0)):
         grid = Grid.of(chosen, size)
         averaged, nodal = (
             np.sqrt(np.mean((march(problem, grid, complementarity=kind).now(np.log(spots)) - true) ** 2))
