@@ -8,7 +8,7 @@ from pricing_core.obstacle.ends import Held
 from pricing_core.obstacle.event import Event
 from pricing_core.obstacle.obstacle import Obstacle
 from pricing_core.obstacle.problem import ObstacleProblem
-from pricing_core.obstacle.solution import ObstacleDerivative, ObstacleSolution
+from pricing_core.obstacle.solution import ObstacleDerivative, ObstacleSolution, ObstacleTangent
 from pricing_core.obstacle.solve import solve
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "ObstacleDerivative",
     "ObstacleProblem",
     "ObstacleSolution",
+    "ObstacleTangent",
     "as_lcs",
     "nodal_method",
     "solve",

@@ -1,12 +1,12 @@
 """The averaged complementarity function: 0 <= u _|_ V - g >= 0 seen at the resolution of the grid.
 
 The compact scheme's row is the equation integrated against the hat function of its node, so that what it needs of the
-multiplier is its mass under the hat. Next to a contact set V - g leaves the obstacle as a parabola, V - g = kappa z
-with kappa = c / (2 D), where c is the multiplier inside the contact set and sqrt(z) the distance of its end in cells.
-The mass is then c (1 - sqrt z)^2 / 2 for z < 1, and 0 from there on; with the node inside the contact set, V = g, it
-is c/2 or more. Both are functions of one number s = sqrt(z), once continuously differentiable:
+multiplier is its mass under the hat. Next to a contact set V - g leaves the obstacle as a parabola, V - g = b z / 2
+with b = c / D, where c is the multiplier inside the contact set and sqrt(z) the distance of its end in cells. The mass
+is then c (1 - sqrt z)^2 / 2 for z < 1, and 0 from there on; with the node inside the contact set, V = g, it is c/2 or
+more. Both are functions of one number s = sqrt(z), once continuously differentiable:
 
-    V - g = kappa (0, s^2, 2 s - 1),   mass = c (1/2 - s, (1 - s)^2 / 2, 0)   for s <= 0, 0 < s < 1, 1 <= s,
+    V - g = b (0, s^2 / 2, s - 1/2),   mass = c (1/2 - s, (1 - s)^2 / 2, 0)   for s <= 0, 0 < s < 1, 1 <= s,
 
 so that Newton's method on s needs no list of pinned nodes. Where an obstacle's kink may hold V in a point, and where
 two obstacles are nearer to each other than the parabolas reach, the right angle itself takes its place:
@@ -76,12 +76,12 @@ class Contact:
         averaged = ~self.right_angle & (down | (self.upper_mass > 0.0))
         c = np.where(averaged, np.where(down, self.lower_mass, -self.upper_mass), 0.0)
         obstacle = np.where(averaged, np.where(down, self.lower, self.upper), 0.5)
-        kappa = np.where(averaged, c / (2.0 * self.diffusion), 0.5)
+        bend = np.where(averaged, c / self.diffusion, 1.0)
         nodes = np.flatnonzero(self.right_angle)
         return Side(
             averaged,
             obstacle,
-            kappa,
+            bend,
             c,
             np.where(averaged, 0.0, 1.0),
             np.where(averaged, 0.0, -np.inf),
@@ -100,8 +100,8 @@ class Side:
     ----------
     averaged : BoolVector
         Where the averaged function holds.
-    obstacle, kappa, c : Vector
-        g, and kappa and c with the sign of the obstacle, below 0 for an upper one; 1/2, 1/2 and 0 elsewhere, so that
+    obstacle, bend, c : Vector
+        g, and b and c with the sign of the obstacle, below 0 for an upper one; 1/2, 1 and 0 elsewhere, so that
         V = s there.
     floor, least : Vector
         0 where the averaged function holds; 1 and -inf elsewhere, where s is not bent.
@@ -113,7 +113,7 @@ class Side:
 
     averaged: BoolVector
     obstacle: Vector
-    kappa: Vector
+    bend: Vector
     c: Vector
     floor: Vector
     least: Vector
@@ -125,11 +125,11 @@ class Side:
     def at(self, s: Vector) -> Point:
         """Return V and the mass of u - w, with their derivatives by s."""
         inside = np.maximum(np.minimum(s, 1.0), self.floor)
-        beyond = s - inside
-        short = 1.0 - inside
-        value = self.obstacle + self.kappa * (inside * inside + 2.0 * np.maximum(beyond, self.least))
-        mass = self.c * (0.5 * short * short - np.minimum(beyond, 0.0))
-        slope, change = 2.0 * self.kappa * inside, -self.c * short
+        beyond, short = s - inside, 1.0 - inside
+        further = np.maximum(beyond, self.least)
+        slope, change = self.bend * inside, -self.c * short
+        value = self.obstacle + (0.5 * slope * inside + self.bend * further)
+        mass = self.c * (further - beyond) - 0.5 * change * short
         if self.right_angle.size:
             nodes = self.right_angle
             plain = np.clip(s[nodes], self.low, self.high)
@@ -141,7 +141,7 @@ class Side:
 
     def parameter(self, V: Vector, mass: Vector) -> Vector:
         """Return s of a value and a mass that need not belong together: the value decides off the obstacle."""
-        height = (V - self.obstacle) / self.kappa
+        height = 2.0 * (V - self.obstacle) / self.bend
         root = np.sqrt(np.minimum(np.maximum(height, 0.0), 1.0))
         touching = 0.5 - np.maximum(mass / np.where(self.averaged, self.c, 1.0), 0.5)
         near = np.where(height > 0.0, root, touching)

@@ -71,6 +71,8 @@ class SegmentMarch:
     steps : tuple of StepTaken
     instants : tuple of Instant
         The end of the segment and of each step.
+    first : Profile
+        The value just after the segment's beginning.
     """
 
     segment: Segment
@@ -78,11 +80,7 @@ class SegmentMarch:
     start: Start
     steps: tuple[StepTaken, ...]
     instants: tuple[Instant, ...]
-
-    @property
-    def first(self) -> Profile:
-        """The value just after the segment's beginning."""
-        return profile_at(self.segment.problem, self.segment.grid, self.segment.start, self.instants[-1])
+    first: Profile
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +111,7 @@ class March:
 
     def profile(self, instant: Instant) -> Profile:
         """Return the value between the nodes."""
-        return profile_at(self.problem, self.grid, instant.t, instant)
+        return profile_at(self.problem, self.grid, instant)
 
     @property
     def now(self) -> Profile:
@@ -121,10 +119,11 @@ class March:
         return self.parts[-1].first
 
 
-def profile_at(problem: ObstacleProblem, grid: Grid, t: float, instant: Instant) -> Profile:
-    """Return the value between the nodes, at a time or just before it."""
+def profile_at(problem: ObstacleProblem, grid: Grid, instant: Instant) -> Profile:
+    """Return the value between the nodes at an instant."""
     found = instant.values
-    return Profile(problem, grid, t, found.value, contact_sets(instant.moment, found.value, found.mass))
+    contacts = contact_sets(instant.moment, found.value, found.mass)
+    return Profile(problem, grid, instant.t, found.value, contacts)
 
 
 def march(
@@ -189,9 +188,11 @@ def _march_segment(
         tableau = ESDIRK3 if goes_on and rate is not None else SDIRK3
         values, rate = take_step(tableau, stage, 0.0, values, late - early, rate, seen)
         taken.append(StepTaken(tableau, late - early, tuple(stages)))
-        instants.append(Instant(early, segment.at(early), values))
+        assert system is not None
+        instants.append(Instant(early, system.moment, values))  # the last stage's moment
         seen = values.value
-    return SegmentMarch(segment, known, start, tuple(taken), tuple(instants))
+    first = profile_at(segment.problem, segment.grid, instants[-1])
+    return SegmentMarch(segment, known, start, tuple(taken), tuple(instants), first)
 
 
 def time_mesh(segment: Segment) -> list[tuple[float, float, bool]]:
@@ -227,7 +228,7 @@ def _count(wanted: float) -> int:
 
     It doubles exactly where the cells are halved, so that the differences of grids fall as the third order says.
     """
-    power = 2 ** math.floor(math.log2(max(wanted, 4.0) / 4.0))
+    power: int = 2 ** math.floor(math.log2(max(wanted, 4.0) / 4.0))
     return max(2, math.floor(ROUNDED * wanted / power) * power)
 
 

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pricing_core.arrays import Matrix, as_number, as_vector
+from pricing_core.arrays import Matrix, Vector, as_number, as_vector
 from pricing_core.errors import InvalidInputError, NumericalError, Told
-from pricing_core.obstacle.adjoint import NAMES, Walk
-from pricing_core.obstacle.march import Instant, March
+from pricing_core.obstacle.adjoint import Walk
+from pricing_core.obstacle.direction import NAMES, neighbours
+from pricing_core.obstacle.march import Instant, March, march
 from pricing_core.obstacle.problem import ObstacleProblem
 from pricing_core.obstacle.profile import Intervals
+from pricing_core.obstacle.tangent import tangent
 
+# By how much of a direction the problem is changed for a second derivative.
+SECOND_DIFFERENCE = 1e-3
 Status: TypeAlias = Literal["ok", "tolerance_not_met", "deadline"]
 
 
@@ -31,6 +36,25 @@ class ObstacleDerivative:
 
     value: Any
     error_estimate: Any
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObstacleTangent:
+    """The derivatives of the value, its slope and its curvature in a direction.
+
+    Parameters
+    ----------
+    value, slope, curvature : float, or array of shape (m,)
+        For one unit of the direction. In a contact set those of the obstacle.
+    error_estimate, slope_error_estimate, curvature_error_estimate : float, or array of shape (m,)
+    """
+
+    value: Any
+    slope: Any
+    curvature: Any
+    error_estimate: Any
+    slope_error_estimate: Any
+    curvature_error_estimate: Any
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,21 +128,72 @@ class ObstacleSolution:
         UnknownNameError, InvalidInputError
             A name is not known, or the problem has no such obstacle.
         """
-        if not direction:
-            raise InvalidInputError("direction", Told("nothing"), f"one or several of {', '.join(NAMES)}")
-        places = np.atleast_1d(np.asarray(self.at, dtype=np.float64))
+        _check_direction(direction)
+        places = self._places
         if not self._walks:
-            for march in (self._march, self.coarse):
-                if march is not None:
-                    self._walks.extend(Walk.of(march, float(x)) for x in places)
+            self._walks.extend(Walk.of(march, float(x)) for march in self._marches for x in places)
         found = np.array([walk.derivative(direction) for walk in self._walks]).reshape(-1, places.size)
-        value, error = (
-            found[0],
-            np.abs(found[0] - found[-1]) if len(found) > 1 else np.full(places.size, np.nan),
+        return ObstacleDerivative(*self._with_errors(found))
+
+    def tangent(self, **direction: Any) -> ObstacleTangent:
+        """Return the derivatives of the value, its slope and its curvature in a direction, by a linear march forward.
+
+        It costs less than the march itself, for all places together; the value's derivative is that of `derivative`.
+
+        Parameters
+        ----------
+        volatility, drift, rate, source, payoff, lower, upper, cash
+            The direction, as for `derivative`.
+
+        Raises
+        ------
+        UnknownNameError, InvalidInputError
+            As `derivative` does.
+        """
+        _check_direction(direction)
+        found = np.array([tangent(march, direction, self._places) for march in self._marches])
+        (value, error), (slope, slope_error), (curvature, curvature_error) = (
+            self._with_errors(found[:, k]) for k in range(3)
         )
-        if np.ndim(self.at) == 0:
-            return ObstacleDerivative(float(value[0]), float(error[0]))
-        return ObstacleDerivative(value, error)
+        return ObstacleTangent(value, slope, curvature, error, slope_error, curvature_error)
+
+    def second_derivative(self, first: Mapping[str, Any], second: Mapping[str, Any]) -> ObstacleDerivative:
+        """Return the second derivative of the value in two directions, each as the arguments of `derivative` by name.
+
+        It is the central difference of tangents of two marches on each grid, changed by a thousandth of `second`: a
+        node that enters a contact set is a kink of the first derivative, so that the second is a mean over some of
+        them, and of lower order than the others.
+
+        Raises
+        ------
+        UnknownNameError, InvalidInputError
+            As `derivative` does.
+        """
+        for direction in (first, second):
+            _check_direction(direction)
+        found = []
+        for own in self._marches:
+            high, low = (
+                tangent(_again(problem, own), first, self._places)[0]
+                for problem in neighbours(self.problem, second, SECOND_DIFFERENCE)
+            )
+            found.append((high - low) / (2.0 * SECOND_DIFFERENCE))
+        return ObstacleDerivative(*self._with_errors(np.array(found)))
+
+    @property
+    def _places(self) -> Vector:
+        """The places that were asked for, shape (m,)."""
+        return np.atleast_1d(np.asarray(self.at, dtype=np.float64))
+
+    @property
+    def _marches(self) -> list[March]:
+        """The finest grid's march, and that of the one before."""
+        return [self._march, *([] if self.coarse is None else [self.coarse])]
+
+    def _with_errors(self, found: Matrix) -> tuple[Any, Any]:
+        """Return what the finest grid tells of (grids, m), and how the other one differs; NaN where there is none."""
+        error = np.abs(found[0] - found[-1]) if len(found) > 1 else np.full(found.shape[1], np.nan)
+        return (found[0], error) if np.ndim(self.at) else (float(found[0, 0]), float(error[0]))
 
     @property
     def resolution(self) -> dict[str, Any]:
@@ -147,7 +222,7 @@ class ObstacleSolution:
 
     def _contact(self, t: float, which: int) -> Intervals:
         before, after, share = self._around(t)
-        first, second = (self._places(instant, which) for instant in (before, after))
+        first, second = (self._intervals(instant, which) for instant in (before, after))
         if len(first) != len(second):
             return first if share < 0.5 else second
         return tuple(
@@ -155,7 +230,7 @@ class ObstacleSolution:
             for one, two in zip(first, second, strict=True)
         )
 
-    def _places(self, instant: Instant, which: int) -> Intervals:
+    def _intervals(self, instant: Instant, which: int) -> Intervals:
         profile = self._march.profile(instant)
         return tuple(
             tuple(
@@ -168,6 +243,18 @@ class ObstacleSolution:
         before, after, share = self._around(t)
         early, late = (self._march.profile(instant)(x) for instant in (before, after))
         return np.asarray((1.0 - share) * early + share * late)
+
+
+def _check_direction(direction: Mapping[str, Any]) -> None:
+    if not direction:
+        raise InvalidInputError("direction", Told("nothing"), f"one or several of {', '.join(NAMES)}")
+
+
+def _again(problem: ObstacleProblem, own: March) -> March:
+    """Return the march of a changed problem on the same grid."""
+    found = march(problem, own.grid)
+    assert found is not None  # nothing interrupts it
+    return found
 
 
 def _between(a: float, b: float, share: float) -> float:

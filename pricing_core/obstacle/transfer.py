@@ -177,16 +177,19 @@ class Start:
         value = known.value(grid.x).copy()
         for node, held in self.held.items():
             value[node] = held
+        return value, self.seen(value, known.value(self.points.ravel()).reshape(self.points.shape))
+
+    def seen(self, value: Vector, at_points: Matrix) -> Vector:
+        """Return what a first step starts from, shape (n,), given the values at the nodes (n,) and at the points."""
         seen = value.copy()
         if self.rows.size:
-            at_points = known.value(self.points.ravel()).reshape(self.points.shape)
             missing = np.zeros(value.size - 2)
             around = value[self.rows[:, None] + np.arange(-1, 2)]
             missing[self.rows - 1] = self.inverse * (
                 (self.integral * at_points).sum(axis=1) - (self.sums * around).sum(axis=1)
             )
             seen[1:-1] += solve_banded((1, 1), self.bands, missing)
-        return value, seen
+        return seen
 
     def transposed(self, weights: Vector) -> tuple[Vector, Matrix]:
         """Return the weights of the values at the nodes (n,) and at the points (k, q) in a sum over `seen`."""

@@ -1,4 +1,4 @@
-"""Derivatives by the transposed march: against closed forms, the option engine, and differences of the same march."""
+"""Derivatives by the march transposed and by tangents: each other, closed forms, the option engine, differences."""
 
 import numpy as np
 import pytest
@@ -7,10 +7,12 @@ from scipy.stats import norm
 from pricing_core.american import Market, Option, price
 from pricing_core.errors import InvalidInputError, UnknownNameError
 from pricing_core.obstacle import Event, Obstacle, solve
-from pricing_core.obstacle.adjoint import Walk, changed
+from pricing_core.obstacle.adjoint import Walk
+from pricing_core.obstacle.direction import changed
 from pricing_core.obstacle.grid import Grid
 from pricing_core.obstacle.interval import choose_map
 from pricing_core.obstacle.march import march
+from pricing_core.obstacle.tangent import tangent
 from tests.obstacle.problems import PUT, callable_put, option
 
 SMOOTH_PUT = Obstacle(lambda x: 1.0 - np.exp(x))  # the value is above 0 of itself
@@ -61,6 +63,57 @@ def test_the_walk_back_is_the_derivative_of_the_march(name, direction):
     assert found == pytest.approx((high - low) / (2.0 * size), abs=3e-5)
 
 
+@pytest.mark.parametrize(("name", "direction"), CASES)
+def test_the_tangent_forward_and_the_walk_back_agree_to_rounding(name, direction):
+    problem, change = PROBLEMS[name], DIRECTIONS[direction]
+    found = march(problem, Grid.of(choose_map(problem, np.array([X])), 4))
+    (forward,) = tangent(found, change, np.array([X]))[0]
+    assert forward == pytest.approx(Walk.of(found, X).derivative(change), abs=1e-9)
+
+
+def test_mixed_derivatives_of_a_european_put_are_those_of_black_and_scholes():
+    r, sigma = 0.05, 0.2
+    x = np.array([-0.2, 0.0, 0.3])
+    by_volatility = {"volatility": 1.0, "drift": -sigma}
+    solution = solve(option(PUT, american=False, rate=r, volatility=sigma, expiry=1.0), x, 1e-6)
+    found = solution.tangent(**by_volatility)
+    d1 = (x + (r + sigma**2 / 2.0)) / sigma
+    d2 = d1 - sigma
+    vega = np.exp(x) * norm.pdf(d1)
+    assert (np.abs(found.value - vega) <= found.error_estimate + 1e-9).all()
+    assert (np.abs(found.slope + np.exp(x) * norm.pdf(d1) * d2 / sigma) <= found.slope_error_estimate).all()
+    assert found.slope_error_estimate.max() < 5e-4
+    volga = solution.second_derivative(by_volatility, by_volatility)
+    bent = solution.derivative(drift=-1.0).value  # the drift of ln S is not linear in the volatility
+    missed = np.abs(volga.value + bent - vega * d1 * d2 / sigma)
+    assert (missed <= volga.error_estimate + 5e-5).all()
+
+
+def test_mixed_derivatives_of_an_american_put_are_those_of_the_option_engine():
+    spots = np.array([0.85, 1.0, 1.2])
+    by_volatility = {"volatility": 1.0, "drift": -0.2}
+    solution = solve(option(PUT), np.log(spots), 1e-6)
+    found = solution.tangent(**by_volatility)
+    volga, bent = solution.second_derivative(by_volatility, by_volatility), solution.derivative(drift=-1.0)
+    for k, spot in enumerate(spots):
+        greeks = price(Option("put", 1.0, 1.0), Market(spot, 0.05, 0.2), tolerance=1e-7, greeks="extended")
+        assert found.slope[k] / spot == pytest.approx(greeks.vanna, abs=found.slope_error_estimate[k])
+        assert volga.value[k] + bent.value[k] == pytest.approx(
+            greeks.volga, abs=volga.error_estimate[k] + 1e-3
+        )
+    assert found.slope_error_estimate.max() < 2e-3
+    assert volga.error_estimate.max() < 0.1
+
+
+def test_at_one_place_derivatives_are_numbers():
+    solution = solve(option(PUT), 0.1, 1e-4)
+    found = solution.tangent(rate=1.0)
+    assert isinstance(found.value, float)
+    assert isinstance(found.curvature_error_estimate, float)
+    assert found.value == pytest.approx(solution.derivative(rate=1.0).value, abs=1e-9)
+    assert isinstance(solution.second_derivative({"rate": 1.0}, {"drift": 1.0}).value, float)
+
+
 def test_a_european_puts_derivatives_are_those_of_black_and_scholes():
     r, sigma, T = 0.05, 0.2, 1.0
     x = np.array([-0.2, 0.0, 0.3])
@@ -107,5 +160,10 @@ def test_what_is_no_direction_is_refused():
         InvalidInputError, match=r"lower = 1.0: must be left out: the problem has no lower obstacle"
     ):
         solution.derivative(lower=1.0)
-    with pytest.raises(InvalidInputError, match="direction = nothing: must be one or several of"):
-        solution.derivative()
+    for asked in (
+        solution.derivative,
+        solution.tangent,
+        lambda: solution.second_derivative({"rate": 1.0}, {}),
+    ):
+        with pytest.raises(InvalidInputError, match="direction = nothing: must be one or several of"):
+            asked()
