@@ -29,7 +29,7 @@ MARGIN = 1.5  # on what the extrapolation leaves where the differences fall less
 STEEP = 0.25  # up to which the differences fall as the third order says, and one is extrapolated; it says 1/8
 FIRST_LEVELS = 3
 PESSIMISM = (
-    20.0  # by which the difference before the last falls at least on the way to the error; 56 at third order
+    22.0  # by which the difference before the last falls at least on the way to the error; 56 at third order
 )
 
 
