@@ -13,8 +13,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from pricing_core.arrays import Vector, as_number, as_whole_number, check_choice, check_type
-from pricing_core.errors import MissingInputError
+from pricing_core.arrays import Vector, as_number, as_whole_number, check_choice, check_list, check_type
+from pricing_core.errors import InvalidInputError, MissingInputError, Told
 from pricing_core.lcp import (
     LCP,
     MixedLCP,
@@ -75,7 +75,8 @@ class NodalStage:
         Time runs back from its end.
     lcp_method : {"policy", "psor", "lemke", "brennan-schwartz"}
         For one obstacle; with both it is `pricing_core.lcp.solve` for the mixed problem. The last is exact where the
-        contact set is one run of nodes from the left end on.
+        contact set is one run of nodes from the left end on, and refuses a problem in which it is not: such as that of
+        a put whose obstacle is 0, and touched, at the far end.
     """
 
     segment: Segment
@@ -136,8 +137,12 @@ def as_lcs(
     MissingInputError
         There is no interval, nor a kink to put one around.
     """
+    time = as_number("time", time)
+    check_type("problem", problem, ObstacleProblem)
+    if not 0.0 <= time <= problem.horizon:
+        raise InvalidInputError("time", time, f"from 0 to the horizon, {problem.horizon:g}")
     segment = _segment(problem, nodes, interval, time)
-    L, e, moment = _nodal(segment, as_number("time", time))
+    L, e, moment = _nodal(segment, time)
     n = L.diagonal.size
     A, top = np.zeros((n + 1, n + 1)), np.eye(n + 1, n)
     A[:n, :n], A[:n, n] = L.dense(), e
@@ -169,7 +174,7 @@ def nodal_method(
     Parameters
     ----------
     problem : ObstacleProblem
-        Without anything that happens between now and the horizon.
+        Without events, dates and windows that begin or end on the way.
     nodes, interval
         As for `as_lcs`.
     tableau : Tableau
@@ -178,6 +183,13 @@ def nodal_method(
     lcp_method : {"policy", "psor", "lemke", "brennan-schwartz"}
         See `NodalStage`.
     """
+    check_type("problem", problem, ObstacleProblem)
+    check_type("tableau", tableau, Tableau)
+    if problem.events or len(problem.segments) > 1:
+        raise InvalidInputError(
+            "problem", Told("one with events, dates or a window"), "without what happens on the way"
+        )
+    damped_until = as_number("damped_until", damped_until)
     segment = _segment(problem, nodes, interval, 0.0)
     stage = NodalStage(segment, lcp_method)
     method: OneStepMethod[LCSState] = DiagonallyImplicit(stage, tableau)
@@ -211,7 +223,12 @@ def _segment(
             chosen = choose_map(problem, kinks)
             left, right = chosen.left, chosen.right
     else:
+        check_list("interval", interval)
+        if len(interval) != 2:
+            raise InvalidInputError("interval", interval, "a pair: the left end, the right end")
         left, right = (as_number("interval", end) for end in interval)
+        if not left < right:
+            raise InvalidInputError("interval", interval, "a pair with left < right")
     grid = Grid.of(GridMap(left, right, count + 1), 1)
     start, end = next((pair for pair in problem.segments if pair[0] <= time), problem.segments[-1])
     return Segment(problem, grid, start, end)

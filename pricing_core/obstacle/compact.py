@@ -54,6 +54,11 @@ class CompactScheme:
         return cls(weights, operator, diffusion, p)
 
 
+def neighbouring(v: Vector) -> Matrix:
+    """Return v_{i-1}, v_i and v_{i+1} at the nodes, shape (3, n); beyond an end its own value."""
+    return np.array([np.append(v[:1], v[:-1]), v, np.append(v[1:], v[-1:])])
+
+
 def product(bands: Matrix, v: Vector) -> Vector:
     """Return the sums over j = i - 1, i, i + 1 at the inner nodes, shape (n - 2,)."""
     return np.asarray(bands[0, 1:-1] * v[:-2] + bands[1, 1:-1] * v[1:-1] + bands[2, 1:-1] * v[2:])

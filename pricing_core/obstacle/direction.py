@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pricing_core.arrays import as_real_array
 from pricing_core.errors import InvalidInputError, UnknownNameError
 from pricing_core.obstacle.diffusion import Diffusion
 from pricing_core.obstacle.event import Event
@@ -76,9 +77,13 @@ def _sum(function: Function, direction: Any, size: float) -> Any:
 
 
 def _with_cash(problem: ObstacleProblem, amounts: Any, size: float) -> tuple[Event, ...]:
-    given = np.broadcast_to(np.asarray(amounts, dtype=np.float64), (len(problem.events),)).tolist()
+    count = len(problem.events)
+    given = as_real_array("cash", amounts)
+    if given.size not in (1, count) or count == 0:
+        raise InvalidInputError("cash", amounts, f"one number for each of the {count} events")
+    given = np.broadcast_to(given.reshape(-1), (count,))
     events = []
-    for event, amount in zip(problem.events, given, strict=True):
+    for event, amount in zip(problem.events, given.tolist(), strict=True):
         _, cash = event.functions
         added = size * amount if cash is None else _sum(cash, amount, size)
         events.append(replace(event, cash=added))

@@ -53,8 +53,8 @@ def read_end(given: object) -> End:
     InvalidInputError
         It is neither a word that is known nor a value.
     """
-    if isinstance(given, Held) or given in ("linear", "exponential"):
-        return given
+    if isinstance(given, Held) or (isinstance(given, str) and given in ("linear", "exponential")):
+        return given  # type: ignore[return-value]
     if isinstance(given, str) or given is None:
         raise InvalidInputError("ends", given, '"linear", "exponential", a number or Held(value)')
     return Held(given)  # type: ignore[arg-type]

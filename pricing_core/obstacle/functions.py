@@ -48,7 +48,9 @@ class Function:
         try:
             values = np.asarray(self.given(*arguments), dtype=np.float64)
             values = np.broadcast_to(values, x.shape)
-        except (TypeError, ValueError) as error:
+        except InvalidInputError:  # of a function that is made of others
+            raise
+        except (TypeError, ValueError, ArithmeticError, LookupError) as error:
             raise InvalidInputError(
                 self.name, Told(f"{type(error).__name__} at t = {t:g}"), "a function with a number for each x"
             ) from error

@@ -5,16 +5,23 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.special import ndtr
 
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, Told
+from pricing_core.obstacle.ends import Held, measure
 from pricing_core.obstacle.grid import GridMap, grid_map
 from pricing_core.obstacle.moment import holds_in_a_point
 from pricing_core.obstacle.problem import ObstacleProblem
 from pricing_core.obstacle.settings import CELLS, LEAST_CELLS, MOST_COARSE_CELLS, WIDTH
 
 PLACES = 65  # at which the volatility is looked at
-TIMES = 4  # of each segment
+TIMES = 16  # of each segment
+# Standard deviations beyond an end at which the payoff is looked at, and what rounding may make of equal ones.
+BEYOND = np.array([1e-3, *np.arange(1.0, 13.0) / 4.0])
+EQUAL = 1e-9
+# Standard deviations up to which a kink of the payoff is looked for beyond the places, and behind which an end lies.
+KINKS_WITHIN, BEHIND_KINKS = 8.0, 2.5
 
 
 def choose_map(problem: ObstacleProblem, at: Vector) -> GridMap:
@@ -30,6 +37,10 @@ def choose_map(problem: ObstacleProblem, at: Vector) -> GridMap:
         problem.ends[1] == "exponential"
     ):  # what grows as e^x is worth most where its own measure lies, further right
         right += deviation * deviation
+    for kink in problem.payoff.kinks_at(problem.horizon).tolist():
+        if at.min() - KINKS_WITHIN * deviation < kink < at.max() + KINKS_WITHIN * deviation:
+            behind = BEHIND_KINKS * deviation
+            left, right = min(left, kink - behind), max(right, kink + behind)
     given_left, given_right = problem.interval
     left, right = left if given_left is None else given_left, right if given_right is None else given_right
     outside = (at < left) | (at > right)
@@ -45,24 +56,56 @@ def choose_map(problem: ObstacleProblem, at: Vector) -> GridMap:
     return grid_map(left, right, cells + cells % 2, kinks, (given_left is not None, given_right is not None))
 
 
+def left_out(problem: ObstacleProblem, chosen: GridMap, at: Vector) -> Vector:
+    """Return an estimate of what a payoff beyond the ends that were chosen is worth at places, money, shape (m,).
+
+    It is what the payoff is there beside the continuation that the end's rule makes of it, times the probability to get
+    there.
+    """
+    left, right, deviation = _reach(problem, at)
+    found = np.zeros(at.size)
+    for end, given, rule, reach, outwards in (
+        (chosen.left, problem.interval[0], problem.ends[0], left, -1.0),
+        (chosen.right, problem.interval[1], problem.ends[1], right, 1.0),
+    ):
+        if given is not None or isinstance(rule, Held):
+            continue
+        places = np.concatenate([[end, end - outwards * chosen.size], end + outwards * deviation * BEYOND])
+        share = measure(rule, places)  # type: ignore[arg-type]  # a number has become Held
+        payoff = problem.payoff(places, problem.horizon)
+        continued = payoff[0] + (payoff[1] - payoff[0]) * share[2:] / share[1]
+        missed = np.abs(payoff[2:] - continued)
+        missed[missed <= EQUAL * np.abs(payoff[2:])] = 0.0
+        furthest = at.max() if outwards > 0.0 else at.min()
+        away = np.abs(at - furthest)[:, None] + outwards * (places[2:] - reach)
+        found = np.maximum(found, (missed * ndtr(-WIDTH - away / deviation)).max(axis=1))
+    return found
+
+
 def _reach(problem: ObstacleProblem, at: Vector) -> tuple[float, float, float]:
     """Return how far x comes, left and right, and its standard deviation at the horizon."""
     volatility, drift, _ = problem.diffusion.functions
+    ends = [
+        end if end is not None else sign * math.inf
+        for end, sign in zip(problem.interval, (-1, 1), strict=True)
+    ]
     low, high, variance = float(at.min()), float(at.max()), 0.0
     for start, end in reversed(problem.segments):
         duration = end - start
         for t in start + duration * (np.arange(TIMES) + 0.5) / TIMES:
             spread = 2.0 * math.sqrt(variance)
-            places = np.linspace(low - spread, high + spread, PLACES)
+            places = np.linspace(max(low - spread, ends[0]), min(high + spread, ends[1]), PLACES)
             variance += duration / TIMES * float(np.mean(volatility(places, t) ** 2))
-            ends = np.array([low, high])
-            low, high = (ends + duration / TIMES * drift(ends, t)).tolist()
+            reached = np.clip(np.array([low, high]), ends[0], ends[1])
+            low, high = (reached + duration / TIMES * drift(reached, t)).tolist()
             low, high = min(low, float(at.min())), max(high, float(at.max()))
         for event in problem.at_event(end):
             move, _ = event.functions
             if move is not None:
-                moved = move(np.array([low, high]), end)
+                moved = move(np.clip(np.array([low, high]), ends[0], ends[1]), end)
                 low, high = min(low, float(moved[0])), max(high, float(moved[1]))
+    if not variance > 0.0:
+        raise InvalidInputError("volatility", Told("0 at every x"), "above 0 at every x and t")
     deviation = math.sqrt(variance)
     return low - WIDTH * deviation, high + WIDTH * deviation, deviation
 

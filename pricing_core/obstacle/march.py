@@ -9,9 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from pricing_core.arrays import Vector
+from pricing_core.arrays import BoolVector, Vector
 from pricing_core.obstacle.grid import Grid
-from pricing_core.obstacle.moment import Complementarity, Moment, Segment
+from pricing_core.obstacle.moment import ROUNDING, Complementarity, Moment, Segment
 from pricing_core.obstacle.problem import ObstacleProblem, just_before
 from pricing_core.obstacle.profile import Profile, contact_sets
 from pricing_core.obstacle.settings import PIECES, ROUNDED, STEPS
@@ -131,16 +131,19 @@ def march(
     grid: Grid,
     interrupt: Callable[[], bool] | None = None,
     complementarity: Complementarity = "averaged",
+    *,
+    checked: bool = True,
 ) -> March | None:
     """March a problem from its horizon to now; None where `interrupt`, asked before every step, says so.
 
-    With the `complementarity` "right-angle" every node has the plain condition of (11.65).
+    With the `complementarity` "right-angle" every node has the plain condition of (11.65). A payoff outside its
+    obstacles is refused where `checked`.
     """
     parts: list[SegmentMarch] = []
     after = payoff_of(problem, grid)
     for start, end in problem.segments:
         segment = Segment(problem, grid, start, end, complementarity)
-        part = _march_segment(segment, before(problem, grid, end, after), interrupt)
+        part = _march_segment(segment, before(problem, grid, end, after, checked=checked), interrupt)
         if part is None:
             return None
         parts.append(part)
@@ -198,20 +201,14 @@ def _march_segment(
 def time_mesh(segment: Segment) -> list[tuple[float, float, bool]]:
     """Return (early, late) of each step, and whether it goes on smoothly from the one before.
 
-    Steps end where the diffusion since the segment's end is (n/M)^2 of the whole. M is such that the first step, the
+    Steps end where the clock since the segment's end is (n/M)^2 of the whole. M is such that the first step, the
     shortest, is longer than the stage matrix needs in order to be an M-matrix (`_diffusion`), but in segments that are
     too short for two steps. A time at which coefficients jump takes the place of the nearest end: a step far shorter
     than its neighbours would cost two digits.
     """
     breaks = [time for time in segment.problem.diffusion.breaks if segment.start < time < segment.end]
-    edges = [segment.end, *breaks[::-1], segment.start]
-    pieces = 1 if segment.problem.diffusion.is_constant else PIECES
-    cuts = [np.linspace(late, early, pieces + 1)[:-1] for late, early in pairwise(edges)]
-    times = np.append(np.concatenate(cuts), segment.start)
-    middles = ((times[1:] + times[:-1]) / 2.0).tolist()
-    parts = np.array([_diffusion(segment.at(t)) for t in middles]) * -np.diff(times)
-    diffused = np.concatenate([[0.0], np.cumsum(parts)])
-    steps = _count(STEPS * math.sqrt(2.0 * diffused[-1]))
+    times, diffused, first = _clock(segment, breaks)
+    steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * _turns(segment, times))
     ends = np.interp(diffused[-1] * (np.arange(steps + 1) / steps) ** 2, diffused, times).tolist()
     ends[0], ends[-1] = segment.end, segment.start
     for time in breaks:
@@ -232,16 +229,54 @@ def _count(wanted: float) -> int:
     return max(2, math.floor(ROUNDED * wanted / power) * power)
 
 
-def _diffusion(moment: Moment) -> float:
-    """Return D/b, in cells^2 a year, where it is least among the nodes that an obstacle may touch.
+def _clock(segment: Segment, breaks: list[float]) -> tuple[Vector, Vector, float]:
+    """Return times from the segment's end to its start, and a clock since then, (k + 1,) each.
+
+    The clock goes half with the diffusion and half with the time: where the diffusion is small for a while, no step
+    may pass all of that. The last number is the diffusion of the whole segment, in cells^2, as the first step shows it.
+    """
+    if segment.problem.diffusion.is_constant:
+        times = np.array([segment.end, segment.start])
+    else:
+        edges = [segment.end, *breaks[::-1], segment.start]
+        cuts = [np.linspace(late, early, PIECES + 1)[:-1] for late, early in pairwise(edges)]
+        times = np.append(np.concatenate(cuts), segment.start)
+    middles = (times[1:] + times[:-1]) / 2.0
+    contact = segment.at(float(middles[middles.size // 2])).contact
+    may_touch = (contact.lower_mass > 0.0) | (contact.upper_mass > 0.0)
+    parts = np.array([_diffusion(segment, t, may_touch) for t in middles.tolist()]) * -np.diff(times)
+    clock = np.concatenate(
+        [[0.0], np.cumsum(0.5 * (parts - parts.sum() / segment.duration * np.diff(times)))]
+    )
+    first = 0.5 * (parts[0] / (times[0] - times[1]) + clock[-1] / segment.duration)
+    return times, clock, float(clock[-1] * parts[0] / (times[0] - times[1]) / first)
+
+
+def _turns(segment: Segment, times: Vector) -> int:
+    """Return how often the coefficients and the source rise and fall in time, in the middle of the grid."""
+    problem, middle = segment.problem, segment.grid.x[segment.grid.x.size // 2 :][:1]
+    turns = 0
+    for function in (*problem.diffusion.functions, problem.source_function):
+        if function.has_t:
+            values = np.array(
+                [float(function(middle, min(t, just_before(segment.end)))[0]) for t in times.tolist()]
+            )
+            change = np.diff(values)
+            rises = change[np.abs(change) > ROUNDING * np.abs(values).max()] > 0.0
+            turns += int(np.count_nonzero(rises[1:] != rises[:-1]))
+    return turns
+
+
+def _diffusion(segment: Segment, t: float, may_touch: BoolVector) -> float:
+    """Return D/b, in cells^2 a year, where it is least among the inner nodes that an obstacle may touch.
 
     The stage matrix is an M-matrix if a D >= (1 + a r) b/12 with b = (1 + |p|/2)/(1 + |p|/2 + p^2/12) and p the cell
     Peclet number.
     """
-    contact, peclet = moment.contact, np.abs(moment.scheme.peclet[1:-1])
+    D, drift = segment.transport(t)
+    peclet = np.abs(drift / D)[1:-1]
     b = (1.0 + peclet / 2.0) / (1.0 + peclet / 2.0 + peclet * peclet / 12.0)
-    may_touch = (contact.lower_mass > 0.0) | (contact.upper_mass > 0.0)
-    slow = contact.diffusion / b
+    slow = D[1:-1] / b
     return float(slow[may_touch].min() if may_touch.any() else np.median(slow))
 
 

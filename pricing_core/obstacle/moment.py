@@ -141,20 +141,32 @@ class Segment:
             self._known = moment
         return moment
 
-    def _moment(self, t: float) -> Moment:
+    def transport(self, t: float) -> tuple[Vector, Vector]:
+        """Return D and the drift at the nodes at the time t, in cells^2 and in cells a year.
+
+        Raises
+        ------
+        InvalidInputError
+            The volatility is not above 0 somewhere.
+        """
         x, slope = self.grid.x, self.grid.slope
-        volatility, drift, rate = (function(x, t) for function in self.problem.diffusion.functions)
+        volatility, drift, _ = (function(x, t) for function in self.problem.diffusion.functions)
         if not (volatility > 0.0).all():
             first = int(np.argmin(volatility))
             place = Told(f"{volatility[first]:g} at x = {x[first]:.6g}, t = {t:.6g}")
             raise InvalidInputError("volatility", place, "above 0 at every x and t")
-        source = self.problem.source_function(x, t)
         diffusion = 0.5 * volatility * volatility
-        scheme = CompactScheme.of(diffusion / slope**2, drift / slope - diffusion * self.grid.bend / slope**3)
-        coefficients = diffusion, drift, rate, source
+        return diffusion / slope**2, drift / slope - diffusion * self.grid.bend / slope**3
+
+    def _moment(self, t: float) -> Moment:
+        x = self.grid.x
+        scheme = CompactScheme.of(*self.transport(t))
+        volatility, drift, rate = (function(x, t) for function in self.problem.diffusion.functions)
+        source = self.problem.source_function(x, t)
+        coefficients = 0.5 * volatility * volatility, drift, rate, source
         contact, low_ends, high_ends = self._contact(t, scheme.diffusion, coefficients)
-        left = _end_rule(self.problem.ends[0], x[:3], t)
-        right = _end_rule(self.problem.ends[1], x[:-4:-1], t)
+        left = _end_rule(self.problem.ends[0], x[:3], t, low_ends[0], high_ends[0])
+        right = _end_rule(self.problem.ends[1], x[:-4:-1], t, low_ends[1], high_ends[1])
         return Moment(scheme, rate, source, contact, left, right, low_ends, high_ends)
 
     def _contact(
@@ -200,6 +212,7 @@ class Segment:
             gap = x - kink
             centre = np.where((gap >= 0.0) & (gap < step), np.maximum(centre, kink + step), centre)
             centre = np.where((gap < 0.0) & (-gap < step), np.minimum(centre, kink - step), centre)
+        centre = np.clip(centre, x[0] + step, x[-1] - step)  # nor do they leave the interval
         n = x.size
         around = obstacle(np.concatenate([centre - step, centre, centre + step, x]), t)
         before, at, after, value = (around[k * n : (k + 1) * n] for k in range(4))
@@ -235,8 +248,9 @@ def holds_in_a_point(obstacle: Obstacle, sign: float, kink: float, width: float,
     return bool(sign * (slope_after - slope_before) < -ROUNDING * size)
 
 
-def _end_rule(end: End | float, x: Vector, t: float) -> EndRule:
+def _end_rule(end: End | float, x: Vector, t: float, low: float, high: float) -> EndRule:
+    """Return the rule of an end, x from there inwards; a value that is held lies between the obstacles."""
     if isinstance(end, Held):
-        return EndRule(end.at(t), 0.0, 0.0)
+        return EndRule(min(max(end.at(t), low), high), 0.0, 0.0)
     q = ratio(end, x)  # type: ignore[arg-type]  # a number has become Held
     return EndRule(0.0, 1.0 + q, -q)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pricing_core.arrays import Vector, as_number, as_vector
+from pricing_core.arrays import Matrix, Vector, as_number, as_vector, check_list
 from pricing_core.errors import InvalidInputError
 from pricing_core.obstacle.functions import Function, Given, read_function
 
@@ -50,9 +50,11 @@ class Obstacle:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "function", read_function("obstacle", self.value))
+        check_list("kinks", self.kinks)
         read = tuple(read_function("kinks", kink, always=("t",)) for kink in self.kinks)
         object.__setattr__(self, "kink_functions", read)
         if self.during is not None:
+            check_list("during", self.during)
             if len(self.during) != 2:
                 raise InvalidInputError("during", self.during, "a pair (start, end)")
             start, end = (as_number("during", time) for time in self.during)
@@ -65,6 +67,12 @@ class Obstacle:
     def __call__(self, x: Vector, t: float) -> Vector:
         """Return the values at x, shape (n,), at the time t."""
         return self.function(x, t)
+
+    def derivatives(self, x: Vector, t: float, width: float) -> Matrix:
+        """Return the value, its slope and its curvature at x, by differences over a width, shape (3, n)."""
+        places = x + width * np.arange(-1.0, 2.0)[:, None]
+        before, at, after = self(places.ravel(), t).reshape(3, -1)
+        return np.array([at, (after - before) / (2.0 * width), (before - 2.0 * at + after) / width**2])
 
     @property
     def is_constant(self) -> bool:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from pricing_core.arrays import as_number, check_type
+from pricing_core.arrays import as_number, check_list, check_type
 from pricing_core.errors import InvalidInputError
 from pricing_core.obstacle.diffusion import Diffusion
 from pricing_core.obstacle.ends import End, Held, read_end
@@ -66,12 +66,20 @@ class ObstacleProblem:
             raise InvalidInputError("horizon", horizon, "above 0")
         object.__setattr__(self, "horizon", horizon)
         object.__setattr__(self, "source_function", read_function("source", self.source))
+        for name in ("lower", "upper"):
+            self._check_dates(getattr(self, name))
+        check_list("events", self.events)
         for event in self.events:
             check_type("events", event, Event)
             if event.time > horizon:
                 raise InvalidInputError("events", event.time, f"at most the horizon, {horizon:g}")
         object.__setattr__(self, "events", tuple(sorted(self.events, key=lambda event: event.time)))
         self._read_interval()
+
+    def _check_dates(self, obstacle: Obstacle | None) -> None:
+        for time in () if obstacle is None else obstacle.at or ():
+            if not 0.0 <= time <= self.horizon:
+                raise InvalidInputError("at", time, f"from 0 to the horizon, {self.horizon:g}")
 
     def _read_interval(self) -> None:
         for name in ("interval", "ends"):

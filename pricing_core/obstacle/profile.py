@@ -59,13 +59,16 @@ class Profile:
                 inside = (index >= left) & (index <= right)
                 if obstacle is not None and inside.any():
                     width = DIFFERENCE * float(self.grid.slope.min())
-                    places = x[inside] + width * np.arange(-1.0, 2.0)[:, None]
-                    before, at, after = obstacle(places.ravel(), self.t).reshape(3, -1)
-                    found[:, inside] = (
-                        at,
-                        (after - before) / (2 * width),
-                        (before - 2 * at + after) / width**2,
-                    )
+                    found[:, inside] = obstacle.derivatives(x[inside], self.t, width)
+        return found
+
+    def side(self, x: Vector) -> NDArray[np.intp]:
+        """Return 1 where V is the lower obstacle, -1 where it is the upper one, 0 elsewhere, shape (m,)."""
+        index = self.grid.index(x)
+        found = np.zeros(x.size, dtype=np.intp)
+        for sign, intervals in zip((1, -1), self.contacts, strict=True):
+            for left, right in intervals:
+                found[(index >= left) & (index <= right)] = sign
         return found
 
     def nodal(self, x: Vector) -> Matrix:

@@ -12,5 +12,5 @@ STEPS = 1.4
 ROUNDED = 1.07
 # Cells of the coarsest grid, at least and at most, and of the finest.
 LEAST_CELLS, MOST_COARSE_CELLS, MOST_CELLS = 16, 1024, 4096
-# Pieces of time between two breaks in which a diffusion that depends on the time is looked at.
-PIECES = 4
+# Pieces of time between two breaks in which coefficients that depend on the time are looked at.
+PIECES = 256

@@ -11,12 +11,14 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pricing_core.arrays import Matrix, Vector, as_number, as_vector
+from pricing_core.arrays import Matrix, Vector, as_number, as_vector, check_type
 from pricing_core.errors import InvalidInputError, NumericalError, Told
 from pricing_core.obstacle.adjoint import Walk
 from pricing_core.obstacle.direction import NAMES, neighbours
-from pricing_core.obstacle.march import Instant, March, march
-from pricing_core.obstacle.problem import ObstacleProblem
+from pricing_core.obstacle.march import Instant, March, SegmentMarch, march
+from pricing_core.obstacle.moment import ROUNDING
+from pricing_core.obstacle.obstacle import Obstacle
+from pricing_core.obstacle.problem import ObstacleProblem, just_before
 from pricing_core.obstacle.profile import Intervals
 from pricing_core.obstacle.tangent import tangent
 
@@ -88,7 +90,8 @@ class ObstacleSolution:
     def contact(self, t: float) -> Intervals:
         """Return the intervals of x where V = lower at the time t, (left, right) each.
 
-        They are infinite where they reach beyond the interval; at the time of an event as just before it.
+        They are infinite where they reach beyond the interval; at the time of an event, on a date and at the end of a
+        window as just before it.
         """
         return self._contact(t, 0)
 
@@ -99,9 +102,19 @@ class ObstacleSolution:
     def values(self, t: ArrayLike, x: ArrayLike) -> Matrix:
         """Return V at times and places, shape (len(t), len(x)).
 
-        Between the ends of two steps on the straight line through the values there: second order in the step.
+        Between the ends of two steps on the straight line through the values there: second order in the step. At the
+        horizon it is the payoff; where an obstacle acts V lies on its side.
+
+        Raises
+        ------
+        InvalidInputError
+            A place lies outside the interval of the solution; solve with it in `at`.
         """
         times, places = as_vector("t", np.atleast_1d(t)), as_vector("x", np.atleast_1d(x))
+        left, right = self._march.grid.x[[0, -1]].tolist()
+        outside = places[(places < left) | (places > right)]
+        if outside.size:
+            raise InvalidInputError("x", float(outside[0]), f"inside the interval, {left:g} to {right:g}")
         return np.array([self._values_at(time, places) for time in times.tolist()])
 
     def derivative(self, **direction: Any) -> ObstacleDerivative:
@@ -160,9 +173,9 @@ class ObstacleSolution:
     def second_derivative(self, first: Mapping[str, Any], second: Mapping[str, Any]) -> ObstacleDerivative:
         """Return the second derivative of the value in two directions, each as the arguments of `derivative` by name.
 
-        It is the central difference of tangents of two marches on each grid, changed by a thousandth of `second`: a
-        node that enters a contact set is a kink of the first derivative, so that the second is a mean over some of
-        them, and of lower order than the others.
+        It is the central difference of tangents of two marches on each grid, changed by a thousandth of `second`, and
+        by two on the coarser one, so that the estimate sees this as well. A node that enters a contact set is a kink of
+        the first derivative, so that the second is a mean over some of them, and of lower order than the others.
 
         Raises
         ------
@@ -172,12 +185,12 @@ class ObstacleSolution:
         for direction in (first, second):
             _check_direction(direction)
         found = []
-        for own in self._marches:
+        for own, size in zip(self._marches, (SECOND_DIFFERENCE, 2.0 * SECOND_DIFFERENCE), strict=False):
             high, low = (
                 tangent(_again(problem, own), first, self._places)[0]
-                for problem in neighbours(self.problem, second, SECOND_DIFFERENCE)
+                for problem in neighbours(self.problem, second, size)
             )
-            found.append((high - low) / (2.0 * SECOND_DIFFERENCE))
+            found.append((high - low) / (2.0 * size))
         return ObstacleDerivative(*self._with_errors(np.array(found)))
 
     @property
@@ -221,6 +234,10 @@ class ObstacleSolution:
         return before, after, min(max(share, 0.0), 1.0)
 
     def _contact(self, t: float, which: int) -> Intervals:
+        obstacle = self.problem.obstacles[which]
+        for part in self._march.parts:
+            if t == part.segment.end < self.problem.horizon:
+                return () if obstacle is None else _held_before(part, obstacle, (1.0, -1.0)[which])
         before, after, share = self._around(t)
         first, second = (self._intervals(instant, which) for instant in (before, after))
         if len(first) != len(second):
@@ -240,19 +257,47 @@ class ObstacleSolution:
         )
 
     def _values_at(self, t: float, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        if t == self.problem.horizon:
+            return self.problem.payoff(x, t)
         before, after, share = self._around(t)
         early, late = (self._march.profile(instant)(x) for instant in (before, after))
-        return np.asarray((1.0 - share) * early + share * late)
+        found: Vector = (1.0 - share) * early + share * late
+        for obstacle, side in zip(self.problem.obstacles, (np.maximum, np.minimum), strict=True):
+            if obstacle is not None and obstacle.acts_at(t):
+                found = side(found, obstacle(x, t))
+        return found
+
+
+def _held_before(part: SegmentMarch, obstacle: Obstacle, sign: float) -> Intervals:
+    """Return where V is an obstacle just before the end of a segment, as intervals of x."""
+    end, x = part.segment.end, part.segment.grid.x
+    if not obstacle.acts_at(end):
+        return ()
+    kinks = part.known.kinks[(part.known.kinks > x[0]) & (part.known.kinks < x[-1])]
+    edges = np.array([x[0], *kinks, x[-1]])
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    bound = obstacle(middles, just_before(end))
+    assert part.known.waiting is not None
+    is_held = sign * (bound - part.known.waiting(middles)) > ROUNDING * np.maximum(1.0, np.abs(bound))
+    edges[0], edges[-1] = -math.inf, math.inf
+    found: list[tuple[float, float]] = []
+    for k in np.flatnonzero(is_held).tolist():
+        left, right = float(edges[k]), float(edges[k + 1])
+        if found and found[-1][1] == left:
+            left = found.pop()[0]
+        found.append((left, right))
+    return tuple(found)
 
 
 def _check_direction(direction: Mapping[str, Any]) -> None:
+    check_type("direction", direction, Mapping)
     if not direction:
         raise InvalidInputError("direction", Told("nothing"), f"one or several of {', '.join(NAMES)}")
 
 
 def _again(problem: ObstacleProblem, own: March) -> March:
     """Return the march of a changed problem on the same grid."""
-    found = march(problem, own.grid)
+    found = march(problem, own.grid, checked=False)
     assert found is not None  # nothing interrupts it
     return found
 

@@ -14,9 +14,10 @@ from pricing_core.arrays import Matrix, Vector, as_number, as_real_array, check_
 from pricing_core.errors import InvalidInputError, IterationLimitError
 from pricing_core.lcp.time_limit import TimeLimit
 from pricing_core.obstacle.grid import Grid, GridMap
-from pricing_core.obstacle.interval import choose_map
+from pricing_core.obstacle.interval import choose_map, left_out
 from pricing_core.obstacle.march import March, march
 from pricing_core.obstacle.problem import ObstacleProblem
+from pricing_core.obstacle.profile import DIFFERENCE
 from pricing_core.obstacle.settings import MOST_CELLS
 from pricing_core.obstacle.solution import ObstacleSolution, Status
 
@@ -28,6 +29,9 @@ SLOWEST = 0.9  # of a difference to the one before it that still lets the rest b
 MARGIN = 1.5  # on what the extrapolation leaves where the differences fall less than the third order says
 STEEP = 0.25  # up to which the differences fall as the third order says, and one is extrapolated; it says 1/8
 FIRST_LEVELS = 3
+MUCH_WORSE = (
+    10.0  # by which a finer grid's estimate may be larger before the one that was found before it stays
+)
 PESSIMISM = (
     22.0  # by which the difference before the last falls at least on the way to the error; 56 at third order
 )
@@ -81,10 +85,13 @@ def solve(
     tolerance = as_number("tolerance", tolerance)
     if not tolerance > 0.0:
         raise InvalidInputError("tolerance", tolerance, "above 0")
+    deadline = None if deadline is None else as_number("deadline", deadline)
     limit = TimeLimit(deadline) if deadline is None or deadline > 0.0 else TimeLimit(math.nextafter(0.0, 1.0))
     flat = places.reshape(-1)
-    levels = Levels(choose_map(problem, flat), flat)
+    chosen = choose_map(problem, flat)
+    levels = Levels(chosen, flat, left_out(problem, chosen, flat))
     status = levels.run(problem, tolerance, limit)
+    levels.keep_between_obstacles(problem)
     value, slope, curvature = (_shaped(places, row) for row in levels.derivatives)
     error_estimate = _shaped(places, levels.error_estimate)
     return ObstacleSolution(
@@ -113,10 +120,13 @@ class Levels:
     ----------
     map : GridMap
     at : Vector, shape (m,)
+    left_out : Vector, shape (m,)
+        What lies beyond the interval, money.
     """
 
     map: GridMap
     at: Vector
+    left_out: Vector
     march: March | None = None
     coarse: March | None = None
     derivatives: Matrix = None  # type: ignore[assignment]
@@ -165,9 +175,25 @@ class Levels:
             ratio = np.clip(last / np.where(differences[-2] > 0.0, differences[-2], 1.0), 0.0, SLOWEST)
         falls = ratio <= STEEP
         change = fine_values - coarse.now.derivatives(self.at)
-        self.derivatives = np.where(falls, fine_values + change / (GAIN - 1.0), fine_values)
+        extrapolated = np.where(falls, fine_values + change / (GAIN - 1.0), fine_values)
+        crossed = fine.now.side(self.at) != coarse.now.side(self.at)  # the end of a contact set
+        extrapolated[1:, crossed] = fine_values[1:, crossed]
         geometric, third = ratio / (1.0 - ratio), 1.0 / (GAIN - 1.0)
         rest = np.where(falls, np.maximum(third, MARGIN * (geometric - third)), geometric)
         rounding = 1e-13 * np.maximum(1.0, np.abs(fine_values[0]))
         before = differences[-2] / PESSIMISM if len(differences) > 1 else 0.0
-        self.error_estimate = np.maximum(last * rest, before) + rounding
+        # Where a cell's drift is more than its diffusion the order is not seen yet.
+        peclet = np.median(np.abs(fine.parts[-1].instants[-1].moment.scheme.peclet))
+        error = np.maximum(last * rest, before) * max(1.0, float(peclet)) ** 2 + rounding + self.left_out
+        worse = ~(error <= MUCH_WORSE * self.error_estimate) & ~np.isnan(self.error_estimate)
+        self.derivatives = np.where(worse, self.derivatives, extrapolated)
+        self.error_estimate = np.where(worse, self.error_estimate, error)
+
+    def keep_between_obstacles(self, problem: ObstacleProblem) -> None:
+        """Clip the values to the obstacles that act now, on a date as well."""
+        for obstacle, sign in zip(problem.obstacles, (1.0, -1.0), strict=True):
+            if obstacle is not None and obstacle.acts_at(0.0):
+                own = obstacle.derivatives(self.at, 0.0, DIFFERENCE * self.map.size)
+                short = sign * (own[0] - self.derivatives[0])
+                self.derivatives[0] = np.where(short > 0.0, own[0], self.derivatives[0])
+                self.derivatives[1:, short > self.error_estimate] = own[1:, short > self.error_estimate]

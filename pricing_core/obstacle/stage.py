@@ -10,7 +10,7 @@ from scipy.linalg.lapack import dgtsv
 from pricing_core.arrays import Vector
 from pricing_core.errors import IterationLimitError
 from pricing_core.obstacle.averaged import Point, Side
-from pricing_core.obstacle.compact import product
+from pricing_core.obstacle.compact import neighbouring, product
 from pricing_core.obstacle.moment import Moment
 
 MOST_ITERATIONS = 60  # ten suffice
@@ -59,7 +59,7 @@ class StageSystem:
     def of(cls, moment: Moment, a: float) -> StageSystem:
         """Return the system of a stage at one time."""
         scheme, contact = moment.scheme, moment.contact
-        A = scheme.weights * (1.0 / a + moment.rate) - scheme.operator
+        A = scheme.weights * (1.0 / a + neighbouring(moment.rate)) - scheme.operator
         lower, diagonal, upper, left, right = moment.without_ends(A)
         D = scheme.diffusion[1:-1]
         side = None if contact.is_two_sided else contact.side(contact.lower, D * diagonal)

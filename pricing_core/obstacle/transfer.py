@@ -34,11 +34,14 @@ class Known:
         The places where it is not smooth.
     nodal : callable
         How the values at x depend on those at the nodes at the end of the segment before, shape (m, n).
+    waiting : callable, optional
+        The values that the obstacles have not touched yet, at a time at which they act.
     """
 
     value: ValueOf
     kinks: Vector
     nodal: Callable[[Vector], Matrix]
+    waiting: ValueOf | None = None
 
 
 def payoff_of(problem: ObstacleProblem, grid: Grid) -> Known:
@@ -98,7 +101,7 @@ def before(problem: ObstacleProblem, grid: Grid, time: float, after: Known, *, c
         found: Matrix = after.nodal(x) * is_free[:, None]
         return found
 
-    return Known(clipped, np.unique(kinks), nodal)
+    return Known(clipped, np.unique(kinks), nodal, value)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
