@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,7 @@ from pricing_core.obstacle.grid import Grid
 from pricing_core.obstacle.moment import ROUNDING, Complementarity, Moment, Segment
 from pricing_core.obstacle.problem import ObstacleProblem, just_before
 from pricing_core.obstacle.profile import Profile, contact_sets
-from pricing_core.obstacle.settings import PIECES, ROUNDED, STEPS
+from pricing_core.obstacle.settings import CLOCK_SHARE, PIECES, PIECES_OF_TURNS, ROUNDED, STEPS
 from pricing_core.obstacle.stage import StageSystem, Values, solve_stage
 from pricing_core.obstacle.transfer import Known, Start, before, payoff_of
 from pricing_core.stepping import ESDIRK3, SDIRK3, Tableau
@@ -208,7 +209,13 @@ def time_mesh(segment: Segment) -> list[tuple[float, float, bool]]:
     """
     breaks = [time for time in segment.problem.diffusion.breaks if segment.start < time < segment.end]
     times, diffused, first = _clock(segment, breaks)
-    steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * _turns(segment, times))
+    middle = float(segment.grid.place(np.array([0.5 * (segment.grid.x.size - 1)]))[0])
+    turns = 0
+    if (
+        not segment.is_constant
+    ):  # the number doubles from grid to grid in any case, so that their difference shows it
+        turns = max(1, _turns(segment.problem, segment.start, segment.end, middle))
+    steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * turns)
     ends = np.interp(diffused[-1] * (np.arange(steps + 1) / steps) ** 2, diffused, times).tolist()
     ends[0], ends[-1] = segment.end, segment.start
     for time in breaks:
@@ -232,8 +239,9 @@ def _count(wanted: float) -> int:
 def _clock(segment: Segment, breaks: list[float]) -> tuple[Vector, Vector, float]:
     """Return times from the segment's end to its start, and a clock since then, (k + 1,) each.
 
-    The clock goes half with the diffusion and half with the time: where the diffusion is small for a while, no step
-    may pass all of that. The last number is the diffusion of the whole segment, in cells^2, as the first step shows it.
+    The clock goes with the diffusion and, a share of it, with the time: where the diffusion is small for a while, no
+    step may pass all of that. The last number is the diffusion of the whole segment, in cells^2, as the first step
+    shows it.
     """
     if segment.problem.diffusion.is_constant:
         times = np.array([segment.end, segment.start])
@@ -245,22 +253,21 @@ def _clock(segment: Segment, breaks: list[float]) -> tuple[Vector, Vector, float
     contact = segment.at(float(middles[middles.size // 2])).contact
     may_touch = (contact.lower_mass > 0.0) | (contact.upper_mass > 0.0)
     parts = np.array([_diffusion(segment, t, may_touch) for t in middles.tolist()]) * -np.diff(times)
-    clock = np.concatenate(
-        [[0.0], np.cumsum(0.5 * (parts - parts.sum() / segment.duration * np.diff(times)))]
-    )
-    first = 0.5 * (parts[0] / (times[0] - times[1]) + clock[-1] / segment.duration)
-    return times, clock, float(clock[-1] * parts[0] / (times[0] - times[1]) / first)
+    rates = parts / -np.diff(times)
+    mean = parts.sum() / segment.duration
+    mixed = (1.0 - CLOCK_SHARE) * rates + CLOCK_SHARE * mean
+    clock = np.concatenate([[0.0], np.cumsum(mixed * -np.diff(times))])
+    return times, clock, float(clock[-1] * rates[0] / mixed[0])
 
 
-def _turns(segment: Segment, times: Vector) -> int:
-    """Return how often the coefficients and the source rise and fall in time, in the middle of the grid."""
-    problem, middle = segment.problem, segment.grid.x[segment.grid.x.size // 2 :][:1]
-    turns = 0
+@lru_cache(maxsize=64)
+def _turns(problem: ObstacleProblem, start: float, end: float, x: float) -> int:
+    """Return how often the coefficients and the source rise and fall between two times, at a place."""
+    place, turns = np.array([x]), 0
+    times = np.linspace(start, just_before(end), PIECES_OF_TURNS + 1).tolist()
     for function in (*problem.diffusion.functions, problem.source_function):
         if function.has_t:
-            values = np.array(
-                [float(function(middle, min(t, just_before(segment.end)))[0]) for t in times.tolist()]
-            )
+            values = np.array([float(function(place, t)[0]) for t in times])
             change = np.diff(values)
             rises = change[np.abs(change) > ROUNDING * np.abs(values).max()] > 0.0
             turns += int(np.count_nonzero(rises[1:] != rises[:-1]))
