@@ -24,6 +24,35 @@ def lemke(
 def march_strikes(
     factors: Matrix, matrices: NDArray[np.float64], values: Matrix, obstacle: Matrix
 ) -> Matrix: ...
+
+class MarchSettings:
+    def __new__(cls, *, cells: int, width: float, steps: float, rounded: float) -> MarchSettings: ...
+
+class SegmentTable:
+    def __new__(
+        cls,
+        *,
+        sign: Vector,
+        x: Vector,
+        first: NDArray[np.int64],
+        duration: Vector,
+        rate: Vector,
+        dividend_yield: Vector,
+        volatility: Vector,
+        exercisable: BoolVector,
+        exercise_at_end: BoolVector,
+        fraction: Vector,
+        amount: Vector,
+        escrow: Vector,
+    ) -> SegmentTable: ...
+
+def march_segments(
+    table: SegmentTable,
+    tolerance: Vector,
+    settings: MarchSettings,
+    threads: int,
+    interrupt: Callable[[], bool] | None,
+) -> tuple[Matrix, NDArray[np.bool_], NDArray[np.int64]]: ...
 def policy_iteration(
     lower: Vector,
     diagonal: Vector,

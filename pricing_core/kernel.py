@@ -43,6 +43,9 @@ two_boundaries = None if _compiled is None else _compiled.two_boundaries
 march_boundaries = None if _compiled is None else _compiled.march_boundaries
 solve_schedules = None if _compiled is None else _compiled.solve_schedules
 sweep_schedules = None if _compiled is None else _compiled.sweep_schedules
+MarchSettings = None if _compiled is None else _compiled.MarchSettings
+SegmentTable = None if _compiled is None else _compiled.SegmentTable
+march_segments = None if _compiled is None else _compiled.march_segments
 
 
 def kernel_name() -> str:

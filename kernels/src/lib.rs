@@ -13,6 +13,7 @@
 //! - `boundary_collocation`: American puts in a flat market whose exercise region has two boundaries, by collocation of both.
 //! - `multiplier_collocation`: American and Bermudan options with dividends, curves and exercise dates, by collocation of
 //!   the multiplier of their complementarity system.
+//! - `obstacle_march`: options with whatever happens to them, by one march with averaged complementarity.
 //!
 //! The engines run sixteen numbers side by side (`lanes`), with the instruction set that the processor has. Nothing here
 //! knows of calendars, currencies or files; the module `python` (feature "python") is the only bridge to Python.
@@ -34,6 +35,7 @@ mod linear_system;
 mod mode_flow;
 mod mode_signs;
 pub mod multiplier_collocation;
+pub mod obstacle_march;
 mod policy_iteration;
 pub mod premium_march;
 mod psor;

@@ -150,6 +150,7 @@ def test_a_killed_worker_loses_nothing_and_duplicates_nothing(
     assert not Path(parts_path(target)).exists()
 
 
+@pytest.mark.nightly
 def test_a_unit_that_kills_its_workers_is_named_when_all_others_are_priced(
     book: Path, undisturbed: pa.Table, there: Cluster, tmp_path: Path
 ) -> None:

@@ -25,6 +25,7 @@ def test_a_cluster_is_held_against_one_thread() -> None:
     assert [len(axes.lines) for axes in section.figures["flat"].axes] == [2]
 
 
+@pytest.mark.nightly
 def test_the_service_is_held_against_its_own_constant_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(service_load, "CLIENTS", (2,))
     loops, arrivals = service_load.run(quick=True).tables

@@ -47,6 +47,7 @@ def test_large_systems_are_answered() -> None:
     assert {report.answer for report in reports} <= {"well-posed", "ill-posed", "unknown"}
 
 
+@pytest.mark.nightly
 def test_the_quick_report_holds_every_system_and_method() -> None:
     report = run(quick=True)
     assert {(row[0], row[1]) for row in report.sections[0].tables[0].rows} >= {

@@ -11,6 +11,7 @@ pytestmark = needs_kernel
 MOST_MEGABYTES = 700.0  # of two workers and their parent, pages that they share counted once
 
 
+@pytest.mark.nightly
 def test_some_attacks_are_tried_and_told() -> None:
     report = service_attack.run(quick=True)
     (attacks,) = report.tables

@@ -102,6 +102,7 @@ def test_the_scenarios_of_a_book_and_its_day_have_their_headlines(capsys: pytest
     assert crash == pytest.approx(100.0 * profit @ np.array(book["quantity"]), rel=1e-9)
 
 
+@pytest.mark.nightly
 def test_the_file_of_quotes_is_one_that_is_fitted(capsys, monkeypatch, tmp_path):
     names = runpy.run_path(str(EXAMPLES / "chain" / "make_quotes.py"))
     monkeypatch.setitem(names["main"].__globals__, "OUT", tmp_path)

@@ -171,6 +171,7 @@ def test_ill_conditioned_problems_are_solved(name):
     assert scaled_residual(problem, found.z) <= 1e-12
 
 
+@pytest.mark.nightly
 def test_an_indefinite_problem_ends_with_its_best_point_before_long():
     M = csr_array(laplacian(60) / 3721.0 - 0.5 * diags_array(np.ones(3600)))
     problem = LCP(M, np.cos(np.arange(3600.0)))

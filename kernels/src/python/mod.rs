@@ -6,6 +6,7 @@ mod flat_options;
 mod interrupt;
 mod mode;
 mod multiplier_collocation;
+mod obstacle_march;
 mod segment_march;
 mod sparse;
 mod strike_march;
@@ -34,6 +35,8 @@ mod _kernels {
     use super::mode::{enter_mode, initial_signs, leading_signs, taylor_step};
     #[pymodule_export]
     use super::multiplier_collocation::solve_schedules;
+    #[pymodule_export]
+    use super::obstacle_march::{march_segments, MarchSettings, SegmentTable};
     #[pymodule_export]
     use super::segment_march::sweep_schedules;
     #[pymodule_export]

@@ -193,6 +193,7 @@ def test_greeks_are_the_differences_of_prices(seed):
         assert found.dividend_sensitivities[0] == pytest.approx(by_amount, rel=2e-3, abs=1e-4)
 
 
+@pytest.mark.nightly
 @needs_kernel
 def test_estimates_cover_the_errors_on_random_surfaces():
     covered = count = 0

@@ -664,6 +664,7 @@ def test_no_agreement_by_chance_is_believed(option, market, value, tolerance):
     assert found.value == pytest.approx(value, abs=found.error + 1e-6)
 
 
+@pytest.mark.nightly
 @needs_kernel  # without it this takes a minute
 def test_the_error_estimate_holds_on_contracts_with_two_boundaries():
     """Against the same engine at a tolerance a hundred times tighter."""

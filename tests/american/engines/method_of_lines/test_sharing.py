@@ -99,12 +99,13 @@ def test_strikes_and_spots_of_a_curve_share_every_sweep(swept, greeks):
 TWICE = (CashDividend(0.3, 2.0), CashDividend(0.8, 2.0))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("option_type", "dividends"),
     [
-        pytest.param("put", (), marks=pytest.mark.nightly),
-        pytest.param("put", TWICE, marks=pytest.mark.nightly),
-        pytest.param("call", (), marks=pytest.mark.nightly),
+        ("put", ()),
+        ("put", TWICE),
+        ("call", ()),
         ("call", TWICE),
     ],
 )

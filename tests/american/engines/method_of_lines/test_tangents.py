@@ -48,6 +48,7 @@ def slope(value, h):
     return (8.0 * (value(h) - value(-h)) - (value(2.0 * h) - value(-2.0 * h))) / (12.0 * h)
 
 
+@pytest.mark.nightly
 @needs_kernel
 @pytest.mark.parametrize("name", FLAT)
 def test_greeks_are_differences_of_prices(name):

@@ -80,6 +80,7 @@ def test_dividend_sensitivities_are_the_derivatives_by_the_amounts(name):
         assert sensitivity == pytest.approx((up - down) / 0.04, abs=1e-3)
 
 
+@pytest.mark.nightly
 def test_a_price_that_misses_its_tolerance_by_far_is_given_up():
     """Settled is what has its error within the tolerance, or within 1e-6 strikes."""
     book = Book.of(random_contracts(21, 1500))

@@ -117,6 +117,7 @@ def test_a_spot_below_the_far_end_is_held():
     assert (exercised == ((spots >= far) & (spots <= near))).all()
 
 
+@pytest.mark.nightly
 def test_a_value_that_is_not_collocated_well_says_so():
     """Where the spots that a dividend takes whole are within reach, the estimate covers what is neglected."""
     rows = random_puts(7, 40, volatility=(0.5, 0.9))
@@ -126,6 +127,7 @@ def test_a_value_that_is_not_collocated_well_says_so():
     assert (distance <= (found.error + general["error_estimate"] / 100.0)[found.settled]).all()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("volatility", "least"), [((0.35, 0.6), 0.9), ((0.9, 1.5), 0.3)])
 def test_segments_over_which_the_spot_spreads_far_are_cut(volatility, least):
     rows = random_puts(7, 40, volatility=volatility)
@@ -141,6 +143,7 @@ def test_segments_over_which_the_spot_spreads_far_are_cut(volatility, least):
     assert (distance <= found.error + general["error_estimate"] / 100.0)[met].all()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", ["cash", "proportional"])
 def test_a_small_dividend_next_to_a_larger_one_changes_little(kind):
     """What is waited for may be paid a few events later, and a contact set with two ends may go on through an event."""

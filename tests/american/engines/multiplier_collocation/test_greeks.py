@@ -223,6 +223,7 @@ def test_next_to_an_ex_date_and_to_expiry_they_keep_their_accuracy():
         np.testing.assert_array_less(np.abs(prices.vega / book.strike - wanted), CLAIM + doubt)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("kind", "seed"), [(kinds.curves, 8), (kinds.curves, 9), (kinds.near_yield_with_cash, 9)]
 )

@@ -29,10 +29,11 @@ def put(random, life):
     }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("life", [(0.2, 2.0), (2.0, 10.0)], ids=["short", "long"])
 @pytest.mark.parametrize(
     ("tolerance", "count"),
-    [(1e-6, 24), *(pytest.param(each, 40, marks=pytest.mark.nightly) for each in (1e-4, 1e-6))],
+    [(1e-4, 40), (1e-6, 40)],
 )
 def test_the_price_is_that_of_the_method_of_lines(life, tolerance, count):
     random = np.random.default_rng(23)

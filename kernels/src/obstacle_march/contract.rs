@@ -1,0 +1,83 @@
+//! Contracts as the march takes them: money in strikes, segments between the times at which something happens.
+
+use super::mesh::{step_count, Grid};
+use super::settings::Settings;
+
+/// An interval of time in which nothing happens, and what happens at its end.
+#[derive(Clone, Copy, Debug)]
+pub struct Segment {
+    /// Years.
+    pub duration: f64,
+    /// Per year.
+    pub rate: f64,
+    /// Per year.
+    pub dividend_yield: f64,
+    /// Per square root of a year, above 0.
+    pub volatility: f64,
+    /// Whether the holder may exercise throughout.
+    pub exercisable: bool,
+    /// Whether the holder may exercise at the end, before the dividends there.
+    pub exercise_at_end: bool,
+    /// The share of the spot by which it drops at the end.
+    pub fraction: f64,
+    /// The amount by which it drops then, to 0 at the least.
+    pub amount: f64,
+    /// What escrowed dividends still due are worth at the end, before those paid there.
+    pub escrow: f64,
+}
+
+impl Segment {
+    /// The drift of ln S.
+    pub(super) fn drift(&self) -> f64 {
+        self.rate - self.dividend_yield - 0.5 * self.volatility * self.volatility
+    }
+
+    /// What the escrowed dividends still due are worth so many years before the end.
+    pub(super) fn escrow_before_end(&self, years: f64) -> f64 {
+        if self.escrow == 0.0 {
+            0.0
+        } else {
+            self.escrow * (-self.rate * years).exp()
+        }
+    }
+
+    /// Whether the spot drops at the end.
+    pub(super) fn drops(&self) -> bool {
+        self.fraction > 0.0 || self.amount > 0.0
+    }
+
+    /// The spot after the drop at the end.
+    pub(super) fn after_drop(&self, spot: f64) -> f64 {
+        (spot * (1.0 - self.fraction) - self.amount).max(0.0)
+    }
+
+    /// The spot before a drop at the end, after which it is above 0.
+    pub(super) fn before_drop(&self, spot: f64) -> f64 {
+        (spot + self.amount) / (1.0 - self.fraction)
+    }
+}
+
+/// A put or a call with strike 1.
+#[derive(Clone, Copy, Debug)]
+pub struct Contract<'a> {
+    /// 1 for a put, -1 for a call.
+    pub sign: f64,
+    /// ln of the spot that diffuses.
+    pub x: f64,
+    /// From now to expiry, at least one.
+    pub segments: &'a [Segment],
+}
+
+impl Contract<'_> {
+    /// The number of steps on a grid of so many cells.
+    pub(super) fn steps(&self, cells: usize, settings: &Settings) -> usize {
+        let h = Grid::new(self, cells, settings).h;
+        let of = |segment| step_count(segment, h, settings);
+        self.segments.iter().map(of).sum()
+    }
+
+    /// What exercise brings where the strike, less what is escrowed, is `strike`; below 0 where it costs.
+    pub(super) fn obstacle(&self, spot: f64, strike: f64) -> f64 {
+        self.sign * (strike - spot)
+    }
+}

@@ -1,0 +1,266 @@
+//! Newton's method for a stage whose contact set need not begin at the near end: two boundaries, or parts that meet.
+//!
+//! As in `pricing_core/obstacle/averaged.py` the value and the mass of the multiplier are functions of one number s for
+//! each node, the distance of the contact set's end in cells: V - g = rise s^2 and mass = c (1 - s)^2 / 2 in between,
+//! the node in contact below 0, on the tangent of V - g above 1.
+
+use super::line::Contact;
+use super::march::{Obstacle, Stage};
+use crate::lanes::vector::{Vector, LANES};
+
+const MOST_ITERATIONS: usize = 60;
+/// What a last iteration may still change in the distances, in cells: it leaves an error of its square.
+const SETTLED: f64 = 1e-4;
+
+/// The arrays of the method.
+pub struct Newton<V> {
+    /// The values that were found.
+    pub values: Vec<V>,
+    s: Vec<V>,
+    slope: Vec<V>,
+    /// How far each node is from a contact set: 0 in it, 1 where none is near.
+    inside: Vec<V>,
+    /// Whether `s` of a lane is that of the stage before.
+    fresh: [bool; LANES],
+    /// What each row is left with by the elimination from the far end: right-hand side, pivot, lower neighbour.
+    right: Vec<V>,
+    pivot: Vec<V>,
+}
+
+/// The equations: the rows up to `top`, behind which nothing touches, and what the elimination has left of them.
+pub struct Rows<'a, V> {
+    pub top: usize,
+    /// The signed spots at the nodes.
+    pub signed: &'a [[f64; LANES]],
+    /// The right-hand sides, without and with the elimination; its pivots, and one over these.
+    pub right: &'a [V],
+    pub left: &'a [V],
+    pub pivot: &'a [V],
+    pub inverse: &'a [V],
+}
+
+/// V and the mass times the implicit weight at some s, and their derivatives.
+struct Point<V> {
+    value: V,
+    mass: V,
+    slope: V,
+    change: V,
+    inside: V,
+}
+
+impl<V: Vector> Newton<V> {
+    #[inline(always)]
+    pub fn new(nodes: usize) -> Self {
+        let array = vec![V::zero(); nodes];
+        Self {
+            values: array.clone(),
+            s: array.clone(),
+            slope: array.clone(),
+            inside: array.clone(),
+            fresh: [false; LANES],
+            right: array.clone(),
+            pivot: array,
+        }
+    }
+
+    /// Solve the stage from values near by; return which lanes have settled.
+    #[inline(always)]
+    pub fn solve(
+        &mut self,
+        stage: &Stage<V>,
+        obstacle: &Obstacle<V>,
+        rows: &Rows<V>,
+        near: &[[f64; LANES]],
+        wanted: [bool; LANES],
+    ) -> [bool; LANES] {
+        let (top, signed) = (rows.top, rows.signed);
+        let last = self.s.len() - 2;
+        let one = V::all(1.0);
+        let mut kept = [1.0; LANES]; // below 0 where the method goes on from where it was
+        for l in 0..LANES {
+            if self.fresh[l] && wanted[l] {
+                kept[l] = -1.0;
+            }
+        }
+        self.fresh = wanted;
+        let kept = V::from_lanes(kept);
+        for i in 1..=top {
+            let (gain, rise) = obstacle.at(V::from_lanes(signed[i]));
+            let may = gain.min(rise);
+            let value = V::from_lanes(near[i]);
+            let height = (value - gain) / may.negative(one, rise);
+            let inside = height.max(V::zero()).min(one).sqrt();
+            let s = height
+                .plus(-1.0)
+                .negative(inside, height.plus(1.0).times(0.5));
+            self.s[i] = kept.negative(self.s[i], may.negative(value, s));
+        }
+        let mut settled = [false; LANES];
+        for _ in 0..MOST_ITERATIONS {
+            let moved = self.iterate(stage, obstacle, rows).lanes();
+            for l in 0..LANES {
+                settled[l] = moved[l] <= SETTLED;
+            }
+            if (0..LANES).all(|l| settled[l] || !wanted[l]) {
+                break;
+            }
+        }
+        for i in 1..=top {
+            self.values[i] = Self::point(stage, obstacle, signed, i, self.s[i]).value;
+        }
+        for i in top + 1..=last {
+            let lower = if i == last {
+                stage.last_lower
+            } else {
+                stage.lower
+            };
+            self.values[i] = (rows.left[i] - lower * self.values[i - 1]) * rows.inverse[i];
+        }
+        let touching = self.touching(obstacle, signed);
+        let (q, p) = (stage.near_rule, stage.far_rule);
+        let free = self.values[1] * q.plus(1.0) - q * self.values[2];
+        self.values[0] = touching.negative(obstacle.strike - V::from_lanes(signed[0]), free);
+        self.values[last + 1] = self.values[last] * p.plus(1.0) - p * self.values[last - 1];
+        self.mark(obstacle, rows);
+        settled
+    }
+
+    /// The stage before was not solved by this method, but in these lanes.
+    pub fn forget(&mut self, wanted: [bool; LANES]) {
+        for (fresh, wanted) in self.fresh.iter_mut().zip(wanted) {
+            *fresh &= wanted;
+        }
+    }
+
+    /// Below 0 where the first inner node is in contact, and with it the near end.
+    #[inline(always)]
+    fn touching(&self, obstacle: &Obstacle<V>, signed: &[[f64; LANES]]) -> V {
+        let (gain, rise) = obstacle.at(V::from_lanes(signed[1]));
+        let one = V::all(1.0);
+        gain.min(rise)
+            .negative(one, self.s[1].plus(-f64::MIN_POSITIVE))
+    }
+
+    #[inline(always)]
+    fn point(
+        stage: &Stage<V>,
+        obstacle: &Obstacle<V>,
+        signed: &[[f64; LANES]],
+        i: usize,
+        s: V,
+    ) -> Point<V> {
+        let (zero, one) = (V::zero(), V::all(1.0));
+        let (gain, rise) = obstacle.at(V::from_lanes(signed[i]));
+        let may = gain.min(rise);
+        let inside = s.max(zero).min(one);
+        let (beyond, short) = (s - inside, one - inside);
+        let value = (inside * inside + beyond.max(zero).times(2.0)).times_plus(rise, gain);
+        let cost = rise * stage.spread.times(2.0); // a c
+        let mass = cost * ((short * short).times(0.5) - beyond.min(zero));
+        Point {
+            value: may.negative(s, value),
+            mass: may.negative(zero, mass),
+            slope: may.negative(one, rise.times(2.0) * inside),
+            change: may.negative(zero, -(cost * short)),
+            inside: may.negative(one, inside),
+        }
+    }
+
+    /// One step of Newton's method; return by how much a distance has changed at most.
+    #[inline(always)]
+    fn iterate(&mut self, stage: &Stage<V>, obstacle: &Obstacle<V>, rows: &Rows<V>) -> V {
+        let (top, signed) = (rows.top, rows.signed);
+        let (zero, one) = (V::zero(), V::all(1.0));
+        let q = stage.near_rule;
+        let touching = self.touching(obstacle, signed);
+        let is_last = top == self.s.len() - 2;
+        let top_lower = if is_last {
+            stage.last_lower
+        } else {
+            stage.lower
+        };
+        // Elimination from the far end, which the rows behind the top have gone through already:
+        // pivot_i d_i + lower_i slope_{i-1} d_{i-1} = right_i.
+        let mut here = Self::point(stage, obstacle, signed, top, self.s[top]);
+        let mut below = Self::point(stage, obstacle, signed, top - 1, self.s[top - 1]);
+        let (mut above_value, mut above_slope) = (zero, zero);
+        let (mut above_right, mut above_pivot, mut lower) = (zero, one, top_lower);
+        for i in (1..=top).rev() {
+            let (mut before, mut diagonal, mut upper) = (below.value, stage.diagonal, stage.upper);
+            let mut own_lower = stage.lower;
+            let mut right = rows.right[i];
+            if i == top {
+                (diagonal, upper, own_lower, right) =
+                    (rows.pivot[i], zero, top_lower, rows.left[i]);
+            }
+            if i == 1 {
+                let free = here.value * q.plus(1.0) - q * above_value;
+                before = touching.negative(obstacle.strike - V::from_lanes(signed[0]), free);
+            }
+            let row = own_lower * before + diagonal * here.value + upper * above_value;
+            let mut rest = right + here.mass - row;
+            if i == 1 {
+                let first = touching.negative(zero, q.plus(1.0));
+                diagonal = stage.lower.times_plus(first, diagonal);
+                upper = upper - stage.lower * touching.negative(zero, q);
+            }
+            let factor = upper * above_slope / above_pivot;
+            let pivot = (diagonal - factor * lower) * here.slope - here.change;
+            rest = rest - factor * above_right;
+            lower = own_lower;
+            (self.right[i], self.pivot[i], self.slope[i]) = (rest, pivot, here.slope);
+            self.inside[i] = here.inside;
+            (above_right, above_pivot, above_slope) = (rest, pivot, here.slope);
+            above_value = here.value;
+            if i > 1 {
+                here = below;
+                let next = i.saturating_sub(2).max(1);
+                below = Self::point(stage, obstacle, signed, next, self.s[next]);
+            }
+        }
+        let mut moved = zero;
+        let mut change = self.right[1] / self.pivot[1];
+        for (i, signed) in signed.iter().enumerate().take(top + 1).skip(1) {
+            if i > 1 {
+                let lower = if i == top { top_lower } else { stage.lower };
+                change = (self.right[i] - lower * self.slope[i - 1] * change) / self.pivot[i];
+            }
+            let s = self.s[i] + change;
+            self.s[i] = s;
+            let inside = self.inside[i];
+            let (gain, rise) = obstacle.at(V::from_lanes(*signed));
+            let now = gain.min(rise).negative(inside, s.max(zero).min(one));
+            moved = moved.max((now - inside).abs());
+        }
+        moved
+    }
+
+    /// Leave in `slope` how far each node is from a contact set: below 0 in it, 1 where none is near.
+    #[inline(always)]
+    fn mark(&mut self, obstacle: &Obstacle<V>, rows: &Rows<V>) {
+        let one = V::all(1.0);
+        self.slope.fill(one);
+        for i in 1..=rows.top {
+            let (gain, rise) = obstacle.at(V::from_lanes(rows.signed[i]));
+            self.slope[i] = gain.min(rise).negative(one, self.s[i].min(one));
+        }
+    }
+
+    /// The contact set of a lane: of several intervals the one that is furthest from the near end.
+    #[allow(clippy::cast_precision_loss)]
+    pub fn contact(&self, lane: usize) -> Contact {
+        let last = self.s.len() - 2;
+        let distance = |i: usize| self.slope[i].lane(lane);
+        let Some(final_node) = (1..=last).rev().find(|&i| distance(i) <= 0.0) else {
+            return Contact::NONE;
+        };
+        let first = (1..final_node).rev().find(|&i| distance(i) > 0.0);
+        let end = if final_node < last {
+            final_node as f64 + 1.0 - distance(final_node + 1)
+        } else {
+            final_node as f64
+        };
+        let begin = first.map_or(f64::NEG_INFINITY, |i| i as f64 + distance(i));
+        Contact { begin, end }
+    }
+}

@@ -1,0 +1,10 @@
+"""Books by the compiled march of their obstacle problems: whatever happens to a contract, one algorithm.
+
+`docs/obstacle.md` has the mathematics, `pricing_core.obstacle` the same march for any obstacle problem.
+"""
+
+from __future__ import annotations
+
+from pricing_core.american.engines.obstacle_march.march_book import MarchedBook, march_book
+
+__all__ = ["MarchedBook", "march_book"]
