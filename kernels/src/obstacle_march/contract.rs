@@ -1,8 +1,5 @@
 //! Contracts as the march takes them: money in strikes, segments between the times at which something happens.
 
-use super::mesh::{step_count, Grid};
-use super::settings::Settings;
-
 /// An interval of time in which nothing happens, and what happens at its end.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
@@ -69,13 +66,6 @@ pub struct Contract<'a> {
 }
 
 impl Contract<'_> {
-    /// The number of steps on a grid of so many cells.
-    pub(super) fn steps(&self, cells: usize, settings: &Settings) -> usize {
-        let h = Grid::new(self, cells, settings).h;
-        let of = |segment| step_count(segment, h, settings);
-        self.segments.iter().map(of).sum()
-    }
-
     /// What exercise brings where the strike, less what is escrowed, is `strike`; below 0 where it costs.
     pub(super) fn obstacle(&self, spot: f64, strike: f64) -> f64 {
         self.sign * (strike - spot)

@@ -7,6 +7,7 @@ use super::line::{Contact, Line};
 use super::mesh::{step_count, Grid};
 use super::newton::{Newton, Rows};
 use super::settings::Settings;
+use super::stage::{Obstacle, Stage};
 use super::tableau::{FIRST, GAMMA, LATER};
 use crate::interrupt::Interrupt;
 use crate::lanes::dispatch::Work;
@@ -148,29 +149,9 @@ struct March<'a, V> {
     last_kink: usize,
     newton: Newton<V>,
     contact: [Contact; LANES],
+    /// Whether a lane's contract has not come to now yet.
+    active: [bool; LANES],
     settled: [bool; LANES],
-}
-
-/// The rows of a stage's matrix, A = (1 + a r) M - a L, and what else a stage needs.
-#[derive(Clone, Copy)]
-pub struct Stage<V> {
-    pub lower: V,
-    pub diagonal: V,
-    pub upper: V,
-    pub mass_lower: V,
-    pub mass_middle: V,
-    pub mass_upper: V,
-    /// One over the implicit weight.
-    pub inverse: V,
-    /// D in cells^2 a year, and a D.
-    pub diffusion: V,
-    pub spread: V,
-    /// q of the end rules `V_0` = (1 + q) `V_1` - q `V_2`.
-    pub near_rule: V,
-    pub far_rule: V,
-    /// The last row, in which the far end is eliminated.
-    pub last_lower: V,
-    pub last_diagonal: V,
 }
 
 impl<'a, V: Vector> March<'a, V> {
@@ -224,6 +205,7 @@ impl<'a, V: Vector> March<'a, V> {
             last_kink,
             newton: Newton::new(nodes),
             contact: [Contact::NONE; LANES],
+            active: [false; LANES],
             settled: [true; LANES],
         }
     }
@@ -242,6 +224,9 @@ impl<'a, V: Vector> March<'a, V> {
         for n in 0..most {
             if (self.group.interrupt)() {
                 return None;
+            }
+            for (active, steps) in self.active.iter_mut().zip(&self.steps) {
+                *active = n < steps.len();
             }
             self.step(n);
             for (lane, found) in found.iter_mut().enumerate() {
@@ -294,58 +279,55 @@ impl<'a, V: Vector> March<'a, V> {
     fn start(&mut self, lane: usize, number: usize, at_expiry: bool) {
         let contract = self.group.contracts[lane];
         let (segment, grid) = (&contract.segments[number], self.grids[lane]);
-        let exercise = segment.exercise_at_end || segment.exercisable;
-        let mut kinks = Kinks::default();
-        let mut values = vec![0.0; grid.cells + 1];
-        let peclet = self.enter(lane, segment, &grid);
         let sign = contract.sign;
-        let mut missing: Vec<(usize, f64)> = Vec::new();
+        let peclet = self.enter(lane, segment, &grid);
+        let mut kinks = Kinks::default();
         if at_expiry {
             kinks.push(grid.index(segment.before_drop(1.0)));
             let after = |spot: f64| payoff(&contract, spot);
-            let before = Before {
-                after,
-                segment,
-                sign,
-                exercise,
-            };
-            before.fill(&grid, &self.spots[lane], &mut values, &mut kinks);
-            before.add_missing(&grid, &values, &kinks, peclet, |row, x| {
-                missing.push((row, x));
-            });
-        } else {
-            let later = &contract.segments[number + 1];
-            let line_values: Vec<f64> = self.values.iter().map(|row| row[lane]).collect();
-            let line = Line {
-                grid,
-                values: &line_values,
-                contact: self.contact[lane],
-                strike: 1.0 - later.escrow_before_end(later.duration),
-            };
-            for end in [line.contact.begin, line.contact.end] {
-                let spot = (sign * grid.h.mul_add(end, grid.start)).exp();
-                kinks.push(grid.index(segment.before_drop(spot)));
-            }
-            let after = |spot: f64| line.at(spot);
-            let before = Before {
-                after,
-                segment,
-                sign,
-                exercise,
-            };
-            before.fill(&grid, &self.spots[lane], &mut values, &mut kinks);
-            before.add_missing(&grid, &values, &kinks, peclet, |row, x| {
-                missing.push((row, x));
-            });
+            self.start_from(lane, segment, after, kinks, peclet);
+            return;
         }
+        let later = &contract.segments[number + 1];
+        let values: Vec<f64> = self.values.iter().map(|row| row[lane]).collect();
+        let line = Line {
+            grid,
+            values: &values,
+            contact: self.contact[lane],
+            strike: 1.0 - later.escrow_before_end(later.duration),
+        };
+        for end in [line.contact.begin, line.contact.end] {
+            let spot = (sign * grid.h.mul_add(end, grid.start)).exp();
+            kinks.push(grid.index(segment.before_drop(spot)));
+        }
+        self.start_from(lane, segment, |spot| line.at(spot), kinks, peclet);
+    }
+
+    /// Leave in a lane what the first step of a segment starts from, given the value after what happens at its end.
+    fn start_from(
+        &mut self,
+        lane: usize,
+        segment: &Segment,
+        after: impl Fn(f64) -> f64,
+        mut kinks: Kinks,
+        peclet: f64,
+    ) {
+        let grid = self.grids[lane];
+        let before = Before {
+            after,
+            segment,
+            sign: grid.sign,
+            exercise: segment.exercise_at_end || segment.exercisable,
+        };
+        let mut values = vec![0.0; grid.cells + 1];
+        before.fill(&grid, &self.spots[lane], &mut values, &mut kinks);
         let [lower, middle, upper] = hat_weights(peclet);
-        for node in 1..grid.cells {
-            self.mass[node][lane] =
-                lower * values[node - 1] + middle * values[node] + upper * values[node + 1];
+        for (node, around) in (1..).zip(values.windows(3)) {
+            self.mass[node][lane] = lower * around[0] + middle * around[1] + upper * around[2];
         }
-        for (row, x) in missing {
+        before.add_missing(&grid, &values, &kinks, peclet, |row, x| {
             self.mass[row][lane] += x;
-        }
+        });
         for (row, value) in self.values.iter_mut().zip(values) {
             row[lane] = value;
         }
@@ -500,15 +482,14 @@ impl<'a, V: Vector> March<'a, V> {
         weights: [V; 3],
         strike: V,
     ) {
-        let count = self.group.contracts.len();
         let (swept, wrong) = loop {
             self.eliminate::<N>(weights);
             if let Some(swept) = self.substitute::<N, LAST>(stage, strike) {
-                let wrong: [bool; LANES] = swept
-                    .worst
-                    .lanes()
-                    .map(|worst| worst <= -ROUNDING || worst.is_nan());
-                if self.first == 1 || !wrong[..count].iter().any(|wrong| *wrong) {
+                let mut wrong = self.active;
+                for (wrong, worst) in wrong.iter_mut().zip(swept.worst.lanes()) {
+                    *wrong &= worst <= -ROUNDING || worst.is_nan();
+                }
+                if self.first == 1 || !wrong.contains(&true) {
                     break (swept, wrong);
                 }
             }
@@ -516,7 +497,7 @@ impl<'a, V: Vector> March<'a, V> {
             self.factorise(stage);
         };
         self.newton.forget(wrong);
-        if wrong[..count].iter().any(|wrong| *wrong) {
+        if wrong.contains(&true) {
             V::call(Correction {
                 march: self,
                 stage,
@@ -760,67 +741,5 @@ impl<V: Vector, const LAST: bool> Substituted<'_, V, LAST> {
             self.values[node] = value.lanes();
         }
         (self.two_before, self.before) = (self.before, value);
-    }
-}
-
-/// The cell next to a contact set, at its node: V, the distance of the set's end, and below 0 where the node is in it.
-struct Cell<V> {
-    value: V,
-    distance: V,
-    held: V,
-}
-
-/// What exercise brings at the nodes.
-#[derive(Clone, Copy)]
-pub struct Obstacle<V> {
-    /// The signed strike.
-    pub strike: V,
-    pub rate_part: V,
-    pub yield_part: V,
-    /// 1/(2 D).
-    pub half_inverse: V,
-}
-
-impl<V: Vector> Obstacle<V> {
-    /// What exercise brings at a signed spot, and how far V rises above it in the first cell beyond the contact set.
-    ///
-    /// The holder may not exercise, or would not, where one of them is below 0.
-    #[inline(always)]
-    pub fn at(&self, signed: V) -> (V, V) {
-        let cost = self.rate_part - self.yield_part * signed;
-        (self.strike - signed, cost * self.half_inverse)
-    }
-}
-
-impl<V: Vector> Stage<V> {
-    /// Settle the node of a cell where `near` is below 0, given its pivot and the rest of its row.
-    #[inline(always)]
-    fn cell(&self, pivot: V, rest: V, gain: V, rise: V, near: V) -> Cell<V> {
-        let (zero, one) = (V::zero(), V::all(1.0));
-        let reach = self.spread * rise;
-        let excess = rest - gain * pivot; // of what pushes V up over what holds it at the obstacle
-        let held = (excess + reach).plus(-f64::MIN_POSITIVE);
-        let mut found = Cell {
-            value: gain,
-            distance: zero,
-            held,
-        };
-        let inside = near.negative(held, V::all(-1.0)).lanes();
-        if inside.iter().any(|x| *x >= 0.0) {
-            // (e - 1) s^2 + 2 s - 1 - excess/(a D rise) = 0 for the distance s, e the pivot over a D
-            let bend = (pivot / self.spread).plus(-1.0);
-            let slack = excess / near.negative(reach, one);
-            let root = slack.plus(1.0).times_plus(bend, one).max(zero).sqrt();
-            found.distance = (root.plus(-1.0) / bend).max(zero).min(one);
-            found.value = (found.distance * found.distance).times_plus(rise, gain);
-        }
-        found
-    }
-
-    /// M V at a node, from the values at the one before, at it and behind it.
-    #[inline(always)]
-    pub fn mass(&self, before: V, at: V, after: V) -> V {
-        let sum = self.mass_middle.times_plus(at, self.mass_lower * before);
-        self.mass_upper.times_plus(after, sum)
     }
 }

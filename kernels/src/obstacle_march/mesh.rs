@@ -78,3 +78,10 @@ pub fn step_count(segment: &Segment, h: f64, settings: &Settings) -> usize {
     let power = (wanted.max(4.0) / 4.0).log2().floor().exp2();
     ((settings.rounded * wanted / power).floor() * power).max(2.0) as usize
 }
+
+/// The number of steps of a contract on a grid of so many cells.
+pub fn steps_on(contract: &Contract, cells: usize, settings: &Settings) -> usize {
+    let h = Grid::new(contract, cells, settings).h;
+    let of = |segment| step_count(segment, h, settings);
+    contract.segments.iter().map(of).sum()
+}

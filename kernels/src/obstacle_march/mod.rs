@@ -21,6 +21,7 @@ mod mesh;
 mod newton;
 mod settings;
 mod solve;
+mod stage;
 mod tableau;
 
 pub use contract::{Contract, Segment};

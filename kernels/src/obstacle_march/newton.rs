@@ -5,7 +5,7 @@
 //! the node in contact below 0, on the tangent of V - g above 1.
 
 use super::line::Contact;
-use super::march::{Obstacle, Stage};
+use super::stage::{Obstacle, Stage};
 use crate::lanes::vector::{Vector, LANES};
 
 const MOST_ITERATIONS: usize = 60;

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 
 use super::contract::Contract;
 use super::march::{Group, Marched};
-use super::mesh::Grid;
+use super::mesh::{steps_on, Grid};
 use super::settings::Settings;
 use crate::interrupt::Interrupt;
 use crate::lanes::dispatch::dispatch;
@@ -186,7 +186,7 @@ pub fn solve(
         })
         .collect();
     while !work.is_empty() {
-        work.sort_by_key(|one| (one.cells, one.contract.steps(one.cells, &settings)));
+        work.sort_by_key(|one| (one.cells, steps_on(&one.contract, one.cells, &settings)));
         let mut groups: Vec<&mut [Work]> = work
             .chunk_by_mut(|a, b| a.cells == b.cells)
             .flat_map(|same| same.chunks_mut(LANES))

@@ -190,3 +190,23 @@ def test_extreme_bodies_are_answered_honestly_within_the_deadline(server: Server
     assert server.request("GET", "/readyz")[0] == 200
     assert statuses[200] > 0.3 * count, statuses
     assert statuses[422] > 0.1 * count, statuses
+
+
+@pytest.mark.parametrize("dates", [1, 365])
+def test_what_is_promised_but_slow_is_never_called_out_of_the_domain(server: Server, dates: int) -> None:
+    """A Bermudan put over 200 years under a yield of -50 %: what is known at the deadline, or that nothing is."""
+    times = [200.0 * (k + 1) / (dates + 1) for k in range(dates)]
+    question = {
+        **{"option_type": "put", "spot": 100.0, "strike": 100.0, "expiry": 200.0, "exercise": "bermudan"},
+        **{
+            "rate": 0.05,
+            "dividend_yield": -0.5,
+            "volatility": 0.3,
+            "tolerance": 1e-6,
+            "exercise_times": times,
+        },
+    }
+    body = Body("/v1/price", json.dumps(question).encode(), question)
+    status, media_type, found = ask(server.port, body)
+    assert status in (200, 503), found
+    check(body, status, media_type, found)
