@@ -211,9 +211,8 @@ def time_mesh(segment: Segment) -> list[tuple[float, float, bool]]:
     times, diffused, first = _clock(segment, breaks)
     middle = float(segment.grid.place(np.array([0.5 * (segment.grid.x.size - 1)]))[0])
     turns = 0
-    if (
-        not segment.is_constant
-    ):  # the number doubles from grid to grid in any case, so that their difference shows it
+    # The number doubles from grid to grid in any case, so that their difference shows it.
+    if not segment.is_constant:
         turns = max(1, _turns(segment.problem, segment.start, segment.end, middle))
     steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * turns)
     ends = np.interp(diffused[-1] * (np.arange(steps + 1) / steps) ** 2, diffused, times).tolist()
@@ -252,11 +251,11 @@ def _clock(segment: Segment, breaks: list[float]) -> tuple[Vector, Vector, float
     middles = (times[1:] + times[:-1]) / 2.0
     contact = segment.at(float(middles[middles.size // 2])).contact
     may_touch = (contact.lower_mass > 0.0) | (contact.upper_mass > 0.0)
-    parts = np.array([_diffusion(segment, t, may_touch) for t in middles.tolist()]) * -np.diff(times)
-    rates = parts / -np.diff(times)
-    mean = parts.sum() / segment.duration
+    rates = np.array([_diffusion(segment, t, may_touch) for t in middles.tolist()])
+    years = -np.diff(times)
+    mean = (rates * years).sum() / segment.duration
     mixed = (1.0 - CLOCK_SHARE) * rates + CLOCK_SHARE * mean
-    clock = np.concatenate([[0.0], np.cumsum(mixed * -np.diff(times))])
+    clock = np.concatenate([[0.0], np.cumsum(mixed * years)])
     return times, clock, float(clock[-1] * rates[0] / mixed[0])
 
 

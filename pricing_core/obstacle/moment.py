@@ -149,21 +149,28 @@ class Segment:
         InvalidInputError
             The volatility is not above 0 somewhere.
         """
-        x, slope = self.grid.x, self.grid.slope
-        volatility, drift, _ = (function(x, t) for function in self.problem.diffusion.functions)
+        return self._in_cells(*self._diffusion_and_drift(t))
+
+    def _diffusion_and_drift(self, t: float) -> tuple[Vector, Vector]:
+        """Return volatility^2/2 and the drift at the nodes, per year."""
+        x = self.grid.x
+        volatility, drift = (function(x, t) for function in self.problem.diffusion.functions[:2])
         if not (volatility > 0.0).all():
             first = int(np.argmin(volatility))
             place = Told(f"{volatility[first]:g} at x = {x[first]:.6g}, t = {t:.6g}")
             raise InvalidInputError("volatility", place, "above 0 at every x and t")
-        diffusion = 0.5 * volatility * volatility
+        return 0.5 * volatility * volatility, drift
+
+    def _in_cells(self, diffusion: Vector, drift: Vector) -> tuple[Vector, Vector]:
+        slope = self.grid.slope
         return diffusion / slope**2, drift / slope - diffusion * self.grid.bend / slope**3
 
     def _moment(self, t: float) -> Moment:
         x = self.grid.x
-        scheme = CompactScheme.of(*self.transport(t))
-        volatility, drift, rate = (function(x, t) for function in self.problem.diffusion.functions)
-        source = self.problem.source_function(x, t)
-        coefficients = 0.5 * volatility * volatility, drift, rate, source
+        diffusion, drift = self._diffusion_and_drift(t)
+        rate, source = self.problem.diffusion.functions[2](x, t), self.problem.source_function(x, t)
+        scheme = CompactScheme.of(*self._in_cells(diffusion, drift))
+        coefficients = diffusion, drift, rate, source
         contact, low_ends, high_ends = self._contact(t, scheme.diffusion, coefficients)
         left = _end_rule(self.problem.ends[0], x[:3], t, low_ends[0], high_ends[0])
         right = _end_rule(self.problem.ends[1], x[:-4:-1], t, low_ends[1], high_ends[1])

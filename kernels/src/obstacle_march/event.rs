@@ -74,7 +74,7 @@ impl<F: Fn(f64) -> f64> Before<'_, F> {
         let mut found = left;
         for _ in 0..SECANTS {
             found = (left - low * (right - left) / (high - low)).clamp(left, right);
-            let spot = (grid.sign * grid.h.mul_add(found, grid.start)).exp();
+            let spot = grid.spot_at(found);
             let gain = self.obstacle(spot) - self.waiting(spot);
             if (gain > 0.0) == (low > 0.0) {
                 (left, low) = (found, gain);
@@ -137,7 +137,7 @@ impl<F: Fn(f64) -> f64> Before<'_, F> {
                 let u = half.mul_add(point, middle);
                 let away = u.abs();
                 let hat = 1.0 - away + 0.5 * peclet * u.signum() * (away - away * away);
-                let spot = (grid.sign * grid.h.mul_add(row as f64 + u, grid.start)).exp();
+                let spot = grid.spot_at(row as f64 + u);
                 total += half * weight * hat * self.at(spot);
             }
         }

@@ -279,7 +279,6 @@ impl<'a, V: Vector> March<'a, V> {
     fn start(&mut self, lane: usize, number: usize, at_expiry: bool) {
         let contract = self.group.contracts[lane];
         let (segment, grid) = (&contract.segments[number], self.grids[lane]);
-        let sign = contract.sign;
         let peclet = self.enter(lane, segment, &grid);
         let mut kinks = Kinks::default();
         if at_expiry {
@@ -297,8 +296,7 @@ impl<'a, V: Vector> March<'a, V> {
             strike: 1.0 - later.escrow_before_end(later.duration),
         };
         for end in [line.contact.begin, line.contact.end] {
-            let spot = (sign * grid.h.mul_add(end, grid.start)).exp();
-            kinks.push(grid.index(segment.before_drop(spot)));
+            kinks.push(grid.index(segment.before_drop(grid.spot_at(end))));
         }
         self.start_from(lane, segment, |spot| line.at(spot), kinks, peclet);
     }

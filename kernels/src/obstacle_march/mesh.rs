@@ -27,15 +27,15 @@ impl Grid {
         }
     }
 
-    /// x at a node.
+    /// The spot at a node.
     #[allow(clippy::cast_precision_loss)]
-    pub fn x(&self, node: usize) -> f64 {
-        self.h.mul_add(node as f64, self.start)
+    pub fn spot(&self, node: usize) -> f64 {
+        self.spot_at(node as f64)
     }
 
-    /// The spot at a node.
-    pub fn spot(&self, node: usize) -> f64 {
-        (self.sign * self.x(node)).exp()
+    /// The spot at a number of a node, which need not be whole.
+    pub fn spot_at(&self, index: f64) -> f64 {
+        (self.sign * self.h.mul_add(index, self.start)).exp()
     }
 
     /// The number of the node at a spot, also between nodes and beyond the ends; infinite at a spot of 0.
@@ -44,7 +44,7 @@ impl Grid {
     }
 }
 
-/// How far x comes, as `interval.py` of the library has it.
+/// How far x comes: the spot and the strike, with what drifts and drops add, and the width beyond.
 fn reach(contract: &Contract, settings: &Settings) -> (f64, f64) {
     let (mut low, mut high, mut variance) = (contract.x, contract.x, 0.0);
     for segment in contract.segments {

@@ -130,7 +130,7 @@ impl Work<'_> {
         let (grid, end) = (&marched.grid, marched.contact.end);
         found.boundary = f64::NAN;
         if end.is_finite() {
-            found.boundary = (grid.sign * grid.h.mul_add(end, grid.start)).exp();
+            found.boundary = grid.spot_at(end);
         }
         found.exercised = marched.contact.holds(grid.index(self.contract.x.exp()));
         found.met = self.levels >= FIRST_LEVELS && found.error <= self.tolerance;
@@ -186,7 +186,7 @@ pub fn solve(
         })
         .collect();
     while !work.is_empty() {
-        work.sort_by_key(|one| (one.cells, steps_on(&one.contract, one.cells, &settings)));
+        work.sort_by_cached_key(|one| (one.cells, steps_on(&one.contract, one.cells, &settings)));
         let mut groups: Vec<&mut [Work]> = work
             .chunk_by_mut(|a, b| a.cells == b.cells)
             .flat_map(|same| same.chunks_mut(LANES))
@@ -231,7 +231,7 @@ pub fn solve(
     found
 }
 
-/// The cells of the coarsest grid: so many over the width of the contract's own deviation, a multiple of 16.
+/// The cells of the coarsest grid: so many over the width of the contract's own deviation, a multiple of 8.
 #[allow(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
