@@ -15,7 +15,7 @@ from pricing_core.obstacle.grid import Grid
 from pricing_core.obstacle.moment import ROUNDING, Complementarity, Moment, Segment
 from pricing_core.obstacle.problem import ObstacleProblem, just_before
 from pricing_core.obstacle.profile import Profile, contact_sets
-from pricing_core.obstacle.settings import CLOCK_SHARE, PIECES, PIECES_OF_TURNS, ROUNDED, STEPS
+from pricing_core.obstacle.settings import CLOCK_SHARE, FEWEST_PIECES, PIECES, PIECES_OF_TURNS, ROUNDED, STEPS
 from pricing_core.obstacle.stage import StageSystem, Values, solve_stage
 from pricing_core.obstacle.transfer import Known, Start, before, payoff_of
 from pricing_core.stepping import ESDIRK3, SDIRK3, Tableau
@@ -214,7 +214,7 @@ def time_mesh(segment: Segment) -> list[tuple[float, float, bool]]:
     # The number doubles from grid to grid in any case, so that their difference shows it.
     if not segment.is_constant:
         turns = max(1, _turns(segment.problem, segment.start, segment.end, middle))
-    steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * turns)
+    steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * max(turns, 1))
     ends = np.interp(diffused[-1] * (np.arange(steps + 1) / steps) ** 2, diffused, times).tolist()
     ends[0], ends[-1] = segment.end, segment.start
     for time in breaks:
@@ -246,7 +246,8 @@ def _clock(segment: Segment, breaks: list[float]) -> tuple[Vector, Vector, float
         times = np.array([segment.end, segment.start])
     else:
         edges = [segment.end, *breaks[::-1], segment.start]
-        cuts = [np.linspace(late, early, PIECES + 1)[:-1] for late, early in pairwise(edges)]
+        pieces = max(FEWEST_PIECES, PIECES // (len(edges) - 1))
+        cuts = [np.linspace(late, early, pieces + 1)[:-1] for late, early in pairwise(edges)]
         times = np.append(np.concatenate(cuts), segment.start)
     middles = (times[1:] + times[:-1]) / 2.0
     contact = segment.at(float(middles[middles.size // 2])).contact

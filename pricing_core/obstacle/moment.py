@@ -107,6 +107,7 @@ class Segment:
     complementarity: Complementarity = "averaged"
     acting: tuple[Obstacle | None, Obstacle | None] = field(init=False)
     _known: Moment | None = field(init=False, default=None)
+    _known_kinks: dict[float, tuple[BoolVector, BoolVector]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         lower, upper = (
@@ -187,7 +188,7 @@ class Segment:
             if obstacle is not None:
                 values[k] = obstacle(self.grid.x, t)
                 income, size = self._income(obstacle, t, coefficients)
-                at_kinks, holding = self._kinks(obstacle, sign, t)
+                at_kinks, holding = self._kinks_once(obstacle, sign, t)
                 masses[k] = np.where(at_kinks | (-sign * income <= size), 0.0, -sign * income)
                 holds |= holding
         lower, upper = values
@@ -232,6 +233,14 @@ class Segment:
             income = income + (obstacle(x, late) - obstacle(x, early)) / (late - early)
         size = ROUNDING * (np.abs(drift * first) + np.abs(rate * value) + np.abs(source))
         return income, size
+
+    def _kinks_once(self, obstacle: Obstacle, sign: float, t: float) -> tuple[BoolVector, BoolVector]:
+        """Return what `_kinks` does, looked for once where the obstacle does not change."""
+        if not obstacle.is_constant:
+            return self._kinks(obstacle, sign, t)
+        if sign not in self._known_kinks:
+            self._known_kinks[sign] = self._kinks(obstacle, sign, t)
+        return self._known_kinks[sign]
 
     def _kinks(self, obstacle: Obstacle, sign: float, t: float) -> tuple[BoolVector, BoolVector]:
         """Return which nodes lie on a kink, and which of them on one that can hold V in a point."""
