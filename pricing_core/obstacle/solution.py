@@ -298,8 +298,8 @@ def _check_direction(direction: Mapping[str, Any]) -> None:
 
 
 def march_again(problem: ObstacleProblem, own: March) -> March:
-    """Return the march of a changed problem on the same grid."""
-    found = march(problem, own.grid, checked=False)
+    """Return the march of a changed problem on the same grid, in the same steps."""
+    found = march(problem, own.grid, checked=False, steps_of=own)
     assert found is not None  # nothing interrupts it
     return found
 
