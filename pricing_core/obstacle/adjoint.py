@@ -78,12 +78,15 @@ class Walk:
         problems = direction.both
         high, low = (replace(self.now, problem=problem)(np.array([self.x])) for problem in problems)
         total = float(high[0] - low[0])
+        moves = not direction.is_of_events
         for entry in self.parts:
             own = entry.part.segment
+            if not moves and direction.happens_alike(own.end):
+                continue
             segments = [Segment(problem, own.grid, own.start, own.end) for problem in problems]
             high, low = (start_values(entry.part, entry.after, segment) for segment in segments)
             total += float(entry.of_start @ (high - low))
-            for stage in entry.stages:
+            for stage in entry.stages if moves else ():
                 (residual, value), (low_residual, low_value) = (
                     stage.equation.at_fixed_parameter(segment) for segment in segments
                 )

@@ -37,6 +37,17 @@ class Neighbours:
         """The two problems, the one with more first."""
         return self.high, self.low
 
+    @property
+    def is_of_events(self) -> bool:
+        """Whether the two share all but what their events do."""
+        high, low = self.both
+        names = ("diffusion", "payoff", "lower", "upper", "source")
+        return high.ends == low.ends and all(getattr(high, name) is getattr(low, name) for name in names)
+
+    def happens_alike(self, time: float) -> bool:
+        """Tell whether the two share the events of a time."""
+        return self.high.at_event(time) == self.low.at_event(time)
+
     def difference(self, high: Any, low: Any) -> Any:
         """Return the derivative of what the two problems tell."""
         return (high - low) / (2.0 * self.size)

@@ -239,7 +239,7 @@ class ObstacleSolution:
         obstacle = self.problem.obstacles[which]
         for part in self._march.parts:
             if t == part.segment.end < self.problem.horizon:
-                return () if obstacle is None else _held_before(part, obstacle, (1.0, -1.0)[which])
+                return () if obstacle is None else held_before(part, obstacle, (1.0, -1.0)[which])
         before, after, share = self._around(t)
         first, second = (self._intervals(instant, which) for instant in (before, after))
         if len(first) != len(second):
@@ -270,7 +270,7 @@ class ObstacleSolution:
         return found
 
 
-def _held_before(part: SegmentMarch, obstacle: Obstacle, sign: float) -> Intervals:
+def held_before(part: SegmentMarch, obstacle: Obstacle, sign: float) -> Intervals:
     """Return where V is an obstacle just before the end of a segment, as intervals of x."""
     end, x = part.segment.end, part.segment.grid.x
     if not obstacle.acts_at(end):

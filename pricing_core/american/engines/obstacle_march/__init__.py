@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from pricing_core.american.engines.obstacle_march.engine import ObstacleMarch
 from pricing_core.american.engines.obstacle_march.march_book import MarchedBook, march_book
 
-__all__ = ["MarchedBook", "march_book"]
+__all__ = ["MarchedBook", "ObstacleMarch", "march_book"]

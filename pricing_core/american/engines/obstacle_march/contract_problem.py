@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -35,11 +36,20 @@ def place_of(schedule: Schedule) -> float:
     return math.log(schedule.spot) - math.log(schedule.strike)
 
 
-def contract_problem(schedule: Schedule) -> ObstacleProblem:
+def contract_problem(
+    schedule: Schedule, dividends: Collection[float] = (), *, cut: bool = False
+) -> ObstacleProblem:
     """Return the problem of a contract with time to expiry and a spot above 0.
 
     Contracts whose segments are cut alike have problems whose segments are, so that they may be neighbours
     (`pricing_core.obstacle.direction.Neighbours`).
+
+    Parameters
+    ----------
+    dividends : collection of float
+        Ends of segments at which a cash dividend may be 0, but is not in a neighbour.
+    cut : bool
+        Whether steps end at the end of every segment, for neighbours whose coefficients jump there.
     """
     segments = schedule.segments
     volatility = _volatility(schedule)
@@ -49,14 +59,18 @@ def contract_problem(schedule: Schedule) -> ObstacleProblem:
             volatility,
             _drift(carry, volatility),
             _steps([segment.rate for segment in segments], segments),
-            breaks=_breaks(schedule),
+            breaks=_breaks(schedule, cut=cut),
         ),
         _payoff(schedule.is_put),
         segments[-1].end,
         lower=_obstacle(schedule),
-        events=[event for segment in segments for event in _events(segment, schedule.strike)],
+        events=[
+            event
+            for segment in segments
+            for event in _events(segment, schedule.strike, segment.end in dividends)
+        ],
         interval=(_left_end(schedule), None),
-        ends=("exponential", "exponential"),
+        ends=("exponential", "linear" if schedule.is_put else "exponential"),  # a put tends to 0
     )
 
 
@@ -94,10 +108,10 @@ def _at(number: float | Steps, t: float) -> float:
     return number.at(t) if isinstance(number, Steps) else number
 
 
-def _breaks(schedule: Schedule) -> list[float]:
+def _breaks(schedule: Schedule, *, cut: bool) -> list[float]:
     """Return the times at which coefficients jump, and those at which a local volatility is not smooth."""
     segments, local = schedule.segments, schedule.local
-    found = {a.end for a, b in pairwise(segments) if _changes(a, b)}
+    found = {a.end for a, b in pairwise(segments) if cut or _changes(a, b)}
     if local is not None:
         inside = [t for t in local.volatility.times.tolist() if 0.0 < t < segments[-1].end]
         found |= set(inside if len(inside) <= MOST_BREAKS else [])
@@ -266,11 +280,12 @@ class Escrow:
         return self.values[k] * math.exp(-self.rates[k] * (self.ends[k] - t)) if t < self.ends[k] else 0.0
 
 
-def _events(segment: Segment, strike: float) -> list[Event]:
-    """Return what happens at the end of a segment."""
+def _events(segment: Segment, strike: float, is_dividend: bool) -> list[Event]:
+    """Return what happens at the end of a segment, where something does."""
     kept, amount = 1.0 - segment.fraction, segment.amount / strike
     if segment.fraction == 0.0 and amount == 0.0:
-        return [Event(segment.end, cash=0.0)] if segment.due > 0.0 else []  # the obstacle jumps
+        # The obstacle jumps, or a neighbour's spot does.
+        return [Event(segment.end, cash=0.0)] if segment.due != 0.0 or is_dividend else []
     if amount == 0.0:
         return [Event(segment.end, lambda x: x + math.log(kept))] if kept > 0.0 else [_ruin(segment)]
     return [Event(segment.end, lambda x: np.log(np.maximum(kept * np.exp(x) - amount, GONE)))]
