@@ -249,7 +249,7 @@ class DiscardedPartsWarning(UserWarning):
 
 
 class KernelMissingWarning(UserWarning):
-    """The compiled kernel was not built, so that the method of lines in NumPy prices every option."""
+    """The compiled kernel was not built, so that the march of obstacle problems in NumPy prices every option."""
 
 
 def shown(value: object) -> str:

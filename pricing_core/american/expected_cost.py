@@ -25,9 +25,9 @@ COEFFICIENTS: Mapping[tuple[str, str], tuple[float, ...]] = {
     ("multiplier collocation", "none"): (-1.9, 0.1, 0.7, 0.1, 0.13),
     ("multiplier collocation", "standard"): (-0.6, 0.12, 0.75, 0.2, 0.29),
     ("multiplier collocation", "extended"): (0.5, 0.13, 0.64, 0.24, 0.36),
-    ("method of lines", "none"): (3.5, 0.7, 0.7, 0.5, 0.0),
-    ("method of lines", "standard"): (4.5, 0.7, 0.7, 0.5, 0.0),
-    ("method of lines", "extended"): (5.0, 0.7, 0.7, 0.5, 0.0),
+    ("obstacle march", "none"): (4.5, 0.7, 0.7, 0.5, 0.0),
+    ("obstacle march", "standard"): (6.5, 0.7, 0.7, 0.5, 0.0),
+    ("obstacle march", "extended"): (7.5, 0.7, 0.7, 0.5, 0.0),
 }
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Literal, TypeAlias
 
 from pricing_core.american.book.resolution import Resolution, Scheme
+from pricing_core.american.engines.chapter import Chapter, LCPMethod
 from pricing_core.american.engines.engine import Engine
-from pricing_core.american.engines.method_of_lines import LCPMethod, MethodOfLines
 from pricing_core.american.engines.solve import CLOSED_FORM, ENGINES
 from pricing_core.arrays import check_choice
 from pricing_core.errors import InvalidInputError
@@ -41,4 +41,4 @@ def engines_of(
         raise InvalidInputError("method", method, allowed)
     if method == "auto" and lcp_method == "tridiagonal" and resolution is None:
         return ENGINES
-    return CLOSED_FORM, MethodOfLines(scheme, lcp_method, resolution)
+    return CLOSED_FORM, Chapter(scheme, lcp_method, resolution)

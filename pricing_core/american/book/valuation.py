@@ -35,7 +35,7 @@ class Diagnostics:
     steps_taken : int
         Time steps of the finest solve.
     resolution : Resolution or None
-        The finest grid and steps; with lcp_residual and fitted, of the method of lines alone.
+        The finest grid and steps; with lcp_residual and fitted, of the chapter's road alone.
     lcp_residual : float
         Largest natural residual of the finest solve's complementarity problems, as a fraction of the strike.
     fitted : bool
@@ -91,7 +91,8 @@ class Valuation:
         "ok", "tolerance_not_met" or "deadline".
     method : str
         "premium-march"; "boundary-collocation" with two boundaries; "multiplier-collocation" with
-        events; the time stepping of the method of lines; or what took their place: "closed-form",
+        events; "obstacle-march"; "lcs" and "crank-nicolson" where they are asked for; or what took their place:
+        "closed-form",
         "zero-volatility", "worthless-underlying", "expired", "none".
     engine_version : str
     instruction_set : str

@@ -14,8 +14,8 @@ from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.boundary_collocation import BoundaryCollocation
 from pricing_core.american.engines.closed_form import ClosedForm, has_boundary_elsewhere
 from pricing_core.american.engines.engine import Boundaries, Engine, Request
-from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
+from pricing_core.american.engines.obstacle_march import ObstacleMarch
 from pricing_core.american.engines.premium_march import PremiumMarch
 from pricing_core.american.engines.price_bounds import lies_high, range_of
 from pricing_core.arrays import BoolVector, Vector, every, some
@@ -25,7 +25,7 @@ CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION = ClosedForm(), PremiumMarch(),
 MULTIPLIER_COLLOCATION = MultiplierCollocation()
 ENGINES: tuple[Engine, ...] = (
     *(CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION),
-    *(MULTIPLIER_COLLOCATION, MethodOfLines(control=MULTIPLIER_COLLOCATION)),
+    *(MULTIPLIER_COLLOCATION, ObstacleMarch()),
 )
 # Those whose vega costs no more than a few prices: the search for a volatility asks them first.
 FAST_ENGINES = (CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION)

@@ -298,7 +298,7 @@ def test_a_row_depends_neither_on_the_others_nor_on_their_order(greeks):
     book, count = Book.of(MIXED), len(MIXED)
     together = solve(book, request_for(count, greeks=greeks))
     assert set(together.status) == {"ok"}
-    assert {"closed-form", "premium-march", "multiplier-collocation", "sdirk2", "expired"} <= set(
+    assert {"closed-form", "premium-march", "multiplier-collocation", "obstacle-march", "expired"} <= set(
         together.method
     )
     order = np.random.default_rng(5).permutation(count)
@@ -367,7 +367,7 @@ def test_the_engines_are_asked_from_the_fastest_to_the_one_that_serves_all():
         "premium march",
         "boundary collocation",
         "multiplier collocation",
-        "method of lines",
+        "obstacle march",
     ]
     assert ENGINES[:3] == FAST_ENGINES
     served = np.logical_or.reduce([engine.serves(Book.of(MIXED)) for engine in ENGINES])
@@ -391,7 +391,7 @@ def test_without_the_compiled_engines_everything_is_served_all_the_same(monkeypa
     contracts = [MIXED[0], MIXED[-8], MIXED[-7], MIXED[-2]]
     found = solve(Book.of(contracts), request_for(4))
     assert found.status.tolist() == ["ok"] * 4
-    assert found.method.tolist() == ["sdirk2", "sdirk2", "sdirk2", "closed-form"]
+    assert found.method.tolist() == ["obstacle-march", "obstacle-march", "obstacle-march", "closed-form"]
 
 
 @needs_kernel
@@ -402,10 +402,10 @@ def test_without_the_compiled_engines_everything_is_served_all_the_same(monkeypa
         (Option("put", 100.0, 200.0), Market(100.0, 2.0, 0.2, 2.0)),
     ],
 )
-def test_contracts_without_events_that_the_march_gives_up_go_to_the_method_of_lines(option, market):
+def test_contracts_without_events_that_the_march_gives_up_go_to_the_march(option, market):
     """The collocation's error estimate is calibrated on shorter segments: it claimed 1.7e-5 and missed by 1.1e-4."""
     found = price(option, market)
-    assert found.method == "sdirk2"
+    assert found.method == "obstacle-march"
     finer = price(option, market, tolerance=1e-7)
     assert abs(found.price - finer.price) <= found.error_estimate + finer.error_estimate
 

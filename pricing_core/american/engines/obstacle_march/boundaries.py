@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,7 +59,8 @@ def boundary_now(schedule: Schedule, found: ObstacleSolution, request: Request) 
     left, right = found.march.grid.x[[0, -1]].tolist()
     for place in first_places(schedule):
         if math.isnan(near) and not left < place < right and not request.is_interrupted():
-            other = solve(contract_problem(schedule), place, ELSEWHERE, interrupt=request.interrupt)
+            there = replace(schedule, spot=schedule.strike * math.exp(place))
+            other = solve(contract_problem(there), place, ELSEWHERE, interrupt=request.interrupt)
             near = float(ends_at(schedule, other, now).near[0])
     return near
 

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +15,8 @@ import numpy as np
 
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.cuts import with_cuts
-from pricing_core.american.book.prices import Prices, concatenated, prices
+from pricing_core.american.book.prices import Prices, prices
+from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.engine import Boundaries, Request
@@ -26,7 +28,7 @@ from pricing_core.american.engines.obstacle_march.greeks import by_parameters, b
 from pricing_core.american.engines.price_bounds import range_of
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import NumericalError, PricingCoreError
-from pricing_core.obstacle import ObstacleProblem, ObstacleSolution, solve
+from pricing_core.obstacle import Obstacle, ObstacleProblem, ObstacleSolution, solve
 from pricing_core.obstacle.solution import march_again
 from pricing_core.obstacle.solve import GAIN
 
@@ -34,6 +36,7 @@ FAILURES = (PricingCoreError, ArithmeticError, np.linalg.LinAlgError)
 # Factor of the error estimate of a local volatility, which is not smooth everywhere, and of an obstacle that moves;
 # calibrated.
 ROUGH_SHARE = 2.0
+NEVER_MET = -1.0  # Value, in strikes, that no price falls to.
 # Tolerance, in strikes, of a solve that boundaries are wanted of, over the square of their relative accuracy; chosen.
 BOUNDARY_SHARE = 1e-2
 
@@ -57,22 +60,22 @@ class ObstacleMarch:
         return (book.expiry > 0.0) & (book.spot > 0.0)
 
     def solve(self, book: Book, request: Request) -> Prices:
-        """Price one contract after the other; what fails numerically has the status "out_of_domain"."""
+        """Price one contract after the other; what fails numerically has the status "out_of_domain".
+
+        With `share_solves` contracts that differ in the spot alone share one march, whose interval holds all spots.
+        """
         least, most = range_of(book)
-        found = []
-        for row in range(book.count):
-            if request.is_interrupted():
-                found.append(prices(1, status="deadline", method="none"))
-                continue
-            rows = slice(row, row + 1)
-            try:
-                with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
-                    found.append(
-                        _priced(book.part(rows), request.take(rows), (least.item(row), most.item(row)))
-                    )
-            except FAILURES as error:
-                found.append(prices(1, status="out_of_domain", method="none", message=str(error)))
-        return concatenated(found)
+        rows = [[row] for row in range(book.count)]
+        if request.share_solves and book.count > 1:
+            rows = ladders(book, request)
+        found = prices(book.count)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
+            for alike in rows:
+                shared = _Shared.of(book, alike, request) if len(alike) > 1 else None
+                for row in alike:
+                    own = _one(book, row, request, (least.item(row), most.item(row)), shared)
+                    found = own if book.count == 1 else found.replaced(np.array([row]), own)
+        return found
 
     def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
         """Return both boundaries from one solve, or two where they begin far from the strike."""
@@ -82,7 +85,8 @@ class ObstacleMarch:
         best = Ends(nothing, nothing, nothing)
         for place in first_places(schedule):
             if np.isnan(best.near).any():
-                found = solve(contract_problem(schedule), place, tolerance, interrupt=request.interrupt)
+                there = replace(schedule, spot=schedule.strike * math.exp(place))
+                found = solve(contract_problem(there), place, tolerance, interrupt=request.interrupt)
                 if found.status == "deadline":
                     raise NumericalError("the interrupt came before the boundary was found")
                 best = best.completed_by(ends_at(schedule, found, times))
@@ -94,18 +98,97 @@ class ObstacleMarch:
         return Boundaries(best.near, best.far, best.error, np.ones(times.size, dtype=bool))
 
 
-def _priced(book: Book, request: Request, within: tuple[float, float]) -> Prices:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shared:
+    """One solution for the spots of several contracts; places (m,)."""
+
+    places: Vector
+    solution: ObstacleSolution
+
+    @classmethod
+    def of(cls, book: Book, rows: list[int], request: Request) -> _Shared | None:
+        """Solve contracts that differ in the spot alone; None where that fails, and each is asked for by itself."""
+        own = request.take(np.array(rows))
+        part = _prepared(book.take(np.array(rows)), own)
+        lowest = np.array([int(np.argmin(part.spot))])  # which has the widest interval
+        problem, share = _problem(part.take(lowest), own)
+        places = np.array([place_of(part.schedule(k)) for k in range(len(rows))])
+        try:
+            found = solve(problem, places, float(own.tolerance.min()) / share, interrupt=request.interrupt)
+        except FAILURES:
+            return None
+        return cls(places, found)
+
+    def at(self, place: float) -> ObstacleSolution:
+        """Return the solution at one of the places."""
+        k = int(np.argmin(np.abs(self.places - place)))
+        whole = self.solution
+        return replace(
+            whole,
+            at=place,
+            value=float(whole.value[k]),
+            error_estimate=float(whole.error_estimate[k]),
+            slope=float(whole.slope[k]),
+            curvature=float(whole.curvature[k]),
+        )
+
+
+def ladders(book: Book, request: Request) -> list[list[int]]:
+    """Return the rows in groups that differ in the spot alone."""
+    groups: dict[Hashable, list[int]] = {}
+    for row in range(book.count):
+        schedule = book.schedule(row)
+        local, shift = schedule.local, 0.0
+        if local is not None:  # whose reference depends on the spot
+            shift = local.reference
+        segments = tuple(replace(s, volatility=round(s.volatility - shift, 12)) for s in schedule.segments)
+        listed = tuple(getattr(book.listed, name).row(row) for name in type(book.listed).__slots__)
+        surface = None if local is None else local.volatility
+        key = (schedule.is_put, schedule.strike, bool(book.escrowed[row]), segments, surface, listed)
+        groups.setdefault((*key, request.tolerance.item(row)), []).append(row)
+    return [*groups.values()]
+
+
+def _one(
+    book: Book, row: int, request: Request, within: tuple[float, float], shared: _Shared | None
+) -> Prices:
+    """Price one contract, whatever happens."""
+    if request.is_interrupted():
+        return prices(1, status="deadline", method="none")
+    rows = slice(row, row + 1)
+    try:
+        return _priced(book.part(rows), request.take(rows), within, shared)
+    except FAILURES as error:
+        return prices(1, status="out_of_domain", method="none", message=str(error))
+
+
+def _prepared(book: Book, request: Request) -> Book:
+    """Return contracts with segments that end where their derivatives want it."""
+    return book if request.greeks == "none" else _cut(book, extended=request.greeks == "extended")
+
+
+def _problem(book: Book, request: Request) -> tuple[ObstacleProblem, float]:
+    """Return the problem of a book of one contract, and the factor of its error estimate."""
+    rough = book.is_local().item(0) or book.escrow_now().item(0) > 0.0
+    greeks, extended = request.greeks != "none", request.greeks == "extended"
+    cut = extended and _has_curves(book)
+    problem = contract_problem(book.schedule(0), _dividends(book) if greeks else (), cut=cut)
+    return problem, ROUGH_SHARE if rough else 1.0
+
+
+def _priced(book: Book, request: Request, within: tuple[float, float], shared: _Shared | None) -> Prices:
     """Price a book of one contract, `within` its bounds of no arbitrage."""
     local = book.is_local().item(0)
-    share = ROUGH_SHARE if local or book.escrow_now().item(0) > 0.0 else 1.0
     greeks, extended = request.greeks != "none", request.greeks == "extended"
-    book = _cut(book, extended=extended) if greeks else book
+    book = _prepared(book, request)
     schedule = book.schedule(0)
-    problem = contract_problem(
-        schedule, _dividends(book) if greeks else (), cut=greeks and extended and _has_curves(book)
-    )
+    problem, share = _problem(book, request)
     place, strike = place_of(schedule), schedule.strike
-    found = solve(problem, place, request.tolerance.item(0) / share, interrupt=request.interrupt)
+    if shared is None:
+        found = solve(problem, place, request.tolerance.item(0) / share, interrupt=request.interrupt)
+    else:
+        found = shared.at(place)
+        problem = found.problem
     european = _european(book, schedule, problem, found, request)
     if found.march is None or found.coarse is None or math.isnan(found.value):
         status = "deadline" if found.status == "deadline" else "out_of_domain"
@@ -145,15 +228,15 @@ def _priced(book: Book, request: Request, within: tuple[float, float]) -> Prices
 
 
 def _cut(book: Book, *, extended: bool) -> Book:
-    """Return a book of one contract with segments that end at every dividend and every curve's time that is listed."""
+    """Return contracts with segments that end at every dividend and every curve's time that is listed."""
     listed = book.listed
     lists = [listed.cash_dividends]
     if extended:
         lists += [listed.rate, listed.dividend_yield, listed.volatility]
     if not any(column.values.size for column in lists):
         return book
-    times = np.unique(np.concatenate([column.values for column in lists]))
-    return with_cuts(book, type(listed.rate).of([times.tolist()]))
+    times = [sorted({t for column in lists for t in column.row(row)}) for row in range(book.count)]
+    return with_cuts(book, Ragged.of(times))
 
 
 def _dividends(book: Book) -> tuple[float, ...]:
@@ -183,6 +266,9 @@ def _european(
         return schedule.strike * float(found.value)
     if request.is_interrupted():
         return math.nan
-    held, place = replace(problem, lower=None), np.array([place_of(schedule)])
+    # An obstacle that is never met keeps the segments, and with them the steps.
+    own = problem.lower
+    held = replace(problem, lower=Obstacle(NEVER_MET, during=own.during, at=own.at))
+    place = np.array([place_of(schedule)])
     fine, coarse = (march_again(held, own).now(place)[0] for own in (found.march, found.coarse))
     return schedule.strike * max(float(fine + (fine - coarse) / (GAIN - 1.0)), 0.0)

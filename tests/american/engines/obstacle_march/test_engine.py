@@ -115,3 +115,17 @@ def test_an_interrupt_ends_the_work_with_what_is_known():
     assert found.status.tolist() == ["deadline", "deadline"]
     assert np.isfinite(found.value[0])
     assert np.isnan(found.value[1])
+
+
+def test_contracts_that_differ_in_the_spot_share_a_march():
+    option, spots = Option("put", 100.0, 1.0), (85.0, 95.0, 100.0, 110.0)
+    book = Book.of([(option, Market(spot, 0.05, SURFACE)) for spot in spots])
+    shared, alone = (
+        ENGINE.solve(book, Request(np.full(4, 1e-4), "standard", share_solves=share))
+        for share in (True, False)
+    )
+    assert (shared.status == "ok").all()
+    assert len(set(shared.steps.tolist())) == 1
+    assert (np.abs(shared.value - alone.value) <= shared.error + alone.error).all()
+    assert shared.delta == pytest.approx(alone.delta, abs=1e-4)
+    assert shared.vega == pytest.approx(alone.vega, rel=2e-3)

@@ -1,4 +1,4 @@
-"""A local volatility on a grid: what it exceeds the number that stands for it by, at the nodes and in each step.
+"""A local volatility in the cells of a grid: what it exceeds the number that stands for it by, in each step.
 
 The variance is averaged over the cell around a node and over a step, so that kinks of the surface leave the error
 regular: with an operator that is the mean of L over a step the march keeps second order (Magnus 1954).
@@ -10,14 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pricing_core.american.contracts.local_volatility import hat_weights, mean_weights
+from pricing_core.american.contracts.local_volatility import mean_weights
 from pricing_core.american.contracts.schedule import LocalTerms, Segment
-from pricing_core.american.engines.method_of_lines.grid import Grid
 from pricing_core.arrays import Matrix, Vector
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NodeVolatility:
+class CellVolatility:
     """A local volatility at the N interior nodes of a grid.
 
     Parameters
@@ -35,20 +34,15 @@ class NodeVolatility:
     reference: float
 
     @classmethod
-    def of(cls, local: LocalTerms, grid: Grid, strike: float) -> NodeVolatility:
-        """Interpolate a surface once, by Simpson's rule in every cell."""
-        nodes = strike * grid.nodes
+    def of(cls, local: LocalTerms, nodes: Vector) -> CellVolatility:
+        """Interpolate a surface once, by Simpson's rule in every cell between N + 2 nodes, money."""
         middles = 0.5 * (nodes[1:] + nodes[:-1])
-        size, surface = grid.interior.size, local.volatility
+        size, surface = nodes.size - 2, local.volatility
         at = surface.at_nodes_of_time(np.concatenate([middles[:-1], nodes[1:-1], middles[1:]])) ** 2
         variance = (at[:, :size] + 4.0 * at[:, size : 2 * size] + at[:, 2 * size :]) / 6.0
         if (surface.values == surface.values[0]).all():
             return cls(surface.times[:1], variance[:1], local.reference)
         return cls(surface.times, variance, local.reference)
-
-    def at(self, time: float) -> Vector:
-        """Return by how much the volatility exceeds the reference at a time (years from now), shape (N,)."""
-        return self.excess(hat_weights(self.times, np.array([time]))[0])
 
     def excess(self, weights: Vector) -> Vector:
         """Return that excess for a weighted mean of the variances at the times of the surface, shape (N,)."""
