@@ -23,6 +23,7 @@ ON_NODE = 1e-6  # cells from a node at which a kink counts as lying on it
 ROUNDING = (
     1e-12  # of the values' size: what rounding may make of equal obstacles, and of a slope that does not jump
 )
+DIFFERENCE_ROUNDING = 1e-15  # of the values' size: what rounding may make of a second difference
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,6 +233,7 @@ class Segment:
             early, late = max(t - change, self.start), min(t + change, np.nextafter(self.end, self.start))
             income = income + (obstacle(x, late) - obstacle(x, early)) / (late - early)
         size = ROUNDING * (np.abs(drift * first) + np.abs(rate * value) + np.abs(source))
+        size += DIFFERENCE_ROUNDING * diffusion * np.abs(value) / step**2
         return income, size
 
     def _kinks_once(self, obstacle: Obstacle, sign: float, t: float) -> tuple[BoolVector, BoolVector]:

@@ -33,7 +33,7 @@ def test_what_is_priced_together_is_priced_as_alone_or_left_to_the_march():
     for (option, market), found in zip(contracts, together, strict=True):
         alone = price(option, market, tolerance=1e-5)
         if found is None:
-            assert alone.method == "sdirk2"
+            assert alone.method == "obstacle-march"
         else:
             assert (found.price, found.vega, found.status) == (alone.price, alone.vega, "ok")
 

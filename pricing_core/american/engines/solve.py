@@ -175,7 +175,7 @@ def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
     lost = (found.error > allowed[rows]) & (found.error >= most - least)
     inside = replace(found, value=np.clip(found.value, least, most))
     half = 0.5 * (most - least)[lost]
-    bounds = prices(half.size, value=least[lost] + half, error=half, message=BOUNDS_ALONE)
+    bounds = prices(half.size, value=least[lost] + half, error=half, method="none", message=BOUNDS_ALONE)
     return best.replaced(rows, inside.replaced(np.flatnonzero(lost), bounds))
 
 

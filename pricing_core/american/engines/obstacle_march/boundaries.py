@@ -79,7 +79,8 @@ def ends_at(schedule: Schedule, found: ObstacleSolution, times: Vector) -> Ends:
     around = (times + np.outer(AROUND, left)).ravel()
     fine = _of_march(schedule, found.march, around)
     coarse = fine if found.coarse is None else _of_march(schedule, found.coarse, around)
-    differences = np.abs(fine[:, 0] - coarse[:, 0]).reshape(AROUND.size, -1)
+    with np.errstate(invalid="ignore"):
+        differences = np.abs(fine[:, 0] - coarse[:, 0]).reshape(AROUND.size, -1)
     own = fine[: times.size]
     error = np.where(np.isnan(own[:, 0]), math.nan, np.nanmax(differences, axis=0, initial=0.0))
     return Ends(own[:, 0], own[:, 1], SHARE * error)

@@ -116,7 +116,7 @@ def by_parameters(
         if request.is_interrupted():
             return None
         sides = _sides(planned, problem, cut=cut)
-        by_place = _central(planned, [place_of(side.schedule(0)) for side in planned.sides])
+        by_place = _central(planned, [side.schedule(0).spot for side in planned.sides]) / schedule.spot
         values = [
             walk.derivative(sides) + slope * by_place for walk, slope in zip(walks, slopes, strict=True)
         ]
