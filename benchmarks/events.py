@@ -4,7 +4,7 @@ Random American puts and calls, apart: spot 60 to 150, strike 100, rate 0.5 to 8
 volatility 10 to 60 %, 30 days to 3 years, four dividends of 0.2 to 2 % of the spot each within the first year. Errors
 are distances from the collocation's own prices at the tolerance 1e-8; where QuantLib is installed, its finite
 differences are held against these as well. The kernel's time is measured inside the same calls; what is left is Python.
-The method of lines, asked for by name, prices the same contracts, and is held against QuantLib at equal error.
+The chapter's road, asked for by name, prices the same contracts, and is held against QuantLib at equal error.
 
 Takes a minute, three with QuantLib. Run from the root of the project: .venv/bin/python -m benchmarks.events
 """
@@ -230,14 +230,14 @@ def time_at_error(points: list[Point], error: float) -> float:
 
 
 def _report_lines(payers: Payers, reference: Vector, quantlib: list[Point]) -> None:
-    """Print what the method of lines takes, and how often that goes into QuantLib's time at equal error."""
+    """Print what the chapter's road takes, and how often that goes into QuantLib's time at equal error."""
     columns = payers.columns()
     for tolerance in LINES_TOLERANCES:
         start = time.perf_counter()
         table = price_many(columns, tolerance=tolerance, greeks="none", method="lcs", threads=1)
         milliseconds = 1e3 * (time.perf_counter() - start) / reference.size
         error = float(np.sqrt(np.nanmean(np.square(table["price"] - reference)))) / STRIKE
-        told = f"method of lines at {tolerance:.0e}: {milliseconds:.2f} ms each, rms error {error:.1e}"
+        told = f"the chapter's road at {tolerance:.0e}: {milliseconds:.2f} ms each, rms error {error:.1e}"
         if quantlib:
             finest = min(quantlib, key=lambda point: point.error)
             times = time_at_error(quantlib, max(error, finest.error)) / milliseconds

@@ -1,7 +1,7 @@
 """What do Greeks cost, how far is each from differences of prices at 1e-8, and do their error estimates hold?
 
 The costs are those of `price_many` over the price alone, one thread, least of alternating rounds; contracts that fall
-to the method of lines are left out. For the errors, central differences at the steps h, 2h, ..., 32h are extrapolated
+to the march of obstacle problems are left out. For the errors, central differences at the steps h, 2h, ..., 32h are extrapolated
 in pairs. The distances of an extrapolation from its neighbours, and what the stated errors of the bumped prices can
 make of it, are its own error, and the pair with the smallest counts. A Greek is compared where that error is at most
 the claim; `unsure` counts the others. Contracts that are exercised are left out, and differences over prices of
@@ -40,7 +40,7 @@ ENGINES: dict[str, tuple[Kind, ...]] = {
         *(kinds.cash, kinds.proportional, kinds.mixed, kinds.curves, kinds.escrowed),
         *(kinds.hours_to_expiry_and_ex_date, kinds.hours_to_ex_date, kinds.near_yield_with_cash),
     ),
-    "sdirk2": (kinds.two_boundaries_with_cash,),  # the method of lines
+    "obstacle-march": (kinds.two_boundaries_with_cash,),
 }
 SLOW = "sdirk2"
 # Number of contracts of each kind.

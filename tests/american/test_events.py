@@ -345,8 +345,11 @@ TWO_BOUNDARIES = Market(100.0, -0.005, 0.2, -0.02, cash_dividends=({"time": 0.5,
 @needs_kernel
 @pytest.mark.parametrize(
     ("contract", "method"),
-    [(CONTRACTS["put, quarterly dividends"], "multiplier-collocation"), ((PUT, TWO_BOUNDARIES), "obstacle-march")],
-    ids=["collocation", "method of lines"],
+    [
+        (CONTRACTS["put, quarterly dividends"], "multiplier-collocation"),
+        ((PUT, TWO_BOUNDARIES), "obstacle-march"),
+    ],
+    ids=["collocation", "obstacle march"],
 )
 def test_a_deadline_among_the_greeks_leaves_the_price(contract, method):
     alone, whole = Deadline(), Deadline()

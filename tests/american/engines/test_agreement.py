@@ -11,7 +11,7 @@ from pricing_core.american import Market, Option
 from pricing_core.american.book.book import Book
 from pricing_core.american.engines.closed_form import ClosedForm
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.method_of_lines import MethodOfLines
+from pricing_core.american.engines.obstacle_march import ObstacleMarch
 from pricing_core.american.engines.premium_march import PremiumMarch
 from tests.problems.engines import CollocationAlone, solved
 from tests.problems.needs_kernel import needs_kernel
@@ -19,7 +19,7 @@ from tests.problems.random_events import random_contracts
 from tests.problems.true_values import true_values
 
 pytestmark = needs_kernel
-MARCH, COLLOCATION, LINES = PremiumMarch(), CollocationAlone(), MethodOfLines()
+MARCH, COLLOCATION, LINES = PremiumMarch(), CollocationAlone(), ObstacleMarch()
 nightly = pytest.mark.nightly
 
 
@@ -106,7 +106,7 @@ def test_march_and_collocation_have_the_same_boundaries(seed, count):
     ("seed", "count"), [(5, 60), pytest.param(6, 400, marks=nightly)], ids=["few", "many"]
 )
 @pytest.mark.parametrize("engine", [MARCH, COLLOCATION], ids=lambda engine: engine.name)
-def test_the_method_of_lines_agrees_without_events(engine, seed, count):
+def test_the_march_of_obstacle_problems_agrees_without_events(engine, seed, count):
     """Measured on 120: never apart by more than both estimates."""
     book = served_by(Book.of(random_flat_contracts(seed, count)), engine)
     fast, lines = engine.solve(book, asked(book, 1e-8)), LINES.solve(book, asked(book, 1e-6))
@@ -122,7 +122,7 @@ def test_the_method_of_lines_agrees_without_events(engine, seed, count):
     np.testing.assert_array_equal(np.isnan(fast.boundary)[settled], np.isnan(lines.boundary)[settled])
     distance = np.abs(lines.boundary / fast.boundary - 1.0)[
         known
-    ]  # the method of lines states no error of it
+    ]  # the march of obstacle problems states no error of it
     assert np.quantile(distance, 0.98) <= 2e-3
     assert distance.max() <= 1e-2
 
@@ -130,7 +130,7 @@ def test_the_method_of_lines_agrees_without_events(engine, seed, count):
 @pytest.mark.parametrize(
     ("seed", "count"), [(8, 60), pytest.param(9, 400, marks=nightly)], ids=["few", "many"]
 )
-def test_collocation_and_method_of_lines_agree_whatever_the_events(seed, count):
+def test_collocation_and_the_march_of_obstacle_problems_agree_whatever_the_events(seed, count):
     """Measured on 120: apart by more than both estimates in one, by 1.3 times them."""
     book = served_by(Book.of(random_contracts(seed, count)), COLLOCATION)
     fast, lines = COLLOCATION.solve(book, asked(book, 1e-7)), LINES.solve(book, asked(book, 1e-6))
@@ -138,7 +138,7 @@ def test_collocation_and_method_of_lines_agree_whatever_the_events(seed, count):
     assert np.count_nonzero(settled) > 0.9 * count
     assert np.mean(lines.error <= 1e-6 * 100.0) > 0.95
     apart = ratios(fast, lines, settled)
-    assert np.mean(apart > 1.0) <= 0.05  # what the method of lines claims of its estimate
+    assert np.mean(apart > 1.0) <= 0.05  # what the march of obstacle problems claims of its estimate
     assert apart.max() <= 3.0
     assert np.max(np.abs(fast.delta - lines.delta)[settled]) <= 2e-5
     assert np.max(np.abs(fast.gamma - lines.gamma)[settled]) * 100.0 <= 1e-3  # what both are accurate to

@@ -1,4 +1,4 @@
-"""The collocation of two boundaries against the method of lines, identities, and differences of its own prices."""
+"""The collocation of two boundaries against the march of obstacle problems, identities, and differences of its own prices."""
 
 import math
 
@@ -10,7 +10,7 @@ from pricing_core.american import CashDividend, Market, Option, price_many
 from pricing_core.american.book.book import Book
 from pricing_core.american.engines.boundary_collocation import BoundaryCollocation
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.method_of_lines import MethodOfLines
+from pricing_core.american.engines.obstacle_march import ObstacleMarch
 from tests.problems.needs_kernel import needs_kernel
 
 pytestmark = needs_kernel
@@ -85,7 +85,7 @@ def test_estimates_cover_the_distance_to_finer_solves_and_nearly_all_are_found(k
         assert np.all(off[ok] <= tolerance * STRIKE + reference["error_estimate"][ok])
 
 
-def test_prices_are_those_of_the_method_of_lines():
+def test_prices_are_those_of_the_march_of_obstacle_problems():
     contracts = columns(40, 6)
     found = price_many(contracts, tolerance=1e-7, greeks="none")
     lines = price_many(contracts, tolerance=1e-6, greeks="none", method="lcs")
@@ -197,11 +197,11 @@ def test_between_the_boundaries_the_price_is_the_payoff():
     assert (ends.near[-1], ends.far[-1]) == (pytest.approx(100.0), pytest.approx(40.0))
 
 
-def test_boundaries_are_those_of_the_method_of_lines_until_they_meet():
+def test_boundaries_are_those_of_the_march_of_obstacle_problems_until_they_meet():
     option, market = Option("put", 100.0, 5.0), Market(100.0, -0.005, 0.2, -0.01)
     book, request = Book.of([(option, market)]), Request(np.array([1e-6]))
     times = np.linspace(3.0, 4.98, 50)
-    found, lines = ENGINE.boundary(book, times, request), MethodOfLines().boundary(book, times, request)
+    found, lines = ENGINE.boundary(book, times, request), ObstacleMarch().boundary(book, times, request)
     both = ~np.isnan(found.near) & ~np.isnan(lines.near)
     assert np.sum(np.isnan(found.near) != np.isnan(lines.near)) <= 1
     assert 20 < both.sum() < 50

@@ -73,7 +73,7 @@ def table(row, **asked):
 
 @pytest.mark.parametrize("count", [5, pytest.param(24, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_price_is_that_of_the_method_of_lines(kind, count):
+def test_the_price_is_that_of_the_march_of_obstacle_problems(kind, count):
     random = np.random.default_rng(KINDS.index(kind))
     for _ in range(count):
         row = contract(random, kind, 10.0 ** random.uniform(-11.0, -5.0))

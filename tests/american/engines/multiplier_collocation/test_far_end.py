@@ -43,7 +43,7 @@ def table(rows, **options):
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-5, 1e-6])
 @pytest.mark.parametrize("model", ["spot", "escrowed"])
-def test_values_are_those_of_the_method_of_lines(model, tolerance):
+def test_values_are_those_of_the_march_of_obstacle_problems(model, tolerance):
     rows = random_puts(11, 40, dividend_model=model)
     found = table(rows, tolerance=tolerance, greeks="none")
     general = table(rows, tolerance=max(0.3 * tolerance, 1e-6), greeks="none", method="lcs")

@@ -35,7 +35,7 @@ def put(random, life):
     ("tolerance", "count"),
     [(1e-4, 40), (1e-6, 40)],
 )
-def test_the_price_is_that_of_the_method_of_lines(life, tolerance, count):
+def test_the_price_is_that_of_the_march_of_obstacle_problems(life, tolerance, count):
     random = np.random.default_rng(23)
     rows = [put(random, life) for _ in range(count)]
     columns = {name: [row[name] for row in rows] for name in rows[0]}

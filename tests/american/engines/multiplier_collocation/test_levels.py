@@ -8,7 +8,6 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.method_of_lines import MethodOfLines
 from pricing_core.american.engines.multiplier_collocation.levels import (
     FINEST,
     boundaries_at,
@@ -16,6 +15,7 @@ from pricing_core.american.engines.multiplier_collocation.levels import (
     solve_to_tolerance,
 )
 from pricing_core.american.engines.multiplier_collocation.served import is_served
+from pricing_core.american.engines.obstacle_march import ObstacleMarch
 from pricing_core.american.engines.premium_march import PremiumMarch
 from tests.problems.engines import solved as solved_by
 from tests.problems.event_values import Event, event_values, quadrature_value
@@ -66,9 +66,9 @@ def test_without_events_it_is_an_independent_check_of_the_march(case, pieces):
 
 
 @pytest.mark.parametrize("name", CONTRACTS)
-def test_the_method_of_lines_agrees_within_both_errors(name):
+def test_the_march_of_obstacle_problems_agrees_within_both_errors(name):
     value, error = solved(Book.of([CONTRACTS[name]]), 1e-7)
-    general = solved_by(MethodOfLines(), CONTRACTS[name], tolerance=1e-5)
+    general = solved_by(ObstacleMarch(), CONTRACTS[name], tolerance=1e-5)
     assert abs(value - general.value[0]) <= error + general.error[0]
 
 
@@ -248,13 +248,13 @@ def emptied_puts(seed, count):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_puts_whose_spot_may_be_paid_out_agree_with_the_method_of_lines(seed):
+def test_puts_whose_spot_may_be_paid_out_agree_with_the_march_of_obstacle_problems(seed):
     book = Book.of(emptied_puts(seed, 20))
     assert is_served(book).all()
     found = solve_to_tolerance(book, np.full(book.count, 1e-6), 1)
     assert found.settled.all()
     assert np.mean(found.error <= 1e-6) >= 0.95
-    lines = MethodOfLines().solve(book, Request(np.full(book.count, 1e-5), "none"))
+    lines = ObstacleMarch().solve(book, Request(np.full(book.count, 1e-5), "none"))
     apart = np.abs(book.strike * found.value - lines.value)
     assert np.mean(apart <= book.strike * found.error + 2.0 * lines.error) >= 0.95
     assert np.all(apart <= 1e-4 * book.strike + 2.0 * lines.error)
@@ -278,12 +278,14 @@ JUMPS = {
     ("name", "dividend_yield"),
     [("cash", -7e-5), ("escrowed", -7e-5), ("proportional", -0.03), ("small proportional", -0.03)],
 )
-def test_a_put_with_dividends_and_a_negative_yield_has_the_value_of_the_method_of_lines(name, dividend_yield):
+def test_a_put_with_dividends_and_a_negative_yield_has_the_value_of_the_march_of_obstacle_problems(
+    name, dividend_yield
+):
     contract = Option("put", 100.0, 1.0), Market(100.0, 0.03, 0.25, dividend_yield, **JUMPS[name])
     book = Book.of([contract])
     assert is_served(book)[0]
     found = solve_to_tolerance(book, np.array([1e-6]), 1)
-    lines = solved_by(MethodOfLines(), contract, tolerance=1e-7)
+    lines = solved_by(ObstacleMarch(), contract, tolerance=1e-7)
     assert found.settled[0]
     assert abs(100.0 * found.value[0] - lines.value[0]) <= 100.0 * found.error[0] + lines.error[0]
     assert found.error[0] <= 1e-6

@@ -55,7 +55,7 @@ def test_no_boundary_is_null(client: TestClient, question: dict[str, Any]) -> No
                 "volatility": 0.1,
                 "cash_dividends": [{"time": 0.5, "amount": 2.0}],
             },
-            "method-of-lines",
+            "obstacle-march",
         ),
     ],
 )
