@@ -1,7 +1,7 @@
 """What do Greeks cost, how far is each from differences of prices at 1e-8, and do their error estimates hold?
 
 The costs are those of `price_many` over the price alone, one thread, least of alternating rounds; contracts that fall
-to the march of obstacle problems are left out. For the errors, central differences at the steps h, 2h, ..., 32h are extrapolated
+to the march of obstacle problems are left out. For the errors, central differences at h, 2h, ..., 32h are extrapolated
 in pairs. The distances of an extrapolation from its neighbours, and what the stated errors of the bumped prices can
 make of it, are its own error, and the pair with the smallest counts. A Greek is compared where that error is at most
 the claim; `unsure` counts the others. Contracts that are exercised are left out, and differences over prices of

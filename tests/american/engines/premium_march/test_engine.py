@@ -133,7 +133,7 @@ def test_a_time_beyond_the_march_costs_itself_alone():
 
 @pytest.mark.parametrize("earned_by", ["put", "call"])
 def test_contracts_that_earn_by_one_rate_alone_are_marched(earned_by):
-    """A put at r = 0 and q < 0, or a call at q = 0 and r < 0, against the march of obstacle problems; one boundary each."""
+    """A put at r = 0 and q < 0, or a call at q = 0 and r < 0, against the general march; one boundary each."""
     random = np.random.default_rng(23)
     costs = -np.exp(random.uniform(math.log(1e-4), math.log(0.15), 60))
     contracts = []
