@@ -79,6 +79,10 @@ class ObstacleMarch:
 
     def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
         """Return both boundaries from one solve, or two where they begin far from the strike."""
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
+            return self._boundary(book, times, request)
+
+    def _boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
         schedule = replace(book.schedule(0), spot=book.strike.item(0))
         tolerance = BOUNDARY_SHARE * request.tolerance.item(0)
         nothing = np.full(times.size, math.nan)

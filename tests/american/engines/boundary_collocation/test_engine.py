@@ -1,4 +1,4 @@
-"""The collocation of two boundaries against the march of obstacle problems, identities, and differences of its own prices."""
+"""The collocation of two boundaries against the general march, identities, and differences of its own prices."""
 
 import math
 
