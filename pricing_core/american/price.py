@@ -7,14 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.resolution import Resolution
+from pricing_core.american.book.resolution import LCPMethod, Resolution
 from pricing_core.american.book.valuation import Valuation, valuation
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, GREEKS, TOLERANCE, Greeks
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.tolerances import check_moneyness
-from pricing_core.american.engines.chapter import LCPMethod
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.solve import solve
 from pricing_core.american.method import Method, engines_of

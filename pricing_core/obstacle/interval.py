@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
 from scipy.special import ndtr
 
 from pricing_core.arrays import Vector
@@ -71,6 +70,8 @@ def _with_the_volatility(
 
     The volatility is the root of its mean square over time, cut at shares of its mean and smoothed over a cell.
     """
+    from scipy.interpolate import make_interp_spline  # noqa: PLC0415  even grids do without it
+
     size = 2.0 * WIDTH * deviation / CELLS
     places = np.linspace(left, right, FINE * math.ceil((right - left) / size) + 1)
     function, variance = problem.diffusion.functions[0], np.zeros(places.size)

@@ -479,6 +479,6 @@ def test_a_contract_that_no_engine_prices_is_an_error_with_the_reason(put, marke
     def refuse(*arguments, **options):
         raise ArithmeticError("out of reach")
 
-    monkeypatch.setattr("pricing_core.american.engines.obstacle_march.engine.contract_problem", refuse)
+    monkeypatch.setattr("pricing_core.american.engines.obstacle_march.pricing.contract_problem", refuse)
     with pytest.raises(NumericalError, match="out of reach"):
         price(put, market, method="lcs")

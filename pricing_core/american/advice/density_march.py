@@ -18,9 +18,7 @@ from pricing_core.american.advice.cell_volatility import CellVolatility
 from pricing_core.american.advice.exercise_times import Exercised, exercise_without_spot
 from pricing_core.american.advice.region import Region, Span, parameters, times_in
 from pricing_core.american.contracts.schedule import Schedule, Segment
-from pricing_core.american.engines.obstacle_march.contract_problem import contract_problem, place_of
 from pricing_core.arrays import BoolVector, Vector
-from pricing_core.obstacle.interval import choose_map
 from pricing_core.stepping import SDIRK2
 
 CELLS_PER_STEP = 8  # Number of cells of the grid for each step of a span; chosen.
@@ -62,6 +60,12 @@ class DensityMarch:
     _outside: Vector = field(init=False)
 
     def __post_init__(self) -> None:
+        from pricing_core.american.engines.obstacle_march.contract_problem import (  # noqa: PLC0415  a price does without
+            contract_problem,
+            place_of,
+        )
+        from pricing_core.obstacle.interval import choose_map  # noqa: PLC0415
+
         schedule = self.schedule
         assert schedule.local is not None
         whole = choose_map(contract_problem(schedule), np.array([place_of(schedule)]))

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices, concatenated, error_of, prices
-from pricing_core.american.book.resolution import MOST, Resolution, Scheme
+from pricing_core.american.book.resolution import MOST, LCPMethod, Resolution, Scheme
 from pricing_core.american.contracts.fields import SPOT
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.black_scholes import european_columns
@@ -30,7 +30,6 @@ from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import NumericalError, PricingCoreError
 from pricing_core.obstacle.as_lcs import NodalSolver
 
-LCPMethod: TypeAlias = Literal["tridiagonal", "policy", "psor", "lemke"]
 # The first is policy iteration as well: its linear systems are tridiagonal, and solved by elimination.
 SOLVERS: dict[LCPMethod, NodalSolver] = {
     "tridiagonal": "policy",

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
 from pricing_core.american.book.resolution import Resolution, Scheme, TimeMesh
 from pricing_core.arrays import Vector
@@ -75,6 +74,8 @@ def nodal_grid(problem: ObstacleProblem, place: float, resolution: Resolution) -
     """Return the grid of a resolution around a place, with the strike on a node unless it is stretched."""
     chosen, cells, s = choose_map(problem, np.array([place])), resolution.intervals, resolution.stretching
     left, right = chosen.left, chosen.right
+    if s > 0.0 or chosen.spline is not None:
+        from scipy.interpolate import BSpline, make_interp_spline  # noqa: PLC0415  even grids do without it
     if s > 0.0:  # d sinh(s u), u equally spaced
         scale = max(-left, right) / math.sinh(s)
         u = np.linspace(math.asinh(left / scale), math.asinh(right / scale), cells + 1)
