@@ -18,7 +18,7 @@ from pricing_core.american import CashDividend, Market, Option, ProportionalDivi
 from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.fields import OptionType
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.obstacle_march import march_book
+from pricing_core.american.engines.obstacle_march.march_book import march_book
 from pricing_core.american.engines.solve import solve
 from pricing_core.arrays import Vector
 

@@ -8,7 +8,7 @@ from pricing_core import kernel
 from pricing_core.american import Market, Option
 from pricing_core.american.book.book import Book
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.obstacle_march import march_book
+from pricing_core.american.engines.obstacle_march.march_book import march_book
 from pricing_core.american.engines.solve import solve
 
 pytestmark = pytest.mark.skipif(kernel.march_segments is None, reason="the compiled kernel is absent")
