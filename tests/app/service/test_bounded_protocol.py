@@ -9,6 +9,7 @@ from unittest.mock import patch
 
 import pytest
 from starlette.types import Receive, Scope, Send
+from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT
 
 from app.service import bounded_protocol
 from app.service.allowance import Allowance
@@ -254,6 +255,42 @@ async def test_requests_wait_unparsed_for_the_answer_to_the_one_before() -> None
 
 
 @in_loop
+async def test_requests_that_come_in_one_read_are_charged_when_they_are_parsed() -> None:
+    connection, transport, _ = opened()
+    charged: list[int] = []
+    connection.charge = charged.append  # type: ignore[method-assign]
+    feed(connection, GET * 50)
+    for _ in range(50):
+        await turns()
+    assert len(statuses(transport)) == 50
+    assert sum(charged) >= READ_PIECES + 50 * (HEADER_PIECES + REQUEST_PIECES)
+
+
+@in_loop
+async def test_requests_with_bodies_that_come_in_one_read_are_each_answered() -> None:
+    _, transport, application = await fed_with((POST + b"Content-Length: 3\r\n\r\nGET") * 5)
+    for _ in range(5):
+        await turns()
+    assert statuses(transport) == [b"204"] * 5
+    assert application.state.asked == 5
+
+
+@pytest.mark.parametrize("framing", [b"Transfer-Encoding: chunked", b"Content-Length: 60000000"])
+def test_a_body_that_the_application_does_not_take_is_read_no_further(framing: bytes) -> None:
+    async def run() -> None:
+        connection, transport, _ = opened(Waiter(Settings()))
+        connection.charge = lambda pieces: None  # type: ignore[method-assign]
+        feed(connection, POST + framing + b"\r\n\r\n")
+        sent = 0
+        while transport.is_read and sent < 60_000_000:
+            sent += feed(connection, b"10000\r\n" + b" " * 65_536 + b"\r\n")
+            await turns()
+        assert len(connection.cycle.body) <= HIGH_WATER_LIMIT + BODY_READ_BYTES
+
+    asyncio.run(run())
+
+
+@in_loop
 async def test_a_body_of_known_length_is_read_in_large_parts_and_none_of_what_follows() -> None:
     connection, _, _ = opened()
     feed(connection, POST + b"Content-Length: 300000\r\n\r\n")
@@ -320,6 +357,8 @@ def test_a_head_is_held_to_its_limits_however_it_arrives(packet: int, head: byte
         b"GET / HTTP/1.1\r\n" + HOST + HOST + b"\r\n",
         b"GET / HTTP/2.0\r\n" + HOST + b"\r\n",
         b"GET / HTTP/0.9\r\n\r\n",
+        b"GET / RTSP/1.1\r\n" + HOST + b"\r\n",
+        b"SOURCE / ICE/1.1\r\n" + HOST + b"\r\n",
         b"GET /\r\n\r\n",
         b"GET  / HTTP/1.1\r\n" + HOST + b"\r\n",
         b"GET / HTTP/1.1\r\n" + HOST + b"a: b\r\n c\r\n\r\n",
@@ -393,7 +432,6 @@ def test_a_refused_connection_is_closed_after_a_while(monkeypatch: pytest.Monkey
 
     async def run() -> None:
         _, transport, _ = await fed_with(CHUNKED, Refuser(Settings(head_seconds=3600.0)))
-        assert not transport.is_closed
         async with asyncio.timeout(PATIENCE):
             while not transport.is_closed:
                 await asyncio.sleep(0.01)
@@ -432,6 +470,15 @@ def test_an_upgrade_is_ignored_and_the_connection_closed(
 
     asyncio.run(run())
     assert not caplog.records
+
+
+@in_loop
+async def test_what_follows_connect_is_not_taken() -> None:
+    _, transport, application = await fed_with(b"CONNECT / HTTP/1.1\r\n" + HOST + b"\r\n" + GET * 100)
+    assert statuses(transport) == [b"204"]
+    assert b"connection: close" in transport.written
+    assert transport.has_ended
+    assert application.state.asked == 1
 
 
 @in_loop
