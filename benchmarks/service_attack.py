@@ -1,8 +1,9 @@
 """What does a neighbour of hostile clients notice, and how much memory do they make the service take?
 
-One kind of attack at a time on a server of two workers, and then all kinds together for ten minutes, beside a client from
-another address that asks for a price ten times a second and for `/livez` as often. Attackers, neighbour and server
-share the machine, the attackers at the lowest priority, as they would not share it elsewhere; nothing else is spoken to.
+One kind of attack at a time on a server of two workers, and then all kinds together for ten minutes, beside a client
+from another address that asks for a price ten times a second and for `/livez` as often. Attackers, neighbour and
+server share the machine, the attackers at the lowest priority, as they would not share it elsewhere; nothing else is
+spoken to.
 """
 
 import json
