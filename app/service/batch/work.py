@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
@@ -39,6 +39,17 @@ class Rows(Protocol):
     def price(self, settings: PricingSettings, interrupt: Interrupt) -> pa.RecordBatch:
         """Return the results of every row; those that are not ready when the work ends have the status deadline."""
         ...
+
+
+class Pieces(Protocol):
+    """All rows of a body, in pieces to be priced together."""
+
+    @property
+    def count(self) -> int:
+        """The number of rows."""
+        ...
+
+    def __iter__(self) -> Iterator[Rows]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +117,7 @@ class BatchWork:
         if self._form == LINES:
             return [*FIELDS], self._lines()
         body = await self._body.whole()
-        read: Callable[[bytearray], tuple[list[str], Sequence[Rows]]] = table_of
+        read: Callable[[bytearray], tuple[list[str], Pieces]] = table_of
         if self._form == JSON:
             if len(body) > LONGEST_COLUMNS:
                 raise BodyTooLargeError(
@@ -117,13 +128,15 @@ class BatchWork:
         names, rows = await self._done(lambda _: read(body))
         return names, self._in_time(rows)
 
-    async def _in_time(self, rows: Sequence[Rows]) -> AsyncIterator[Rows | LateRows]:
-        """Yield the parts one by one, and once the deadline has passed all that is left as one."""
-        for place, part in enumerate(rows):
+    async def _in_time(self, pieces: Pieces) -> AsyncIterator[Rows | LateRows]:
+        """Yield the pieces one by one, and once the deadline has passed all that is left as one."""
+        left = pieces.count
+        for rows in pieces:
             if not self._place.has_time():
-                yield LateRows(sum(part.count for part in rows[place:]))
+                yield LateRows(left)
                 return
-            yield part
+            left -= rows.count
+            yield rows
 
     async def _lines(self) -> AsyncIterator[Rows | LateRows]:
         async for lines in self._body.lines():

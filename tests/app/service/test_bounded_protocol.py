@@ -25,11 +25,13 @@ from app.service.bounded_protocol import (
     REQUEST_PIECES,
     THROWN_BYTES,
 )
-from app.service.connections import BoundedConnection
+from app.service.connections import BoundedConnection, reserve_descriptors
 from app.service.envelope import Envelope
+from app.service.errors import OverloadedError
 from app.service.incoming_head import LONGEST_HEAD, LONGEST_PATH, MOST_LINES
 from app.service.reading import Hold
 from app.settings import Settings
+from pricing_core.errors import InvalidInputError
 from tests.app.service.byte_streams import (
     CHUNKED,
     GET,
@@ -106,6 +108,8 @@ async def fed_with(data: bytes, application: Any = None) -> tuple[BoundedConnect
     while data and transport.is_read and not transport.is_closed:
         data = data[feed(connection, data) :]
         await turns()
+        while Hold.ALLOWANCE in connection.flow._holds:
+            await asyncio.sleep(1e-3)
     await turns()
     return connection, transport, application
 
@@ -141,6 +145,7 @@ def test_one_turn_parses_a_bounded_number_of_bytes_and_pieces_of_any_stream(
 
 
 @in_loop
+@patch("app.service.connections.MOST_AT_ONCE", 1 << 60)
 async def test_a_connection_is_not_read_once_its_allowance_is_used_up_and_is_read_again_later() -> None:
     connection, _, application = opened()
     application.state.ledger.charge = lambda connection, pieces: None
@@ -220,6 +225,7 @@ async def test_tiny_chunks_and_reads_of_one_byte_hold_the_connection() -> None:
 
 
 @in_loop
+@patch("app.service.connections.MOST_AT_ONCE", 1 << 60)
 @patch("app.service.connection_ledger.time", SimpleNamespace(monotonic=lambda: 0.0))
 async def test_what_one_connection_has_parsed_holds_all_of_its_address_and_new_ones() -> None:
     pairs = connections(Reader(Settings()))
@@ -247,10 +253,9 @@ async def test_requests_wait_unparsed_for_the_answer_to_the_one_before() -> None
     await turns()
     assert application.state.asked == 0
     waiter.told.set()
-    for _ in range(1_000):
-        await turns()
-        if transport.is_read:
-            break
+    async with asyncio.timeout(PATIENCE):
+        while not transport.is_read or connection._unparsed:
+            await turns()
     assert application.state.asked == len(statuses(transport)) == READ_BYTES // len(GET)
 
 
@@ -260,17 +265,18 @@ async def test_requests_that_come_in_one_read_are_charged_when_they_are_parsed()
     charged: list[int] = []
     connection.charge = charged.append  # type: ignore[method-assign]
     feed(connection, GET * 50)
-    for _ in range(50):
-        await turns()
-    assert len(statuses(transport)) == 50
+    async with asyncio.timeout(PATIENCE):
+        while len(statuses(transport)) < 50:
+            await turns()
     assert sum(charged) >= READ_PIECES + 50 * (HEADER_PIECES + REQUEST_PIECES)
 
 
 @in_loop
 async def test_requests_with_bodies_that_come_in_one_read_are_each_answered() -> None:
     _, transport, application = await fed_with((POST + b"Content-Length: 3\r\n\r\nGET") * 5)
-    for _ in range(5):
-        await turns()
+    async with asyncio.timeout(PATIENCE):
+        while len(statuses(transport)) < 5:
+            await turns()
     assert statuses(transport) == [b"204"] * 5
     assert application.state.asked == 5
 
@@ -516,3 +522,68 @@ async def test_one_empty_line_may_come_before_a_request_and_http_1_0_needs_no_ho
     _, transport, _ = await fed_with(b"\r\nGET / HTTP/1.0\r\n\r\n")
     assert statuses(transport) == [b"204"]
     assert transport.is_closed
+
+
+class Asked(Reader):
+    """An application that answers nothing, and notes how its request ends."""
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(settings)
+        self.told: list[str] = []
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        while (message := await receive())["type"] != "http.disconnect":
+            pass
+        self.told.append(message["type"])
+
+
+@in_loop
+async def test_who_is_closed_for_another_is_told_so_and_its_work_ends() -> None:
+    connection, transport, application = await fed_with(GET, Asked(Settings()))
+    connection.make_room(OverloadedError("too many"))
+    await turns()
+    assert statuses(transport) == [b"503"]
+    assert b"connection: close" in transport.written
+    assert transport.is_closed
+    assert application.told == ["http.disconnect"]
+
+
+@in_loop
+async def test_a_client_that_reads_nothing_for_a_while_is_dropped() -> None:
+    connection, transport, _ = opened(Reader(Settings(stall_seconds=0.01)))
+    connection.pause_writing()
+    connection.resume_writing()
+    connection.pause_writing()
+    async with asyncio.timeout(PATIENCE):
+        while not transport.is_closed:
+            await asyncio.sleep(0.01)
+
+
+@in_loop
+async def test_a_connection_without_a_whole_head_is_dropped_in_time_and_each_answer_gives_it_as_much() -> (
+    None
+):
+    connection, transport, _ = opened(Reader(Settings(head_seconds=3_600.0)))
+    begun = connection._head_timer.when()  # type: ignore[union-attr]
+    await asyncio.sleep(0.01)
+    feed(connection, GET)
+    await turns()
+    assert connection._head_timer.when() > begun  # type: ignore[union-attr]
+    connection, transport, _ = opened(Reader(Settings(head_seconds=0.01)))
+    feed(connection, GET[:-3])
+    async with asyncio.timeout(PATIENCE):
+        while not transport.is_closed:
+            await asyncio.sleep(0.01)
+
+
+@pytest.mark.parametrize(("soft", "hard", "told"), [(256, 100_000, [(1_012, 100_000)]), (2_000, 2_000, [])])
+def test_as_many_files_may_be_open_as_there_may_be_connections(
+    monkeypatch: pytest.MonkeyPatch, soft: int, hard: int, told: list[tuple[int, int]]
+) -> None:
+    found: list[tuple[int, int]] = []
+    monkeypatch.setattr("app.service.connections.resource.getrlimit", lambda _: (soft, hard))
+    monkeypatch.setattr("app.service.connections.resource.setrlimit", lambda _, limits: found.append(limits))
+    reserve_descriptors(500)
+    assert found == told
+    with pytest.raises(InvalidInputError, match="PRICING_MAX_CONNECTIONS"):
+        reserve_descriptors(hard)
