@@ -96,17 +96,18 @@ class BatchWork:
         yield self._answer.start(results_schema(names, self._settings))
         count = 0
         async for part in parts:
-            count += part.count
+            size = part.count  # which is found by reading, where it is lines
+            count += size
             if count > MOST_ROWS:
                 raise BodyTooLargeError(f"a batch must not have more than {MOST_ROWS} rows")
             priced = None if isinstance(part, LateRows) else await self._priced(part)
             if priced is None:
-                async for answer in self._unfinished(part.count, names):
+                async for answer in self._unfinished(size, names):
                     yield answer
                 continue
             statuses, encoded = priced
             self._record.contracts.update(statuses)
-            async for answer in self._added(encoded, part.count):
+            async for answer in self._added(encoded, size):
                 yield answer
         end = self._answer.end()
         while last := await asyncio.to_thread(next, end, b""):
@@ -139,8 +140,19 @@ class BatchWork:
             yield rows
 
     async def _lines(self) -> AsyncIterator[Rows | LateRows]:
+        """Yield the rows as they come; once the deadline has passed all that are here already as one."""
+        late = 0
         async for lines in self._body.lines():
-            yield JsonLines(lines)
+            rows = JsonLines(lines)
+            if self._place.has_time():
+                yield rows
+                continue
+            late += rows.count
+            if late >= ROWS_AT_A_TIME or not self._body.has_lines:
+                yield LateRows(late)
+                late = 0
+        if late:
+            yield LateRows(late)
 
     async def _priced(self, rows: Rows) -> tuple[Counter[str], object] | None:
         """Return how many rows have which status, and their results in the form of the answer; None if it is late."""

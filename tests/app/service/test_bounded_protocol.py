@@ -266,7 +266,7 @@ async def test_requests_that_come_in_one_read_are_charged_when_they_are_parsed()
     connection.charge = charged.append  # type: ignore[method-assign]
     feed(connection, GET * 50)
     async with asyncio.timeout(PATIENCE):
-        while len(statuses(transport)) < 50:
+        while len(statuses(transport)) < 50 and not transport.has_ended:
             await turns()
     assert sum(charged) >= READ_PIECES + 50 * (HEADER_PIECES + REQUEST_PIECES)
 
@@ -275,7 +275,7 @@ async def test_requests_that_come_in_one_read_are_charged_when_they_are_parsed()
 async def test_requests_with_bodies_that_come_in_one_read_are_each_answered() -> None:
     _, transport, application = await fed_with((POST + b"Content-Length: 3\r\n\r\nGET") * 5)
     async with asyncio.timeout(PATIENCE):
-        while len(statuses(transport)) < 5:
+        while len(statuses(transport)) < 5 and not transport.has_ended:
             await turns()
     assert statuses(transport) == [b"204"] * 5
     assert application.state.asked == 5

@@ -466,7 +466,7 @@ def test_rows_for_which_no_time_is_left_are_answered_in_few_pieces(
     with TestClient(create_app(Settings(slots=2))) as client:
         found = columns_of(ask(client, body_of(book, form), form))
     assert found["status"] == ["deadline"] * count
-    assert len(asked) <= (2 if form != LINES else 10)  # lines come in groups of some thousands
+    assert len(asked) <= (2 if form != LINES else 10)  # lines are answered as they come
 
 
 def pieces_of(columns: dict[str, Any], count: int) -> list[int]:
