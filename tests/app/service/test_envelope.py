@@ -134,7 +134,8 @@ def test_readiness_turns_503_while_draining_and_liveness_does_not() -> None:
         answer = client.get("/readyz")
         assert (answer.status_code, answer.headers["retry-after"]) == (503, "7")
         assert answer.json()["type"] == "/docs#not-ready"
-        assert client.get("/livez").status_code == 200
+        alive = client.get("/livez")
+        assert (alive.status_code, alive.headers["connection"]) == (200, "close")
 
 
 def test_the_service_answers_nothing_before_it_has_priced_something(monkeypatch: pytest.MonkeyPatch) -> None:
