@@ -550,7 +550,7 @@ async def test_who_is_closed_for_another_is_told_so_and_its_work_ends() -> None:
 
 @in_loop
 async def test_a_client_that_reads_nothing_for_a_while_is_dropped() -> None:
-    connection, transport, _ = opened(Reader(Settings(stall_seconds=0.01)))
+    connection, transport, _ = opened(Reader(Settings(stall_seconds=0.01, head_seconds=3_600.0)))
     connection.pause_writing()
     connection.resume_writing()
     connection.pause_writing()
