@@ -1,6 +1,6 @@
 """The inner loops: the compiled crate where it was built, else NumPy's for the solvers of complementarity problems.
 
-The three fast engines and the general engine's sweep exist only compiled; they are None otherwise.
+The two fast engines and the general engine's sweep exist only compiled; they are None otherwise.
 """
 
 from __future__ import annotations
@@ -39,9 +39,7 @@ sparse_sweeps = _sparse.sparse_sweeps
 taylor_step = _mode.taylor_step
 price_options = None if _compiled is None else _compiled.price_options
 solve_puts = None if _compiled is None else _compiled.solve_puts
-two_boundaries = None if _compiled is None else _compiled.two_boundaries
 march_boundaries = None if _compiled is None else _compiled.march_boundaries
-solve_schedules = None if _compiled is None else _compiled.solve_schedules
 sweep_schedules = None if _compiled is None else _compiled.sweep_schedules
 MarchSettings = None if _compiled is None else _compiled.MarchSettings
 SegmentTable = None if _compiled is None else _compiled.SegmentTable

@@ -42,7 +42,7 @@ class ExerciseBoundary:
     error_estimate : Vector, shape (m,)
         Estimated absolute error of `boundary`, in money; 0 at expiry, NaN where the method of lines found it.
     method : str
-        "premium-march", "boundary-collocation", "multiplier-collocation" or "method-of-lines", with commas
+        "premium-march" or "method-of-lines", with commas
         where they found it together, each some of the times; "none" for an option that is never exercised early.
     """
 

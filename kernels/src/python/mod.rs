@@ -5,7 +5,6 @@ mod dense;
 mod flat_options;
 mod interrupt;
 mod mode;
-mod multiplier_collocation;
 mod obstacle_march;
 mod segment_march;
 mod sparse;
@@ -28,15 +27,13 @@ mod _kernels {
     #[pymodule_export]
     use super::dense::{equilibrate, lemke};
     #[pymodule_export]
-    use super::flat_options::{march_boundaries, price_options, solve_puts, two_boundaries};
+    use super::flat_options::{march_boundaries, price_options, solve_puts};
     #[pymodule_export]
     use super::instruction_set;
     #[pymodule_export]
     use super::mode::{enter_mode, initial_signs, leading_signs, taylor_step};
     #[pymodule_export]
-    use super::multiplier_collocation::solve_schedules;
-    #[pymodule_export]
-    use super::obstacle_march::{march_segments, MarchSettings, SegmentTable};
+    use super::obstacle_march::{march_segments, MarchSettings, MarchedSegments, SegmentTable};
     #[pymodule_export]
     use super::segment_march::sweep_schedules;
     #[pymodule_export]

@@ -5,7 +5,7 @@
 
 use super::grid_function::{cell_of, GridFunction, Kink, Place, SlopeWeights, ValueFunction};
 use super::region::EMPTY;
-use crate::multiplier_collocation::find_root;
+use super::roots::find_root;
 
 /// The smallest gain of exercise that is more than rounding, in strikes; measured.
 const SMALLEST_GAIN: f64 = 1e-13;

@@ -26,6 +26,7 @@ mod lane_march;
 mod lane_rows;
 mod operator;
 mod region;
+mod roots;
 mod stage;
 mod sweep;
 mod tangents;

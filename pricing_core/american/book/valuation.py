@@ -90,9 +90,8 @@ class Valuation:
     status : str
         "ok", "tolerance_not_met" or "deadline".
     method : str
-        "premium-march"; "boundary-collocation" with two boundaries; "multiplier-collocation" with
-        events; the time stepping of the method of lines; or what took their place: "closed-form",
-        "zero-volatility", "worthless-underlying", "expired", "none".
+        "premium-march"; "obstacle-march" with two boundaries or events; the time stepping of the method of lines; or
+        what took their place: "closed-form", "zero-volatility", "worthless-underlying", "expired", "none".
     engine_version : str
     instruction_set : str
         "avx512", "avx2" or "portable", or "numpy" without the compiled kernel: the last digits depend on it.

@@ -55,9 +55,9 @@ def priced(
         "error": np.maximum(error, missing),
         "delta": delta,
         "gamma": gamma,
-        "theta": by_value * value + by_delta * delta + by_gamma * gamma,
+        "theta": others.pop("theta", by_value * value + by_delta * delta + by_gamma * gamma),
     }
-    if "gamma_error" in others:
+    if "gamma_error" in others and "theta_error" not in others:
         by_others = THETA_SHARE * np.maximum(
             np.abs(by_delta) * others["delta_error"], np.abs(by_gamma) * others["gamma_error"]
         )

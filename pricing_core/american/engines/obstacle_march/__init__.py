@@ -5,6 +5,6 @@
 
 from __future__ import annotations
 
-from pricing_core.american.engines.obstacle_march.march_book import MarchedBook, march_book
+from pricing_core.american.engines.obstacle_march.compiled import CompiledMarch
 
-__all__ = ["MarchedBook", "march_book"]
+__all__ = ["CompiledMarch"]

@@ -20,7 +20,7 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.engines.closed_form import ClosedForm
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines, Resolution, refinement
-from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
+from pricing_core.american.engines.obstacle_march import CompiledMarch
 from tests.problems.engines import solved
 from tests.problems.needs_kernel import needs_kernel
 
@@ -206,10 +206,10 @@ def test_just_inside_the_exercise_region_the_value_is_the_payoff(kind):
 
 @needs_kernel
 def test_a_control_takes_out_the_error_of_the_european_value():
-    """The same price from coarser grids, with the European value of the collocation, and whatever Greeks are asked."""
+    """The same price from coarser grids, with the European value of the march, and whatever Greeks are asked."""
     random = np.random.default_rng(8)
     contracts = [contract_from(two_boundaries_with_cash(random)) for _ in range(12)]
-    helped = MethodOfLines(control=MultiplierCollocation())
+    helped = MethodOfLines(control=CompiledMarch())
     truth = solved(ENGINE, *contracts, tolerance=1e-7)
     alone, found = (solved(engine, *contracts, tolerance=1e-6) for engine in (ENGINE, helped))
     assert np.all(np.abs(found.value - truth.value) <= found.error + truth.error)
@@ -221,8 +221,8 @@ def test_a_control_takes_out_the_error_of_the_european_value():
         np.testing.assert_array_equal(with_greeks.error, found.error)
 
 
-class WithoutVega(MultiplierCollocation):
-    """The collocation, which knows no vega."""
+class WithoutVega(CompiledMarch):
+    """The march, which knows no vega."""
 
     def solve(self, book, request):
         """Leave vega out."""

@@ -11,7 +11,7 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.engines.closed_form import ClosedForm
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.method_of_lines import MethodOfLines
-from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
+from pricing_core.american.engines.obstacle_march import CompiledMarch
 from pricing_core.american.engines.premium_march import PremiumMarch
 from tests.problems.needs_kernel import needs_kernel
 from tests.problems.nightly import nightly
@@ -279,7 +279,7 @@ def test_other_engines_do_not_serve_it():
         ),
     ]
     book = Book.of(contracts)
-    for engine in (ClosedForm(), PremiumMarch(), MultiplierCollocation()):
+    for engine in (ClosedForm(), PremiumMarch(), CompiledMarch()):
         assert not engine.serves(book).any()
     assert MethodOfLines().serves(book).all()
 
