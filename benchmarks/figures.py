@@ -17,10 +17,9 @@ import numpy as np
 
 from benchmarks import (
     batch_throughput,
-    cluster_scaling,
     engine_frontier,
-    events,
     greeks,
+    obstacle_march,
     reference_values,
     service_load,
 )
@@ -29,7 +28,7 @@ from benchmarks.measuring.timing import Task, least_seconds
 from benchmarks.option_engine.portfolio_study import study_portfolio
 from benchmarks.problems.cost_sweeps import contract
 from benchmarks.problems.portfolios import everyday
-from benchmarks.problems.random_contracts import Row, rows_of, two_boundaries, two_boundaries_with_cash
+from benchmarks.problems.random_contracts import Row, rows_of, two_boundaries
 from benchmarks.quantlib import american_engines
 from benchmarks.quantlib.american_engines import QD_FP
 from benchmarks.reporting.figures import ROOT, Figures, filled, shown, source_of, write
@@ -82,7 +81,7 @@ def single() -> Figures:
     cases: dict[str, tuple[Row, Greeks]] = {
         "closed": (contract("put", exercise="european"), "none"),
         "march": (contract("put"), "none"),
-        "collocation": (contract("put", cash_dividends=dividends), "none"),
+        "dividends": (contract("put", cash_dividends=dividends), "none"),
         "greeks": (contract("put"), "standard"),
         "greeks-dividends": (contract("put", cash_dividends=dividends), "standard"),
     }
@@ -91,11 +90,6 @@ def single() -> Figures:
     }
     two = [_milliseconds(row, "none") for row in rows_of(two_boundaries, 100)]
     times["two"] = float(np.median(two)), "{:.2f} ms"
-    lines = [_milliseconds(row, "none") for row in rows_of(two_boundaries_with_cash, 100)]
-    times["lines"] = (
-        [min(lines), float(np.median(lines)), max(lines)],
-        "{0:.0f} to {2:.0f} ms, {1:.0f} ms in the median",
-    )
     return Figures(single=times)
 
 
@@ -124,23 +118,22 @@ def speed() -> Figures:
 
 
 def dividends() -> Figures:
-    """Price tables of puts and of calls with four cash dividends each, on one thread."""
-    rows = {kind: events.rates(kind) for kind in ("put", "call")}
-    cells, single = [], {}
-    without: Greeks = "none"
-    with_them: Greeks = "standard"
-    for tolerance in events.TOLERANCES:
+    """Price books of puts and of calls with four cash dividends each, on one thread."""
+    rows, single = [], {}
+    lines = {
+        kind: obstacle_march.measure(f"{kind}, 4 dividends", obstacle_march.ROWS) for kind in ("put", "call")
+    }
+    for tolerance, *both in zip(obstacle_march.TOLERANCES, *lines.values(), strict=True):
         row: dict[str, float] = {"tolerance": tolerance}
-        for kind, found in rows.items():
-            alone, with_greeks = found[without][tolerance], found[with_them][tolerance]
+        for kind, line in zip(lines, both, strict=True):
             row |= {
-                f"{kind}, price alone": 1e6 / alone.per_second,
-                f"{kind}, with all Greeks": 1e6 / with_greeks.per_second,
-                f"{kind}, largest error": alone.error,
+                f"{kind}, price alone": line.alone_us,
+                f"{kind}, with all Greeks": line.with_greeks_us,
+                f"{kind}, largest error": line.largest_error,
             }
-            single[f"{kind}.{_at(tolerance)}"] = (1e6 / alone.per_second, "{:.0f} us")
-        cells.append(row)
-    return Figures(table("dividends", cells), ("{:.0e}", *(("{:.0f} us", "{:.0f} us", "{:.1e}") * 2)), single)
+            single[f"{kind}.{_at(tolerance)}"] = (line.alone_us, "{:.0f} us")
+        rows.append(row)
+    return Figures(table("dividends", rows), ("{:.0e}", *(("{:.0f} us", "{:.0f} us", "{:.1e}") * 2)), single)
 
 
 def greeks_cost() -> Figures:
@@ -186,16 +179,6 @@ def batch() -> Figures:
         if row.threads == 1
     }
     return Figures(table("batch", chosen), formats, single)
-
-
-def cluster() -> Figures:
-    """Price a book by worker processes."""
-    found = cluster_scaling.measure(60_000, (1, 2), dividends=True)
-    rows = [
-        {"who": one.who, "rows a second": one.rows_a_second, "efficiency": one.efficiency} for one in found
-    ]
-    single = {"hours": (_hours_of_a_billion(found[0].rows_a_second), "{:.0f}")}
-    return Figures(table("cluster", rows), ("{}", "{:,.0f}", "{:.2f}"), single)
 
 
 def _hours_of_a_billion(rows_a_second: float) -> float:
@@ -244,10 +227,9 @@ MEASURED = {
     "accuracy": Measured(".venv/bin/python -m benchmarks.reference_values", accuracy),
     "single": Measured(".venv/bin/python -m benchmarks.figures single", single),
     "speed": Measured(".venv/bin/pricing benchmark engine-frontier --output DIR", speed),
-    "dividends": Measured(".venv/bin/python -m benchmarks.events", dividends),
+    "dividends": Measured(".venv/bin/python -m benchmarks.figures dividends", dividends),
     "greeks": Measured(".venv/bin/python -m benchmarks.greeks", greeks_cost),
     "batch": Measured(".venv/bin/pricing benchmark batch --output DIR", batch),
-    "cluster": Measured(".venv/bin/pricing benchmark cluster --output DIR", cluster),
     "service": Measured(".venv/bin/pricing benchmark service --output DIR", service),
     "complementarity": Measured(".venv/bin/pricing benchmark complementarity --output DIR", complementarity),
 }

@@ -1,11 +1,11 @@
 """What do Greeks cost, how far is each from differences of prices at 1e-8, and do their error estimates hold?
 
-The costs are those of `price_many` over the price alone, one thread, least of alternating rounds; contracts that fall
-to the march of obstacle problems are left out. For the errors, central differences at h, 2h, ..., 32h are extrapolated
-in pairs. The distances of an extrapolation from its neighbours, and what the stated errors of the bumped prices can
-make of it, are its own error, and the pair with the smallest counts. A Greek is compared where that error is at most
-the claim; `unsure` counts the others. Contracts that are exercised are left out, and differences over prices of
-exercised contracts. Differences of delta give vanna and charm, those of vega give volga.
+The costs are those of `price_many` over the price alone, one thread, least of alternating rounds. For the errors,
+central differences at h, 2h, ..., 32h are extrapolated in pairs. The distances of an extrapolation from its
+neighbours, and what the stated errors of the bumped prices can make of it, are its own error, and the pair with the
+smallest counts. A Greek is compared where that error is at most the claim; `unsure` counts the others. Contracts that
+are exercised are left out, and differences over prices of exercised contracts. Differences of delta give vanna and
+charm, those of vega give volga.
 
 Takes two minutes, with --full half an hour. Run from the root of the project:
 .venv/bin/python -m benchmarks.greeks [--full] [cost] [ENGINE ...]
@@ -35,23 +35,15 @@ REFERENCE = 1e-8
 TOLERANCE = 1e-6
 ENGINES: dict[str, tuple[Kind, ...]] = {
     "premium-march": (kinds.flat, kinds.rate_near_yield, kinds.hours_to_expiry),
-    "boundary-collocation": (kinds.two_boundaries,),
-    "multiplier-collocation": (
+    "obstacle-march": (
         *(kinds.cash, kinds.proportional, kinds.mixed, kinds.curves, kinds.escrowed),
         *(kinds.hours_to_expiry_and_ex_date, kinds.hours_to_ex_date, kinds.near_yield_with_cash),
+        *(kinds.two_boundaries, kinds.two_boundaries_with_cash),
     ),
-    "obstacle-march": (kinds.two_boundaries_with_cash,),
 }
-SLOW = "sdirk2"
-# Number of contracts of each kind.
-COUNTS = {
-    "premium-march": (60, 600),
-    "boundary-collocation": (60, 600),
-    "multiplier-collocation": (20, 200),
-    SLOW: (4, 20),
-}
+COUNTS = {"premium-march": (60, 600), "obstacle-march": (20, 200)}  # Number of contracts of each kind.
 # Number of contracts of each row of the table of costs; those of flat ones take 10 us each.
-FLAT_COSTED, COSTED, WEEKLY_COSTED, SLOWLY_COSTED = 400, 40, 4, 3
+FLAT_COSTED, COSTED, WEEKLY_COSTED = 400, 40, 4
 DIVIDENDS, WEEKLY = (0, 1, 4, 12, 60), 60  # Number of dividends; from WEEKLY on they are weekly and small.
 PAID: tuple[kinds.DividendKind, ...] = ("cash", "proportional")
 STEPS = 2.0 ** np.arange(6)  # The steps of the differences, in smallest ones.
@@ -237,50 +229,47 @@ def seconds_of(rows: Sequence[Row]) -> Sequence[float]:
     return least_seconds(tasks, turns=5)
 
 
-def cost(title: str, rows: Sequence[Row], left_out: int = 0) -> None:
+def cost(title: str, rows: Sequence[Row]) -> None:
     """Print what contracts cost without, with the standard and with the extended Greeks."""
     price, standard, extended = seconds_of(rows)
     print(
-        f"{title:22s}{len(rows):5d}{left_out:10d}{1e3 * price / len(rows):10.3f} ms"
+        f"{title:22s}{len(rows):5d}{1e3 * price / len(rows):10.3f} ms"
         f"{standard / price:10.1f}{extended / price:10.1f}",
         flush=True,
     )
 
 
-def costed_rows(number: int, kind: kinds.DividendKind, option_type: str, count: int) -> tuple[list[Row], int]:
-    """Return contracts with so many dividends that the fast engines price, and how many others were left out."""
+def costed_rows(number: int, kind: kinds.DividendKind, option_type: str, count: int) -> list[Row]:
+    """Return contracts with so many dividends."""
     random, rows = np.random.default_rng(9), []
-    for _ in range(2 * count):
+    for _ in range(count):
         row = {**kinds.flat(random), "option_type": option_type}
         if number < WEEKLY:
             rows.append(kinds.paying(row, kinds.spread_out(row, number, random), random, kind))
         else:
             rows.append(kinds.paying_weekly(row, number, random, kind))
-    fast = np.flatnonzero(priced(rows, TOLERANCE).method != SLOW)[:count].tolist()
-    return [rows[k] for k in fast], fast[-1] + 1 - len(fast)
+    return rows
 
 
 def costs(count: int, weekly: int, dividends: Sequence[int] = DIVIDENDS) -> None:
     """Print the table of costs; `weekly` is the number of contracts with weekly dividends."""
     print(f"\ncosts at the tolerance {TOLERANCE:.0e}, one thread; Greeks in times the price alone")
-    print("dividends         contracts  left out  price alone  standard  extended")
+    print("dividends         contracts  price alone  standard  extended")
     for number in dividends:
         for kind in PAID if number else PAID[:1]:
             for option_type in ("put", "call"):
                 wanted = weekly if number >= WEEKLY else count if number else FLAT_COSTED
-                rows, left_out = costed_rows(number, kind, option_type, wanted)
-                cost(f"{number} {kind if number else ''} {option_type}s", rows, left_out)
+                rows = costed_rows(number, kind, option_type, wanted)
+                cost(f"{number} {kind if number else ''} {option_type}s", rows)
 
 
 def main() -> None:
-    """Print the costs and the errors of every fast engine, of all with --full, or what is named."""
+    """Print the costs and the errors of both engines, of more contracts with --full, or what is named."""
     full = "--full" in sys.argv
-    named = [name for name in sys.argv[1:] if name in ("cost", *ENGINES)]
-    wanted = named or [name for name in ("cost", *ENGINES) if full or name != SLOW]
+    wanted = [name for name in sys.argv[1:] if name in ("cost", *ENGINES)] or ["cost", *ENGINES]
     if "cost" in wanted:
         costs(COSTED, COSTED if full else WEEKLY_COSTED)
-        if SLOW in wanted:
-            cost("1, two boundaries", rows_of(kinds.two_boundaries_with_cash, SLOWLY_COSTED))
+        cost("1, two boundaries", rows_of(kinds.two_boundaries_with_cash, COSTED))
     for engine in wanted:
         if engine != "cost":
             report(engine, COUNTS[engine][full])

@@ -1,8 +1,9 @@
 """What does a neighbour of hostile clients notice, and how much memory do they make the service take?
 
-One kind of attack at a time on a server of two workers, beside a client from another address that asks for a price ten
-times a second and for `/livez` as often. Attackers, neighbour and server share the machine, the attackers at the lowest
-priority, as they would not share it elsewhere; nothing else is spoken to.
+One kind of attack at a time on a server of two workers, and then all kinds together for ten minutes, beside a client
+from another address that asks for a price ten times a second and for `/livez` as often. Attackers, neighbour and
+server share the machine, the attackers at the lowest priority, as they would not share it elsewhere; nothing else is
+spoken to.
 """
 
 import json
@@ -16,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.reporting.report import Report, Section, table
-from benchmarks.serving.attackers import shapes
+from benchmarks.serving.attackers import EVERYTHING, shapes
 from benchmarks.serving.load import HOST, SERVE, megabytes, server_process
 
 TWO_WORKERS = SERVE.replace("'0']", "'0', '--workers', '2']")
@@ -24,6 +25,7 @@ QUESTION = json.dumps(
     {"option_type": "put", "spot": 100, "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
 )
 PAUSE = 0.1  # seconds between two questions of the neighbour
+LONG_SECONDS, MANY = 600.0, 128  # that all kinds last together, and their connections
 QUIET = "nobody"
 
 
@@ -43,11 +45,13 @@ class Beside(NamedTuple):
 
 def run(*, quick: bool) -> Report:
     """Measure and report; `quick` gives every fifth attack a moment."""
-    seconds, connections = (0.3, (4,)) if quick else (10.0, (1, 128))
+    seconds, connections = (0.3, (4,)) if quick else (10.0, (1, MANY))
     names = [*shapes()][:: 5 if quick else 1]
     with server_process(TWO_WORKERS) as (port, process):
         until_ready(port)
         found = [*attacks(names, port, process, seconds, connections)]
+        if not quick:
+            found.append(beside(EVERYTHING, MANY, port, process, LONG_SECONDS))
     return Report(
         "service-attack",
         "The service beside hostile clients",

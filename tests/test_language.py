@@ -51,10 +51,8 @@ INSTEAD = {
     "what of it": "what is meant",
 }
 METAPHORS = {word: re.compile(rf"(?<![a-z]){word}(?![a-z])", re.IGNORECASE) for word in INSTEAD}
-# Words that are metaphors in some folders and plain elsewhere: arcs and distributions have tails, an option is worth
-# money. The comparison of frozen answers comes to verdicts.
+# Words that are plain in some folders: the comparison of frozen answers comes to verdicts.
 PLAIN = {"judg(?:e[sd]?|ing|e?ments?)": ("benchmarks/frozen_answers/",)}
-IN_COLLOCATION = re.compile(r"(?<![a-z])(?:tails?(?![a-z])|worth(?=\(|: f64| = ))", re.IGNORECASE)
 # Endings of a summary: a sentence or question, or the colon before a list or a formula.
 ENDINGS = (".", "?", "!", ":", "::")
 
@@ -120,13 +118,6 @@ def test_no_private_metaphors(word):
         if not where.startswith(PLAIN.get(word, ("/",)))
     ]
     assert not found
-
-
-def test_collocation_has_weights_and_values_beyond_the_last_panel():
-    """Neither "worth" as a name for quadrature weights, nor "tail" for the value beyond the last panel."""
-    texts = [path for path in TEXTS if "multiplier_collocation" in path.as_posix()]
-    assert len(texts) > 40
-    assert not list(matches(IN_COLLOCATION, texts))
 
 
 def test_docstrings_are_sentences():

@@ -1,6 +1,7 @@
 """HTTP/1.1 with bounds on what is parsed: in one turn of the event loop, in a second, and after a refusal.
 
-One request is parsed at a time; what follows it waits unparsed, at most one read, until that is answered.
+One request is parsed at a time; what follows it waits unparsed, at most one read, until that is answered and others
+have had their turn.
 """
 
 import asyncio
@@ -27,6 +28,7 @@ PARSED_BYTES, BODY_BYTES, THROWN_BYTES = 1 << 5, 1 << 10, 1 << 8
 PIECES_A_SECOND, MOST_PIECES = 250_000, 10_000
 # In which a client that still sends can read why nothing of it is wanted any more; chosen.
 LINGER_SECONDS = 2.0
+SOON = 1e-6  # seconds of a wait that is for others to go first
 
 _block = memoryview(
     bytearray(BODY_READ_BYTES)
@@ -100,7 +102,22 @@ class BoundedProtocol(HttpToolsProtocol, asyncio.BufferedProtocol):
         if self._held:
             self._held.cancel()
         self.flow.hold(Hold.ALLOWANCE)
-        self._held = self.loop.call_later(seconds, self.flow.free, Hold.ALLOWANCE)
+        self._held = self.loop.call_later(seconds, self.wait_is_over)
+
+    def wait_is_over(self) -> None:
+        """Read on."""
+        self.read_again()
+
+    def read_again(self) -> None:
+        """Parse what has been read, and read on, where nothing else holds the connection up."""
+        self.flow.free(Hold.ALLOWANCE)
+        if self._unparsed and self.is_idle and not self.is_closing():
+            data, self._unparsed = self._unparsed, bytearray()
+            self.pieces = 0
+            self._take(memoryview(data))
+            if not self._unparsed:
+                self.flow.free(Hold.UNPARSED)
+            self.charge(self.pieces)
 
     def on_message_begin(self) -> None:
         """Begin a request; one that comes in the same read as the last chunk before it is not taken."""
@@ -144,12 +161,7 @@ class BoundedProtocol(HttpToolsProtocol, asyncio.BufferedProtocol):
         super().on_response_complete()
         if self._unparsed and not self.is_closing():
             self._unset_keepalive_if_required()
-            data, self._unparsed = self._unparsed, bytearray()
-            self.pieces = 0
-            self._take(memoryview(data))
-            if not self._unparsed:
-                self.flow.free(Hold.UNPARSED)
-            self.charge(self.pieces)
+            self.hold(SOON)
 
     def write(self, data: bytes) -> None:
         """Send a part of an answer."""

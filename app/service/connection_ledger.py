@@ -2,6 +2,7 @@
 
 import functools
 import logging
+import random
 import time
 from collections import defaultdict
 from typing import Protocol
@@ -9,6 +10,7 @@ from typing import Protocol
 from app.service.allowance import Allowance
 from app.service.clients import NamedNetworks, network_of
 from app.service.errors import ClientLimitError, OverloadedError, ServiceError
+from app.service.turns import Turns
 from app.settings import Settings, parts
 
 log = logging.getLogger("pricing.connections")
@@ -54,6 +56,7 @@ class ConnectionLedger:
     """
 
     def __init__(self, settings: Settings) -> None:
+        self.turns = Turns()
         self._settings = settings
         trusted = NamedNetworks(parts(settings.trusted_proxies))
         self._trusts = functools.lru_cache(MOST_CLIENTS)(trusted.__contains__)
@@ -102,7 +105,9 @@ class ConnectionLedger:
             connection.hold(seconds)
             return
         self._held[client] = now + seconds
-        for other in self._open.get(client, ()):
+        others = [*self._open.get(client, ())]
+        random.shuffle(others)  # which is read first afterwards, before they are all held again
+        for other in others:
             other.hold(seconds)
 
     def leave(self, connection: Closable) -> None:

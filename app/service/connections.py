@@ -7,7 +7,7 @@ import uuid
 
 from uvicorn.protocols.http.httptools_impl import STATUS_LINE
 
-from app.service.bounded_protocol import BoundedProtocol
+from app.service.bounded_protocol import SOON, BoundedProtocol
 from app.service.clients import network_of
 from app.service.connection_ledger import ConnectionLedger
 from app.service.envelope import SECURITY_HEADERS
@@ -22,6 +22,9 @@ BACKLOG = 128  # connections taken up in one go, before the first of them is cou
 CONNECTION_PIECES = (
     200  # that a new connection is charged to its client: as much as the event loop takes for it
 )
+# Pieces of a read after which the next one waits for its turn, whatever the client may still have parsed: twice those
+# of an ordinary request. Clients without number may each have some left; chosen.
+MOST_AT_ONCE = 500
 SPARE_DESCRIPTORS = 4 * BACKLOG  # for such bursts, on their way in and out, and for all other files
 
 
@@ -75,13 +78,26 @@ class BoundedConnection(BoundedProtocol):
             if timer is not None:
                 timer.cancel()
         self._metrics.connections.dec()
+        self._ledger.turns.leave(self)
         self._ledger.leave(self)
         super().connection_lost(exc)
 
     def charge(self, pieces: int) -> None:
-        """Count work to the connection and to its client."""
+        """Count work to the connection and to its client, and let others go first after a read that was much."""
         super().charge(pieces)
         self._ledger.charge(self, pieces)
+        if pieces > MOST_AT_ONCE:
+            self.hold(SOON)
+
+    def hold(self, seconds: float) -> None:
+        """Read nothing for so long, and then until it is the connection's turn."""
+        if seconds:
+            self._ledger.turns.leave(self)
+        super().hold(seconds)
+
+    def wait_is_over(self) -> None:
+        """Read on when it is the connection's turn."""
+        self._ledger.turns.enter(self)
 
     def pause_writing(self) -> None:
         """Wait until the client has read some of what is to be sent, but not for ever."""

@@ -57,6 +57,11 @@ class IncomingBody:
         self._check()
         return self._pending
 
+    @property
+    def has_lines(self) -> bool:
+        """Whether there are whole lines that have not been taken."""
+        return b"\n" in self._pending
+
     async def lines(self) -> AsyncIterator[bytes]:
         """Yield the whole lines that are here, many at a time, as soon as there are any.
 

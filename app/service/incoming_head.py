@@ -8,6 +8,7 @@ LONGEST_HEAD = 1 << 14  # bytes
 MOST_LINES = 100  # of headers; chosen: browsers send about twenty
 END = b"\r\n\r\n"
 LONGEST_PATH = 1 << 11  # bytes; chosen: each escape in it takes .2 us
+VERSIONS = (b" HTTP/1.1", b" HTTP/1.0")  # the parser would take those of RTSP and ICE as well
 LEAST_PRINTED = 0x21  # what comes before it begins no request, but TLS or another empty line
 
 
@@ -47,8 +48,9 @@ class IncomingHead:
             return b"", data[len(data) :]
         head = bytes(self._bytes[:end])
         self._bytes.clear()
-        if head.partition(b"\r\n")[0].count(b" ") != 2:
-            raise ProtocolError("the request line must be a method, a target and a version")
+        line = head.partition(b"\r\n")[0]
+        if line.count(b" ") != 2 or not line.endswith(VERSIONS):
+            raise ProtocolError("the request line must be a method, a target, and HTTP/1.1 or HTTP/1.0")
         return head, data[end - seen :]
 
     def _is_faulty(self, seen: int, end: int) -> bool:
@@ -76,7 +78,7 @@ def without_upgrade(head: bytes) -> bytes:
 
 
 def check_request(target: bytes, version: str, headers: Iterable[tuple[bytes, bytes]]) -> None:
-    """Check what the parser leaves open: the path's length, the version, one Host, and no coding but chunked.
+    """Check what the parser leaves open: the path's length, one Host, and no coding but chunked.
 
     Raises
     ------
@@ -85,8 +87,6 @@ def check_request(target: bytes, version: str, headers: Iterable[tuple[bytes, by
     """
     if len(target.partition(b"?")[0]) > LONGEST_PATH:
         raise ProtocolError("the path is too long")
-    if version not in ("1.0", "1.1"):
-        raise ProtocolError("the version must be HTTP/1.1 or HTTP/1.0")
     hosts = sum(name == b"host" for name, _ in headers)
     if hosts > 1 or (hosts == 0 and version == "1.1"):
         raise ProtocolError("there must be one Host")

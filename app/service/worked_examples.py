@@ -98,7 +98,7 @@ ANSWERS: Mapping[str, Any] = {
         "cost_of_waiting": [0.0714235, 0.516831],
         "cost_error": [7.58105e-05, 6.80749e-05],
         "status": "ok",
-        "method": "closed-form, multiplier-collocation, premium-march",
+        "method": "closed-form, obstacle-march, premium-march",
         "engine_version": ENGINE_VERSION,
         "instruction_set": "avx512",
     },

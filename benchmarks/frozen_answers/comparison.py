@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from benchmarks.frozen_answers.answers import Answer
 from benchmarks.frozen_answers.contracts import Contract
 
-COMPILED = ("premium-march", "multiplier-collocation", "closed-form")  # Methods that owe the same digits.
+COMPILED = ("premium-march", "obstacle-march", "closed-form")  # Methods that owe the same digits.
 SAME = 1e-13  # Largest relative difference of two numbers that count as equal.
 LEVELS = (1e-13, 1e-9, 1e-6)  # Relative differences above which the cells of a column are counted.
 WORDS = ("status", "method", "message", "raised", "exercise_now", "exercised")

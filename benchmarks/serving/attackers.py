@@ -1,16 +1,17 @@
 """Hostile clients of the service, one kind at a time, for some seconds; run as a process of its own.
 
-`python -m benchmarks.serving.attackers SHAPE PORT SECONDS CONNECTIONS` prints the number of answers by status as JSON.
-It speaks to this machine alone.
+`python -m benchmarks.serving.attackers SHAPE PORT SECONDS CONNECTIONS` prints the number of answers by status as JSON;
+the shape "everything" is each of them in turn on every connection. It speaks to this machine alone.
 """
 
+import itertools
 import json
 import socket
 import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 
 import numpy as np
@@ -20,6 +21,7 @@ from benchmarks.problems.hostile_questions import SEARCH
 
 HOST = "127.0.0.1"
 JSON, LINES, ARROW = "application/json", "application/x-ndjson", "application/vnd.apache.arrow.stream"
+EVERYTHING = "everything"
 MOST_BYTES = 1 << 24  # that one connection sends before it begins anew
 BOOK = {"option_type": "put", "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
 Stream = Callable[[], Iterator[bytes]]
@@ -116,13 +118,16 @@ def shapes() -> Mapping[str, Stream]:
     }
 
 
-def attack(stream: Stream, port: int, seconds: float, connections: int) -> Counter[str]:
-    """Send a stream over so many connections, each begun anew when it is answered or closed."""
+def attack(streams: Sequence[Stream], port: int, seconds: float, connections: int) -> Counter[str]:
+    """Send streams over so many connections, each begun anew with the next one when it is answered or closed."""
     end, answers = time.monotonic() + seconds, Counter[str]()
 
     def one(number: int) -> None:
-        while time.monotonic() < end:
+        for place in itertools.count(number):
+            if time.monotonic() >= end:
+                return
             try:
+                stream = streams[place % len(streams)]
                 answers[_exchange(stream, port, end, f"127.0.0.{2 + number % 16}")] += 1
             except OSError:
                 answers["closed"] += 1
@@ -162,4 +167,5 @@ def _exchange(stream: Stream, port: int, end: float, source: str) -> str:
 
 if __name__ == "__main__":
     name, where, for_seconds, count = sys.argv[1:]
-    print(json.dumps(attack(shapes()[name], int(where), float(for_seconds), int(count))))
+    found = [*shapes().values()] if name == EVERYTHING else [shapes()[name]]
+    print(json.dumps(attack(found, int(where), float(for_seconds), int(count))))

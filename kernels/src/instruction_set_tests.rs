@@ -1,10 +1,9 @@
 //! The engines on each instruction set that this machine has, against each other and against known values.
 
-use crate::boundary_collocation;
 use crate::flat_options::{self, Puts, Solved};
 use crate::interrupt::never;
 use crate::lanes::dispatch::{forced, InstructionSet};
-use crate::multiplier_collocation::{self, solve_schedules, Schedules};
+use crate::obstacle_march;
 use crate::premium_march::{self, march_boundaries, solve_puts};
 
 /// The largest difference between two instruction sets in values and their derivatives, in strikes: fused products and
@@ -64,16 +63,6 @@ impl SolvedPuts {
             .collect()
     }
 }
-
-/// American puts whose exercise region has two boundaries, in the first two up to now, in the others until they meet.
-const TWO_BOUNDARIES: [[f64; 4]; 5] = [
-    [-0.02, -0.05, 0.2, 0.1],
-    [-0.01, -0.04, 0.1, -0.3],
-    [-0.2, -0.5, 0.63, 0.05],
-    [-0.09, -0.12, 1.0, -0.2],
-    [-0.05, -0.125, 0.63, -0.7],
-];
-
 fn puts(set: InstructionSet, rows: &[[f64; 4]], tolerance: f64) -> SolvedPuts {
     puts_by(solve_puts, set, rows, tolerance)
 }
@@ -110,78 +99,6 @@ fn puts_by(
             boundary: march_boundaries(puts, 8).0,
         }
     })
-}
-
-/// One schedule: sign, ln(S/K), and its segments.
-type ScheduleRow = (f64, f64, Vec<[f64; multiplier_collocation::COLUMNS]>);
-
-fn flat(rate: f64, dividend: f64, volatility: f64) -> [f64; multiplier_collocation::COLUMNS] {
-    [1.0, rate, dividend, volatility, 1.0, 1.0, 0.0, 0.0, 0.0]
-}
-
-fn with_event(
-    mut segment: [f64; multiplier_collocation::COLUMNS],
-    column: usize,
-    number: f64,
-) -> [f64; multiplier_collocation::COLUMNS] {
-    segment[column] = number;
-    segment
-}
-
-/// Flat puts and calls, cash and proportional dividends, escrow, a Bermudan option, a curve, and a European option.
-fn schedule_rows() -> Vec<ScheduleRow> {
-    let put = flat(0.05, 0.0, 0.2);
-    let call = flat(0.03, 0.06, 0.3);
-    let half = with_event(put, 0, 0.5);
-    let bermudan = with_event(half, 4, 0.0);
-    let european = with_event(bermudan, 5, 0.0);
-    let (amount, fraction) = (with_event(half, 7, 0.02), with_event(half, 6, 0.03));
-    let escrow = with_event(half, 8, 0.02);
-    vec![
-        (1.0, 0.0, vec![put]),
-        (1.0, -0.05, vec![flat(0.05, 0.05, 0.25)]),
-        (-1.0, 0.1, vec![call]),
-        (1.0, 0.05, vec![amount, half]),
-        (-1.0, 0.05, vec![amount, half]),
-        (1.0, 0.0, vec![fraction, half]),
-        (-1.0, 0.0, vec![fraction, half]),
-        (-1.0, 0.02, vec![escrow, half]),
-        (1.0, -0.02, vec![bermudan, bermudan]),
-        (1.0, 0.02, vec![half, with_event(half, 1, 0.02)]),
-        (1.0, 0.0, vec![european, european]),
-    ]
-}
-
-fn schedules(set: InstructionSet, rows: &[ScheduleRow], tolerance: f64) -> (Vec<f64>, Vec<bool>) {
-    let sign: Vec<f64> = rows.iter().map(|row| row.0).collect();
-    let x: Vec<f64> = rows.iter().map(|row| row.1).collect();
-    let mut first = vec![0];
-    let mut segments = Vec::new();
-    for row in rows {
-        segments.extend(row.2.iter().flatten());
-        first.push(segments.len() / multiplier_collocation::COLUMNS);
-    }
-    let schedules = Schedules {
-        sign: &sign,
-        x: &x,
-        first: &first,
-        segments: &segments,
-        level: &vec![4; rows.len()],
-        tolerance: &vec![tolerance; rows.len()],
-        volatility_step: &vec![0.001; rows.len()],
-        times: &[],
-        first_time: &vec![0; rows.len() + 1],
-        walks: 2,
-    };
-    let solved = on(set, || solve_schedules(schedules, 1, &never));
-    let mut numbers = solved.numbers;
-    numbers.extend(
-        solved
-            .gradient
-            .iter()
-            .flat_map(|[own, _]| own.as_flattened()),
-    );
-    (numbers, solved.settled)
 }
 
 fn assert_agree(found: &[f64], expected: &[f64], names: (InstructionSet, InstructionSet)) {
@@ -330,21 +247,6 @@ fn a_put_has_the_same_bits_alone_and_beside_others() {
     }
 }
 
-#[test]
-fn collocations_agree_on_every_instruction_set() {
-    let portable = InstructionSet::available()[0];
-    let rows = schedule_rows();
-    for tolerance in [0.0, 1e-6] {
-        let expected = schedules(portable, &rows, tolerance);
-        assert!(expected.1.iter().all(|&settled| settled));
-        for set in InstructionSet::available() {
-            let found = schedules(set, &rows, tolerance);
-            assert_eq!(found.1, expected.1);
-            assert_agree(&found.0, &expected.0, (set, portable));
-        }
-    }
-}
-
 /// S = K = 100, r = 5 %, no yield, volatility 20 %, one year: 6.0903707.
 const PUBLISHED_PUT: f64 = 0.060_903_707;
 
@@ -362,83 +264,52 @@ fn marches_have_known_values_on_every_instruction_set() {
 }
 
 #[test]
-fn collocations_have_known_values_on_every_instruction_set() {
-    let rows = schedule_rows();
-    for set in InstructionSet::available() {
-        let (found, _) = schedules(set, &rows, 1e-8);
-        assert!((found[0] - PUBLISHED_PUT).abs() < 2e-8, "{set:?}");
-        let european = found[rows.len() - 1];
-        assert!((european - 0.055_735_260).abs() < 1e-9, "{set:?}");
-    }
-}
-
-#[test]
-fn a_put_is_the_call_with_spot_and_strike_and_rate_and_yield_exchanged() {
-    // In strikes: put(x; r, q) = e^x call(-x; q, r).
-    let x: f64 = 0.07;
-    let rows = vec![
-        (1.0, x, vec![flat(0.06, 0.02, 0.25)]),
-        (-1.0, -x, vec![flat(0.02, 0.06, 0.25)]),
-    ];
-    for set in InstructionSet::available() {
-        let (found, _) = schedules(set, &rows, 1e-8);
-        assert!((found[0] - x.exp() * found[1]).abs() < 1e-8, "{set:?}");
-    }
-}
-
-#[test]
-fn the_engines_agree_on_flat_puts() {
-    let rows: Vec<ScheduleRow> = PUTS
+fn the_marches_agree_on_flat_puts_and_on_the_calls_that_they_are_with_everything_exchanged() {
+    let segment = |rate, dividend_yield, volatility| obstacle_march::Segment {
+        duration: 1.0,
+        rate,
+        dividend_yield,
+        volatility,
+        exercisable: true,
+        exercise_at_end: true,
+        fraction: 0.0,
+        amount: 0.0,
+        escrow: 0.0,
+    };
+    let segments: Vec<_> = PUTS
         .iter()
-        .map(|&[rate, dividend, spread, x]| (1.0, x, vec![flat(rate, dividend, spread)]))
+        .map(|&[rate, dividend, spread, _]| {
+            [
+                segment(rate, dividend, spread),
+                segment(dividend, rate, spread),
+            ]
+        })
         .collect();
+    let contracts: Vec<_> = PUTS
+        .iter()
+        .zip(&segments)
+        .flat_map(|(put, pair)| [(1.0, put[3], &pair[..1]), (-1.0, -put[3], &pair[1..])])
+        .map(|(sign, x, segments)| obstacle_march::Contract {
+            sign,
+            x,
+            segments,
+            mesh: segments,
+        })
+        .collect();
+    let tolerance = vec![1e-6; contracts.len()];
+    let settings = obstacle_march::Settings::default();
     for set in InstructionSet::available() {
-        let march = puts(set, &PUTS, 1e-7);
-        let march = march.rows();
-        let (collocation, settled) = schedules(set, &rows, 1e-8);
-        for k in (0..PUTS.len()).filter(|&k| settled[k]) {
-            let difference = (march[k][0] - collocation[k]).abs();
-            assert!(difference < 2e-7, "put {k} on {set:?}: {difference}");
-        }
-    }
-}
-
-#[test]
-fn without_rates_a_put_is_european() {
-    // The multiplier r - q S/K is nowhere positive.
-    let european = with_event(with_event(flat(0.0, 0.02, 0.2), 4, 0.0), 5, 0.0);
-    let rows = vec![
-        (1.0, 0.0, vec![flat(0.0, 0.02, 0.2)]),
-        (1.0, 0.0, vec![european]),
-    ];
-    for set in InstructionSet::available() {
-        let (found, _) = schedules(set, &rows, 1e-8);
-        assert!((found[0] - found[1]).abs() < 1e-14, "{set:?}");
-    }
-}
-
-/// The largest difference between two instruction sets in derivatives that are differences of solutions.
-const DIFFERENCE_AGREEMENT: f64 = 1e-7;
-
-#[test]
-fn two_boundaries_agree_on_every_instruction_set() {
-    let portable = InstructionSet::available()[0];
-    let solve = |set| puts_by(boundary_collocation::solve_puts, set, &TWO_BOUNDARIES, 1e-7);
-    let expected = solve(portable);
-    assert!(expected.settled.iter().all(|&settled| settled));
-    for set in InstructionSet::available() {
-        let found = solve(set);
-        assert_eq!(found.settled, expected.settled);
-        for (found, expected) in found.rows().into_iter().zip(expected.rows()) {
-            let (numbers, second) = found.split_at(flat_options::COLUMNS);
-            let (expected, expected_second) = expected.split_at(flat_options::COLUMNS);
-            assert_agree(numbers, expected, (set, portable));
-            assert_agree_to(
-                DIFFERENCE_AGREEMENT,
-                second,
-                expected_second,
-                (set, portable),
-            );
+        let premiums = puts(set, &PUTS, 1e-8);
+        let premiums = premiums.rows();
+        let found = on(set, || {
+            let greeks = obstacle_march::Greeks::None;
+            obstacle_march::solve(&contracts, &tolerance, settings, greeks, 1, &never)
+        });
+        for (k, pair) in found.chunks(2).enumerate() {
+            for (one, share) in pair.iter().zip([1.0, PUTS[k][3].exp()]) {
+                let difference = (premiums[k][0] - share * one.value).abs();
+                assert!(difference < 2e-6, "put {k} on {set:?}: {difference}");
+            }
         }
     }
 }

@@ -1,47 +1,38 @@
-//! What must be fast in `pricing_core`, over plain slices: complementarity solvers, the method of lines, and
-//! three option engines.
+//! What must be fast in `pricing_core`, over plain slices: complementarity solvers, and
+//! two option engines.
 //!
 //! - Solvers of 0 <= z, 0 <= w = M z + q, z w = 0 with a tridiagonal M: `brennan_schwartz`, `growing_basic_set`,
 //!   `policy_iteration`, `projected_sor`; with a dense one: `equilibrate`, `lemke`; with a sparse one,
 //!   between bounds: `sparse_sweeps`.
 //! - The flow of a mode of a linear complementarity system up to its first event, and the signs that select the next:
 //!   `taylor_step`, `enter`, `initial_signs`, `leading_signs`.
-//! - `segment_march`: the method of lines over a schedule of segments, with a tridiagonal problem per stage.
 //! - `march_strikes`: options of all strikes of an expiry under one local volatility, on one grid.
 //! - `flat_options`: American options in a flat market as puts in three numbers, and their prices and Greeks in money.
 //! - `premium_march`: American puts in a flat market, by a march of their early exercise premium.
-//! - `boundary_collocation`: American puts in a flat market whose exercise region has two boundaries, by collocation of both.
-//! - `multiplier_collocation`: American and Bermudan options with dividends, curves and exercise dates, by collocation of
-//!   the multiplier of their complementarity system.
 //! - `obstacle_march`: options with whatever happens to them, by one march with averaged complementarity.
 //!
 //! The engines run sixteen numbers side by side (`lanes`), with the instruction set that the processor has. Nothing here
 //! knows of calendars, currencies or files; the module `python` (feature "python") is the only bridge to Python.
 
-pub mod boundary_collocation;
 mod brennan_schwartz;
 mod equilibration;
 mod error;
 mod first_crossing;
 pub mod flat_options;
-mod gauss_legendre;
 mod growing_basic_set;
 #[cfg(test)]
 mod instruction_set_tests;
 pub mod interrupt;
 mod lanes;
 mod lemke;
-mod linear_system;
 mod mode_flow;
 mod mode_signs;
-pub mod multiplier_collocation;
 pub mod obstacle_march;
 mod policy_iteration;
 pub mod premium_march;
 mod psor;
 #[cfg(feature = "python")]
 mod python;
-pub mod segment_march;
 mod sparse_sweeps;
 mod strike_march;
 mod tridiagonal;

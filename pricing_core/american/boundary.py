@@ -42,7 +42,7 @@ class ExerciseBoundary:
     error_estimate : Vector, shape (m,)
         Estimated absolute error of `boundary`, in money; 0 at expiry.
     method : str
-        "premium-march", "boundary-collocation", "multiplier-collocation" or "obstacle-march", with commas
+        "premium-march" or "obstacle-march", with commas
         where they found it together, each some of the times; "none" for an option that is never exercised early.
     """
 

@@ -345,11 +345,8 @@ TWO_BOUNDARIES = Market(100.0, -0.005, 0.2, -0.02, cash_dividends=({"time": 0.5,
 @needs_kernel
 @pytest.mark.parametrize(
     ("contract", "method"),
-    [
-        (CONTRACTS["put, quarterly dividends"], "multiplier-collocation"),
-        ((PUT, TWO_BOUNDARIES), "obstacle-march"),
-    ],
-    ids=["collocation", "obstacle march"],
+    [(CONTRACTS["put, quarterly dividends"], "obstacle-march"), ((PUT, TWO_BOUNDARIES), "obstacle-march")],
+    ids=["dividends", "two boundaries"],
 )
 def test_a_deadline_among_the_greeks_leaves_the_price(contract, method):
     alone, whole = Deadline(), Deadline()
@@ -357,7 +354,7 @@ def test_a_deadline_among_the_greeks_leaves_the_price(contract, method):
     assert price(*contract, tolerance=1e-3, greeks="extended", interrupt=whole).status == "ok"
     assert whole.asked > alone.asked
     # How often the kernel asks depends on how long it takes: the first deadline that leaves a price is looked for.
-    first = alone.asked if method == "multiplier-collocation" else (alone.asked + whole.asked + 1) // 2
+    first = alone.asked if method == "obstacle-march" else (alone.asked + whole.asked + 1) // 2
     ends = (Deadline(at) for at in itertools.count(first))
     found = next(
         found

@@ -78,7 +78,7 @@ def test_every_event_of_a_csv_reaches_the_engine(tmp_path: Path, read_table: Rea
     ]
     valuations = [price(*contract, tolerance=COARSE, greeks="none") for contract in contracts]
     output = read_table(tmp_path / "out.csv")
-    assert [line["method"] for line in output] == ["premium-march", *["multiplier-collocation"] * 8]
+    assert [line["method"] for line in output] == ["premium-march", *["obstacle-march"] * 8]
     assert [line["price"] for line in output[1:]] == [repr(valuation.price) for valuation in valuations]
     assert [line["dividend_sensitivities"] != "" for line in output] == [False] * 5 + [True] + [False] * 3
     assert output[1]["rate"] == CURVE

@@ -3,7 +3,7 @@
 import pytest
 
 from benchmarks import service_attack
-from benchmarks.serving.attackers import shapes
+from benchmarks.serving.attackers import EVERYTHING, shapes
 from benchmarks.serving.load import server_process
 from tests.problems.needs_kernel import needs_kernel
 
@@ -26,3 +26,14 @@ def test_no_attack_takes_the_memory_or_the_neighbours_answers() -> None:
         for row in service_attack.attacks([*shapes()], port, process, 25.0, (128,)):
             assert row.refused == 0, row
             assert row.megabytes < MOST_MEGABYTES, row
+
+
+@pytest.mark.nightly
+def test_all_attacks_together_for_ten_minutes_take_no_more_than_one() -> None:
+    with server_process(service_attack.TWO_WORKERS) as (port, process):
+        service_attack.until_ready(port)
+        row = service_attack.beside(
+            EVERYTHING, service_attack.MANY, port, process, service_attack.LONG_SECONDS
+        )
+    assert row.refused == 0, row
+    assert row.megabytes < MOST_MEGABYTES, row

@@ -4,12 +4,20 @@ import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from app.service.batch.row_limits import LONGEST_TEXT, MOST_ROWS, PIECE_WEIGHT, check_columns, most_entries
+from app.service.batch.row_limits import (
+    FIELDS,
+    LONGEST_TEXT,
+    MOST_ROWS,
+    PIECE_WEIGHT,
+    check_columns,
+    most_entries,
+)
 from app.service.errors import BodyTooLargeError, InvalidArrowError
 from pricing_core.american.arrow.arrow_column import is_list, is_number, is_text
 from pricing_core.american.arrow.price_batch import price_batch
@@ -17,6 +25,10 @@ from pricing_core.american.arrow.schema import check_types
 from pricing_core.american.pricing_settings import PricingSettings
 from pricing_core.errors import InvalidInputError, Told
 
+Cuts: TypeAlias = np.ndarray[tuple[int], np.dtype[np.int64]]
+
+# Kinds of fields of which a text of a dictionary is read once, however many rows of a piece hold it.
+READ_ONCE = ("choice", "date")
 ROWS_AT_A_TIME = 1 << 16  # that are cut into pieces together; chosen
 MOST_BATCHES = 4_096  # record batches in a stream: each costs some work, whatever it holds; chosen
 # Where the tables of Arrow's messages have what is looked for (Message.fbs).
@@ -91,8 +103,31 @@ class ArrowRows:
         return price_batch(self.rows, settings, interrupt=interrupt)[0]
 
 
-def table_of(body: bytes | bytearray) -> tuple[list[str], list[ArrowRows]]:
-    """Return the names of the columns of a stream, and its rows in parts to be priced together.
+@dataclass(frozen=True, slots=True)
+class ArrowPieces:
+    """Rows in pieces to be priced together, which are made one by one: there may be half as many as rows.
+
+    Parameters
+    ----------
+    parts : sequence of (pyarrow.RecordBatch, array)
+        Consecutive rows, and where their pieces begin and the last one ends.
+    """
+
+    parts: Sequence[tuple[pa.RecordBatch, Cuts]]
+
+    @property
+    def count(self) -> int:
+        """The number of rows."""
+        return sum(rows.num_rows for rows, _ in self.parts)
+
+    def __iter__(self) -> Iterator[ArrowRows]:
+        for rows, cuts in self.parts:
+            for start, end in pairwise(map(int, cuts)):
+                yield ArrowRows(rows.slice(start, end - start))
+
+
+def table_of(body: bytes | bytearray) -> tuple[list[str], ArrowPieces]:
+    """Return the names of the columns of a stream, and its rows in pieces to be priced together.
 
     Raises
     ------
@@ -100,21 +135,20 @@ def table_of(body: bytes | bytearray) -> tuple[list[str], list[ArrowRows]]:
         As `read_stream`.
     """
     names, batches = read_stream(body)
-    return names, [ArrowRows(rows) for rows in pieces_of(batches)]
+    return names, ArrowPieces([*_cut(batches)])
 
 
-def pieces_of(batches: Sequence[pa.RecordBatch]) -> Iterator[pa.RecordBatch]:
-    """Yield consecutive rows, few enough to be priced together."""
+def _cut(batches: Sequence[pa.RecordBatch]) -> Iterator[tuple[pa.RecordBatch, Cuts]]:
+    """Yield consecutive rows, and where to cut them so that each piece holds few numbers and texts."""
     for batch in batches:
         for begin in range(0, batch.num_rows, ROWS_AT_A_TIME):  # what is counted of each takes memory as well
             rows = batch.slice(begin, ROWS_AT_A_TIME)
             weight = np.ones(rows.num_rows, dtype=np.int64)
-            for column in rows.columns:
-                weight += _weight(column)
+            for name, column in zip(rows.schema.names, rows.columns, strict=True):
+                weight += _weight(name, column)
             place = np.cumsum(weight) // PIECE_WEIGHT
-            cuts = [0, *(np.flatnonzero(np.diff(place)) + 1).tolist(), rows.num_rows]
-            for start, end in pairwise(cuts):
-                yield rows.slice(start, end - start)
+            cuts = np.flatnonzero(np.diff(place, prepend=place[0], append=place[-1] + 1))
+            yield rows, np.concatenate(([0], cuts))
 
 
 def _check_messages(body: bytes | bytearray) -> None:
@@ -215,6 +249,9 @@ def _checked(batch: pa.RecordBatch) -> pa.RecordBatch:
     for name, column in zip(batch.schema.names, batch.columns, strict=True):
         for array in _leaves(column):
             array.validate(full=True)
+            if pa.types.is_dictionary(array.type) and len(array.dictionary) > MOST_ROWS:
+                allowed = f"a column whose dictionary has at most {MOST_ROWS} texts"
+                raise InvalidInputError(f"column {name}", Told("a larger one"), allowed)
             if is_text(array.type) and (_largest(pc.binary_length(_texts(array)))) > LONGEST_TEXT:
                 raise InvalidInputError(
                     f"column {name}", Told("a longer one"), f"of texts of at most {LONGEST_TEXT} bytes"
@@ -257,7 +294,7 @@ def _leaves(column: pa.Array) -> Iterator[pa.Array]:
         yield column
 
 
-def _weight(column: pa.Array) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _weight(name: str, column: pa.Array) -> Cuts:
     """Return how many numbers the cells of a column may hold beyond one."""
     weight = np.zeros(len(column), dtype=np.int64)
     for entries in _lists(column):
@@ -265,9 +302,11 @@ def _weight(column: pa.Array) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
         weight += lengths.to_numpy(zero_copy_only=False)
     if pa.types.is_dictionary(column.type):
         codes = pc.fill_null(column.indices.cast(pa.int64()), -1).to_numpy(zero_copy_only=False)
-        used, first = np.unique(codes, return_index=True)  # a text is read once, however many rows hold it
+        given = np.flatnonzero(codes >= 0)
+        if FIELDS[name].kind in READ_ONCE:
+            given = given[np.unique(codes[given], return_index=True)[1]]
         lengths = pc.fill_null(pc.binary_length(column.dictionary), 0).to_numpy(zero_copy_only=False)
-        weight[first[used >= 0]] += lengths[used[used >= 0]] // 8
+        weight[given] += lengths[codes[given]] // 8
     elif is_text(column.type):
         weight += pc.fill_null(pc.binary_length(column), 0).to_numpy(zero_copy_only=False) // 8
     return weight

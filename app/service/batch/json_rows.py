@@ -77,8 +77,33 @@ class JsonLines:
         return [line for line in self.lines.split(b"\n") if line.strip()]
 
 
-def columns_of(body: bytes | bytearray) -> tuple[list[str], list[JsonColumns]]:
-    """Return the names of the columns of one JSON object, and its rows in parts to be priced together.
+@dataclass(frozen=True, slots=True)
+class JsonPieces:
+    """Rows of columns in pieces to be priced together.
+
+    Parameters
+    ----------
+    columns : mapping of str to object
+        As those of `JsonColumns`.
+    cuts : sequence of int
+        Where the pieces begin, and the last one ends.
+    """
+
+    columns: Mapping[str, Any]
+    cuts: Sequence[int]
+
+    @property
+    def count(self) -> int:
+        """The number of rows."""
+        return self.cuts[-1]
+
+    def __iter__(self) -> Iterator[JsonColumns]:
+        for start, end in pairwise(self.cuts):
+            yield JsonColumns(self.columns, start, end)
+
+
+def columns_of(body: bytes | bytearray) -> tuple[list[str], JsonPieces]:
+    """Return the names of the columns of one JSON object, and its rows in pieces to be priced together.
 
     The memory that the object takes, `bytes_of_json`, is for the caller to count.
 
@@ -103,7 +128,7 @@ def columns_of(body: bytes | bytearray) -> tuple[list[str], list[JsonColumns]]:
         raise BodyTooLargeError(
             f"columns in JSON must not have more than {MOST_JSON_ROWS} rows: send JSON lines or an Arrow stream"
         )
-    return names, [JsonColumns(columns, start, end) for start, end in pairwise(_cuts(columns, count))]
+    return names, JsonPieces(columns, [*_cuts(columns, count)])
 
 
 def _rows(columns: Mapping[str, Any], start: int, end: int) -> Iterator[dict[str, Any]]:

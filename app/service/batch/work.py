@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
@@ -39,6 +39,17 @@ class Rows(Protocol):
     def price(self, settings: PricingSettings, interrupt: Interrupt) -> pa.RecordBatch:
         """Return the results of every row; those that are not ready when the work ends have the status deadline."""
         ...
+
+
+class Pieces(Protocol):
+    """All rows of a body, in pieces to be priced together."""
+
+    @property
+    def count(self) -> int:
+        """The number of rows."""
+        ...
+
+    def __iter__(self) -> Iterator[Rows]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,17 +96,18 @@ class BatchWork:
         yield self._answer.start(results_schema(names, self._settings))
         count = 0
         async for part in parts:
-            count += part.count
+            size = part.count  # which is found by reading, where it is lines
+            count += size
             if count > MOST_ROWS:
                 raise BodyTooLargeError(f"a batch must not have more than {MOST_ROWS} rows")
             priced = None if isinstance(part, LateRows) else await self._priced(part)
             if priced is None:
-                async for answer in self._unfinished(part.count, names):
+                async for answer in self._unfinished(size, names):
                     yield answer
                 continue
             statuses, encoded = priced
             self._record.contracts.update(statuses)
-            async for answer in self._added(encoded, part.count):
+            async for answer in self._added(encoded, size):
                 yield answer
         end = self._answer.end()
         while last := await asyncio.to_thread(next, end, b""):
@@ -106,7 +118,7 @@ class BatchWork:
         if self._form == LINES:
             return [*FIELDS], self._lines()
         body = await self._body.whole()
-        read: Callable[[bytearray], tuple[list[str], Sequence[Rows]]] = table_of
+        read: Callable[[bytearray], tuple[list[str], Pieces]] = table_of
         if self._form == JSON:
             if len(body) > LONGEST_COLUMNS:
                 raise BodyTooLargeError(
@@ -117,17 +129,30 @@ class BatchWork:
         names, rows = await self._done(lambda _: read(body))
         return names, self._in_time(rows)
 
-    async def _in_time(self, rows: Sequence[Rows]) -> AsyncIterator[Rows | LateRows]:
-        """Yield the parts one by one, and once the deadline has passed all that is left as one."""
-        for place, part in enumerate(rows):
+    async def _in_time(self, pieces: Pieces) -> AsyncIterator[Rows | LateRows]:
+        """Yield the pieces one by one, and once the deadline has passed all that is left as one."""
+        left = pieces.count
+        for rows in pieces:
             if not self._place.has_time():
-                yield LateRows(sum(part.count for part in rows[place:]))
+                yield LateRows(left)
                 return
-            yield part
+            left -= rows.count
+            yield rows
 
     async def _lines(self) -> AsyncIterator[Rows | LateRows]:
+        """Yield the rows as they come; once the deadline has passed all that are here already as one."""
+        late = 0
         async for lines in self._body.lines():
-            yield JsonLines(lines)
+            rows = JsonLines(lines)
+            if self._place.has_time():
+                yield rows
+                continue
+            late += rows.count
+            if late >= ROWS_AT_A_TIME or not self._body.has_lines:
+                yield LateRows(late)
+                late = 0
+        if late:
+            yield LateRows(late)
 
     async def _priced(self, rows: Rows) -> tuple[Counter[str], object] | None:
         """Return how many rows have which status, and their results in the form of the answer; None if it is late."""

@@ -114,7 +114,7 @@ def _without_infinities(raw: RawTable) -> RawTable:
 
 def _text(body: bytes | bytearray) -> str:
     try:
-        return bytes(body).decode("utf-8-sig")
+        return body.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InvalidInputError("body", Told("other bytes"), "UTF-8 text") from None
 

@@ -2,7 +2,7 @@
 //! Greeks in money.
 //!
 //! Three numbers are left of a put: r T, q T and sigma sqrt(T). A call is the put with spot and strike, and rate and yield,
-//! exchanged. `premium_march` and `boundary_collocation` solve puts; `price_options` takes either.
+//! exchanged. `premium_march` solves puts.
 
 mod options;
 mod puts;

@@ -123,7 +123,8 @@ fn split_exponential<V: Vector>(x: V) -> (V, V) {
 }
 
 /// Define functions of one vector, each a part of its own (`Vector::apart`): in line, where registers are few, they leave
-/// none to what calls them. Measured: the collocation with AVX2 takes a quarter longer then, and the crate's build as well.
+/// none to what calls them. Measured with AVX2 on a march through Gaussian integrals, which took a quarter longer then, as
+/// did the crate's build.
 macro_rules! functions {
     ($($(#[$doc:meta])* $name:ident($argument:ident: $part:ident) $body:block)*) => {$(
         $(#[$doc])*

@@ -88,20 +88,6 @@ pub trait Part<V> {
     fn run(self) -> Self::Result;
 }
 
-/// The sum of all lanes, always in the same order; of a vector that holds them all.
-#[inline(always)]
-pub fn sum_of_lanes<V: Vector>(values: V) -> f64 {
-    let mut lanes = values.lanes();
-    let mut width = LANES / 2;
-    while width > 0 {
-        for k in 0..width {
-            lanes[k] += lanes[k + width];
-        }
-        width /= 2;
-    }
-    lanes[0]
-}
-
 /// Implement `Vector` for an array of registers from the operations on one; written out, for nothing here may remain a call.
 macro_rules! vector {
     ($name:ident, $narrow:ident, $single:ident, $is_single:literal, $register:ty, $ops:ident, $width:literal, $count:literal: $($i:tt)*) => {

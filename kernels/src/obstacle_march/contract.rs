@@ -63,11 +63,6 @@ pub struct Contract<'a> {
     pub x: f64,
     /// From now to expiry, at least one.
     pub segments: &'a [Segment],
-}
-
-impl Contract<'_> {
-    /// What exercise brings where the strike, less what is escrowed, is `strike`; below 0 where it costs.
-    pub(super) fn obstacle(&self, spot: f64, strike: f64) -> f64 {
-        self.sign * (strike - spot)
-    }
+    /// Those that tell the grid and the steps: its own, or for a difference those of a contract next to it.
+    pub mesh: &'a [Segment],
 }

@@ -1,7 +1,10 @@
 //! What happens between two segments: from the value after it to what the first step of the segment before starts from.
 
 use super::contract::{Contract, Segment};
+use super::line::Line;
 use super::mesh::Grid;
+use crate::lanes::normal::ln;
+use crate::lanes::vector::{Vector, LANES};
 
 /// The steps towards a crossing inside a cell, of the secant method kept between its ends.
 const SECANTS: usize = 8;
@@ -14,55 +17,110 @@ const GAUSS: [(f64, f64); 3] = [
 /// The largest number of places where a value is not smooth.
 const MOST_KINKS: usize = 6;
 
+/// The value after what happens at the end of a segment.
+pub enum After<'a> {
+    /// At expiry.
+    Payoff,
+    Line(Line<'a>),
+}
+
 /// The value just before the end of a segment as a function of the spot: max(V(after the drop), exercise).
-pub struct Before<'a, F> {
-    /// The value after the drop.
-    pub after: F,
+pub struct Before<'a> {
+    pub after: After<'a>,
     pub segment: &'a Segment,
+    /// 1 for a put, -1 for a call.
     pub sign: f64,
     /// Whether the holder may exercise.
     pub exercise: bool,
 }
 
-impl<F: Fn(f64) -> f64> Before<'_, F> {
+impl<'a> Before<'a> {
+    /// What happens at the end of a segment, given the value after it.
+    pub fn new(contract: &Contract<'a>, number: usize, after: After<'a>) -> Self {
+        let segment = &contract.segments[number];
+        Self {
+            after,
+            segment,
+            sign: contract.sign,
+            exercise: segment.exercise_at_end || segment.exercisable,
+        }
+    }
+
     /// What exercise brings.
-    fn obstacle(&self, spot: f64) -> f64 {
+    pub fn obstacle(&self, spot: f64) -> f64 {
         self.sign * (1.0 - self.segment.escrow - spot)
+    }
+
+    /// The spot after the drop.
+    pub fn spot_after(&self, spot: f64) -> f64 {
+        if self.segment.drops() {
+            self.segment.after_drop(spot)
+        } else {
+            spot
+        }
     }
 
     /// The value of waiting.
     fn waiting(&self, spot: f64) -> f64 {
-        (self.after)(if self.segment.drops() {
-            self.segment.after_drop(spot)
-        } else {
-            spot
-        })
+        let after = self.spot_after(spot);
+        match &self.after {
+            After::Payoff => (self.sign * (1.0 - after)).max(0.0),
+            After::Line(line) => line.at(after),
+        }
     }
 
-    /// The value.
-    pub fn at(&self, spot: f64) -> f64 {
-        let waiting = self.waiting(spot);
-        if self.exercise {
-            waiting.max(self.obstacle(spot))
+    /// The value, and whether it is that of exercise.
+    pub fn at(&self, spot: f64) -> (f64, bool) {
+        let (waiting, obstacle) = (self.waiting(spot), self.obstacle(spot));
+        if self.exercise && obstacle >= waiting {
+            (obstacle, true)
         } else {
-            waiting
+            (waiting, false)
+        }
+    }
+
+    /// Fill in the value of waiting at the nodes.
+    #[inline(always)]
+    fn wait<V: Vector>(&self, grid: &Grid, spots: &[f64], values: &mut [f64]) {
+        match &self.after {
+            After::Line(line) if !self.segment.drops() => values.copy_from_slice(line.values),
+            After::Line(line) => {
+                let mut indices = [0.0; LANES];
+                for (values, spots) in values.chunks_mut(V::WIDTH).zip(spots.chunks(V::WIDTH)) {
+                    indices_after::<V>(grid, self.segment, spots, &mut indices);
+                    line.at_many::<V>(spots.len(), &indices, |k| self.spot_after(spots[k]), values);
+                }
+            }
+            After::Payoff => {
+                for (value, &spot) in values.iter_mut().zip(spots) {
+                    *value = self.waiting(spot);
+                }
+            }
         }
     }
 
     /// Fill in the values at the nodes, and append to the kinks, in numbers of nodes, those where exercise begins.
-    #[allow(clippy::cast_precision_loss)]
-    pub fn fill(&self, grid: &Grid, spots: &[f64], values: &mut [f64], kinks: &mut Kinks) {
+    #[inline(always)]
+    pub fn fill<V: Vector>(
+        &self,
+        grid: &Grid,
+        spots: &[f64],
+        values: &mut [f64],
+        kinks: &mut Kinks,
+    ) {
+        self.wait::<V>(grid, spots, values);
+        if !self.exercise {
+            return;
+        }
         let mut last_gain = 0.0;
         for (node, (value, &spot)) in values.iter_mut().zip(spots).enumerate() {
-            *value = self.waiting(spot);
-            if self.exercise {
-                let gain = self.obstacle(spot) - *value;
-                if node > 0 && (gain > 0.0) != (last_gain > 0.0) && gain - last_gain != 0.0 {
-                    kinks.push(self.crossing(grid, node, last_gain, gain));
-                }
-                last_gain = gain;
-                *value = value.max(self.obstacle(spot));
+            let obstacle = self.obstacle(spot);
+            let gain = obstacle - *value;
+            if node > 0 && (gain > 0.0) != (last_gain > 0.0) && gain - last_gain != 0.0 {
+                kinks.push(self.crossing(grid, node, last_gain, gain));
             }
+            last_gain = gain;
+            *value = value.max(obstacle);
         }
     }
 
@@ -88,61 +146,64 @@ impl<F: Fn(f64) -> f64> Before<'_, F> {
         found
     }
 
-    /// Add what the sums over three nodes miss of the integrals against the hats next to the kinks.
-    #[allow(
-        clippy::cast_precision_loss,
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss
-    )]
-    pub fn add_missing(
+    /// Give the integrals against the hats of the nodes next to the kinks, which sums over three nodes do not tell.
+    pub fn whole_rows(
         &self,
         grid: &Grid,
-        values: &[f64],
         kinks: &Kinks,
         peclet: f64,
-        mut add: impl FnMut(usize, f64),
+        mut give: impl FnMut(usize, f64),
     ) {
-        let kinks = kinks.sorted();
-        let mut done = 0;
-        for &kink in &kinks {
-            let node = kink.floor().max(0.0) as usize;
-            for row in [node.saturating_sub(1), node, node + 1, node + 2] {
-                let inside = kinks.iter().any(|k| (k - row as f64).abs() < 1.0);
-                if row <= done || row < 1 || row >= grid.cells || !inside {
-                    continue;
-                }
-                done = row;
-                let [lower, middle, upper] = hat_weights(peclet);
-                let sum = lower * values[row - 1] + middle * values[row] + upper * values[row + 1];
-                add(row, self.integral(grid, row, &kinks, peclet) - sum);
-            }
-        }
+        kinks.each_row(grid, |row, kinks| {
+            let mut total = 0.0;
+            points_of_hat(row, kinks, |u, weight| {
+                let (value, _) = self.at(grid.spot_at(u + row as f64));
+                total += weight * (hat(u) + peclet * tilt(u)) * value;
+            });
+            give(row, total);
+        });
     }
+}
 
-    /// The integral of the value against the hat of a node, over h.
-    #[allow(clippy::cast_precision_loss)]
-    fn integral(&self, grid: &Grid, row: usize, kinks: &[f64], peclet: f64) -> f64 {
-        let mut cuts = vec![-1.0, 0.0, 1.0];
-        cuts.extend(
-            kinks
-                .iter()
-                .map(|k| k - row as f64)
-                .filter(|u| u.abs() < 1.0 && *u != 0.0),
-        );
-        cuts.sort_by(f64::total_cmp);
-        let mut total = 0.0;
-        for pair in cuts.windows(2) {
-            let (middle, half) = (0.5 * (pair[1] + pair[0]), 0.5 * (pair[1] - pair[0]));
-            for (point, weight) in GAUSS {
-                let u = half.mul_add(point, middle);
-                let away = u.abs();
-                let hat = 1.0 - away + 0.5 * peclet * u.signum() * (away - away * away);
-                let spot = grid.spot_at(row as f64 + u);
-                total += half * weight * hat * self.at(spot);
-            }
+/// The numbers of the nodes, which need not be whole, at the spots after the drop at the end of a segment.
+#[inline(always)]
+pub fn indices_after<V: Vector>(
+    grid: &Grid,
+    segment: &Segment,
+    spots: &[f64],
+    indices: &mut [f64; LANES],
+) {
+    let mut own = [1.0; LANES];
+    own[..spots.len()].copy_from_slice(spots);
+    let after =
+        V::from_lanes(own).times_plus(V::all(1.0 - segment.fraction), V::all(-segment.amount));
+    let places = ln(after.max(V::all(f64::MIN_POSITIVE))).times(grid.sign);
+    *indices = places.plus(-grid.start).times(1.0 / grid.h).lanes();
+}
+
+/// Gauss points of the cells next to a node, cut at the kinks: their distance from the node and their weight, in cells.
+#[allow(clippy::cast_precision_loss)]
+pub fn points_of_hat(row: usize, kinks: &[f64], mut each: impl FnMut(f64, f64)) {
+    let mut cuts = vec![-1.0, 0.0, 1.0];
+    let near = kinks.iter().map(|k| k - row as f64);
+    cuts.extend(near.filter(|u| u.abs() < 1.0 && *u != 0.0));
+    cuts.sort_by(f64::total_cmp);
+    for pair in cuts.windows(2) {
+        let (middle, half) = (0.5 * (pair[1] + pair[0]), 0.5 * (pair[1] - pair[0]));
+        for (point, weight) in GAUSS {
+            each(half.mul_add(point, middle), half * weight);
         }
-        total
     }
+}
+
+/// The hat of a node, at a distance in cells.
+pub fn hat(u: f64) -> f64 {
+    1.0 - u.abs()
+}
+
+/// How the hat changes with the cell Peclet number.
+pub fn tilt(u: f64) -> f64 {
+    0.5 * u.signum() * (u.abs() - u * u)
 }
 
 /// The weights of the compact scheme's mass matrix.
@@ -152,6 +213,31 @@ pub fn hat_weights(peclet: f64) -> [f64; 3] {
         10.0 / 12.0,
         1.0 / 12.0 + peclet / 24.0,
     ]
+}
+
+/// Give the sum of the hats' weights with values at nodes, for each inner node, as the march itself makes it.
+#[inline(always)]
+pub fn sums_over_hats<V: Vector>(peclet: f64, values: &[f64], mut give: impl FnMut(usize, f64)) {
+    let peclet = V::all(peclet);
+    let lower = peclet.times(-1.0 / 24.0).plus(1.0 / 12.0);
+    let upper = peclet.times(1.0 / 24.0).plus(1.0 / 12.0);
+    let inner = values.len() - 2;
+    for begin in (0..inner).step_by(V::WIDTH) {
+        let from = |shift: usize| {
+            V::from_lanes(std::array::from_fn(|k| {
+                values[(begin + k).min(inner - 1) + shift]
+            }))
+        };
+        let sum = V::all(10.0 / 12.0).times_plus(from(1), lower * from(0));
+        let sums = upper.times_plus(from(2), sum).lanes();
+        for (k, sum) in sums
+            .into_iter()
+            .enumerate()
+            .take(V::WIDTH.min(inner - begin))
+        {
+            give(begin + k + 1, sum);
+        }
+    }
 }
 
 /// Places where a value is not smooth, in numbers of nodes.
@@ -170,14 +256,25 @@ impl Kinks {
         }
     }
 
-    fn sorted(&self) -> Vec<f64> {
+    /// Visit the inner nodes less than a cell from one of the kinks, in order; `each` takes all of these, sorted.
+    #[allow(
+        clippy::cast_precision_loss,
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss
+    )]
+    pub fn each_row(&self, grid: &Grid, mut each: impl FnMut(usize, &[f64])) {
         let mut places = self.places[..self.count].to_vec();
         places.sort_by(f64::total_cmp);
-        places
+        let mut done = 0;
+        for &kink in &places {
+            let node = kink.floor().max(0.0) as usize;
+            for row in [node.saturating_sub(1), node, node + 1, node + 2] {
+                let is_near = places.iter().any(|k| (k - row as f64).abs() < 1.0);
+                if row > done && row < grid.cells && is_near {
+                    done = row;
+                    each(row, &places);
+                }
+            }
+        }
     }
-}
-
-/// The value at expiry, before anything that happens there.
-pub fn payoff(contract: &Contract, spot: f64) -> f64 {
-    contract.obstacle(spot, 1.0).max(0.0)
 }

@@ -1,14 +1,18 @@
 //! The march of as many contracts as a vector has lanes, from expiry to now: each lane has its own grid, its own segments
 //! and its own steps, and all do the same in a step.
 
-use super::contract::{Contract, Segment};
-use super::event::{hat_weights, payoff, Before, Kinks};
+use super::contract::Contract;
+use super::event::{hat_weights, sums_over_hats, After, Before, Kinks};
 use super::line::{Contact, Line};
-use super::mesh::{step_count, Grid};
+use super::mesh::Grid;
 use super::newton::{Newton, Rows};
+use super::record::{Record, Start};
 use super::settings::Settings;
-use super::stage::{Obstacle, Stage};
-use super::tableau::{FIRST, GAMMA, LATER};
+use super::stage::Stage;
+use super::steps::{steps_of, LaneSteps, Step};
+use super::tableau::GAMMA;
+use super::terms::Terms;
+use super::walk_back::{BySegment, Functional, WalkBack};
 use crate::interrupt::Interrupt;
 use crate::lanes::dispatch::Work;
 use crate::lanes::vector::{Part, Vector, LANES};
@@ -30,6 +34,9 @@ pub struct Marched {
     pub steps: usize,
     /// Whether every stage was solved.
     pub settled: bool,
+    /// Where they are wanted, `V_tau` at the nodes, and the derivatives by the numbers of each segment.
+    pub rates: Vec<f64>,
+    pub by_segment: Vec<BySegment>,
 }
 
 impl Marched {
@@ -42,37 +49,6 @@ impl Marched {
             strike: self.strike,
         }
     }
-}
-
-/// One step of a lane.
-#[derive(Clone, Copy)]
-struct Step {
-    segment: usize,
-    dt: f64,
-    /// Years from the step's start, which is later, to the segment's end.
-    elapsed: f64,
-    is_first: bool,
-    is_last: bool,
-}
-
-/// The steps of a contract, from expiry to now.
-#[allow(clippy::cast_precision_loss)]
-fn steps_of(contract: &Contract, grid: &Grid, settings: &Settings) -> Vec<Step> {
-    let mut steps = Vec::new();
-    for (number, segment) in contract.segments.iter().enumerate().rev() {
-        let count = step_count(segment, grid.h, settings);
-        let time = |n: usize| segment.duration * (n as f64 / count as f64).powi(2);
-        for n in 1..=count {
-            steps.push(Step {
-                segment: number,
-                dt: time(n) - time(n - 1),
-                elapsed: time(n - 1),
-                is_first: n == 1,
-                is_last: n == count,
-            });
-        }
-    }
-    steps
 }
 
 /// The node behind the last at which exercise brings something.
@@ -97,6 +73,8 @@ pub struct Group<'a> {
     pub contracts: Vec<Contract<'a>>,
     pub cells: usize,
     pub settings: Settings,
+    /// Whether derivatives by the coefficients and by what happens are wanted.
+    pub record: bool,
     pub interrupt: Interrupt<'a>,
 }
 
@@ -105,29 +83,34 @@ impl Work for Group<'_> {
 
     #[inline(always)]
     fn run<V: Vector>(self) -> Self::Result {
-        March::<V>::new(&self).run()
+        if self.contracts.len() <= V::Narrow::WIDTH {
+            V::Narrow::call(Marching(&self))
+        } else {
+            V::call(Marching(&self))
+        }
     }
 }
 
-/// The numbers of a segment in each lane.
-#[derive(Clone, Copy)]
-struct Terms {
-    diffusion: [f64; LANES],
-    peclet: [f64; LANES],
-    rate: [f64; LANES],
-    /// c = `rate_part` - `yield_part` T, T the signed spot; below 0 where the holder may not exercise.
-    rate_part: [f64; LANES],
-    yield_part: [f64; LANES],
+/// The march of a group, as wide as it needs.
+struct Marching<'g, 'a>(&'g Group<'a>);
+
+impl<V: Vector> Part<V> for Marching<'_, '_> {
+    type Result = Option<Vec<Marched>>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Result {
+        March::<V>::new(self.0).run()
+    }
 }
 
-struct March<'a, V> {
-    group: &'a Group<'a>,
-    grids: Vec<Grid>,
-    steps: Vec<Vec<Step>>,
-    spots: Vec<Vec<f64>>,
-    terms: Terms,
+pub(super) struct March<'a, V> {
+    pub(super) group: &'a Group<'a>,
+    pub(super) grids: Vec<Grid>,
+    pub(super) steps: Vec<Vec<Step>>,
+    pub(super) spots: Vec<Vec<f64>>,
+    pub(super) terms: Terms,
     /// The spot times the sign, at the nodes.
-    signed: Vec<[f64; LANES]>,
+    pub(super) signed: Vec<[f64; LANES]>,
     /// V at the nodes, and M V less what its sums miss.
     values: Vec<[f64; LANES]>,
     mass: Vec<[f64; LANES]>,
@@ -146,9 +129,11 @@ struct March<'a, V> {
     /// The first node that is looked at: those before it are in contact in every lane, and stay so.
     first: usize,
     /// The first node behind the last where exercise brings something in any lane.
-    last_kink: usize,
+    pub(super) last_kink: usize,
+    last_kinks: [usize; LANES],
     newton: Newton<V>,
     contact: [Contact; LANES],
+    record: Option<Record>,
     /// Whether a lane's contract has not come to now yet.
     active: [bool; LANES],
     settled: [bool; LANES],
@@ -175,22 +160,18 @@ impl<'a, V: Vector> March<'a, V> {
             spots.push(own);
         }
         let array = || vec![V::zero(); nodes];
-        let last_kink = (0..group.contracts.len())
-            .map(|l| last_gain(&group.contracts[l], &grids[l]))
-            .max()
-            .unwrap_or(0);
+        let last_kinks: [usize; LANES] =
+            std::array::from_fn(|l| last_gain(&group.contracts[lane(l)], &grids[l]));
+        let last_kink = last_kinks.iter().copied().max().unwrap_or(0);
+        let terms = Terms::new(&grids);
+        let segments = group.contracts.iter().map(|one| one.segments.len());
+        let record = group.record.then(|| Record::new(nodes, segments));
         Self {
             group,
             grids,
             steps,
             spots,
-            terms: Terms {
-                diffusion: [1.0; LANES],
-                peclet: [0.0; LANES],
-                rate: [0.0; LANES],
-                rate_part: [-1.0; LANES],
-                yield_part: [0.0; LANES],
-            },
+            terms,
             signed,
             values: vec![[0.0; LANES]; nodes],
             mass: vec![[0.0; LANES]; nodes],
@@ -203,7 +184,9 @@ impl<'a, V: Vector> March<'a, V> {
             inverse: array(),
             first: 1,
             last_kink,
+            last_kinks,
             newton: Newton::new(nodes),
+            record,
             contact: [Contact::NONE; LANES],
             active: [false; LANES],
             settled: [true; LANES],
@@ -240,7 +223,9 @@ impl<'a, V: Vector> March<'a, V> {
                 }
             }
         }
-        found.into_iter().collect()
+        let mut found: Vec<Marched> = found.into_iter().collect::<Option<_>>()?;
+        self.walk_back(&mut found)?;
+        Some(found)
     }
 
     /// Give a lane that holds no contract the numbers of another.
@@ -250,15 +235,7 @@ impl<'a, V: Vector> March<'a, V> {
                 row[to] = row[from];
             }
         }
-        for column in [
-            &mut self.terms.diffusion,
-            &mut self.terms.peclet,
-            &mut self.terms.rate,
-            &mut self.terms.rate_part,
-            &mut self.terms.yield_part,
-        ] {
-            column[to] = column[from];
-        }
+        self.terms.copy_lane(from, to);
     }
 
     /// The value of a lane now.
@@ -272,127 +249,123 @@ impl<'a, V: Vector> March<'a, V> {
             strike: 1.0 - first.escrow_before_end(first.duration),
             steps: self.steps[lane].len(),
             settled: self.settled[lane],
+            rates: self
+                .record
+                .as_ref()
+                .map_or_else(Vec::new, |_| self.nodal_rates(lane)),
+            by_segment: Vec::new(),
         }
+    }
+
+    /// `V_tau` at the nodes of a lane, from M times it; at the ends as the values go, linearly in the spot.
+    fn nodal_rates(&self, lane: usize) -> Vec<f64> {
+        let last = self.group.cells - 1;
+        let [lower, middle, upper] = hat_weights(self.terms.peclet[lane]);
+        let ratio = (self.grids[lane].sign * self.grids[lane].h).exp();
+        let (near, far) = (1.0 / ratio, ratio);
+        let mut rates = vec![0.0; last + 2];
+        let mut factors = vec![0.0; last + 2];
+        for i in 1..=last {
+            let (mut low, mut diagonal, mut up) = (lower, middle, upper);
+            if i == 1 {
+                (diagonal, up, low) = (diagonal + lower * (1.0 + near), up - lower * near, 0.0);
+            }
+            if i == last {
+                (diagonal, low) = (diagonal + upper * (1.0 + far), low - upper * far);
+            }
+            let pivot = diagonal - low * factors[i - 1];
+            factors[i] = up / pivot;
+            rates[i] = (self.rates[0][i].lane(lane) - low * rates[i - 1]) / pivot;
+        }
+        for i in (1..last).rev() {
+            rates[i] -= factors[i] * rates[i + 1];
+        }
+        rates[0] = (1.0 + near) * rates[1] - near * rates[2];
+        rates[last + 1] = (1.0 + far) * rates[last] - far * rates[last - 1];
+        rates
+    }
+
+    /// Walk back from the values at the contracts' spots.
+    #[inline(always)]
+    fn walk_back(&self, found: &mut [Marched]) -> Option<()> {
+        let Some(record) = &self.record else {
+            return Some(());
+        };
+        let functionals: Vec<Functional> = found
+            .iter()
+            .zip(&self.group.contracts)
+            .map(|(marched, contract)| Functional::of(&marched.line(), contract.x.exp()))
+            .collect();
+        let derivatives = V::call(WalkBack {
+            march: self,
+            record,
+            functionals: &functionals,
+        })?;
+        for (marched, own) in found.iter_mut().zip(derivatives) {
+            marched.by_segment = own;
+        }
+        Some(())
     }
 
     /// Take a lane to the end of a segment: what happens there, and what its first step starts from.
+    #[inline(always)]
     fn start(&mut self, lane: usize, number: usize, at_expiry: bool) {
         let contract = self.group.contracts[lane];
         let (segment, grid) = (&contract.segments[number], self.grids[lane]);
-        let peclet = self.enter(lane, segment, &grid);
+        let peclet = self.terms.enter(lane, segment, &grid);
         let mut kinks = Kinks::default();
-        if at_expiry {
+        let later: Vec<f64> = self.values.iter().map(|row| row[lane]).collect();
+        let contact = self.contact[lane];
+        let after = if at_expiry {
             kinks.push(grid.index(segment.before_drop(1.0)));
-            let after = |spot: f64| payoff(&contract, spot);
-            self.start_from(lane, segment, after, kinks, peclet);
-            return;
-        }
-        let later = &contract.segments[number + 1];
-        let values: Vec<f64> = self.values.iter().map(|row| row[lane]).collect();
-        let line = Line {
-            grid,
-            values: &values,
-            contact: self.contact[lane],
-            strike: 1.0 - later.escrow_before_end(later.duration),
+            After::Payoff
+        } else {
+            for end in [contact.begin, contact.end] {
+                kinks.push(grid.index(segment.before_drop(grid.spot_at(end))));
+            }
+            After::Line(Line::after(&contract, number, &grid, &later, contact))
         };
-        for end in [line.contact.begin, line.contact.end] {
-            kinks.push(grid.index(segment.before_drop(grid.spot_at(end))));
-        }
-        self.start_from(lane, segment, |spot| line.at(spot), kinks, peclet);
-    }
-
-    /// Leave in a lane what the first step of a segment starts from, given the value after what happens at its end.
-    fn start_from(
-        &mut self,
-        lane: usize,
-        segment: &Segment,
-        after: impl Fn(f64) -> f64,
-        mut kinks: Kinks,
-        peclet: f64,
-    ) {
-        let grid = self.grids[lane];
-        let before = Before {
-            after,
-            segment,
-            sign: grid.sign,
-            exercise: segment.exercise_at_end || segment.exercisable,
-        };
+        let before = Before::new(&contract, number, after);
         let mut values = vec![0.0; grid.cells + 1];
-        before.fill(&grid, &self.spots[lane], &mut values, &mut kinks);
-        let [lower, middle, upper] = hat_weights(peclet);
-        for (node, around) in (1..).zip(values.windows(3)) {
-            self.mass[node][lane] = lower * around[0] + middle * around[1] + upper * around[2];
+        before.fill::<V>(&grid, &self.spots[lane], &mut values, &mut kinks);
+        sums_over_hats::<V>(peclet, &values, |node, sum| self.mass[node][lane] = sum);
+        before.whole_rows(&grid, &kinks, peclet, |row, x| self.mass[row][lane] = x);
+        for (row, value) in self.values.iter_mut().zip(&values) {
+            row[lane] = *value;
         }
-        before.add_missing(&grid, &values, &kinks, peclet, |row, x| {
-            self.mass[row][lane] += x;
-        });
-        for (row, value) in self.values.iter_mut().zip(values) {
-            row[lane] = value;
+        if let Some(record) = &mut self.record {
+            record.starts[lane][number] = Some(Start {
+                values,
+                kinks,
+                later: (!at_expiry).then_some((later, contact)),
+            });
         }
-    }
-
-    /// Take over the coefficients of a segment; return the cell Peclet number.
-    fn enter(&mut self, lane: usize, segment: &Segment, grid: &Grid) -> f64 {
-        let sign = grid.sign;
-        let diffusion = 0.5 * segment.volatility * segment.volatility;
-        let peclet = sign * segment.drift() * grid.h / diffusion;
-        let terms = &mut self.terms;
-        terms.diffusion[lane] = diffusion / (grid.h * grid.h);
-        terms.peclet[lane] = peclet;
-        terms.rate[lane] = segment.rate;
-        let may = segment.exercisable;
-        terms.rate_part[lane] = if may { sign * segment.rate } else { -1.0 };
-        terms.yield_part[lane] = if may { segment.dividend_yield } else { 0.0 };
-        peclet
     }
 
     #[inline(always)]
     fn step(&mut self, n: usize) {
-        let count = self.group.contracts.len();
-        let (mut dt, mut first) = ([1.0; LANES], [0.0; LANES]);
-        let mut strikes = [[1.0; LANES]; 3];
-        for l in 0..LANES {
-            let lane = l.min(count - 1);
-            let steps = &self.steps[lane];
-            let step = steps[n.min(steps.len() - 1)];
-            let segment = &self.group.contracts[lane].segments[step.segment];
-            dt[l] = step.dt;
-            first[l] = if step.is_first { -1.0 } else { 1.0 };
-            let times = if step.is_first {
-                &FIRST.times
-            } else {
-                &LATER.times
-            };
-            for (strike, time) in strikes.iter_mut().zip(times) {
-                strike[l] = 1.0 - segment.escrow_before_end(time.mul_add(step.dt, step.elapsed));
-            }
-        }
+        let steps = LaneSteps::<V>::at(n, &self.group.contracts, &self.steps);
         self.skip(n);
-        let (dt, first) = (V::from_lanes(dt), V::from_lanes(first));
-        let stage = self.stage(dt.times(GAMMA));
+        let stage = self.terms.stage(steps.dt.times(GAMMA));
         self.factorise(&stage);
-        let signs: [f64; LANES] = std::array::from_fn(|l| self.grids[l].sign);
-        for (number, strike) in strikes.iter().enumerate() {
-            let mut weights = [V::zero(); 3];
-            for (k, weight) in weights.iter_mut().enumerate() {
-                let (early, late) = (FIRST.weights[number][k], LATER.weights[number][k]);
-                *weight = first.negative(V::all(early), V::all(late)) * dt;
-            }
-            let strike: [f64; LANES] = std::array::from_fn(|l| signs[l] * strike[l]);
-            let strike = V::from_lanes(strike);
-            match number {
-                0 => self.solve::<1, false>(&stage, weights, strike),
-                1 => self.solve::<2, false>(&stage, weights, strike),
-                _ => self.solve::<3, true>(&stage, weights, strike),
-            }
-        }
+        let [one, two, three] = [0, 1, 2].map(|k| (steps.weights(k), steps.strikes[k]));
+        self.solve::<1, false>(&stage, one);
+        self.solve::<2, false>(&stage, two);
+        self.solve::<3, true>(&stage, three);
         self.rates.swap(0, 3);
     }
 
     /// Choose the first node to look at: those well inside all contact sets stay what they are.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    ///
+    /// In a lane that could begin later the rates before that are 0 as well, so that it does not depend on the others.
+    #[inline(always)]
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        clippy::cast_precision_loss
+    )]
     fn skip(&mut self, n: usize) {
-        let mut first = self.group.cells;
+        let mut own = [self.group.cells; LANES];
         for (lane, contract) in self.group.contracts.iter().enumerate() {
             let Some(step) = self.steps[lane].get(n) else {
                 continue;
@@ -400,9 +373,9 @@ impl<'a, V: Vector> March<'a, V> {
             let Contact { begin, end } = self.contact[lane];
             let stays = contract.segments[step.segment].escrow == 0.0;
             let known = !step.is_first && stays && begin.is_infinite() && end > SKIPPED;
-            let own = if known { (end - SKIPPED) as usize } else { 1 };
-            first = first.min(own.max(1));
+            own[lane] = if known { (end - SKIPPED) as usize } else { 1 }.max(1);
         }
+        let first = own.into_iter().min().unwrap_or(1);
         for i in self.first..first {
             self.next_mass[i] = self.mass[i];
             self.found[i] = V::zero();
@@ -411,42 +384,11 @@ impl<'a, V: Vector> March<'a, V> {
             }
         }
         self.first = first;
-    }
-
-    /// The rows of a stage with this implicit weight in years.
-    #[inline(always)]
-    fn stage(&self, a: V) -> Stage<V> {
-        let diffusion = V::from_lanes(self.terms.diffusion);
-        let peclet = V::from_lanes(self.terms.peclet);
-        let one = V::all(1.0);
-        let spread = a * diffusion;
-        let second = (peclet * peclet).times(1.0 / 12.0).plus(1.0) * spread;
-        let half = peclet.times(0.5) * spread;
-        let growth = V::from_lanes(self.terms.rate).times_plus(a, one);
-        let mass_lower = peclet.times(-1.0 / 24.0).plus(1.0 / 12.0);
-        let mass_upper = peclet.times(1.0 / 24.0).plus(1.0 / 12.0);
-        let mass_middle = V::all(10.0 / 12.0);
-        let lower = growth * mass_lower - (second - half);
-        let diagonal = growth * mass_middle + second.times(2.0);
-        let upper = growth * mass_upper - (second + half);
-        let step: [f64; LANES] = std::array::from_fn(|l| self.grids[l].sign * self.grids[l].h);
-        let near_rule: [f64; LANES] = std::array::from_fn(|l| (-step[l]).exp());
-        let far_rule: [f64; LANES] = std::array::from_fn(|l| step[l].exp());
-        let (near_rule, far_rule) = (V::from_lanes(near_rule), V::from_lanes(far_rule));
-        Stage {
-            lower,
-            diagonal,
-            upper,
-            mass_lower,
-            mass_middle,
-            mass_upper,
-            inverse: one / a,
-            diffusion,
-            spread,
-            near_rule,
-            far_rule,
-            last_lower: lower - upper * far_rule,
-            last_diagonal: far_rule.plus(1.0).times_plus(upper, diagonal),
+        let furthest = own.into_iter().filter(|own| *own < self.group.cells).max();
+        let begins = V::from_lanes(own.map(|own| own as f64));
+        for i in first..furthest.unwrap_or(first) {
+            let is_before = -begins.plus(-(i as f64));
+            self.rates[0][i] = is_before.negative(V::zero(), self.rates[0][i]);
         }
     }
 
@@ -477,8 +419,7 @@ impl<'a, V: Vector> March<'a, V> {
     fn solve<const N: usize, const LAST: bool>(
         &mut self,
         stage: &Stage<V>,
-        weights: [V; 3],
-        strike: V,
+        (weights, strike): ([V; 3], V),
     ) {
         let (swept, wrong) = loop {
             self.eliminate::<N>(weights);
@@ -503,6 +444,15 @@ impl<'a, V: Vector> March<'a, V> {
                 strike,
                 wrong,
             });
+        }
+        if let Some(record) = &mut self.record {
+            let mut reach = swept.contact.lanes();
+            for (reach, wrong) in reach.iter_mut().zip(wrong) {
+                if wrong {
+                    *reach = f64::INFINITY;
+                }
+            }
+            record.push(&self.values, reach);
         }
         std::mem::swap(&mut self.rates[N], &mut self.found);
         if LAST {
@@ -546,7 +496,7 @@ impl<'a, V: Vector> March<'a, V> {
         strike: V,
     ) -> Option<Swept<V>> {
         let (last, begin) = (self.group.cells - 1, self.first);
-        let obstacle = self.obstacle(stage, strike);
+        let obstacle = self.terms.obstacle(stage, strike);
         let (left, signed) = (&self.left[..=last], &self.signed[..last + 2]);
         let (pivot, inverse) = (&self.pivot[..=last], &self.inverse[..=last]);
         let (zero, one) = (V::zero(), V::all(1.0));
@@ -581,7 +531,7 @@ impl<'a, V: Vector> March<'a, V> {
             before,
             two_before,
         };
-        if LAST && begin == 1 {
+        if begin == 1 {
             rows.values[0] = before.lanes();
         }
         let mut worst = zero;
@@ -632,25 +582,18 @@ impl<'a, V: Vector> March<'a, V> {
         Some(Swept { contact, worst })
     }
 
-    /// What exercise brings at the nodes at a stage.
-    #[inline(always)]
-    fn obstacle(&self, stage: &Stage<V>, strike: V) -> Obstacle<V> {
-        Obstacle {
-            strike,
-            rate_part: V::from_lanes(self.terms.rate_part),
-            yield_part: V::from_lanes(self.terms.yield_part),
-            half_inverse: V::all(0.5) / stage.diffusion,
-        }
-    }
-
     /// Solve the stage by Newton's method in the lanes where the sweep's contact set was wrong.
     #[inline(always)]
     fn correct(&mut self, stage: &Stage<V>, number: usize, strike: V, wrong: [bool; LANES]) {
-        let obstacle = self.obstacle(stage, strike);
+        let obstacle = self.terms.obstacle(stage, strike);
         let last = self.group.cells - 1;
         let right = &self.rates[number + 1];
+        let top = |kink: usize| (kink - 1).clamp(3, last);
+        #[allow(clippy::cast_precision_loss)]
+        let tops = self.last_kinks.map(|kink| top(kink) as f64);
         let rows = Rows {
-            top: (self.last_kink - 1).clamp(3, last),
+            tops: V::from_lanes(tops),
+            top: top(self.last_kink),
             signed: &self.signed,
             right,
             left: &self.left,
@@ -716,7 +659,7 @@ struct Swept<V> {
 struct Substituted<'m, V, const LAST: bool> {
     stage: &'m Stage<V>,
     right: &'m [V],
-    /// M times the rates; in the last stage also M V and V.
+    /// M times the rates, V, and in the last stage M V.
     rates: &'m mut [V],
     masses: &'m mut [[f64; LANES]],
     values: &'m mut [[f64; LANES]],
@@ -735,9 +678,7 @@ impl<V: Vector, const LAST: bool> Substituted<'_, V, LAST> {
                 self.masses[node - 1] = mass.lanes();
             }
         }
-        if LAST {
-            self.values[node] = value.lanes();
-        }
+        self.values[node] = value.lanes();
         (self.two_before, self.before) = (self.before, value);
     }
 }

@@ -47,7 +47,7 @@ impl Grid {
 /// How far x comes: the spot and the strike, with what drifts and drops add, and the width beyond.
 fn reach(contract: &Contract, settings: &Settings) -> (f64, f64) {
     let (mut low, mut high, mut variance) = (contract.x, contract.x, 0.0);
-    for segment in contract.segments {
+    for segment in contract.mesh {
         variance += segment.volatility * segment.volatility * segment.duration;
         low = (low + segment.drift() * segment.duration).min(contract.x);
         high = (high + segment.drift() * segment.duration).max(contract.x);
@@ -83,5 +83,5 @@ pub fn step_count(segment: &Segment, h: f64, settings: &Settings) -> usize {
 pub fn steps_on(contract: &Contract, cells: usize, settings: &Settings) -> usize {
     let h = Grid::new(contract, cells, settings).h;
     let of = |segment| step_count(segment, h, settings);
-    contract.segments.iter().map(of).sum()
+    contract.mesh.iter().map(of).sum()
 }

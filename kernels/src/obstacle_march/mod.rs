@@ -19,18 +19,23 @@ mod line;
 mod march;
 mod mesh;
 mod newton;
+mod record;
 mod settings;
 mod solve;
 mod stage;
+mod steps;
 mod tableau;
+mod terms;
+mod walk_back;
 
 pub use contract::{Contract, Segment};
 pub use settings::Settings;
-pub use solve::{solve, Found};
+pub use solve::{solve, Changing, Found, Greeks, LOCAL};
+pub use walk_back::BySegment;
 
 #[cfg(test)]
 mod tests {
-    use super::{solve, Contract, Found, Segment, Settings};
+    use super::{solve, Contract, Found, Greeks, Segment, Settings};
     use crate::interrupt::never;
     use crate::lanes::dispatch::{forced, InstructionSet};
 
@@ -50,7 +55,14 @@ mod tests {
 
     fn solved(contracts: &[Contract], tolerance: f64) -> Vec<Found> {
         let tolerance = vec![tolerance; contracts.len()];
-        solve(contracts, &tolerance, Settings::default(), 1, &never)
+        solve(
+            contracts,
+            &tolerance,
+            Settings::default(),
+            Greeks::None,
+            1,
+            &never,
+        )
     }
 
     /// True values by other engines of the library, to 1e-8.
@@ -70,8 +82,9 @@ mod tests {
                 sign,
                 x: 0.0,
                 segments,
+                mesh: segments,
             };
-            let found = solved(&[contract], 1e-6)[0];
+            let found = &solved(&[contract], 1e-6)[0];
             assert!(found.met && found.settled);
             assert!(
                 (found.value - value).abs() < found.error + 1e-8,
@@ -101,11 +114,12 @@ mod tests {
                 sign: if k % 3 == 0 { -1.0 } else { 1.0 },
                 x: 0.0,
                 segments,
+                mesh: segments,
             })
             .collect();
         let together = solved(&contracts, 1e-4);
         for (contract, beside) in contracts.iter().zip(&together) {
-            let alone = solved(&[*contract], 1e-4)[0];
+            let alone = &solved(&[*contract], 1e-4)[0];
             assert!((alone.value - beside.value).abs() < 1e-11);
             assert_eq!(alone.cells, beside.cells);
         }
@@ -124,8 +138,10 @@ mod tests {
             sign: 1.0,
             x: 0.0,
             segments: &segments,
+            mesh: &segments,
         };
-        let found = solve(&[contract], &[1e-4], Settings::default(), 1, &|| true);
+        let settings = Settings::default();
+        let found = solve(&[contract], &[1e-4], settings, Greeks::None, 1, &|| true);
         assert!(found[0].value.is_nan() && !found[0].settled);
     }
 }

@@ -27,8 +27,10 @@ pub struct Newton<V> {
     pivot: Vec<V>,
 }
 
-/// The equations: the rows up to `top`, behind which nothing touches, and what the elimination has left of them.
+/// The equations of the rows, and what the elimination from the far end has left of them.
 pub struct Rows<'a, V> {
+    /// The last row that may touch, in each lane and the largest of them.
+    pub tops: V,
     pub top: usize,
     /// The signed spots at the nodes.
     pub signed: &'a [[f64; LANES]],
@@ -95,26 +97,34 @@ impl<V: Vector> Newton<V> {
                 .negative(inside, height.plus(1.0).times(0.5));
             self.s[i] = kept.negative(self.s[i], may.negative(value, s));
         }
-        let mut settled = [false; LANES];
+        // A lane that has settled, or is not wanted, stays as it is, so that it does not depend on the others.
+        let mut moving = wanted.map(|wanted| if wanted { -1.0 } else { 1.0 });
         for _ in 0..MOST_ITERATIONS {
-            let moved = self.iterate(stage, obstacle, rows).lanes();
-            for l in 0..LANES {
-                settled[l] = moved[l] <= SETTLED;
+            let moved = self
+                .iterate(stage, obstacle, rows, V::from_lanes(moving))
+                .lanes();
+            for (moving, moved) in moving.iter_mut().zip(moved) {
+                if moved <= SETTLED {
+                    *moving = 1.0;
+                }
             }
-            if (0..LANES).all(|l| settled[l] || !wanted[l]) {
+            if moving.iter().all(|moving| *moving > 0.0) {
                 break;
             }
         }
-        for i in 1..=top {
-            self.values[i] = Self::point(stage, obstacle, signed, i, self.s[i]).value;
-        }
-        for i in top + 1..=last {
+        let settled = moving.map(|moving| moving > 0.0);
+        for i in 1..=last {
             let lower = if i == last {
                 stage.last_lower
             } else {
                 stage.lower
             };
-            self.values[i] = (rows.left[i] - lower * self.values[i - 1]) * rows.inverse[i];
+            let free = (rows.left[i] - lower * self.values[i - 1]) * rows.inverse[i];
+            self.values[i] = free;
+            if i <= top {
+                let own = Self::point(stage, obstacle, signed, i, self.s[i]).value;
+                self.values[i] = Self::behind(rows, i).negative(free, own);
+            }
         }
         let touching = self.touching(obstacle, signed);
         let (q, p) = (stage.near_rule, stage.far_rule);
@@ -130,6 +140,13 @@ impl<V: Vector> Newton<V> {
         for (fresh, wanted) in self.fresh.iter_mut().zip(wanted) {
             *fresh &= wanted;
         }
+    }
+
+    /// Below 0 in the lanes whose rows that may touch end before a row.
+    #[inline(always)]
+    #[allow(clippy::cast_precision_loss)]
+    fn behind(rows: &Rows<V>, row: usize) -> V {
+        rows.tops.plus(-(row as f64))
     }
 
     /// Below 0 where the first inner node is in contact, and with it the near end.
@@ -166,9 +183,15 @@ impl<V: Vector> Newton<V> {
         }
     }
 
-    /// One step of Newton's method; return by how much a distance has changed at most.
+    /// One step of Newton's method in the lanes where `moving` is below 0; return by how much a distance changes at most.
     #[inline(always)]
-    fn iterate(&mut self, stage: &Stage<V>, obstacle: &Obstacle<V>, rows: &Rows<V>) -> V {
+    fn iterate(
+        &mut self,
+        stage: &Stage<V>,
+        obstacle: &Obstacle<V>,
+        rows: &Rows<V>,
+        moving: V,
+    ) -> V {
         let (top, signed) = (rows.top, rows.signed);
         let (zero, one) = (V::zero(), V::all(1.0));
         let q = stage.near_rule;
@@ -187,12 +210,12 @@ impl<V: Vector> Newton<V> {
         let (mut above_right, mut above_pivot, mut lower) = (zero, one, top_lower);
         for i in (1..=top).rev() {
             let (mut before, mut diagonal, mut upper) = (below.value, stage.diagonal, stage.upper);
-            let mut own_lower = stage.lower;
-            let mut right = rows.right[i];
-            if i == top {
-                (diagonal, upper, own_lower, right) =
-                    (rows.pivot[i], zero, top_lower, rows.left[i]);
-            }
+            let own_lower = if i == top { top_lower } else { stage.lower };
+            // From the last row on that may touch, the far rows are eliminated already.
+            let coupled = -Self::behind(rows, i); // below 0 in the rows before that
+            diagonal = coupled.negative(diagonal, rows.pivot[i]);
+            upper = coupled.negative(upper, zero);
+            let right = coupled.negative(rows.right[i], rows.left[i]);
             if i == 1 {
                 let free = here.value * q.plus(1.0) - q * above_value;
                 before = touching.negative(obstacle.strike - V::from_lanes(signed[0]), free);
@@ -225,7 +248,7 @@ impl<V: Vector> Newton<V> {
                 let lower = if i == top { top_lower } else { stage.lower };
                 change = (self.right[i] - lower * self.slope[i - 1] * change) / self.pivot[i];
             }
-            let s = self.s[i] + change;
+            let s = moving.negative(self.s[i] + change, self.s[i]);
             self.s[i] = s;
             let inside = self.inside[i];
             let (gain, rise) = obstacle.at(V::from_lanes(*signed));

@@ -2,10 +2,12 @@
 
 use std::sync::Mutex;
 
-use super::contract::Contract;
+use super::contract::{Contract, Segment};
 use super::march::{Group, Marched};
 use super::mesh::{steps_on, Grid};
+use super::record::Record;
 use super::settings::Settings;
+use super::walk_back::BySegment;
 use crate::interrupt::Interrupt;
 use crate::lanes::dispatch::dispatch;
 use crate::lanes::vector::LANES;
@@ -13,6 +15,8 @@ use crate::lanes::vector::LANES;
 /// Places around the spot, in cells of the coarser grid, over which the difference of two grids is looked at: at one
 /// place alone it may vanish by chance.
 const AROUND: [f64; 7] = [-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0];
+/// The same for the derivatives at the spot.
+const BESIDE: [f64; 2] = [-1.5, 1.5];
 /// What the error falls by from a grid to the next: the order is three.
 const GAIN: f64 = 8.0;
 /// The ratio of a difference to the one before it: up to the first an extrapolation counts, and the second at the most.
@@ -22,23 +26,40 @@ const SLOWEST: f64 = 0.9;
 const MARGIN: f64 = 1.5;
 /// What the difference before the last falls by at least on the way to the error; 56 at third order.
 const PESSIMISM: f64 = 22.0;
+/// What of the difference's slope, times the deviation of ln S, may be left at a place where it vanishes by chance.
+const TILT_SHARE: f64 = 0.15;
 /// The grids that are always marched, and the finest one's cells.
 const FIRST_LEVELS: usize = 2;
 const MOST_CELLS: usize = 4096;
 
+/// The step of the volatilities for second derivatives, a share of the smallest one: their error falls with its square,
+/// and rounding is divided by it.
+const VOLATILITY_STEP: f64 = 5e-3;
+/// The largest record of a march, bytes; on finer grids the derivatives stay those of the grids before.
+const LARGEST_RECORD: usize = 1 << 25;
+
+/// Which derivatives are wanted.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd)]
+pub enum Greeks {
+    /// None.
+    None,
+    /// By the spot and the time, and the first ones by what each segment states.
+    Standard,
+    /// Those by the volatility and the spot, and the second one by the volatility, as well.
+    Extended,
+}
+
 /// What is found of a contract, money in strikes.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Found {
     /// The value.
     pub value: f64,
-    /// Its first derivative by x.
-    pub slope: f64,
-    /// Its second derivative by x.
-    pub bend: f64,
     /// The estimate of the value's error.
     pub error: f64,
-    /// The spot at which exercise begins, not a number where there is none.
-    pub boundary: f64,
+    /// The spot at which exercise begins, not a number where there is none, and by how much it last changed.
+    pub boundary: Changing,
+    /// The same of the other end of the exercise region, where that has two.
+    pub far_boundary: Changing,
     /// Whether the spot is in contact with it.
     pub exercised: bool,
     /// Whether the error meets the tolerance.
@@ -49,95 +70,218 @@ pub struct Found {
     pub cells: usize,
     /// The steps of its march.
     pub steps: usize,
+    /// The derivatives at the spot.
+    pub local: [Changing; LOCAL],
+    /// Those by the numbers of each segment, where they are wanted.
+    pub by_segment: Vec<[Changing; BySegment::COUNT]>,
 }
 
-impl Found {
+/// The derivatives at the spot: the first two by x, the rate `V_tau` and its derivative by x, and those of the first by
+/// a parallel change of the volatilities and the second by that.
+pub const LOCAL: usize = 6;
+
+/// A number of the finest grid, extrapolated where the differences let it be, and its last difference.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Changing {
+    /// The number.
+    pub value: f64,
+    /// The difference, not below 0.
+    pub change: f64,
+}
+
+impl Changing {
     const NOTHING: Self = Self {
         value: f64::NAN,
-        slope: f64::NAN,
-        bend: f64::NAN,
-        error: f64::NAN,
-        boundary: f64::NAN,
-        exercised: false,
-        met: false,
-        settled: false,
-        cells: 0,
-        steps: 0,
+        change: f64::NAN,
     };
 }
 
+impl Found {
+    fn nothing(segments: usize) -> Self {
+        Self {
+            value: f64::NAN,
+            error: f64::NAN,
+            boundary: Changing::NOTHING,
+            far_boundary: Changing::NOTHING,
+            local: [Changing::NOTHING; LOCAL],
+            by_segment: vec![[Changing::NOTHING; BySegment::COUNT]; segments],
+            ..Self::default()
+        }
+    }
+}
+
 /// What a march says around the spot.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 struct Seen {
-    /// The value and its derivatives by x at the spot.
-    here: [f64; 3],
+    /// The cells' width.
+    h: f64,
+    value: f64,
     /// The values at `AROUND` times its own cells, and times twice those.
     own: [f64; AROUND.len()],
     wide: [f64; AROUND.len()],
+    /// The first two derivatives by x, the rate and its derivative: at the spot, and at `BESIDE` times the cells.
+    local: [f64; 4],
+    own_local: [[f64; 4]; BESIDE.len()],
+    wide_local: [[f64; 4]; BESIDE.len()],
+    boundary: f64,
+    far_boundary: f64,
+    exercised: bool,
+    settled: bool,
+    steps: usize,
+    by_segment: Vec<[f64; BySegment::COUNT]>,
 }
 
 impl Seen {
     fn of(marched: &Marched, contract: &Contract) -> Self {
         let (line, h) = (marched.line(), marched.grid.h);
         let at = |cells: f64| line.at((contract.x + cells * h).exp());
-        let spot = contract.x.exp();
-        let index = marched.grid.index(spot);
-        let here = if marched.contact.holds(index) {
-            let by_x = -contract.sign * spot;
-            [contract.obstacle(spot, marched.strike), by_x, by_x]
-        } else {
-            let [value, slope, bend] = line.free(spot, index);
-            [value, slope * contract.sign / h, bend / (h * h)]
+        let local = |cells: f64| local(marched, contract, contract.x + cells * h);
+        let index = marched.grid.index(contract.x.exp());
+        let boundary_at = |end: f64| {
+            if end.is_finite() {
+                marched.grid.spot_at(end)
+            } else {
+                f64::NAN
+            }
         };
         Self {
-            here,
+            h,
+            value: at(0.0),
             own: AROUND.map(at),
             wide: AROUND.map(|cells| at(2.0 * cells)),
+            local: local(0.0),
+            own_local: BESIDE.map(local),
+            wide_local: BESIDE.map(|cells| local(2.0 * cells)),
+            boundary: boundary_at(marched.contact.end),
+            far_boundary: boundary_at(marched.contact.begin),
+            exercised: marched.contact.holds(index),
+            settled: marched.settled,
+            steps: marched.steps,
+            by_segment: marched.by_segment.iter().map(BySegment::numbers).collect(),
         }
     }
+}
+
+/// The first two derivatives by x, the rate `V_tau` and its derivative by x, at a place now.
+fn local(marched: &Marched, contract: &Contract, x: f64) -> [f64; 4] {
+    let (line, now) = (marched.line(), &contract.segments[0]);
+    let (spot, sign, h) = (x.exp(), contract.sign, marched.grid.h);
+    let obstacle_rate = sign * now.rate * (1.0 - marched.strike);
+    let index = marched.grid.index(spot);
+    if marched.contact.holds(index) {
+        return [-sign * spot, -sign * spot, obstacle_rate, 0.0];
+    }
+    let diffusion = 0.5 * now.volatility * now.volatility;
+    let rise = |end: f64| {
+        let cost = sign * (now.rate - now.dividend_yield * marched.grid.spot_at(end));
+        0.5 * cost * h * h / diffusion
+    };
+    if marched.rates.is_empty() {
+        let [_, slope, bend] = line.free(spot, index);
+        return [slope * sign / h, bend / (h * h), f64::NAN, f64::NAN];
+    }
+    let [value, slope, rate, rate_slope] =
+        line.local(spot, index, &marched.rates, rise, obstacle_rate);
+    let slope = slope * sign / h;
+    let bend = (rate - now.drift() * slope + now.rate * value) / diffusion;
+    [slope, bend, rate, rate_slope * sign / h]
 }
 
 /// A contract on its way to its tolerance.
 struct Work<'a> {
-    place: usize,
     contract: Contract<'a>,
+    /// With higher and with lower volatilities, and by how much, where that is wanted.
+    sides: Option<([Vec<Segment>; 2], f64)>,
     tolerance: f64,
     cells: usize,
     last: Option<Seen>,
-    /// The last two differences.
+    /// The last second derivatives, by the volatility and x and twice by the volatility.
+    last_second: [f64; 2],
+    /// The last two differences, and the last one's slope by x times the deviation of ln S at expiry.
     differences: [f64; 2],
+    tilt: f64,
+    deviation: f64,
     levels: usize,
+    found: Found,
 }
 
-impl Work<'_> {
-    /// Take in a march on the next grid; return whether it was the last.
-    fn take(&mut self, marched: &Marched, found: &mut Found) -> bool {
+impl<'a> Work<'a> {
+    fn new(contract: Contract<'a>, tolerance: f64, settings: &Settings, greeks: Greeks) -> Self {
+        let sides = (greeks == Greeks::Extended).then(|| {
+            let volatilities = contract.segments.iter().map(|one| one.volatility);
+            let step = VOLATILITY_STEP * volatilities.fold(f64::INFINITY, f64::min);
+            let moved = |by: f64| {
+                let mut segments = contract.segments.to_vec();
+                for segment in &mut segments {
+                    segment.volatility += by;
+                }
+                segments
+            };
+            ([moved(step), moved(-step)], step)
+        });
+        Self {
+            contract,
+            sides,
+            tolerance,
+            cells: first_cells(&contract, settings),
+            last: None,
+            last_second: [f64::NAN; 2],
+            differences: [0.0; 2],
+            tilt: 0.0,
+            deviation: deviation(&contract),
+            levels: 0,
+            found: Found::nothing(if greeks == Greeks::None {
+                0
+            } else {
+                contract.segments.len()
+            }),
+        }
+    }
+
+    /// The contracts to be marched: itself, and those with other volatilities on its grid.
+    fn contracts(&self) -> Vec<Contract<'_>> {
+        let mut contracts = vec![self.contract];
+        if let Some((sides, _)) = &self.sides {
+            contracts.extend(sides.iter().map(|segments| Contract {
+                segments,
+                ..self.contract
+            }));
+        }
+        contracts
+    }
+
+    /// Take in the marches on the next grid; return whether they were the last.
+    fn take(&mut self, seen: Vec<Seen>) -> bool {
+        let cells = self.cells;
         self.cells *= 2;
-        if !marched.settled {
+        let mut seen = seen.into_iter();
+        let Some(own) = seen.next().filter(|own| own.settled) else {
             // The grid does not resolve the problem: nothing is taken from it.
             return self.cells > MOST_CELLS;
-        }
-        let seen = Seen::of(marched, &self.contract);
+        };
+        let sides: Vec<Seen> = seen.collect();
         self.levels += 1;
-        if let Some(last) = self.last {
-            let apart = seen.wide.iter().zip(&last.own).map(|(a, b)| (a - b).abs());
-            self.differences = [apart.fold(0.0, f64::max), self.differences[0]];
-            self.estimate(&seen, &last, found);
+        if let Some(last) = self.last.take() {
+            let apart: [f64; AROUND.len()] = std::array::from_fn(|k| own.wide[k] - last.own[k]);
+            let largest = apart.iter().fold(0.0, |most: f64, one| most.max(one.abs()));
+            let tilts = apart.windows(3).map(|three| (three[2] - three[0]).abs());
+            self.differences = [largest, self.differences[0]];
+            self.tilt = tilts.fold(0.0, f64::max) / (2.0 * 2.0 * own.h) * self.deviation;
+            let share = self.estimate(&own, &last);
+            self.derive(&own, &last, share);
         }
-        self.last = Some(seen);
-        (found.cells, found.steps) = (marched.grid.cells, marched.steps);
-        found.settled = marched.settled;
-        let (grid, end) = (&marched.grid, marched.contact.end);
-        found.boundary = f64::NAN;
-        if end.is_finite() {
-            found.boundary = grid.spot_at(end);
-        }
-        found.exercised = marched.contact.holds(grid.index(self.contract.x.exp()));
+        self.take_sides(&own, &sides);
+        let found = &mut self.found;
+        (found.cells, found.steps) = (cells, own.steps);
+        found.settled = own.settled;
+        found.exercised = own.exercised;
         found.met = self.levels >= FIRST_LEVELS && found.error <= self.tolerance;
+        self.last = Some(own);
         found.met || self.cells > MOST_CELLS
     }
 
-    fn estimate(&self, seen: &Seen, last: &Seen, found: &mut Found) {
+    /// Tell the value and its error; return the share of the last difference that extrapolates.
+    fn estimate(&mut self, seen: &Seen, last: &Seen) -> f64 {
         let [last_difference, before] = self.differences;
         let mut ratio = 0.5;
         if self.levels > 2 {
@@ -147,17 +291,71 @@ impl Work<'_> {
         let third = 1.0 / (GAIN - 1.0);
         let falls = ratio <= STEEP;
         let share = if falls { third } else { 0.0 };
-        let best = |k: usize| seen.here[k] + share * (seen.here[k] - last.here[k]);
-        (found.value, found.slope, found.bend) = (best(0), best(1), best(2));
         let geometric = ratio / (1.0 - ratio);
         let rest = if falls {
             third.max(MARGIN * (geometric - third))
         } else {
             geometric
         };
+        let found = &mut self.found;
+        found.value = seen.value + share * (seen.value - last.value);
         let rounding = 1e-13 * found.value.abs().max(1.0);
-        found.error = (last_difference * rest).max(before / PESSIMISM) + rounding;
+        let by_tilt = TILT_SHARE * self.tilt;
+        found.error = (last_difference * rest)
+            .max(before / PESSIMISM)
+            .max(by_tilt)
+            + rounding;
+        share
     }
+
+    /// Tell the derivatives and by how much they change from the last grid to this one.
+    fn derive(&mut self, seen: &Seen, last: &Seen, share: f64) {
+        let best = |now: f64, before: f64, change: f64| Changing {
+            value: now + share * (now - before),
+            change: change.max((now - before).abs()),
+        };
+        let found = &mut self.found;
+        found.boundary = best(seen.boundary, last.boundary, 0.0);
+        found.far_boundary = best(seen.far_boundary, last.far_boundary, 0.0);
+        for k in 0..4 {
+            let beside = seen.wide_local.iter().zip(&last.own_local);
+            let change = beside.map(|(a, b)| (a[k] - b[k]).abs()).fold(0.0, f64::max);
+            if !seen.local[k].is_nan() {
+                found.local[k] = best(seen.local[k], last.local[k], change);
+            }
+        }
+        if !seen.by_segment.is_empty() && seen.by_segment.len() == last.by_segment.len() {
+            let pairs = seen.by_segment.iter().zip(&last.by_segment);
+            found.by_segment = pairs
+                .map(|(now, before)| std::array::from_fn(|k| best(now[k], before[k], 0.0)))
+                .collect();
+        }
+    }
+
+    /// Tell the second derivatives in which the volatility takes part.
+    fn take_sides(&mut self, own: &Seen, sides: &[Seen]) {
+        let (Some((_, step)), [up, down]) = (&self.sides, sides) else {
+            return;
+        };
+        let mixed = (up.local[0] - down.local[0]) / (2.0 * step);
+        let second = (up.value + down.value - 2.0 * own.value) / (step * step);
+        for (k, now) in [mixed, second].into_iter().enumerate() {
+            self.found.local[4 + k] = Changing {
+                value: now,
+                change: (now - self.last_second[k]).abs(),
+            };
+        }
+        self.last_second = [mixed, second];
+    }
+}
+
+/// A march of a level: of whose work, and which of its contracts.
+#[derive(Clone, Copy)]
+struct Job {
+    work: usize,
+    contract: usize,
+    cells: usize,
+    record: bool,
 }
 
 /// Solve every contract until its error estimate meets its tolerance, or to the finest grid, or until an interrupt ends
@@ -167,68 +365,98 @@ pub fn solve(
     contracts: &[Contract],
     tolerance: &[f64],
     settings: Settings,
+    greeks: Greeks,
     threads: usize,
     interrupt: Interrupt,
 ) -> Vec<Found> {
-    let mut found = vec![Found::NOTHING; contracts.len()];
-    let mut work: Vec<Work> = contracts
+    let mut works: Vec<Work> = contracts
         .iter()
         .zip(tolerance)
-        .enumerate()
-        .map(|(place, (contract, tolerance))| Work {
-            place,
-            contract: *contract,
-            tolerance: *tolerance,
-            cells: first_cells(contract, &settings),
-            last: None,
-            differences: [0.0; 2],
-            levels: 0,
-        })
+        .map(|(contract, tolerance)| Work::new(*contract, *tolerance, &settings, greeks))
         .collect();
-    while !work.is_empty() {
-        work.sort_by_cached_key(|one| (one.cells, steps_on(&one.contract, one.cells, &settings)));
-        let mut groups: Vec<&mut [Work]> = work
-            .chunk_by_mut(|a, b| a.cells == b.cells)
-            .flat_map(|same| same.chunks_mut(LANES))
-            .collect();
-        groups.reverse();
-        let queue = Mutex::new(groups);
-        let results = Mutex::new(&mut found);
-        let working = || {
-            while let Some(group) = queue.lock().ok().and_then(|mut queue| queue.pop()) {
-                let marched = dispatch(Group {
-                    contracts: group.iter().map(|one| one.contract).collect(),
-                    cells: group[0].cells,
-                    settings,
-                    interrupt,
-                });
-                let Some(marched) = marched else {
-                    return;
-                };
-                for (one, marched) in group.iter_mut().zip(&marched) {
-                    let place = one.place;
-                    let mut own = results.lock().map_or(Found::NOTHING, |found| found[place]);
-                    if one.take(marched, &mut own) {
-                        one.cells = 0;
-                    }
-                    if let Ok(mut found) = results.lock() {
-                        found[place] = own;
-                    }
+    let mut open: Vec<usize> = (0..works.len()).collect();
+    while !open.is_empty() && !interrupt() {
+        let seen = march_level(&works, &open, settings, greeks, threads, interrupt);
+        let Some(seen) = seen else { break };
+        let mut still = Vec::new();
+        for (place, seen) in open.into_iter().zip(seen) {
+            if !works[place].take(seen) {
+                still.push(place);
+            }
+        }
+        open = still;
+    }
+    works.into_iter().map(|work| work.found).collect()
+}
+
+/// March every open work on its next grid; return what its contracts' marches say, None where an interrupt came.
+fn march_level(
+    works: &[Work],
+    open: &[usize],
+    settings: Settings,
+    greeks: Greeks,
+    threads: usize,
+    interrupt: Interrupt,
+) -> Option<Vec<Vec<Seen>>> {
+    let contracts: Vec<Vec<Contract>> = open.iter().map(|at| works[*at].contracts()).collect();
+    let mut jobs: Vec<(Job, usize)> = Vec::new();
+    for (work, own) in contracts.iter().enumerate() {
+        let cells = works[open[work]].cells;
+        let steps = steps_on(&own[0], cells, &settings);
+        let fits = Record::bytes(cells, steps) <= LARGEST_RECORD;
+        for contract in 0..own.len() {
+            let record = contract == 0 && greeks != Greeks::None && fits;
+            let job = Job {
+                work,
+                contract,
+                cells,
+                record,
+            };
+            jobs.push((job, steps));
+        }
+    }
+    jobs.sort_by_key(|(job, steps)| (job.cells, job.record, *steps));
+    let groups: Vec<Vec<Job>> = jobs
+        .chunk_by(|(a, _), (b, _)| a.cells == b.cells && a.record == b.record)
+        .flat_map(|same| same.chunks(LANES))
+        .map(|group| group.iter().map(|(job, _)| *job).collect())
+        .collect();
+    let mut found: Vec<Vec<Option<Seen>>> =
+        contracts.iter().map(|own| vec![None; own.len()]).collect();
+    let (queue, results) = (Mutex::new(groups), Mutex::new(&mut found));
+    let working = || {
+        while let Some(group) = queue.lock().ok().and_then(|mut queue| queue.pop()) {
+            let chosen = |job: &Job| contracts[job.work][job.contract];
+            let marched = dispatch(Group {
+                contracts: group.iter().map(chosen).collect(),
+                cells: group[0].cells,
+                settings,
+                record: group[0].record,
+                interrupt,
+            });
+            let Some(marched) = marched else { return };
+            let seen: Vec<Seen> = group
+                .iter()
+                .zip(&marched)
+                .map(|(job, marched)| Seen::of(marched, &chosen(job)))
+                .collect();
+            if let Ok(mut results) = results.lock() {
+                for (job, seen) in group.iter().zip(seen) {
+                    results[job.work][job.contract] = Some(seen);
                 }
             }
-        };
-        std::thread::scope(|scope| {
-            for _ in 1..threads {
-                scope.spawn(working);
-            }
-            working();
-        });
-        if interrupt() {
-            break;
         }
-        work.retain(|one| one.cells > 0);
-    }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..threads {
+            scope.spawn(working);
+        }
+        working();
+    });
     found
+        .into_iter()
+        .map(|own| own.into_iter().collect())
+        .collect()
 }
 
 /// The cells of the coarsest grid: so many over the width of the contract's own deviation, a multiple of 8.
@@ -239,12 +467,16 @@ pub fn solve(
 )]
 fn first_cells(contract: &Contract, settings: &Settings) -> usize {
     let grid = Grid::new(contract, 1, settings);
-    let variance: f64 = contract
-        .segments
-        .iter()
-        .map(|one| one.volatility * one.volatility * one.duration)
-        .sum();
-    let share = grid.h / (2.0 * settings.width * variance.sqrt());
+    let share = grid.h / (2.0 * settings.width * deviation(contract));
     let cells = (share * settings.cells as f64).ceil().clamp(16.0, 1024.0) as usize;
     cells.next_multiple_of(8)
+}
+
+/// The standard deviation of ln S at expiry.
+fn deviation(contract: &Contract) -> f64 {
+    let variances = contract
+        .mesh
+        .iter()
+        .map(|one| one.volatility * one.volatility * one.duration);
+    variances.sum::<f64>().sqrt()
 }

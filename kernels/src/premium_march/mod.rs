@@ -96,10 +96,7 @@ mod wiener_hopf;
 mod work_items;
 
 pub use boundaries::march_boundaries;
-pub(crate) use contracts::Contracts;
-pub(crate) use first_step::first_boundary;
 pub use mesh::STEPS;
-pub(crate) use obstacle::TimeFactors;
 pub use solve::solve_puts;
 
 use crate::flat_options::{ErrorShares, Solver};

@@ -7,7 +7,6 @@ use pyo3::types::PyDict;
 
 use super::arguments::{check_lengths, nonempty_group_starts, numbers};
 use super::interrupt::Question;
-use crate::boundary_collocation::{self, BOUNDARY_COLLOCATION};
 use crate::flat_options::{self, Greeks, Options, Puts, VALUES};
 use crate::premium_march::{self, PREMIUM_MARCH, STEPS};
 
@@ -106,8 +105,8 @@ pub fn solve_puts<'py>(
     ))
 }
 
-/// Price American options without events to their tolerances, in money and years: those whose exercise region has two
-/// boundaries, or those with one.
+/// Price American options without events to their tolerances, in money and years: those whose exercise region has one
+/// boundary.
 ///
 /// Each column is (n,): `is_put`, `spot`, `strike`, `expiry`, `rate`, `dividend_yield`, `volatility`, and `tolerance`, the
 /// error allowed in strikes. `greeks` is 0 for none, 1 for the standard ones, 2 for the extended ones. With `shared` rows
@@ -116,7 +115,7 @@ pub fn solve_puts<'py>(
 /// Returns the numbers by name, NaN where a row is not settled, and exercised, settled and steps, each (n,). `interrupt` is
 /// that of `solve_puts`.
 #[pyfunction]
-#[pyo3(signature = (two_boundaries, is_put, spot, strike, expiry, rate, dividend_yield, volatility, tolerance, greeks, shared, threads, interrupt))]
+#[pyo3(signature = (is_put, spot, strike, expiry, rate, dividend_yield, volatility, tolerance, greeks, shared, threads, interrupt))]
 #[allow(
     clippy::needless_pass_by_value,
     clippy::too_many_arguments,
@@ -124,7 +123,6 @@ pub fn solve_puts<'py>(
 )]
 pub fn price_options<'py>(
     py: Python<'py>,
-    two_boundaries: bool,
     is_put: PyReadonlyArray1<'py, bool>,
     spot: PyReadonlyArray1<'py, f64>,
     strike: PyReadonlyArray1<'py, f64>,
@@ -173,13 +171,8 @@ pub fn price_options<'py>(
         tolerance,
     };
     let question = Question::new(interrupt);
-    let solver = if two_boundaries {
-        BOUNDARY_COLLOCATION
-    } else {
-        PREMIUM_MARCH
-    };
     let found = py.detach(|| {
-        flat_options::price_options(solver, options, greeks, shared, threads, &|| {
+        flat_options::price_options(PREMIUM_MARCH, options, greeks, shared, threads, &|| {
             question.is_ended()
         })
     });
@@ -232,52 +225,4 @@ pub fn march_boundaries<'py>(
         PyArray1::from_vec(py, boundary),
         PyArray1::from_vec(py, settled),
     ))
-}
-
-/// Return ln(S*/K) of both boundaries of one American put without events, and how far the upper one changed last, each
-/// (m,), or None where they are not found.
-///
-/// `rate` is r T, `dividend` q T, `spread` sigma sqrt(T), with dividend < rate < 0; `shares`, (m,), are the times to expiry as
-/// shares of T. The upper boundary is refined to `accuracy`, relative to itself. NaN where nothing is exercised.
-/// `interrupt` is that of `solve_puts`.
-#[pyfunction]
-#[pyo3(signature = (rate, dividend, spread, shares, accuracy, interrupt))]
-#[allow(clippy::needless_pass_by_value, clippy::type_complexity)]
-pub fn two_boundaries<'py>(
-    py: Python<'py>,
-    rate: f64,
-    dividend: f64,
-    spread: f64,
-    shares: PyReadonlyArray1<'py, f64>,
-    accuracy: f64,
-    interrupt: Option<Py<PyAny>>,
-) -> PyResult<
-    Option<(
-        Bound<'py, PyArray1<f64>>,
-        Bound<'py, PyArray1<f64>>,
-        Bound<'py, PyArray1<f64>>,
-    )>,
-> {
-    let shares = numbers(&shares);
-    let parameters = boundary_collocation::Parameters {
-        rate,
-        dividend,
-        spread,
-    };
-    let put = boundary_collocation::Put { parameters };
-    let question = Question::new(interrupt);
-    let found = py.detach(|| {
-        boundary_collocation::boundaries_over_time(put, &shares, accuracy, &|| question.is_ended())
-    });
-    question.result()?;
-    Ok(found.map(|pairs| {
-        let column = |of: fn(&boundary_collocation::BoundaryPair) -> f64| {
-            PyArray1::from_vec(py, pairs.iter().map(of).collect())
-        };
-        (
-            column(|pair| pair.upper),
-            column(|pair| pair.lower),
-            column(|pair| pair.change),
-        )
-    }))
 }

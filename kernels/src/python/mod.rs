@@ -5,9 +5,7 @@ mod dense;
 mod flat_options;
 mod interrupt;
 mod mode;
-mod multiplier_collocation;
 mod obstacle_march;
-mod segment_march;
 mod sparse;
 mod strike_march;
 mod tridiagonal;
@@ -28,17 +26,13 @@ mod _kernels {
     #[pymodule_export]
     use super::dense::{equilibrate, lemke};
     #[pymodule_export]
-    use super::flat_options::{march_boundaries, price_options, solve_puts, two_boundaries};
+    use super::flat_options::{march_boundaries, price_options, solve_puts};
     #[pymodule_export]
     use super::instruction_set;
     #[pymodule_export]
     use super::mode::{enter_mode, initial_signs, leading_signs, taylor_step};
     #[pymodule_export]
-    use super::multiplier_collocation::solve_schedules;
-    #[pymodule_export]
-    use super::obstacle_march::{march_segments, MarchSettings, SegmentTable};
-    #[pymodule_export]
-    use super::segment_march::sweep_schedules;
+    use super::obstacle_march::{march_segments, MarchSettings, MarchedSegments, SegmentTable};
     #[pymodule_export]
     use super::sparse::sparse_sweeps;
     #[pymodule_export]

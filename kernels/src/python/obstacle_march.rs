@@ -6,7 +6,9 @@ use pyo3::prelude::*;
 
 use super::arguments::{check_lengths, nonempty_group_starts, numbers};
 use super::interrupt::Question;
-use crate::obstacle_march::{solve, Contract, Found, Segment, Settings};
+use crate::obstacle_march::{
+    solve, BySegment, Changing, Contract, Found, Greeks, Segment, Settings, LOCAL,
+};
 
 /// Contracts, n of them with m segments in all, money in strikes.
 ///
@@ -130,66 +132,176 @@ impl MarchSettings {
     }
 }
 
-type Numbers<'py> = (
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray2<bool>>,
-    Bound<'py, PyArray2<i64>>,
-);
+/// What a march found of n contracts with m segments, money in strikes.
+#[pyclass(frozen, module = "pricing_core._kernels")]
+pub struct MarchedSegments {
+    found: Vec<Found>,
+}
+
+impl MarchedSegments {
+    fn column<'py, T: numpy::Element>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(&Found) -> T,
+    ) -> Bound<'py, PyArray1<T>> {
+        PyArray1::from_vec(py, self.found.iter().map(of).collect())
+    }
+
+    fn matrix<'py>(
+        py: Python<'py>,
+        rows: impl Iterator<Item = Changing>,
+        width: usize,
+        of: fn(&Changing) -> f64,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let numbers: Vec<f64> = rows.map(|one| of(&one)).collect();
+        let length = numbers.len() / width;
+        PyArray1::from_vec(py, numbers).reshape([length, width])
+    }
+
+    fn locals(&self) -> impl Iterator<Item = Changing> + '_ {
+        self.found.iter().flat_map(|one| one.local)
+    }
+
+    fn segments(&self) -> impl Iterator<Item = Changing> + '_ {
+        self.found
+            .iter()
+            .flat_map(|one| one.by_segment.iter().flatten().copied())
+    }
+}
+
+#[pymethods]
+impl MarchedSegments {
+    /// The value, (n,).
+    #[getter]
+    fn value<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |one| one.value)
+    }
+
+    /// The estimate of the value's error, (n,).
+    #[getter]
+    fn error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |one| one.error)
+    }
+
+    /// The spot at which exercise begins, not a number without one, (n,).
+    #[getter]
+    fn boundary<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |one| one.boundary.value)
+    }
+
+    /// By how much the boundary is another on the last two grids, (n,).
+    #[getter]
+    fn boundary_change<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |one| one.boundary.change)
+    }
+
+    /// The other end of the exercise region where it has two, (n,).
+    #[getter]
+    fn far_boundary<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |one| one.far_boundary.value)
+    }
+
+    /// Whether the spot is in the exercise region, (n,).
+    #[getter]
+    fn exercised<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.column(py, |one| one.exercised)
+    }
+
+    /// Whether the estimate meets the tolerance, (n,).
+    #[getter]
+    fn met<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.column(py, |one| one.met)
+    }
+
+    /// Whether all stages of the finest march were solved, (n,).
+    #[getter]
+    fn settled<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.column(py, |one| one.settled)
+    }
+
+    /// The cells of the finest grid, (n,).
+    #[getter]
+    #[allow(clippy::cast_possible_wrap)]
+    fn cells<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.column(py, |one| one.cells as i64)
+    }
+
+    /// The steps of its march, (n,).
+    #[getter]
+    #[allow(clippy::cast_possible_wrap)]
+    fn steps<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.column(py, |one| one.steps as i64)
+    }
+
+    /// The first two derivatives by x, the rate `V_tau` and its derivative by x, the derivative of the first by a parallel
+    /// change of the volatilities and the second derivative by that, (n, 6).
+    #[getter]
+    fn local<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        Self::matrix(py, self.locals(), LOCAL, |one| one.value)
+    }
+
+    /// By how much these are others on the last two grids, (n, 6).
+    #[getter]
+    fn local_change<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        Self::matrix(py, self.locals(), LOCAL, |one| one.change)
+    }
+
+    /// The derivatives by rate, `dividend_yield`, volatility, fraction, amount and escrow of the segments, (m, 6), where
+    /// they are wanted.
+    #[getter]
+    fn by_segment<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        Self::matrix(py, self.segments(), BySegment::COUNT, |one| one.value)
+    }
+
+    /// By how much these are others on the last two grids, (m, 6).
+    #[getter]
+    fn by_segment_change<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        Self::matrix(py, self.segments(), BySegment::COUNT, |one| one.change)
+    }
+}
 
 /// March every contract until the error estimate of its value meets its tolerance, (n,), in strikes.
 ///
-/// Returns numbers (5, n): the value, its first two derivatives by x, its error estimate, and the spot at which exercise
-/// begins, not a number without one; flags (3, n): whether the spot is in the exercise region, whether the tolerance is
-/// met, and whether all stages were solved; counts (2, n): the cells and the steps of the finest grid. `interrupt`, a
-/// function or None, is asked every few milliseconds whether the work shall end; what is not solved then is not a number.
+/// `greeks` is 0 for none, 1 for the standard ones, 2 for the extended ones. `interrupt`, a function or None, is asked
+/// every few milliseconds whether the work shall end; what is not solved then is not a number.
 #[pyfunction]
-#[pyo3(signature = (table, tolerance, settings, threads, interrupt))]
-#[allow(clippy::needless_pass_by_value, clippy::cast_possible_wrap)]
-pub fn march_segments<'py>(
-    py: Python<'py>,
+#[pyo3(signature = (table, tolerance, settings, greeks, threads, interrupt))]
+#[allow(clippy::needless_pass_by_value)]
+pub fn march_segments(
+    py: Python<'_>,
     table: &SegmentTable,
-    tolerance: PyReadonlyArray1<'py, f64>,
+    tolerance: PyReadonlyArray1<'_, f64>,
     settings: &MarchSettings,
+    greeks: usize,
     threads: usize,
     interrupt: Option<Py<PyAny>>,
-) -> PyResult<Numbers<'py>> {
+) -> PyResult<MarchedSegments> {
     let tolerance = numbers(&tolerance).into_owned();
     check_lengths(table.x.len(), &[tolerance.len()])?;
     let contracts: Vec<Contract> = (0..table.x.len())
-        .map(|k| Contract {
-            sign: table.sign[k],
-            x: table.x[k],
-            segments: &table.segments[table.first[k]..table.first[k + 1]],
+        .map(|k| {
+            let segments = &table.segments[table.first[k]..table.first[k + 1]];
+            Contract {
+                sign: table.sign[k],
+                x: table.x[k],
+                segments,
+                mesh: segments,
+            }
         })
         .collect();
+    let greeks = match greeks {
+        0 => Greeks::None,
+        1 => Greeks::Standard,
+        2 => Greeks::Extended,
+        _ => return Err(PyValueError::new_err("greeks must be 0, 1 or 2")),
+    };
     let question = Question::new(interrupt);
     let found = py.detach(|| {
         let interrupt = || question.is_ended();
-        solve(&contracts, &tolerance, settings.0, threads, &interrupt)
+        solve(
+            &contracts, &tolerance, settings.0, greeks, threads, &interrupt,
+        )
     });
     question.result()?;
-    let column = |of: fn(&Found) -> f64| found.iter().map(of).collect::<Vec<f64>>();
-    let values = [
-        column(|one| one.value),
-        column(|one| one.slope),
-        column(|one| one.bend),
-        column(|one| one.error),
-        column(|one| one.boundary),
-    ]
-    .concat();
-    let flag = |of: fn(&Found) -> bool| found.iter().map(of).collect::<Vec<bool>>();
-    let flags = [
-        flag(|one| one.exercised),
-        flag(|one| one.met),
-        flag(|one| one.settled),
-    ]
-    .concat();
-    let count = |of: fn(&Found) -> usize| found.iter().map(|one| of(one) as i64).collect();
-    let counts: [Vec<i64>; 2] = [count(|one| one.cells), count(|one| one.steps)];
-    let n = found.len();
-    Ok((
-        PyArray1::from_vec(py, values).reshape([5, n])?,
-        PyArray1::from_vec(py, flags).reshape([3, n])?,
-        PyArray1::from_vec(py, counts.concat()).reshape([2, n])?,
-    ))
+    Ok(MarchedSegments { found })
 }

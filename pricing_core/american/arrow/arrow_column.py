@@ -24,6 +24,7 @@ from pricing_core.errors import InvalidInputError
 from pricing_core.plain_number import read_number
 
 BLANKS = " \t"
+FEW_CELLS = 64  # of a dictionary, that are read whether or not a row holds them; chosen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -159,8 +160,8 @@ class ArrowColumn:
         encoded = self.array if pa.types.is_dictionary(self.array.type) else self.array.dictionary_encode()
         codes = pc.fill_null(encoded.indices.cast(pa.int64()), -1).to_numpy(zero_copy_only=False)
         cells = encoded.dictionary
-        if len(cells) > codes.size:  # these rows are few of those that share the dictionary
-            used, codes = np.unique(codes, return_inverse=True)
+        if len(cells) > FEW_CELLS:  # these rows may be few of those that share the dictionary
+            used, codes = _used(codes, len(cells))
             absent = int(used.size > 0 and used[0] < 0)
             codes, cells = codes - absent, cells.take(pa.array(used[absent:]))
         return codes, [_stripped(python_value(cell)) for cell in cells]
@@ -171,6 +172,15 @@ class ArrowColumn:
             return self.default
         text = str(_stripped(cell))
         return self.field.word(text) or text
+
+
+def _used(codes: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return those of `count` codes, and of -1, that there are, in order, and the place of each code among them."""
+    if count > codes.size:
+        used, places = np.unique(codes, return_inverse=True)
+        return used, places
+    are_there = np.bincount(codes + 1, minlength=count + 1) > 0
+    return np.flatnonzero(are_there) - 1, (np.cumsum(are_there) - 1)[codes + 1]
 
 
 def is_number(found: pa.DataType) -> bool:

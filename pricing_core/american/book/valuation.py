@@ -90,9 +90,8 @@ class Valuation:
     status : str
         "ok", "tolerance_not_met" or "deadline".
     method : str
-        "premium-march"; "boundary-collocation" with two boundaries; "multiplier-collocation" with
-        events; "obstacle-march"; "lcs" and "crank-nicolson" where they are asked for; or what took their place:
-        "closed-form",
+        "premium-march"; "obstacle-march" with two boundaries or events; "lcs" and "crank-nicolson" where they are
+        asked for; or what took their place: "closed-form",
         "zero-volatility", "worthless-underlying", "expired", "none".
     engine_version : str
     instruction_set : str

@@ -15,6 +15,7 @@ from pricing_core.american.engines.certain import certain_value, is_far_out_of_t
 from pricing_core.american.engines.differences import plan_differences
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
+from pricing_core.american.engines.formulas import has_formula, may_exercise
 from pricing_core.american.engines.held import ROUNDING, held_theta
 from pricing_core.arrays import BoolVector, Vector, every, some
 
@@ -57,7 +58,7 @@ class ClosedForm:
         """Return the limit at expiry, where early exercise never pays; of a certain contract the same at all times."""
         nothing, none = np.full(times.size, math.nan), np.zeros(times.size, dtype=bool)
         (near, far), expired = _certain_boundary(book), book.expiry[0] == 0.0
-        if has_formula(book)[0] and not (expired and _may_exercise(book)[0]):
+        if has_formula(book)[0] and not (expired and may_exercise(book)[0]):
             at_expiry = np.where(times == book.expiry[0], near, math.nan)
             return Boundaries(at_expiry, nothing, nothing, ~none)
         at_strike = replace(book, spot=book.strike)
@@ -65,48 +66,6 @@ class ClosedForm:
         if not sure or book.has_events()[0]:
             return Boundaries(nothing, nothing, nothing, none)
         return Boundaries(np.full(times.size, near[0]), np.full(times.size, far[0]), nothing, ~none)
-
-
-def has_formula(book: Book) -> BoolVector:
-    """Tell European contracts, and those never exercised early, whose spot at expiry is lognormal."""
-    if book.is_plain:
-        return ~book.segments.exercisable | _never_exercised(book)
-    drops = book.drops() > 0.0
-    lognormal = ~_any(book, drops) if some(drops) else np.ones(book.count, dtype=bool)
-    return lognormal & (~_may_exercise(book) | _never_exercised(book))
-
-
-def _may_exercise(book: Book) -> BoolVector:
-    """Tell contracts that may be exercised before expiry, or just before a dividend at expiry."""
-    segments = book.segments
-    if book.is_plain:
-        return segments.exercisable
-    early = segments.exercise_at_end.copy()
-    last = book.first[1:] - 1
-    early[last] &= (segments.fraction[last] > 0.0) | (segments.due[last] > 0.0)
-    return _any(book, early | segments.exercisable)
-
-
-def _never_exercised(book: Book) -> BoolVector:
-    """Tell contracts without dividends whose holder never earns by exercise.
-
-    That is where at all times r <= 0 and r <= q for a put, q <= 0 and q <= r for a call (11.46): then r K - q S, what
-    a put's exercise earns, is at most 0 wherever the payoff is positive.
-    """
-    segments, is_put = book.segments, book.per_segment(book.is_put)
-    earned = np.where(is_put, segments.rate, segments.dividend_yield)
-    if every(earned > 0.0):
-        return np.zeros(book.count, dtype=bool)
-    paid = np.where(is_put, segments.dividend_yield, segments.rate)
-    never: BoolVector = (earned <= 0.0) & (earned <= paid)
-    if book.is_plain:
-        return never
-    never &= (segments.fraction == 0.0) & (segments.due == 0.0)
-    return never if book.is_simple else np.logical_and.reduceat(never, book.first[:-1])
-
-
-def _any(book: Book, flags: BoolVector) -> BoolVector:
-    return flags if book.is_simple else np.logical_or.reduceat(flags, book.first[:-1])
 
 
 def _deviation(book: Book) -> Vector:
@@ -220,7 +179,7 @@ def _certain_boundary(book: Book) -> tuple[Vector, Vector]:
     exercised.
     """
     near, far = np.full((2, book.count), math.nan)
-    for row in np.flatnonzero(_may_exercise(book)).tolist():
+    for row in np.flatnonzero(may_exercise(book)).tolist():
         schedule = book.schedule(row)
         near[row], far[row] = region_at_expiry(schedule).boundaries(schedule)
     expired = book.expiry == 0.0

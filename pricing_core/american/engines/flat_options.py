@@ -71,11 +71,10 @@ def puts_of(book: Book) -> Puts:
     )
 
 
-def price_flat(book: Book, request: Request, *, method: str, two_boundaries: bool) -> Prices:
-    """Price flat contracts, all with two boundaries or all with one; those that are not found are not `settled`."""
+def price_flat(book: Book, request: Request, *, method: str) -> Prices:
+    """Price flat contracts; those that are not found are not `settled`."""
     now, greeks = book.segments, request.greeks
     columns, exercised, settled, steps = kernel.price_options(
-        two_boundaries,
         book.is_put,
         book.spot,
         book.strike,
@@ -94,9 +93,6 @@ def price_flat(book: Book, request: Request, *, method: str, two_boundaries: boo
         lists[DIVIDENDS] = of_dividends_not_due(book)
     if greeks == "extended":
         lists |= _buckets(book, columns)
-    if two_boundaries and greeks != "none":
-        hardest = columns["volga" if greeks == "extended" else "vega"]
-        lists["complete"] = lists["complete"] & ~np.isnan(hardest)
     return prices(
         book.count,
         exercised=exercised,

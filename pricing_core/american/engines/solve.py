@@ -11,24 +11,18 @@ import numpy as np
 from pricing_core.american.book.book import Book, Rows
 from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, LISTS, Prices, error_of, prices
 from pricing_core.american.book.ragged import Ragged
-from pricing_core.american.engines.boundary_collocation import BoundaryCollocation
 from pricing_core.american.engines.closed_form import ClosedForm, has_boundary_elsewhere
 from pricing_core.american.engines.engine import Boundaries, Engine, Request
-from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
-from pricing_core.american.engines.obstacle_march import ObstacleMarch
+from pricing_core.american.engines.obstacle_march import CompiledMarch, ObstacleMarch
 from pricing_core.american.engines.premium_march import PremiumMarch
 from pricing_core.american.engines.price_bounds import lies_high, range_of
 from pricing_core.arrays import BoolVector, Vector, every, some
 from pricing_core.kernel import warn_where_missing
 
-CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION = ClosedForm(), PremiumMarch(), BoundaryCollocation()
-MULTIPLIER_COLLOCATION = MultiplierCollocation()
-ENGINES: tuple[Engine, ...] = (
-    *(CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION),
-    *(MULTIPLIER_COLLOCATION, ObstacleMarch()),
-)
+CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH = ClosedForm(), PremiumMarch(), CompiledMarch()
+ENGINES: tuple[Engine, ...] = (CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH, ObstacleMarch())
 # Those whose vega costs no more than a few prices: the search for a volatility asks them first.
-FAST_ENGINES = (CLOSED_FORM, PREMIUM_MARCH, BOUNDARY_COLLOCATION)
+FAST_ENGINES = (CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH)
 BOUNDS_ALONE = "of the price its bounds without arbitrage are known alone, between which it stands"
 
 

@@ -298,9 +298,7 @@ def test_a_row_depends_neither_on_the_others_nor_on_their_order(greeks):
     book, count = Book.of(MIXED), len(MIXED)
     together = solve(book, request_for(count, greeks=greeks))
     assert set(together.status) == {"ok"}
-    assert {"closed-form", "premium-march", "multiplier-collocation", "obstacle-march", "expired"} <= set(
-        together.method
-    )
+    assert {"closed-form", "premium-march", "obstacle-march", "expired"} <= set(together.method)
     order = np.random.default_rng(5).permutation(count)
     shuffled = solve(book.take(order), request_for(count, greeks=greeks))
     for place, row in enumerate(order.tolist()):
@@ -365,8 +363,7 @@ def test_the_engines_are_asked_from_the_fastest_to_the_one_that_serves_all():
     assert [engine.name for engine in ENGINES] == [
         "closed form",
         "premium march",
-        "boundary collocation",
-        "multiplier collocation",
+        "compiled march",
         "obstacle march",
     ]
     assert ENGINES[:3] == FAST_ENGINES
@@ -387,7 +384,7 @@ def test_a_contract_on_a_spot_of_zero_has_the_boundary_of_the_others():
 
 def test_without_the_compiled_engines_everything_is_served_all_the_same(monkeypatch):
     monkeypatch.setattr("pricing_core.kernel.price_options", None)
-    monkeypatch.setattr("pricing_core.kernel.solve_schedules", None)
+    monkeypatch.setattr("pricing_core.kernel.march_segments", None)
     contracts = [MIXED[0], MIXED[-8], MIXED[-7], MIXED[-2]]
     found = solve(Book.of(contracts), request_for(4))
     assert found.status.tolist() == ["ok"] * 4

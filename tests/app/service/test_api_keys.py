@@ -9,7 +9,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 from app.main import create_app
-from app.service.api_keys import ApiKey, KeyLimits, new_key, read_keys
+from app.service import api_keys
+from app.service.api_keys import LONGEST_KEY, ApiKey, KeyLimits, new_key, read_keys
 from app.service.logs import JsonFormatter
 from app.service.work.lanes import ExpensiveLane
 from app.settings import Settings
@@ -50,6 +51,16 @@ def test_a_new_key_is_let_in_by_its_line_and_is_not_in_it(tmp_path: Path, questi
     assert len({new_key("a")[0] for _ in range(100)}) == 100
     with TestClient(create_app(Settings(api_keys_file=str(path)))) as client:
         assert client.post("/v1/price", json=question, headers=bearer(key)).status_code == 200
+
+
+def test_of_a_long_key_no_more_is_hashed_than_the_longest_has(
+    client: TestClient, question: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hashed = []
+    digest = api_keys._digest
+    monkeypatch.setattr(api_keys, "_digest", lambda key: (hashed.append(len(key)), digest(key))[1])
+    assert client.post("/v1/price", json=question, headers=bearer("k" * 10_000)).status_code == 401
+    assert hashed == [LONGEST_KEY]
 
 
 def test_the_command_prints_a_key_and_its_line(pricing: Any) -> None:

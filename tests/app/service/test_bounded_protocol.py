@@ -9,6 +9,7 @@ from unittest.mock import patch
 
 import pytest
 from starlette.types import Receive, Scope, Send
+from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT
 
 from app.service import bounded_protocol
 from app.service.allowance import Allowance
@@ -24,11 +25,13 @@ from app.service.bounded_protocol import (
     REQUEST_PIECES,
     THROWN_BYTES,
 )
-from app.service.connections import BoundedConnection
+from app.service.connections import BoundedConnection, reserve_descriptors
 from app.service.envelope import Envelope
+from app.service.errors import OverloadedError
 from app.service.incoming_head import LONGEST_HEAD, LONGEST_PATH, MOST_LINES
 from app.service.reading import Hold
 from app.settings import Settings
+from pricing_core.errors import InvalidInputError
 from tests.app.service.byte_streams import (
     CHUNKED,
     GET,
@@ -105,6 +108,8 @@ async def fed_with(data: bytes, application: Any = None) -> tuple[BoundedConnect
     while data and transport.is_read and not transport.is_closed:
         data = data[feed(connection, data) :]
         await turns()
+        while Hold.ALLOWANCE in connection.flow._holds:
+            await asyncio.sleep(1e-3)
     await turns()
     return connection, transport, application
 
@@ -140,6 +145,7 @@ def test_one_turn_parses_a_bounded_number_of_bytes_and_pieces_of_any_stream(
 
 
 @in_loop
+@patch("app.service.connections.MOST_AT_ONCE", 1 << 60)
 async def test_a_connection_is_not_read_once_its_allowance_is_used_up_and_is_read_again_later() -> None:
     connection, _, application = opened()
     application.state.ledger.charge = lambda connection, pieces: None
@@ -219,6 +225,7 @@ async def test_tiny_chunks_and_reads_of_one_byte_hold_the_connection() -> None:
 
 
 @in_loop
+@patch("app.service.connections.MOST_AT_ONCE", 1 << 60)
 @patch("app.service.connection_ledger.time", SimpleNamespace(monotonic=lambda: 0.0))
 async def test_what_one_connection_has_parsed_holds_all_of_its_address_and_new_ones() -> None:
     pairs = connections(Reader(Settings()))
@@ -246,11 +253,47 @@ async def test_requests_wait_unparsed_for_the_answer_to_the_one_before() -> None
     await turns()
     assert application.state.asked == 0
     waiter.told.set()
-    for _ in range(1_000):
-        await turns()
-        if transport.is_read:
-            break
+    async with asyncio.timeout(PATIENCE):
+        while not transport.is_read or connection._unparsed:
+            await turns()
     assert application.state.asked == len(statuses(transport)) == READ_BYTES // len(GET)
+
+
+@in_loop
+async def test_requests_that_come_in_one_read_are_charged_when_they_are_parsed() -> None:
+    connection, transport, _ = opened()
+    charged: list[int] = []
+    connection.charge = charged.append  # type: ignore[method-assign]
+    feed(connection, GET * 50)
+    async with asyncio.timeout(PATIENCE):
+        while len(statuses(transport)) < 50 and not transport.has_ended:
+            await turns()
+    assert sum(charged) >= READ_PIECES + 50 * (HEADER_PIECES + REQUEST_PIECES)
+
+
+@in_loop
+async def test_requests_with_bodies_that_come_in_one_read_are_each_answered() -> None:
+    _, transport, application = await fed_with((POST + b"Content-Length: 3\r\n\r\nGET") * 5)
+    async with asyncio.timeout(PATIENCE):
+        while len(statuses(transport)) < 5 and not transport.has_ended:
+            await turns()
+    assert statuses(transport) == [b"204"] * 5
+    assert application.state.asked == 5
+
+
+@pytest.mark.parametrize("framing", [b"Transfer-Encoding: chunked", b"Content-Length: 60000000"])
+def test_a_body_that_the_application_does_not_take_is_read_no_further(framing: bytes) -> None:
+    async def run() -> None:
+        connection, transport, _ = opened(Waiter(Settings()))
+        connection.charge = lambda pieces: None  # type: ignore[method-assign]
+        feed(connection, POST + framing + b"\r\n\r\n")
+        sent = 0
+        while transport.is_read and sent < 60_000_000:
+            sent += feed(connection, b"10000\r\n" + b" " * 65_536 + b"\r\n")
+            await turns()
+        assert len(connection.cycle.body) <= HIGH_WATER_LIMIT + BODY_READ_BYTES
+
+    asyncio.run(run())
 
 
 @in_loop
@@ -320,6 +363,8 @@ def test_a_head_is_held_to_its_limits_however_it_arrives(packet: int, head: byte
         b"GET / HTTP/1.1\r\n" + HOST + HOST + b"\r\n",
         b"GET / HTTP/2.0\r\n" + HOST + b"\r\n",
         b"GET / HTTP/0.9\r\n\r\n",
+        b"GET / RTSP/1.1\r\n" + HOST + b"\r\n",
+        b"SOURCE / ICE/1.1\r\n" + HOST + b"\r\n",
         b"GET /\r\n\r\n",
         b"GET  / HTTP/1.1\r\n" + HOST + b"\r\n",
         b"GET / HTTP/1.1\r\n" + HOST + b"a: b\r\n c\r\n\r\n",
@@ -393,7 +438,6 @@ def test_a_refused_connection_is_closed_after_a_while(monkeypatch: pytest.Monkey
 
     async def run() -> None:
         _, transport, _ = await fed_with(CHUNKED, Refuser(Settings(head_seconds=3600.0)))
-        assert not transport.is_closed
         async with asyncio.timeout(PATIENCE):
             while not transport.is_closed:
                 await asyncio.sleep(0.01)
@@ -435,6 +479,15 @@ def test_an_upgrade_is_ignored_and_the_connection_closed(
 
 
 @in_loop
+async def test_what_follows_connect_is_not_taken() -> None:
+    _, transport, application = await fed_with(b"CONNECT / HTTP/1.1\r\n" + HOST + b"\r\n" + GET * 100)
+    assert statuses(transport) == [b"204"]
+    assert b"connection: close" in transport.written
+    assert transport.has_ended
+    assert application.state.asked == 1
+
+
+@in_loop
 async def test_the_body_of_an_upgrade_is_taken() -> None:
     waiter = Waiter(Settings())
     waiter.told.set()
@@ -469,3 +522,68 @@ async def test_one_empty_line_may_come_before_a_request_and_http_1_0_needs_no_ho
     _, transport, _ = await fed_with(b"\r\nGET / HTTP/1.0\r\n\r\n")
     assert statuses(transport) == [b"204"]
     assert transport.is_closed
+
+
+class Asked(Reader):
+    """An application that answers nothing, and notes how its request ends."""
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(settings)
+        self.told: list[str] = []
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        while (message := await receive())["type"] != "http.disconnect":
+            pass
+        self.told.append(message["type"])
+
+
+@in_loop
+async def test_who_is_closed_for_another_is_told_so_and_its_work_ends() -> None:
+    connection, transport, application = await fed_with(GET, Asked(Settings()))
+    connection.make_room(OverloadedError("too many"))
+    await turns()
+    assert statuses(transport) == [b"503"]
+    assert b"connection: close" in transport.written
+    assert transport.is_closed
+    assert application.told == ["http.disconnect"]
+
+
+@in_loop
+async def test_a_client_that_reads_nothing_for_a_while_is_dropped() -> None:
+    connection, transport, _ = opened(Reader(Settings(stall_seconds=0.01, head_seconds=3_600.0)))
+    connection.pause_writing()
+    connection.resume_writing()
+    connection.pause_writing()
+    async with asyncio.timeout(PATIENCE):
+        while not transport.is_closed:
+            await asyncio.sleep(0.01)
+
+
+@in_loop
+async def test_a_connection_without_a_whole_head_is_dropped_in_time_and_each_answer_gives_it_as_much() -> (
+    None
+):
+    connection, transport, _ = opened(Reader(Settings(head_seconds=3_600.0)))
+    begun = connection._head_timer.when()  # type: ignore[union-attr]
+    await asyncio.sleep(0.01)
+    feed(connection, GET)
+    await turns()
+    assert connection._head_timer.when() > begun  # type: ignore[union-attr]
+    connection, transport, _ = opened(Reader(Settings(head_seconds=0.01)))
+    feed(connection, GET[:-3])
+    async with asyncio.timeout(PATIENCE):
+        while not transport.is_closed:
+            await asyncio.sleep(0.01)
+
+
+@pytest.mark.parametrize(("soft", "hard", "told"), [(256, 100_000, [(1_012, 100_000)]), (2_000, 2_000, [])])
+def test_as_many_files_may_be_open_as_there_may_be_connections(
+    monkeypatch: pytest.MonkeyPatch, soft: int, hard: int, told: list[tuple[int, int]]
+) -> None:
+    found: list[tuple[int, int]] = []
+    monkeypatch.setattr("app.service.connections.resource.getrlimit", lambda _: (soft, hard))
+    monkeypatch.setattr("app.service.connections.resource.setrlimit", lambda _, limits: found.append(limits))
+    reserve_descriptors(500)
+    assert found == told
+    with pytest.raises(InvalidInputError, match="PRICING_MAX_CONNECTIONS"):
+        reserve_descriptors(hard)

@@ -4,7 +4,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.service.connection_ledger import MOST_PIECES, PIECES_A_SECOND, ConnectionLedger
+from app.service.clients import network_of
+from app.service.connection_ledger import (
+    LONGEST_HOLD,
+    MOST_CLIENTS,
+    MOST_PIECES,
+    PIECES_A_SECOND,
+    ConnectionLedger,
+)
 from app.service.errors import ClientLimitError, OverloadedError, ServiceError
 from app.settings import Settings
 
@@ -73,7 +80,9 @@ def test_all_connections_of_a_client_are_held_where_they_were_parsed_more_than_a
     for connection in connections:
         ledger.enter(connection)
     parsed = 0
-    while now < 10.0:
+    for _ in range(10_000):
+        if now >= 10.0:
+            break
         ledger.charge(connections[0], 1_000)
         parsed += 1_000
         one, other, neighbour = (connection.held for connection in connections)
@@ -104,3 +113,36 @@ def test_what_a_client_in_debt_sends_on_new_connections_holds_up_those_alone() -
     ledger.enter(second)
     ledger.charge(second, 1)
     assert (first.held, second.held > 0.0) == (held, True)
+
+
+def test_clients_that_are_held_together_wait_as_many_times_as_long_but_not_for_ever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = 0.0
+    monkeypatch.setattr("app.service.connection_ledger.time", SimpleNamespace(monotonic=lambda: now))
+    ledger = ConnectionLedger(Settings())
+    held = []
+    for number in range(200):
+        connection = Connection(f"192.0.2.{number}", 0.0)
+        ledger.enter(connection)
+        ledger.charge(connection, 2 * MOST_PIECES)
+        held.append(connection.held)
+    assert held[:3] == pytest.approx([held[0], 2.0 * held[0], 3.0 * held[0]])
+    assert max(held) == LONGEST_HOLD
+    now = 2.0 * LONGEST_HOLD
+    late = Connection("198.51.100.1", 0.0)
+    ledger.enter(late)
+    ledger.charge(late, 2 * MOST_PIECES)
+    assert late.held == held[0]  # the others wait no more
+
+
+def test_of_clients_without_number_few_are_remembered() -> None:
+    ledger = ConnectionLedger(Settings(trusted_proxies="192.0.2.128/25"))
+    for number in range(MOST_CLIENTS + 100):
+        connection = Connection(f"10.0.{number // 250}.{number % 250}", 0.0)
+        ledger.enter(connection)
+        ledger.charge(connection, 1)
+        ledger.leave(connection)
+    for remembered in (ledger._allowance, ledger._trusts, network_of):
+        assert remembered.cache_info().currsize <= MOST_CLIENTS
+    assert not ledger._open

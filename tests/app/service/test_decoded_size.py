@@ -4,6 +4,7 @@ import json
 import random
 import tracemalloc
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 import pyarrow as pa
@@ -12,6 +13,7 @@ import pytest
 from app.service.decoded_size import bytes_of_csv, bytes_of_json, bytes_of_table
 from app.service.strict_json import InvalidJsonError, parse_object
 from pricing_core.chains.raw_files import of_arrow, of_csv
+from pricing_core.errors import InvalidInputError
 
 LENGTH = 100_000  # bytes of each body, about
 # Parts that a hostile body repeats, smallest first.
@@ -66,6 +68,24 @@ def test_a_body_of_keys_is_counted_in_full(length: int) -> None:
     assert peak(lambda: parse_object(body, 1 << 40)) <= bytes_of_json(body)
 
 
+class Watched(bytearray):
+    """A text that may only be looked at in pieces."""
+
+    def translate(self, *_: object) -> bytearray:
+        """Refuse to go through all of it at once, while other threads would wait."""
+        raise AssertionError("all of it at once")
+
+
+@pytest.mark.parametrize("count", [bytes_of_json, bytes_of_csv])
+def test_a_long_text_is_looked_at_in_pieces(
+    count: Callable[[bytes | bytearray], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = b"[1,2]" * 1_000
+    whole = count(text)
+    monkeypatch.setattr("app.service.decoded_size.PIECE", 37)
+    assert count(Watched(text)) == whole
+
+
 def test_an_ordinary_book_is_not_counted_many_times_over() -> None:
     rng = np.random.default_rng(7)
     book = {name: rng.uniform(50.0, 150.0, 2000).round(4).tolist() for name in ("spot", "strike", "rate")}
@@ -84,6 +104,15 @@ def test_cells_of_csv_are_counted_in_full(cell: str) -> None:
     rows = "\n".join([",".join(f"c{place}" for place in range(20)), *([",".join([cell] * 20)] * 2000)])
     body = rows.encode()
     assert peak(lambda: of_csv(body.decode())) <= bytes_of_csv(body)
+
+
+@pytest.mark.parametrize("body", [b"\n" * LENGTH, (b" " * 999 + b"\n") * 100, (b"x" * 9_999 + b"\n") * 10])
+def test_a_text_of_few_cells_is_counted_in_full(body: bytes) -> None:
+    def read() -> None:
+        with suppress(InvalidInputError):  # some are no table, once they have been read
+            of_csv(body.decode())
+
+    assert peak(read) <= bytes_of_csv(body)
 
 
 def test_texts_of_a_dictionary_are_counted_as_often_as_they_are_cells() -> None:

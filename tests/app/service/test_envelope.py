@@ -8,6 +8,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from app.main import WARM_UP, create_app
+from app.service.envelope import LONGEST_PATH
 from app.service.errors import PAUSE_SECONDS, ClientLimitError, OverloadedError
 from app.service.logs import JsonFormatter
 from app.settings import Settings
@@ -51,6 +52,21 @@ def test_one_json_line_is_logged_per_request(client: TestClient, caplog: pytest.
         lines[0].items() >= {"request_id": "seen", "method": "GET", "route": "/livez", "status": 200}.items()
     )
     assert lines[0]["seconds"] >= 0.0
+
+
+def test_the_line_of_a_request_repeats_no_more_than_the_beginning_of_a_path(
+    client: TestClient, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.INFO, logger="pricing.requests"):
+        client.get("/" + "a" * 2_000)
+    (fields,) = [record.fields for record in caplog.records if record.name == "pricing.requests"]  # type: ignore[attr-defined]
+    assert fields["path"] == "/" + "a" * (LONGEST_PATH - 1)
+
+
+def test_a_body_with_two_ways_to_end_is_refused_whoever_parses_it(client: TestClient) -> None:
+    headers = {"Transfer-Encoding": "chunked", "Content-Length": "2", "Content-Type": "application/json"}
+    answer = client.post("/v1/price", content=b"{}", headers=headers)
+    assert (answer.status_code, answer.json()["type"]) == (400, "/docs#bad-request")
 
 
 @pytest.fixture
@@ -118,7 +134,8 @@ def test_readiness_turns_503_while_draining_and_liveness_does_not() -> None:
         answer = client.get("/readyz")
         assert (answer.status_code, answer.headers["retry-after"]) == (503, "7")
         assert answer.json()["type"] == "/docs#not-ready"
-        assert client.get("/livez").status_code == 200
+        alive = client.get("/livez")
+        assert (alive.status_code, alive.headers["connection"]) == (200, "close")
 
 
 def test_the_service_answers_nothing_before_it_has_priced_something(monkeypatch: pytest.MonkeyPatch) -> None:

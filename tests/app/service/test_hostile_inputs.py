@@ -7,6 +7,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 from app.service import request_body
+from app.service.errors import SHOWN_ERRORS
+from app.service.schemas import PriceRequest
 from tests.problems.needs_kernel import needs_kernel
 
 JSON = {"content-type": "application/json"}
@@ -331,6 +333,21 @@ def test_an_unknown_key_is_refused_and_not_repeated(
     assert [error["field"] for error in problem["errors"]] == ["key of the body"]
     assert problem["detail"].startswith("the body has no such key: choose from option_type, ")
     assert key not in problem["detail"]
+
+
+def test_of_a_thousand_unknown_keys_those_that_are_told_are_kept() -> None:
+    entry = {"time": 0.5, "amount": 1.0} | {f"k{k}": 1 for k in range(1_000)}
+    body = {"spot": 100.0, "cash_dividends": [entry, dict(entry)]} | {f"k{k}": 1 for k in range(1_000)}
+    found = request_body.without_surplus(body, PriceRequest)
+    assert {"spot", "cash_dividends"} < set(found)
+    assert {"time", "amount"} <= set(entry)
+    assert len(found) + sum(map(len, found["cash_dividends"])) == 2 + 2 + 2 + SHOWN_ERRORS
+
+
+def test_a_contract_of_more_values_than_any_has_is_not_read(client: TestClient) -> None:
+    body = b'{"spot": [' + b"{}," * 300_000 + b"{}]}"
+    problem = assert_problem(client.post("/v1/price", content=body, headers=JSON), 422, "invalid-json")
+    assert "more values" in problem["detail"]
 
 
 def test_a_key_that_is_there_twice_is_refused_and_not_repeated(client: TestClient) -> None:

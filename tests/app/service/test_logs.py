@@ -7,12 +7,15 @@ import sys
 import warnings
 from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 import pytest
 
-from app.service.logs import configure_logging
+from app.service import logs
+from app.service.logs import BackgroundHandler, configure_logging
+from tests.problems.eventually import eventually
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +42,9 @@ def test_a_warning_is_a_json_line_like_any_other(capfd: pytest.CaptureFixture[st
 # Writes lines of all lengths, and tracebacks that are longer than a pipe takes as a whole.
 WRITER = """
 import logging, random, sys
-from app.service.logs import configure_logging
+from app.service import logs
+from app.service.logs import BackgroundHandler, configure_logging
+from tests.problems.eventually import eventually
 number, count, in_background = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3] == "in_background"
 configure_logging("INFO", in_background=in_background)
 log, rng = logging.getLogger("test"), random.Random(number)
@@ -88,3 +93,28 @@ def test_lines_of_several_processes_never_come_between_each_other(ways: list[str
             traceback = "".join(part["traceback"] for part in parts)
             assert traceback.startswith("Traceback (most recent call last):")
             assert len(traceback.partition("ValueError: ")[2]) == parts[0]["length"]
+
+
+def test_lines_that_nobody_reads_wait_in_a_bounded_number_and_the_rest_is_counted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(logs, "MOST_LINES", 50)
+    reader, writer = os.pipe()
+    handler = BackgroundHandler(writer)
+    handler.setFormatter(logs.JsonFormatter())
+    record = logging.LogRecord("a", logging.INFO, "", 0, "x" * 400, None, None)
+    for _ in range(2_000):  # many times what the pipe holds
+        handler.emit(record)
+        assert handler._waiting.qsize() <= 50
+    os.set_blocking(reader, False)
+    found = b""
+
+    def told() -> bool:
+        nonlocal found
+        with suppress(BlockingIOError):
+            found += os.read(reader, 1 << 20)
+        return b"lines were left out" in found
+
+    assert eventually(told)
+    for end in (reader, writer):
+        os.close(end)

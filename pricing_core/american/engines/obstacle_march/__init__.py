@@ -6,6 +6,7 @@ gives books to the compiled march, and is imported where it is asked for.
 
 from __future__ import annotations
 
+from pricing_core.american.engines.obstacle_march.compiled import CompiledMarch
 from pricing_core.american.engines.obstacle_march.engine import ObstacleMarch
 
-__all__ = ["ObstacleMarch"]
+__all__ = ["CompiledMarch", "ObstacleMarch"]

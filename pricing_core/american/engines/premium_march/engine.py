@@ -29,7 +29,7 @@ class PremiumMarch:
 
     def solve(self, book: Book, request: Request) -> Prices:
         """March the premiums of all contracts."""
-        return price_flat(book, request, method="premium-march", two_boundaries=False)
+        return price_flat(book, request, method="premium-march")
 
     def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
         """Return the boundary of marches to each of the times, refined until two agree."""

@@ -9,8 +9,7 @@ from pricing_core.american import LocalVolatility, Market, Option, PiecewiseCons
 from pricing_core.american.book.book import Book
 from pricing_core.american.engines.closed_form import ClosedForm
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.multiplier_collocation import MultiplierCollocation
-from pricing_core.american.engines.obstacle_march import ObstacleMarch
+from pricing_core.american.engines.obstacle_march import CompiledMarch, ObstacleMarch
 from pricing_core.american.engines.premium_march import PremiumMarch
 from tests.problems.needs_kernel import needs_kernel
 from tests.problems.nightly import nightly
@@ -258,7 +257,7 @@ def test_other_engines_do_not_serve_it():
         ),
     ]
     book = Book.of(contracts)
-    for engine in (ClosedForm(), PremiumMarch(), MultiplierCollocation()):
+    for engine in (ClosedForm(), PremiumMarch(), CompiledMarch()):
         assert not engine.serves(book).any()
     assert ObstacleMarch().serves(book).all()
 

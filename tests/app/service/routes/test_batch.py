@@ -13,7 +13,7 @@ from fastapi.testclient import TestClient
 from app.greeks_units import PER_DAY_PER_POINT
 from app.main import create_app
 from app.service.batch.answers import ANSWERS, ARROW, FORMS, JSON, LINES
-from app.service.batch.arrow_body import ArrowRows, pieces_of
+from app.service.batch.arrow_body import ROWS_AT_A_TIME, ArrowRows, table_of
 from app.service.batch.json_rows import JsonColumns, JsonLines
 from app.service.batch.json_rows import columns_of as columns_of_body
 from app.service.batch.row_limits import FIELDS, LONGEST_COLUMNS, MOST_JSON_ROWS, PIECE_WEIGHT
@@ -21,6 +21,8 @@ from app.service.decoded_size import bytes_of_json
 from app.service.work.lanes import Interruption
 from app.settings import Settings
 from pricing_core.american import price_many
+from pricing_core.american.arrow import arrow_column
+from pricing_core.american.arrow.arrow_column import ArrowColumn
 from pricing_core.american.arrow.price_batch import results_schema, unfinished_rows
 from pricing_core.american.contracts.result_fields import PRICE_FIELDS
 from pricing_core.american.pricing_settings import PricingSettings
@@ -300,6 +302,9 @@ BOMBS: dict[str, Callable[[], Any]] = {
     "a misspelt name": lambda: column("Cash Dividends", ["[]"]),
     "a missing column": lambda: pa.table({"spot": [1.0]}),
     "many columns": lambda: pa.table({f"{CANARY}{k}": [1.0] for k in range(5_000)}),
+    "a dictionary of many texts": lambda: column(
+        "option_type", pa.DictionaryArray.from_arrays(pa.array([0] * 9, pa.int8()), [""] * 1_000_001)
+    ),
     "many batches": lambda: pa.Table.from_batches(pa.table(BOOK).to_batches() * 5_000),
 }
 
@@ -461,17 +466,55 @@ def test_rows_for_which_no_time_is_left_are_answered_in_few_pieces(
     with TestClient(create_app(Settings(slots=2))) as client:
         found = columns_of(ask(client, body_of(book, form), form))
     assert found["status"] == ["deadline"] * count
-    assert len(asked) <= (2 if form != LINES else 10)  # lines come in groups of some thousands
+    assert len(asked) <= (2 if form != LINES else 10)  # lines are answered as they come
 
 
-def test_a_text_in_a_dictionary_counts_once_however_many_rows_hold_it() -> None:
+def pieces_of(columns: dict[str, Any], count: int) -> list[int]:
+    """Return how many rows the pieces of a table have."""
+    table = pa.table({name: pa.array(np.ones(count)) for name in BOOK if name not in columns} | columns)
+    pieces = table_of(arrow_stream(table))[1]
+    counts = [rows.count for rows in pieces]
+    assert sum(counts) == pieces.count == count
+    assert min(counts) > 0
+    return counts
+
+
+def in_dictionary(text: str, count: int) -> pa.Array:
+    """Return rows that hold the same text of two."""
+    return pa.DictionaryArray.from_arrays(pa.array(np.zeros(count, np.int8)), pa.array([text, "put"]))
+
+
+def test_a_choice_in_a_dictionary_counts_once_however_many_rows_hold_it() -> None:
     count = 100_000
-    texts = pa.array(["x" * 16_000, "put"])
-    codes = pa.array(np.zeros(count, dtype=np.int8))
-    batch = pa.record_batch({"option_type": pa.DictionaryArray.from_arrays(codes, texts)})
-    pieces = [*pieces_of([batch])]
-    assert sum(piece.num_rows for piece in pieces) == count
-    assert len(pieces) <= count // PIECE_WEIGHT + 3
+    assert (
+        len(pieces_of({"option_type": in_dictionary("x" * 16_000, count)}, count))
+        <= count // PIECE_WEIGHT + 6
+    )
+
+
+@pytest.mark.parametrize("name", ["rate", "cash_dividends", "exercise_times", "exercise_start"])
+def test_a_text_in_a_dictionary_that_each_row_reads_counts_for_each(name: str) -> None:
+    columns = {"option_type": pa.array(["put"] * 1_000), name: in_dictionary("x" * 16_000, 1_000)}
+    assert max(pieces_of(columns, 1_000)) * 16_000 <= 8 * PIECE_WEIGHT + 16_000
+
+
+@pytest.mark.parametrize("rows", [1, 10, 4_095, 4_096, 4_097, 65_536, 65_537, 200_000])
+def test_pieces_hold_each_row_once(rows: int) -> None:
+    counts = pieces_of({"option_type": pa.array(["put"] * rows)}, rows)
+    assert max(counts) <= PIECE_WEIGHT
+    assert len(counts) <= rows // PIECE_WEIGHT + rows // ROWS_AT_A_TIME + 3
+
+
+def test_of_a_dictionary_what_rows_hold_is_read_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    read = []
+    value = arrow_column.python_value
+    monkeypatch.setattr(arrow_column, "python_value", lambda cell: (read.append(cell), value(cell))[1])
+    cells = pa.DictionaryArray.from_arrays(
+        pa.array([1] * 5_000, pa.int16()), [f"text {k}" for k in range(4_000)]
+    )
+    found = ArrowColumn(FIELDS["option_type"], cells).words()
+    assert found.tolist() == [-1] * 5_000
+    assert len(read) == 1
 
 
 def test_what_follows_an_arrow_stream_in_a_body_is_refused(client: TestClient) -> None:

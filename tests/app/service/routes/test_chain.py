@@ -8,8 +8,11 @@ import pyarrow.csv as pa_csv
 import pytest
 from fastapi.testclient import TestClient
 
-from app.service.chain.fitting import fitted_body
+from app.main import create_app
+from app.service.chain.fitting import MOST_COLUMNS, MOST_QUOTES, fitted_body
+from app.service.chain.question import MOST_DIVIDENDS
 from app.service.work.lanes import Interruption
+from app.settings import Settings
 from pricing_core.chains import fit_chain, read_chain
 from tests.app.service.test_hostile_inputs import CANARY, assert_problem
 
@@ -110,6 +113,7 @@ def test_a_wrong_parameter_is_named(client: TestClient, query: str, field: str) 
         (b'{"strike": [1], "bid": [1, 2]}', JSON, 422, "invalid-input"),
         (b"no stream", ARROW, 422, "invalid-arrow"),
         (b"a\n" + b"1\n" * 20_001, CSV, 413, "body-too-large"),
+        (b'{"strike": [' + b"1," * 20_000 + b"1]}", JSON, 413, "body-too-large"),
         (b" " * (1 << 21) + b"{}", JSON, 413, "body-too-large"),
         (b"strike", "text/plain", 415, "unsupported-media-type"),
     ],
@@ -138,3 +142,47 @@ def test_a_fit_that_takes_too_long_is_told_by_the_deadline(
     answer = ask(client, (SAMPLES / "generic.csv").read_bytes(), CSV)
     assert "fewer quotes" in assert_problem(answer, 503, "deadline")["detail"]
     assert answer.headers["Retry-After"]
+
+
+@pytest.mark.parametrize("form", [JSON, CSV, ARROW])
+def test_what_quotes_take_is_counted_before_they_are_made(form: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+    for name in ("of_json", "of_csv", "of_arrow"):
+        monkeypatch.setattr(f"app.service.chain.fitting.{name}", made.append)
+    content = {
+        JSON: b'{"strike": [' + b"1," * 20_000 + b"1]}",
+        CSV: b"a" + b",a" * 20_000,
+        ARROW: arrow_of(SAMPLES / "generic.csv"),
+    }[form]
+    with TestClient(create_app(Settings(slots=2, max_batch_bytes=len(content) + 100))) as client:
+        assert_problem(ask(client, content, form), 413, "body-too-large")
+        assert client.app.state.memory.held == 0  # type: ignore[attr-defined]
+    assert not made
+
+
+def test_lines_and_columns_of_csv_are_counted(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    wide = ",".join(f"c{k}" for k in range(MOST_COLUMNS + 1)).encode() + b"\n"
+    problem = assert_problem(ask(client, wide + b"1," * MOST_COLUMNS + b"1\n", CSV), 422, "invalid-input")
+    assert problem["detail"].endswith(f"must be at most {MOST_COLUMNS}")
+    made: list[str] = []
+    monkeypatch.setattr("app.service.chain.fitting.of_csv", made.append)
+    assert_problem(ask(client, b"a\n" + b"1\n" * (MOST_QUOTES + 1), CSV), 413, "body-too-large")
+    assert not made
+
+
+def test_a_chain_that_finds_no_place_is_refused_before_its_body_is_read(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = []
+    monkeypatch.setattr("app.service.routes.chain.IncomingBody", lambda *told: read.append(told))
+    for _ in range(Settings().client_queue):
+        client.app.state.expensive_lane.enter("testclient")  # type: ignore[attr-defined]
+    assert_problem(ask(client, b"strike", CSV), 429, "client-limit")
+    assert not read
+
+
+def test_dividends_of_a_query_are_few(client: TestClient) -> None:
+    some = "%7B%22ex_date%22:%222026-01-01%22%7D"
+    query = f"{QUERY}&cash_dividends=[{','.join([some] * (MOST_DIVIDENDS + 1))}]"
+    problem = assert_problem(ask(client, b"strike", CSV, query), 422, "invalid-input")
+    assert f"at most {MOST_DIVIDENDS}" in problem["detail"]

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from app.service.work import cheap_lane
-from app.service.work.cheap_lane import CheapLane
+from app.service.work.cheap_lane import MOST_TOGETHER, CheapLane
+from app.service.work.cost_model import CHEAP_SECONDS
 from pricing_core.american import Market, Option, Valuation, price
 from pricing_core.american.book.book import Book
 from tests.problems.needs_kernel import needs_kernel
@@ -99,3 +100,19 @@ def test_one_that_fails_or_is_no_longer_wanted_costs_nobody_else_the_answer(
     (first, failed, last), later = in_a_lane(scenario)
     assert failed is None
     assert first == last == later == price(good, market, tolerance=1e-4)
+
+
+@pytest.mark.parametrize(("seconds", "most"), [(1e-6, MOST_TOGETHER), (CHEAP_SECONDS, 10)])
+def test_one_call_prices_a_bounded_number(monkeypatch: pytest.MonkeyPatch, seconds: float, most: int) -> None:
+    together = []
+    monkeypatch.setattr(
+        cheap_lane, "_priced", lambda now, *_: (together.append(len(now)), [None] * len(now))[1]
+    )
+    contract = Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2)
+
+    async def scenario(lane: CheapLane) -> None:
+        book = Book.of([contract])
+        await asyncio.gather(*(lane.price(contract, book, 1e-4, "none", seconds) for _ in range(100)))
+
+    in_a_lane(scenario)
+    assert max(together) <= most

@@ -1,4 +1,6 @@
 import asyncio
+import json
+import logging
 import os
 import threading
 import time
@@ -12,7 +14,9 @@ from starlette.requests import ClientDisconnect
 
 from app.main import create_app
 from app.service.errors import ClientLimitError, DeadlineError, OverloadedError
+from app.service.work.admission import LONGEST_CHEAP_BODY
 from app.service.work.lanes import ExpensiveLane, Interrupt, inline
+from app.service.work.route_limits import for_batch
 from app.settings import Settings
 from pricing_core.american import price
 from tests.problems.eventually import PATIENCE
@@ -264,8 +268,9 @@ def test_an_error_of_the_work_is_the_answer() -> None:
 
 def test_work_that_is_not_cheap_after_all_is_given_up_and_nothing_else_is() -> None:
     def busy(interrupt: Interrupt) -> str:
+        end = time.monotonic() + PATIENCE
         while not interrupt():
-            pass
+            assert time.monotonic() < end
         return "interrupted"
 
     def failing(interrupt: Interrupt) -> None:
@@ -313,6 +318,25 @@ def test_an_overloaded_service_answers_503_and_cheap_questions_all_the_same(
     assert refused.headers["content-type"] == "application/problem+json"
     assert refused.json()["type"] == "/docs#overloaded"
     assert (alive.status_code, cheap.status_code) == (200, 200)
+
+
+def test_a_long_body_is_an_expensive_question_and_every_place_is_given_back(
+    question: dict[str, Any], unhurried: None, caplog: pytest.LogCaptureFixture
+) -> None:
+    texts = [json.dumps(question), json.dumps(question) + LONGEST_CHEAP_BODY * " "]
+    settings = Settings(slots=2, deadline_seconds=3_600.0)
+    with caplog.at_level(logging.INFO, logger="pricing.requests"), TestClient(create_app(settings)) as client:
+        for text in texts:
+            headers = {"Content-Type": "application/json"}
+            assert client.post("/v1/price", content=text, headers=headers).status_code == 200
+        assert not client.app.state.expensive_lane._places  # type: ignore[attr-defined]
+    lines = [record.fields for record in caplog.records if record.name == "pricing.requests"]  # type: ignore[attr-defined]
+    assert ["waited" in line for line in lines] == [False, True]
+
+
+def test_the_rows_of_a_batch_end_while_there_is_time_to_write_the_answer() -> None:
+    limits = for_batch(Settings(batch_deadline_seconds=100.0))
+    assert (limits.body_seconds, limits.deadline_seconds) == (100.0, 95.0)
 
 
 def test_a_question_that_is_dearer_than_it_was_thought_is_not_refused_for_what_its_client_does(
