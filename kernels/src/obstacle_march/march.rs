@@ -12,7 +12,7 @@ use super::stage::Stage;
 use super::steps::{steps_of, LaneSteps, Step};
 use super::tableau::GAMMA;
 use super::terms::Terms;
-use super::walk_back::{BySegment, Functional, WalkBack};
+use super::walk_back::{BySegment, Course, Functional, WalkBack};
 use crate::interrupt::Interrupt;
 use crate::lanes::dispatch::Work;
 use crate::lanes::vector::{Part, Vector, LANES};
@@ -103,14 +103,14 @@ impl<V: Vector> Part<V> for Marching<'_, '_> {
     }
 }
 
-pub(super) struct March<'a, V> {
-    pub(super) group: &'a Group<'a>,
-    pub(super) grids: Vec<Grid>,
-    pub(super) steps: Vec<Vec<Step>>,
-    pub(super) spots: Vec<Vec<f64>>,
-    pub(super) terms: Terms,
+struct March<'a, V> {
+    group: &'a Group<'a>,
+    grids: Vec<Grid>,
+    steps: Vec<Vec<Step>>,
+    spots: Vec<Vec<f64>>,
+    terms: Terms,
     /// The spot times the sign, at the nodes.
-    pub(super) signed: Vec<[f64; LANES]>,
+    signed: Vec<[f64; LANES]>,
     /// V at the nodes, and M V less what its sums miss.
     values: Vec<[f64; LANES]>,
     mass: Vec<[f64; LANES]>,
@@ -129,7 +129,7 @@ pub(super) struct March<'a, V> {
     /// The first node that is looked at: those before it are in contact in every lane, and stay so.
     first: usize,
     /// The first node behind the last where exercise brings something in any lane.
-    pub(super) last_kink: usize,
+    last_kink: usize,
     last_kinks: [usize; LANES],
     newton: Newton<V>,
     contact: [Contact; LANES],
@@ -297,7 +297,17 @@ impl<'a, V: Vector> March<'a, V> {
             .map(|(marched, contract)| Functional::of(&marched.line(), contract.x.exp()))
             .collect();
         let derivatives = V::call(WalkBack {
-            march: self,
+            march: Course {
+                contracts: &self.group.contracts,
+                cells: self.group.cells,
+                grids: &self.grids,
+                steps: &self.steps,
+                spots: &self.spots,
+                signed: &self.signed,
+                terms: self.terms,
+                last_kink: self.last_kink,
+                interrupt: self.group.interrupt,
+            },
             record,
             functionals: &functionals,
         })?;

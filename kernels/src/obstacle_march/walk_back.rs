@@ -5,16 +5,16 @@
 //! s its distance from the contact set in cells, 0 in it and 1 from one cell on. What is held fixed are the grid and the
 //! steps.
 
-use super::contract::Segment;
+use super::contract::{Contract, Segment};
 use super::event::{hat, hat_weights, indices_after, points_of_hat, tilt, After, Before};
 use super::line::{Line, Reading};
-use super::march::March;
 use super::mesh::Grid;
 use super::record::{Record, Start};
 use super::stage::{Obstacle, Stage};
-use super::steps::LaneSteps;
+use super::steps::{LaneSteps, Step};
 use super::tableau::GAMMA;
 use super::terms::Terms;
+use crate::interrupt::Interrupt;
 use crate::lanes::vector::{Part, Vector, LANES};
 
 /// Derivatives of a value by the numbers of a segment, in the units of `Segment`.
@@ -75,20 +75,34 @@ impl Functional {
     }
 }
 
+/// What the walk needs to know of a march.
+#[derive(Clone, Copy)]
+pub struct Course<'w, 'a> {
+    pub contracts: &'w [Contract<'a>],
+    pub cells: usize,
+    pub grids: &'w [Grid],
+    pub steps: &'w [Vec<Step>],
+    pub spots: &'w [Vec<f64>],
+    pub signed: &'w [[f64; LANES]],
+    pub terms: Terms,
+    pub last_kink: usize,
+    pub interrupt: Interrupt<'w>,
+}
+
 /// A walk back, and what each number of the march is worth.
-pub struct WalkBack<'w, 'a, V> {
-    pub march: &'w March<'a, V>,
+pub struct WalkBack<'w, 'a> {
+    pub march: Course<'w, 'a>,
     pub record: &'w Record,
     /// What is asked of each lane.
     pub functionals: &'w [Functional],
 }
 
-impl<V: Vector> Part<V> for WalkBack<'_, '_, V> {
+impl<V: Vector> Part<V> for WalkBack<'_, '_> {
     type Result = Option<Vec<Vec<BySegment>>>;
 
     #[inline(always)]
     fn run(self) -> Self::Result {
-        Walk::new(&self).run()
+        Walk::<V>::new(&self).run()
     }
 }
 
@@ -108,7 +122,7 @@ struct Sums<V> {
 }
 
 struct Walk<'w, 'a, V> {
-    march: &'w March<'a, V>,
+    march: Course<'w, 'a>,
     record: &'w Record,
     functionals: &'w [Functional],
     terms: Terms,
@@ -129,11 +143,11 @@ struct Walk<'w, 'a, V> {
 }
 
 impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
-    fn new(part: &WalkBack<'w, 'a, V>) -> Self {
-        let nodes = part.march.group.cells + 1;
+    fn new(part: &WalkBack<'w, 'a>) -> Self {
+        let nodes = part.march.cells + 1;
         let lanes = || vec![[0.0; LANES]; nodes];
         let array = || vec![V::zero(); nodes];
-        let contracts = &part.march.group.contracts;
+        let contracts = &part.march.contracts;
         Self {
             march: part.march,
             record: part.record,
@@ -157,10 +171,10 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
 
     #[inline(always)]
     fn run(mut self) -> Option<Vec<Vec<BySegment>>> {
-        let steps = &self.march.steps;
+        let steps = self.march.steps;
         let most = steps.iter().map(Vec::len).max().unwrap_or(0);
         for n in (0..most).rev() {
-            if (self.march.group.interrupt)() {
+            if (self.march.interrupt)() {
                 return None;
             }
             for (lane, own) in steps.iter().enumerate() {
@@ -170,7 +184,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
                     self.through_start(lane, own[n + 1].segment);
                 }
                 if let Some(step) = own.get(n) {
-                    let contract = &self.march.group.contracts[lane];
+                    let contract = &self.march.contracts[lane];
                     let grid = &self.march.grids[lane];
                     self.terms
                         .enter(lane, &contract.segments[step.segment], grid);
@@ -196,7 +210,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         if let Some(reading) = &asked.reading {
             add(&mut self.direct, lane, reading, 1.0);
         }
-        let contract = &self.march.group.contracts[lane];
+        let contract = &self.march.contracts[lane];
         self.by_strike_now(lane, 0, &contract.segments[0], asked.by_strike);
     }
 
@@ -213,8 +227,8 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
     /// Walk through a step of all lanes.
     #[inline(always)]
     fn step(&mut self, n: usize) {
-        let contracts = &self.march.group.contracts;
-        let steps = LaneSteps::<V>::at(n, contracts, &self.march.steps);
+        let contracts = self.march.contracts;
+        let steps = LaneSteps::<V>::at(n, contracts, self.march.steps);
         let a = steps.dt.times(GAMMA);
         let stage: Stage<V> = self.terms.stage(a);
         self.factorise(&stage);
@@ -229,7 +243,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
     /// One over the pivots of the transposed elimination where nothing is in contact, which are those of the march.
     #[inline(always)]
     fn factorise(&mut self, stage: &Stage<V>) {
-        let last = self.march.group.cells - 1;
+        let last = self.march.cells - 1;
         let one = V::all(1.0);
         self.inverse[last] = one / stage.last_diagonal;
         let mut lower = stage.last_lower;
@@ -251,7 +265,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         steps: &LaneSteps<V>,
     ) -> Sums<V> {
         let values = self.record.stage(index);
-        let last = self.march.group.cells - 1;
+        let last = self.march.cells - 1;
         let (zero, one) = (V::zero(), V::all(1.0));
         let strike = steps.strikes[number];
         let obstacle = self.terms.obstacle(stage, strike);
@@ -407,7 +421,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         loose: V,
         sums: &mut Sums<V>,
     ) {
-        let last = self.march.group.cells - 1;
+        let last = self.march.cells - 1;
         let (zero, one) = (V::zero(), V::all(1.0));
         let q = stage.near_rule;
         let half_a = (stage.spread / stage.diffusion).times(0.5);
@@ -463,7 +477,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         let diffusion = stage.diffusion.lanes();
         for (lane, own) in self.march.steps.iter().enumerate() {
             let Some(step) = own.get(n) else { continue };
-            let segment = &self.march.group.contracts[lane].segments[step.segment];
+            let segment = &self.march.contracts[lane].segments[step.segment];
             let (a, diffusion) = (a[lane], diffusion[lane]);
             let (peclet, growth) = (self.terms.peclet[lane], 1.0 + a * segment.rate);
             let by_peclet = (of_mass[lane] - growth * first[lane]) / 12.0
@@ -495,7 +509,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         let Some(start) = &self.record.starts[lane][number] else {
             return;
         };
-        let contract = self.march.group.contracts[lane];
+        let contract = self.march.contracts[lane];
         let grid = self.march.grids[lane];
         let segment = &contract.segments[number];
         let weights: Vec<f64> = self.mass.iter().map(|row| row[lane]).collect();
