@@ -50,13 +50,10 @@ class MarchedSegments:
     value: Vector
     error: Vector
     boundary: Vector
-    boundary_change: Vector
-    far_boundary: Vector
     exercised: BoolVector
-    met: BoolVector
     settled: BoolVector
-    cells: NDArray[np.int64]
     steps: NDArray[np.int64]
+    levels: NDArray[np.int64]
     local: Matrix
     local_change: Matrix
     by_segment: Matrix

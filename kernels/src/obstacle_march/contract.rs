@@ -38,6 +38,11 @@ impl Segment {
         }
     }
 
+    /// The strike less what is escrowed at the beginning.
+    pub(super) fn strike_at_beginning(&self) -> f64 {
+        1.0 - self.escrow_before_end(self.duration)
+    }
+
     /// Whether the spot drops at the end.
     pub(super) fn drops(&self) -> bool {
         self.fraction > 0.0 || self.amount > 0.0

@@ -3,6 +3,7 @@
 use super::contract::{Contract, Segment};
 use super::line::Line;
 use super::mesh::Grid;
+use super::stage::{mass_of, mass_weights};
 use crate::lanes::normal::ln;
 use crate::lanes::vector::{Vector, LANES};
 
@@ -220,9 +221,7 @@ pub fn hat_weights(peclet: f64) -> [f64; 3] {
 /// Give the sum of the hats' weights with values at nodes, for each inner node, as the march itself makes it.
 #[inline(always)]
 pub fn sums_over_hats<V: Vector>(peclet: f64, values: &[f64], mut give: impl FnMut(usize, f64)) {
-    let peclet = V::all(peclet);
-    let lower = peclet.times(-1.0 / 24.0).plus(1.0 / 12.0);
-    let upper = peclet.times(1.0 / 24.0).plus(1.0 / 12.0);
+    let weights = mass_weights(V::all(peclet));
     let inner = values.len() - 2;
     for begin in (0..inner).step_by(V::WIDTH) {
         let from = |shift: usize| {
@@ -230,8 +229,7 @@ pub fn sums_over_hats<V: Vector>(peclet: f64, values: &[f64], mut give: impl FnM
                 values[(begin + k).min(inner - 1) + shift]
             }))
         };
-        let sum = V::all(10.0 / 12.0).times_plus(from(1), lower * from(0));
-        let sums = upper.times_plus(from(2), sum).lanes();
+        let sums = mass_of(weights, [from(0), from(1), from(2)]).lanes();
         for (k, sum) in sums
             .into_iter()
             .enumerate()

@@ -56,12 +56,11 @@ impl<'a> Line<'a> {
         values: &'a [f64],
         contact: Contact,
     ) -> Self {
-        let later = &contract.segments[number + 1];
         Self {
             grid: *grid,
             values,
             contact,
-            strike: 1.0 - later.escrow_before_end(later.duration),
+            strike: contract.segments[number + 1].strike_at_beginning(),
         }
     }
 

@@ -8,7 +8,7 @@ use super::mesh::Grid;
 use super::newton::{Newton, Rows};
 use super::record::{Record, Start};
 use super::settings::Settings;
-use super::stage::Stage;
+use super::stage::{Elimination, Stage};
 use super::steps::{steps_of, LaneSteps, Step};
 use super::tableau::GAMMA;
 use super::terms::Terms;
@@ -122,10 +122,7 @@ struct March<'a, V> {
     found: Vec<V>,
     /// M times the values of the last stage.
     next_mass: Vec<[f64; LANES]>,
-    /// The factors of the elimination: what the row above is multiplied by, the pivots, and one over these.
-    factor: Vec<V>,
-    pivot: Vec<V>,
-    inverse: Vec<V>,
+    elimination: Elimination<V>,
     /// The first node that is looked at: those before it are in contact in every lane, and stay so.
     first: usize,
     /// The first node behind the last where exercise brings something in any lane.
@@ -179,9 +176,7 @@ impl<'a, V: Vector> March<'a, V> {
             left: array(),
             found: array(),
             next_mass: vec![[0.0; LANES]; nodes],
-            factor: array(),
-            pivot: array(),
-            inverse: array(),
+            elimination: Elimination::new(nodes),
             first: 1,
             last_kink,
             last_kinks,
@@ -241,12 +236,11 @@ impl<'a, V: Vector> March<'a, V> {
     /// The value of a lane now.
     fn marched(&self, lane: usize) -> Marched {
         let contract = &self.group.contracts[lane];
-        let first = &contract.segments[0];
         Marched {
             grid: self.grids[lane],
             values: self.values.iter().map(|row| row[lane]).collect(),
             contact: self.contact[lane],
-            strike: 1.0 - first.escrow_before_end(first.duration),
+            strike: contract.segments[0].strike_at_beginning(),
             steps: self.steps[lane].len(),
             settled: self.settled[lane],
             rates: self
@@ -357,7 +351,7 @@ impl<'a, V: Vector> March<'a, V> {
         let steps = LaneSteps::<V>::at(n, &self.group.contracts, &self.steps);
         self.skip(n);
         let stage = self.terms.stage(steps.dt.times(GAMMA));
-        self.factorise(&stage);
+        self.elimination.of(&stage, self.first);
         let [one, two, three] = [0, 1, 2].map(|k| (steps.weights(k), steps.strikes[k]));
         self.solve::<1, false>(&stage, one);
         self.solve::<2, false>(&stage, two);
@@ -402,25 +396,6 @@ impl<'a, V: Vector> March<'a, V> {
         }
     }
 
-    /// Eliminate from the far end.
-    #[inline(always)]
-    fn factorise(&mut self, stage: &Stage<V>) {
-        let last = self.group.cells - 1;
-        let one = V::all(1.0);
-        self.factor[last] = V::zero();
-        self.pivot[last] = stage.last_diagonal;
-        self.inverse[last] = one / stage.last_diagonal;
-        let mut lower = stage.last_lower;
-        for i in (self.first..last).rev() {
-            let factor = stage.upper * self.inverse[i + 1];
-            let pivot = stage.diagonal - factor * lower;
-            self.factor[i] = factor;
-            self.pivot[i] = pivot;
-            self.inverse[i] = one / pivot;
-            lower = stage.lower;
-        }
-    }
-
     /// Solve stage N of three: the right-hand side and the elimination from the far end, then the substitution from the
     /// near one, which settles at each node whether it is in contact.
     ///
@@ -443,7 +418,7 @@ impl<'a, V: Vector> March<'a, V> {
                 }
             }
             self.first = 1;
-            self.factorise(stage);
+            self.elimination.of(stage, self.first);
         };
         self.newton.forget(wrong);
         if wrong.contains(&true) {
@@ -481,7 +456,7 @@ impl<'a, V: Vector> March<'a, V> {
         let last = self.group.cells - 1;
         let (known, rest) = self.rates.split_at_mut(N);
         let (mass, right) = (&self.mass[..=last], &mut rest[0][..=last]);
-        let (factor, eliminated) = (&self.factor[..=last], &mut self.left[..=last]);
+        let (factor, eliminated) = (&self.elimination.factor[..=last], &mut self.left[..=last]);
         let known: [&[V]; 3] = std::array::from_fn(|k| &known[k.min(N - 1)][..=last]);
         let mut left = V::zero();
         for i in (self.first..=last).rev() {
@@ -508,7 +483,10 @@ impl<'a, V: Vector> March<'a, V> {
         let (last, begin) = (self.group.cells - 1, self.first);
         let obstacle = self.terms.obstacle(stage, strike);
         let (left, signed) = (&self.left[..=last], &self.signed[..last + 2]);
-        let (pivot, inverse) = (&self.pivot[..=last], &self.inverse[..=last]);
+        let (pivot, inverse) = (
+            &self.elimination.pivot[..=last],
+            &self.elimination.inverse[..=last],
+        );
         let (zero, one) = (V::zero(), V::all(1.0));
         let before;
         let mut two_before = zero;
@@ -547,11 +525,7 @@ impl<'a, V: Vector> March<'a, V> {
         let mut worst = zero;
         let mut i = begin;
         while i <= last && held.lanes().iter().any(|x| *x < 0.0) {
-            let lower = if i == last {
-                stage.last_lower
-            } else {
-                stage.lower
-            };
+            let lower = stage.lower_of(i, last);
             let rest = left[i] - lower * rows.before;
             let free = rest * inverse[i];
             let (gain, rise) = obstacle.at(V::from_lanes(signed[i]));
@@ -571,11 +545,7 @@ impl<'a, V: Vector> March<'a, V> {
             i += 1;
         }
         while i <= last {
-            let lower = if i == last {
-                stage.last_lower
-            } else {
-                stage.lower
-            };
+            let lower = stage.lower_of(i, last);
             let value = (left[i] - lower * rows.before) * inverse[i];
             if i < self.last_kink {
                 let (gain, rise) = obstacle.at(V::from_lanes(signed[i]));
@@ -607,8 +577,8 @@ impl<'a, V: Vector> March<'a, V> {
             signed: &self.signed,
             right,
             left: &self.left,
-            pivot: &self.pivot,
-            inverse: &self.inverse,
+            pivot: &self.elimination.pivot,
+            inverse: &self.elimination.inverse,
         };
         let solved = self
             .newton

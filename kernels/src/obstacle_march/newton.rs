@@ -114,11 +114,7 @@ impl<V: Vector> Newton<V> {
         }
         let settled = moving.map(|moving| moving > 0.0);
         for i in 1..=last {
-            let lower = if i == last {
-                stage.last_lower
-            } else {
-                stage.lower
-            };
+            let lower = stage.lower_of(i, last);
             let free = (rows.left[i] - lower * self.values[i - 1]) * rows.inverse[i];
             self.values[i] = free;
             if i <= top {
@@ -196,21 +192,16 @@ impl<V: Vector> Newton<V> {
         let (zero, one) = (V::zero(), V::all(1.0));
         let q = stage.near_rule;
         let touching = self.touching(obstacle, signed);
-        let is_last = top == self.s.len() - 2;
-        let top_lower = if is_last {
-            stage.last_lower
-        } else {
-            stage.lower
-        };
+        let last = self.s.len() - 2;
         // Elimination from the far end, which the rows behind the top have gone through already:
         // pivot_i d_i + lower_i slope_{i-1} d_{i-1} = right_i.
         let mut here = Self::point(stage, obstacle, signed, top, self.s[top]);
         let mut below = Self::point(stage, obstacle, signed, top - 1, self.s[top - 1]);
         let (mut above_value, mut above_slope) = (zero, zero);
-        let (mut above_right, mut above_pivot, mut lower) = (zero, one, top_lower);
+        let (mut above_right, mut above_pivot, mut lower) = (zero, one, stage.lower_of(top, last));
         for i in (1..=top).rev() {
             let (mut before, mut diagonal, mut upper) = (below.value, stage.diagonal, stage.upper);
-            let own_lower = if i == top { top_lower } else { stage.lower };
+            let own_lower = stage.lower_of(i, last);
             // From the last row on that may touch, the far rows are eliminated already.
             let coupled = -Self::behind(rows, i); // below 0 in the rows before that
             diagonal = coupled.negative(diagonal, rows.pivot[i]);
@@ -245,7 +236,7 @@ impl<V: Vector> Newton<V> {
         let mut change = self.right[1] / self.pivot[1];
         for (i, signed) in signed.iter().enumerate().take(top + 1).skip(1) {
             if i > 1 {
-                let lower = if i == top { top_lower } else { stage.lower };
+                let lower = stage.lower_of(i, last);
                 change = (self.right[i] - lower * self.slope[i - 1] * change) / self.pivot[i];
             }
             let s = moving.negative(self.s[i] + change, self.s[i]);

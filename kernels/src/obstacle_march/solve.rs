@@ -56,10 +56,8 @@ pub struct Found {
     pub value: f64,
     /// The estimate of the value's error.
     pub error: f64,
-    /// The spot at which exercise begins, not a number where there is none, and by how much it last changed.
-    pub boundary: Changing,
-    /// The same of the other end of the exercise region, where that has two.
-    pub far_boundary: Changing,
+    /// The spot at which exercise begins, not a number where there is none.
+    pub boundary: f64,
     /// Whether the spot is in contact with it.
     pub exercised: bool,
     /// Whether the error meets the tolerance.
@@ -70,6 +68,8 @@ pub struct Found {
     pub cells: usize,
     /// The steps of its march.
     pub steps: usize,
+    /// How many grids the contract was marched on to the end.
+    pub levels: usize,
     /// The derivatives at the spot.
     pub local: [Changing; LOCAL],
     /// Those by the numbers of each segment, where they are wanted.
@@ -101,8 +101,7 @@ impl Found {
         Self {
             value: f64::NAN,
             error: f64::NAN,
-            boundary: Changing::NOTHING,
-            far_boundary: Changing::NOTHING,
+            boundary: f64::NAN,
             local: [Changing::NOTHING; LOCAL],
             by_segment: vec![[Changing::NOTHING; BySegment::COUNT]; segments],
             ..Self::default()
@@ -124,7 +123,6 @@ struct Seen {
     own_local: [[f64; 4]; BESIDE.len()],
     wide_local: [[f64; 4]; BESIDE.len()],
     boundary: f64,
-    far_boundary: f64,
     exercised: bool,
     settled: bool,
     steps: usize,
@@ -137,13 +135,7 @@ impl Seen {
         let at = |cells: f64| line.at((contract.x + cells * h).exp());
         let local = |cells: f64| local(marched, contract, contract.x + cells * h);
         let index = marched.grid.index(contract.x.exp());
-        let boundary_at = |end: f64| {
-            if end.is_finite() {
-                marched.grid.spot_at(end)
-            } else {
-                f64::NAN
-            }
-        };
+        let end = marched.contact.end;
         Self {
             h,
             value: at(0.0),
@@ -152,8 +144,11 @@ impl Seen {
             local: local(0.0),
             own_local: BESIDE.map(local),
             wide_local: BESIDE.map(|cells| local(2.0 * cells)),
-            boundary: boundary_at(marched.contact.end),
-            far_boundary: boundary_at(marched.contact.begin),
+            boundary: if end.is_finite() {
+                marched.grid.spot_at(end)
+            } else {
+                f64::NAN
+            },
             exercised: marched.contact.holds(index),
             settled: marched.settled,
             steps: marched.steps,
@@ -195,12 +190,8 @@ struct Work<'a> {
     tolerance: f64,
     cells: usize,
     last: Option<Seen>,
-    /// The last second derivatives, by the volatility and x and twice by the volatility.
-    last_second: [f64; 2],
-    /// The last two differences, and the last one's slope by x times the deviation of ln S at expiry.
+    /// The last two differences.
     differences: [f64; 2],
-    tilt: f64,
-    deviation: f64,
     levels: usize,
     found: Found,
 }
@@ -225,10 +216,7 @@ impl<'a> Work<'a> {
             tolerance,
             cells: first_cells(&contract, settings),
             last: None,
-            last_second: [f64::NAN; 2],
             differences: [0.0; 2],
-            tilt: 0.0,
-            deviation: deviation(&contract),
             levels: 0,
             found: Found::nothing(if greeks == Greeks::None {
                 0
@@ -266,13 +254,14 @@ impl<'a> Work<'a> {
             let largest = apart.iter().fold(0.0, |most: f64, one| most.max(one.abs()));
             let tilts = apart.windows(3).map(|three| (three[2] - three[0]).abs());
             self.differences = [largest, self.differences[0]];
-            self.tilt = tilts.fold(0.0, f64::max) / (2.0 * 2.0 * own.h) * self.deviation;
-            let share = self.estimate(&own, &last);
+            // The difference's slope by x, times the deviation of ln S at expiry.
+            let tilt = tilts.fold(0.0, f64::max) / (2.0 * 2.0 * own.h) * deviation(&self.contract);
+            let share = self.estimate(&own, &last, tilt);
             self.derive(&own, &last, share);
         }
         self.take_sides(&own, &sides);
         let found = &mut self.found;
-        (found.cells, found.steps) = (cells, own.steps);
+        (found.cells, found.steps, found.levels) = (cells, own.steps, self.levels);
         found.settled = own.settled;
         found.exercised = own.exercised;
         found.met = self.levels >= FIRST_LEVELS && found.error <= self.tolerance;
@@ -281,7 +270,7 @@ impl<'a> Work<'a> {
     }
 
     /// Tell the value and its error; return the share of the last difference that extrapolates.
-    fn estimate(&mut self, seen: &Seen, last: &Seen) -> f64 {
+    fn estimate(&mut self, seen: &Seen, last: &Seen, tilt: f64) -> f64 {
         let [last_difference, before] = self.differences;
         let mut ratio = 0.5;
         if self.levels > 2 {
@@ -300,7 +289,7 @@ impl<'a> Work<'a> {
         let found = &mut self.found;
         found.value = seen.value + share * (seen.value - last.value);
         let rounding = 1e-13 * found.value.abs().max(1.0);
-        let by_tilt = TILT_SHARE * self.tilt;
+        let by_tilt = TILT_SHARE * tilt;
         found.error = (last_difference * rest)
             .max(before / PESSIMISM)
             .max(by_tilt)
@@ -315,8 +304,7 @@ impl<'a> Work<'a> {
             change: change.max((now - before).abs()),
         };
         let found = &mut self.found;
-        found.boundary = best(seen.boundary, last.boundary, 0.0);
-        found.far_boundary = best(seen.far_boundary, last.far_boundary, 0.0);
+        found.boundary = best(seen.boundary, last.boundary, 0.0).value;
         for k in 0..4 {
             let beside = seen.wide_local.iter().zip(&last.own_local);
             let change = beside.map(|(a, b)| (a[k] - b[k]).abs()).fold(0.0, f64::max);
@@ -340,12 +328,12 @@ impl<'a> Work<'a> {
         let mixed = (up.local[0] - down.local[0]) / (2.0 * step);
         let second = (up.value + down.value - 2.0 * own.value) / (step * step);
         for (k, now) in [mixed, second].into_iter().enumerate() {
-            self.found.local[4 + k] = Changing {
+            let found = &mut self.found.local[4 + k];
+            *found = Changing {
                 value: now,
-                change: (now - self.last_second[k]).abs(),
+                change: (now - found.value).abs(),
             };
         }
-        self.last_second = [mixed, second];
     }
 }
 

@@ -53,7 +53,92 @@ impl<V: Vector> Obstacle<V> {
     }
 }
 
+/// The weights of the compact scheme's mass matrix, at the node before, at the own one and behind it.
+#[inline(always)]
+pub fn mass_weights<V: Vector>(peclet: V) -> [V; 3] {
+    [
+        peclet.times(-1.0 / 24.0).plus(1.0 / 12.0),
+        V::all(10.0 / 12.0),
+        peclet.times(1.0 / 24.0).plus(1.0 / 12.0),
+    ]
+}
+
+/// The sum of these weights with values at three nodes.
+#[inline(always)]
+pub fn mass_of<V: Vector>([lower, middle, upper]: [V; 3], [before, at, after]: [V; 3]) -> V {
+    upper.times_plus(after, middle.times_plus(at, lower * before))
+}
+
+/// What the elimination from the far end leaves of a stage's matrix: what the row above is multiplied by, the pivots, and
+/// one over these.
+pub struct Elimination<V> {
+    pub factor: Vec<V>,
+    pub pivot: Vec<V>,
+    pub inverse: Vec<V>,
+}
+
+impl<V: Vector> Elimination<V> {
+    pub fn new(nodes: usize) -> Self {
+        let array = || vec![V::zero(); nodes];
+        Self {
+            factor: array(),
+            pivot: array(),
+            inverse: array(),
+        }
+    }
+
+    /// Eliminate down to a row.
+    #[inline(always)]
+    pub fn of(&mut self, stage: &Stage<V>, first: usize) {
+        let last = self.pivot.len() - 2;
+        let one = V::all(1.0);
+        self.factor[last] = V::zero();
+        self.pivot[last] = stage.last_diagonal;
+        self.inverse[last] = one / stage.last_diagonal;
+        for i in (first..last).rev() {
+            let factor = stage.upper * self.inverse[i + 1];
+            let pivot = stage.diagonal - factor * stage.lower_of(i + 1, last);
+            self.factor[i] = factor;
+            self.pivot[i] = pivot;
+            self.inverse[i] = one / pivot;
+        }
+    }
+}
+
 impl<V: Vector> Stage<V> {
+    /// What a row takes of the node before it; in the last one the far end is eliminated.
+    #[inline(always)]
+    pub fn lower_of(&self, row: usize, last: usize) -> V {
+        if row == last {
+            self.last_lower
+        } else {
+            self.lower
+        }
+    }
+
+    /// What the row before, the own and the row behind take of a node; `loose` is 1 where the near end is no obstacle, and
+    /// eliminated, else 0.
+    #[inline(always)]
+    pub fn column(&self, node: usize, last: usize, loose: V) -> [V; 3] {
+        let q = self.near_rule;
+        let (mut upper, mut diagonal) = (self.upper, self.diagonal);
+        if node == last {
+            diagonal = self.last_diagonal;
+        }
+        if node == 1 {
+            diagonal = (loose * self.lower).times_plus(q.plus(1.0), diagonal);
+        }
+        if node == 2 {
+            upper = upper - loose * self.lower * q;
+        }
+        let behind = if node < last {
+            self.lower_of(node + 1, last)
+        } else {
+            V::zero()
+        };
+        [upper, diagonal, behind]
+    }
+
     /// Settle the node of a cell where `near` is below 0, given its pivot and the rest of its row.
     #[inline(always)]
     pub fn cell(&self, pivot: V, rest: V, gain: V, rise: V, near: V) -> Cell<V> {
@@ -81,7 +166,7 @@ impl<V: Vector> Stage<V> {
     /// M V at a node, from the values at the one before, at it and behind it.
     #[inline(always)]
     pub fn mass(&self, before: V, at: V, after: V) -> V {
-        let sum = self.mass_middle.times_plus(at, self.mass_lower * before);
-        self.mass_upper.times_plus(after, sum)
+        let weights = [self.mass_lower, self.mass_middle, self.mass_upper];
+        mass_of(weights, [before, at, after])
     }
 }

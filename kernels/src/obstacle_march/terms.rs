@@ -2,7 +2,7 @@
 
 use super::contract::Segment;
 use super::mesh::Grid;
-use super::stage::{Obstacle, Stage};
+use super::stage::{mass_weights, Obstacle, Stage};
 use crate::lanes::vector::{Vector, LANES};
 
 /// The coefficients in each lane.
@@ -72,9 +72,7 @@ impl Terms {
         let second = (peclet * peclet).times(1.0 / 12.0).plus(1.0) * spread;
         let half = peclet.times(0.5) * spread;
         let growth = V::from_lanes(self.rate).times_plus(a, one);
-        let mass_lower = peclet.times(-1.0 / 24.0).plus(1.0 / 12.0);
-        let mass_upper = peclet.times(1.0 / 24.0).plus(1.0 / 12.0);
-        let mass_middle = V::all(10.0 / 12.0);
+        let [mass_lower, mass_middle, mass_upper] = mass_weights(peclet);
         let lower = growth * mass_lower - (second - half);
         let diagonal = growth * mass_middle + second.times(2.0);
         let upper = growth * mass_upper - (second + half);

@@ -10,7 +10,7 @@ use super::event::{hat, hat_weights, indices_after, points_of_hat, tilt, After, 
 use super::line::{Line, Reading};
 use super::mesh::Grid;
 use super::record::{Record, Start};
-use super::stage::{Obstacle, Stage};
+use super::stage::{Elimination, Obstacle, Stage};
 use super::steps::{LaneSteps, Step};
 use super::tableau::GAMMA;
 use super::terms::Terms;
@@ -133,8 +133,8 @@ struct Walk<'w, 'a, V> {
     /// The weights of M V at a stage, and of its rows.
     of_mass: Vec<V>,
     of_rows: Vec<V>,
-    /// One over the pivots, and the recursion e - f `nu_before` for the weights of the rows.
-    inverse: Vec<V>,
+    elimination: Elimination<V>,
+    /// The recursion e - f `nu_before` for the weights of the rows.
     known: Vec<V>,
     factor: Vec<V>,
     /// How far the nodes are from the contact set, in cells.
@@ -158,7 +158,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             rates: [lanes(), lanes(), lanes(), lanes()],
             of_mass: array(),
             of_rows: array(),
-            inverse: array(),
+            elimination: Elimination::new(nodes),
             known: array(),
             factor: array(),
             distance: array(),
@@ -231,26 +231,13 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         let steps = LaneSteps::<V>::at(n, contracts, self.march.steps);
         let a = steps.dt.times(GAMMA);
         let stage: Stage<V> = self.terms.stage(a);
-        self.factorise(&stage);
+        // The transposed elimination has the same pivots where nothing is in contact.
+        self.elimination.of(&stage, 1);
         // The rate of the last stage is that of the next step's start.
         self.rates.swap(0, 3);
         for number in (0..3).rev() {
             let sums = self.stage(3 * n + number, number, &stage, &steps);
             self.add_up(n, number, &stage, &steps, &sums);
-        }
-    }
-
-    /// One over the pivots of the transposed elimination where nothing is in contact, which are those of the march.
-    #[inline(always)]
-    fn factorise(&mut self, stage: &Stage<V>) {
-        let last = self.march.cells - 1;
-        let one = V::all(1.0);
-        self.inverse[last] = one / stage.last_diagonal;
-        let mut lower = stage.last_lower;
-        for i in (1..last).rev() {
-            let factor = stage.upper * self.inverse[i + 1];
-            self.inverse[i] = one / (stage.diagonal - factor * lower);
-            lower = stage.lower;
         }
     }
 
@@ -292,7 +279,6 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         let top = self.top_of_contact(index);
         // The weights of V, the elimination from the far end.
         let (mut after, mut factor) = (zero, zero);
-        let mut low = zero; // of the row behind, at this node
         for i in (1..=last).rev() {
             let before = if i > 1 { self.of_mass[i - 1] } else { zero };
             let behind = if i < last { self.of_mass[i + 1] } else { zero };
@@ -306,22 +292,15 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             if i + 1 == last {
                 weight = weight - p * end;
             }
-            let mut diagonal = if i == last {
-                stage.last_diagonal
-            } else {
-                stage.diagonal
-            };
-            let mut upper = stage.upper; // of the row before, at this node
             if i == 1 {
                 weight = q.plus(1.0).times_plus(loose * near_end, weight);
-                diagonal = (loose * stage.lower).times_plus(q.plus(1.0), diagonal);
             }
             if i == 2 {
                 weight = weight - q * (loose * near_end);
-                upper = upper - loose * stage.lower * q;
             }
+            let [upper, diagonal, low] = stage.column(i, last, loose);
             let rest = weight - low * after;
-            let mut pivot_inverse = self.inverse[i];
+            let mut pivot_inverse = self.elimination.inverse[i];
             if i <= top {
                 let s = self.distance_of(index, i, &obstacle, V::from_lanes(values[i]));
                 self.distance[i] = s;
@@ -331,11 +310,6 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             after = rest * pivot_inverse;
             factor = upper * pivot_inverse;
             (self.known[i], self.factor[i]) = (after, factor);
-            low = if i == last {
-                stage.last_lower
-            } else {
-                stage.lower
-            };
             self.direct[i] = weight.lanes();
         }
         let mut sums = Sums {
@@ -423,27 +397,12 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
     ) {
         let last = self.march.cells - 1;
         let (zero, one) = (V::zero(), V::all(1.0));
-        let q = stage.near_rule;
         let half_a = (stage.spread / stage.diffusion).times(0.5);
         for i in 1..=top.min(last) {
             let signed = V::from_lanes(self.march.signed[i]);
             let rise = obstacle.at(signed).1;
             let s = self.distance[i];
-            let (mut diagonal, mut upper) = (stage.diagonal, stage.upper);
-            if i == 1 {
-                diagonal = (loose * stage.lower).times_plus(q.plus(1.0), diagonal);
-            }
-            if i == 2 {
-                upper = upper - loose * stage.lower * q;
-            }
-            if i == last {
-                diagonal = stage.last_diagonal;
-            }
-            let low = if i + 1 == last {
-                stage.last_lower
-            } else {
-                stage.lower
-            };
+            let [upper, diagonal, low] = stage.column(i, last, loose);
             let before = if i > 1 { self.of_rows[i - 1] } else { zero };
             let behind = if i < last { self.of_rows[i + 1] } else { zero };
             let rows = upper * before + diagonal * self.of_rows[i] + low * behind;

@@ -186,19 +186,7 @@ impl MarchedSegments {
     /// The spot at which exercise begins, not a number without one, (n,).
     #[getter]
     fn boundary<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.column(py, |one| one.boundary.value)
-    }
-
-    /// By how much the boundary is another on the last two grids, (n,).
-    #[getter]
-    fn boundary_change<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.column(py, |one| one.boundary.change)
-    }
-
-    /// The other end of the exercise region where it has two, (n,).
-    #[getter]
-    fn far_boundary<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.column(py, |one| one.far_boundary.value)
+        self.column(py, |one| one.boundary)
     }
 
     /// Whether the spot is in the exercise region, (n,).
@@ -207,30 +195,24 @@ impl MarchedSegments {
         self.column(py, |one| one.exercised)
     }
 
-    /// Whether the estimate meets the tolerance, (n,).
-    #[getter]
-    fn met<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
-        self.column(py, |one| one.met)
-    }
-
     /// Whether all stages of the finest march were solved, (n,).
     #[getter]
     fn settled<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         self.column(py, |one| one.settled)
     }
 
-    /// The cells of the finest grid, (n,).
-    #[getter]
-    #[allow(clippy::cast_possible_wrap)]
-    fn cells<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        self.column(py, |one| one.cells as i64)
-    }
-
-    /// The steps of its march, (n,).
+    /// The steps of the finest march, (n,).
     #[getter]
     #[allow(clippy::cast_possible_wrap)]
     fn steps<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         self.column(py, |one| one.steps as i64)
+    }
+
+    /// How many grids each contract was marched on, (n,).
+    #[getter]
+    #[allow(clippy::cast_possible_wrap)]
+    fn levels<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.column(py, |one| one.levels as i64)
     }
 
     /// The first two derivatives by x, the rate `V_tau` and its derivative by x, the derivative of the first by a parallel

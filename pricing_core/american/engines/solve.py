@@ -21,12 +21,9 @@ from pricing_core.arrays import BoolVector, Vector, every, some
 from pricing_core.kernel import warn_where_missing
 
 CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH = ClosedForm(), PremiumMarch(), CompiledMarch()
-ENGINES: tuple[Engine, ...] = (
-    *(CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH),
-    MethodOfLines(control=COMPILED_MARCH),
-)
 # Those whose vega costs no more than a few prices: the search for a volatility asks them first.
-FAST_ENGINES = (CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH)
+FAST_ENGINES: tuple[Engine, ...] = (CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH)
+ENGINES: tuple[Engine, ...] = (*FAST_ENGINES, MethodOfLines(control=COMPILED_MARCH))
 BOUNDS_ALONE = "of the price its bounds without arbitrage are known alone, between which it stands"
 
 

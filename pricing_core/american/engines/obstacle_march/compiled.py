@@ -59,19 +59,15 @@ class CompiledMarch:
         found = march_book(book, request)
         strike, escrow = book.strike, book.escrow_now()
         settled = found.settled & np.isfinite(found.value)
-        columns = by_spot(book, found) if request.greeks != "none" else {}
+        columns, complete = by_spot(book, found), settled
         if request.greeks == "none":
-            spot = (book.spot - escrow) / strike
-            slope, bend = found.local[:, 0], found.local[:, 1]
-            columns |= {"delta": slope / spot, "gamma": (bend - slope) / (spot * spot * strike)}
-        elif request.greeks == "standard":
-            del columns["charm"], columns["charm_error"]
-        if request.greeks != "none":
+            columns = {name: columns[name] for name in ("delta", "gamma")}
+        else:
+            if request.greeks == "standard":
+                del columns["charm"], columns["charm_error"]
             columns |= _by_parameters(book, found, settled & ~found.exercised, request)
+            complete = settled & ~np.isnan(columns["vega"])
         european = _european(book, found.value, request)
-        complete = settled.copy()
-        if request.greeks != "none":
-            complete &= ~np.isnan(columns["vega"])
         interrupted = request.is_interrupted()
         return priced(
             book,
@@ -85,7 +81,7 @@ class CompiledMarch:
             method="obstacle-march",
             status=np.where(interrupted & ~complete, "deadline", "ok").astype(object),
             steps=found.steps,
-            solves=np.where(settled, 2, 1),
+            solves=found.levels,
             **columns,
         )
 

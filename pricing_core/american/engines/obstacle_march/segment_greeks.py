@@ -23,8 +23,9 @@ from pricing_core.arrays import BoolVector, Matrix, Vector
 if TYPE_CHECKING:
     from pricing_core._kernels import MarchedSegments
 
-# The numbers of a segment by which the march differentiates, in its order.
-RATE, DIVIDEND_YIELD, VOLATILITY, FRACTION, AMOUNT, ESCROW = range(6)
+# The numbers of a segment by which the march differentiates, in its order: those of the curves, the share of the spot
+# by which it drops, and these.
+RATE, AMOUNT, ESCROW = CURVES.index("rate"), 4, 5
 # The derivatives at the spot, in its order.
 BY_X, BY_X_TWICE, RATE_OF_CHANGE, RATE_BY_X, VOLATILITY_AND_X, VOLATILITY_TWICE = range(6)
 # Amount of a dividend, in strikes, that changes no value by more than a billionth; chosen.
@@ -97,7 +98,7 @@ def by_parameters(book: Book, found: MarchedSegments, *, extended: bool) -> Colu
         "volatility": BY_VOLATILITY * per_volatility * by_x_twice,
     }
     columns: Columns = {}
-    for name, k in zip(CURVES, (RATE, DIVIDEND_YIELD, VOLATILITY), strict=True):
+    for k, name in enumerate(CURVES):
         columns[PARALLEL[name]] = book.strike * total[:, k]
         columns[error_of(PARALLEL[name])] = book.strike * np.maximum(CHANGE_SHARE * change[:, k], least[name])
     columns |= _by_dividends(book, gradient, BY_DIVIDEND * by_x / spot)
@@ -110,7 +111,7 @@ def by_parameters(book: Book, found: MarchedSegments, *, extended: bool) -> Colu
         columns["vanna_error"] = np.maximum(CHANGE_SHARE * vanna_change, of_vanna) / spot
         columns["volga"] = book.strike * volga
         columns["volga_error"] = book.strike * np.maximum(FLAT_SHARE * volga_change, of_volga)
-        for name, k in zip(CURVES, (RATE, DIVIDEND_YIELD, VOLATILITY), strict=True):
+        for k, name in enumerate(CURVES):
             columns |= _by_pieces(book, name, gradient, k, least[name])
     return columns
 
