@@ -28,6 +28,16 @@ def march_strikes(
 class MarchSettings:
     def __new__(cls, *, cells: int, width: float, steps: float, rounded: float) -> MarchSettings: ...
 
+class VolatilitySurface:
+    def __new__(
+        cls,
+        *,
+        times: Vector,
+        logs: Vector,
+        values: Matrix,
+        slopes: Matrix,
+    ) -> VolatilitySurface: ...
+
 class SegmentTable:
     def __new__(
         cls,
@@ -44,6 +54,7 @@ class SegmentTable:
         fraction: Vector,
         amount: Vector,
         escrow: Vector,
+        local: list[tuple[VolatilitySurface, float, float] | None] | None = None,
     ) -> SegmentTable: ...
 
 class MarchedSegments:

@@ -43,6 +43,7 @@ march_boundaries = None if _compiled is None else _compiled.march_boundaries
 sweep_schedules = None if _compiled is None else _compiled.sweep_schedules
 MarchSettings = None if _compiled is None else _compiled.MarchSettings
 SegmentTable = None if _compiled is None else _compiled.SegmentTable
+VolatilitySurface = None if _compiled is None else _compiled.VolatilitySurface
 march_segments = None if _compiled is None else _compiled.march_segments
 
 

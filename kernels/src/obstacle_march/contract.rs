@@ -1,5 +1,7 @@
 //! Contracts as the march takes them: money in strikes, segments between the times at which something happens.
 
+use super::surface::Local;
+
 /// An interval of time in which nothing happens, and what happens at its end.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
@@ -70,4 +72,27 @@ pub struct Contract<'a> {
     pub segments: &'a [Segment],
     /// Those that tell the grid and the steps: its own, or for a difference those of a contract next to it.
     pub mesh: &'a [Segment],
+    /// The local volatility; what a segment's exceeds the number by that stands for it is added.
+    pub local: Option<Local<'a>>,
+}
+
+impl Contract<'_> {
+    /// The square of the volatility at a time, years from now, and at x, given that of the segment.
+    pub(super) fn variance(&self, time: f64, x: f64, of_segment: f64) -> f64 {
+        let Some(local) = &self.local else {
+            return of_segment * of_segment;
+        };
+        let at = local.surface.moment(time);
+        let square = |number| local.at_time(number, x, of_segment).powi(2);
+        let before = square(at.before);
+        at.share.mul_add(square(at.behind) - before, before)
+    }
+
+    /// Years from now to the end of a segment.
+    pub(super) fn end_of(&self, number: usize) -> f64 {
+        self.segments[..=number]
+            .iter()
+            .map(|one| one.duration)
+            .sum()
+    }
 }

@@ -3,7 +3,6 @@
 use super::contract::{Contract, Segment};
 use super::line::Line;
 use super::mesh::Grid;
-use super::stage::{mass_of, mass_weights};
 use crate::lanes::normal::ln;
 use crate::lanes::vector::{Vector, LANES};
 
@@ -146,26 +145,6 @@ impl<'a> Before<'a> {
         }
         found
     }
-
-    /// Give the integrals against the hats of the nodes next to the kinks, which sums over three nodes do not tell.
-    pub fn whole_rows(
-        &self,
-        grid: &Grid,
-        kinks: &Kinks,
-        peclet: f64,
-        mut give: impl FnMut(usize, f64),
-    ) {
-        kinks.each_row(grid, |row, kinks| {
-            #[allow(clippy::cast_precision_loss)]
-            let place = row as f64;
-            let mut total = 0.0;
-            points_of_hat(row, kinks, |u, weight| {
-                let (value, _) = self.at(grid.spot_at(u + place));
-                total += weight * (hat(u) + peclet * tilt(u)) * value;
-            });
-            give(row, total);
-        });
-    }
 }
 
 /// The numbers of the nodes, which need not be whole, at the spots after the drop at the end of a segment.
@@ -216,28 +195,6 @@ pub fn hat_weights(peclet: f64) -> [f64; 3] {
         10.0 / 12.0,
         1.0 / 12.0 + peclet / 24.0,
     ]
-}
-
-/// Give the sum of the hats' weights with values at nodes, for each inner node, as the march itself makes it.
-#[inline(always)]
-pub fn sums_over_hats<V: Vector>(peclet: f64, values: &[f64], mut give: impl FnMut(usize, f64)) {
-    let weights = mass_weights(V::all(peclet));
-    let inner = values.len() - 2;
-    for begin in (0..inner).step_by(V::WIDTH) {
-        let from = |shift: usize| {
-            V::from_lanes(std::array::from_fn(|k| {
-                values[(begin + k).min(inner - 1) + shift]
-            }))
-        };
-        let sums = mass_of(weights, [from(0), from(1), from(2)]).lanes();
-        for (k, sum) in sums
-            .into_iter()
-            .enumerate()
-            .take(V::WIDTH.min(inner - begin))
-        {
-            give(begin + k + 1, sum);
-        }
-    }
 }
 
 /// Places where a value is not smooth, in numbers of nodes.

@@ -2,16 +2,18 @@
 //! and its own steps, and all do the same in a step.
 
 use super::contract::Contract;
-use super::event::{hat_weights, sums_over_hats, After, Before, Kinks};
+use super::event::{After, Before, Kinks};
 use super::line::{Contact, Line};
+use super::local_terms::LocalTerms;
 use super::mesh::Grid;
-use super::newton::{Newton, Rows};
+use super::newton::{Newton, System};
 use super::record::{Record, Start};
 use super::settings::Settings;
-use super::stage::{Elimination, Stage};
+use super::stage::{mass_of, Elimination, Obstacle, Rows, Stage};
+use super::start::start_values;
 use super::steps::{steps_of, LaneSteps, Step};
 use super::tableau::GAMMA;
-use super::terms::Terms;
+use super::terms::{EvenTerms, Terms};
 use super::walk_back::{BySegment, Course, Functional, WalkBack};
 use crate::interrupt::Interrupt;
 use crate::lanes::dispatch::Work;
@@ -68,7 +70,7 @@ fn last_gain(contract: &Contract, grid: &Grid) -> usize {
     (index.max(1.0) as usize + 1).min(grid.cells)
 }
 
-/// Contracts that are marched side by side on grids of one number of cells.
+/// Contracts that are marched side by side on grids of one number of cells, all with a local volatility or none.
 pub struct Group<'a> {
     pub contracts: Vec<Contract<'a>>,
     pub cells: usize,
@@ -99,7 +101,36 @@ impl<V: Vector> Part<V> for Marching<'_, '_> {
 
     #[inline(always)]
     fn run(self) -> Self::Result {
-        March::<V>::new(self.0).run()
+        let group = self.0;
+        let grids: Vec<Grid> = (0..LANES)
+            .map(|l| {
+                let contract = &group.contracts[l.min(group.contracts.len() - 1)];
+                Grid::new(contract, group.cells, &group.settings)
+            })
+            .collect();
+        let march = March::<V>::new(group, grids);
+        if group.contracts[0].local.is_none() {
+            let terms = EvenTerms::new(&march.grids);
+            V::call(Run { march, terms })
+        } else {
+            let terms = LocalTerms::<V>::new(&group.contracts, &march.grids);
+            V::call(Run { march, terms })
+        }
+    }
+}
+
+/// The march with one kind of coefficients: work of its own, which keeps the stack of either small.
+struct Run<'a, T, V> {
+    march: March<'a, V>,
+    terms: T,
+}
+
+impl<T: Terms<V>, V: Vector> Part<V> for Run<'_, T, V> {
+    type Result = Option<Vec<Marched>>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Result {
+        self.march.run(self.terms)
     }
 }
 
@@ -108,20 +139,16 @@ struct March<'a, V> {
     grids: Vec<Grid>,
     steps: Vec<Vec<Step>>,
     spots: Vec<Vec<f64>>,
-    terms: Terms,
     /// The spot times the sign, at the nodes.
-    signed: Vec<[f64; LANES]>,
-    /// V at the nodes, and M V less what its sums miss.
-    values: Vec<[f64; LANES]>,
-    mass: Vec<[f64; LANES]>,
-    /// M times the rates at the step's start and of its stages.
+    signed: Vec<V>,
+    /// V at the nodes, at the step's start and at the last stage.
+    begun: Vec<[f64; LANES]>,
+    values: Vec<V>,
+    /// The rates at the step's start and of its stages.
     rates: [Vec<V>; 4],
-    /// The right-hand side without the far nodes, by elimination.
+    /// What a stage starts from, and M times that without the far nodes, by elimination.
+    base: Vec<V>,
     left: Vec<V>,
-    /// M times the rates of the stage.
-    found: Vec<V>,
-    /// M times the values of the last stage.
-    next_mass: Vec<[f64; LANES]>,
     elimination: Elimination<V>,
     /// The first node that is looked at: those before it are in contact in every lane, and stay so.
     first: usize,
@@ -130,55 +157,46 @@ struct March<'a, V> {
     last_kinks: [usize; LANES],
     newton: Newton<V>,
     contact: [Contact; LANES],
-    record: Option<Record>,
+    record: Option<Record<V>>,
     /// Whether a lane's contract has not come to now yet.
     active: [bool; LANES],
     settled: [bool; LANES],
 }
 
 impl<'a, V: Vector> March<'a, V> {
-    fn new(group: &'a Group<'a>) -> Self {
+    fn new(group: &'a Group<'a>, grids: Vec<Grid>) -> Self {
         let nodes = group.cells + 1;
         let lane = |l: usize| l.min(group.contracts.len() - 1);
-        let grids: Vec<Grid> = (0..LANES)
-            .map(|l| Grid::new(&group.contracts[lane(l)], group.cells, &group.settings))
-            .collect();
-        let steps = (0..group.contracts.len())
+        let steps: Vec<Vec<Step>> = (0..group.contracts.len())
             .map(|l| steps_of(&group.contracts[l], &grids[l], &group.settings))
             .collect();
-        let mut signed = vec![[0.0; LANES]; nodes];
-        let mut spots = Vec::new();
-        for l in 0..LANES {
-            let (grid, sign) = (&grids[l], group.contracts[lane(l)].sign);
-            let own: Vec<f64> = (0..nodes).map(|node| grid.spot(node)).collect();
-            for (signed, spot) in signed.iter_mut().zip(&own) {
-                signed[l] = sign * spot;
-            }
-            spots.push(own);
-        }
+        let spots: Vec<Vec<f64>> = grids
+            .iter()
+            .map(|grid| (0..nodes).map(|node| grid.spot(node)).collect())
+            .collect();
+        let signed = (0..nodes)
+            .map(|node| V::from_lanes(std::array::from_fn(|l| grids[l].sign * spots[l][node])))
+            .collect();
         let array = || vec![V::zero(); nodes];
         let last_kinks: [usize; LANES] =
             std::array::from_fn(|l| last_gain(&group.contracts[lane(l)], &grids[l]));
-        let last_kink = last_kinks.iter().copied().max().unwrap_or(0);
-        let terms = Terms::new(&grids);
         let segments = group.contracts.iter().map(|one| one.segments.len());
-        let record = group.record.then(|| Record::new(nodes, segments));
+        let most = steps.iter().map(Vec::len).max().unwrap_or(0);
+        let record = group.record.then(|| Record::new(nodes, most, segments));
         Self {
             group,
             grids,
             steps,
             spots,
-            terms,
             signed,
-            values: vec![[0.0; LANES]; nodes],
-            mass: vec![[0.0; LANES]; nodes],
+            begun: vec![[0.0; LANES]; nodes],
+            values: array(),
             rates: [array(), array(), array(), array()],
+            base: array(),
             left: array(),
-            found: array(),
-            next_mass: vec![[0.0; LANES]; nodes],
             elimination: Elimination::new(nodes),
             first: 1,
-            last_kink,
+            last_kink: last_kinks.iter().copied().max().unwrap_or(0),
             last_kinks,
             newton: Newton::new(nodes),
             record,
@@ -189,15 +207,19 @@ impl<'a, V: Vector> March<'a, V> {
     }
 
     #[inline(always)]
-    fn run(mut self) -> Option<Vec<Marched>> {
+    fn run<T: Terms<V>>(mut self, mut terms: T) -> Option<Vec<Marched>> {
         let count = self.group.contracts.len();
         let most = self.steps.iter().map(Vec::len).max().unwrap_or(0);
         let mut found: Vec<Option<Marched>> = vec![None; count];
         for lane in 0..count {
-            self.start(lane, self.group.contracts[lane].segments.len() - 1, true);
+            let last = self.group.contracts[lane].segments.len() - 1;
+            self.start(&mut terms, lane, last, true);
         }
         for l in count..LANES {
-            self.copy_lane(count - 1, l);
+            for row in &mut self.begun {
+                row[l] = row[count - 1];
+            }
+            terms.copy_lane(count - 1, l);
         }
         for n in 0..most {
             if (self.group.interrupt)() {
@@ -206,82 +228,42 @@ impl<'a, V: Vector> March<'a, V> {
             for (active, steps) in self.active.iter_mut().zip(&self.steps) {
                 *active = n < steps.len();
             }
-            self.step(n);
+            self.step(&mut terms, n);
             for (lane, found) in found.iter_mut().enumerate() {
                 let Some(step) = self.steps[lane].get(n).copied() else {
                     continue;
                 };
                 if step.is_last && step.segment > 0 {
-                    self.start(lane, step.segment - 1, false);
+                    self.start(&mut terms, lane, step.segment - 1, false);
                 } else if step.is_last {
                     *found = Some(self.marched(lane));
                 }
             }
         }
         let mut found: Vec<Marched> = found.into_iter().collect::<Option<_>>()?;
-        self.walk_back(&mut found)?;
+        self.walk_back(terms, &mut found)?;
         Some(found)
-    }
-
-    /// Give a lane that holds no contract the numbers of another.
-    fn copy_lane(&mut self, from: usize, to: usize) {
-        for array in [&mut self.values, &mut self.mass] {
-            for row in array {
-                row[to] = row[from];
-            }
-        }
-        self.terms.copy_lane(from, to);
     }
 
     /// The value of a lane now.
     fn marched(&self, lane: usize) -> Marched {
         let contract = &self.group.contracts[lane];
+        let of = |nodes: &[V]| nodes.iter().map(|node| node.lane(lane)).collect();
         Marched {
             grid: self.grids[lane],
-            values: self.values.iter().map(|row| row[lane]).collect(),
+            values: of(&self.values),
             contact: self.contact[lane],
             strike: contract.segments[0].strike_at_beginning(),
             steps: self.steps[lane].len(),
             settled: self.settled[lane],
-            rates: self
-                .record
-                .as_ref()
-                .map_or_else(Vec::new, |_| self.nodal_rates(lane)),
+            rates: of(&self.rates[0]),
             by_segment: Vec::new(),
         }
     }
 
-    /// `V_tau` at the nodes of a lane, from M times it; at the ends as the values go, linearly in the spot.
-    fn nodal_rates(&self, lane: usize) -> Vec<f64> {
-        let last = self.group.cells - 1;
-        let [lower, middle, upper] = hat_weights(self.terms.peclet[lane]);
-        let ratio = (self.grids[lane].sign * self.grids[lane].h).exp();
-        let (near, far) = (1.0 / ratio, ratio);
-        let mut rates = vec![0.0; last + 2];
-        let mut factors = vec![0.0; last + 2];
-        for i in 1..=last {
-            let (mut low, mut diagonal, mut up) = (lower, middle, upper);
-            if i == 1 {
-                (diagonal, up, low) = (diagonal + lower * (1.0 + near), up - lower * near, 0.0);
-            }
-            if i == last {
-                (diagonal, low) = (diagonal + upper * (1.0 + far), low - upper * far);
-            }
-            let pivot = diagonal - low * factors[i - 1];
-            factors[i] = up / pivot;
-            rates[i] = (self.rates[0][i].lane(lane) - low * rates[i - 1]) / pivot;
-        }
-        for i in (1..last).rev() {
-            rates[i] -= factors[i] * rates[i + 1];
-        }
-        rates[0] = (1.0 + near) * rates[1] - near * rates[2];
-        rates[last + 1] = (1.0 + far) * rates[last] - far * rates[last - 1];
-        rates
-    }
-
     /// Walk back from the values at the contracts' spots.
     #[inline(always)]
-    fn walk_back(&self, found: &mut [Marched]) -> Option<()> {
+    fn walk_back<T: Terms<V>>(&self, terms: T, found: &mut [Marched]) -> Option<()> {
         let Some(record) = &self.record else {
             return Some(());
         };
@@ -298,10 +280,10 @@ impl<'a, V: Vector> March<'a, V> {
                 steps: &self.steps,
                 spots: &self.spots,
                 signed: &self.signed,
-                terms: self.terms,
                 last_kink: self.last_kink,
                 interrupt: self.group.interrupt,
             },
+            terms,
             record,
             functionals: &functionals,
         })?;
@@ -313,12 +295,12 @@ impl<'a, V: Vector> March<'a, V> {
 
     /// Take a lane to the end of a segment: what happens there, and what its first step starts from.
     #[inline(always)]
-    fn start(&mut self, lane: usize, number: usize, at_expiry: bool) {
+    fn start<T: Terms<V>>(&mut self, terms: &mut T, lane: usize, number: usize, at_expiry: bool) {
         let contract = self.group.contracts[lane];
         let (segment, grid) = (&contract.segments[number], self.grids[lane]);
-        let peclet = self.terms.enter(lane, segment, &grid);
+        terms.enter(lane, &contract, number, &grid);
         let mut kinks = Kinks::default();
-        let later: Vec<f64> = self.values.iter().map(|row| row[lane]).collect();
+        let later: Vec<f64> = self.values.iter().map(|node| node.lane(lane)).collect();
         let contact = self.contact[lane];
         let after = if at_expiry {
             kinks.push(grid.index(segment.before_drop(1.0)));
@@ -332,14 +314,14 @@ impl<'a, V: Vector> March<'a, V> {
         let before = Before::new(&contract, number, after);
         let mut values = vec![0.0; grid.cells + 1];
         before.fill::<V>(&grid, &self.spots[lane], &mut values, &mut kinks);
-        sums_over_hats::<V>(peclet, &values, |node, sum| self.mass[node][lane] = sum);
-        before.whole_rows(&grid, &kinks, peclet, |row, x| self.mass[row][lane] = x);
-        for (row, value) in self.values.iter_mut().zip(&values) {
+        let begun = start_values(&before, &grid, &kinks, &values, &terms.at_end(lane));
+        for (row, value) in self.begun.iter_mut().zip(&begun) {
             row[lane] = *value;
         }
         if let Some(record) = &mut self.record {
             record.starts[lane][number] = Some(Start {
                 values,
+                begun,
                 kinks,
                 later: (!at_expiry).then_some((later, contact)),
             });
@@ -347,15 +329,19 @@ impl<'a, V: Vector> March<'a, V> {
     }
 
     #[inline(always)]
-    fn step(&mut self, n: usize) {
+    fn step<T: Terms<V>>(&mut self, terms: &mut T, n: usize) {
         let steps = LaneSteps::<V>::at(n, &self.group.contracts, &self.steps);
         self.skip(n);
-        let stage = self.terms.stage(steps.dt.times(GAMMA));
-        self.elimination.of(&stage, self.first);
-        let [one, two, three] = [0, 1, 2].map(|k| (steps.weights(k), steps.strikes[k]));
-        self.solve::<1, false>(&stage, one);
-        self.solve::<2, false>(&stage, two);
-        self.solve::<3, true>(&stage, three);
+        if let Some(record) = &mut self.record {
+            record.begin(&self.rates[0]);
+        }
+        self.solve::<T, 1>(terms, &steps);
+        self.solve::<T, 2>(terms, &steps);
+        self.solve::<T, 3>(terms, &steps);
+        let first = self.first - 1;
+        for (begun, value) in self.begun[first..].iter_mut().zip(&self.values[first..]) {
+            *begun = value.lanes();
+        }
         self.rates.swap(0, 3);
     }
 
@@ -380,11 +366,9 @@ impl<'a, V: Vector> March<'a, V> {
             own[lane] = if known { (end - SKIPPED) as usize } else { 1 }.max(1);
         }
         let first = own.into_iter().min().unwrap_or(1);
-        for i in self.first..first {
-            self.next_mass[i] = self.mass[i];
-            self.found[i] = V::zero();
-            for rates in &mut self.rates {
-                rates[i] = V::zero();
+        for rates in &mut self.rates {
+            if let Some(passed) = rates.get_mut(self.first - 1..first) {
+                passed.fill(V::zero());
             }
         }
         self.first = first;
@@ -401,14 +385,18 @@ impl<'a, V: Vector> March<'a, V> {
     ///
     /// Where the contact set is not one interval from the near end on, Newton's method does.
     #[inline(always)]
-    fn solve<const N: usize, const LAST: bool>(
-        &mut self,
-        stage: &Stage<V>,
-        (weights, strike): ([V; 3], V),
-    ) {
+    fn solve<T: Terms<V>, const N: usize>(&mut self, terms: &mut T, steps: &LaneSteps<V>) {
+        terms.set(N - 1, steps);
+        let stage = terms.stage(steps.dt.times(GAMMA));
+        let strike = steps.strikes[N - 1];
+        let obstacle = terms.exercise().obstacle(strike);
+        if N == 1 || terms.moves() {
+            self.elimination.of(&stage, self.first);
+        }
+        let weights = steps.weights(N - 1);
         let (swept, wrong) = loop {
-            self.eliminate::<N>(weights);
-            if let Some(swept) = self.substitute::<N, LAST>(stage, strike) {
+            self.eliminate::<_, N>(&stage, weights);
+            if let Some(swept) = self.substitute::<_, N>(&stage, &obstacle) {
                 let mut wrong = self.active;
                 for (wrong, worst) in wrong.iter_mut().zip(swept.worst.lanes()) {
                     *wrong &= worst <= -ROUNDING || worst.is_nan();
@@ -418,15 +406,15 @@ impl<'a, V: Vector> March<'a, V> {
                 }
             }
             self.first = 1;
-            self.elimination.of(stage, self.first);
+            self.elimination.of(&stage, self.first);
         };
         self.newton.forget(wrong);
         if wrong.contains(&true) {
             V::call(Correction {
                 march: self,
-                stage,
-                number: N - 1,
-                strike,
+                stage: &stage,
+                obstacle: &obstacle,
+                number: N,
                 wrong,
             });
         }
@@ -439,9 +427,7 @@ impl<'a, V: Vector> March<'a, V> {
             }
             record.push(&self.values, reach);
         }
-        std::mem::swap(&mut self.rates[N], &mut self.found);
-        if LAST {
-            std::mem::swap(&mut self.mass, &mut self.next_mass);
+        if N == 3 {
             for (l, end) in swept.contact.lanes().into_iter().enumerate() {
                 if !wrong[l] {
                     self.contact[l] = Contact::from_near_end(end);
@@ -450,91 +436,87 @@ impl<'a, V: Vector> March<'a, V> {
         }
     }
 
-    /// The right-hand side, left in the stage's rates, and its elimination from the far end.
+    /// What a stage starts from, and the elimination of M times that from the far end.
     #[inline(always)]
-    fn eliminate<const N: usize>(&mut self, weights: [V; 3]) {
+    fn eliminate<R: Rows<V>, const N: usize>(&mut self, stage: &Stage<R, V>, weights: [V; 3]) {
         let last = self.group.cells - 1;
-        let (known, rest) = self.rates.split_at_mut(N);
-        let (mass, right) = (&self.mass[..=last], &mut rest[0][..=last]);
+        let begun = &self.begun[..last + 2];
+        let known: [&[V]; 3] = std::array::from_fn(|k| &self.rates[k.min(N - 1)][..last + 2]);
+        let base = &mut self.base[..last + 2];
         let (factor, eliminated) = (&self.elimination.factor[..=last], &mut self.left[..=last]);
-        let known: [&[V]; 3] = std::array::from_fn(|k| &known[k.min(N - 1)][..=last]);
-        let mut left = V::zero();
-        for i in (self.first..=last).rev() {
-            let mut f = known[0][i].times_plus(weights[0], V::from_lanes(mass[i]));
+        for i in self.first - 1..last + 2 {
+            let mut f = known[0][i].times_plus(weights[0], V::from_lanes(begun[i]));
             if N > 1 {
                 f = known[1][i].times_plus(weights[1], f);
             }
             if N > 2 {
                 f = known[2][i].times_plus(weights[2], f);
             }
-            right[i] = f;
-            left = f - factor[i] * left; // the last factor is 0
+            base[i] = f;
+        }
+        let mut left = V::zero();
+        for i in (self.first..=last).rev() {
+            let right = mass_of(stage.rows.mass(i), [base[i - 1], base[i], base[i + 1]]);
+            left = right - factor[i] * left; // the last factor is 0
             eliminated[i] = left;
         }
     }
 
     /// Substitute from the near end, or from `first`; None where the nodes before it are not in contact.
     #[inline(always)]
-    fn substitute<const N: usize, const LAST: bool>(
+    fn substitute<R: Rows<V>, const N: usize>(
         &mut self,
-        stage: &Stage<V>,
-        strike: V,
+        stage: &Stage<R, V>,
+        obstacle: &Obstacle<V>,
     ) -> Option<Swept<V>> {
         let (last, begin) = (self.group.cells - 1, self.first);
-        let obstacle = self.terms.obstacle(stage, strike);
+        let strike = obstacle.strike;
         let (left, signed) = (&self.left[..=last], &self.signed[..last + 2]);
         let (pivot, inverse) = (
             &self.elimination.pivot[..=last],
             &self.elimination.inverse[..=last],
         );
+        let (base, rates) = (&self.base[..last + 2], &mut self.rates[N][..last + 2]);
+        let values = &mut self.values[..last + 2];
         let (zero, one) = (V::zero(), V::all(1.0));
-        let before;
-        let mut two_before = zero;
+        let mut before;
         let mut contact = zero;
         let mut held = V::all(-1.0); // below 0 where the last node was in contact
         if begin > 1 {
-            before = strike - V::from_lanes(signed[begin - 1]);
-            two_before = strike - V::from_lanes(signed[begin - 2]);
+            before = strike - signed[begin - 1];
         } else {
             // The near end, as if nothing touched there.
-            let q = stage.near_rule;
-            let coupled = stage.lower * q * inverse[2];
-            let diagonal = pivot[1] + stage.lower * q.plus(1.0) + coupled * stage.lower;
+            let (q, lower) = (stage.near_rule, stage.rows.lower(1));
+            let second_lower = stage.rows.lower(2);
+            let coupled = lower * q * inverse[2];
+            let diagonal = pivot[1] + lower * q.plus(1.0) + coupled * second_lower;
             let free = coupled.times_plus(left[2], left[1]) / diagonal;
-            let (gain, rise) = obstacle.at(V::from_lanes(signed[1]));
+            let (gain, rise) = obstacle.at(signed[1], stage.rows.half_inverse(1));
             // below 0 where the near end is in contact
             let touching = gain.min(rise).negative(one, free - gain - rise);
-            let free_second = (left[2] - stage.lower * free) * inverse[2];
+            let free_second = (left[2] - second_lower * free) * inverse[2];
             let free_end = free * q.plus(1.0) - q * free_second;
-            before = touching.negative(strike - V::from_lanes(signed[0]), free_end);
+            before = touching.negative(strike - signed[0], free_end);
             contact = touching.negative(zero, V::all(f64::NEG_INFINITY));
             held = touching.negative(held, one);
         }
-        let mut rows = Substituted::<V, LAST> {
-            stage,
-            right: &self.rates[N][..=last],
-            rates: &mut self.found[..=last],
-            masses: &mut self.next_mass[..=last],
-            values: &mut self.values[..last + 2],
-            before,
-            two_before,
-        };
-        if begin == 1 {
-            rows.values[0] = before.lanes();
-        }
+        values[begin - 1] = before;
+        rates[begin - 1] = (before - base[begin - 1]) * stage.inverse;
         let mut worst = zero;
         let mut i = begin;
         while i <= last && held.lanes().iter().any(|x| *x < 0.0) {
             let lower = stage.lower_of(i, last);
-            let rest = left[i] - lower * rows.before;
+            let rest = left[i] - lower * before;
             let free = rest * inverse[i];
-            let (gain, rise) = obstacle.at(V::from_lanes(signed[i]));
+            let (gain, rise) = obstacle.at(signed[i], stage.rows.half_inverse(i));
             let may = gain.min(rise);
             worst = worst.min(held.negative(zero, may.negative(zero, free - gain)));
             // below 0 where the node is in contact, or its cell
             let near = held.negative(may.negative(one, free - gain - rise), one);
-            let cell = stage.cell(pivot[i], rest, gain, rise, near);
-            rows.take(i, near.negative(cell.value, free));
+            let cell = stage.cell(i, pivot[i], rest, (gain, rise), near);
+            before = near.negative(cell.value, free);
+            values[i] = before;
+            rates[i] = (before - base[i]) * stage.inverse;
             #[allow(clippy::cast_precision_loss)]
             let end = V::all(i as f64) - cell.distance;
             contact = near.negative(end, contact);
@@ -546,86 +528,75 @@ impl<'a, V: Vector> March<'a, V> {
         }
         while i <= last {
             let lower = stage.lower_of(i, last);
-            let value = (left[i] - lower * rows.before) * inverse[i];
+            before = (left[i] - lower * before) * inverse[i];
             if i < self.last_kink {
-                let (gain, rise) = obstacle.at(V::from_lanes(signed[i]));
-                worst = worst.min(gain.min(rise).negative(zero, value - gain));
+                let (gain, rise) = obstacle.at(signed[i], stage.rows.half_inverse(i));
+                worst = worst.min(gain.min(rise).negative(zero, before - gain));
             }
-            rows.take(i, value);
+            values[i] = before;
+            rates[i] = (before - base[i]) * stage.inverse;
             i += 1;
         }
-        let end = rows.before * stage.far_rule.plus(1.0) - stage.far_rule * rows.two_before;
-        rows.take(last + 1, end);
-        if begin > 1 {
-            self.found[begin - 1] = zero;
-        }
+        let end = before * stage.far_rule.plus(1.0) - stage.far_rule * values[last - 1];
+        values[last + 1] = end;
+        rates[last + 1] = (end - base[last + 1]) * stage.inverse;
         Some(Swept { contact, worst })
     }
 
     /// Solve the stage by Newton's method in the lanes where the sweep's contact set was wrong.
     #[inline(always)]
-    fn correct(&mut self, stage: &Stage<V>, number: usize, strike: V, wrong: [bool; LANES]) {
-        let obstacle = self.terms.obstacle(stage, strike);
+    fn correct<R: Rows<V>>(
+        &mut self,
+        stage: &Stage<R, V>,
+        obstacle: &Obstacle<V>,
+        number: usize,
+        wrong: [bool; LANES],
+    ) {
         let last = self.group.cells - 1;
-        let right = &self.rates[number + 1];
         let top = |kink: usize| (kink - 1).clamp(3, last);
         #[allow(clippy::cast_precision_loss)]
         let tops = self.last_kinks.map(|kink| top(kink) as f64);
-        let rows = Rows {
+        let system = System {
             tops: V::from_lanes(tops),
             top: top(self.last_kink),
             signed: &self.signed,
-            right,
+            base: &self.base,
             left: &self.left,
             pivot: &self.elimination.pivot,
             inverse: &self.elimination.inverse,
         };
         let solved = self
             .newton
-            .solve(stage, &obstacle, &rows, &self.values, wrong);
+            .solve(stage, obstacle, &system, &self.values, wrong);
         for l in (0..LANES).filter(|l| wrong[*l]) {
             self.settled[l] &= solved[l];
             self.contact[l] = self.newton.contact(l);
         }
-        let mut mask = [1.0; LANES];
-        for (mask, wrong) in mask.iter_mut().zip(wrong) {
-            if wrong {
-                *mask = -1.0;
-            }
-        }
-        let mask = V::from_lanes(mask);
-        for (own, found) in self.values.iter_mut().zip(&self.newton.values) {
-            *own = mask.negative(*found, V::from_lanes(*own)).lanes();
-        }
-        for (i, right) in right.iter().enumerate().take(last + 1).skip(1) {
-            let before = V::from_lanes(self.values[i - 1]);
-            let at = V::from_lanes(self.values[i]);
-            let after = V::from_lanes(self.values[i + 1]);
-            let mass = stage.mass(before, at, after);
-            self.found[i] = mask.negative((mass - *right) * stage.inverse, self.found[i]);
-            self.next_mass[i] = mask
-                .negative(mass, V::from_lanes(self.next_mass[i]))
-                .lanes();
+        let mask = V::from_lanes(wrong.map(|wrong| if wrong { -1.0 } else { 1.0 }));
+        let rows = self.values.iter_mut().zip(&mut self.rates[number]);
+        for ((value, rate), (found, base)) in rows.zip(self.newton.values.iter().zip(&self.base)) {
+            *value = mask.negative(*found, *value);
+            *rate = mask.negative((*found - *base) * stage.inverse, *rate);
         }
     }
 }
 
 /// The correction of a stage: work of its own, for it is rare and long.
-struct Correction<'m, 'a, V> {
+struct Correction<'m, 'a, R, V> {
     march: &'m mut March<'a, V>,
-    stage: &'m Stage<V>,
+    stage: &'m Stage<R, V>,
+    obstacle: &'m Obstacle<V>,
     number: usize,
-    strike: V,
     wrong: [bool; LANES],
 }
 
-impl<V: Vector> Part<V> for Correction<'_, '_, V> {
+impl<R: Rows<V>, V: Vector> Part<V> for Correction<'_, '_, R, V> {
     type Result = ();
 
     #[inline(always)]
     fn run(self) {
         self.march
-            .correct(self.stage, self.number, self.strike, self.wrong);
+            .correct(self.stage, self.obstacle, self.number, self.wrong);
     }
 }
 
@@ -633,32 +604,4 @@ impl<V: Vector> Part<V> for Correction<'_, '_, V> {
 struct Swept<V> {
     contact: V,
     worst: V,
-}
-
-/// The values that a substitution has come to, and what it leaves at each node.
-struct Substituted<'m, V, const LAST: bool> {
-    stage: &'m Stage<V>,
-    right: &'m [V],
-    /// M times the rates, V, and in the last stage M V.
-    rates: &'m mut [V],
-    masses: &'m mut [[f64; LANES]],
-    values: &'m mut [[f64; LANES]],
-    before: V,
-    two_before: V,
-}
-
-impl<V: Vector, const LAST: bool> Substituted<'_, V, LAST> {
-    /// Take in the value at a node: the row of the one before it is complete.
-    #[inline(always)]
-    fn take(&mut self, node: usize, value: V) {
-        if node > 1 {
-            let mass = self.stage.mass(self.two_before, self.before, value);
-            self.rates[node - 1] = (mass - self.right[node - 1]) * self.stage.inverse;
-            if LAST {
-                self.masses[node - 1] = mass.lanes();
-            }
-        }
-        self.values[node] = value.lanes();
-        (self.two_before, self.before) = (self.before, value);
-    }
 }

@@ -1,6 +1,6 @@
 //! Where the nodes are, and when the steps end.
 
-use super::contract::{Contract, Segment};
+use super::contract::Contract;
 use super::settings::Settings;
 
 /// Nodes i = 0, ..., cells at x = `start` + i h, where x is ln S for a put and -ln S for a call: exercise lies at their
@@ -12,19 +12,33 @@ pub struct Grid {
     pub cells: usize,
     /// 1 for a put, -1 for a call.
     pub sign: f64,
+    /// The standard deviation of ln S at expiry.
+    pub deviation: f64,
 }
 
 impl Grid {
     /// A grid of so many cells over what a contract reaches.
     #[allow(clippy::cast_precision_loss)]
     pub fn new(contract: &Contract, cells: usize, settings: &Settings) -> Self {
-        let (left, right) = reach(contract, settings);
+        let (left, right, deviation) = reach(contract, settings);
         Self {
             start: left,
             h: (right - left) / cells as f64,
             cells,
             sign: contract.sign,
+            deviation,
         }
+    }
+
+    /// ln S at a node.
+    #[allow(clippy::cast_precision_loss)]
+    pub fn x(&self, node: usize) -> f64 {
+        self.sign * self.h.mul_add(node as f64, self.start)
+    }
+
+    /// By how much ln S changes from a node to the next.
+    pub fn step(&self) -> f64 {
+        self.sign * self.h
     }
 
     /// The spot at a node.
@@ -44,13 +58,17 @@ impl Grid {
     }
 }
 
-/// How far x comes: the spot and the strike, with what drifts and drops add, and the width beyond.
-fn reach(contract: &Contract, settings: &Settings) -> (f64, f64) {
+/// How far x comes: the spot and the strike, with what drifts and drops add, and the width beyond; and the standard
+/// deviation of ln S at expiry.
+fn reach(contract: &Contract, settings: &Settings) -> (f64, f64, f64) {
     let (mut low, mut high, mut variance) = (contract.x, contract.x, 0.0);
-    for segment in contract.mesh {
-        variance += segment.volatility * segment.volatility * segment.duration;
-        low = (low + segment.drift() * segment.duration).min(contract.x);
-        high = (high + segment.drift() * segment.duration).max(contract.x);
+    for (number, segment) in contract.mesh.iter().enumerate() {
+        let spread = 2.0 * f64::sqrt(variance);
+        let square = mean_variance(contract, number, low - spread, high + spread);
+        let drift = segment.rate - segment.dividend_yield - 0.5 * square;
+        variance += square * segment.duration;
+        low = (low + drift * segment.duration).min(contract.x);
+        high = (high + drift * segment.duration).max(contract.x);
         if segment.drops() {
             let after = segment.after_drop(low.exp());
             low = low
@@ -64,24 +82,52 @@ fn reach(contract: &Contract, settings: &Settings) -> (f64, f64) {
         high.max(0.0) + (settings.width + deviation) * deviation,
     );
     if contract.sign > 0.0 {
-        (left, right)
+        (left, right, deviation)
     } else {
-        (-right, -left)
+        (-right, -left, deviation)
     }
 }
 
-/// The number of steps of a segment on a grid, at least 2: from 4 on, 4 to 7 times a power of two, so that it doubles
-/// exactly where the cells are halved.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-pub fn step_count(segment: &Segment, h: f64, settings: &Settings) -> usize {
-    let wanted = settings.steps * segment.volatility * segment.duration.sqrt() / h;
-    let power = (wanted.max(4.0) / 4.0).log2().floor().exp2();
-    ((settings.rounded * wanted / power).floor() * power).max(2.0) as usize
+/// The mean of the volatility's square over a segment and between two places.
+fn mean_variance(contract: &Contract, number: usize, low: f64, high: f64) -> f64 {
+    const PLACES: u32 = 17;
+    const TIMES: u32 = 4;
+    let segment = &contract.mesh[number];
+    if contract.local.is_none() {
+        return segment.volatility * segment.volatility;
+    }
+    let end = contract.end_of(number);
+    let mut sum = 0.0;
+    for k in 0..TIMES {
+        let time = end - segment.duration * (f64::from(k) + 0.5) / f64::from(TIMES);
+        for place in 0..PLACES {
+            let x = low + (high - low) * f64::from(place) / f64::from(PLACES - 1);
+            sum += contract.variance(time, x, segment.volatility);
+        }
+    }
+    sum / f64::from(PLACES * TIMES)
 }
 
-/// The number of steps of a contract on a grid of so many cells.
-pub fn steps_on(contract: &Contract, cells: usize, settings: &Settings) -> usize {
-    let h = Grid::new(contract, cells, settings).h;
-    let of = |segment| step_count(segment, h, settings);
-    contract.mesh.iter().map(of).sum()
+/// The volatility that tells the steps of a segment: the least at its end where exercise is near, within two standard
+/// deviations of the strike.
+fn slowest(contract: &Contract, number: usize, grid: &Grid) -> f64 {
+    const PLACES: u32 = 8;
+    let volatility = contract.mesh[number].volatility;
+    if contract.local.is_none() {
+        return volatility;
+    }
+    let end = contract.end_of(number);
+    let least = (0..=PLACES)
+        .map(|k| {
+            let away = 2.0 * grid.deviation * f64::from(k) / f64::from(PLACES);
+            contract.variance(end, -grid.sign * away, volatility)
+        })
+        .fold(f64::INFINITY, f64::min);
+    least.sqrt()
+}
+
+/// The number of steps wanted of a segment on a grid.
+pub fn steps_wanted(contract: &Contract, number: usize, grid: &Grid, settings: &Settings) -> f64 {
+    let spread = slowest(contract, number, grid) * contract.mesh[number].duration.sqrt();
+    settings.steps * spread / grid.h
 }

@@ -16,6 +16,7 @@
 mod contract;
 mod event;
 mod line;
+mod local_terms;
 mod march;
 mod mesh;
 mod newton;
@@ -23,7 +24,9 @@ mod record;
 mod settings;
 mod solve;
 mod stage;
+mod start;
 mod steps;
+mod surface;
 mod tableau;
 mod terms;
 mod walk_back;
@@ -31,13 +34,15 @@ mod walk_back;
 pub use contract::{Contract, Segment};
 pub use settings::Settings;
 pub use solve::{solve, Changing, Found, Greeks, LOCAL};
+pub use surface::{Local, Surface};
 pub use walk_back::BySegment;
 
 #[cfg(test)]
 mod tests {
-    use super::{solve, Contract, Found, Greeks, Segment, Settings};
+    use super::march::Group;
+    use super::{solve, Contract, Found, Greeks, Local, Segment, Settings, Surface};
     use crate::interrupt::never;
-    use crate::lanes::dispatch::{forced, InstructionSet};
+    use crate::lanes::dispatch::{dispatch, forced, InstructionSet};
 
     fn segment(duration: f64) -> Segment {
         Segment {
@@ -83,6 +88,7 @@ mod tests {
                 x: 0.0,
                 segments,
                 mesh: segments,
+                local: None,
             };
             let found = &solved(&[contract], 1e-6)[0];
             assert!(found.met && found.settled);
@@ -90,6 +96,120 @@ mod tests {
                 (found.value - value).abs() < found.error + 1e-8,
                 "{value} {found:?}"
             );
+        }
+    }
+
+    /// Rows that are told node by node are those of constants, and so are the derivatives.
+    #[test]
+    fn a_flat_surface_is_a_constant_volatility() {
+        let mut segments = [segment(0.3), segment(0.5)];
+        segments[0].amount = 0.04;
+        let surface = Surface {
+            times: vec![0.1],
+            logs: vec![-0.2, 0.1],
+            values: vec![0.25; 2],
+            slopes: vec![0.0; 2],
+        };
+        let local = Local {
+            surface: &surface,
+            log_strike: 0.0,
+            reference: 0.25,
+        };
+        for sign in [1.0, -1.0] {
+            let constant = Contract {
+                sign,
+                x: -0.05,
+                segments: &segments,
+                mesh: &segments,
+                local: None,
+            };
+            let flat = Contract {
+                local: Some(local),
+                ..constant
+            };
+            let [even, uneven] = [constant, flat].map(|contract| {
+                let group = Group {
+                    contracts: vec![contract],
+                    cells: 64,
+                    settings: Settings::default(),
+                    record: true,
+                    interrupt: &never,
+                };
+                dispatch(group).expect("nothing interrupts")[0].clone()
+            });
+            assert_eq!(even.steps, uneven.steps);
+            for (one, other) in even.values.iter().zip(&uneven.values) {
+                assert!((one - other).abs() < 1e-12, "{one} {other}");
+            }
+            for (one, other) in even.by_segment.iter().zip(&uneven.by_segment) {
+                for (a, b) in one.numbers().iter().zip(other.numbers()) {
+                    assert!((a - b).abs() < 1e-9, "{one:?} {other:?}");
+                }
+            }
+        }
+    }
+
+    /// On one grid, by the rate, the yield, the volatility and the amount of each segment, under a volatility that changes
+    /// with the place and the time.
+    #[test]
+    fn derivatives_are_differences() {
+        let mut segments = [segment(0.3), segment(0.5)];
+        segments[0].amount = 0.02;
+        let surface = Surface {
+            times: vec![0.1, 0.6],
+            logs: vec![-0.3, 0.0, 0.3],
+            values: vec![0.36, 0.25, 0.2, 0.3, 0.22, 0.23],
+            slopes: vec![-0.4, -0.24, -0.1, -0.3, 0.0, 0.03],
+        };
+        let local = Local {
+            surface: &surface,
+            log_strike: 0.0,
+            reference: 0.25,
+        };
+        let marched = |sign: f64, own: &[Segment; 2], record: bool| {
+            let contract = Contract {
+                sign,
+                x: -0.03,
+                segments: own,
+                mesh: &segments,
+                local: Some(local),
+            };
+            let group = Group {
+                contracts: vec![contract],
+                cells: 128,
+                settings: Settings::default(),
+                record,
+                interrupt: &never,
+            };
+            dispatch(group).expect("nothing interrupts")[0].clone()
+        };
+        let numbers: [fn(&mut Segment) -> &mut f64; 4] = [
+            |one| &mut one.rate,
+            |one| &mut one.dividend_yield,
+            |one| &mut one.volatility,
+            |one| &mut one.amount,
+        ];
+        for sign in [1.0, -1.0] {
+            let found = marched(sign, &segments, true);
+            for (k, own) in found.by_segment.iter().enumerate() {
+                for (name, number) in [0, 1, 2, 4].into_iter().zip(numbers) {
+                    if name == 4 && k == 1 {
+                        continue; // nothing is paid at expiry
+                    }
+                    let moved = |by: f64| {
+                        let mut other = segments;
+                        *number(&mut other[k]) += by;
+                        marched(sign, &other, false).line().at((-0.03_f64).exp())
+                    };
+                    let step = 1e-5;
+                    let difference = (moved(step) - moved(-step)) / (2.0 * step);
+                    let derivative = own.numbers()[name];
+                    assert!(
+                        (derivative - difference).abs() < 2e-5,
+                        "sign {sign} segment {k} number {name}: {derivative} {difference}"
+                    );
+                }
+            }
         }
     }
 
@@ -115,6 +235,7 @@ mod tests {
                 x: 0.0,
                 segments,
                 mesh: segments,
+                local: None,
             })
             .collect();
         let together = solved(&contracts, 1e-4);
@@ -139,6 +260,7 @@ mod tests {
             x: 0.0,
             segments: &segments,
             mesh: &segments,
+            local: None,
         };
         let settings = Settings::default();
         let found = solve(&[contract], &[1e-4], settings, Greeks::None, 1, &|| true);

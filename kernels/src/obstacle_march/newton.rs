@@ -5,10 +5,12 @@
 //! the node in contact below 0, on the tangent of V - g above 1.
 
 use super::line::Contact;
-use super::stage::{Obstacle, Stage};
+use super::stage::{mass_of, Obstacle, Rows, Stage};
 use crate::lanes::vector::{Vector, LANES};
 
 const MOST_ITERATIONS: usize = 60;
+/// The iterations after which half a step is made: where the matrix is not an M-matrix whole ones may go round in circles.
+const PATIENCE: usize = 20;
 /// What a last iteration may still change in the distances, in cells: it leaves an error of its square.
 const SETTLED: f64 = 1e-4;
 
@@ -28,14 +30,14 @@ pub struct Newton<V> {
 }
 
 /// The equations of the rows, and what the elimination from the far end has left of them.
-pub struct Rows<'a, V> {
+pub struct System<'a, V> {
     /// The last row that may touch, in each lane and the largest of them.
     pub tops: V,
     pub top: usize,
     /// The signed spots at the nodes.
-    pub signed: &'a [[f64; LANES]],
-    /// The right-hand sides, without and with the elimination; its pivots, and one over these.
-    pub right: &'a [V],
+    pub signed: &'a [V],
+    /// What the stage starts from, the right-hand sides with the elimination, its pivots, and one over these.
+    pub base: &'a [V],
     pub left: &'a [V],
     pub pivot: &'a [V],
     pub inverse: &'a [V],
@@ -67,12 +69,12 @@ impl<V: Vector> Newton<V> {
 
     /// Solve the stage from values near by; return which lanes have settled.
     #[inline(always)]
-    pub fn solve(
+    pub fn solve<R: Rows<V>>(
         &mut self,
-        stage: &Stage<V>,
+        stage: &Stage<R, V>,
         obstacle: &Obstacle<V>,
-        rows: &Rows<V>,
-        near: &[[f64; LANES]],
+        rows: &System<V>,
+        near: &[V],
         wanted: [bool; LANES],
     ) -> [bool; LANES] {
         let (top, signed) = (rows.top, rows.signed);
@@ -87,9 +89,9 @@ impl<V: Vector> Newton<V> {
         self.fresh = wanted;
         let kept = V::from_lanes(kept);
         for i in 1..=top {
-            let (gain, rise) = obstacle.at(V::from_lanes(signed[i]));
+            let (gain, rise) = obstacle.at(signed[i], stage.rows.half_inverse(i));
             let may = gain.min(rise);
-            let value = V::from_lanes(near[i]);
+            let value = near[i];
             let height = (value - gain) / may.negative(one, rise);
             let inside = height.max(V::zero()).min(one).sqrt();
             let s = height
@@ -99,9 +101,10 @@ impl<V: Vector> Newton<V> {
         }
         // A lane that has settled, or is not wanted, stays as it is, so that it does not depend on the others.
         let mut moving = wanted.map(|wanted| if wanted { -1.0 } else { 1.0 });
-        for _ in 0..MOST_ITERATIONS {
+        for iteration in 0..MOST_ITERATIONS {
+            let length = if iteration < PATIENCE { 1.0 } else { 0.5 };
             let moved = self
-                .iterate(stage, obstacle, rows, V::from_lanes(moving))
+                .iterate(stage, obstacle, rows, V::from_lanes(moving), length)
                 .lanes();
             for (moving, moved) in moving.iter_mut().zip(moved) {
                 if moved <= SETTLED {
@@ -122,12 +125,12 @@ impl<V: Vector> Newton<V> {
                 self.values[i] = Self::behind(rows, i).negative(free, own);
             }
         }
-        let touching = self.touching(obstacle, signed);
+        let touching = self.touching(stage, obstacle, signed);
         let (q, p) = (stage.near_rule, stage.far_rule);
         let free = self.values[1] * q.plus(1.0) - q * self.values[2];
-        self.values[0] = touching.negative(obstacle.strike - V::from_lanes(signed[0]), free);
+        self.values[0] = touching.negative(obstacle.strike - signed[0], free);
         self.values[last + 1] = self.values[last] * p.plus(1.0) - p * self.values[last - 1];
-        self.mark(obstacle, rows);
+        self.mark(stage, obstacle, rows);
         settled
     }
 
@@ -141,34 +144,34 @@ impl<V: Vector> Newton<V> {
     /// Below 0 in the lanes whose rows that may touch end before a row.
     #[inline(always)]
     #[allow(clippy::cast_precision_loss)]
-    fn behind(rows: &Rows<V>, row: usize) -> V {
+    fn behind(rows: &System<V>, row: usize) -> V {
         rows.tops.plus(-(row as f64))
     }
 
     /// Below 0 where the first inner node is in contact, and with it the near end.
     #[inline(always)]
-    fn touching(&self, obstacle: &Obstacle<V>, signed: &[[f64; LANES]]) -> V {
-        let (gain, rise) = obstacle.at(V::from_lanes(signed[1]));
+    fn touching<R: Rows<V>>(&self, stage: &Stage<R, V>, obstacle: &Obstacle<V>, signed: &[V]) -> V {
+        let (gain, rise) = obstacle.at(signed[1], stage.rows.half_inverse(1));
         let one = V::all(1.0);
         gain.min(rise)
             .negative(one, self.s[1].plus(-f64::MIN_POSITIVE))
     }
 
     #[inline(always)]
-    fn point(
-        stage: &Stage<V>,
+    fn point<R: Rows<V>>(
+        stage: &Stage<R, V>,
         obstacle: &Obstacle<V>,
-        signed: &[[f64; LANES]],
+        signed: &[V],
         i: usize,
         s: V,
     ) -> Point<V> {
         let (zero, one) = (V::zero(), V::all(1.0));
-        let (gain, rise) = obstacle.at(V::from_lanes(signed[i]));
+        let (gain, rise) = obstacle.at(signed[i], stage.rows.half_inverse(i));
         let may = gain.min(rise);
         let inside = s.max(zero).min(one);
         let (beyond, short) = (s - inside, one - inside);
         let value = (inside * inside + beyond.max(zero).times(2.0)).times_plus(rise, gain);
-        let cost = rise * stage.spread.times(2.0); // a c
+        let cost = rise * stage.rows.spread(i).times(2.0); // a c
         let mass = cost * ((short * short).times(0.5) - beyond.min(zero));
         Point {
             value: may.negative(s, value),
@@ -179,19 +182,21 @@ impl<V: Vector> Newton<V> {
         }
     }
 
-    /// One step of Newton's method in the lanes where `moving` is below 0; return by how much a distance changes at most.
+    /// One step of Newton's method, or a part of it, in the lanes where `moving` is below 0; return by how much a distance
+    /// changes at most.
     #[inline(always)]
-    fn iterate(
+    fn iterate<R: Rows<V>>(
         &mut self,
-        stage: &Stage<V>,
+        stage: &Stage<R, V>,
         obstacle: &Obstacle<V>,
-        rows: &Rows<V>,
+        rows: &System<V>,
         moving: V,
+        length: f64,
     ) -> V {
         let (top, signed) = (rows.top, rows.signed);
         let (zero, one) = (V::zero(), V::all(1.0));
         let q = stage.near_rule;
-        let touching = self.touching(obstacle, signed);
+        let touching = self.touching(stage, obstacle, signed);
         let last = self.s.len() - 2;
         // Elimination from the far end, which the rows behind the top have gone through already:
         // pivot_i d_i + lower_i slope_{i-1} d_{i-1} = right_i.
@@ -200,23 +205,25 @@ impl<V: Vector> Newton<V> {
         let (mut above_value, mut above_slope) = (zero, zero);
         let (mut above_right, mut above_pivot, mut lower) = (zero, one, stage.lower_of(top, last));
         for i in (1..=top).rev() {
-            let (mut before, mut diagonal, mut upper) = (below.value, stage.diagonal, stage.upper);
+            let (mut before, mut diagonal, mut upper) =
+                (below.value, stage.rows.diagonal(i), stage.rows.upper(i));
             let own_lower = stage.lower_of(i, last);
             // From the last row on that may touch, the far rows are eliminated already.
             let coupled = -Self::behind(rows, i); // below 0 in the rows before that
             diagonal = coupled.negative(diagonal, rows.pivot[i]);
             upper = coupled.negative(upper, zero);
-            let right = coupled.negative(rows.right[i], rows.left[i]);
+            let base = [rows.base[i - 1], rows.base[i], rows.base[i + 1]];
+            let right = coupled.negative(mass_of(stage.rows.mass(i), base), rows.left[i]);
             if i == 1 {
                 let free = here.value * q.plus(1.0) - q * above_value;
-                before = touching.negative(obstacle.strike - V::from_lanes(signed[0]), free);
+                before = touching.negative(obstacle.strike - signed[0], free);
             }
             let row = own_lower * before + diagonal * here.value + upper * above_value;
             let mut rest = right + here.mass - row;
             if i == 1 {
                 let first = touching.negative(zero, q.plus(1.0));
-                diagonal = stage.lower.times_plus(first, diagonal);
-                upper = upper - stage.lower * touching.negative(zero, q);
+                diagonal = own_lower.times_plus(first, diagonal);
+                upper = upper - own_lower * touching.negative(zero, q);
             }
             let factor = upper * above_slope / above_pivot;
             let pivot = (diagonal - factor * lower) * here.slope - here.change;
@@ -239,10 +246,10 @@ impl<V: Vector> Newton<V> {
                 let lower = stage.lower_of(i, last);
                 change = (self.right[i] - lower * self.slope[i - 1] * change) / self.pivot[i];
             }
-            let s = moving.negative(self.s[i] + change, self.s[i]);
+            let s = moving.negative(change.times(length) + self.s[i], self.s[i]);
             self.s[i] = s;
             let inside = self.inside[i];
-            let (gain, rise) = obstacle.at(V::from_lanes(*signed));
+            let (gain, rise) = obstacle.at(*signed, stage.rows.half_inverse(i));
             let now = gain.min(rise).negative(inside, s.max(zero).min(one));
             moved = moved.max((now - inside).abs());
         }
@@ -251,11 +258,11 @@ impl<V: Vector> Newton<V> {
 
     /// Leave in `slope` how far each node is from a contact set: below 0 in it, 1 where none is near.
     #[inline(always)]
-    fn mark(&mut self, obstacle: &Obstacle<V>, rows: &Rows<V>) {
+    fn mark<R: Rows<V>>(&mut self, stage: &Stage<R, V>, obstacle: &Obstacle<V>, rows: &System<V>) {
         let one = V::all(1.0);
         self.slope.fill(one);
         for i in 1..=rows.top {
-            let (gain, rise) = obstacle.at(V::from_lanes(rows.signed[i]));
+            let (gain, rise) = obstacle.at(rows.signed[i], stage.rows.half_inverse(i));
             self.slope[i] = gain.min(rise).negative(one, self.s[i].min(one));
         }
     }

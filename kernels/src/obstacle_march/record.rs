@@ -2,12 +2,14 @@
 
 use super::event::Kinks;
 use super::line::Contact;
-use crate::lanes::vector::LANES;
+use crate::lanes::vector::{Vector, LANES};
 
-/// The values at every stage, and what every segment started from.
-pub struct Record {
+/// The values at every stage, the rates at the start of every step, and what every segment started from.
+pub struct Record<V> {
     /// V at the nodes, stage by stage.
-    values: Vec<[f64; LANES]>,
+    values: Vec<V>,
+    /// The rates at the nodes, step by step.
+    rates: Vec<V>,
     nodes: usize,
     /// At every stage how far the contact set reaches, in numbers of nodes; infinite where it was not asked.
     pub reach: Vec<[f64; LANES]>,
@@ -19,15 +21,19 @@ pub struct Record {
 pub struct Start {
     /// The value at the nodes just before what happens at the segment's end.
     pub values: Vec<f64>,
+    /// What takes its place in the first step, see `start`.
+    pub begun: Vec<f64>,
     pub kinks: Kinks,
     /// The value at the nodes just after it and its contact set; None at expiry.
     pub later: Option<(Vec<f64>, Contact)>,
 }
 
-impl Record {
-    pub fn new(nodes: usize, segments: impl Iterator<Item = usize>) -> Self {
+impl<V: Vector> Record<V> {
+    /// Room for so many steps.
+    pub fn new(nodes: usize, steps: usize, segments: impl Iterator<Item = usize>) -> Self {
         Self {
-            values: Vec::new(),
+            values: Vec::with_capacity(3 * steps * nodes),
+            rates: Vec::with_capacity(steps * nodes),
             nodes,
             reach: Vec::new(),
             starts: segments
@@ -36,19 +42,29 @@ impl Record {
         }
     }
 
-    /// The size of the values of so many steps.
-    pub const fn bytes(cells: usize, steps: usize) -> usize {
-        3 * steps * (cells + 1) * size_of::<[f64; LANES]>()
+    /// Keep the rates at the start of one more step.
+    pub fn begin(&mut self, rates: &[V]) {
+        self.rates.extend_from_slice(rates);
     }
 
     /// Keep the values of one more stage.
-    pub fn push(&mut self, values: &[[f64; LANES]], reach: [f64; LANES]) {
+    pub fn push(&mut self, values: &[V], reach: [f64; LANES]) {
         self.values.extend_from_slice(values);
         self.reach.push(reach);
     }
 
     /// The values of a stage.
-    pub fn stage(&self, number: usize) -> &[[f64; LANES]] {
+    pub fn stage(&self, number: usize) -> &[V] {
         &self.values[number * self.nodes..][..self.nodes]
     }
+
+    /// The rates at the start of a step.
+    pub fn rates(&self, step: usize) -> &[V] {
+        &self.rates[step * self.nodes..][..self.nodes]
+    }
+}
+
+/// The size of the record of so many steps, bytes.
+pub const fn record_size(cells: usize, steps: usize) -> usize {
+    4 * steps * (cells + 1) * size_of::<[f64; LANES]>()
 }

@@ -4,9 +4,10 @@ use std::sync::Mutex;
 
 use super::contract::{Contract, Segment};
 use super::march::{Group, Marched};
-use super::mesh::{steps_on, Grid};
-use super::record::Record;
+use super::mesh::Grid;
+use super::record::record_size;
 use super::settings::Settings;
+use super::steps::steps_of;
 use super::walk_back::BySegment;
 use crate::interrupt::Interrupt;
 use crate::lanes::dispatch::dispatch;
@@ -28,15 +29,18 @@ const MARGIN: f64 = 1.5;
 const PESSIMISM: f64 = 22.0;
 /// What of the difference's slope, times the deviation of ln S, may be left at a place where it vanishes by chance.
 const TILT_SHARE: f64 = 0.15;
-/// The grids that are always marched, and the finest one's cells.
-const FIRST_LEVELS: usize = 2;
+/// The grids that are always marched, and the factor of the error estimates: a local volatility is not smooth everywhere,
+/// and its steps do not all double; calibrated.
+const EVEN: (usize, f64) = (2, 1.0);
+const LOCAL_VOLATILITY: (usize, f64) = (3, 2.0);
+/// The cells of the finest grid.
 const MOST_CELLS: usize = 4096;
 
 /// The step of the volatilities for second derivatives, a share of the smallest one: their error falls with its square,
 /// and rounding is divided by it.
 const VOLATILITY_STEP: f64 = 5e-3;
 /// The largest record of a march, bytes; on finer grids the derivatives stay those of the grids before.
-const LARGEST_RECORD: usize = 1 << 25;
+const LARGEST_RECORD: usize = 3 << 24;
 
 /// Which derivatives are wanted.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd)]
@@ -166,19 +170,18 @@ fn local(marched: &Marched, contract: &Contract, x: f64) -> [f64; 4] {
     if marched.contact.holds(index) {
         return [-sign * spot, -sign * spot, obstacle_rate, 0.0];
     }
-    let diffusion = 0.5 * now.volatility * now.volatility;
+    let diffusion = |x: f64| 0.5 * contract.variance(0.0, x, now.volatility);
     let rise = |end: f64| {
-        let cost = sign * (now.rate - now.dividend_yield * marched.grid.spot_at(end));
-        0.5 * cost * h * h / diffusion
+        let spot = marched.grid.spot_at(end);
+        let cost = sign * (now.rate - now.dividend_yield * spot);
+        0.5 * cost * h * h / diffusion(spot.ln())
     };
-    if marched.rates.is_empty() {
-        let [_, slope, bend] = line.free(spot, index);
-        return [slope * sign / h, bend / (h * h), f64::NAN, f64::NAN];
-    }
     let [value, slope, rate, rate_slope] =
         line.local(spot, index, &marched.rates, rise, obstacle_rate);
     let slope = slope * sign / h;
-    let bend = (rate - now.drift() * slope + now.rate * value) / diffusion;
+    let here = diffusion(x);
+    let drift = now.rate - now.dividend_yield - here;
+    let bend = (rate - drift * slope + now.rate * value) / here;
     [slope, bend, rate, rate_slope * sign / h]
 }
 
@@ -188,6 +191,11 @@ struct Work<'a> {
     /// With higher and with lower volatilities, and by how much, where that is wanted.
     sides: Option<([Vec<Segment>; 2], f64)>,
     tolerance: f64,
+    /// The standard deviation of ln S at expiry.
+    deviation: f64,
+    /// The grids that are always marched, and the factor of the error estimates.
+    first_levels: usize,
+    rough: f64,
     cells: usize,
     last: Option<Seen>,
     /// The last two differences.
@@ -210,11 +218,17 @@ impl<'a> Work<'a> {
             };
             ([moved(step), moved(-step)], step)
         });
+        let whole = Grid::new(&contract, 1, settings);
+        let is_local = contract.local.is_some();
+        let (first_levels, rough) = if is_local { LOCAL_VOLATILITY } else { EVEN };
         Self {
             contract,
             sides,
             tolerance,
-            cells: first_cells(&contract, settings),
+            deviation: whole.deviation,
+            first_levels,
+            rough,
+            cells: first_cells(&whole, settings),
             last: None,
             differences: [0.0; 2],
             levels: 0,
@@ -244,7 +258,8 @@ impl<'a> Work<'a> {
         self.cells *= 2;
         let mut seen = seen.into_iter();
         let Some(own) = seen.next().filter(|own| own.settled) else {
-            // The grid does not resolve the problem: nothing is taken from it.
+            // The grid does not resolve the problem: nothing is taken from it, and those before it have no neighbour.
+            (self.last, self.levels, self.differences) = (None, 0, [0.0; 2]);
             return self.cells > MOST_CELLS;
         };
         let sides: Vec<Seen> = seen.collect();
@@ -255,7 +270,7 @@ impl<'a> Work<'a> {
             let tilts = apart.windows(3).map(|three| (three[2] - three[0]).abs());
             self.differences = [largest, self.differences[0]];
             // The difference's slope by x, times the deviation of ln S at expiry.
-            let tilt = tilts.fold(0.0, f64::max) / (2.0 * 2.0 * own.h) * deviation(&self.contract);
+            let tilt = tilts.fold(0.0, f64::max) / (2.0 * 2.0 * own.h) * self.deviation;
             let share = self.estimate(&own, &last, tilt);
             self.derive(&own, &last, share);
         }
@@ -264,7 +279,7 @@ impl<'a> Work<'a> {
         (found.cells, found.steps, found.levels) = (cells, own.steps, self.levels);
         found.settled = own.settled;
         found.exercised = own.exercised;
-        found.met = self.levels >= FIRST_LEVELS && found.error <= self.tolerance;
+        found.met = self.levels >= self.first_levels && found.error <= self.tolerance;
         self.last = Some(own);
         found.met || self.cells > MOST_CELLS
     }
@@ -290,18 +305,20 @@ impl<'a> Work<'a> {
         found.value = seen.value + share * (seen.value - last.value);
         let rounding = 1e-13 * found.value.abs().max(1.0);
         let by_tilt = TILT_SHARE * tilt;
-        found.error = (last_difference * rest)
-            .max(before / PESSIMISM)
-            .max(by_tilt)
+        found.error = self.rough
+            * (last_difference * rest)
+                .max(before / PESSIMISM)
+                .max(by_tilt)
             + rounding;
         share
     }
 
     /// Tell the derivatives and by how much they change from the last grid to this one.
     fn derive(&mut self, seen: &Seen, last: &Seen, share: f64) {
+        let rough = self.rough;
         let best = |now: f64, before: f64, change: f64| Changing {
             value: now + share * (now - before),
-            change: change.max((now - before).abs()),
+            change: rough * change.max((now - before).abs()),
         };
         let found = &mut self.found;
         found.boundary = best(seen.boundary, last.boundary, 0.0).value;
@@ -342,8 +359,16 @@ impl<'a> Work<'a> {
 struct Job {
     work: usize,
     contract: usize,
+    is_local: bool,
     cells: usize,
     record: bool,
+}
+
+impl Job {
+    /// What the jobs of a group have in common.
+    const fn kind(&self) -> (bool, usize, bool) {
+        (self.is_local, self.cells, self.record)
+    }
 }
 
 /// Solve every contract until its error estimate meets its tolerance, or to the finest grid, or until an interrupt ends
@@ -390,22 +415,23 @@ fn march_level(
     let mut jobs: Vec<(Job, usize)> = Vec::new();
     for (work, own) in contracts.iter().enumerate() {
         let cells = works[open[work]].cells;
-        let steps = steps_on(&own[0], cells, &settings);
-        let fits = Record::bytes(cells, steps) <= LARGEST_RECORD;
+        let steps = steps_of(&own[0], &Grid::new(&own[0], cells, &settings), &settings).len();
+        let fits = record_size(cells, steps) <= LARGEST_RECORD;
         for contract in 0..own.len() {
             let record = contract == 0 && greeks != Greeks::None && fits;
             let job = Job {
                 work,
                 contract,
+                is_local: own[0].local.is_some(),
                 cells,
                 record,
             };
             jobs.push((job, steps));
         }
     }
-    jobs.sort_by_key(|(job, steps)| (job.cells, job.record, *steps));
+    jobs.sort_by_key(|(job, steps)| (job.kind(), *steps));
     let groups: Vec<Vec<Job>> = jobs
-        .chunk_by(|(a, _), (b, _)| a.cells == b.cells && a.record == b.record)
+        .chunk_by(|(a, _), (b, _)| a.kind() == b.kind())
         .flat_map(|same| same.chunks(LANES))
         .map(|group| group.iter().map(|(job, _)| *job).collect())
         .collect();
@@ -453,18 +479,8 @@ fn march_level(
     clippy::cast_sign_loss,
     clippy::cast_precision_loss
 )]
-fn first_cells(contract: &Contract, settings: &Settings) -> usize {
-    let grid = Grid::new(contract, 1, settings);
-    let share = grid.h / (2.0 * settings.width * deviation(contract));
+fn first_cells(whole: &Grid, settings: &Settings) -> usize {
+    let share = whole.h / (2.0 * settings.width * whole.deviation);
     let cells = (share * settings.cells as f64).ceil().clamp(16.0, 1024.0) as usize;
     cells.next_multiple_of(8)
-}
-
-/// The standard deviation of ln S at expiry.
-fn deviation(contract: &Contract) -> f64 {
-    let variances = contract
-        .mesh
-        .iter()
-        .map(|one| one.volatility * one.volatility * one.duration);
-    variances.sum::<f64>().sqrt()
 }

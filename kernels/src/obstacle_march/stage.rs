@@ -2,20 +2,74 @@
 
 use crate::lanes::vector::Vector;
 
-/// The rows of a stage's matrix, A = (1 + a r) M - a L, and what else a stage needs.
+/// The rows of a stage's matrix, A = (1 + a r) M - a L, one for each inner node.
+pub trait Rows<V>: Copy {
+    /// What a row takes of the node before it, of its own and of the one behind.
+    fn lower(&self, row: usize) -> V;
+    /// The same, of its own.
+    fn diagonal(&self, row: usize) -> V;
+    /// The same, of the one behind.
+    fn upper(&self, row: usize) -> V;
+    /// The same of M, all three.
+    fn mass(&self, row: usize) -> [V; 3];
+    /// a D, D in cells^2 a year.
+    fn spread(&self, row: usize) -> V;
+    /// 1/(2 D).
+    fn half_inverse(&self, row: usize) -> V;
+}
+
+/// The rows of coefficients that do not depend on the place: all are alike.
 #[derive(Clone, Copy)]
-pub struct Stage<V> {
+pub struct EvenRows<V> {
     pub lower: V,
     pub diagonal: V,
     pub upper: V,
-    pub mass_lower: V,
-    pub mass_middle: V,
-    pub mass_upper: V,
-    /// One over the implicit weight.
-    pub inverse: V,
-    /// D in cells^2 a year, and a D.
-    pub diffusion: V,
+    pub mass: [V; 3],
     pub spread: V,
+    pub half_inverse: V,
+}
+
+impl<V: Vector> Rows<V> for EvenRows<V> {
+    #[inline(always)]
+    fn lower(&self, _row: usize) -> V {
+        self.lower
+    }
+
+    #[inline(always)]
+    fn diagonal(&self, _row: usize) -> V {
+        self.diagonal
+    }
+
+    #[inline(always)]
+    fn upper(&self, _row: usize) -> V {
+        self.upper
+    }
+
+    #[inline(always)]
+    fn mass(&self, _row: usize) -> [V; 3] {
+        self.mass
+    }
+
+    #[inline(always)]
+    fn spread(&self, _row: usize) -> V {
+        self.spread
+    }
+
+    #[inline(always)]
+    fn half_inverse(&self, _row: usize) -> V {
+        self.half_inverse
+    }
+}
+
+/// A stage: the rows of its matrix, and what else it needs.
+#[derive(Clone, Copy)]
+pub struct Stage<R, V> {
+    pub rows: R,
+    /// The implicit weight, in years, and one over it.
+    pub a: V,
+    pub inverse: V,
+    /// 1 + a r.
+    pub growth: V,
     /// q of the end rules `V_0` = (1 + q) `V_1` - q `V_2`.
     pub near_rule: V,
     pub far_rule: V,
@@ -38,18 +92,17 @@ pub struct Obstacle<V> {
     pub strike: V,
     pub rate_part: V,
     pub yield_part: V,
-    /// 1/(2 D).
-    pub half_inverse: V,
 }
 
 impl<V: Vector> Obstacle<V> {
-    /// What exercise brings at a signed spot, and how far V rises above it in the first cell beyond the contact set.
+    /// What exercise brings at a signed spot, and how far V rises above it in the first cell beyond the contact set, given
+    /// 1/(2 D) there.
     ///
     /// The holder may not exercise, or would not, where one of them is below 0.
     #[inline(always)]
-    pub fn at(&self, signed: V) -> (V, V) {
+    pub fn at(&self, signed: V, half_inverse: V) -> (V, V) {
         let cost = self.rate_part - self.yield_part * signed;
-        (self.strike - signed, cost * self.half_inverse)
+        (self.strike - signed, cost * half_inverse)
     }
 }
 
@@ -89,15 +142,15 @@ impl<V: Vector> Elimination<V> {
 
     /// Eliminate down to a row.
     #[inline(always)]
-    pub fn of(&mut self, stage: &Stage<V>, first: usize) {
+    pub fn of<R: Rows<V>>(&mut self, stage: &Stage<R, V>, first: usize) {
         let last = self.pivot.len() - 2;
         let one = V::all(1.0);
         self.factor[last] = V::zero();
         self.pivot[last] = stage.last_diagonal;
         self.inverse[last] = one / stage.last_diagonal;
         for i in (first..last).rev() {
-            let factor = stage.upper * self.inverse[i + 1];
-            let pivot = stage.diagonal - factor * stage.lower_of(i + 1, last);
+            let factor = stage.rows.upper(i) * self.inverse[i + 1];
+            let pivot = stage.rows.diagonal(i) - factor * stage.lower_of(i + 1, last);
             self.factor[i] = factor;
             self.pivot[i] = pivot;
             self.inverse[i] = one / pivot;
@@ -105,14 +158,30 @@ impl<V: Vector> Elimination<V> {
     }
 }
 
-impl<V: Vector> Stage<V> {
+impl<R: Rows<V>, V: Vector> Stage<R, V> {
+    /// The stage of these rows, with the implicit weight and 1 + a r, and the rules of the two ends.
+    #[inline(always)]
+    pub fn new(rows: R, last: usize, a: V, growth: V, [near_rule, far_rule]: [V; 2]) -> Self {
+        let upper = rows.upper(last);
+        Self {
+            rows,
+            a,
+            inverse: V::all(1.0) / a,
+            growth,
+            near_rule,
+            far_rule,
+            last_lower: rows.lower(last) - upper * far_rule,
+            last_diagonal: far_rule.plus(1.0).times_plus(upper, rows.diagonal(last)),
+        }
+    }
+
     /// What a row takes of the node before it; in the last one the far end is eliminated.
     #[inline(always)]
     pub fn lower_of(&self, row: usize, last: usize) -> V {
         if row == last {
             self.last_lower
         } else {
-            self.lower
+            self.rows.lower(row)
         }
     }
 
@@ -121,15 +190,17 @@ impl<V: Vector> Stage<V> {
     #[inline(always)]
     pub fn column(&self, node: usize, last: usize, loose: V) -> [V; 3] {
         let q = self.near_rule;
-        let (mut upper, mut diagonal) = (self.upper, self.diagonal);
-        if node == last {
-            diagonal = self.last_diagonal;
-        }
+        let mut upper = self.rows.upper(node - 1);
+        let mut diagonal = if node == last {
+            self.last_diagonal
+        } else {
+            self.rows.diagonal(node)
+        };
         if node == 1 {
-            diagonal = (loose * self.lower).times_plus(q.plus(1.0), diagonal);
+            diagonal = (loose * self.rows.lower(1)).times_plus(q.plus(1.0), diagonal);
         }
         if node == 2 {
-            upper = upper - loose * self.lower * q;
+            upper = upper - loose * self.rows.lower(1) * q;
         }
         let behind = if node < last {
             self.lower_of(node + 1, last)
@@ -141,9 +212,10 @@ impl<V: Vector> Stage<V> {
 
     /// Settle the node of a cell where `near` is below 0, given its pivot and the rest of its row.
     #[inline(always)]
-    pub fn cell(&self, pivot: V, rest: V, gain: V, rise: V, near: V) -> Cell<V> {
+    pub fn cell(&self, node: usize, pivot: V, rest: V, (gain, rise): (V, V), near: V) -> Cell<V> {
         let (zero, one) = (V::zero(), V::all(1.0));
-        let reach = self.spread * rise;
+        let spread = self.rows.spread(node);
+        let reach = spread * rise;
         let excess = rest - gain * pivot; // of what pushes V up over what holds it at the obstacle
         let held = (excess + reach).plus(-f64::MIN_POSITIVE);
         let mut found = Cell {
@@ -154,19 +226,12 @@ impl<V: Vector> Stage<V> {
         let inside = near.negative(held, V::all(-1.0)).lanes();
         if inside.iter().any(|x| *x >= 0.0) {
             // (e - 1) s^2 + 2 s - 1 - excess/(a D rise) = 0 for the distance s, e the pivot over a D
-            let bend = (pivot / self.spread).plus(-1.0);
+            let bend = (pivot / spread).plus(-1.0);
             let slack = excess / near.negative(reach, one);
             let root = slack.plus(1.0).times_plus(bend, one).max(zero).sqrt();
             found.distance = (root.plus(-1.0) / bend).max(zero).min(one);
             found.value = (found.distance * found.distance).times_plus(rise, gain);
         }
         found
-    }
-
-    /// M V at a node, from the values at the one before, at it and behind it.
-    #[inline(always)]
-    pub fn mass(&self, before: V, at: V, after: V) -> V {
-        let weights = [self.mass_lower, self.mass_middle, self.mass_upper];
-        mass_of(weights, [before, at, after])
     }
 }

@@ -1,10 +1,13 @@
 //! The steps of the contracts that are marched side by side: every lane has its own.
 
 use super::contract::Contract;
-use super::mesh::{step_count, Grid};
+use super::mesh::{steps_wanted, Grid};
 use super::settings::Settings;
 use super::tableau::{FIRST, LATER};
 use crate::lanes::vector::{Vector, LANES};
+
+/// What a time may miss another by, as a share of a segment, and yet be the same.
+const SAME_TIME: f64 = 1e-9;
 
 /// One step of a lane.
 #[derive(Clone, Copy)]
@@ -18,23 +21,89 @@ pub struct Step {
 }
 
 /// The steps of a contract, from expiry to now.
-#[allow(clippy::cast_precision_loss)]
 pub fn steps_of(contract: &Contract, grid: &Grid, settings: &Settings) -> Vec<Step> {
     let mut steps = Vec::new();
     for (number, segment) in contract.mesh.iter().enumerate().rev() {
-        let count = step_count(segment, grid.h, settings);
-        let time = |n: usize| segment.duration * (n as f64 / count as f64).powi(2);
-        for n in 1..=count {
+        let wanted = steps_wanted(contract, number, grid, settings);
+        let ends = step_ends(
+            segment.duration,
+            wanted,
+            &breaks(contract, number),
+            settings.rounded,
+        );
+        for (n, pair) in ends.windows(2).enumerate() {
             steps.push(Step {
                 segment: number,
-                dt: time(n) - time(n - 1),
-                elapsed: time(n - 1),
-                is_first: n == 1,
-                is_last: n == count,
+                dt: pair[1] - pair[0],
+                elapsed: pair[0],
+                is_first: n == 0,
+                is_last: n + 2 == ends.len(),
             });
         }
     }
     steps
+}
+
+/// The times within a segment, in years before its end, at which a local volatility's rate of change jumps.
+fn breaks(contract: &Contract, number: usize) -> Vec<f64> {
+    let Some(local) = contract.local.filter(|local| local.surface.times.len() > 1) else {
+        return Vec::new();
+    };
+    let (end, duration) = (contract.end_of(number), contract.segments[number].duration);
+    let times = local.surface.times.iter().rev().map(|time| end - time);
+    let margin = SAME_TIME * duration;
+    times
+        .filter(|years| *years > margin && *years < duration - margin)
+        .collect()
+}
+
+/// The ends of the steps, in years before the segment's end: squares of even numbers, in the pieces between given times.
+///
+/// A time that lies nearer to another than the first step is long is left out: far shorter steps than the grid resolves
+/// cost more than a coefficient whose rate of change jumps within a step. Pieces take powers of two, which double with the
+/// cells as the whole does.
+#[allow(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss
+)]
+fn step_ends(duration: f64, wanted: f64, times: &[f64], rounded: f64) -> Vec<f64> {
+    let shortest = duration / (wanted * wanted).max(4.0);
+    let mut given = Vec::new();
+    for &time in times {
+        let last = given.last().copied().unwrap_or(0.0);
+        if time - last >= shortest && duration - time >= shortest {
+            given.push(time);
+        }
+    }
+    given.push(duration);
+    let is_whole = given.len() == 1;
+    let mut ends = vec![0.0];
+    let mut from = 0.0;
+    for time in given {
+        let to = (time / duration).sqrt();
+        let part = wanted * (to - from);
+        let count = if is_whole {
+            rounded_count(part, rounded).max(2)
+        } else {
+            (rounded * part).max(1.0).log2().floor().exp2() as usize
+        };
+        for n in 1..=count {
+            let share = n as f64 / count as f64;
+            let root: f64 = share.mul_add(to - from, from);
+            ends.push(duration * root * root);
+        }
+        from = to;
+    }
+    ends
+}
+
+/// A number of steps near to what is wanted: from 4 on 4 to 7 times a power of two, so that it doubles exactly where the
+/// cells are halved.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+fn rounded_count(wanted: f64, rounded: f64) -> usize {
+    let power = (wanted.max(4.0) / 4.0).log2().floor().exp2();
+    ((rounded * wanted / power).floor() * power) as usize
 }
 
 /// A step of every lane; one that has come to now repeats its last.

@@ -10,7 +10,8 @@ use super::event::{hat, hat_weights, indices_after, points_of_hat, tilt, After, 
 use super::line::{Line, Reading};
 use super::mesh::Grid;
 use super::record::{Record, Start};
-use super::stage::{Elimination, Obstacle, Stage};
+use super::stage::{Elimination, Obstacle, Rows, Stage};
+use super::start::Window;
 use super::steps::{LaneSteps, Step};
 use super::tableau::GAMMA;
 use super::terms::Terms;
@@ -32,11 +33,13 @@ pub struct BySegment {
     pub amount: f64,
     /// By what is escrowed at the end.
     pub escrow: f64,
+    /// By a shift of the local volatility in ln S.
+    pub shift: f64,
 }
 
 impl BySegment {
     /// How many there are.
-    pub const COUNT: usize = 6;
+    pub const COUNT: usize = 7;
 
     /// In the order of the fields.
     #[must_use]
@@ -48,6 +51,7 @@ impl BySegment {
             self.fraction,
             self.amount,
             self.escrow,
+            self.shift,
         ]
     }
 }
@@ -77,61 +81,56 @@ impl Functional {
 
 /// What the walk needs to know of a march.
 #[derive(Clone, Copy)]
-pub struct Course<'w, 'a> {
+pub struct Course<'w, 'a, V> {
     pub contracts: &'w [Contract<'a>],
     pub cells: usize,
     pub grids: &'w [Grid],
     pub steps: &'w [Vec<Step>],
     pub spots: &'w [Vec<f64>],
-    pub signed: &'w [[f64; LANES]],
-    pub terms: Terms,
+    pub signed: &'w [V],
     pub last_kink: usize,
     pub interrupt: Interrupt<'w>,
 }
 
 /// A walk back, and what each number of the march is worth.
-pub struct WalkBack<'w, 'a> {
-    pub march: Course<'w, 'a>,
-    pub record: &'w Record,
+pub struct WalkBack<'w, 'a, T, V> {
+    pub march: Course<'w, 'a, V>,
+    pub terms: T,
+    pub record: &'w Record<V>,
     /// What is asked of each lane.
     pub functionals: &'w [Functional],
 }
 
-impl<V: Vector> Part<V> for WalkBack<'_, '_> {
+impl<T: Terms<V>, V: Vector> Part<V> for WalkBack<'_, '_, T, V> {
     type Result = Option<Vec<Vec<BySegment>>>;
 
     #[inline(always)]
     fn run(self) -> Self::Result {
-        Walk::<V>::new(&self).run()
+        let mut terms = self.terms.clone();
+        Walk::<V>::new(&self).run(&mut terms)
     }
 }
 
-/// Sums over nodes at a stage, of the weights of its rows with the values.
-struct Sums<V> {
-    /// With M V, the second and the first differences.
-    mass: V,
-    second: V,
-    first: V,
-    /// The sum of the weights of M V with the first differences.
-    of_mass: V,
-    /// What a change of the obstacle, of c, of c's part by the spot, and of the rise in the first cell does.
+/// What a change of the obstacle does at a stage, and in the cells that hold an end of the contact set a change of c, of c's
+/// part by the spot, of the volatility, and a shift of it.
+struct OfContact<V> {
     obstacle: V,
     cost: V,
     cost_by_spot: V,
-    rise: V,
+    volatility: V,
+    shift: V,
 }
 
 struct Walk<'w, 'a, V> {
-    march: Course<'w, 'a>,
-    record: &'w Record,
+    march: Course<'w, 'a, V>,
+    record: &'w Record<V>,
     functionals: &'w [Functional],
-    terms: Terms,
-    /// The weights of V at the nodes, of M V, and of M times the rate at the step's start and of its stages.
-    direct: Vec<[f64; LANES]>,
-    mass: Vec<[f64; LANES]>,
-    rates: [Vec<[f64; LANES]>; 4],
-    /// The weights of M V at a stage, and of its rows.
-    of_mass: Vec<V>,
+    /// The weights of V at the nodes at the step's end and at its start, and of the rates at its start and of its stages.
+    ended: Vec<[f64; LANES]>,
+    begun: Vec<V>,
+    rates: [Vec<V>; 4],
+    /// The weights of V at a stage, of its rows, and of what it starts from.
+    direct: Vec<V>,
     of_rows: Vec<V>,
     elimination: Elimination<V>,
     /// The recursion e - f `nu_before` for the weights of the rows.
@@ -139,29 +138,32 @@ struct Walk<'w, 'a, V> {
     factor: Vec<V>,
     /// How far the nodes are from the contact set, in cells.
     distance: Vec<V>,
+    /// The march's rates at the step's start and of its stages, and (1 + a r) V less the base of each stage.
+    marched: [Vec<V>; 4],
+    forces: [Vec<V>; 3],
     found: Vec<Vec<BySegment>>,
 }
 
 impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
-    fn new(part: &WalkBack<'w, 'a>) -> Self {
+    fn new<T>(part: &WalkBack<'w, 'a, T, V>) -> Self {
         let nodes = part.march.cells + 1;
-        let lanes = || vec![[0.0; LANES]; nodes];
         let array = || vec![V::zero(); nodes];
         let contracts = &part.march.contracts;
         Self {
             march: part.march,
             record: part.record,
             functionals: part.functionals,
-            terms: part.march.terms,
-            direct: lanes(),
-            mass: lanes(),
-            rates: [lanes(), lanes(), lanes(), lanes()],
-            of_mass: array(),
+            ended: vec![[0.0; LANES]; nodes],
+            begun: array(),
+            rates: [array(), array(), array(), array()],
+            direct: array(),
             of_rows: array(),
             elimination: Elimination::new(nodes),
             known: array(),
             factor: array(),
             distance: array(),
+            marched: [array(), array(), array(), array()],
+            forces: [array(), array(), array()],
             found: contracts
                 .iter()
                 .map(|one| vec![BySegment::default(); one.segments.len()])
@@ -170,7 +172,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
     }
 
     #[inline(always)]
-    fn run(mut self) -> Option<Vec<Vec<BySegment>>> {
+    fn run<T: Terms<V>>(mut self, terms: &mut T) -> Option<Vec<Vec<BySegment>>> {
         let steps = self.march.steps;
         let most = steps.iter().map(Vec::len).max().unwrap_or(0);
         for n in (0..most).rev() {
@@ -181,37 +183,45 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
                 if n + 1 == own.len() {
                     self.begin(lane);
                 } else if own.get(n).is_some_and(|step| step.is_last) {
-                    self.through_start(lane, own[n + 1].segment);
+                    self.through_start(terms, lane, own[n + 1].segment);
                 }
                 if let Some(step) = own.get(n) {
                     let contract = &self.march.contracts[lane];
-                    let grid = &self.march.grids[lane];
-                    self.terms
-                        .enter(lane, &contract.segments[step.segment], grid);
+                    terms.enter(lane, contract, step.segment, &self.march.grids[lane]);
                 }
             }
-            self.step(n);
+            self.step(terms, n);
         }
         for (lane, own) in steps.iter().enumerate() {
-            self.through_start(lane, own[0].segment);
+            self.through_start(terms, lane, own[0].segment);
         }
         Some(self.found)
     }
 
     /// Take in what is asked of a lane.
     fn begin(&mut self, lane: usize) {
-        let [zero, one, two, three] = &mut self.rates;
-        for array in [&mut self.direct, &mut self.mass, zero, one, two, three] {
-            for row in array {
-                row[lane] = 0.0;
-            }
+        self.clear_rates(lane);
+        for row in &mut self.ended {
+            row[lane] = 0.0;
         }
         let asked = &self.functionals[lane];
         if let Some(reading) = &asked.reading {
-            add(&mut self.direct, lane, reading, 1.0);
+            add(&mut self.ended, lane, reading, 1.0);
         }
         let contract = &self.march.contracts[lane];
         self.by_strike_now(lane, 0, &contract.segments[0], asked.by_strike);
+    }
+
+    /// Nothing has been asked of a lane's rates.
+    fn clear_rates(&mut self, lane: usize) {
+        let mut keep = [-1.0; LANES];
+        keep[lane] = 1.0;
+        let keep = V::from_lanes(keep);
+        for rates in &mut self.rates {
+            for rate in rates {
+                *rate = keep.negative(*rate, V::zero());
+            }
+        }
     }
 
     /// A change of the strike less what is escrowed at the beginning of a segment.
@@ -226,136 +236,150 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
 
     /// Walk through a step of all lanes.
     #[inline(always)]
-    fn step(&mut self, n: usize) {
-        let contracts = self.march.contracts;
-        let steps = LaneSteps::<V>::at(n, contracts, self.march.steps);
+    fn step<T: Terms<V>>(&mut self, terms: &mut T, n: usize) {
+        let steps = LaneSteps::<V>::at(n, self.march.contracts, self.march.steps);
         let a = steps.dt.times(GAMMA);
-        let stage: Stage<V> = self.terms.stage(a);
-        // The transposed elimination has the same pivots where nothing is in contact.
-        self.elimination.of(&stage, 1);
+        self.march_again(n, &steps, a);
         // The rate of the last stage is that of the next step's start.
         self.rates.swap(0, 3);
+        self.rates[0].fill(V::zero());
+        self.begun.fill(V::zero());
+        for (direct, ended) in self.direct.iter_mut().zip(&self.ended) {
+            *direct = V::from_lanes(*ended);
+        }
         for number in (0..3).rev() {
-            let sums = self.stage(3 * n + number, number, &stage, &steps);
-            self.add_up(n, number, &stage, &steps, &sums);
+            terms.set(number, &steps);
+            let stage = terms.stage(a);
+            if number == 2 || terms.moves() {
+                // The transposed elimination has the same pivots where nothing is in contact.
+                self.elimination.of(&stage, 1);
+            }
+            let of_contact = self.stage(3 * n + number, number, terms, &stage, &steps);
+            let values = self.record.stage(3 * n + number);
+            let forces = &mut self.forces[number];
+            for (force, value) in forces.iter_mut().zip(values) {
+                *force = (stage.growth.plus(-1.0)).times_plus(*value, *force);
+            }
+            let of_rows = terms.by_coefficients(&stage, &self.of_rows, values, forces);
+            self.add_up(n, number, &steps, of_rows, &of_contact);
+            self.direct.fill(V::zero());
+        }
+        for (ended, begun) in self.ended.iter_mut().zip(&self.begun) {
+            *ended = begun.lanes();
         }
     }
 
-    /// Walk through one stage: from the weights of its rates, and of M V at the last one, to those before it.
+    /// Make again what the march has not recorded of a step: the rates of its stages, and V less the base of each.
     #[inline(always)]
-    #[allow(clippy::too_many_lines)] // one pass each way
-    fn stage(
+    fn march_again(&mut self, n: usize, steps: &LaneSteps<V>, a: V) {
+        let mut begun: Vec<V> = if n > 0 {
+            self.record.stage(3 * n - 1).to_vec()
+        } else {
+            vec![V::zero(); self.march.cells + 1]
+        };
+        for (lane, own) in self.march.steps.iter().enumerate() {
+            let Some(step) = own.get(n).filter(|step| step.is_first) else {
+                continue;
+            };
+            if let Some(start) = &self.record.starts[lane][step.segment] {
+                for (row, value) in begun.iter_mut().zip(&start.begun) {
+                    let mut lanes = row.lanes();
+                    lanes[lane] = *value;
+                    *row = V::from_lanes(lanes);
+                }
+            }
+        }
+        self.marched[0].copy_from_slice(self.record.rates(n));
+        let inverse = V::all(1.0) / a;
+        for number in 0..3 {
+            let weights = steps.weights(number);
+            let values = self.record.stage(3 * n + number);
+            let (known, found) = self.marched.split_at_mut(number + 1);
+            for (i, value) in values.iter().enumerate() {
+                let mut force = *value - begun[i];
+                for (rates, weight) in known.iter().zip(weights) {
+                    force = force - rates[i] * weight;
+                }
+                self.forces[number][i] = force;
+                found[0][i] = force * inverse;
+            }
+        }
+    }
+
+    /// Walk through one stage: from the weights of its values and its rates to those of what it starts from.
+    #[inline(always)]
+    fn stage<T: Terms<V>>(
         &mut self,
         index: usize,
         number: usize,
-        stage: &Stage<V>,
+        terms: &T,
+        stage: &Stage<T::Rows<'_>, V>,
         steps: &LaneSteps<V>,
-    ) -> Sums<V> {
+    ) -> OfContact<V> {
         let values = self.record.stage(index);
         let last = self.march.cells - 1;
         let (zero, one) = (V::zero(), V::all(1.0));
-        let strike = steps.strikes[number];
-        let obstacle = self.terms.obstacle(stage, strike);
-        let signed = &self.march.signed;
-        // The weights of M V.
-        for i in 1..=last {
-            let mut weight = V::from_lanes(self.rates[number + 1][i]) * stage.inverse;
-            if number == 2 {
-                weight = weight + V::from_lanes(self.mass[i]);
-            }
-            self.of_mass[i] = weight;
+        let obstacle = terms.exercise().obstacle(steps.strikes[number]);
+        for (direct, rate) in self.direct.iter_mut().zip(&self.rates[number + 1]) {
+            *direct = rate.times_plus(stage.inverse, *direct);
         }
         // The ends: linear in the spot, or in contact.
         let (q, p) = (stage.near_rule, stage.far_rule);
-        let end = stage
-            .mass_upper
-            .times_plus(self.of_mass[last], V::from_lanes(self.direct[last + 1]));
-        let near_end = stage
-            .mass_lower
-            .times_plus(self.of_mass[1], V::from_lanes(self.direct[0]));
-        let gap = V::from_lanes(values[0]) - (strike - V::from_lanes(signed[0]));
+        let (near_end, end) = (self.direct[0], self.direct[last + 1]);
+        let gap = values[0] - (obstacle.strike - self.march.signed[0]);
         let touching = gap.abs().plus(-f64::MIN_POSITIVE).negative(one, zero);
         let loose = one - touching;
+        self.direct[last] = p.plus(1.0).times_plus(end, self.direct[last]);
+        self.direct[last - 1] = self.direct[last - 1] - p * end;
+        self.direct[1] = q.plus(1.0).times_plus(loose * near_end, self.direct[1]);
+        self.direct[2] = self.direct[2] - q * (loose * near_end);
         let top = self.top_of_contact(index);
-        // The weights of V, the elimination from the far end.
+        // The weights of the rows, the elimination from the far end.
         let (mut after, mut factor) = (zero, zero);
         for i in (1..=last).rev() {
-            let before = if i > 1 { self.of_mass[i - 1] } else { zero };
-            let behind = if i < last { self.of_mass[i + 1] } else { zero };
-            let mut weight = stage
-                .mass_upper
-                .times_plus(before, stage.mass_middle * self.of_mass[i]);
-            weight = stage.mass_lower.times_plus(behind, weight) + V::from_lanes(self.direct[i]);
-            if i == last {
-                weight = p.plus(1.0).times_plus(end, weight);
-            }
-            if i + 1 == last {
-                weight = weight - p * end;
-            }
-            if i == 1 {
-                weight = q.plus(1.0).times_plus(loose * near_end, weight);
-            }
-            if i == 2 {
-                weight = weight - q * (loose * near_end);
-            }
             let [upper, diagonal, low] = stage.column(i, last, loose);
-            let rest = weight - low * after;
+            let rest = self.direct[i] - low * after;
             let mut pivot_inverse = self.elimination.inverse[i];
             if i <= top {
-                let s = self.distance_of(index, i, &obstacle, V::from_lanes(values[i]));
+                let half_inverse = stage.rows.half_inverse(i);
+                let s = self.distance_of(index, i, &obstacle, half_inverse, values[i]);
                 self.distance[i] = s;
-                let pivot = s * (diagonal - low * factor) + stage.spread * (one - s);
+                let pivot = s * (diagonal - low * factor) + stage.rows.spread(i) * (one - s);
                 pivot_inverse = s / pivot;
             }
             after = rest * pivot_inverse;
             factor = upper * pivot_inverse;
             (self.known[i], self.factor[i]) = (after, factor);
-            self.direct[i] = weight.lanes();
         }
-        let mut sums = Sums {
-            mass: zero,
-            second: zero,
-            first: zero,
-            of_mass: zero,
-            obstacle: zero,
-            cost: zero,
-            cost_by_spot: zero,
-            rise: zero,
-        };
-        let weights = steps.weights(number);
+        // What the stage starts from: M transposed times the weights of the rows, less what the rates take of it.
         let mut found = zero;
-        let mut at = V::from_lanes(values[0]);
-        let mut behind = V::from_lanes(values[1]);
         for i in 1..=last {
             found = self.known[i] - self.factor[i] * found;
             self.of_rows[i] = found;
-            let before = at;
-            (at, behind) = (behind, V::from_lanes(values[i + 1]));
-            let second = before + behind - at.times(2.0);
-            let difference = (behind - before).times(0.5);
-            let mass = stage.mass(before, at, behind);
-            sums.mass = found.times_plus(mass, sums.mass);
-            sums.second = found.times_plus(second, sums.second);
-            sums.first = found.times_plus(difference, sums.first);
-            sums.of_mass = self.of_mass[i].times_plus(difference, sums.of_mass);
-            let right = found - V::from_lanes(self.rates[number + 1][i]) * stage.inverse;
-            self.mass[i] = if number == 2 {
-                right.lanes()
+        }
+        let weights = steps.weights(number);
+        let (known, own) = self.rates.split_at_mut(number + 1);
+        let mut taken = [zero; 3]; // what rows have given to the node before, at and behind the last one
+        for i in 0..=last + 1 {
+            let next = if i < last { i + 1 } else { 0 };
+            let row = if next > 0 { self.of_rows[next] } else { zero };
+            let mass = if next > 0 {
+                stage.rows.mass(next)
             } else {
-                (right + V::from_lanes(self.mass[i])).lanes()
+                [zero; 3]
             };
-            for (k, weight) in weights.iter().enumerate().take(number + 1) {
-                let old = V::from_lanes(self.rates[k][i]);
-                self.rates[k][i] = weight.times_plus(right, old).lanes();
+            // Row i + 1 gives to nodes i, i + 1 and i + 2.
+            let based = taken[0] + row * mass[0] - own[0][i] * stage.inverse;
+            taken = [taken[1] + row * mass[1], row * mass[2], zero];
+            self.begun[i] = self.begun[i] + based;
+            for (rates, weight) in known.iter_mut().zip(weights) {
+                rates[i] = weight.times_plus(based, rates[i]);
             }
         }
-        self.of_contact(stage, &obstacle, top, loose, &mut sums);
-        let pinned = near_end - stage.lower * self.of_rows[1];
+        own[0].fill(zero);
+        let mut sums = self.of_contact(terms, stage, &obstacle, top, loose);
+        let pinned = near_end - stage.rows.lower(1) * self.of_rows[1];
         sums.obstacle = touching.times_plus(pinned, sums.obstacle);
-        for row in &mut self.direct {
-            *row = [0.0; LANES];
-        }
-        self.rates[number + 1].fill([0.0; LANES]);
         sums
     }
 
@@ -375,9 +399,16 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
     /// The distance of the contact set from a node, in cells: 0 in it, 1 from one cell on.
     #[inline(always)]
     #[allow(clippy::cast_precision_loss)]
-    fn distance_of(&self, index: usize, node: usize, obstacle: &Obstacle<V>, value: V) -> V {
+    fn distance_of(
+        &self,
+        index: usize,
+        node: usize,
+        obstacle: &Obstacle<V>,
+        half_inverse: V,
+        value: V,
+    ) -> V {
         let (zero, one) = (V::zero(), V::all(1.0));
-        let (gain, rise) = obstacle.at(V::from_lanes(self.march.signed[node]));
+        let (gain, rise) = obstacle.at(self.march.signed[node], half_inverse);
         let may = gain.min(rise);
         let height = (value - gain) / rise.max(V::all(f64::MIN_POSITIVE));
         let inside = height.max(zero).min(one).sqrt();
@@ -385,69 +416,74 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         may.negative(one, (-reached).negative(inside, one))
     }
 
-    /// What the nodes in contact, and those whose cells hold its ends, have to do with the obstacle and with c.
+    /// What the nodes in contact, and those whose cells hold its ends, have to do with the obstacle, c and the volatility.
     #[inline(always)]
-    fn of_contact(
+    fn of_contact<T: Terms<V>>(
         &self,
-        stage: &Stage<V>,
+        terms: &T,
+        stage: &Stage<T::Rows<'_>, V>,
         obstacle: &Obstacle<V>,
         top: usize,
         loose: V,
-        sums: &mut Sums<V>,
-    ) {
+    ) -> OfContact<V> {
         let last = self.march.cells - 1;
         let (zero, one) = (V::zero(), V::all(1.0));
-        let half_a = (stage.spread / stage.diffusion).times(0.5);
+        let half_a = stage.a.times(0.5);
+        let mut sums = OfContact {
+            obstacle: zero,
+            cost: zero,
+            cost_by_spot: zero,
+            volatility: zero,
+            shift: zero,
+        };
         for i in 1..=top.min(last) {
-            let signed = V::from_lanes(self.march.signed[i]);
-            let rise = obstacle.at(signed).1;
+            let (signed, half_inverse) = (self.march.signed[i], stage.rows.half_inverse(i));
+            let rise = obstacle.at(signed, half_inverse).1;
             let s = self.distance[i];
             let [upper, diagonal, low] = stage.column(i, last, loose);
             let before = if i > 1 { self.of_rows[i - 1] } else { zero };
             let behind = if i < last { self.of_rows[i + 1] } else { zero };
             let rows = upper * before + diagonal * self.of_rows[i] + low * behind;
-            let pushed = s
-                .plus(-1.0)
-                .negative(V::from_lanes(self.direct[i]) - rows, zero);
+            let pushed = s.plus(-1.0).negative(self.direct[i] - rows, zero);
             let square = s * s * pushed;
             let short = one - s;
-            let cost = short * short * half_a * self.of_rows[i] + square * obstacle.half_inverse;
+            let cost = short * short * half_a * self.of_rows[i] + square * half_inverse;
             sums.obstacle = sums.obstacle + pushed;
             sums.cost = sums.cost + cost;
             sums.cost_by_spot = cost.times_plus(signed, sums.cost_by_spot);
-            sums.rise = square.times_plus(rise, sums.rise);
+            let [by_volatility, by_shift] = terms.log_diffusion_slopes(i);
+            sums.volatility = sums.volatility - square * rise * by_volatility;
+            sums.shift = sums.shift - square * rise * by_shift;
         }
+        sums
     }
 
-    /// Make derivatives by the coefficients of the segments out of the sums of a stage.
+    /// Make derivatives by the numbers of the segments out of the sums of a stage.
     fn add_up(
         &mut self,
         n: usize,
         number: usize,
-        stage: &Stage<V>,
         steps: &LaneSteps<V>,
-        sums: &Sums<V>,
+        of_rows: [V; 4],
+        of_contact: &OfContact<V>,
     ) {
-        let [mass, second, first, of_mass] =
-            [sums.mass, sums.second, sums.first, sums.of_mass].map(V::lanes);
-        let [obstacle, cost, cost_by_spot, rise] =
-            [sums.obstacle, sums.cost, sums.cost_by_spot, sums.rise].map(V::lanes);
-        let a = steps.dt.times(GAMMA).lanes();
-        let diffusion = stage.diffusion.lanes();
+        let [rate, dividend_yield, volatility, shift] = of_rows.map(V::lanes);
+        let [obstacle, cost, cost_by_spot, bend, bend_by_shift] = [
+            of_contact.obstacle,
+            of_contact.cost,
+            of_contact.cost_by_spot,
+            of_contact.volatility,
+            of_contact.shift,
+        ]
+        .map(V::lanes);
         for (lane, own) in self.march.steps.iter().enumerate() {
             let Some(step) = own.get(n) else { continue };
             let segment = &self.march.contracts[lane].segments[step.segment];
-            let (a, diffusion) = (a[lane], diffusion[lane]);
-            let (peclet, growth) = (self.terms.peclet[lane], 1.0 + a * segment.rate);
-            let by_peclet = (of_mass[lane] - growth * first[lane]) / 12.0
-                + a * diffusion * (peclet / 6.0 * second[lane] + first[lane]);
-            let by_diffusion = a
-                * ((1.0 + peclet * peclet / 12.0) * second[lane] + peclet * first[lane])
-                - rise[lane] / diffusion;
             let found = &mut self.found[lane][step.segment];
-            add_by_peclet(found, segment, &self.march.grids[lane], peclet, by_peclet);
-            found.rate -= a * mass[lane];
-            found.volatility += by_diffusion * 2.0 * diffusion / segment.volatility;
+            found.rate += rate[lane];
+            found.dividend_yield += dividend_yield[lane];
+            found.volatility += volatility[lane] + bend[lane];
+            found.shift += shift[lane] + bend_by_shift[lane];
             let sign = self.march.grids[lane].sign;
             if segment.exercisable {
                 found.rate += sign * cost[lane];
@@ -464,14 +500,13 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
 
     /// Walk from what a segment started from to the value after what happens at its end.
     #[inline(always)]
-    fn through_start(&mut self, lane: usize, number: usize) {
+    fn through_start<T: Terms<V>>(&mut self, terms: &T, lane: usize, number: usize) {
         let Some(start) = &self.record.starts[lane][number] else {
             return;
         };
         let contract = self.march.contracts[lane];
         let grid = self.march.grids[lane];
-        let segment = &contract.segments[number];
-        let weights: Vec<f64> = self.mass.iter().map(|row| row[lane]).collect();
+        let weights: Vec<f64> = self.ended.iter().map(|row| row[lane]).collect();
         let after = match &start.later {
             None => After::Payoff,
             Some((values, contact)) => {
@@ -485,21 +520,17 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             by: BySegment::default(),
             by_later_strike: 0.0,
         };
-        let peclet = self.terms.peclet[lane];
-        let spots = &self.march.spots[lane];
-        let by_peclet = through.walk::<V>(start, spots, &weights, peclet);
-        let found = &mut self.found[lane];
-        add_by_peclet(&mut found[number], segment, &grid, peclet, by_peclet);
-        let by = through.by;
+        through.walk::<T, V>(start, &self.march.spots[lane], weights, terms, lane);
+        let (by, found) = (through.by, &mut self.found[lane]);
+        found[number].rate += by.rate;
+        found[number].dividend_yield += by.dividend_yield;
+        found[number].volatility += by.volatility;
         found[number].amount += by.amount;
         found[number].fraction += by.fraction;
         found[number].escrow += by.escrow;
         let by_later_strike = through.by_later_strike;
-        for (row, weight) in self.direct.iter_mut().zip(&through.later) {
+        for (row, weight) in self.ended.iter_mut().zip(&through.later) {
             row[lane] = *weight;
-        }
-        for row in &mut self.mass {
-            row[lane] = 0.0;
         }
         if let Some(later) = contract.segments.get(number + 1) {
             self.by_strike_now(lane, number + 1, later, by_later_strike);
@@ -515,21 +546,6 @@ fn add(weights: &mut [[f64; LANES]], lane: usize, reading: &Reading, factor: f64
     }
 }
 
-/// Tell a derivative by the cell Peclet number as derivatives by the coefficients.
-fn add_by_peclet(
-    found: &mut BySegment,
-    segment: &Segment,
-    grid: &Grid,
-    peclet: f64,
-    by_peclet: f64,
-) {
-    let diffusion = 0.5 * segment.volatility * segment.volatility;
-    let step = grid.sign * grid.h;
-    found.rate += by_peclet * step / diffusion;
-    found.dividend_yield -= by_peclet * step / diffusion;
-    found.volatility -= by_peclet * (step + peclet) * segment.volatility / diffusion;
-}
-
 /// The walk through what happens at the end of a segment, in one lane.
 struct ThroughStart<'t> {
     before: Before<'t>,
@@ -542,36 +558,46 @@ struct ThroughStart<'t> {
 }
 
 impl ThroughStart<'_> {
-    /// Walk from the weights of M V at the start; return the derivative by the cell Peclet number.
+    /// Walk from the weights of what the segment's first step starts from.
     #[inline(always)]
     #[allow(clippy::cast_precision_loss)]
-    fn walk<V: Vector>(
+    fn walk<T: Terms<V>, V: Vector>(
         &mut self,
         start: &Start,
         spots: &[f64],
-        weights: &[f64],
-        peclet: f64,
-    ) -> f64 {
+        mut weights: Vec<f64>,
+        terms: &T,
+        lane: usize,
+    ) {
         let values = &start.values;
-        let last = self.grid.cells - 1;
-        let mut by_peclet = 0.0;
-        let mut own = weights.to_vec();
-        (own[0], own[last + 1]) = (0.0, 0.0);
         let mut points = Vec::new();
+        let terms = terms.at_end(lane);
+        let mut own = weights.clone();
+        for window in Window::around(&start.kinks, self.grid, &terms) {
+            window.solve_transposed(&mut own);
+            let missed = |node: usize| start.begun[node] - values[node];
+            for row in window.rows() {
+                let bend = own[row] * (missed(row + 1) - missed(row - 1)) / 24.0;
+                self.by_peclet(terms.peclet(row), -bend);
+            }
+        }
         start.kinks.each_row(self.grid, |row, kinks| {
-            let weight = std::mem::take(&mut own[row]);
+            let weight = own[row] * terms.share(row, kinks);
+            let numbers = terms.peclet(row);
+            let mut by_peclet = -(values[row + 1] - values[row - 1]) / 24.0;
+            for (k, part) in hat_weights(numbers[0]).into_iter().enumerate() {
+                weights[row - 1 + k] -= weight * part;
+            }
             points_of_hat(row, kinks, |u, share| {
-                let (share, tilt) = (weight * share, tilt(u));
-                points.push((
-                    row as f64 + u,
-                    share * (hat(u) + peclet * tilt),
-                    share * tilt,
-                ));
+                let place = row as f64 + u;
+                let (value, _) = self.before.at(self.grid.spot_at(place));
+                by_peclet += share * tilt(u) * value;
+                points.push((place, weight * share * (hat(u) + numbers[0] * tilt(u))));
             });
+            self.by_peclet(numbers, weight * by_peclet);
         });
-        let [lower, middle, upper] = hat_weights(peclet);
         let mut indices = [0.0; LANES];
-        for node in 0..=last + 1 {
+        for (node, weight) in weights.into_iter().enumerate() {
             if node % V::WIDTH == 0 {
                 let some = &spots[node..spots.len().min(node + V::WIDTH)];
                 if self.before.segment.drops() {
@@ -580,25 +606,24 @@ impl ThroughStart<'_> {
                     indices = std::array::from_fn(|k| (node + k) as f64);
                 }
             }
-            let before = if node > 0 { own[node - 1] } else { 0.0 };
-            let behind = if node <= last { own[node + 1] } else { 0.0 };
-            if node > 0 && node <= last {
-                by_peclet += own[node] * (values[node + 1] - values[node - 1]) / 24.0;
-            }
-            let weight = upper * before + middle * own[node] + lower * behind;
             let spot = spots[node];
             #[allow(clippy::float_cmp)] // it was taken over as it is
             let exercised = self.before.exercise && values[node] == self.before.obstacle(spot);
             self.take(spot, indices[node % V::WIDTH], weight, exercised);
         }
-        for (index, weight, by) in points {
+        for (index, weight) in points {
             let spot = self.grid.spot_at(index);
-            let (value, exercised) = self.before.at(spot);
-            by_peclet += by * value;
+            let exercised = self.before.at(spot).1;
             let after = self.grid.index(self.before.spot_after(spot));
             self.take(spot, after, weight, exercised);
         }
-        by_peclet
+    }
+
+    /// Add what a change of a row's cell Peclet number does, given this number's derivatives by rate and volatility.
+    fn by_peclet(&mut self, [_, by_rate, by_volatility]: [f64; 3], weight: f64) {
+        self.by.rate += weight * by_rate;
+        self.by.dividend_yield -= weight * by_rate;
+        self.by.volatility += weight * by_volatility;
     }
 
     /// Hand the weight of the value just before at a spot on to what it is made of, at a number of a node after it.

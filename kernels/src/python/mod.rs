@@ -33,7 +33,9 @@ mod _kernels {
     #[pymodule_export]
     use super::mode::{enter_mode, initial_signs, leading_signs, taylor_step};
     #[pymodule_export]
-    use super::obstacle_march::{march_segments, MarchSettings, MarchedSegments, SegmentTable};
+    use super::obstacle_march::{
+        march_segments, MarchSettings, MarchedSegments, SegmentTable, VolatilitySurface,
+    };
     #[pymodule_export]
     use super::segment_march::sweep_schedules;
     #[pymodule_export]

@@ -1,14 +1,70 @@
 //! The classes and the function of `pricing_core._kernels` that march options with whatever happens to them.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use super::arguments::{check_lengths, nonempty_group_starts, numbers};
 use super::interrupt::Question;
 use crate::obstacle_march::{
-    solve, BySegment, Changing, Contract, Found, Greeks, Segment, Settings, LOCAL,
+    solve, BySegment, Changing, Contract, Found, Greeks, Local, Segment, Settings, Surface, LOCAL,
 };
+
+/// A local volatility at nodes: at each time a monotone cubic in ln S, its square linear in time, flat outside.
+///
+/// Parameters
+/// ----------
+/// times : (m,) float
+///     Years from now, increasing.
+/// logs : (k,) float
+///     ln of the spots, increasing.
+/// values, slopes : (m, k) float
+///     The volatilities, and their slopes by ln S.
+#[pyclass(frozen, module = "pricing_core._kernels")]
+pub struct VolatilitySurface(Arc<Surface>);
+
+#[pymethods]
+impl VolatilitySurface {
+    #[new]
+    #[pyo3(signature = (*, times, logs, values, slopes))]
+    #[allow(clippy::needless_pass_by_value)]
+    fn new(
+        times: PyReadonlyArray1<'_, f64>,
+        logs: PyReadonlyArray1<'_, f64>,
+        values: PyReadonlyArray2<'_, f64>,
+        slopes: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Self> {
+        let [times, logs] = [times, logs].map(|axis| numbers(&axis).into_owned());
+        let [values, slopes] =
+            [values, slopes].map(|of| of.as_array().iter().copied().collect::<Vec<f64>>());
+        if times.is_empty() || logs.is_empty() {
+            return Err(PyValueError::new_err("a surface has at least one node"));
+        }
+        check_lengths(times.len() * logs.len(), &[values.len(), slopes.len()])?;
+        let increases = |axis: &[f64]| axis.windows(2).all(|pair| pair[0] < pair[1]);
+        if !increases(&times) || !increases(&logs) {
+            return Err(PyValueError::new_err("times and logs must increase"));
+        }
+        Ok(Self(Arc::new(Surface {
+            times,
+            logs,
+            values,
+            slopes,
+        })))
+    }
+}
+
+/// The local volatility of a contract as it is given: with ln of its strike, and what stands for it in the segments.
+type GivenSurface<'py> = (PyRef<'py, VolatilitySurface>, f64, f64);
+
+/// The local volatility of a contract.
+struct OwnSurface {
+    surface: Arc<Surface>,
+    log_strike: f64,
+    reference: f64,
+}
 
 /// Contracts, n of them with m segments in all, money in strikes.
 ///
@@ -26,18 +82,22 @@ use crate::obstacle_march::{
 ///     By how much the spot drops at the end.
 /// escrow : (m,) float
 ///     What escrowed dividends still due are worth at the end, before those paid there.
+/// local : list of n (`VolatilitySurface`, float, float) or None, optional
+///     The local volatility of each contract, ln of the strike in the money of its spots, and the number that stands for
+///     it in the segments: what a segment's volatility exceeds that by is added.
 #[pyclass(frozen, module = "pricing_core._kernels")]
 pub struct SegmentTable {
     sign: Vec<f64>,
     x: Vec<f64>,
     first: Vec<usize>,
     segments: Vec<Segment>,
+    local: Vec<Option<OwnSurface>>,
 }
 
 #[pymethods]
 impl SegmentTable {
     #[new]
-    #[pyo3(signature = (*, sign, x, first, duration, rate, dividend_yield, volatility, exercisable, exercise_at_end, fraction, amount, escrow))]
+    #[pyo3(signature = (*, sign, x, first, duration, rate, dividend_yield, volatility, exercisable, exercise_at_end, fraction, amount, escrow, local=None))]
     #[allow(clippy::too_many_arguments, clippy::needless_pass_by_value)]
     fn new(
         sign: PyReadonlyArray1<'_, f64>,
@@ -52,6 +112,7 @@ impl SegmentTable {
         fraction: PyReadonlyArray1<'_, f64>,
         amount: PyReadonlyArray1<'_, f64>,
         escrow: PyReadonlyArray1<'_, f64>,
+        local: Option<Vec<Option<GivenSurface<'_>>>>,
     ) -> PyResult<Self> {
         let (sign, x) = (numbers(&sign).into_owned(), numbers(&x).into_owned());
         check_lengths(x.len(), &[sign.len()])?;
@@ -96,11 +157,26 @@ impl SegmentTable {
         if !x.iter().all(|x| x.is_finite()) {
             return Err(PyValueError::new_err("x must be finite"));
         }
+        let local: Vec<Option<OwnSurface>> = match local {
+            None => x.iter().map(|_| None).collect(),
+            Some(each) => each
+                .into_iter()
+                .map(|one| {
+                    one.map(|(surface, log_strike, reference)| OwnSurface {
+                        surface: surface.0.clone(),
+                        log_strike,
+                        reference,
+                    })
+                })
+                .collect(),
+        };
+        check_lengths(x.len(), &[local.len()])?;
         Ok(Self {
             sign,
             x,
             first,
             segments,
+            local,
         })
     }
 }
@@ -228,14 +304,15 @@ impl MarchedSegments {
         Self::matrix(py, self.locals(), LOCAL, |one| one.change)
     }
 
-    /// The derivatives by rate, `dividend_yield`, volatility, fraction, amount and escrow of the segments, (m, 6), where
+    /// The derivatives by rate, `dividend_yield`, volatility, fraction, amount and escrow of the segments and by a shift of the
+    /// local volatility in ln S, (m, 7), where
     /// they are wanted.
     #[getter]
     fn by_segment<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         Self::matrix(py, self.segments(), BySegment::COUNT, |one| one.value)
     }
 
-    /// By how much these are others on the last two grids, (m, 6).
+    /// By how much these are others on the last two grids, (m, 7).
     #[getter]
     fn by_segment_change<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         Self::matrix(py, self.segments(), BySegment::COUNT, |one| one.change)
@@ -268,6 +345,11 @@ pub fn march_segments(
                 x: table.x[k],
                 segments,
                 mesh: segments,
+                local: table.local[k].as_ref().map(|own| Local {
+                    surface: &own.surface,
+                    log_strike: own.log_strike,
+                    reference: own.reference,
+                }),
             }
         })
         .collect();

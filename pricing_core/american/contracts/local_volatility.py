@@ -68,7 +68,8 @@ class LocalVolatility:
             object.__setattr__(self, name, array)
 
     @cached_property
-    def _slopes(self) -> Matrix:
+    def slopes(self) -> Matrix:
+        """The slopes of the cubics by ln S at the nodes, shape (m, n)."""
         return _monotone_slopes(np.log(self.spots), self.values)
 
     @cached_property
@@ -147,7 +148,7 @@ class LocalVolatility:
     def at_nodes_of_time(self, spots: Vector) -> Matrix:
         """Return sigma at each of its times and at k spots, shape (m, k)."""
         with np.errstate(divide="ignore"):
-            return _interpolated(np.log(self.spots), self.values, self._slopes, np.log(spots))
+            return _interpolated(np.log(self.spots), self.values, self.slopes, np.log(spots))
 
     def mean_variance(self, start: float, end: float) -> Vector:
         """Return the mean of sigma**2 from `start` to `end` (years) at the nodes of the spot, shape (n,)."""

@@ -10,11 +10,11 @@ from pricing_core.arrays import BoolVector, every, some
 
 def has_formula(book: Book) -> BoolVector:
     """Tell European contracts, and those never exercised early, whose spot at expiry is lognormal."""
-    if book.is_plain:
-        return ~book.segments.exercisable | _never_exercised(book)
-    drops = book.drops() > 0.0
-    lognormal = ~_any(book, drops) if some(drops) else np.ones(book.count, dtype=bool)
-    return lognormal & (~may_exercise(book) | _never_exercised(book))
+    held = ~may_exercise(book) | _never_exercised(book)
+    if not book.is_plain:
+        drops = book.drops() > 0.0
+        held &= ~_any(book, drops) if some(drops) else True
+    return held if book.local is None else held & ~book.is_local()
 
 
 def may_exercise(book: Book) -> BoolVector:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pricing_core import kernel
 from pricing_core.american.book.book import Book
@@ -34,7 +35,7 @@ LARGEST_DEVIATION, FURTHEST, LARGEST_DRIFT = 4.0, 30.0, 6.0
 
 
 class CompiledMarch:
-    """Whatever happens before expiry, with constant coefficients in between."""
+    """Whatever happens before expiry, with constant coefficients in between or a local volatility."""
 
     name = "obstacle march"
     least_error = 0.0
@@ -46,7 +47,7 @@ class CompiledMarch:
         segments, spot = book.segments, book.spot - book.escrow_now()
         variance = segments.volatility**2 * segments.duration
         deviation = np.sqrt(np.add.reduceat(variance, book.first[:-1]))
-        served = (book.expiry > 0.0) & (deviation <= LARGEST_DEVIATION) & ~book.is_local()
+        served = (book.expiry > 0.0) & (deviation <= LARGEST_DEVIATION)
         drift = np.abs(segments.rate - segments.dividend_yield) * segments.duration
         diffuses = (variance > 0.0) & (drift <= LARGEST_DRIFT * np.sqrt(variance))
         served &= np.logical_and.reduceat(diffuses, book.first[:-1])
@@ -80,6 +81,7 @@ class CompiledMarch:
             complete=complete,
             method="obstacle-march",
             status=np.where(interrupted & ~complete, "deadline", "ok").astype(object),
+            message=_outside(book),
             steps=found.steps,
             solves=found.levels,
             **columns,
@@ -119,3 +121,14 @@ def _european(book: Book, value: Vector, request: Request) -> Vector:
         without = march_book(held.take(rows), replace(request.take(rows), greeks="none"))
         european[rows] = book.strike[rows] * without.value
     return european
+
+
+def _outside(book: Book) -> str | NDArray[np.object_]:
+    """Return what lies outside the nodes of each contract's local volatility, a sentence or nothing, shape (n,)."""
+    if book.local is None:
+        return ""
+    found = np.full(book.count, "", dtype=object)
+    for row in np.flatnonzero(book.is_local()).tolist():
+        surface = book.local[row].volatility
+        found[row] = surface.extrapolated(book.spot.item(row), book.strike.item(row), book.expiry.item(row))
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from pricing_core.american.contracts.fields import GREEKS
 from pricing_core.american.engines.engine import Request
 
 if TYPE_CHECKING:
-    from pricing_core._kernels import MarchedSegments
+    from pricing_core._kernels import MarchedSegments, VolatilitySurface
 
 
 def march_book(book: Book, request: Request) -> MarchedSegments:
@@ -40,6 +41,7 @@ def march_book(book: Book, request: Request) -> MarchedSegments:
         fraction=columns.fraction,
         amount=book.drops() / strikes,
         escrow=book.escrow() / strikes,
+        local=_surfaces(book),
     )
     settings = kernel.MarchSettings(cells=CELLS, width=WIDTH, steps=STEPS, rounded=ROUNDED)
     return kernel.march_segments(
@@ -50,3 +52,28 @@ def march_book(book: Book, request: Request) -> MarchedSegments:
         request.threads,
         request.interrupt,
     )
+
+
+def _surfaces(book: Book) -> list[tuple[VolatilitySurface, float, float] | None] | None:
+    """Return the local volatility of each contract, ln of its strike and what stands for it in the segments."""
+    if book.local is None:
+        return None
+    assert kernel.VolatilitySurface is not None
+    known: dict[int, VolatilitySurface] = {}
+    found: list[tuple[VolatilitySurface, float, float] | None] = []
+    for terms, strike in zip(book.local, book.strike.tolist(), strict=True):
+        if terms is None:
+            found.append(None)
+            continue
+        surface = terms.volatility
+        if id(surface) not in known:
+            # Without a dependence on the time steps need not end at its times.
+            rows = 1 if (surface.values == surface.values[0]).all() else surface.times.size
+            known[id(surface)] = kernel.VolatilitySurface(
+                times=surface.times[:rows],
+                logs=np.log(surface.spots),
+                values=surface.values[:rows],
+                slopes=surface.slopes[:rows],
+            )
+        found.append((known[id(surface)], math.log(strike), terms.reference))
+    return found

@@ -6,6 +6,7 @@ error is told by how much it changes from the last grid but one to the last.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
     from pricing_core._kernels import MarchedSegments
 
 # The numbers of a segment by which the march differentiates, in its order: those of the curves, the share of the spot
-# by which it drops, and these.
-RATE, AMOUNT, ESCROW = CURVES.index("rate"), 4, 5
+# by which it drops, these, and a shift of the local volatility in ln S.
+RATE, AMOUNT, ESCROW, SHIFT = CURVES.index("rate"), 4, 5, 6
 # The derivatives at the spot, in its order.
 BY_X, BY_X_TWICE, RATE_OF_CHANGE, RATE_BY_X, VOLATILITY_AND_X, VOLATILITY_TWICE = range(6)
 # Amount of a dividend, in strikes, that changes no value by more than a billionth; chosen.
@@ -34,12 +35,13 @@ NEXT_TO_NOTHING = 1e-9
 # change at one place may vanish by chance. 99.5 % of random contracts hold; calibrated.
 CHANGE_SHARE, FLAT_SHARE = 1.5, 2.0
 BY_RATES, BY_VOLATILITY, BY_DIVIDEND, OF_VANNA, OF_VOLGA = 6.0, 1.0, 5.0, 2.5, 120.0
+STICKY = "delta_sticky_moneyness"
 Columns = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Changing:
-    """Derivatives by the numbers of m segments, and by how much they change between grids; (m, 6) each."""
+    """Derivatives by the numbers of m segments, and by how much they change between grids; (m, 7) each."""
 
     value: Matrix
     change: Matrix
@@ -102,6 +104,8 @@ def by_parameters(book: Book, found: MarchedSegments, *, extended: bool) -> Colu
         columns[PARALLEL[name]] = book.strike * total[:, k]
         columns[error_of(PARALLEL[name])] = book.strike * np.maximum(CHANGE_SHARE * change[:, k], least[name])
     columns |= _by_dividends(book, gradient, BY_DIVIDEND * by_x / spot)
+    if book.local is not None:
+        columns |= _sticky_moneyness(book, found, total[:, SHIFT], change[:, SHIFT], least["volatility"])
     if extended:
         vanna, volga = found.local[:, VOLATILITY_AND_X], found.local[:, VOLATILITY_TWICE]
         vanna_change, volga_change = found.local_change[:, VOLATILITY_AND_X:].T
@@ -114,6 +118,24 @@ def by_parameters(book: Book, found: MarchedSegments, *, extended: bool) -> Colu
         for k, name in enumerate(CURVES):
             columns |= _by_pieces(book, name, gradient, k, least[name])
     return columns
+
+
+def _sticky_moneyness(
+    book: Book, found: MarchedSegments, shift: Vector, change: Vector, least: Vector
+) -> Columns:
+    """Return the derivative by the spot if the local volatility moves along with it, and its error."""
+    local, quoted = book.is_local(), book.spot / book.strike
+    diffusing = (book.spot - book.escrow_now()) / book.strike
+    volatility, variance_slope = book.volatility_now()
+    slope = 0.5 * variance_slope * book.spot / volatility  # by ln S, which a shift changes the volatility by
+    value = found.local[:, BY_X] / diffusing + shift / quoted
+    error = np.maximum(CHANGE_SHARE * change, np.abs(slope) * least) / quoted
+    error += found.local_change[:, BY_X] / diffusing
+    exercised = found.exercised
+    return {
+        STICKY: np.where(local, np.where(exercised, -book.sign, value), math.nan),
+        error_of(STICKY): np.where(local, np.where(exercised, 0.0, error), math.nan),
+    }
 
 
 def lacks_cuts(book: Book, *, extended: bool) -> BoolVector:
