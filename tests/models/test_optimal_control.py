@@ -10,7 +10,6 @@ from pricing_core.errors import InfeasibleError, InvalidInputError, NumericalErr
 from pricing_core.models import OptimalControl, StateConstrainedLQ
 from tests.problems.control_problems import CONTROL_PROBLEMS, FORCE, INTEGRATOR, POSITION, ControlProblem
 
-
 SOLUTIONS: dict[int, OptimalControl] = {}
 
 
