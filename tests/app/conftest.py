@@ -1,8 +1,10 @@
 """A client of the application and the console entry point, in process, and the question that most tests ask."""
 
 import json
+import subprocess
 import sys
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +66,19 @@ def pricing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
             main()
         output = capsys.readouterr()
         return int(ended.value.code or 0), output.out, output.err
+
+    return run_here
+
+
+@pytest.fixture
+def completed(pricing: Any) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run the console entry point in this process, and return what a process of its own would end with."""
+
+    def run_here(*arguments: object) -> subprocess.CompletedProcess[str]:
+        with warnings.catch_warnings():
+            warnings.simplefilter("default", UserWarning)  # as outside of the tests, where they are no errors
+            status, output, errors = pricing(*arguments)
+        return subprocess.CompletedProcess(["pricing", *map(str, arguments)], status, output, errors)
 
     return run_here
 

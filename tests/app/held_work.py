@@ -106,11 +106,16 @@ def hold_in_this_process(held: HeldWork) -> None:
     server.LAST_SECONDS = float(os.environ.get(LAST_SECONDS, server.LAST_SECONDS))
 
 
-if __name__ == "__main__":
-    from app.__main__ import main
-
+def prepare() -> None:
+    """Hold the work of this process as its environment says."""
     # As in a terminal, also where the tests run in the background.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     hold_in_this_process(HeldWork(Path(os.environ[FOLDER])))
+
+
+if __name__ == "__main__":
+    from app.__main__ import main
+
+    prepare()
     main()

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.problems.nightly import nightly, nightly_rows
+
 BOOK = Path(__file__).parents[2] / "examples" / "book.csv"
 TERMS = [
     "--option-type",
@@ -60,15 +62,19 @@ def ended(
     "arguments",
     [
         PRICE,
-        (*PRICE, "--json"),
-        ("boundary", *PRICE[1:]),
-        ("advice", *PRICE[1:]),
-        ("implied-volatility", *PRICE[1:-2], "--option-price", "6.09"),
+        ("boundary", *PRICE[1:], "--json"),
         ("simulate", "--schema"),
         ("key", "somebody"),
-        ("--version",),
         ("--help",),
-        ("serve", "--help"),
+        *nightly(
+            [
+                (*PRICE, "--json"),
+                ("advice", *PRICE[1:]),
+                ("implied-volatility", *PRICE[1:-2], "--option-price", "6.09"),
+                ("--version",),
+                ("serve", "--help"),
+            ]
+        ),
     ],
     ids=lambda arguments: " ".join((arguments[0], arguments[-1])),
 )
@@ -93,7 +99,7 @@ def test_a_table_from_an_input_that_is_closed_is_status_2_and_one_line(tmp_path:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("closed", ["0<&-", "1>&-", "2>&-", "0<&- 1>&- 2>&-"])
+@pytest.mark.parametrize("closed", ["0<&- 1>&- 2>&-", *nightly(["0<&-", "1>&-", "2>&-"])])
 def test_a_batch_between_files_needs_no_stream(tmp_path: Path, closed: str) -> None:
     found = ended("batch", BOOK, tmp_path / "out.csv", "--tolerance", "1e-3", closed=closed)
     assert (found.returncode, found.stderr) == (0, "")
@@ -114,8 +120,16 @@ def sender(tmp_path: Path) -> dict[str, str]:
     return {"PYTHONPATH": os.pathsep.join([str(folder), *filter(None, sys.path)])}
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("where", ["app.cli", "app.commands.batch_command"])
+@pytest.mark.parametrize(
+    ("where", "how"),
+    [
+        ("app.cli", signal.SIGINT),
+        ("app.cli", signal.SIGHUP),
+        ("app.commands.batch_command", signal.SIGTERM),
+        *nightly_rows([("app.cli", signal.SIGTERM)]),
+        *nightly_rows([("app.commands.batch_command", how) for how in (signal.SIGINT, signal.SIGHUP)]),
+    ],
+)
 def test_a_signal_at_the_start_of_a_batch_is_status_130_and_one_line(
     tmp_path: Path, sender: dict[str, str], where: str, how: signal.Signals
 ) -> None:
@@ -143,8 +157,16 @@ def test_a_signal_to_a_single_price_is_status_130_and_one_line(
     assert found.stderr == "pricing: interrupted; nothing was written\n"
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("where", ["app.cli", "app.service.server", "app.service.routes.price"])
+@pytest.mark.parametrize(
+    ("where", "how"),
+    [
+        ("app.cli", signal.SIGINT),
+        ("app.service.server", signal.SIGTERM),
+        ("app.service.routes.price", signal.SIGINT),
+        *nightly_rows([("app.service.server", signal.SIGINT)]),
+        *nightly_rows([(where, signal.SIGTERM) for where in ("app.cli", "app.service.routes.price")]),
+    ],
+)
 def test_a_server_that_is_told_to_end_while_it_starts_ends_with_status_0(
     sender: dict[str, str], where: str, how: signal.Signals
 ) -> None:

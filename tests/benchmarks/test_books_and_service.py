@@ -6,6 +6,7 @@ from benchmarks import batch_throughput, cluster_scaling, service_load
 from benchmarks.service_load import Arrivals, ClosedLoop
 
 
+@pytest.mark.nightly  # `make benchmark` measures more of the same
 def test_a_book_is_priced_as_arrays_and_from_every_kind_of_file() -> None:
     runs = batch_throughput.measure(200, (1,))
     assert [(run.kind, run.threads) for run in runs] == [("price_many", 1), ("parquet", 1), ("csv", 1)]
@@ -16,6 +17,7 @@ def test_a_book_is_priced_as_arrays_and_from_every_kind_of_file() -> None:
     assert section.paragraphs[0].startswith(f"{fastest.kind.capitalize()} on 1 thread is the fastest file")
 
 
+@pytest.mark.nightly  # `make benchmark` measures more of the same
 def test_a_cluster_is_held_against_one_thread() -> None:
     alone, one = cluster_scaling.measure(200, (1,))
     assert (alone.who, alone.efficiency) == ("one thread", None)

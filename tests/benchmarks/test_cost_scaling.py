@@ -19,6 +19,7 @@ def test_the_power_is_that_of_the_larger_half() -> None:
     assert law.power == pytest.approx(2.0)
 
 
+@pytest.mark.nightly  # `make benchmark` measures the same
 @needs_kernel
 def test_every_law_has_an_exponent_and_every_sweep_its_largest_jump(report: Report) -> None:
     laws, jumps, books = report.tables

@@ -10,7 +10,7 @@ def share_within(found: list[Family]) -> float:
 
 
 def test_a_few_problems_of_every_family_lie_within_their_estimates() -> None:
-    found = study(25)
+    found = study(10)
     assert [one.family for one in found] == [*FAMILIES]
     assert share_within(found) > 0.95
     assert all(one.met_tolerance == 1.0 for one in found)

@@ -7,6 +7,7 @@ from pricing_core.american.implied.implied_carry import stock_value
 from pricing_core.chains.fit_carry import fit_carry
 from pricing_core.errors import NumericalError
 from tests.chains.chain_problems import EXPIRIES, RATE, displaced_chain
+from tests.problems.nightly import nightly
 
 BASIS_POINT = 1e-4
 TOLERANCE = 1e-6
@@ -30,7 +31,7 @@ def test_the_carry_of_a_smile_is_recovered_without_noise(known):
     assert np.abs(carry.pair_residual).max() < 5e-3  # premiums of one volatility for all spots, at two years
 
 
-@pytest.mark.parametrize("size", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize("size", [1.0, *nightly([0.5, 2.0])])
 def test_the_errors_of_the_carry_are_what_noise_makes(known, size):
     rng = np.random.default_rng(SEED)
     off = []

@@ -49,6 +49,7 @@ def test_without_noise_the_amounts_are_found_and_no_yield_is_left():
     assert [each.amount for each in fit.market.cash_dividends] == fit.dividends["amount"].to_pylist()
 
 
+@pytest.mark.nightly
 def test_with_noise_they_lie_within_three_standard_errors_beside_one_that_is_given():
     fit = fit_chain(chain(1.0, seed=4), RATE, cash_dividends=dated((None, 0.8, None)))
     error = fit.dividends["standard_error"].to_pylist()

@@ -11,8 +11,6 @@ from pricing_core.chains.surface.dupire import local_volatility_error
 from tests.problems.chains import CLASSES, EXPIRIES, RATE, SPOT, YIELD, KnownChain, known_chain
 
 BASIS_POINT = 1e-4
-QUICK = (("displaced down", True),)
-LONG = [(name, paid) for name in CLASSES for paid in (False, True) if (name, paid) not in QUICK]
 NOISY = list(zip(CLASSES, (False, True, True, False), strict=True))
 TIMES = np.sort(np.concatenate([EXPIRIES, np.sqrt(EXPIRIES[1:] * EXPIRIES[:-1])]))
 SEEDS, CHAINS = 20_261_125, 12
@@ -52,14 +50,10 @@ def check_without_noise(name: str, dividends: bool) -> None:
     assert fit.unfitted == {}
 
 
-@pytest.mark.parametrize(("name", "dividends"), QUICK)
-def test_without_noise_everything_is_recovered(name: str, dividends: bool) -> None:
-    check_without_noise(name, dividends)
-
-
 @pytest.mark.nightly
-@pytest.mark.parametrize(("name", "dividends"), LONG)
-def test_without_noise_everything_is_recovered_for_all_classes(name: str, dividends: bool) -> None:
+@pytest.mark.parametrize("name", CLASSES)
+@pytest.mark.parametrize("dividends", [False, True])
+def test_without_noise_everything_is_recovered(name: str, dividends: bool) -> None:
     check_without_noise(name, dividends)
 
 

@@ -49,7 +49,7 @@ def degenerate(M: Matrix, random: np.random.Generator) -> tuple[Vector, Vector]:
 
 
 @given(sizes, seeds)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_lemke_murty_and_enumeration_agree_for_p_matrices(n: int, seed: int) -> None:
     random = np.random.default_rng(seed)
     problem = LCP(p_matrix(n, random), random.normal(size=n))
@@ -103,7 +103,7 @@ def test_each_sweep_is_a_lower_bound_of_the_solution(n: int, seed: int) -> None:
 
 
 @given(sizes, seeds)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_degenerate_problems_are_solved(n: int, seed: int) -> None:
     random = np.random.default_rng(seed)
     M = p_matrix(n, random)
@@ -114,7 +114,7 @@ def test_degenerate_problems_are_solved(n: int, seed: int) -> None:
 
 
 @given(sizes, seeds)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_units_of_rows_and_columns_do_not_matter(n: int, seed: int) -> None:
     random = np.random.default_rng(seed)
     M, q = p_matrix(n, random), random.normal(size=n)

@@ -24,6 +24,7 @@ from pricing_core.lcs import (
 )
 from tests.problems.lcs_problems import diode_bridge, problems, pulled_particle, two_capacitors, two_relays
 from tests.problems.lcs_systems import bridge, filtered_bridge, integrators, two_carts, two_integrators
+from tests.problems.nightly import nightly
 
 
 def relays(B, A=None) -> LCS:
@@ -347,7 +348,7 @@ def test_an_interrupt_keeps_the_trajectory_so_far():
     assert trajectory.x[-1] == pytest.approx(problem.exact(trajectory.t[-1]), rel=1e-10)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", [*range(6), *nightly(range(6, 12))])
 def test_random_passive_systems_keep_their_constraints_and_lose_energy(seed):
     """x' = (J - R) x + B u, y = B^T x + D u with J skew, R and D + D^T positive definite: Q = I."""
     rng = np.random.default_rng(seed)

@@ -6,6 +6,7 @@ import pytest
 
 from pricing_core.errors import InvalidInputError, NumericalError
 from pricing_core.models import HamiltonianSystem, MechanicalSystem
+from tests.problems.nightly import nightly
 
 G = 9.81
 
@@ -28,7 +29,7 @@ def test_between_impacts_the_energy_does_not_change():
 
 
 def test_the_angle_converges_with_order_two_between_impacts():
-    fine = pendulum(wall=-10.0).simulate([1.0], [0.0], (0.0, 2.0), steps=3200).q[-1]
+    fine = pendulum(wall=-10.0).simulate([1.0], [0.0], (0.0, 2.0), steps=1600).q[-1]
     errors = [
         abs(pendulum(wall=-10.0).simulate([1.0], [0.0], (0.0, 2.0), steps=steps).q[-1] - fine).item()
         for steps in (50, 100, 200)
@@ -38,7 +39,7 @@ def test_the_angle_converges_with_order_two_between_impacts():
 
 @pytest.mark.parametrize("e", [0.0, 0.6, 1.0])
 def test_an_impact_adds_no_energy_and_turns_the_velocity_by_newton_s_law(e):
-    swing = pendulum(e).simulate([1.0], [0.0], (0.0, 3.0), steps=3000)
+    swing = pendulum(e).simulate([1.0], [0.0], (0.0, 3.0), steps=1500)
     assert np.all(np.diff(swing.energy) <= 1e-11)
     assert swing.gaps.min() > -1e-9
     hit = int(np.flatnonzero(swing.impulses[:, 0] > 0.1)[0])
@@ -62,7 +63,7 @@ def test_a_mass_that_depends_on_the_place_keeps_its_energy():
         constraint_jacobian=lambda q: np.eye(1),
         restitution=0.5,
     )
-    slide = bead.simulate([1.0], [0.0], (0.0, 4.0), steps=4000)
+    slide = bead.simulate([1.0], [0.0], (0.0, 4.0), steps=1000)
     free = slide.impulses[1:, 0] == 0.0
     assert np.abs(np.diff(slide.energy)[free]).max() < 1e-11
     assert np.diff(slide.energy).max() < 1e-9
@@ -134,7 +135,7 @@ def test_a_ball_that_lies_stays(e, q0):
     assert np.abs(lying.p).max() < 1e-12
 
 
-@pytest.mark.parametrize("e", [0.0, 0.4, 0.8, 1.0])
+@pytest.mark.parametrize("e", [0.0, 0.8, *nightly([0.4, 1.0])])
 def test_errors_with_impacts_decrease_steadily_with_order_two(e):
     """A pendulum against a wall, up to a time after several impacts."""
     fine = pendulum(e).simulate([1.0], [0.0], (0.0, 2.3), steps=800)
@@ -145,7 +146,7 @@ def test_errors_with_impacts_decrease_steadily_with_order_two(e):
     assert errors[0] > 2.5 * errors[1] > 6.0 * errors[2]
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", [*range(5), *nightly(range(5, 8))])
 def test_stacks_of_balls_end_without_gain_of_energy(seed):
     """Two or three balls above each other, of random masses, restitution and heights."""
     rng = np.random.default_rng(seed)

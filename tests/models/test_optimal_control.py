@@ -10,12 +10,22 @@ from pricing_core.errors import InfeasibleError, InvalidInputError, NumericalErr
 from pricing_core.models import OptimalControl, StateConstrainedLQ
 from tests.problems.control_problems import CONTROL_PROBLEMS, FORCE, INTEGRATOR, POSITION, ControlProblem
 
+SOLUTIONS: dict[int, OptimalControl] = {}
+
+
+def solution(known: ControlProblem) -> OptimalControl:
+    """Return the solution of a problem that several tests look at, found once."""
+    if id(known) not in SOLUTIONS:
+        SOLUTIONS[id(known)] = known.problem.solve()
+    return SOLUTIONS[id(known)]
+
+
 every_problem = pytest.mark.parametrize("known", CONTROL_PROBLEMS, ids=lambda known: known.name)
 
 
 @every_problem
 def test_closed_forms_are_met_to_rounding(known: ControlProblem):
-    answer = known.problem.solve()
+    answer = solution(known)
     assert answer.status == "solved"
     assert answer.cost == pytest.approx(known.cost, abs=1e-12)
     assert answer.switching_times == pytest.approx(known.switching_times, abs=1e-9)
@@ -93,7 +103,7 @@ def simpson(t: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 @every_problem
 def test_known_solutions_satisfy_the_maximum_principle(known: ControlProblem):
-    check_maximum_principle(known.problem, known.problem.solve())
+    check_maximum_principle(known.problem, solution(known))
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
@@ -196,7 +206,7 @@ def exact_cost(problem: StateConstrainedLQ, control: np.ndarray, per: int = 8) -
 @given(st.integers(0, 10_000))
 def test_no_feasible_control_is_cheaper(known: ControlProblem, seed: int):
     """The optimum, disturbed and pushed away from the constraint, costs more unless it leaves it."""
-    problem, answer = known.problem, known.problem.solve()
+    problem, answer = known.problem, solution(known)
     rng = np.random.default_rng(seed)
     middles = (np.arange(400) + 0.5) * problem.horizon / 400
     control = np.interp(middles, answer.t, answer.control[:, 0])

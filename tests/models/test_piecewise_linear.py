@@ -210,7 +210,7 @@ def test_a_curve_that_folds_back_in_y_is_followed():
     ]
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(st.integers(0, 100_000))
 def test_random_increasing_characteristics_are_followed_exactly(seed):
     """Passive plants and increasing curves, u entering with minus: one solution, met by a Runge-Kutta method too."""

@@ -9,6 +9,7 @@ from pricing_core.errors import InfeasibleError, InvalidInputError, IterationLim
 from pricing_core.lcs import EventDriven, TimeStepping, simulate
 from pricing_core.models import ProjectedSystem
 from pricing_core.models.nearest_point import nearest_point
+from tests.problems.nightly import nightly
 
 
 def steady(x):
@@ -256,7 +257,7 @@ def test_steps_pass_a_corner_and_rest_there(T):
     assert run.lcs.accepted + run.lcs.rejected < 1000
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", [*range(6), *nightly(range(6, 12))])
 def test_the_error_at_the_end_is_within_30_tolerances(seed):
     """Against the exact flow from event to event, on random polyhedra."""
     rng = np.random.default_rng(seed)
@@ -269,7 +270,7 @@ def test_the_error_at_the_end_is_within_30_tolerances(seed):
     assert np.abs(run.x - exact.x).max() <= 30.0 * tolerance * (1.0 + np.abs(exact.x).max())
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, 1, 2, *nightly([3, 4, 5])])
 def test_corners_of_ellipsoids_are_passed(seed):
     """Two ellipsoids and a plane through the interior of both, against closer steps."""
     rng = np.random.default_rng(seed)

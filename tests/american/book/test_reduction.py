@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,7 @@ from pricing_core.american import (
 )
 from pricing_core.errors import InvalidInputError
 from tests.problems.needs_kernel import needs_kernel
+from tests.problems.nightly import nightly_rows
 
 pytestmark = needs_kernel
 SEEDS = range(6)
@@ -170,10 +172,12 @@ REDUCED = {
     "paid later": ({"settlement_lag": 150.0}, {"dividend_yield": YIELDS}),
     "borrowed": ({}, {"borrow_rate": PiecewiseConstant([0.3, 1.0], [0.0, 0.02]), "dividend_yield": YIELDS}),
 }
+BOTH = list(product(REDUCED, ("put", "call")))
+COVERING = BOTH[::4] + BOTH[3::4]  # each case once, and each kind as often
+REST = [pair for pair in BOTH if pair not in COVERING]
 
 
-@pytest.mark.parametrize("case", REDUCED)
-@pytest.mark.parametrize("kind", ["put", "call"])
+@pytest.mark.parametrize(("case", "kind"), [*COVERING, *nightly_rows(REST)])
 def test_the_buckets_of_curves_are_derivatives_of_the_price(case, kind):
     terms, conditions = REDUCED[case]
     option, market = Option(kind, 100.0, 1.0, **terms), Market(96.0, RATES, 0.25, **conditions)

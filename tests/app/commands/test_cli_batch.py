@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,12 +13,15 @@ import pytest
 from pricing_core.american.contracts.result_fields import price_fields
 from tests.app.held_work import HeldWork
 from tests.problems.eventually import PATIENCE, eventually
+from tests.problems.nightly import nightly
 
 HEADER = ["id", "option_type", "spot", "strike", "expiry", "rate", "volatility", "desk"]
 BOOK = Path(__file__).parents[3] / "examples" / "book.csv"
+Completed = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def pricing(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run the command in a process of its own, as a shell does."""
     command = [sys.executable, "-m", "app", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
@@ -54,58 +58,62 @@ def test_all_priced_is_status_0_and_a_summary(tmp_path: Path) -> None:
     assert read(tmp_path / "out.csv.rejects.csv") == []
 
 
-def test_parts_that_are_discarded_are_told_of_in_one_line(tmp_path: Path) -> None:
+def test_parts_that_are_discarded_are_told_of_in_one_line(tmp_path: Path, completed: Completed) -> None:
     parts = tmp_path / "out.csv.parts"
     parts.mkdir()
     (parts / "0123456789ab-000000.arrow").touch()
     arguments = ("batch", write(tmp_path / "in.csv", 90), tmp_path / "out.csv", "--tolerance", "1e-3")
-    assert pricing(*arguments).stderr == (
+    assert completed(*arguments).stderr == (
         f"pricing: warning: finished parts of an earlier run are discarded (1 in {parts}): "
         "--resume keeps them where the input and the parameters are the same\n"
     )
 
 
-def test_a_file_without_greeks_is_made_where_none_are_asked_for(tmp_path: Path) -> None:
+def test_a_file_without_greeks_is_made_where_none_are_asked_for(tmp_path: Path, completed: Completed) -> None:
     target = tmp_path / "out.csv"
-    found = pricing(
+    found = completed(
         "batch", write(tmp_path / "in.csv", 90), target, "--tolerance", "1e-3", "--greeks", "none"
     )
     assert found.returncode == 0
     assert list(read(target)[0]) == [*HEADER, *(field.name for field in price_fields("none", HEADER))]
 
 
-def test_a_file_has_errors_of_greeks_where_they_are_asked_for(tmp_path: Path) -> None:
+def test_a_file_has_errors_of_greeks_where_they_are_asked_for(tmp_path: Path, completed: Completed) -> None:
     target = tmp_path / "out.csv"
-    found = pricing("batch", write(tmp_path / "in.csv", 90), target, "--tolerance", "1e-3", "--greek-errors")
+    found = completed(
+        "batch", write(tmp_path / "in.csv", 90), target, "--tolerance", "1e-3", "--greek-errors"
+    )
     assert found.returncode == 0
     expected = price_fields("standard", HEADER, greek_errors=True)
     assert list(read(target)[0]) == [*HEADER, *(field.name for field in expected)]
 
 
-def test_rejected_rows_are_status_1_and_explained_in_the_stated_file(tmp_path: Path) -> None:
+def test_rejected_rows_are_status_1_and_explained_in_the_stated_file(
+    tmp_path: Path, completed: Completed
+) -> None:
     target, rejects = tmp_path / "out.csv", tmp_path / "why.csv"
     source = write(tmp_path / "in.csv", 90, "abc", 100)
-    found = pricing("batch", source, target, "--rejects", rejects, "--tolerance", "1e-3")
+    found = completed("batch", source, target, "--rejects", rejects, "--tolerance", "1e-3")
     assert found.returncode == 1
     assert str(rejects) in found.stdout
     assert [(row["line"], row["field"], row["value"]) for row in read(rejects)] == [("3", "strike", "abc")]
     assert [row["status"] for row in read(target)] == ["ok", "invalid_input", "ok"]
 
 
-def test_a_misspelt_column_shows_in_the_summary(tmp_path: Path) -> None:
+def test_a_misspelt_column_shows_in_the_summary(tmp_path: Path, completed: Completed) -> None:
     source = tmp_path / "in.csv"
     source.write_text(
         'option_type,spot,strike,expiry,rate,volatility,dividends,tol,yield,[red]\nput,100,90,1,0.05,0.2,"[]",1,1,1\n'
     )
-    found = pricing("batch", source, tmp_path / "out.csv")
+    found = completed("batch", source, tmp_path / "out.csv")
     assert found.returncode == 0
     assert found.stdout.splitlines()[-1].split() == [
         *("columns", "not", "read", "4", "dividends,", "tol,", "yield,", "[red]")
     ]
 
 
-def test_quiet_says_nothing(tmp_path: Path) -> None:
-    found = pricing("batch", write(tmp_path / "in.csv", 0), tmp_path / "out.parquet", "--quiet")
+def test_quiet_says_nothing(tmp_path: Path, completed: Completed) -> None:
+    found = completed("batch", write(tmp_path / "in.csv", 0), tmp_path / "out.parquet", "--quiet")
     assert (found.returncode, found.stdout, found.stderr) == (1, "", "")
     assert (tmp_path / "out.parquet").exists()
 
@@ -120,11 +128,11 @@ def test_quiet_says_nothing(tmp_path: Path) -> None:
     ],
 )
 def test_a_file_that_is_no_table_is_status_2_one_line_and_no_output(
-    tmp_path: Path, content: bytes, words: str
+    tmp_path: Path, completed: Completed, content: bytes, words: str
 ) -> None:
     source = tmp_path / "in.csv"
     source.write_bytes(content)
-    found = pricing("batch", source, tmp_path / "out.csv")
+    found = completed("batch", source, tmp_path / "out.csv")
     assert (found.returncode, found.stdout) == (2, "")
     assert found.stderr.startswith("pricing: ")
     assert words in found.stderr
@@ -132,30 +140,38 @@ def test_a_file_that_is_no_table_is_status_2_one_line_and_no_output(
     assert list(tmp_path.iterdir()) == [source]
 
 
-def test_a_tolerance_out_of_range_is_status_2_before_any_work(tmp_path: Path) -> None:
-    found = pricing("batch", write(tmp_path / "in.csv", 100), tmp_path / "out.csv", "--tolerance", "1")
+def test_a_tolerance_out_of_range_is_status_2_before_any_work(tmp_path: Path, completed: Completed) -> None:
+    found = completed("batch", write(tmp_path / "in.csv", 100), tmp_path / "out.csv", "--tolerance", "1")
     assert found.returncode == 2
     assert "tolerance" in found.stderr
     assert not (tmp_path / "out.csv").exists()
 
 
-@pytest.mark.parametrize(("strike", "status"), [(90, 0), ("abc", 1)])
-def test_a_summary_that_nobody_reads_does_not_change_the_status(
-    tmp_path: Path, strike: object, status: int
-) -> None:
+def closed_pipe() -> int:
+    """Return the end of a pipe that nobody reads."""
     reading, writing = os.pipe()
     os.close(reading)
+    return writing
+
+
+def full_disk() -> int:
+    """Return a file to which nothing can be written, where there is one."""
+    return os.open("/dev/full", os.O_WRONLY) if os.path.exists("/dev/full") else closed_pipe()
+
+
+@pytest.mark.parametrize(("strike", "status", "opened"), [(90, 0, full_disk), ("abc", 1, closed_pipe)])
+def test_a_summary_that_nobody_reads_does_not_change_the_status(
+    tmp_path: Path, strike: object, status: int, opened: Callable[[], int]
+) -> None:
+    output = opened()
     source, target = write(tmp_path / "in.csv", strike), tmp_path / "out.csv"
     command = [sys.executable, "-m", "app", "batch", str(source), str(target), "--tolerance", "1e-3"]
-    outputs = [writing] + [os.open("/dev/full", os.O_WRONLY)] * os.path.exists("/dev/full")
-    for output in outputs:
-        found = subprocess.run(
-            command, stdout=output, stderr=subprocess.PIPE, text=True, timeout=120, check=False
-        )
-        os.close(output)
-        assert (found.returncode, found.stderr) == (status, "")
-        assert len(read(target)) == 1
-        target.unlink()
+    found = subprocess.run(
+        command, stdout=output, stderr=subprocess.PIPE, text=True, timeout=120, check=False
+    )
+    os.close(output)
+    assert (found.returncode, found.stderr) == (status, "")
+    assert len(read(target)) == 1
 
 
 def test_a_path_that_cannot_be_encoded_is_shown_escaped(tmp_path: Path) -> None:
@@ -166,18 +182,18 @@ def test_a_path_that_cannot_be_encoded_is_shown_escaped(tmp_path: Path) -> None:
     assert len(read(target)) == 1
 
 
-def test_a_pipe_may_take_the_rejects(tmp_path: Path) -> None:
+def test_a_pipe_may_take_the_rejects(tmp_path: Path, completed: Completed) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE, text=True) as cat:
         source = write(tmp_path / "in.csv", "abc")
-        assert pricing("batch", source, tmp_path / "out.csv", "--rejects", pipe, "--quiet").returncode == 1
+        assert completed("batch", source, tmp_path / "out.csv", "--rejects", pipe, "--quiet").returncode == 1
         lines = cat.communicate(timeout=60)[0].splitlines()
     assert lines[1].startswith("2,strike,abc,")
     assert pipe.is_fifo()
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("how", [signal.SIGTERM, *nightly([signal.SIGINT, signal.SIGHUP])])
 def test_an_interruption_leaves_no_half_written_output(tmp_path: Path, how: signal.Signals) -> None:
     held, folder = HeldWork(tmp_path / "held", first_unit=0), tmp_path / "files"
     folder.mkdir()
@@ -192,8 +208,8 @@ def test_an_interruption_leaves_no_half_written_output(tmp_path: Path, how: sign
     assert list(folder.iterdir()) == [source]
 
 
-def test_the_example_book_is_priced_whole(tmp_path: Path) -> None:
-    found = pricing("batch", BOOK, tmp_path / "out.csv", "--tolerance", "1e-3", "--quiet")
+def test_the_example_book_is_priced_whole(tmp_path: Path, completed: Completed) -> None:
+    found = completed("batch", BOOK, tmp_path / "out.csv", "--tolerance", "1e-3", "--quiet")
     book, priced = read(BOOK), read(tmp_path / "out.csv")
     assert found.returncode == 0
     assert [row["id"] for row in priced] == [row["id"] for row in book]

@@ -5,6 +5,7 @@ import io
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,11 @@ from pricing_core.batch.scenario import read_scenarios, scenarios_of
 from pricing_core.errors import InvalidInputError
 
 HEADER = ["id", "option_type", "spot", "strike", "expiry", "rate", "volatility", "desk"]
+Completed = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def pricing(*arguments: object, text: str | None = None) -> subprocess.CompletedProcess[str]:
+    """Run the command in a process of its own, as a shell does."""
     command = [sys.executable, "-m", "app", *map(str, arguments)]
     return subprocess.run(command, input=text, capture_output=True, text=True, timeout=120, check=False)
 
@@ -44,9 +47,9 @@ def as_floats(table: pa.Table) -> pa.Table:
     )
 
 
-def test_a_file_has_the_rows_of_the_function(tmp_path: Path) -> None:
+def test_a_file_has_the_rows_of_the_function(tmp_path: Path, completed: Completed) -> None:
     source, target = write(tmp_path / "in.csv", 90, 100), tmp_path / "out.csv"
-    found = pricing(
+    found = completed(
         "scenarios", source, target, "--spot-shifts", "-0.1,0", "--days-forward", "5", "--tolerance", "1e-3"
     )
     assert (found.returncode, found.stderr) == (0, "")
@@ -59,13 +62,13 @@ def test_a_file_has_the_rows_of_the_function(tmp_path: Path) -> None:
     assert list(rows[0])[:12] == [*HEADER, "spot_shift", "volatility_shift", "rate_shift", "days_forward"]
 
 
-def test_named_scenarios_as_a_matrix_in_parquet(tmp_path: Path) -> None:
+def test_named_scenarios_as_a_matrix_in_parquet(tmp_path: Path, completed: Completed) -> None:
     names = tmp_path / "named.json"
     names.write_text(
         json.dumps([{"name": "crash", "spot_shift": -0.3}, {"name": "calm", "volatility_shift": -0.05}])
     )
     target = tmp_path / "out.parquet"
-    found = pricing(
+    found = completed(
         "scenarios",
         write(tmp_path / "in.csv", 90),
         target,
@@ -99,10 +102,10 @@ def test_groups_through_pipes_and_a_contract_without_a_value(tmp_path: Path) -> 
     assert float(row["delta_money"]) < 0.0
 
 
-def test_a_shift_out_of_range_is_status_1_and_a_row_says_why(tmp_path: Path) -> None:
+def test_a_shift_out_of_range_is_status_1_and_a_row_says_why(tmp_path: Path, completed: Completed) -> None:
     target = tmp_path / "out.csv"
     source = write(tmp_path / "in.csv", 90, 100)
-    found = pricing("scenarios", source, target, "--volatility-shifts", "-0.3,0", "--tolerance", "1e-3")
+    found = completed("scenarios", source, target, "--volatility-shifts", "-0.3,0", "--tolerance", "1e-3")
     assert found.returncode == 1
     assert found.stdout.splitlines()[1] == "2 contracts without a profit or loss in some scenario"
     rows = read(target.read_text())
@@ -122,29 +125,29 @@ def test_a_shift_out_of_range_is_status_1_and_a_row_says_why(tmp_path: Path) -> 
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_status_2(
-    tmp_path: Path, arguments: tuple[str, ...], word: str
+    tmp_path: Path, completed: Completed, arguments: tuple[str, ...], word: str
 ) -> None:
     target = tmp_path / "out.csv"
-    found = pricing("scenarios", write(tmp_path / "in.csv", 90), target, *arguments)
+    found = completed("scenarios", write(tmp_path / "in.csv", 90), target, *arguments)
     assert found.returncode == 2
     assert word in found.stderr
     assert len(found.stderr.splitlines()) == 1
     assert not target.exists()
 
 
-def test_an_output_that_is_an_input_or_of_no_kind_is_refused(tmp_path: Path) -> None:
+def test_an_output_that_is_an_input_or_of_no_kind_is_refused(tmp_path: Path, completed: Completed) -> None:
     source = write(tmp_path / "in.csv", 90)
     before = source.read_bytes()
     for target in (source, tmp_path / "out.txt", tmp_path / "missing" / "out.csv"):
-        assert pricing("scenarios", source, target, "--spot-shifts", "0.1").returncode == 2
-    assert pricing("explain", source, source, source).returncode == 2
+        assert completed("scenarios", source, target, "--spot-shifts", "0.1").returncode == 2
+    assert completed("explain", source, source, source).returncode == 2
     assert source.read_bytes() == before
 
 
-def test_explained_files_and_their_status(tmp_path: Path) -> None:
+def test_explained_files_and_their_status(tmp_path: Path, completed: Completed) -> None:
     before, after = write(tmp_path / "a.csv", 100, 90, 80), write(tmp_path / "b.csv", 101, 90, expiry=0.99)
     target = tmp_path / "out.csv"
-    found = pricing("explain", before, after, target, "--tolerance", "1e-3")
+    found = completed("explain", before, after, target, "--tolerance", "1e-3")
     assert (found.returncode, found.stderr) == (1, "")
     assert found.stdout.splitlines()[1] == "1 of them without a profit or loss: their status says why"
     rows = read(target.read_text())
@@ -152,9 +155,10 @@ def test_explained_files_and_their_status(tmp_path: Path) -> None:
     assert float(rows[1]["delta_effect"]) == 0.0 > float(rows[1]["theta_effect"])
     assert rows[2]["residual"] == ""
     assert (
-        pricing("explain", before, before, target, "--key", "id,desk", "--tolerance", "1e-3").returncode == 0
+        completed("explain", before, before, target, "--key", "id,desk", "--tolerance", "1e-3").returncode
+        == 0
     )
-    refused = pricing("explain", before, after, target, "--key", "account")
+    refused = completed("explain", before, after, target, "--key", "account")
     assert (refused.returncode, len(refused.stderr.splitlines())) == (2, 1)
 
 
@@ -182,55 +186,59 @@ def test_a_folder_of_parquet_files_is_one_table(tmp_path: Path) -> None:
     assert found["price"].to_pylist()[:2] == found["price"].to_pylist()[2:]
 
 
-def test_a_run_that_fails_leaves_nothing(tmp_path: Path) -> None:
+def test_a_run_that_fails_leaves_nothing(tmp_path: Path, completed: Completed) -> None:
     source, target = tmp_path / "in.csv", tmp_path / "out.csv"
     target.write_text("before")
     source.write_text(write(source, 90).read_text() + '1,"put\n2,put\n3,put\n')
-    found = pricing("scenarios", source, target, "--spot-shifts", "0.1")
+    found = completed("scenarios", source, target, "--spot-shifts", "0.1")
     assert found.returncode == 2
     assert target.read_text() == "before"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.csv", "out.csv"]
 
 
 @pytest.mark.parametrize("command", ["batch", "scenarios", "explain"])
-def test_columns_in_other_units_are_warned_of_in_one_line_each(tmp_path: Path, command: str) -> None:
+def test_columns_in_other_units_are_warned_of_in_one_line_each(
+    tmp_path: Path, completed: Completed, command: str
+) -> None:
     source = write(tmp_path / "in.csv", 90, 100, volatility=20, expiry=30)
     options = {"batch": (), "scenarios": ("--spot-shifts", "0"), "explain": ()}[command]
     inputs = [source, source] if command == "explain" else [source]
-    found = pricing(command, *inputs, tmp_path / "out.csv", *options, "--tolerance", "1e-3")
+    found = completed(command, *inputs, tmp_path / "out.csv", *options, "--tolerance", "1e-3")
     warned = ["column expiry looks like days", "column volatility looks like percent"]
     lines = [line for line in found.stderr.splitlines() if line.startswith("pricing: warning: ")]
     assert [line.removeprefix("pricing: warning: ").split(":")[0] for line in lines] == warned
     assert (tmp_path / "out.csv").exists()
 
 
-def test_warnings_are_json_where_progress_is(tmp_path: Path) -> None:
+def test_warnings_are_json_where_progress_is(tmp_path: Path, completed: Completed) -> None:
     source = write(tmp_path / "in.csv", 90, volatility=20)
-    found = pricing("batch", source, tmp_path / "out.csv", "--log-json", "--tolerance", "1e-3")
+    found = completed("batch", source, tmp_path / "out.csv", "--log-json", "--tolerance", "1e-3")
     first, *_, last = (json.loads(line) for line in found.stderr.splitlines())
     assert (first["event"], last["event"]) == ("warning", "end")
     assert first["message"].startswith("column volatility looks like percent: its median is 20;")
 
 
-def test_failures_are_json_where_progress_is(tmp_path: Path) -> None:
+def test_failures_are_json_where_progress_is(tmp_path: Path, completed: Completed) -> None:
     source, missing = write(tmp_path / "in.csv", 90), tmp_path / "none.csv"
     for name, option, message in (
         (source, "-1", "tolerance = -1"),
         (missing, "1e-3", f"{missing}: No such file"),
     ):
-        found = pricing("batch", name, tmp_path / "out.csv", "--log-json", "--tolerance", option)
+        found = completed("batch", name, tmp_path / "out.csv", "--log-json", "--tolerance", option)
         told = json.loads(found.stderr)
         assert (found.returncode, found.stdout, told["event"]) == (2, "", "error")
         assert told["message"].startswith(message)
 
 
-def test_contracts_left_out_of_sums_are_told_and_change_the_status(tmp_path: Path) -> None:
+def test_contracts_left_out_of_sums_are_told_and_change_the_status(
+    tmp_path: Path, completed: Completed
+) -> None:
     source = tmp_path / "in.csv"
     rows = [[*HEADER, "quantity", "qty"]]
     rows += [[k, "put", 100, 100, 1.0, 0.05, 0.2, "a", size, 7] for k, size in enumerate(("3", "", "zz"))]
     with source.open("w", newline="") as file:
         csv.writer(file).writerows(rows)
-    found = pricing(
+    found = completed(
         "scenarios",
         source,
         tmp_path / "o.csv",

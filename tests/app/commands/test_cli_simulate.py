@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from app.commands.model_files import FORMATS, MODULES
+from tests.problems.nightly import nightly
 
 MODELS = Path(__file__).parents[3] / "examples" / "models"
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -193,7 +194,7 @@ def test_the_schema_lists_the_keys_of_every_model(pricing: Any) -> None:
     assert model["properties"]["model"]["enum"] == ["lcs"]
 
 
-@pytest.mark.parametrize("ending", ["cir", "net", "sp", "CIR"])
+@pytest.mark.parametrize("ending", ["CIR", *nightly(["cir", "net", "sp"])])
 def test_a_netlist_runs_as_it_does_in_a_model_file(
     pricing: Any, simulate: Any, tmp_path: Path, ending: str
 ) -> None:

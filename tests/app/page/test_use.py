@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -9,12 +10,23 @@ from selenium.webdriver import Chrome, Keys
 
 from tests.app.page.page import CHARTS, DIVIDENDS, PUT, Page
 from tests.app.service.server_process import Server, running
+from tests.problems.nightly import nightly, nightly_rows
 
 TWO_BOUNDARIES = PUT | {"spot": 80, "rate": -0.01, "dividend_yield": -0.04, "volatility": 0.15}
 
 
-@pytest.mark.parametrize("question", [PUT, PUT | {"cash_dividends": DIVIDENDS[2:3]}, TWO_BOUNDARIES])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+DIVIDEND = PUT | {"cash_dividends": DIVIDENDS[2:3]}
+
+
+@pytest.mark.parametrize(
+    ("question", "scheme"),
+    [
+        (PUT, "light"),
+        (DIVIDEND, "dark"),
+        (TWO_BOUNDARIES, "light"),
+        *nightly_rows([(PUT, "dark"), (DIVIDEND, "light"), (TWO_BOUNDARIES, "dark")]),
+    ],
+)
 def test_no_chart_is_blank(page: Page, question: dict[str, object], scheme: str) -> None:
     page.set_view(1440, scheme=scheme)
     page.open(question)
@@ -72,7 +84,7 @@ def test_an_error_in_a_row_is_marked_in_its_cell(page: Page) -> None:
     page.settled()
 
 
-@pytest.mark.parametrize("width", [320, 768, 1440])
+@pytest.mark.parametrize("width", [320, 768, *nightly([1440])])
 def test_nothing_is_wider_than_the_screen(page: Page, width: int) -> None:
     page.set_view(width)
     page.open(PUT | {"cash_dividends": DIVIDENDS, "greeks": "extended"})
@@ -169,17 +181,19 @@ STATES = {
 }
 
 
+VIEWS = [
+    ("plain", 1440, "dark"),
+    ("dividends", 320, "light"),
+    ("dates", 1440, "light"),
+    ("error", 320, "dark"),
+]
+ALL_VIEWS = product([*STATES, "error"], (320, 1440), ("light", "dark"))
+
+
 @pytest.mark.parametrize(
-    ("width", "scheme"),
-    [
-        (320, "light"),
-        (1440, "dark"),
-        pytest.param(320, "dark", marks=pytest.mark.nightly),
-        pytest.param(1440, "light", marks=pytest.mark.nightly),
-    ],
+    ("state", "width", "scheme"), [*VIEWS, *nightly_rows(view for view in ALL_VIEWS if view not in VIEWS)]
 )
-@pytest.mark.parametrize("state", [*STATES, "error"])
-def test_axe_finds_nothing(page: Page, width: int, scheme: str, state: str, axe: str) -> None:
+def test_axe_finds_nothing(page: Page, state: str, width: int, scheme: str, axe: str) -> None:
     page.set_view(width, scheme=scheme)
     page.open(STATES.get(state, PUT))
     if state == "error":

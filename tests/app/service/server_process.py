@@ -5,8 +5,6 @@ import json
 import os
 import signal
 import socket
-import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
@@ -15,6 +13,7 @@ from typing import Any
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.app.held_work import HELD_STRIKE, HeldWork
+from tests.app.service.preloaded import Forked
 from tests.problems.eventually import PATIENCE
 
 QUESTION = {"option_type": "put", "spot": 100, "strike": 100, "expiry": 1, "rate": 0.05, "volatility": 0.2}
@@ -41,14 +40,8 @@ class Server:
 
     def __init__(self, *arguments: str, held: HeldWork | None = None, **settings: str) -> None:
         self.held = held
-        module, environment = ("tests.app.held_work", held.environment) if held else ("app", {})
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", module, "serve", "--port", "0", *arguments],
-            stderr=subprocess.PIPE,
-            text=True,
-            env=os.environ | SETTINGS | settings | environment,
-        )
-        assert self.process.stderr is not None
+        environment = os.environ | SETTINGS | settings | (held.environment if held else {})
+        self.process = Forked(["serve", "--port", "0", *arguments], environment, held is not None)
         self.log: list[dict[str, Any]] = [json.loads(self.process.stderr.readline())]
         self.port: int = self.log[0]["port"]
         self._reads = threading.Event()
@@ -57,7 +50,6 @@ class Server:
         self._reader.start()
 
     def _read_log(self) -> None:
-        assert self.process.stderr is not None
         for line in self.process.stderr:
             self._reads.wait()
             self.log.append(json.loads(line))
@@ -105,7 +97,6 @@ class Server:
             self.process.kill()  # where it has not ended
         self._reader.join(PATIENCE)
         assert not self._reader.is_alive(), "another process holds the log open"
-        assert self.process.stderr is not None
         self.process.stderr.close()
         return status
 

@@ -12,6 +12,7 @@ from pricing_core.chains.surface.dupire import local_volatility_error, spot_vola
 from pricing_core.chains.surface.fit import fit_surface
 from pricing_core.chains.surface.smile_quotes import SmileQuotes
 from pricing_core.errors import InvalidInputError, NumericalError
+from tests.problems.nightly import nightly
 from tests.problems.smiles import EXPIRIES, TRUTHS, smile_quotes, spread_at
 
 MARKET = Market(100.0, rate=0.03, volatility=0.2, dividend_yield=0.01)
@@ -34,7 +35,7 @@ def test_without_noise_volatilities_are_those_of_the_model_and_arbitrage_is_prov
         assert surface.volatility(strike, expiry) == pytest.approx(true, abs=2e-4)
 
 
-@pytest.mark.parametrize("truth", TRUTHS, ids=lambda truth: truth.name)
+@pytest.mark.parametrize("truth", [*TRUTHS[:2], *nightly(TRUTHS[2:])], ids=lambda truth: truth.name)
 def test_with_noise_errors_lie_within_two_standard_errors_in_95_of_100_cases(truth):
     inside, sizes, local_inside = [], [], []
     for seed in range(5):
@@ -167,7 +168,7 @@ def test_wrong_input_has_a_clear_message():
         fit_surface(quotes, MARKET).volatility(100.0, -1.0)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [*range(3), *nightly(range(3, 6))])
 def test_quotes_that_contradict_each_other_still_give_a_proved_surface(seed):
     generator, quotes = np.random.default_rng(seed), []
     for expiry in (0.01, 0.1, 0.5, 2.0):

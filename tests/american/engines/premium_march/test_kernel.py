@@ -234,6 +234,7 @@ def test_a_signal_ends_the_work() -> None:
         signal.signal(signal.SIGALRM, before)
 
 
+@pytest.mark.nightly
 def test_second_derivatives_are_those_of_the_first_ones() -> None:
     count = 100
     book = random_book(count, seed=18)
