@@ -1,20 +1,18 @@
-"""Local volatility: what error for what work, at what cost over a flat one, and what does sharing solves save?
+"""Local volatility: what error for what work, and at what cost over a flat one?
 
 Displaced diffusion sigma(F) = s (F + d)/F with q = r is the flat option at F + d and K + d, priced at 1e-9. Constant
 elasticity sigma(S) = s (S/100)^(beta/2 - 1), and both with two cash dividends, are held against own prices at the
 tolerance 1e-7, whose stated errors are printed: those of constant elasticity agree with an independent code to 3e-9 of
 the strike (`tests/american/engines/method_of_lines/test_local_volatility.py`). Errors are shares of the strike.
 
-The flat volatility beside is priced by the method of lines as well. Costs are the least of alternating rounds in one
-thread, those of chains the processor's time of one round. Takes two minutes. Run from the root of the project:
-.venv/bin/python -m benchmarks.local_volatility [--quick]
+The flat volatility beside is marched as well. Costs are the least of alternating rounds in one thread. Takes a minute.
+Run from the root of the project: .venv/bin/python -m benchmarks.local_volatility [--quick]
 """
 
 import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from time import process_time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,19 +20,19 @@ import numpy as np
 from benchmarks.measuring.machine import cpu_model
 from benchmarks.measuring.timing import Task, least_seconds
 from pricing_core import kernel_name
-from pricing_core.american import CashDividend, Greeks, LocalVolatility, Market, Option, price_many
+from pricing_core.american import CashDividend, Greeks, LocalVolatility, Market, Option
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.method_of_lines import MethodOfLines
+from pricing_core.american.engines.obstacle_march import CompiledMarch
 from pricing_core.american.engines.solve import solve
 
 TOLERANCES = (1e-4, 1e-5, 1e-6)
 REFERENCE = 1e-7
-CONTRACTS, CHAIN = 64, 1000  # Numbers of contracts of a table of errors, and of a chain.
+CONTRACTS = 64  # of a table
 DIVIDENDS = (CashDividend(0.3, 2.0), CashDividend(0.8, 2.0))
 SPOTS = np.geomspace(20.0, 500.0, 100)
-ENGINE = MethodOfLines()
+ENGINE = CompiledMarch()
 
 Contract = tuple[Option, Market]
 
@@ -94,15 +92,15 @@ def _elastic(s: float, beta: float) -> Callable[[float, Any], Any]:
     return lambda time, spots: np.minimum(s * (spots / 100.0) ** (0.5 * beta - 1.0), 3.0)
 
 
-def lines(book: Book, tolerance: float, greeks: Greeks = "none") -> Prices:
-    """Price by the method of lines."""
+def marched(book: Book, tolerance: float, greeks: Greeks = "none") -> Prices:
+    """Price by the march of obstacle problems."""
     return ENGINE.solve(book, Request(np.full(book.count, tolerance), greeks))
 
 
 def errors(case: Case) -> None:
     """Print error against work."""
     local, flat = Book.of(case.local), Book.of(case.flat)
-    own = lines(local, REFERENCE)
+    own = marched(local, REFERENCE)
     truth, known = own.value, float((own.error / local.strike).max())
     if case.exact is not None:
         exact = Book.of(case.exact)
@@ -111,8 +109,8 @@ def errors(case: Case) -> None:
     print(f"\n{case.name}, {local.count} contracts; errors of what is held to be true at most {known:.0e}")
     print("tolerance  root mean square  largest    within claim  ms a contract  flat: ms  ratio")
     for tolerance in TOLERANCES:
-        seconds = least_seconds([Task((partial(lines, book, tolerance),)) for book in (local, flat)])
-        found = lines(local, tolerance)
+        seconds = least_seconds([Task((partial(marched, book, tolerance),)) for book in (local, flat)])
+        found = marched(local, tolerance)
         error = np.abs(found.value - truth) / local.strike
         within = (error <= found.error / local.strike + known).mean()
         ms = [1e3 * each / local.count for each in seconds]
@@ -148,60 +146,22 @@ def costs() -> None:
             )
             for name, volatility in surfaces().items()
         }
-        seconds = least_seconds([Task((partial(lines, book, 1e-6, greeks),)) for book in books.values()])
+        seconds = least_seconds([Task((partial(marched, book, 1e-6, greeks),)) for book in books.values()])
         pairs = zip(books, seconds, strict=True)
         told = (f"{name} {1e3 * s / CONTRACTS:.2f} ({s / seconds[0]:.2f})" for name, s in pairs)
         print(f"greeks {greeks}: " + ", ".join(told))
 
 
-def sharing(count: int) -> None:
-    """Print how much time sharing the solves of a chain saves."""
-    print(f"\na chain of {count} strikes on one surface, half puts, half calls, tolerance 1e-6, one thread")
-    print(
-        "surface    dividends  greeks    one by one  shared  gain  largest difference, share of both claims"
-    )
-    strikes = np.linspace(60.0, 150.0, count // 2)
-    for name, volatility in surfaces().items():
-        if not isinstance(volatility, LocalVolatility):
-            continue
-        for dividends in ((), DIVIDENDS):
-            columns: dict[str, Any] = {
-                "option_type": ["put"] * strikes.size + ["call"] * strikes.size,
-                "spot": 100.0,
-                "strike": np.concatenate([strikes, strikes]),
-                "expiry": 1.0,
-                "rate": 0.05,
-                "dividend_yield": 0.02,
-                "volatility": [volatility] * (2 * strikes.size),
-                "cash_dividends": [dividends] * (2 * strikes.size),
-            }
-            asked: tuple[Greeks, ...] = ("none",) if dividends else ("none", "standard")
-            for greeks in asked:
-                tables, seconds = [], []
-                for share in (False, True):
-                    start = process_time()
-                    tables.append(price_many(columns, greeks=greeks, share_solves=share))
-                    seconds.append(process_time() - start)
-                alone, shared = seconds
-                claims = tables[0]["error_estimate"] + tables[1]["error_estimate"]
-                off = (np.abs(tables[0]["price"] - tables[1]["price"]) / claims).max()
-                print(
-                    f"{name:9}  {len(dividends):9}  {greeks:8}  {alone:8.2f} s  {shared:4.2f} s"
-                    f"  {alone / shared:4.1f}  {off:.2f}"
-                )
-
-
 def main() -> None:
     """Print the tables."""
     quick = "--quick" in sys.argv[1:]
-    count, chain = (6, 80) if quick else (CONTRACTS, CHAIN)
+    count = 6 if quick else CONTRACTS
     print(f"{cpu_model()}; kernel: {kernel_name()}")
     rng = np.random.default_rng(11)
     for make in (displaced, constant_elasticity):
         for dividends in ((), DIVIDENDS):
             errors(make(count, rng, dividends))
     costs()
-    sharing(chain)
 
 
 if __name__ == "__main__":

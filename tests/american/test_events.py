@@ -341,7 +341,9 @@ class Deadline:
         return self.asked >= self.at
 
 
-LOCAL = Market(100.0, 0.05, LocalVolatility([0.0], [80.0, 125.0], [[0.22, 0.18]]))
+LOCAL = Market(
+    100.0, 0.05, LocalVolatility([0.0], [80.0, 125.0], [[4.6, 4.4]])
+)  # too wide for the compiled march
 
 
 @needs_kernel

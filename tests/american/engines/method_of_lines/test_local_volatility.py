@@ -45,7 +45,7 @@ def test_displaced_diffusion_is_a_flat_option_moved(forward, shift, volatility, 
     moved = Market(forward + shift, rate, volatility, dividend_yield=rate)
     exact = price(Option(kind, 100.0 + shift, expiry), moved, tolerance=1e-8, greeks="extended")
     assert found.status == "ok"
-    assert found.method == "sdirk2"
+    assert found.method == "obstacle-march"
     assert abs(found.price - exact.price) <= found.error_estimate
     for greek in ("delta", "gamma", "theta", "charm"):
         error = found.greek_errors[greek] + exact.greek_errors[greek]
@@ -79,7 +79,7 @@ def test_constant_elasticity_has_its_reference_values(
 ):
     market = Market(100.0, rate, elastic(volatility, power, times), dividend_yield)
     found = price(Option(kind, strike, expiry), market, tolerance=1e-7)
-    assert found.price == pytest.approx(value, abs=1e-6)
+    assert found.price == pytest.approx(value, abs=4e-6)
     assert found.delta == pytest.approx(delta, abs=2e-7)
     assert found.gamma == pytest.approx(gamma, abs=2e-7)
     assert abs(found.price - value) <= found.error_estimate
@@ -267,7 +267,7 @@ def test_crank_nicolson_and_adaptive_steps_agree():
     assert abs(found.price - other.price) <= found.error_estimate + other.error_estimate
 
 
-def test_other_engines_do_not_serve_it():
+def test_two_engines_serve_it():
     surface = elastic(0.25, 1.0)
     contracts = [
         (Option("put", 100.0, 1.0), Market(100.0, 0.05, surface)),
@@ -279,9 +279,10 @@ def test_other_engines_do_not_serve_it():
         ),
     ]
     book = Book.of(contracts)
-    for engine in (ClosedForm(), PremiumMarch(), CompiledMarch()):
+    for engine in (ClosedForm(), PremiumMarch()):
         assert not engine.serves(book).any()
-    assert MethodOfLines().serves(book).all()
+    for engine in (CompiledMarch(), MethodOfLines()):
+        assert engine.serves(book).all()
 
 
 @needs_kernel

@@ -77,7 +77,7 @@ def test_greeks_are_differences_of_prices(kind: str, dividends: tuple[tuple[floa
     option = Option(kind, 100.0, 1.0)
     market = Market(97.0, 0.05, SKEW, 0.03, cash_dividends=dividends)
     found = solved(option, market, 1e-6, "standard")
-    step = 2e-3
+    step = 5e-4
 
     def difference(*sides: Market) -> float:
         up, down = (solved(option, side, 1e-8).value.item(0) for side in sides)
@@ -89,8 +89,7 @@ def test_greeks_are_differences_of_prices(kind: str, dividends: tuple[tuple[floa
     yields = [replace(market, dividend_yield=market.dividend_yield + by) for by in (step, -step)]
     for name, sides in (("vega", shifted), ("rho", rates), ("dividend_rho", yields)):
         error = getattr(found, error_of(name)).item(0)
-        # The estimate holds in 97 of 100 cases, and misses by a factor of a few in the others.
-        assert getattr(found, name).item(0) == pytest.approx(difference(*sides), abs=4.0 * error + 3e-3), name
+        assert getattr(found, name).item(0) == pytest.approx(difference(*sides), abs=error + 3e-3), name
         assert error < 0.1
     sticky = found.delta_sticky_moneyness.item(0)
     assert sticky == pytest.approx(difference(*moved) / 97.0, abs=1e-4)
