@@ -127,7 +127,8 @@ def _sticky_moneyness(
     local, quoted = book.is_local(), book.spot / book.strike
     diffusing = (book.spot - book.escrow_now()) / book.strike
     volatility, variance_slope = book.volatility_now()
-    slope = 0.5 * variance_slope * book.spot / volatility  # by ln S, which a shift changes the volatility by
+    # By ln S, which a shift changes the volatility by; nothing where that is 0.
+    slope = 0.5 * variance_slope * book.spot / np.where(volatility > 0.0, volatility, math.inf)
     value = found.local[:, BY_X] / diffusing + shift / quoted
     error = np.maximum(CHANGE_SHARE * change, np.abs(slope) * least) / quoted
     error += found.local_change[:, BY_X] / diffusing
