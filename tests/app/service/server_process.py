@@ -52,7 +52,9 @@ class Server:
     def _read_log(self) -> None:
         for line in self.process.stderr:
             self._reads.wait()
-            self.log.append(json.loads(line))
+            # A signal while the event loop is being made lets the interpreter say a line of its own.
+            if line.startswith("{"):
+                self.log.append(json.loads(line))
 
     def pause_log(self) -> None:
         """Leave the pipe of the log to fill up."""
