@@ -3,10 +3,10 @@
 Displaced diffusion sigma(F) = s (F + d)/F with q = r is the flat option at F + d and K + d, priced at 1e-9. Constant
 elasticity sigma(S) = s (S/100)^(beta/2 - 1), and both with two cash dividends, are held against own prices at the
 tolerance 1e-7, whose stated errors are printed: those of constant elasticity agree with an independent code to 3e-9 of
-the strike (`tests/american/engines/method_of_lines/test_local_volatility.py`). Errors are shares of the strike.
+the strike (`tests/american/engines/obstacle_march/test_local_volatility.py`). Errors are shares of the strike.
 
-The flat volatility beside is priced by the method of lines as well. Costs are the least of alternating rounds in one
-thread, those of chains the processor's time of one round. Takes two minutes. Run from the root of the project:
+The flat volatility beside is priced by the same march. Costs are the least of alternating rounds in one thread,
+ those of chains the processor's time of one round. Takes two minutes. Run from the root of the project:
 .venv/bin/python -m benchmarks.local_volatility [--quick]
 """
 
@@ -26,7 +26,7 @@ from pricing_core.american import CashDividend, Greeks, LocalVolatility, Market,
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.method_of_lines import MethodOfLines
+from pricing_core.american.engines.obstacle_march import ObstacleMarch
 from pricing_core.american.engines.solve import solve
 
 TOLERANCES = (1e-4, 1e-5, 1e-6)
@@ -34,7 +34,7 @@ REFERENCE = 1e-7
 CONTRACTS, CHAIN = 64, 1000  # Numbers of contracts of a table of errors, and of a chain.
 DIVIDENDS = (CashDividend(0.3, 2.0), CashDividend(0.8, 2.0))
 SPOTS = np.geomspace(20.0, 500.0, 100)
-ENGINE = MethodOfLines()
+ENGINE = ObstacleMarch()
 
 Contract = tuple[Option, Market]
 
@@ -95,7 +95,7 @@ def _elastic(s: float, beta: float) -> Callable[[float, Any], Any]:
 
 
 def lines(book: Book, tolerance: float, greeks: Greeks = "none") -> Prices:
-    """Price by the method of lines."""
+    """Price by the march of obstacle problems."""
     return ENGINE.solve(book, Request(np.full(book.count, tolerance), greeks))
 
 

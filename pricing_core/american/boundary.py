@@ -40,9 +40,9 @@ class ExerciseBoundary:
     other_boundary : Vector, shape (m,), or None
         The one further from the strike; None where the exercise region has one end only.
     error_estimate : Vector, shape (m,)
-        Estimated absolute error of `boundary`, in money; 0 at expiry, NaN where the method of lines found it.
+        Estimated absolute error of `boundary`, in money; 0 at expiry.
     method : str
-        "premium-march" or "method-of-lines", with commas
+        "premium-march" or "obstacle-march", with commas
         where they found it together, each some of the times; "none" for an option that is never exercised early.
     """
 
@@ -82,8 +82,8 @@ def exercise_boundary(
     """Return the exercise boundary: within 1e-4 of itself at the default tolerance, 1e-5 at the smallest.
 
     Without events every time has a march of its own, scaled to the root of the time to expiry: the accuracy is the same
-    close to expiry. Where there are two boundaries and events, or the fast engines do not settle, the method of lines
-    is taken: 1e-5 for time to expiry >= expiry/4, 1e-4 at expiry/10, 4e-4 at expiry/100.
+    close to expiry. Where there are two boundaries and events, or the fast engines do not settle, the march of
+    obstacle problems is taken, with its own estimates.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def exercise_boundary(
     tolerance : float
         As in `price`; the boundary is found to a tenth of its square root, relative to itself.
     interrupt : callable, optional
-        Asked before the work begins, and between the steps of the method of lines; True ends it.
+        Asked before the work begins, and between the steps of the march of obstacle problems; True ends it.
 
     Returns
     -------

@@ -9,7 +9,6 @@ import pytest
 
 from pricing_core.american import (
     CashDividend,
-    LocalVolatility,
     Market,
     Option,
     PiecewiseConstant,
@@ -203,8 +202,7 @@ def test_greeks_are_differences_of_prices(name):
     if not isinstance(market.volatility, PiecewiseConstant):
         step = 5e-3 * market.volatility
         bumped = [value(option, replace(market, volatility=market.volatility + by)) for by in (step, -step)]
-        allowed = 2e-3 + found.greek_errors["vega"]
-        assert found.vega == pytest.approx((bumped[0] - bumped[1]) / (2.0 * step), abs=allowed)
+        assert found.vega == pytest.approx((bumped[0] - bumped[1]) / (2.0 * step), abs=2e-3)
     if market.cash_dividends and market.cash_dividends[0].amount > 0.01:
         moved = [
             value(option, replace(market, cash_dividends=(CashDividend(d.time, d.amount + by), *rest)))
@@ -241,8 +239,7 @@ def test_extended_greeks_are_differences_of_the_others():
         for by in (2e-3, -2e-3)
     )
     assert found.vanna == pytest.approx((up.delta - down.delta) / 4e-3, abs=1e-3)
-    allowed = 0.05 + found.greek_errors["volga"]
-    assert found.volga == pytest.approx((up.vega - down.vega) / 4e-3, rel=2e-2, abs=allowed)
+    assert found.volga == pytest.approx((up.vega - down.vega) / 4e-3, rel=2e-2, abs=0.05)
 
 
 @needs_kernel
@@ -265,12 +262,13 @@ def test_extended_greeks_of_a_flat_market():
 def test_the_boundary_of_a_put_falls_to_zero_before_a_dividend():
     market = Market(100.0, 0.05, 0.25, cash_dividends=cash(1.0, (0.5,)))
     found = exercise_boundary(PUT, market, times=[0.0, 0.1, 0.25, 0.4, 0.499, 0.5, 0.501, 0.8, 1.0])
-    held = np.isnan(found.boundary)  # or too far from the strike to matter
-    assert held[[0, 5, 6, 7, 8]].tolist() == [False, True, False, False, False]
-    seen = np.flatnonzero(~held[3:5]) + 3
-    # More than the interest until then the dividend pays at larger spots.
-    interest = 100.0 * np.expm1(0.05 * (0.5 - found.time[seen]))
-    assert (found.boundary[seen] < 1.2 * interest).all()
+    held = np.isnan(found.boundary)
+    assert held.tolist() == [False, False, False, False, False, True, False, False, False]
+    interest = 100.0 * np.expm1(
+        0.05 * (0.5 - found.time[3:5])
+    )  # more than that the dividend pays at larger spots
+    np.testing.assert_array_less(found.boundary[3:5], 1.2 * interest)
+    np.testing.assert_array_less(interest, 1.2 * found.boundary[3:5])
     assert found.boundary[0] == pytest.approx(price(PUT, market).exercise_boundary, abs=1e-2)
     assert found.boundary[-1] == 100.0
     alone = exercise_boundary(PUT, Market(100.0, 0.05, 0.25), times=[0.501, 0.8])
@@ -341,14 +339,14 @@ class Deadline:
         return self.asked >= self.at
 
 
-LOCAL = Market(100.0, 0.05, LocalVolatility([0.0], [80.0, 125.0], [[0.22, 0.18]]))
+TWO_BOUNDARIES = Market(100.0, -0.005, 0.2, -0.02, cash_dividends=({"time": 0.5, "amount": 1.0},))
 
 
 @needs_kernel
 @pytest.mark.parametrize(
     ("contract", "method"),
-    [((PUT, LOCAL), "sdirk2")],
-    ids=["method of lines"],
+    [(CONTRACTS["put, quarterly dividends"], "obstacle-march"), ((PUT, TWO_BOUNDARIES), "obstacle-march")],
+    ids=["dividends", "two boundaries"],
 )
 def test_a_deadline_among_the_greeks_leaves_the_price(contract, method):
     alone, whole = Deadline(), Deadline()
@@ -356,7 +354,8 @@ def test_a_deadline_among_the_greeks_leaves_the_price(contract, method):
     assert price(*contract, tolerance=1e-3, greeks="extended", interrupt=whole).status == "ok"
     assert whole.asked > alone.asked
     # How often the kernel asks depends on how long it takes: the first deadline that leaves a price is looked for.
-    ends = (Deadline(at) for at in itertools.count((alone.asked + whole.asked + 1) // 2))
+    first = alone.asked if method == "obstacle-march" else (alone.asked + whole.asked + 1) // 2
+    ends = (Deadline(at) for at in itertools.count(first))
     found = next(
         found
         for end in ends
@@ -370,7 +369,7 @@ def test_a_deadline_among_the_greeks_leaves_the_price(contract, method):
 @needs_kernel
 def test_each_of_four_dividends_has_its_sensitivity():
     dividends = cash(1.0, (0.2, 0.45, 0.7, 0.95))
-    found = price(PUT, Market(100.0, 0.05, 0.25, cash_dividends=dividends), tolerance=1e-7)
+    found = price(PUT, Market(100.0, 0.05, 0.25, cash_dividends=dividends))
     for k, sensitivity in enumerate(found.dividend_sensitivities):
 
         def value(by, k=k):
@@ -379,9 +378,7 @@ def test_each_of_four_dividends_has_its_sensitivity():
             return price(PUT, market, tolerance=1e-8, greeks="none").price
 
         far, near = ((value(step) - value(-step)) / (2.0 * step) for step in (0.08, 0.04))
-        error = found.greek_errors["dividend_sensitivities"][k]
-        assert sensitivity == pytest.approx(near + (near - far) / 3.0, abs=error + 1e-5)
-        assert error < 1e-2
+        assert sensitivity == pytest.approx(near + (near - far) / 3.0, abs=2e-5)
 
 
 def test_a_piece_without_interest_has_its_rho():

@@ -15,7 +15,8 @@ from pricing_core.american.contracts.schedule import Schedule, Segment
 from pricing_core.arrays import Vector
 
 SCANNED = 32  # Number of times of a segment at which it is asked whether there is a region; chosen.
-UNKNOWN_ERROR = 1e-4  # Error of a boundary of the method of lines, as a share of it: see `exercise_boundary`.
+UNKNOWN_ERROR = 1e-4  # Error of a boundary that tells none, as a share of it; chosen.
+USUAL_SHARE = 0.8  # Share of the times at which a boundary is as near as its error tells; chosen.
 REFINED, REFINEMENTS = (
     16,
     3,
@@ -163,7 +164,10 @@ class RegionFinder:
         return self._logarithms(segment, self.boundaries(times))[0]
 
     def _logarithms(self, segment: Segment, found: ExerciseBoundary) -> tuple[Vector, Vector, float]:
-        """Return both ends in ln(spot), NaN where there is none, and the largest error of the near one."""
+        """Return both ends in ln(spot), NaN where there is none, and an error that few of the near one have more of.
+
+        Where the boundary falls from place to place at one time, that time is known better than the place.
+        """
         escrow = np.array([segment.escrow_at(time) for time in found.time.tolist()])
         nothing = np.full(found.time.size, math.nan)
         ends: Sequence[Vector] = (
@@ -174,7 +178,7 @@ class RegionFinder:
             near, far = (np.where(end > escrow, np.log(end - escrow), math.nan) for end in ends)
             errors = found.error_estimate / (found.boundary - escrow)
         usual = np.where(np.isnan(errors), UNKNOWN_ERROR, errors)[~np.isnan(near)]
-        return near, far, float(usual.max(initial=0.0))
+        return near, far, float(np.quantile(usual, USUAL_SHARE)) if usual.size else 0.0
 
 
 def _filled(values: Vector) -> Vector:

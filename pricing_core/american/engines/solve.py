@@ -13,8 +13,7 @@ from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, LISTS, Prices
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.closed_form import ClosedForm, has_boundary_elsewhere
 from pricing_core.american.engines.engine import Boundaries, Engine, Request
-from pricing_core.american.engines.method_of_lines import MethodOfLines
-from pricing_core.american.engines.obstacle_march import CompiledMarch
+from pricing_core.american.engines.obstacle_march import CompiledMarch, ObstacleMarch
 from pricing_core.american.engines.premium_march import PremiumMarch
 from pricing_core.american.engines.price_bounds import lies_high, range_of
 from pricing_core.arrays import BoolVector, Vector, every, some
@@ -23,7 +22,7 @@ from pricing_core.kernel import warn_where_missing
 CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH = ClosedForm(), PremiumMarch(), CompiledMarch()
 # Those whose vega costs no more than a few prices: the search for a volatility asks them first.
 FAST_ENGINES: tuple[Engine, ...] = (CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH)
-ENGINES: tuple[Engine, ...] = (*FAST_ENGINES, MethodOfLines(control=COMPILED_MARCH))
+ENGINES: tuple[Engine, ...] = (*FAST_ENGINES, ObstacleMarch())
 BOUNDS_ALONE = "of the price its bounds without arbitrage are known alone, between which it stands"
 
 
@@ -170,7 +169,7 @@ def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
     lost = (found.error > allowed[rows]) & (found.error >= most - least)
     inside = replace(found, value=np.clip(found.value, least, most))
     half = 0.5 * (most - least)[lost]
-    bounds = prices(half.size, value=least[lost] + half, error=half, message=BOUNDS_ALONE)
+    bounds = prices(half.size, value=least[lost] + half, error=half, method="none", message=BOUNDS_ALONE)
     return best.replaced(rows, inside.replaced(np.flatnonzero(lost), bounds))
 
 

@@ -363,8 +363,8 @@ def test_the_engines_are_asked_from_the_fastest_to_the_one_that_serves_all():
     assert [engine.name for engine in ENGINES] == [
         "closed form",
         "premium march",
+        "compiled march",
         "obstacle march",
-        "method of lines",
     ]
     assert ENGINES[:3] == FAST_ENGINES
     served = np.logical_or.reduce([engine.serves(Book.of(MIXED)) for engine in ENGINES])
@@ -388,7 +388,7 @@ def test_without_the_compiled_engines_everything_is_served_all_the_same(monkeypa
     contracts = [MIXED[0], MIXED[-8], MIXED[-7], MIXED[-2]]
     found = solve(Book.of(contracts), request_for(4))
     assert found.status.tolist() == ["ok"] * 4
-    assert found.method.tolist() == ["sdirk2", "sdirk2", "sdirk2", "closed-form"]
+    assert found.method.tolist() == ["obstacle-march", "obstacle-march", "obstacle-march", "closed-form"]
 
 
 @needs_kernel
@@ -399,9 +399,10 @@ def test_without_the_compiled_engines_everything_is_served_all_the_same(monkeypa
         (Option("put", 100.0, 200.0), Market(100.0, 2.0, 0.2, 2.0)),
     ],
 )
-def test_contracts_without_events_that_the_premiums_march_gives_up_go_to_another_engine(option, market):
+def test_contracts_without_events_that_the_march_gives_up_go_to_the_march(option, market):
+    """The collocation's error estimate is calibrated on shorter segments: it claimed 1.7e-5 and missed by 1.1e-4."""
     found = price(option, market)
-    assert found.method in ("obstacle-march", "sdirk2")
+    assert found.method == "obstacle-march"
     finer = price(option, market, tolerance=1e-7)
     assert abs(found.price - finer.price) <= found.error_estimate + finer.error_estimate
 

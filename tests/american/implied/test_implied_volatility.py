@@ -166,7 +166,7 @@ def test_a_volatility_is_as_close_as_its_error_says(tolerance):
 
 
 @needs_kernel
-@pytest.mark.parametrize("dividends", [[], [{"time": 0.05, "amount": 1.0}]], ids=["flat", "dividend"])
+@pytest.mark.parametrize("dividends", [[], [{"time": 0.05, "amount": 1.0}]], ids=["march", "collocation"])
 def test_the_error_of_a_volatility_is_that_of_the_price_and_the_gap_over_vega(dividends):
     contracts = random_contracts(500 if COMPILED and not dividends else 30, 19) | {
         "cash_dividends": dividends
@@ -177,8 +177,7 @@ def test_the_error_of_a_volatility_is_that_of_the_price_and_the_gap_over_vega(di
     vega = price_many(contracts | {"volatility": found}, tolerance=1e-7)["vega"]
     with np.errstate(all="ignore"):
         expected = (table["error_estimate"] + np.abs(table["price"] - observed)) / vega
-    # A vega that is nothing but error tells nothing.
-    visible = (table["status"] == "ok") & (expected < 0.01 * found) & (vega > 0.0)
+    visible = (table["status"] == "ok") & (expected < 0.01 * found)
     assert visible.sum() > 0.7 * observed.size
     np.testing.assert_allclose(table["volatility_error"][visible], expected[visible], rtol=0.2)
 
@@ -267,8 +266,7 @@ def test_a_price_that_the_engine_cannot_give_ends_without_convergence(monkeypatc
     def refuse(*arguments, **options):
         raise ArithmeticError
 
-    monkeypatch.setattr("pricing_core.kernel.march_segments", None)
-    monkeypatch.setattr("pricing_core.american.engines.method_of_lines.engine.make_solver", refuse)
+    monkeypatch.setattr("pricing_core.american.engines.obstacle_march.pricing.contract_problem", refuse)
     general = Market(90.0, -0.02, 0.2, -0.05, cash_dividends=[CashDividend(0.5, 1.0)])  # two boundaries
     assert implied_volatility(PUT, general, 14.0).status == "no_convergence"
 

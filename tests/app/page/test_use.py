@@ -13,7 +13,7 @@ from tests.app.service.server_process import Server, running
 TWO_BOUNDARIES = PUT | {"spot": 80, "rate": -0.01, "dividend_yield": -0.04, "volatility": 0.15}
 
 
-@pytest.mark.parametrize("question", [PUT, PUT | {"cash_dividends": DIVIDENDS[2:3]}, TWO_BOUNDARIES])
+@pytest.mark.parametrize("question", [PUT, PUT | {"cash_dividends": DIVIDENDS}, TWO_BOUNDARIES])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_no_chart_is_blank(page: Page, question: dict[str, object], scheme: str) -> None:
     page.set_view(1440, scheme=scheme)

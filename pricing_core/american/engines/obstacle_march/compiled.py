@@ -36,7 +36,7 @@ LARGEST_DEVIATION, FURTHEST, LARGEST_DRIFT = 4.0, 30.0, 6.0
 class CompiledMarch:
     """Whatever happens before expiry, with constant coefficients in between."""
 
-    name = "obstacle march"
+    name = "compiled march"
     least_error = 0.0
 
     def serves(self, book: Book) -> BoolVector:

@@ -11,7 +11,7 @@ from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.prices import error_of
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.method_of_lines import MethodOfLines
+from pricing_core.american.engines.obstacle_march import ObstacleMarch
 from pricing_core.american.engines.premium_march import PremiumMarch
 from tests.problems.engines import solved
 from tests.problems.needs_kernel import needs_kernel
@@ -133,7 +133,7 @@ def test_a_time_beyond_the_march_costs_itself_alone():
 
 @pytest.mark.parametrize("earned_by", ["put", "call"])
 def test_contracts_that_earn_by_one_rate_alone_are_marched(earned_by):
-    """A put at r = 0 and q < 0, or a call at q = 0 and r < 0, against the method of lines; one boundary each."""
+    """A put at r = 0 and q < 0, or a call at q = 0 and r < 0, against the general march; one boundary each."""
     random = np.random.default_rng(23)
     costs = -np.exp(random.uniform(math.log(1e-4), math.log(0.15), 60))
     contracts = []
@@ -142,7 +142,7 @@ def test_contracts_that_earn_by_one_rate_alone_are_marched(earned_by):
         option = Option(earned_by, 100.0, math.exp(random.uniform(math.log(0.02), math.log(8.0))))
         contracts.append((option, Market(spot, rate, random.uniform(0.05, 0.8), dividend_yield)))
     marched = solved(ENGINE, *contracts, tolerance=1e-6)
-    other = solved(MethodOfLines(), *contracts, tolerance=1e-6)
+    other = solved(ObstacleMarch(), *contracts, tolerance=1e-6)
     assert marched.settled.all()
     assert (marched.error <= 1e-6 * 100.0).all()
     apart = np.abs(marched.value - other.value) / (marched.error + other.error)

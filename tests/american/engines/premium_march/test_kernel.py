@@ -275,11 +275,11 @@ def option_columns(count: int) -> list[NDArray[np.generic]]:
 @pytest.mark.parametrize("greeks", [0, 1, 2])
 def test_options_are_priced_row_by_row(greeks: int, shared: bool) -> None:
     columns = option_columns(300)
-    named, *flags = kernel.price_options(*columns, greeks, shared, 2, None)
+    named, *flags = kernel.price_options(False, *columns, greeks, shared, 2, None)
     assert all(np.isfinite(column).all() for column in named.values())
     for row in (0, 150, 299):
         alone = [column[row : row + 1] for column in columns]
-        one, *its_flags = kernel.price_options(*alone, greeks, shared, 1, None)
+        one, *its_flags = kernel.price_options(False, *alone, greeks, shared, 1, None)
         for name, column in named.items():
             assert column[row : row + 1].tobytes() == one[name].tobytes()
         assert [flag[row] for flag in flags] == [flag[0] for flag in its_flags]
@@ -290,8 +290,8 @@ def test_options_that_differ_in_spot_and_strike_alone_share_a_march_whatever_the
     for column in (columns[0], *columns[3:]):
         column[:] = np.tile(column[:3], 20)  # three kinds of contracts, in turn
     order = np.random.default_rng(20).permutation(60)
-    apart, *_ = kernel.price_options(*columns, 1, False, 1, None)
-    shared, *_ = kernel.price_options(*(column[order] for column in columns), 1, True, 1, None)
+    apart, *_ = kernel.price_options(False, *columns, 1, False, 1, None)
+    shared, *_ = kernel.price_options(False, *(column[order] for column in columns), 1, True, 1, None)
     for name in ("value", "european", "delta", "vega", "boundary"):
         np.testing.assert_allclose(shared[name], apart[name][order], rtol=1e-4, atol=2e-3, err_msg=name)
 
@@ -301,6 +301,6 @@ def test_columns_of_options_of_different_lengths_and_unknown_greeks_are_refused(
         columns = option_columns(5)
         columns[short] = columns[short][:4]
         with pytest.raises(ValueError, match="length"):
-            kernel.price_options(*columns, 1, False, 1, None)
+            kernel.price_options(False, *columns, 1, False, 1, None)
     with pytest.raises(ValueError, match="greeks must be 0, 1 or 2"):
-        kernel.price_options(*option_columns(5), 3, False, 1, None)
+        kernel.price_options(False, *option_columns(5), 3, False, 1, None)

@@ -13,12 +13,11 @@ from fastapi.testclient import TestClient
 from app.greeks_units import PER_DAY_PER_POINT
 from app.main import create_app
 from app.service.batch.answers import ANSWERS, ARROW, FORMS, JSON, LINES
-from app.service.batch.arrow_body import ROWS_AT_A_TIME, ArrowRows, _is_compressed, table_of
+from app.service.batch.arrow_body import ROWS_AT_A_TIME, ArrowRows, table_of
 from app.service.batch.json_rows import JsonColumns, JsonLines
 from app.service.batch.json_rows import columns_of as columns_of_body
 from app.service.batch.row_limits import FIELDS, LONGEST_COLUMNS, MOST_JSON_ROWS, PIECE_WEIGHT
 from app.service.decoded_size import bytes_of_json
-from app.service.errors import DeadlineError
 from app.service.work.lanes import Interruption
 from app.settings import Settings
 from pricing_core.american import price_many
@@ -470,69 +469,6 @@ def test_rows_for_which_no_time_is_left_are_answered_in_few_pieces(
     assert len(asked) <= (2 if form != LINES else 10)  # lines are answered as they come
 
 
-def test_lines_beyond_the_most_rows_are_refused(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.service.batch.work.MOST_ROWS", 100)
-    row = json.dumps({name: cells[0] for name, cells in BOOK.items()}).encode() + b"\n"
-    assert_problem(ask(client, row * 101, LINES), 413, "body-too-large")
-    assert ask(client, row * 100, LINES).status_code == 200
-
-
-def test_rows_that_find_no_time_or_no_thread_in_time_are_not_priced_and_say_so(
-    client: TestClient, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    priced = []
-    price = ArrowRows.price
-    monkeypatch.setattr(ArrowRows, "price", lambda *told: (priced.append(1), price(*told))[1])
-    times = iter([True])  # when the piece comes, and not when it is its turn
-    with monkeypatch.context() as patched:
-        patched.setattr("app.service.work.lanes.Place.has_time", lambda self: next(times, False))
-        assert set(columns_of(ask(client, body_of(BOOK, ARROW), ARROW))["status"]) == {"deadline"}
-    assert not priced
-
-    async def too_late(lane: Any, work: Any, place: Any, gone: Any) -> Any:
-        gone.close()
-        raise DeadlineError("no thread became free")
-
-    monkeypatch.setattr("app.service.work.lanes.ExpensiveLane.run", too_late)
-    assert set(columns_of(ask(client, body_of(BOOK, LINES), LINES))["status"]) == {"deadline"}
-
-
-def test_an_answer_may_be_longer_than_the_memory_as_long_as_it_is_read(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("app.service.incoming_body.MOST_LINES", 10)
-    row = json.dumps({name: cells[0] for name, cells in BOOK.items()}).encode() + b"\n"
-    with TestClient(create_app(Settings(slots=2, max_batch_bytes=200 * len(row) + 30_000))) as client:
-        answer = ask(client, row * 200, LINES, "?greeks=none&tolerance=1e-2")
-        assert client.app.state.memory.held == 0  # type: ignore[attr-defined]
-    assert answer.content.count(b'"status": ') == 200
-    assert len(answer.content) > 200 * len(row) + 30_000
-
-
-def test_rows_as_one_json_object_are_few(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
-    book = {name: [cells[0]] * 101 for name, cells in BOOK.items()}
-    monkeypatch.setattr("app.service.batch.answers.MOST_JSON_ROWS", 100)
-    assert_problem(ask(client, body_of(book, LINES), LINES, accept=JSON), 413, "body-too-large")
-    assert ask(client, body_of(book, LINES), LINES).status_code == 200
-    monkeypatch.setattr("app.service.batch.json_rows.MOST_JSON_ROWS", 100)
-    assert_problem(ask(client, body_of(book, JSON), JSON, accept=LINES), 413, "body-too-large")
-
-
-@pytest.mark.parametrize(("shared", "each"), [(300, 0), (0, 300), (0, 0)])
-def test_columns_are_priced_in_pieces_of_few_entries(shared: int, each: int) -> None:
-    count = 10_000 if shared + each == 0 else 500
-    entry = {"time": 0.5, "amount": 0.01}
-    columns = {name: cells[0] for name, cells in BOOK.items()} | {"spot": [100.0] * count}
-    if shared:
-        columns["cash_dividends"] = [entry] * shared
-    if each:
-        columns["cash_dividends"] = [[entry] * each] * count
-    pieces = columns_of_body(json.dumps(columns).encode())[1]
-    counts = [rows.count for rows in pieces]
-    assert sum(counts) == pieces.count == count
-    assert max(counts) * (1 + shared + each) <= PIECE_WEIGHT + 1 + shared + each + 100
-
-
 def pieces_of(columns: dict[str, Any], count: int) -> list[int]:
     """Return how many rows the pieces of a table have."""
     table = pa.table({name: pa.array(np.ones(count)) for name in BOOK if name not in columns} | columns)
@@ -560,30 +496,6 @@ def test_a_choice_in_a_dictionary_counts_once_however_many_rows_hold_it() -> Non
 def test_a_text_in_a_dictionary_that_each_row_reads_counts_for_each(name: str) -> None:
     columns = {"option_type": pa.array(["put"] * 1_000), name: in_dictionary("x" * 16_000, 1_000)}
     assert max(pieces_of(columns, 1_000)) * 16_000 <= 8 * PIECE_WEIGHT + 16_000
-
-
-@pytest.mark.parametrize(
-    ("name", "cell", "weight"), [("rate", "x" * 16_000, 2_000), ("exercise_times", [0.5] * 1_000, 1_000)]
-)
-def test_long_texts_and_lists_are_priced_few_at_a_time(name: str, cell: Any, weight: int) -> None:
-    columns = {"option_type": pa.array(["put"] * 200), name: pa.array([cell] * 200)}
-    assert max(pieces_of(columns, 200)) * weight <= PIECE_WEIGHT + weight
-
-
-def test_compressed_dictionaries_are_found() -> None:
-    table = pa.table({"option_type": in_dictionary("x" * 10_000, 10)})
-    kinds = []
-    for compression in (None, "zstd"):
-        sink = pa.BufferOutputStream()
-        options = pa.ipc.IpcWriteOptions(compression=compression)
-        with pa.ipc.new_stream(sink, table.schema, options=options) as stream:
-            stream.write_table(table)
-        for message in pa.ipc.MessageReader.open_stream(pa.BufferReader(sink.getvalue())):
-            kinds.append((message.type, compression, _is_compressed(memoryview(message.metadata))))
-    assert [kind for kind in kinds if kind[0] == "dictionary"] == [
-        ("dictionary", None, False),
-        ("dictionary", "zstd", True),
-    ]
 
 
 @pytest.mark.parametrize("rows", [1, 10, 4_095, 4_096, 4_097, 65_536, 65_537, 200_000])

@@ -170,15 +170,6 @@ def test_lines_and_columns_of_csv_are_counted(client: TestClient, monkeypatch: p
     assert not made
 
 
-def test_a_chain_in_arrow_has_plain_columns(client: TestClient) -> None:
-    table = pa.table({"strike": [1.0], "note": [{"a": 1}]})
-    sink = pa.BufferOutputStream()
-    with pa.ipc.new_stream(sink, table.schema) as stream:
-        stream.write_table(table)
-    problem = assert_problem(ask(client, sink.getvalue().to_pybytes(), ARROW), 422, "invalid-input")
-    assert problem["detail"].endswith("must be a column of numbers, text or dates")
-
-
 def test_a_chain_that_finds_no_place_is_refused_before_its_body_is_read(
     client: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
