@@ -142,7 +142,7 @@ def greeks_cost() -> Figures:
     for number, count in ((0, greeks.FLAT_COSTED), (4, greeks.COSTED), (60, greeks.WEEKLY_COSTED)):
         for option_type in ("put", "call"):
             alone, standard, extended = greeks.seconds_of(
-                greeks.costed_rows(number, "cash", option_type, count)[0]
+                greeks.costed_rows(number, "cash", option_type, count)
             )
             rows.append(
                 {

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.obstacle.ends import Held, measure
 from pricing_core.obstacle.grid import Grid
-from pricing_core.obstacle.moment import Moment
+from pricing_core.obstacle.moment import ROUNDING, Moment
 from pricing_core.obstacle.problem import ObstacleProblem
 
 POINTS = 6  # of the polynomials
@@ -179,7 +179,11 @@ def contact_sets(moment: Moment, value: Vector, mass: Vector) -> tuple[Intervals
     side = contact.side(V, np.ones(V.size))
     distance = np.minimum(side.parameter(V, mass), 1.0)
     found = []
-    at_ends = value[[0, -1]] <= moment.lower_ends, value[[0, -1]] >= moment.upper_ends
+    ends = value[[0, -1]]
+    rounding = ROUNDING * np.maximum(
+        1.0, np.abs(ends)
+    )  # of the rule that makes an end's value from its neighbours'
+    at_ends = ends <= moment.lower_ends + rounding, ends >= moment.upper_ends - rounding
     for touching, sign, end in zip(contact.touching(V), (1.0, -1.0), at_ends, strict=True):
         near = side.averaged & (sign * side.c > 0.0)
         found.append(_intervals(touching, np.where(near, np.maximum(distance, 0.0), 1.0), end))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class DensityMarch:
     count : int
         Number of steps of a span.
     shift : float
-        By how much every end of the region is moved, in ln(spot): for the error that the boundary's own error makes.
+        By how many of its errors every end of the region is moved: for the error that the boundary's own error makes.
     check : callable
         Called between the spans; may raise.
 
@@ -101,12 +101,12 @@ class DensityMarch:
         absorbed = np.zeros(self.count + 1)
         for step in range(self.count):
             middle = 0.5 * (mesh[step] + mesh[step + 1])
-            region = self._moved(span.region_at(middle)) if span.exists else None
+            region = span.region_at(middle).moved(self.shift) if span.exists else None
             excess = self._volatility.excess(weights[min(step, len(weights) - 1)])
             absorbed[step + 1] = self._step(segment, times[step + 1] - times[step], excess, region)
         if span.exists:
             # Who stands in the region at the end of the last step has met it before.
-            inside = self._share_inside(self._moved(span.region_at(1.0)))
+            inside = self._share_inside(span.region_at(1.0).moved(self.shift))
             absorbed[-1] += self._taken(inside)
             self._outside = 1.0 - inside
             self.found.flows.append((span.start, span.end, np.cumsum(absorbed)))
@@ -163,9 +163,6 @@ class DensityMarch:
             )
         return lower, upper
 
-    def _moved(self, region: Region) -> Region:
-        return replace(region, low=region.low + self.shift, high=region.high + self.shift)
-
     def _inside(self, region: Region | None) -> BoolVector:
         """Tell which nodes lie in a region."""
         s = self.nodes
@@ -184,7 +181,7 @@ class DensityMarch:
 
     def _cut(self, time: float, region: Region) -> None:
         """Let those in a region exercise."""
-        gained = self._taken(self._share_inside(self._moved(region)))
+        gained = self._taken(self._share_inside(region.moved(self.shift)))
         if gained > 0.0:
             self.found.bursts.append((time, gained))
 

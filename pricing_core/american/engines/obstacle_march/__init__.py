@@ -7,6 +7,6 @@ gives books to the compiled march, and is imported where it is asked for.
 from __future__ import annotations
 
 from pricing_core.american.engines.obstacle_march.compiled import CompiledMarch
-from pricing_core.american.engines.obstacle_march.engine import ObstacleMarch
+from pricing_core.american.engines.obstacle_march.engine import MarchOfOneBook, ObstacleMarch
 
-__all__ = ["CompiledMarch", "ObstacleMarch"]
+__all__ = ["CompiledMarch", "MarchOfOneBook", "ObstacleMarch"]

@@ -5,7 +5,10 @@ What it does is in `pricing.py`, which is imported where it is asked first: most
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
@@ -39,6 +42,31 @@ class ObstacleMarch:
 
     def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
         """Return both boundaries from one solve, or two where they begin far from the strike."""
-        from pricing_core.american.engines.obstacle_march.pricing import boundaries_of  # noqa: PLC0415
+        from pricing_core.american.engines.obstacle_march.pricing import BoundariesOf  # noqa: PLC0415
 
-        return boundaries_of(book, times, request)
+        return BoundariesOf(book, request)(times)
+
+
+@dataclass(frozen=True, slots=True)
+class MarchOfOneBook(ObstacleMarch):
+    """The same engine for whoever asks for the boundaries of a contract again and again: it is solved once.
+
+    Parameters
+    ----------
+    least_tolerance : float
+        The smallest tolerance, in strikes, that boundaries are asked with.
+    """
+
+    least_tolerance: float
+    _solved: list[tuple[Book, Callable[[Vector], Boundaries]]] = field(
+        init=False, repr=False, compare=False, default_factory=list
+    )
+
+    def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
+        """Return both boundaries from what is solved of this very book, at the tolerance of the first request."""
+        from pricing_core.american.engines.obstacle_march.pricing import BoundariesOf  # noqa: PLC0415
+
+        if not self._solved or self._solved[0][0] is not book:
+            tolerance = np.maximum(request.tolerance, self.least_tolerance)
+            self._solved[:] = [(book, BoundariesOf(book, replace(request, tolerance=tolerance)))]
+        return self._solved[0][1](times)

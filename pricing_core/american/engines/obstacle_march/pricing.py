@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,13 @@ from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.engine import Boundaries, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.held import priced
-from pricing_core.american.engines.obstacle_march.boundaries import Ends, boundary_now, ends_at, first_places
+from pricing_core.american.engines.obstacle_march.boundaries import (
+    Ends,
+    Traces,
+    boundary_now,
+    coefficient_jumps,
+    first_places,
+)
 from pricing_core.american.engines.obstacle_march.contract_problem import contract_problem, place_of
 from pricing_core.american.engines.obstacle_march.greeks import by_parameters, by_place_and_time
 from pricing_core.american.engines.price_bounds import range_of
@@ -37,8 +43,8 @@ FAILURES = (PricingCoreError, ArithmeticError, np.linalg.LinAlgError)
 # calibrated.
 ROUGH_SHARE = 2.0
 NEVER_MET = -1.0  # Value, in strikes, that no price falls to.
-# Tolerance, in strikes, of a solve that boundaries are wanted of, over the square of their relative accuracy; chosen.
-BOUNDARY_SHARE = 1e-2
+# Tolerance of a solve that boundaries are wanted of over what is asked of a price; chosen.
+BOUNDARY_SHARE = 0.1
 
 
 def solve_book(book: Book, request: Request) -> Prices:
@@ -60,30 +66,52 @@ def solve_book(book: Book, request: Request) -> Prices:
     return found
 
 
-def boundaries_of(book: Book, times: Vector, request: Request) -> Boundaries:
-    """Return both boundaries of one contract from one solve, or two where they begin far from the strike."""
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
-        return _boundaries(book, times, request)
+@dataclass(slots=True, eq=False)
+class BoundariesOf:
+    """Both boundaries of one contract at any times, from one solve, or two where they begin far from the strike.
 
+    The contract is solved where it is asked first, and only once.
 
-def _boundaries(book: Book, times: Vector, request: Request) -> Boundaries:
-    schedule = replace(book.schedule(0), spot=book.strike.item(0))
-    tolerance = BOUNDARY_SHARE * request.tolerance.item(0)
-    nothing = np.full(times.size, math.nan)
-    best = Ends(nothing, nothing, nothing)
-    for place in first_places(schedule):
-        if np.isnan(best.near).any():
-            there = replace(schedule, spot=schedule.strike * math.exp(place))
-            found = solve(contract_problem(there), place, tolerance, interrupt=request.interrupt)
-            if found.status == "deadline":
-                raise NumericalError("the interrupt came before the boundary was found")
-            best = best.completed_by(ends_at(schedule, found, times))
-    at_expiry = times >= schedule.segments[-1].end
-    last = schedule.segments[-1]
-    if at_expiry.any() and not (last.due > 0.0 or last.fraction > 0.0):
-        near, far = region_at_expiry(schedule).boundaries(schedule)
-        best.near[at_expiry], best.far[at_expiry], best.error[at_expiry] = near, far, 0.0
-    return Boundaries(best.near, best.far, best.error, np.ones(times.size, dtype=bool))
+    Parameters
+    ----------
+    book : Book
+        Of one contract.
+    request : Request
+    """
+
+    book: Book
+    request: Request
+    _found: list[Traces] = field(init=False, default_factory=list)
+
+    def __call__(self, times: Vector) -> Boundaries:
+        """Return them at times, years from now, shape (m,)."""
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
+            return self._at(times)
+
+    def _at(self, times: Vector) -> Boundaries:
+        schedule = replace(self.book.schedule(0), spot=self.book.strike.item(0))
+        nothing = np.full(times.size, math.nan)
+        best = Ends(nothing, nothing, nothing)
+        for k, place in enumerate(first_places(schedule)):
+            if np.isnan(best.near).any():
+                if k == len(self._found):
+                    self._found.append(self._solved(schedule, place))
+                best = best.completed_by(self._found[k].at(times))
+        at_expiry = times >= schedule.segments[-1].end
+        last = schedule.segments[-1]
+        if at_expiry.any() and not (last.due > 0.0 or last.fraction > 0.0):
+            near, far = region_at_expiry(schedule).boundaries(schedule)
+            best.near[at_expiry], best.far[at_expiry], best.error[at_expiry] = near, far, 0.0
+        return Boundaries(best.near, best.far, best.error, np.ones(times.size, dtype=bool))
+
+    def _solved(self, schedule: Schedule, place: float) -> Traces:
+        there = replace(schedule, spot=schedule.strike * math.exp(place))
+        problem = contract_problem(there, coefficient_jumps(schedule))
+        tolerance = BOUNDARY_SHARE * self.request.tolerance.item(0)
+        found = solve(problem, place, tolerance, interrupt=self.request.interrupt)
+        if found.status == "deadline":
+            raise NumericalError("the interrupt came before the boundary was found")
+        return Traces.of(schedule, found)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
