@@ -16,7 +16,15 @@ from pricing_core.obstacle.grid import Grid
 from pricing_core.obstacle.moment import ROUNDING, Complementarity, Moment, Segment
 from pricing_core.obstacle.problem import ObstacleProblem, just_before
 from pricing_core.obstacle.profile import Profile, contact_sets
-from pricing_core.obstacle.settings import CLOCK_SHARE, FEWEST_PIECES, PIECES, PIECES_OF_TURNS, ROUNDED, STEPS
+from pricing_core.obstacle.settings import (
+    CLOCK_SHARE,
+    FEWEST_PIECES,
+    PIECES,
+    PIECES_OF_TURNS,
+    ROUNDED,
+    SHORTEST,
+    STEPS,
+)
 from pricing_core.obstacle.stage import StageSystem, Values, solve_stage
 from pricing_core.obstacle.transfer import Known, Start, before, payoff_of
 from pricing_core.stepping import ESDIRK3, SDIRK3, Tableau
@@ -220,8 +228,7 @@ def time_mesh(segment: Segment) -> Mesh:
 
     Steps end where the clock since the segment's end is (n/M)^2 of the whole. M is such that the first step, the
     shortest, is longer than the stage matrix needs in order to be an M-matrix (`_diffusion`), but in segments that are
-    too short for two steps. A time at which coefficients jump takes the place of the nearest end: a step far shorter
-    than its neighbours would cost two digits.
+    too short for two steps. A time at which coefficients jump or have a kink takes the place of an end, see `_roots`.
     """
     breaks = [time for time in segment.problem.diffusion.breaks if segment.start < time < segment.end]
     times, diffused, first = _clock(segment, breaks)
@@ -231,15 +238,40 @@ def time_mesh(segment: Segment) -> Mesh:
     if not segment.is_constant:
         turns = max(1, _turns(segment.problem, segment.start, segment.end, middle))
     steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * max(turns, 1))
-    ends = np.interp(diffused[-1] * (np.arange(steps + 1) / steps) ** 2, diffused, times).tolist()
+    passed = np.interp(-np.array(breaks[::-1]), -times, diffused) / diffused[-1]
+    roots = _roots(steps, segment.grid.refined, np.sqrt(passed).tolist())
+    ends = np.interp(diffused[-1] * roots**2, diffused, times)
+    for root, time in zip(np.sqrt(passed), breaks[::-1], strict=True):
+        ends[np.argmin(np.abs(roots - root))] = time
     ends[0], ends[-1] = segment.end, segment.start
-    for time in breaks:
-        nearest = min(range(len(ends)), key=lambda k: abs(ends[k] - time))
+    return [(early, late, late not in breaks) for late, early in pairwise(ends.tolist())]
+
+
+def _roots(steps: int, refined: int, breaks: list[float]) -> Vector:
+    """Return the roots of the clock at the ends of about so many steps, 0 to 1, those of breaks among them.
+
+    A break takes the place of the nearest end of the coarsest grid's steps, or is added to them; these are cut into
+    equal parts whose number doubles from grid to grid. So the differences of grids fall as the order says, whatever
+    lies between the breaks, and tell the error.
+    """
+    if not breaks:
+        return np.arange(steps + 1) / steps
+    parts = 1
+    while parts < refined and steps % (2 * parts) == 0:
+        parts *= 2
+    coarse = steps // parts
+    ends = [k / coarse for k in range(coarse + 1)]
+    for root in breaks:
+        nearest = min(range(len(ends)), key=lambda k: abs(ends[k] - root))
         if 0 < nearest < len(ends) - 1 and ends[nearest] not in breaks:
-            ends[nearest] = time
+            ends[nearest] = root
         else:
-            ends = sorted({*ends, time}, reverse=True)
-    return [(early, late, late not in breaks) for late, early in pairwise(ends)]
+            ends = sorted({*ends, root})
+    found = [np.zeros(1)]
+    for left, right in pairwise(ends):
+        own = 2 ** math.floor(math.log2(max(parts * (right - left) * coarse / SHORTEST, 1.0)))
+        found.append(np.linspace(left, right, own + 1)[1:])
+    return np.concatenate(found)
 
 
 def _count(wanted: float) -> int:

@@ -73,7 +73,7 @@ def test_a_boundary_does_not_depend_on_the_spot(spot):
 @needs_kernel
 def test_boundaries_are_those_of_the_march_of_the_premium():
     book = Book.of([(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2))])
-    times, request = np.array([0.0, 0.3, 0.75, 0.9, 0.99, 1.0]), Request(np.array([1e-6]))
+    times, request = np.array([0.0, 0.3, 0.75, 0.9, 0.99, 1.0]), Request(np.array([1e-7]))
     found = ENGINE.boundary(book, times, request)
     other = boundary_of(book, times, Request(np.array([1e-8])))
     assert found.near == pytest.approx(other.near, rel=1e-4)
