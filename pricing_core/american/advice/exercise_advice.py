@@ -34,7 +34,7 @@ EVEN_STEPS = 50  # Number of steps of the times where none are given; chosen.
 INTERVALS = 128  # Number of intervals of the mesh between two events; chosen.
 # Tolerance of the boundary, which is found to a tenth of its root, and the least that the march of obstacle problems is
 # asked with, to whose boundaries the probabilities are less near; chosen.
-BOUNDARY_TOLERANCE, MARCH_TOLERANCE = 1e-8, 1e-6
+BOUNDARY_TOLERANCE, MARCH_TOLERANCE = 1e-8, 1e-7
 ROUNDING = 1e-12  # Smallest error that is claimed of a probability; chosen.
 INTERRUPTED = "interrupted before the advice was complete: allow more time"
 

@@ -193,7 +193,7 @@ class RegionFinder:
         )
         with np.errstate(invalid="ignore", divide="ignore"):
             near, far = (np.where(end > escrow, np.log(end - escrow), math.nan) for end in ends)
-            errors = found.error_estimate / (found.boundary - escrow)
+            errors = np.log1p(found.error_estimate / (found.boundary - escrow))
         told = np.where(np.isnan(errors), UNKNOWN_ERROR, errors)
         return near, far, np.where(np.isnan(near), math.nan, told)
 

@@ -10,7 +10,6 @@ from pricing_core import kernel
 from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.fields import GREEKS
 from pricing_core.american.engines.engine import Request
-from pricing_core.obstacle.settings import CELLS, ROUNDED, STEPS, WIDTH
 
 if TYPE_CHECKING:
     from pricing_core._kernels import MarchedSegments
@@ -21,6 +20,9 @@ def march_book(book: Book, request: Request) -> MarchedSegments:
 
     What is found is in strikes. What an interrupt leaves out is NaN.
     """
+    # Here, so that whoever prices without events does not load the general march.
+    from pricing_core.obstacle.settings import CELLS, ROUNDED, STEPS, WIDTH  # noqa: PLC0415
+
     assert kernel.march_segments is not None
     assert kernel.SegmentTable is not None
     assert kernel.MarchSettings is not None

@@ -75,7 +75,7 @@ class BoundariesOf:
     Parameters
     ----------
     book : Book
-        Of one contract.
+        A book of one contract.
     request : Request
     """
 
