@@ -109,10 +109,13 @@ def boundary_of(
     best = best._replace(near=_where_exercise_pays(book, best.near))
     if not book.is_plain or book.is_local()[0]:
         return best
-    # Without events the boundary is monotone in time (Jaillet, Lamberton, Lapeyre 1990).
-    running = np.fmin if book.is_put[0] else np.fmax
-    monotone = running.accumulate(best.near[::-1])[::-1]
-    return best._replace(near=np.where(np.isnan(best.near), best.near, monotone))
+    # Without events the exercise region grows towards the expiry (Jaillet, Lamberton, Lapeyre 1990).
+    inwards, outwards = (np.fmin, np.fmax) if book.is_put[0] else (np.fmax, np.fmin)
+    near, far = (
+        np.where(np.isnan(end), end, running.accumulate(end[::-1])[::-1])
+        for end, running in ((best.near, inwards), (best.far, outwards))
+    )
+    return best._replace(near=near, far=far)
 
 
 def _where_exercise_pays(book: Book, boundary: Vector) -> Vector:

@@ -38,10 +38,13 @@ class Ends:
     error: Vector
 
     def completed_by(self, other: Ends) -> Ends:
-        """Return these ends, with those of another solve where there are none."""
-        none = np.isnan(self.near)
-        pairs = ((self.near, other.near), (self.far, other.far), (self.error, other.error))
-        return Ends(*(np.where(none, its, mine) for mine, its in pairs))
+        """Return these ends, each with that of another solve where there is none."""
+        no_near, no_far = np.isnan(self.near), np.isnan(self.far)
+        return Ends(
+            np.where(no_near, other.near, self.near),
+            np.where(no_far, other.far, self.far),
+            np.where(no_near, other.error, self.error),
+        )
 
 
 def first_places(schedule: Schedule) -> tuple[float, ...]:
@@ -52,6 +55,13 @@ def first_places(schedule: Schedule) -> tuple[float, ...]:
             if not math.isnan(near) and near / schedule.strike > 0.0 and near != schedule.strike:
                 return 0.0, math.log(near / schedule.strike)
     return (0.0,)
+
+
+def far_place(schedule: Schedule) -> float:
+    """Return where the end further from the strike begins before expiry, in x; NaN where there is none."""
+    region = region_at_expiry(schedule)
+    far = region.lower if schedule.is_put else region.upper
+    return far if region.lower <= region.upper and math.isfinite(far) else math.nan
 
 
 def boundary_now(schedule: Schedule, found: ObstacleSolution, request: Request) -> float:
@@ -135,8 +145,8 @@ class Piece:
     start, end : float
         Years from now.
     roots : Vector, shape (k,)
-        The roots of the times from the ends of the steps to `end`, increasing; with 0 where `at_end` has both what
-        the others have.
+        The roots of the times from the ends of the steps to `end`, increasing; with 0 where `at_end` has what the
+        others have.
     known : Matrix, shape (k, 2)
         (near, far) there, in x.
     at_end : (float, float) or None
@@ -228,16 +238,17 @@ def _at_end(schedule: Schedule, end: float, held: Intervals) -> tuple[float, flo
         kink = math.log(max(1.0 - segment.escrow_at(end) / schedule.strike, GONE))
         pays = [pair for pair in held if (pair[0] < kink if schedule.is_put else pair[1] > kink)]
         return _two(schedule, tuple(pays))
-    near, far = region_at_expiry(schedule).boundaries(schedule)
-    return math.log(near / schedule.strike), math.log(far / schedule.strike)
+    region = region_at_expiry(schedule)
+    return _two(schedule, ((region.lower, region.upper),) if region.lower <= region.upper else ())
 
 
 def _piece(
     start: float, end: float, roots: Vector, known: Matrix, at_end: tuple[float, float] | None
 ) -> Piece:
     """Return a piece, to whose known boundaries those at the end belong where they are the same ones."""
-    if at_end is not None and roots.size and (np.isnan(known[0]) == np.isnan(at_end)).all():
-        roots, known = np.append(0.0, roots), np.vstack([at_end, known])
+    if at_end is not None and roots.size and (np.isnan(known[0]) | ~np.isnan(at_end)).all():
+        joined = np.where(np.isnan(known[0]), math.nan, at_end)
+        roots, known = np.append(0.0, roots), np.vstack([joined, known])
     return Piece(start, end, roots, known, at_end)
 
 

@@ -27,6 +27,7 @@ from pricing_core.american.engines.obstacle_march.boundaries import (
     Traces,
     boundary_now,
     coefficient_jumps,
+    far_place,
     first_places,
 )
 from pricing_core.american.engines.obstacle_march.contract_problem import contract_problem, place_of
@@ -81,7 +82,7 @@ class BoundariesOf:
 
     book: Book
     request: Request
-    _found: list[Traces] = field(init=False, default_factory=list)
+    _found: dict[float, Traces] = field(init=False, default_factory=dict)
 
     def __call__(self, times: Vector) -> Boundaries:
         """Return them at times, years from now, shape (m,)."""
@@ -92,17 +93,24 @@ class BoundariesOf:
         schedule = replace(self.book.schedule(0), spot=self.book.strike.item(0))
         nothing = np.full(times.size, math.nan)
         best = Ends(nothing, nothing, nothing)
-        for k, place in enumerate(first_places(schedule)):
+        for place in first_places(schedule):
             if np.isnan(best.near).any():
-                if k == len(self._found):
-                    self._found.append(self._solved(schedule, place))
-                best = best.completed_by(self._found[k].at(times))
+                best = best.completed_by(self._traces(schedule, place).at(times))
+        place = far_place(schedule)
+        if not math.isnan(place) and np.isnan(best.far).any():
+            best = best.completed_by(self._traces(schedule, place).at(times))
         at_expiry = times >= schedule.segments[-1].end
         last = schedule.segments[-1]
         if at_expiry.any() and not (last.due > 0.0 or last.fraction > 0.0):
             near, far = region_at_expiry(schedule).boundaries(schedule)
             best.near[at_expiry], best.far[at_expiry], best.error[at_expiry] = near, far, 0.0
         return Boundaries(best.near, best.far, best.error, np.ones(times.size, dtype=bool))
+
+    def _traces(self, schedule: Schedule, place: float) -> Traces:
+        """Return the boundaries of the solve around a place, which is solved once."""
+        if place not in self._found:
+            self._found[place] = self._solved(schedule, place)
+        return self._found[place]
 
     def _solved(self, schedule: Schedule, place: float) -> Traces:
         there = replace(schedule, spot=schedule.strike * math.exp(place))
