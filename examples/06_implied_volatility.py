@@ -25,8 +25,8 @@ for row in zip(strikes, prices, found["volatility"], found["volatility_error"], 
     strike, option_price, volatility, error, true = row
     print(f"{strike:6.1f} {option_price:8.4f} {volatility:11.6f} {error:9.0e} {abs(volatility - true):7.0e}")
 off = np.abs(found["volatility"] - smile)
-# The estimates hold in 99 of 100 cases; here one of ten may miss.
-assert np.count_nonzero(off > found["volatility_error"]) <= 1
+# An estimate is no bound: it may be missed by a little.
+assert np.all(off <= 2.0 * found["volatility_error"])
 assert np.all(off < 2e-5)
 
 # A put that is worth no more than its payoff is exercised at every small volatility: the price does not say which.
