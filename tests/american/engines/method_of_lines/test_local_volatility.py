@@ -267,6 +267,7 @@ def test_crank_nicolson_and_adaptive_steps_agree():
     assert abs(found.price - other.price) <= found.error_estimate + other.error_estimate
 
 
+@needs_kernel
 def test_two_engines_serve_it():
     surface = elastic(0.25, 1.0)
     contracts = [
