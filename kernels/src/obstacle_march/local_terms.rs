@@ -7,7 +7,7 @@
 
 use super::contract::Contract;
 use super::mesh::Grid;
-use super::stage::{mass_of, mass_weights, Rows, Stage};
+use super::stage::{mass_of, mass_weights, LocalRows, Row, Rows, Stage};
 use super::steps::LaneSteps;
 use super::surface::Moment;
 use super::tableau::GAMMA;
@@ -45,8 +45,9 @@ pub struct LocalTerms<'a, V> {
     /// The volatilities at the nodes at the surface's times before and behind the stage's.
     before: Vec<[f64; LANES]>,
     behind: Vec<[f64; LANES]>,
-    /// Whether the rows are others than those of the stage before.
-    moved: bool,
+    /// By how much ln S changes from a node to the next, and one over the square of that.
+    step: V,
+    per_square: V,
     /// At the nodes at the stage: the derivatives of D by the volatility and by a shift of it in ln S, D, 1/D, and p with its
     /// differences.
     slope: Vec<V>,
@@ -56,54 +57,7 @@ pub struct LocalTerms<'a, V> {
     peclet: Vec<V>,
     peclet_slope: Vec<V>,
     peclet_bend: Vec<V>,
-    rows: Table<V>,
-}
-
-/// The rows of a stage, one entry for each node.
-#[derive(Clone)]
-struct Table<V> {
-    lower: Vec<V>,
-    diagonal: Vec<V>,
-    upper: Vec<V>,
-    mass: Vec<[V; 3]>,
-    spread: Vec<V>,
-    half_inverse: Vec<V>,
-}
-
-/// These rows.
-#[derive(Clone, Copy)]
-pub struct LocalRows<'t, V>(&'t Table<V>);
-
-impl<V: Vector> Rows<V> for LocalRows<'_, V> {
-    #[inline(always)]
-    fn lower(&self, row: usize) -> V {
-        self.0.lower[row]
-    }
-
-    #[inline(always)]
-    fn diagonal(&self, row: usize) -> V {
-        self.0.diagonal[row]
-    }
-
-    #[inline(always)]
-    fn upper(&self, row: usize) -> V {
-        self.0.upper[row]
-    }
-
-    #[inline(always)]
-    fn mass(&self, row: usize) -> [V; 3] {
-        self.0.mass[row]
-    }
-
-    #[inline(always)]
-    fn spread(&self, row: usize) -> V {
-        self.0.spread[row]
-    }
-
-    #[inline(always)]
-    fn half_inverse(&self, row: usize) -> V {
-        self.0.half_inverse[row]
-    }
+    rows: Vec<Row<V>>,
 }
 
 impl<'a, V: Vector> LocalTerms<'a, V> {
@@ -111,6 +65,15 @@ impl<'a, V: Vector> LocalTerms<'a, V> {
     pub fn new(contracts: &[Contract<'a>], grids: &[Grid]) -> Self {
         let nodes = grids[0].cells + 1;
         let array = || vec![V::zero(); nodes];
+        let of_grid = |of: fn(&Grid) -> f64| V::from_lanes(std::array::from_fn(|l| of(&grids[l])));
+        let row = Row {
+            lower: V::zero(),
+            diagonal: V::zero(),
+            upper: V::zero(),
+            mass: [V::zero(); 3],
+            spread: V::zero(),
+            half_inverse: V::zero(),
+        };
         let lane = Lane {
             number: usize::MAX,
             end: 0.0,
@@ -129,7 +92,8 @@ impl<'a, V: Vector> LocalTerms<'a, V> {
             carry: [0.0; LANES],
             before: vec![[1.0; LANES]; nodes],
             behind: vec![[1.0; LANES]; nodes],
-            moved: true,
+            step: of_grid(Grid::step),
+            per_square: of_grid(|grid| 1.0 / (grid.h * grid.h)),
             slope: array(),
             shift: array(),
             diffusion: array(),
@@ -137,14 +101,7 @@ impl<'a, V: Vector> LocalTerms<'a, V> {
             peclet: array(),
             peclet_slope: array(),
             peclet_bend: array(),
-            rows: Table {
-                lower: array(),
-                diagonal: array(),
-                upper: array(),
-                mass: vec![[V::zero(); 3]; nodes],
-                spread: array(),
-                half_inverse: array(),
-            },
+            rows: vec![row; nodes],
         }
     }
 
@@ -179,12 +136,9 @@ impl<'a, V: Vector> LocalTerms<'a, V> {
         for (share, lane) in share.iter_mut().zip(&self.lanes) {
             *share = lane.share;
         }
-        let of_grid =
-            |of: fn(&Grid) -> f64| V::from_lanes(std::array::from_fn(|l| of(&self.grids[l])));
-        let (share, step) = (V::from_lanes(share), of_grid(Grid::step));
-        let per_square = of_grid(|grid| 0.5 / (grid.h * grid.h));
+        let (share, step, per_square) = (V::from_lanes(share), self.step, self.per_square);
         // m = step carry/h^2 - step D, with D in cells^2 a year
-        let drift = step * V::from_lanes(self.carry) * per_square.times(2.0);
+        let drift = step * V::from_lanes(self.carry) * per_square;
         let one = V::all(1.0);
         for node in 0..=last {
             let (before, behind) = (
@@ -192,10 +146,10 @@ impl<'a, V: Vector> LocalTerms<'a, V> {
                 V::from_lanes(self.behind[node]),
             );
             let square = share.times_plus(behind * behind - before * before, before * before);
-            let diffusion = square * per_square;
+            let diffusion = square * per_square.times(0.5);
             let inverse = one / diffusion;
             // of the mean of two squares, both volatilities changed by the same
-            self.slope[node] = share.times_plus(behind - before, before) * per_square.times(2.0);
+            self.slope[node] = share.times_plus(behind - before, before) * per_square;
             (self.diffusion[node], self.inverse[node]) = (diffusion, inverse);
             self.peclet[node] = drift * inverse - step;
         }
@@ -211,8 +165,8 @@ impl<'a, V: Vector> LocalTerms<'a, V> {
             let mut mass = mass_weights(self.peclet[row]);
             mass[0] = mass[0] * (own * self.inverse[row - 1]);
             mass[2] = mass[2] * (own * self.inverse[row + 1]);
-            self.rows.mass[row] = mass;
-            self.rows.half_inverse[row] = self.inverse[row].times(0.5);
+            self.rows[row].mass = mass;
+            self.rows[row].half_inverse = self.inverse[row].times(0.5);
         }
     }
 
@@ -237,11 +191,11 @@ impl<'a, V: Vector> LocalTerms<'a, V> {
             let spread = a * self.diffusion[row];
             let (second, first) = self.operator(row);
             let (second, half) = (second * spread, first.times(0.5) * spread);
-            let mass = self.rows.mass[row];
-            self.rows.lower[row] = growth * mass[0] - (second - half);
-            self.rows.diagonal[row] = growth * mass[1] + second.times(2.0);
-            self.rows.upper[row] = growth * mass[2] - (second + half);
-            self.rows.spread[row] = spread;
+            let own = &mut self.rows[row];
+            own.lower = growth * own.mass[0] - (second - half);
+            own.diagonal = growth * own.mass[1] + second.times(2.0);
+            own.upper = growth * own.mass[2] - (second + half);
+            own.spread = spread;
         }
     }
 }
@@ -282,13 +236,9 @@ impl<V: Vector> Terms<V> for LocalTerms<'_, V> {
         self.carry[to] = self.carry[from];
     }
 
-    fn moves(&self) -> bool {
-        self.moved
-    }
-
     #[inline(always)]
     #[allow(clippy::float_cmp)] // the same moment
-    fn set(&mut self, stage: usize, steps: &LaneSteps<V>) {
+    fn set(&mut self, stage: usize, steps: &LaneSteps<V>, is_first: bool) -> bool {
         let mut moved = false;
         for lane in 0..self.contracts.len() {
             let Some(local) = self.contracts[lane].local else {
@@ -306,8 +256,11 @@ impl<V: Vector> Terms<V> for LocalTerms<'_, V> {
         if moved {
             self.set_coefficients();
         }
-        self.moved = moved || stage == 0;
-        self.set_rows(steps.dt.times(GAMMA));
+        let is_other = moved || is_first;
+        if is_other {
+            self.set_rows(steps.dt.times(GAMMA));
+        }
+        is_other
     }
 
     #[inline(always)]
@@ -373,22 +326,19 @@ impl<V: Vector> Terms<V> for LocalTerms<'_, V> {
             by_peclet[row] = weight * (by_p - (f[2] - f[0]).times(1.0 / 24.0));
             by_slope[row] = weight * a * (second.times(1.0 / 6.0) + p.times(1.0 / 12.0) * first);
             by_bend[row] = weight * a * first.times(1.0 / 12.0);
-            mass = weights[row].times_plus(mass_of(stage.rows.mass(row), v), mass);
+            mass = weights[row].times_plus(mass_of(stage.rows.at(row).mass, v), mass);
         }
         add_transposed_differences(&by_bend, &mut by_slope);
         add_transposed_differences(&by_slope, &mut by_peclet);
-        let of_grid =
-            |of: fn(&Grid) -> f64| V::from_lanes(std::array::from_fn(|l| of(&self.grids[l])));
-        let (step, per_square) = (of_grid(Grid::step), of_grid(|grid| 1.0 / (grid.h * grid.h)));
         let (mut by_carry, mut by_volatility, mut by_shift) = (zero, zero, zero);
         for node in 0..=last {
             let own = by_peclet[node] * self.inverse[node];
             by_carry = by_carry + own;
-            let by_own = by_diffusion[node] - own * (self.peclet[node] + step);
+            let by_own = by_diffusion[node] - own * (self.peclet[node] + self.step);
             by_volatility = by_own.times_plus(self.slope[node], by_volatility);
             by_shift = by_own.times_plus(self.shift[node], by_shift);
         }
-        let by_carry = by_carry * step * per_square;
+        let by_carry = by_carry * self.step * self.per_square;
         [by_carry - a * mass, -by_carry, by_volatility, by_shift]
     }
 }

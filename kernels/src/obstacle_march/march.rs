@@ -386,11 +386,11 @@ impl<'a, V: Vector> March<'a, V> {
     /// Where the contact set is not one interval from the near end on, Newton's method does.
     #[inline(always)]
     fn solve<T: Terms<V>, const N: usize>(&mut self, terms: &mut T, steps: &LaneSteps<V>) {
-        terms.set(N - 1, steps);
+        let is_other = terms.set(N - 1, steps, N == 1);
         let stage = terms.stage(steps.dt.times(GAMMA));
         let strike = steps.strikes[N - 1];
         let obstacle = terms.exercise().obstacle(strike);
-        if N == 1 || terms.moves() {
+        if is_other {
             self.elimination.of(&stage, self.first);
         }
         let weights = steps.weights(N - 1);
@@ -456,7 +456,7 @@ impl<'a, V: Vector> March<'a, V> {
         }
         let mut left = V::zero();
         for i in (self.first..=last).rev() {
-            let right = mass_of(stage.rows.mass(i), [base[i - 1], base[i], base[i + 1]]);
+            let right = mass_of(stage.rows.at(i).mass, [base[i - 1], base[i], base[i + 1]]);
             left = right - factor[i] * left; // the last factor is 0
             eliminated[i] = left;
         }
@@ -486,12 +486,12 @@ impl<'a, V: Vector> March<'a, V> {
             before = strike - signed[begin - 1];
         } else {
             // The near end, as if nothing touched there.
-            let (q, lower) = (stage.near_rule, stage.rows.lower(1));
-            let second_lower = stage.rows.lower(2);
+            let (q, lower) = (stage.near_rule, stage.rows.at(1).lower);
+            let second_lower = stage.rows.at(2).lower;
             let coupled = lower * q * inverse[2];
             let diagonal = pivot[1] + lower * q.plus(1.0) + coupled * second_lower;
             let free = coupled.times_plus(left[2], left[1]) / diagonal;
-            let (gain, rise) = obstacle.at(signed[1], stage.rows.half_inverse(1));
+            let (gain, rise) = obstacle.at(signed[1], stage.rows.at(1).half_inverse);
             // below 0 where the near end is in contact
             let touching = gain.min(rise).negative(one, free - gain - rise);
             let free_second = (left[2] - second_lower * free) * inverse[2];
@@ -508,7 +508,7 @@ impl<'a, V: Vector> March<'a, V> {
             let lower = stage.lower_of(i, last);
             let rest = left[i] - lower * before;
             let free = rest * inverse[i];
-            let (gain, rise) = obstacle.at(signed[i], stage.rows.half_inverse(i));
+            let (gain, rise) = obstacle.at(signed[i], stage.rows.at(i).half_inverse);
             let may = gain.min(rise);
             worst = worst.min(held.negative(zero, may.negative(zero, free - gain)));
             // below 0 where the node is in contact, or its cell
@@ -530,7 +530,7 @@ impl<'a, V: Vector> March<'a, V> {
             let lower = stage.lower_of(i, last);
             before = (left[i] - lower * before) * inverse[i];
             if i < self.last_kink {
-                let (gain, rise) = obstacle.at(signed[i], stage.rows.half_inverse(i));
+                let (gain, rise) = obstacle.at(signed[i], stage.rows.at(i).half_inverse);
                 worst = worst.min(gain.min(rise).negative(zero, before - gain));
             }
             values[i] = before;

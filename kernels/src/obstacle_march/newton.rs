@@ -89,7 +89,7 @@ impl<V: Vector> Newton<V> {
         self.fresh = wanted;
         let kept = V::from_lanes(kept);
         for i in 1..=top {
-            let (gain, rise) = obstacle.at(signed[i], stage.rows.half_inverse(i));
+            let (gain, rise) = obstacle.at(signed[i], stage.rows.at(i).half_inverse);
             let may = gain.min(rise);
             let value = near[i];
             let height = (value - gain) / may.negative(one, rise);
@@ -151,7 +151,7 @@ impl<V: Vector> Newton<V> {
     /// Below 0 where the first inner node is in contact, and with it the near end.
     #[inline(always)]
     fn touching<R: Rows<V>>(&self, stage: &Stage<R, V>, obstacle: &Obstacle<V>, signed: &[V]) -> V {
-        let (gain, rise) = obstacle.at(signed[1], stage.rows.half_inverse(1));
+        let (gain, rise) = obstacle.at(signed[1], stage.rows.at(1).half_inverse);
         let one = V::all(1.0);
         gain.min(rise)
             .negative(one, self.s[1].plus(-f64::MIN_POSITIVE))
@@ -166,12 +166,12 @@ impl<V: Vector> Newton<V> {
         s: V,
     ) -> Point<V> {
         let (zero, one) = (V::zero(), V::all(1.0));
-        let (gain, rise) = obstacle.at(signed[i], stage.rows.half_inverse(i));
+        let (gain, rise) = obstacle.at(signed[i], stage.rows.at(i).half_inverse);
         let may = gain.min(rise);
         let inside = s.max(zero).min(one);
         let (beyond, short) = (s - inside, one - inside);
         let value = (inside * inside + beyond.max(zero).times(2.0)).times_plus(rise, gain);
-        let cost = rise * stage.rows.spread(i).times(2.0); // a c
+        let cost = rise * stage.rows.at(i).spread.times(2.0); // a c
         let mass = cost * ((short * short).times(0.5) - beyond.min(zero));
         Point {
             value: may.negative(s, value),
@@ -205,15 +205,18 @@ impl<V: Vector> Newton<V> {
         let (mut above_value, mut above_slope) = (zero, zero);
         let (mut above_right, mut above_pivot, mut lower) = (zero, one, stage.lower_of(top, last));
         for i in (1..=top).rev() {
-            let (mut before, mut diagonal, mut upper) =
-                (below.value, stage.rows.diagonal(i), stage.rows.upper(i));
+            let (mut before, mut diagonal, mut upper) = (
+                below.value,
+                stage.rows.at(i).diagonal,
+                stage.rows.at(i).upper,
+            );
             let own_lower = stage.lower_of(i, last);
             // From the last row on that may touch, the far rows are eliminated already.
             let coupled = -Self::behind(rows, i); // below 0 in the rows before that
             diagonal = coupled.negative(diagonal, rows.pivot[i]);
             upper = coupled.negative(upper, zero);
             let base = [rows.base[i - 1], rows.base[i], rows.base[i + 1]];
-            let right = coupled.negative(mass_of(stage.rows.mass(i), base), rows.left[i]);
+            let right = coupled.negative(mass_of(stage.rows.at(i).mass, base), rows.left[i]);
             if i == 1 {
                 let free = here.value * q.plus(1.0) - q * above_value;
                 before = touching.negative(obstacle.strike - signed[0], free);
@@ -249,7 +252,7 @@ impl<V: Vector> Newton<V> {
             let s = moving.negative(change.times(length) + self.s[i], self.s[i]);
             self.s[i] = s;
             let inside = self.inside[i];
-            let (gain, rise) = obstacle.at(*signed, stage.rows.half_inverse(i));
+            let (gain, rise) = obstacle.at(*signed, stage.rows.at(i).half_inverse);
             let now = gain.min(rise).negative(inside, s.max(zero).min(one));
             moved = moved.max((now - inside).abs());
         }
@@ -262,7 +265,7 @@ impl<V: Vector> Newton<V> {
         let one = V::all(1.0);
         self.slope.fill(one);
         for i in 1..=rows.top {
-            let (gain, rise) = obstacle.at(rows.signed[i], stage.rows.half_inverse(i));
+            let (gain, rise) = obstacle.at(rows.signed[i], stage.rows.at(i).half_inverse);
             self.slope[i] = gain.min(rise).negative(one, self.s[i].min(one));
         }
     }

@@ -29,10 +29,23 @@ const MARGIN: f64 = 1.5;
 const PESSIMISM: f64 = 22.0;
 /// What of the difference's slope, times the deviation of ln S, may be left at a place where it vanishes by chance.
 const TILT_SHARE: f64 = 0.15;
-/// The grids that are always marched, and the factor of the error estimates: a local volatility is not smooth everywhere,
-/// and its steps do not all double; calibrated.
-const EVEN: (usize, f64) = (2, 1.0);
-const LOCAL_VOLATILITY: (usize, f64) = (3, 2.0);
+/// The caution with constant coefficients, and with a local volatility, which is not smooth everywhere; where it depends on
+/// the time not all steps double from grid to grid. Calibrated.
+const EVEN: Caution = Caution {
+    first_levels: 2,
+    of_value: 1.0,
+    of_derivatives: 1.0,
+};
+const STEADY: Caution = Caution {
+    first_levels: 3,
+    of_value: 2.0,
+    of_derivatives: 2.0,
+};
+const MOVING: Caution = Caution {
+    first_levels: 3,
+    of_value: 4.0,
+    of_derivatives: 2.0,
+};
 /// The cells of the finest grid.
 const MOST_CELLS: usize = 4096;
 
@@ -185,6 +198,14 @@ fn local(marched: &Marched, contract: &Contract, x: f64) -> [f64; 4] {
     [slope, bend, rate, rate_slope * sign / h]
 }
 
+/// How many grids are always marched, and by what the error estimates of the value and of the derivatives are multiplied.
+#[derive(Clone, Copy)]
+struct Caution {
+    first_levels: usize,
+    of_value: f64,
+    of_derivatives: f64,
+}
+
 /// A contract on its way to its tolerance.
 struct Work<'a> {
     contract: Contract<'a>,
@@ -193,9 +214,7 @@ struct Work<'a> {
     tolerance: f64,
     /// The standard deviation of ln S at expiry.
     deviation: f64,
-    /// The grids that are always marched, and the factor of the error estimates.
-    first_levels: usize,
-    rough: f64,
+    caution: Caution,
     cells: usize,
     last: Option<Seen>,
     /// The last two differences.
@@ -219,15 +238,18 @@ impl<'a> Work<'a> {
             ([moved(step), moved(-step)], step)
         });
         let whole = Grid::new(&contract, 1, settings);
-        let is_local = contract.local.is_some();
-        let (first_levels, rough) = if is_local { LOCAL_VOLATILITY } else { EVEN };
+        let times = contract.local.map(|local| local.surface.times.len());
+        let caution = match times {
+            None => EVEN,
+            Some(1) => STEADY,
+            Some(_) => MOVING,
+        };
         Self {
             contract,
             sides,
             tolerance,
             deviation: whole.deviation,
-            first_levels,
-            rough,
+            caution,
             cells: first_cells(&whole, settings),
             last: None,
             differences: [0.0; 2],
@@ -279,7 +301,7 @@ impl<'a> Work<'a> {
         (found.cells, found.steps, found.levels) = (cells, own.steps, self.levels);
         found.settled = own.settled;
         found.exercised = own.exercised;
-        found.met = self.levels >= self.first_levels && found.error <= self.tolerance;
+        found.met = self.levels >= self.caution.first_levels && found.error <= self.tolerance;
         self.last = Some(own);
         found.met || self.cells > MOST_CELLS
     }
@@ -305,7 +327,7 @@ impl<'a> Work<'a> {
         found.value = seen.value + share * (seen.value - last.value);
         let rounding = 1e-13 * found.value.abs().max(1.0);
         let by_tilt = TILT_SHARE * tilt;
-        found.error = self.rough
+        found.error = self.caution.of_value
             * (last_difference * rest)
                 .max(before / PESSIMISM)
                 .max(by_tilt)
@@ -315,10 +337,10 @@ impl<'a> Work<'a> {
 
     /// Tell the derivatives and by how much they change from the last grid to this one.
     fn derive(&mut self, seen: &Seen, last: &Seen, share: f64) {
-        let rough = self.rough;
+        let factor = self.caution.of_derivatives;
         let best = |now: f64, before: f64, change: f64| Changing {
             value: now + share * (now - before),
-            change: rough * change.max((now - before).abs()),
+            change: factor * change.max((now - before).abs()),
         };
         let found = &mut self.found;
         found.boundary = best(seen.boundary, last.boundary, 0.0).value;

@@ -2,62 +2,45 @@
 
 use crate::lanes::vector::Vector;
 
-/// The rows of a stage's matrix, A = (1 + a r) M - a L, one for each inner node.
-pub trait Rows<V>: Copy {
-    /// What a row takes of the node before it, of its own and of the one behind.
-    fn lower(&self, row: usize) -> V;
-    /// The same, of its own.
-    fn diagonal(&self, row: usize) -> V;
-    /// The same, of the one behind.
-    fn upper(&self, row: usize) -> V;
-    /// The same of M, all three.
-    fn mass(&self, row: usize) -> [V; 3];
-    /// a D, D in cells^2 a year.
-    fn spread(&self, row: usize) -> V;
-    /// 1/(2 D).
-    fn half_inverse(&self, row: usize) -> V;
-}
-
-/// The rows of coefficients that do not depend on the place: all are alike.
+/// A row of a stage's matrix, A = (1 + a r) M - a L.
 #[derive(Clone, Copy)]
-pub struct EvenRows<V> {
+pub struct Row<V> {
+    /// What it takes of the node before it, of its own and of the one behind.
     pub lower: V,
     pub diagonal: V,
     pub upper: V,
+    /// The same of M, all three.
     pub mass: [V; 3],
+    /// a D, D in cells^2 a year, and 1/(2 D).
     pub spread: V,
     pub half_inverse: V,
 }
 
-impl<V: Vector> Rows<V> for EvenRows<V> {
-    #[inline(always)]
-    fn lower(&self, _row: usize) -> V {
-        self.lower
-    }
+/// The rows of a stage, one for each inner node.
+pub trait Rows<V>: Copy {
+    /// One of them.
+    fn at(&self, row: usize) -> &Row<V>;
+}
 
-    #[inline(always)]
-    fn diagonal(&self, _row: usize) -> V {
-        self.diagonal
-    }
+/// The rows of coefficients that do not depend on the place: all are alike.
+#[derive(Clone, Copy)]
+pub struct EvenRows<V>(pub Row<V>);
 
+impl<V: Copy> Rows<V> for EvenRows<V> {
     #[inline(always)]
-    fn upper(&self, _row: usize) -> V {
-        self.upper
+    fn at(&self, _row: usize) -> &Row<V> {
+        &self.0
     }
+}
 
-    #[inline(always)]
-    fn mass(&self, _row: usize) -> [V; 3] {
-        self.mass
-    }
+/// Rows of their own for each node.
+#[derive(Clone, Copy)]
+pub struct LocalRows<'t, V>(pub &'t [Row<V>]);
 
+impl<V: Copy> Rows<V> for LocalRows<'_, V> {
     #[inline(always)]
-    fn spread(&self, _row: usize) -> V {
-        self.spread
-    }
-
-    #[inline(always)]
-    fn half_inverse(&self, _row: usize) -> V {
-        self.half_inverse
+    fn at(&self, row: usize) -> &Row<V> {
+        &self.0[row]
     }
 }
 
@@ -149,8 +132,8 @@ impl<V: Vector> Elimination<V> {
         self.pivot[last] = stage.last_diagonal;
         self.inverse[last] = one / stage.last_diagonal;
         for i in (first..last).rev() {
-            let factor = stage.rows.upper(i) * self.inverse[i + 1];
-            let pivot = stage.rows.diagonal(i) - factor * stage.lower_of(i + 1, last);
+            let factor = stage.rows.at(i).upper * self.inverse[i + 1];
+            let pivot = stage.rows.at(i).diagonal - factor * stage.lower_of(i + 1, last);
             self.factor[i] = factor;
             self.pivot[i] = pivot;
             self.inverse[i] = one / pivot;
@@ -162,7 +145,7 @@ impl<R: Rows<V>, V: Vector> Stage<R, V> {
     /// The stage of these rows, with the implicit weight and 1 + a r, and the rules of the two ends.
     #[inline(always)]
     pub fn new(rows: R, last: usize, a: V, growth: V, [near_rule, far_rule]: [V; 2]) -> Self {
-        let upper = rows.upper(last);
+        let row = *rows.at(last);
         Self {
             rows,
             a,
@@ -170,8 +153,8 @@ impl<R: Rows<V>, V: Vector> Stage<R, V> {
             growth,
             near_rule,
             far_rule,
-            last_lower: rows.lower(last) - upper * far_rule,
-            last_diagonal: far_rule.plus(1.0).times_plus(upper, rows.diagonal(last)),
+            last_lower: row.lower - row.upper * far_rule,
+            last_diagonal: far_rule.plus(1.0).times_plus(row.upper, row.diagonal),
         }
     }
 
@@ -181,7 +164,7 @@ impl<R: Rows<V>, V: Vector> Stage<R, V> {
         if row == last {
             self.last_lower
         } else {
-            self.rows.lower(row)
+            self.rows.at(row).lower
         }
     }
 
@@ -190,17 +173,17 @@ impl<R: Rows<V>, V: Vector> Stage<R, V> {
     #[inline(always)]
     pub fn column(&self, node: usize, last: usize, loose: V) -> [V; 3] {
         let q = self.near_rule;
-        let mut upper = self.rows.upper(node - 1);
+        let mut upper = self.rows.at(node - 1).upper;
         let mut diagonal = if node == last {
             self.last_diagonal
         } else {
-            self.rows.diagonal(node)
+            self.rows.at(node).diagonal
         };
         if node == 1 {
-            diagonal = (loose * self.rows.lower(1)).times_plus(q.plus(1.0), diagonal);
+            diagonal = (loose * self.rows.at(1).lower).times_plus(q.plus(1.0), diagonal);
         }
         if node == 2 {
-            upper = upper - loose * self.rows.lower(1) * q;
+            upper = upper - loose * self.rows.at(1).lower * q;
         }
         let behind = if node < last {
             self.lower_of(node + 1, last)
@@ -214,7 +197,7 @@ impl<R: Rows<V>, V: Vector> Stage<R, V> {
     #[inline(always)]
     pub fn cell(&self, node: usize, pivot: V, rest: V, (gain, rise): (V, V), near: V) -> Cell<V> {
         let (zero, one) = (V::zero(), V::all(1.0));
-        let spread = self.rows.spread(node);
+        let spread = self.rows.at(node).spread;
         let reach = spread * rise;
         let excess = rest - gain * pivot; // of what pushes V up over what holds it at the obstacle
         let held = (excess + reach).plus(-f64::MIN_POSITIVE);

@@ -3,7 +3,7 @@
 use super::contract::{Contract, Segment};
 use super::event::hat_weights;
 use super::mesh::Grid;
-use super::stage::{mass_weights, EvenRows, Obstacle, Rows, Stage};
+use super::stage::{mass_of, mass_weights, EvenRows, Obstacle, Row, Rows, Stage};
 use super::steps::LaneSteps;
 use crate::lanes::vector::{Vector, LANES};
 
@@ -20,11 +20,9 @@ pub trait Terms<V: Vector>: Clone {
     /// Give a lane that holds no contract the coefficients of another.
     fn copy_lane(&mut self, from: usize, to: usize);
 
-    /// Whether the rows of a step's stages differ.
-    fn moves(&self) -> bool;
-
-    /// Make the coefficients those at a stage of a step.
-    fn set(&mut self, stage: usize, steps: &LaneSteps<V>);
+    /// Make the rows those of a stage of a step; return whether they are others than before. `is_first` says that no other
+    /// stage of the step has been asked for yet.
+    fn set(&mut self, stage: usize, steps: &LaneSteps<V>, is_first: bool) -> bool;
 
     /// The rows with an implicit weight in years.
     fn stage(&self, a: V) -> Stage<Self::Rows<'_>, V>;
@@ -219,12 +217,10 @@ impl<V: Vector> Terms<V> for EvenTerms {
         }
     }
 
-    fn moves(&self) -> bool {
-        false
-    }
-
     #[inline(always)]
-    fn set(&mut self, _stage: usize, _steps: &LaneSteps<V>) {}
+    fn set(&mut self, _stage: usize, _steps: &LaneSteps<V>, is_first: bool) -> bool {
+        is_first
+    }
 
     #[inline(always)]
     fn stage(&self, a: V) -> Stage<EvenRows<V>, V> {
@@ -236,7 +232,7 @@ impl<V: Vector> Terms<V> for EvenTerms {
         let half = peclet.times(0.5) * spread;
         let growth = V::from_lanes(self.rate).times_plus(a, one);
         let mass = mass_weights(peclet);
-        let rows = EvenRows {
+        let row = Row {
             lower: growth * mass[0] - (second - half),
             diagonal: growth * mass[1] + second.times(2.0),
             upper: growth * mass[2] - (second + half),
@@ -244,7 +240,7 @@ impl<V: Vector> Terms<V> for EvenTerms {
             spread,
             half_inverse: V::all(0.5) / diffusion,
         };
-        self.ends.stage(rows, a, growth)
+        self.ends.stage(EvenRows(row), a, growth)
     }
 
     fn exercise(&self) -> &Exercise {
@@ -273,15 +269,16 @@ impl<V: Vector> Terms<V> for EvenTerms {
         forces: &[V],
     ) -> [V; 4] {
         let zero = V::zero();
+        let row = stage.rows.0;
         let (mut mass, mut second, mut first, mut tilt) = (zero, zero, zero, zero);
         let triples = values.windows(3).zip(forces.windows(3));
         for (weight, (v, f)) in weights[1..].iter().zip(triples) {
-            mass = weight.times_plus(mass_of(stage.rows.mass, v), mass);
+            mass = weight.times_plus(mass_of(row.mass, [v[0], v[1], v[2]]), mass);
             second = weight.times_plus(v[0] + v[2] - v[1].times(2.0), second);
             first = weight.times_plus(v[2] - v[0], first);
             tilt = weight.times_plus(f[2] - f[0], tilt);
         }
-        let (peclet, spread) = (V::from_lanes(self.peclet), stage.rows.spread);
+        let (peclet, spread) = (V::from_lanes(self.peclet), row.spread);
         first = first.times(0.5);
         let by_peclet =
             spread * (peclet.times(1.0 / 6.0) * second + first) - tilt.times(1.0 / 24.0);
@@ -292,10 +289,4 @@ impl<V: Vector> Terms<V> for EvenTerms {
             + by_log_diffusion * V::from_lanes(self.log_slope);
         [by_drift - stage.a * mass, -by_drift, by_volatility, zero]
     }
-}
-
-/// The sum of the weights of M with values at three nodes.
-#[inline(always)]
-fn mass_of<V: Vector>(weights: [V; 3], values: &[V]) -> V {
-    super::stage::mass_of(weights, [values[0], values[1], values[2]])
 }

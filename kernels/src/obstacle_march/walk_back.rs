@@ -138,8 +138,7 @@ struct Walk<'w, 'a, V> {
     factor: Vec<V>,
     /// How far the nodes are from the contact set, in cells.
     distance: Vec<V>,
-    /// The march's rates at the step's start and of its stages, and (1 + a r) V less the base of each stage.
-    marched: [Vec<V>; 4],
+    /// (1 + a r) V less the base of each stage.
     forces: [Vec<V>; 3],
     found: Vec<Vec<BySegment>>,
 }
@@ -162,7 +161,6 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             known: array(),
             factor: array(),
             distance: array(),
-            marched: [array(), array(), array(), array()],
             forces: [array(), array(), array()],
             found: contracts
                 .iter()
@@ -248,9 +246,9 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             *direct = V::from_lanes(*ended);
         }
         for number in (0..3).rev() {
-            terms.set(number, &steps);
+            let is_other = terms.set(number, &steps, number == 2);
             let stage = terms.stage(a);
-            if number == 2 || terms.moves() {
+            if is_other {
                 // The transposed elimination has the same pivots where nothing is in contact.
                 self.elimination.of(&stage, 1);
             }
@@ -269,39 +267,35 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         }
     }
 
-    /// Make again what the march has not recorded of a step: the rates of its stages, and V less the base of each.
+    /// Leave in `forces` V less the base of each stage of a step, which is the implicit weight times the stage's rate.
     #[inline(always)]
     fn march_again(&mut self, n: usize, steps: &LaneSteps<V>, a: V) {
-        let mut begun: Vec<V> = if n > 0 {
-            self.record.stage(3 * n - 1).to_vec()
-        } else {
-            vec![V::zero(); self.march.cells + 1]
-        };
+        if n > 0 {
+            self.begun.copy_from_slice(self.record.stage(3 * n - 1));
+        }
         for (lane, own) in self.march.steps.iter().enumerate() {
             let Some(step) = own.get(n).filter(|step| step.is_first) else {
                 continue;
             };
             if let Some(start) = &self.record.starts[lane][step.segment] {
-                for (row, value) in begun.iter_mut().zip(&start.begun) {
+                for (row, value) in self.begun.iter_mut().zip(&start.begun) {
                     let mut lanes = row.lanes();
                     lanes[lane] = *value;
                     *row = V::from_lanes(lanes);
                 }
             }
         }
-        self.marched[0].copy_from_slice(self.record.rates(n));
         let inverse = V::all(1.0) / a;
+        let at_start = self.record.rates(n);
         for number in 0..3 {
             let weights = steps.weights(number);
             let values = self.record.stage(3 * n + number);
-            let (known, found) = self.marched.split_at_mut(number + 1);
-            for (i, value) in values.iter().enumerate() {
-                let mut force = *value - begun[i];
-                for (rates, weight) in known.iter().zip(weights) {
-                    force = force - rates[i] * weight;
+            let (known, found) = self.forces.split_at_mut(number);
+            for (i, force) in found[0].iter_mut().enumerate() {
+                *force = values[i] - self.begun[i] - at_start[i] * weights[0];
+                for (before, weight) in known.iter().zip(&weights[1..]) {
+                    *force = *force - before[i] * (*weight * inverse);
                 }
-                self.forces[number][i] = force;
-                found[0][i] = force * inverse;
             }
         }
     }
@@ -341,10 +335,10 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             let rest = self.direct[i] - low * after;
             let mut pivot_inverse = self.elimination.inverse[i];
             if i <= top {
-                let half_inverse = stage.rows.half_inverse(i);
+                let half_inverse = stage.rows.at(i).half_inverse;
                 let s = self.distance_of(index, i, &obstacle, half_inverse, values[i]);
                 self.distance[i] = s;
-                let pivot = s * (diagonal - low * factor) + stage.rows.spread(i) * (one - s);
+                let pivot = s * (diagonal - low * factor) + stage.rows.at(i).spread * (one - s);
                 pivot_inverse = s / pivot;
             }
             after = rest * pivot_inverse;
@@ -364,7 +358,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             let next = if i < last { i + 1 } else { 0 };
             let row = if next > 0 { self.of_rows[next] } else { zero };
             let mass = if next > 0 {
-                stage.rows.mass(next)
+                stage.rows.at(next).mass
             } else {
                 [zero; 3]
             };
@@ -378,7 +372,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         }
         own[0].fill(zero);
         let mut sums = self.of_contact(terms, stage, &obstacle, top, loose);
-        let pinned = near_end - stage.rows.lower(1) * self.of_rows[1];
+        let pinned = near_end - stage.rows.at(1).lower * self.of_rows[1];
         sums.obstacle = touching.times_plus(pinned, sums.obstacle);
         sums
     }
@@ -437,7 +431,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             shift: zero,
         };
         for i in 1..=top.min(last) {
-            let (signed, half_inverse) = (self.march.signed[i], stage.rows.half_inverse(i));
+            let (signed, half_inverse) = (self.march.signed[i], stage.rows.at(i).half_inverse);
             let rise = obstacle.at(signed, half_inverse).1;
             let s = self.distance[i];
             let [upper, diagonal, low] = stage.column(i, last, loose);

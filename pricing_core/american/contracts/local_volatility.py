@@ -73,6 +73,11 @@ class LocalVolatility:
         return _monotone_slopes(np.log(self.spots), self.values)
 
     @cached_property
+    def is_steady(self) -> bool:
+        """Whether it is the same at all times."""
+        return bool((self.values == self.values[0]).all())
+
+    @cached_property
     def _key(self) -> int:
         return hash((self.times.tobytes(), self.spots.tobytes(), self.values.tobytes()))
 

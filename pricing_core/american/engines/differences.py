@@ -31,7 +31,7 @@ SMALLEST_RATE_STEP = 1e-5  # Smallest step of a rate or yield, 1/year; chosen ab
 DIRECTION_STEP = 1e-4
 PARALLEL = {"volatility": "vega", "rate": "rho", "dividend_yield": "dividend_rho"}
 BUCKETS = {name: f"{name}_buckets" for name in CURVES}
-DIVIDENDS = "dividend_sensitivities"
+DIVIDENDS, STICKY = "dividend_sensitivities", "delta_sticky_moneyness"
 
 
 class _Term(NamedTuple):

@@ -12,7 +12,7 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices, concatenated, error_of, prices
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.book.resolution import Resolution, Scheme
-from pricing_core.american.engines.differences import Bump, plan_differences, unchanged
+from pricing_core.american.engines.differences import STICKY, Bump, plan_differences, unchanged
 from pricing_core.american.engines.engine import Boundaries, Engine, Request
 from pricing_core.american.engines.held import charm_weights, priced
 from pricing_core.american.engines.method_of_lines.joint_work import Work, done_together
@@ -30,7 +30,7 @@ from pricing_core.american.engines.method_of_lines.sharing import solve_shared
 from pricing_core.american.engines.method_of_lines.stage import LCPMethod
 from pricing_core.american.engines.method_of_lines.sweep import FAILURES
 from pricing_core.american.engines.method_of_lines.sweep_problem import SharedSweeps
-from pricing_core.american.engines.method_of_lines.tangents import STICKY, directions_of, moved
+from pricing_core.american.engines.method_of_lines.tangents import directions_of, moved
 from pricing_core.american.engines.price_bounds import range_of
 from pricing_core.arrays import BoolVector, Vector
 

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.schedule import LocalTerms
-from pricing_core.american.engines.differences import plan_directions
+from pricing_core.american.engines.differences import STICKY, plan_directions
 
-STICKY = "delta_sticky_moneyness"
 SURFACE_STEP = 1e-4  # How far a surface is moved in ln S; chosen.
 TERMS = 5  # Number of a segment's numbers that a parameter may change.
 

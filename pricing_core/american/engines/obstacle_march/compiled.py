@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 # Largest standard deviation of ln S at expiry, distance of the spot from the strike in such deviations, and drift of a
 # segment in its own: on a wider grid the ends' spots are too far apart for the equations' numbers; measured.
 LARGEST_DEVIATION, FURTHEST, LARGEST_DRIFT = 4.0, 30.0, 6.0
-# Factor of the error estimates of a local volatility that depends on the time; calibrated.
-MOVING_SHARE = 2.0
 
 
 class CompiledMarch:
@@ -63,8 +61,7 @@ class CompiledMarch:
             return self._solved(book, request)
 
     def _solved(self, book: Book, request: Request) -> Prices:
-        rough = _roughness(book)
-        found = march_book(book, replace(request, tolerance=request.tolerance / rough))
+        found = march_book(book, request)
         strike, escrow = book.strike, book.escrow_now()
         settled = found.settled & np.isfinite(found.value)
         columns, complete = by_spot(book, found), settled
@@ -81,7 +78,7 @@ class CompiledMarch:
             book,
             value=strike * found.value,
             european=european,
-            error=np.where(settled, strike * rough * found.error, math.nan),
+            error=np.where(settled, strike * found.error, math.nan),
             boundary=strike * found.boundary + escrow,
             exercised=found.exercised,
             settled=settled,
@@ -128,20 +125,6 @@ def _european(book: Book, value: Vector, request: Request) -> Vector:
         without = march_book(held.take(rows), replace(request.take(rows), greeks="none"))
         european[rows] = book.strike[rows] * without.value
     return european
-
-
-def _roughness(book: Book) -> Vector:
-    """Return the factors of the march's error estimates, shape (n,).
-
-    With a local volatility that changes at many times not all steps double from grid to grid.
-    """
-    factors = np.ones(book.count)
-    if book.local is not None:
-        for row in np.flatnonzero(book.is_local()).tolist():
-            values = book.local[row].volatility.values
-            if not (values == values[0]).all():
-                factors[row] = MOVING_SHARE
-    return factors
 
 
 def _outside(book: Book) -> str | NDArray[np.object_]:

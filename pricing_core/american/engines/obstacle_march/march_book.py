@@ -68,7 +68,7 @@ def _surfaces(book: Book) -> list[tuple[VolatilitySurface, float, float] | None]
         surface = terms.volatility
         if id(surface) not in known:
             # Without a dependence on the time steps need not end at its times.
-            rows = 1 if (surface.values == surface.values[0]).all() else surface.times.size
+            rows = 1 if surface.is_steady else surface.times.size
             known[id(surface)] = kernel.VolatilitySurface(
                 times=surface.times[:rows],
                 logs=np.log(surface.spots),

@@ -18,8 +18,8 @@ from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.prices import error_of
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.contracts.schedule import SAME_TIME
-from pricing_core.american.engines.differences import BUCKETS, DIVIDENDS, PARALLEL
-from pricing_core.arrays import BoolVector, Matrix, Vector
+from pricing_core.american.engines.differences import BUCKETS, DIVIDENDS, PARALLEL, STICKY
+from pricing_core.arrays import BoolVector, Vector
 
 if TYPE_CHECKING:
     from pricing_core._kernels import MarchedSegments
@@ -35,16 +35,15 @@ NEXT_TO_NOTHING = 1e-9
 # change at one place may vanish by chance. 99.5 % of random contracts hold; calibrated.
 CHANGE_SHARE, FLAT_SHARE = 1.5, 2.0
 BY_RATES, BY_VOLATILITY, BY_DIVIDEND, OF_VANNA, OF_VOLGA = 6.0, 1.0, 5.0, 2.5, 120.0
-STICKY = "delta_sticky_moneyness"
 Columns = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Changing:
-    """Derivatives by the numbers of m segments, and by how much they change between grids; (m, 7) each."""
+    """Derivatives and by how much they change between grids; by the numbers of m segments (m, 7) each."""
 
-    value: Matrix
-    change: Matrix
+    value: NDArray[np.float64]
+    change: NDArray[np.float64]
 
 
 def by_spot(book: Book, found: MarchedSegments) -> Columns:
@@ -105,7 +104,9 @@ def by_parameters(book: Book, found: MarchedSegments, *, extended: bool) -> Colu
         columns[error_of(PARALLEL[name])] = book.strike * np.maximum(CHANGE_SHARE * change[:, k], least[name])
     columns |= _by_dividends(book, gradient, BY_DIVIDEND * by_x / spot)
     if book.local is not None:
-        columns |= _sticky_moneyness(book, found, total[:, SHIFT], change[:, SHIFT], least["volatility"])
+        delta = _Changing(found.local[:, BY_X] / spot, by_x / spot)
+        shift = _Changing(total[:, SHIFT], change[:, SHIFT])
+        columns |= _sticky_moneyness(book, found.exercised, delta, shift, least["volatility"])
     if extended:
         vanna, volga = found.local[:, VOLATILITY_AND_X], found.local[:, VOLATILITY_TWICE]
         vanna_change, volga_change = found.local_change[:, VOLATILITY_AND_X:].T
@@ -121,18 +122,19 @@ def by_parameters(book: Book, found: MarchedSegments, *, extended: bool) -> Colu
 
 
 def _sticky_moneyness(
-    book: Book, found: MarchedSegments, shift: Vector, change: Vector, least: Vector
+    book: Book, exercised: BoolVector, delta: _Changing, shift: _Changing, least: Vector
 ) -> Columns:
-    """Return the derivative by the spot if the local volatility moves along with it, and its error."""
+    """Return the derivative by the spot if the local volatility moves along with it, and its error.
+
+    `delta` and `shift` are the derivatives by the spot and by a shift of the volatility in ln S, shape (n,), and
+    `least` is the least error of the one by the volatility.
+    """
     local, quoted = book.is_local(), book.spot / book.strike
-    diffusing = (book.spot - book.escrow_now()) / book.strike
     volatility, variance_slope = book.volatility_now()
     # By ln S, which a shift changes the volatility by; nothing where that is 0.
     slope = 0.5 * variance_slope * book.spot / np.where(volatility > 0.0, volatility, math.inf)
-    value = found.local[:, BY_X] / diffusing + shift / quoted
-    error = np.maximum(CHANGE_SHARE * change, np.abs(slope) * least) / quoted
-    error += found.local_change[:, BY_X] / diffusing
-    exercised = found.exercised
+    value = delta.value + shift.value / quoted
+    error = delta.change + np.maximum(CHANGE_SHARE * shift.change, np.abs(slope) * least) / quoted
     return {
         STICKY: np.where(local, np.where(exercised, -book.sign, value), math.nan),
         error_of(STICKY): np.where(local, np.where(exercised, 0.0, error), math.nan),

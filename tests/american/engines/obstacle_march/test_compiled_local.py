@@ -10,9 +10,10 @@ from scipy.stats import ncx2
 
 from pricing_core.american import LocalVolatility, Market, Option
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.prices import GREEKS, Prices, error_of
+from pricing_core.american.book.prices import GREEKS, error_of
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.obstacle_march import CompiledMarch
+from tests.problems.engines import solved
 from tests.problems.needs_kernel import needs_kernel
 
 pytestmark = needs_kernel
@@ -29,11 +30,9 @@ SKEW = LocalVolatility(
 )
 
 
-def solved(option: Option, market: Market, tolerance: float, greeks: str = "none") -> Prices:
-    """Return what the march says of one contract; the tolerance is in strikes."""
-    book = Book.of([(option, market)])
-    assert CompiledMarch().serves(book).all()
-    found = CompiledMarch().solve(book, Request(np.array([tolerance]), greeks))  # type: ignore[arg-type]
+def marched(option, market, tolerance, greeks="none"):
+    """Return what the march says of one contract, all of it; the tolerance is in strikes."""
+    found = solved(CompiledMarch(), (option, market), tolerance=tolerance, greeks=greeks)
     assert found.settled.all()
     assert found.complete.all()
     return found
@@ -46,7 +45,7 @@ def test_a_flat_surface_is_a_constant_volatility(kind: str) -> None:
     times, spots = [0.2, 0.5, 0.9], [60.0, 100.0, 140.0]
     flat = LocalVolatility(times[:1], spots, [[0.25] * 3])
     constant, local = (
-        solved(option, Market(97.0, 0.05, volatility, 0.02, cash_dividends=DIVIDENDS), 1e-6, "extended")
+        marched(option, Market(97.0, 0.05, volatility, 0.02, cash_dividends=DIVIDENDS), 1e-6, "extended")
         for volatility in (0.25, flat)
     )
     assert local.value == pytest.approx(constant.value, abs=(local.error + constant.error).item(0))
@@ -66,7 +65,7 @@ def test_constant_elasticity_has_its_closed_form() -> None:
     x, y = 4.0 * 105.0 / variance, 4.0 * strike / variance
     exact = 105.0 * (1.0 - ncx2.cdf(y, 4.0, x)) - strike * ncx2.cdf(x, 2.0, y)
     option = Option("call", strike, expiry, exercise="european")
-    found = solved(option, Market(105.0, 0.0, surface), 1e-7)
+    found = marched(option, Market(105.0, 0.0, surface), 1e-7)
     assert found.value.item(0) == pytest.approx(exact, abs=3e-5)
 
 
@@ -76,11 +75,11 @@ def test_greeks_are_differences_of_prices(kind: str, dividends: tuple[tuple[floa
     """By the rate, the yield and all volatilities, with a surface that depends on the spot and the time."""
     option = Option(kind, 100.0, 1.0)
     market = Market(97.0, 0.05, SKEW, 0.03, cash_dividends=dividends)
-    found = solved(option, market, 1e-6, "standard")
+    found = marched(option, market, 1e-6, "standard")
     step = 5e-4
 
     def difference(*sides: Market) -> float:
-        up, down = (solved(option, side, 1e-8).value.item(0) for side in sides)
+        up, down = (marched(option, side, 1e-8).value.item(0) for side in sides)
         return (up - down) / (2.0 * step)
 
     shifted = [replace(market, volatility=SKEW.shifted(by)) for by in (step, -step)]
