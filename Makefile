@@ -15,7 +15,7 @@ SAY_WHAT_IS_DONE := echo "installing the packages and, where Rust is found, comp
 # True where the kernel was compiled: setup.py says whether Rust is there and new enough.
 HAS_KERNEL := $(BIN)/python -c "import sys, pricing_core; sys.exit(pricing_core.kernel_name() != 'rust')"
 SAY_KERNEL := $(BIN)/python -c "import pricing_core as p; name = p.kernel_name(); print('kernel:', name, \
-	'' if name == 'rust' else '- NOT COMPILED, 500 to 2,000 times slower: it needs Rust 1.89 or later')"
+	'' if name == 'rust' else '- NOT COMPILED, 100 times slower and more: it needs Rust 1.89 or later')"
 
 # Threads of the linear algebra gain nothing on small matrices, and wait for each other where other work fills the cores.
 ONE_THREAD := OPENBLAS_NUM_THREADS=1

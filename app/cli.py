@@ -562,7 +562,7 @@ def benchmark_command(
         list[str] | None,
         typer.Argument(
             metavar="NAME",
-            help="engine-frontier, crank-nicolson, lcs-work-precision, max-plus, complementarity, cost-scaling, batch, "
+            help="engine-frontier, lcs-work-precision, max-plus, complementarity, cost-scaling, batch, "
             "cluster, service; default: all",
         ),
     ] = None,

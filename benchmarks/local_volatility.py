@@ -3,7 +3,7 @@
 Displaced diffusion sigma(F) = s (F + d)/F with q = r is the flat option at F + d and K + d, priced at 1e-9. Constant
 elasticity sigma(S) = s (S/100)^(beta/2 - 1), and both with two cash dividends, are held against own prices at the
 tolerance 1e-7, whose stated errors are printed: those of constant elasticity agree with an independent code to 3e-9 of
-the strike (`tests/american/engines/method_of_lines/test_local_volatility.py`). Errors are shares of the strike.
+the strike (`tests/american/engines/obstacle_march/test_local_volatility.py`). Errors are shares of the strike.
 
 The flat volatility beside is marched as well. Costs are the least of alternating rounds in one thread. Takes a minute.
 Run from the root of the project: .venv/bin/python -m benchmarks.local_volatility [--quick]

@@ -128,7 +128,7 @@ class Line(NamedTuple):
 
 
 def priced(book: Book, tolerance: float, greeks: Greeks = "none") -> Prices:
-    """Price a book on one thread; the method of lines takes none of it."""
+    """Price a book on one thread."""
     request = Request(np.full(book.count, tolerance), greeks)
     return solve(book, request, engines=FAST_ENGINES)
 

@@ -26,7 +26,9 @@ def march_strikes(
 ) -> Matrix: ...
 
 class MarchSettings:
-    def __new__(cls, *, cells: int, width: float, steps: float, rounded: float) -> MarchSettings: ...
+    def __new__(
+        cls, *, cells: int, width: float, steps: float, rounded: float, fewest: float
+    ) -> MarchSettings: ...
 
 class VolatilitySurface:
     def __new__(
@@ -69,6 +71,7 @@ class MarchedSegments:
     local_change: Matrix
     by_segment: Matrix
     by_segment_change: Matrix
+    def ends(self, contract: int) -> list[Matrix]: ...
 
 def march_segments(
     table: SegmentTable,
@@ -144,25 +147,3 @@ def solve_puts(
 def march_boundaries(
     steps: int, rate: Vector, dividend: Vector, spread: Vector, interrupt: Callable[[], bool] | None
 ) -> tuple[Vector, BoolVector]: ...
-def sweep_schedules(
-    requests: list[
-        tuple[
-            Vector,  # (N + 2,), s = S/K, increasing
-            # (M, 8), from now to expiry: rate, yield, volatility, amount and escrow in strikes, fraction, may exercise,
-            # at end
-            Matrix,
-            Vector,  # years before a segment's end, from 0 to its length, for one segment after the other
-            NDArray[np.int64],  # (M + 1,), where a segment's times begin
-            int,  # 0: implicit Euler, 1: SDIRK2
-            float,  # 1 for a put, -1 for a call
-            Vector,  # places in s at which a raised diffusion is told
-            NDArray[np.float64],  # (P, M, 2, 5), the first columns with more and less of a parameter
-            Vector,  # (P,), half of what the parameters differ by
-        ]
-    ],
-    interrupt: Callable[[], bool] | None,
-) -> list[tuple[Vector, float, BoolVector, Matrix, Matrix, float, bool, Matrix] | None] | None:
-    # for each: values (N + 2,), value at s = 0, contact (N,), exercise regions in s after each step (T - M, 2) and
-    # before events (M, 2), largest residual at the end of a step, whether the diffusion was raised, derivatives
-    # (P, N + 2); None where a pivot is zero
-    ...

@@ -20,7 +20,7 @@
 
     UnusualColumnWarning (UserWarning)     a column of a table looks like days, percent or cents
     DiscardedPartsWarning (UserWarning)    a batch begins afresh where an earlier one has left finished parts
-    KernelMissingWarning (UserWarning)     there is no compiled kernel: options are priced 500 to 2,000 times slower
+    KernelMissingWarning (UserWarning)     there is no compiled kernel: options are priced 100 times slower and more
 """
 
 from __future__ import annotations
@@ -249,7 +249,7 @@ class DiscardedPartsWarning(UserWarning):
 
 
 class KernelMissingWarning(UserWarning):
-    """The compiled kernel was not built, so that the method of lines in NumPy prices every option."""
+    """The compiled kernel was not built, so that the march of obstacle problems in NumPy prices every option."""
 
 
 def shown(value: object) -> str:

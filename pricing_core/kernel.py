@@ -1,6 +1,6 @@
 """The inner loops: the compiled crate where it was built, else NumPy's for the solvers of complementarity problems.
 
-The two fast engines and the general engine's sweep exist only compiled; they are None otherwise.
+The two fast engines exist only compiled; they are None otherwise.
 """
 
 from __future__ import annotations
@@ -40,7 +40,6 @@ taylor_step = _mode.taylor_step
 price_options = None if _compiled is None else _compiled.price_options
 solve_puts = None if _compiled is None else _compiled.solve_puts
 march_boundaries = None if _compiled is None else _compiled.march_boundaries
-sweep_schedules = None if _compiled is None else _compiled.sweep_schedules
 MarchSettings = None if _compiled is None else _compiled.MarchSettings
 SegmentTable = None if _compiled is None else _compiled.SegmentTable
 VolatilitySurface = None if _compiled is None else _compiled.VolatilitySurface
@@ -62,7 +61,7 @@ def warn_where_missing() -> None:
     """Warn, once, where the compiled kernel was not built."""
     if _compiled is None:
         text = (
-            "the compiled kernel is missing, so that options are priced in NumPy, 500 to 2,000 times slower: "
+            "the compiled kernel is missing, so that options are priced in NumPy, 100 times slower and more: "
             "install Rust 1.89 or later and install pricing-core again"
         )
         warnings.warn(text, KernelMissingWarning, stacklevel=2)

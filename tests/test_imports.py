@@ -39,10 +39,8 @@ def imported_by(code: str) -> set[str]:
     [
         IMPORT,
         PRICE.format(more=""),
-        PRICE.format(more="method='lcs', lcp_method='policy'"),
-        PRICE.format(more="method='crank-nicolson'"),
     ],
-    ids=["import", "price", "policy", "crank-nicolson"],
+    ids=["import", "price"],
 )
 def test_the_option_engine_does_without_optimisers_tables_and_plots(code: str) -> None:
     assert imported_by(code).isdisjoint(ENGINE_NEEDS_NONE)

@@ -145,7 +145,7 @@ def _fan_on_grid(schedule: Schedule) -> tuple[Vector, Matrix]:
     """Return the same of a local volatility, from the density of the spot on a grid."""
     march, times, fan = DensityMarch(schedule, FAN_TIMES, 0.0, lambda: None), [], []
     march.count = 2  # steps of a part
-    spots = schedule.strike * march.grid.nodes
+    spots = schedule.strike * march.nodes
     for k, segment in enumerate(schedule.segments):
         ends = np.linspace(segment.start, segment.end, FAN_TIMES + 1)
         for i, time in enumerate(ends.tolist()):

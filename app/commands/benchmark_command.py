@@ -24,7 +24,6 @@ with needs_extra("plot"):
 
 MODULES = {
     "engine-frontier": "benchmarks.engine_frontier",
-    "crank-nicolson": "benchmarks.crank_nicolson",
     "lcs-work-precision": "benchmarks.lcs_work_precision",
     "max-plus": "benchmarks.max_plus",
     "complementarity": "benchmarks.complementarity",

@@ -88,7 +88,7 @@ ANSWERS: Mapping[str, Any] = {
         "exercise_now": False,
         "exercise_boundary": 80.8751,
         "probability": 0.487361,
-        "probability_error": 1.37825e-05,
+        "probability_error": 1.14037e-05,
         "expected_time": 0.643705,
         "exercised_at_expiry": 0.0,
         "expires_worthless": 0.512639,

@@ -25,7 +25,7 @@ SHOWN_IDS = 12  # Largest number of contracts named in a cell.
 
 
 def fine_price(contract: Contract) -> Valuation | None:
-    """Return the surer of two prices at the finest tolerance, by the method of lines and by the usual engine."""
+    """Return the surer of two prices at the finest tolerance, by the chapter's road and by the usual engine."""
     found = []
     for method in ("lcs", "auto"):
         asked: Any = method

@@ -1,4 +1,4 @@
-//! What must be fast in `pricing_core`, over plain slices: complementarity solvers, the method of lines, and
+//! What must be fast in `pricing_core`, over plain slices: complementarity solvers, and
 //! two option engines.
 //!
 //! - Solvers of 0 <= z, 0 <= w = M z + q, z w = 0 with a tridiagonal M: `brennan_schwartz`, `growing_basic_set`,
@@ -6,7 +6,6 @@
 //!   between bounds: `sparse_sweeps`.
 //! - The flow of a mode of a linear complementarity system up to its first event, and the signs that select the next:
 //!   `taylor_step`, `enter`, `initial_signs`, `leading_signs`.
-//! - `segment_march`: the method of lines over a schedule of segments, with a tridiagonal problem per stage.
 //! - `march_strikes`: options of all strikes of an expiry under one local volatility, on one grid.
 //! - `flat_options`: American options in a flat market as puts in three numbers, and their prices and Greeks in money.
 //! - `premium_march`: American puts in a flat market, by a march of their early exercise premium.
@@ -34,7 +33,6 @@ pub mod premium_march;
 mod psor;
 #[cfg(feature = "python")]
 mod python;
-pub mod segment_march;
 mod sparse_sweeps;
 mod strike_march;
 mod tridiagonal;

@@ -16,7 +16,7 @@ from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.times import checked_times
-from pricing_core.american.engines.engine import Boundaries, Engine, Request
+from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Engine, Request
 from pricing_core.american.engines.solve import ENGINES, boundary_of
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import NumericalError
@@ -40,9 +40,9 @@ class ExerciseBoundary:
     other_boundary : Vector, shape (m,), or None
         The one further from the strike; None where the exercise region has one end only.
     error_estimate : Vector, shape (m,)
-        Estimated absolute error of `boundary`, in money; 0 at expiry, NaN where the method of lines found it.
+        Estimated absolute error of `boundary`, in money; 0 at expiry.
     method : str
-        "premium-march" or "method-of-lines", with commas
+        "premium-march" or "obstacle-march", with commas
         where they found it together, each some of the times; "none" for an option that is never exercised early.
     """
 
@@ -64,11 +64,16 @@ class _Noted:
     def serves(self, book: Book) -> BoolVector:
         return self.engine.serves(book)
 
-    def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
-        found = self.engine.boundary(book, times, request)
-        if found.found.any():
-            self.methods.append(self.engine.name.replace(" ", "-"))
-        return found
+    def boundary(self, book: Book, request: Request) -> BoundariesAt:
+        boundary, method = self.engine.boundary(book, request), self.engine.method
+
+        def noted(times: Vector) -> Boundaries:
+            found = boundary(times)
+            if found.found.any() and method not in self.methods:
+                self.methods.append(method)
+            return found
+
+        return noted
 
 
 def exercise_boundary(
@@ -82,8 +87,8 @@ def exercise_boundary(
     """Return the exercise boundary: within 1e-4 of itself at the default tolerance, 1e-5 at the smallest.
 
     Without events every time has a march of its own, scaled to the root of the time to expiry: the accuracy is the same
-    close to expiry. Where there are two boundaries and events, or the fast engines do not settle, the method of lines
-    is taken: 1e-5 for time to expiry >= expiry/4, 1e-4 at expiry/10, 4e-4 at expiry/100.
+    close to expiry. Where there are two boundaries and events, or the fast engines do not settle, the march of
+    obstacle problems is taken, with its own estimates.
 
     Parameters
     ----------
@@ -98,7 +103,7 @@ def exercise_boundary(
     tolerance : float
         As in `price`; the boundary is found to a tenth of its square root, relative to itself.
     interrupt : callable, optional
-        Asked before the work begins, and between the steps of the method of lines; True ends it.
+        Asked before the work begins, and between the steps of the march of obstacle problems; True ends it.
 
     Returns
     -------
@@ -140,7 +145,7 @@ def exercise_boundary(
         raise NumericalError(INTERRUPTED)
     methods: list[str] = []
     engines = cast("Sequence[Engine]", [_Noted(engine, methods) for engine in ENGINES])
-    found = boundary_of(book, chosen, Request(np.array([tolerance]), interrupt=interrupt), engines)
+    found = boundary_of(book, Request(np.array([tolerance]), interrupt=interrupt), engines)(chosen)
     if not found.found.all():
         raise NumericalError("no method could find the exercise boundary of this contract")
     other = None if np.isnan(found.far).all() else found.far

@@ -22,12 +22,15 @@ COEFFICIENTS: Mapping[tuple[str, str], tuple[float, ...]] = {
     ("premium march", "none"): (-1.2, 0.27, 0.0, 0.0, 0.17),
     ("premium march", "standard"): (0.0, 0.41, 0.0, 0.2, 0.36),
     ("premium march", "extended"): (1.4, 0.46, 0.0, 0.3, 0.4),
-    ("obstacle march", "none"): (0.6, 0.8, 0.35, 0.0, 0.0),
-    ("obstacle march", "standard"): (1.6, 0.8, 0.35, 0.0, 0.0),
-    ("obstacle march", "extended"): (2.0, 0.8, 0.35, 0.0, 0.0),
-    ("method of lines", "none"): (3.5, 0.7, 0.7, 0.5, 0.0),
-    ("method of lines", "standard"): (4.5, 0.7, 0.7, 0.5, 0.0),
-    ("method of lines", "extended"): (5.0, 0.7, 0.7, 0.5, 0.0),
+    ("compiled march", "none"): (-1.9, 0.1, 0.7, 0.1, 0.13),
+    ("compiled march", "standard"): (-0.6, 0.12, 0.75, 0.2, 0.29),
+    ("compiled march", "extended"): (0.5, 0.13, 0.64, 0.24, 0.36),
+    ("hardly diffusing", "none"): (5.5, 0.3, 0.7, 0.0, 0.0),
+    ("hardly diffusing", "standard"): (6.0, 0.3, 0.7, 0.0, 0.0),
+    ("hardly diffusing", "extended"): (7.0, 0.3, 0.7, 0.0, 0.0),
+    ("obstacle march", "none"): (4.5, 0.7, 0.7, 0.5, 0.0),
+    ("obstacle march", "standard"): (6.5, 0.7, 0.7, 0.5, 0.0),
+    ("obstacle march", "extended"): (7.5, 0.7, 0.7, 0.5, 0.0),
 }
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal, TypeAlias
 
-from pricing_core.american.book.resolution import Resolution, Scheme
+from pricing_core.american.book.resolution import LCPMethod, Resolution, Scheme
 from pricing_core.american.engines.engine import Engine
-from pricing_core.american.engines.method_of_lines import LCPMethod, MethodOfLines
 from pricing_core.american.engines.solve import CLOSED_FORM, ENGINES
 from pricing_core.arrays import check_choice
 from pricing_core.errors import InvalidInputError
@@ -41,4 +40,6 @@ def engines_of(
         raise InvalidInputError("method", method, allowed)
     if method == "auto" and lcp_method == "tridiagonal" and resolution is None:
         return ENGINES
-    return CLOSED_FORM, MethodOfLines(scheme, lcp_method, resolution)
+    from pricing_core.american.engines.chapter import Chapter  # noqa: PLC0415  the other engines do without it
+
+    return CLOSED_FORM, Chapter(scheme, lcp_method, resolution)

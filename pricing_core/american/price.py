@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.resolution import Resolution
+from pricing_core.american.book.resolution import LCPMethod, Resolution
 from pricing_core.american.book.valuation import Valuation, valuation
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
@@ -15,7 +15,6 @@ from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, GREEKS, TO
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.tolerances import check_moneyness
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.method_of_lines import LCPMethod
 from pricing_core.american.engines.solve import solve
 from pricing_core.american.method import Method, engines_of
 from pricing_core.errors import NumericalError
@@ -45,19 +44,20 @@ def price(
     tolerance : float
         Absolute error of the price as a fraction of the strike, 1e-8 to 1e-2.
     method : {"auto", "lcs", "crank-nicolson"}
-        "auto" is, without events, the compiled march of the premium in a frame that moves with the exercise boundary;
-        where there are two boundaries, dividends at known times, curves, Bermudan dates or exercise windows the
-        compiled march of the obstacle problem; where these do not serve or settle, "lcs": the method of lines, stepped
-        by SDIRK2. "crank-nicolson" is that stepped by Crank and Nicolson's method. Contracts with a closed formula are
-        priced by it in any case.
+        "auto" is, without events, the compiled march of the premium in a frame that moves with the exercise
+        boundary; where there are two boundaries, dividends at known times, curves, Bermudan dates or exercise windows
+        the march of the obstacle problem, compiled where the volatility is constant between events. "lcs" is the
+        chapter's road: the system (11.63) on a grid, stepped by SDIRK2, one complementarity problem a stage;
+        "crank-nicolson" is that stepped by Crank and Nicolson's method. Contracts with a closed formula are priced by
+        it in any case.
     lcp_method : {"tridiagonal", "policy", "psor", "lemke"}
-        The solver of each stage's complementarity problem in the method of lines; one other than "tridiagonal" takes
-        "auto" there.
+        The solver of each stage's complementarity problem on the chapter's road; one other than "tridiagonal" takes
+        "auto" there. The first two are policy iteration, whose linear systems are tridiagonal.
     greeks : {"none", "standard", "extended"}
         "none" leaves out all Greeks; "extended" adds vanna, volga, charm, and rho, dividend rho and vega by
         the pieces of curves.
     resolution : Resolution, optional
-        Solve by the method of lines at exactly this grid and these steps, once, without extrapolation; the error is
+        Solve by the chapter's road at exactly this grid and these steps, once, without extrapolation; the error is
         estimated from a second solve with half as many of each.
     interrupt : callable, optional
         Asked between steps of the work; True ends it with status "deadline".

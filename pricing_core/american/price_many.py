@@ -87,9 +87,8 @@ def price_many(
     threads : int, optional
         How many to use, >= 1; one by default. The results do not depend on it.
     share_solves : bool
-        Serve rows that differ in spot and strike alone from one solve, or, with a local volatility or cash dividends,
-        from those of some strikes and polynomials between them: chains and ladders are priced many times faster, to
-        the same tolerance.
+        Serve rows without events that differ in spot and strike alone from one solve: chains and ladders are priced
+        faster, to the same tolerance. Others are priced as without it.
     deadline : float or array_like, shape (n,), optional
         Seconds that a row may take; one that takes longer has the status "deadline".
     advice : bool

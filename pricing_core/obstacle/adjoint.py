@@ -6,14 +6,12 @@ what a change of that equation is worth; a direction is then the sum of these ov
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from pricing_core.arrays import Vector
-from pricing_core.obstacle.direction import DIFFERENCE, neighbours
+from pricing_core.obstacle.direction import Neighbours
 from pricing_core.obstacle.linearised import StageEquation, before_each, start_values
 from pricing_core.obstacle.march import March, SegmentMarch, StageTaken
 from pricing_core.obstacle.moment import Segment
@@ -75,23 +73,26 @@ class Walk:
                 weights = weights + at_points.ravel() @ part.known.nodal(part.start.points.ravel())
         return cls(march.now, x, tuple(parts))
 
-    def derivative(self, direction: Mapping[str, Any]) -> float:
-        """Return the derivative of the value in a direction: numbers or functions by name."""
-        problems = neighbours(self.now.problem, direction)
+    def derivative(self, direction: Neighbours) -> float:
+        """Return the derivative of the value in a direction."""
+        problems = direction.both
         high, low = (replace(self.now, problem=problem)(np.array([self.x])) for problem in problems)
         total = float(high[0] - low[0])
+        moves = not direction.is_of_events
         for entry in self.parts:
             own = entry.part.segment
+            if not moves and direction.happens_alike(own.end):
+                continue
             segments = [Segment(problem, own.grid, own.start, own.end) for problem in problems]
             high, low = (start_values(entry.part, entry.after, segment) for segment in segments)
             total += float(entry.of_start @ (high - low))
-            for stage in entry.stages:
+            for stage in entry.stages if moves else ():
                 (residual, value), (low_residual, low_value) = (
                     stage.equation.at_fixed_parameter(segment) for segment in segments
                 )
                 total += float(stage.of_residual @ (residual - low_residual))
                 total += float(stage.of_value @ (value - low_value))
-        return total / (2.0 * DIFFERENCE)
+        return total / (2.0 * direction.size)
 
 
 def _through_steps(part: SegmentMarch, weights: Vector, found: list[StageWeights]) -> Vector:

@@ -87,7 +87,7 @@ class NodalStage:
 
     def solve(self, t: float, base: Vector, h: float, near: LCSState) -> LCSState:
         """Return V as the state, with u or w and V - lower or upper - V, at the time `t` before the segment's end."""
-        L, e, moment = _nodal(self.segment, max(self.segment.end - t, self.segment.start))
+        L, e, moment = _nodal(self.segment, self._time(t))
         M = L.plus_identity(1.0, -h)
         forced = base + h * e
         has_lower, has_upper = (obstacle is not None for obstacle in self.segment.acting)
@@ -107,9 +107,13 @@ class NodalStage:
         V = obstacle + sign * slack
         return LCSState(V, np.maximum(sign * (M @ V - forced) / h, 0.0), slack)
 
+    def _time(self, t: float) -> float:
+        """Return years from now; at the segment's end those just before it, where coefficients may jump."""
+        return min(max(self.segment.end - t, self.segment.start), just_before(self.segment.end))
+
     def rate(self, t: float, state: LCSState) -> Vector:
         """Return L V + e + u - w."""
-        L, e, _ = _nodal(self.segment, max(self.segment.end - t, self.segment.start))
+        L, e, _ = _nodal(self.segment, self._time(t))
         n, pushed = state.value.size, L @ state.value + e
         has_lower, has_upper = (obstacle is not None for obstacle in self.segment.acting)
         if has_lower:
@@ -237,7 +241,12 @@ def _segment(
 def _nodal(segment: Segment, t: float) -> tuple[Tridiagonal, Vector, Moment]:
     """Return L and e at the inner nodes, the ends eliminated, at one time."""
     moment = segment.at(t)
-    D, m = moment.scheme.diffusion, moment.scheme.peclet * moment.scheme.diffusion  # in cells
+    D, peclet = moment.scheme.diffusion, moment.scheme.peclet
+    m = peclet * D  # in cells
+    steep = np.abs(peclet) > 2.0
+    if steep.any():  # exponential fitting (Il'in 1969) keeps the signs of an M-matrix
+        half = 0.5 * np.abs(np.where(steep, peclet, 2.0))
+        D = np.where(steep, D * half / np.tanh(half), D)
     bands = np.array([D - m / 2.0, -2.0 * D - moment.rate, D + m / 2.0])
     lower, diagonal, upper, left, right = moment.without_ends(bands)
     e = moment.source[1:-1].copy()

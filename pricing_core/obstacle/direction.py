@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,11 +24,40 @@ NAMES = (*COEFFICIENTS, "source", *OBSTACLES, "cash")
 DIFFERENCE = 1e-5
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Neighbours:
+    """A problem changed by `size` and by -`size` times a direction, with the same segments as the problem itself."""
+
+    high: ObstacleProblem
+    low: ObstacleProblem
+    size: float
+
+    @property
+    def both(self) -> tuple[ObstacleProblem, ObstacleProblem]:
+        """The two problems, the one with more first."""
+        return self.high, self.low
+
+    @property
+    def is_of_events(self) -> bool:
+        """Whether the two share all but what their events do."""
+        high, low = self.both
+        names = ("diffusion", "payoff", "lower", "upper", "source")
+        return high.ends == low.ends and all(getattr(high, name) is getattr(low, name) for name in names)
+
+    def happens_alike(self, time: float) -> bool:
+        """Tell whether the two share the events of a time."""
+        return self.high.at_event(time) == self.low.at_event(time)
+
+    def difference(self, high: Any, low: Any) -> Any:
+        """Return the derivative of what the two problems tell."""
+        return (high - low) / (2.0 * self.size)
+
+
 def neighbours(
     problem: ObstacleProblem, direction: Mapping[str, Any], size: float = DIFFERENCE
-) -> tuple[ObstacleProblem, ObstacleProblem]:
+) -> Neighbours:
     """Return the problem changed by `size` and by -`size` times a direction."""
-    return changed(problem, direction, size), changed(problem, direction, -size)
+    return Neighbours(changed(problem, direction, size), changed(problem, direction, -size), size)
 
 
 def changed(problem: ObstacleProblem, direction: Mapping[str, Any], size: float) -> ObstacleProblem:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
 
 from pricing_core.arrays import Vector
 
-NEWTON_STEPS = 4  # from the table's place to that of the map: each doubles the digits
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+NEWTON_STEPS = 3  # from the table's place to that of the map: each doubles the digits
 TABLE = 8  # points of the table for each cell of the coarsest grid
 
 
@@ -48,13 +52,19 @@ class GridMap:
         y = (np.asarray(x) - self.left) / self.size
         if self.spline is None:
             return y
-        table = np.linspace(0.0, self.cells, TABLE * self.cells + 1)
-        known = self.place(table)
+        table, known = _table(self)
         inside = (x >= known[0]) & (x <= known[-1])
         found = np.interp(x, known, table)
         for _ in range(NEWTON_STEPS):
             found = np.clip(found - (self.place(found) - x) / self.place(found, 1), 0.0, self.cells)
         return np.where(inside, found, y)
+
+
+@lru_cache(maxsize=16)
+def _table(of: GridMap) -> tuple[Vector, Vector]:
+    """Return numbers y and the places X(y), to begin with where y is looked for."""
+    numbers = np.linspace(0.0, of.cells, TABLE * of.cells + 1)
+    return numbers, of.place(numbers)
 
 
 def grid_map(left: float, right: float, cells: int, on_nodes: Vector, fixed: tuple[bool, bool]) -> GridMap:
@@ -85,6 +95,8 @@ def grid_map(left: float, right: float, cells: int, on_nodes: Vector, fixed: tup
         slope = (places[-1] - places[0]) / cells
         if np.allclose(places, places[0] + slope * np.array(numbers), rtol=0.0, atol=1e-13 * (right - left)):
             return GridMap(places[0], places[-1], cells)
+    from scipy.interpolate import make_interp_spline  # noqa: PLC0415  even grids do without it
+
     degree = min(5, len(places) - 1)
     spline = make_interp_spline(np.array(numbers, dtype=np.float64), np.array(places), k=degree)
     return GridMap(places[0], places[-1], cells, spline)

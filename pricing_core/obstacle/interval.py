@@ -15,11 +15,15 @@ from pricing_core.obstacle.moment import holds_in_a_point
 from pricing_core.obstacle.problem import ObstacleProblem
 from pricing_core.obstacle.settings import CELLS, LEAST_CELLS, MOST_COARSE_CELLS, WIDTH
 
+LARGEST_EXPONENT = 600.0  # Largest x of an end behind which V goes on as e^x, which overflows at 709; chosen.
 PLACES = 65  # at which the volatility is looked at
 TIMES = 16  # of each segment
 # Standard deviations beyond an end at which the payoff is looked at, and what rounding may make of equal ones.
 BEYOND = np.array([1e-3, *np.arange(1.0, 13.0) / 4.0])
 EQUAL = 1e-9
+# Where the volatility varies by more than `EVEN`, cells go with it, between these shares of its mean, smoothed over so
+# many cells; it is looked at in `FINE` places of each.
+EVEN, SLOWEST, FASTEST, SMOOTH, FINE = 1.25, 0.25, 4.0, 1.0, 8
 # Standard deviations up to which a kink of the payoff is looked for beyond the places, and behind which an end lies.
 KINKS_WITHIN, BEHIND_KINKS = 8.0, 2.5
 
@@ -36,7 +40,7 @@ def choose_map(problem: ObstacleProblem, at: Vector) -> GridMap:
     if (
         problem.ends[1] == "exponential"
     ):  # what grows as e^x is worth most where its own measure lies, further right
-        right += deviation * deviation
+        right = min(right + deviation * deviation, max(right, LARGEST_EXPONENT))
     for kink in problem.payoff.kinks_at(problem.horizon).tolist():
         if at.min() - KINKS_WITHIN * deviation < kink < at.max() + KINKS_WITHIN * deviation:
             behind = BEHIND_KINKS * deviation
@@ -53,7 +57,46 @@ def choose_map(problem: ObstacleProblem, at: Vector) -> GridMap:
     if kinks.size > 1:
         cells = max(cells, math.ceil((right - left) / float(gaps.min()) * 1.5))
     cells = min(cells, MOST_COARSE_CELLS)
+    if kinks.size == 0 and problem.diffusion.functions[0].has_x:
+        stretched = _with_the_volatility(problem, left, right, deviation)
+        if stretched is not None:
+            return stretched
     return grid_map(left, right, cells + cells % 2, kinks, (given_left is not None, given_right is not None))
+
+
+def _with_the_volatility(
+    problem: ObstacleProblem, left: float, right: float, deviation: float
+) -> GridMap | None:
+    """Return a map whose cells are as wide as the volatility is large; None where that varies little.
+
+    The volatility is the root of its mean square over time, cut at shares of its mean and smoothed over a cell.
+    """
+    from scipy.interpolate import make_interp_spline  # noqa: PLC0415  even grids do without it
+
+    size = 2.0 * WIDTH * deviation / CELLS
+    places = np.linspace(left, right, FINE * math.ceil((right - left) / size) + 1)
+    function, variance = problem.diffusion.functions[0], np.zeros(places.size)
+    for start, end in problem.segments:
+        times = (
+            start + (end - start) * (np.arange(TIMES) + 0.5) / TIMES if function.has_t else np.array([start])
+        )
+        squares = [function(places, t) ** 2 for t in times.tolist()]
+        variance += (end - start) * np.mean(squares, axis=0)
+    own = np.clip(np.sqrt(variance) / deviation, SLOWEST, FASTEST)
+    if own.max() <= EVEN * own.min():
+        return None
+    reach = round(SMOOTH * FINE)
+    weights = np.exp(-0.5 * (np.arange(-3 * reach, 3 * reach + 1) / reach) ** 2)
+    padded = np.pad(1.0 / own, 3 * reach, mode="edge")
+    density = np.convolve(padded, weights / weights.sum(), mode="valid")
+    steps = 0.5 * (density[1:] + density[:-1]) * np.diff(places)
+    length = np.concatenate([[0.0], np.cumsum(steps)])
+    cells = max(LEAST_CELLS, math.ceil(length[-1] / size))
+    cells = min(cells + cells % 2, MOST_COARSE_CELLS)
+    knots = np.linspace(0.0, 1.0, cells // 2 + 1) * length[-1]
+    found = make_interp_spline(length, places, k=3)(knots)
+    found[[0, -1]] = left, right
+    return GridMap(left, right, cells, make_interp_spline(2.0 * np.arange(knots.size), found, k=5))
 
 
 def left_out(problem: ObstacleProblem, chosen: GridMap, at: Vector) -> Vector:

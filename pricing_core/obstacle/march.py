@@ -7,19 +7,32 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
 from pricing_core.arrays import BoolVector, Vector
+from pricing_core.errors import NumericalError
 from pricing_core.obstacle.grid import Grid
 from pricing_core.obstacle.moment import ROUNDING, Complementarity, Moment, Segment
 from pricing_core.obstacle.problem import ObstacleProblem, just_before
 from pricing_core.obstacle.profile import Profile, contact_sets
-from pricing_core.obstacle.settings import CLOCK_SHARE, PIECES, PIECES_OF_TURNS, ROUNDED, STEPS
+from pricing_core.obstacle.settings import (
+    CLOCK_SHARE,
+    FEWEST_PIECES,
+    PIECES,
+    PIECES_OF_TURNS,
+    ROUNDED,
+    SHORTEST,
+    STEPS,
+)
 from pricing_core.obstacle.stage import StageSystem, Values, solve_stage
 from pricing_core.obstacle.transfer import Known, Start, before, payoff_of
 from pricing_core.stepping import ESDIRK3, SDIRK3, Tableau
 from pricing_core.stepping.implicit import take_step
+
+MOST_STEPS = 1e7  # Largest number of steps of a segment; chosen.
+Mesh: TypeAlias = list[tuple[float, float, bool]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,6 +96,15 @@ class SegmentMarch:
     instants: tuple[Instant, ...]
     first: Profile
 
+    @property
+    def mesh(self) -> Mesh:
+        """The steps as `time_mesh` tells them."""
+        ends = [self.segment.end, *(instant.t for instant in self.instants[1:])]
+        return [
+            (early, late, step.tableau is ESDIRK3)
+            for (late, early), step in zip(pairwise(ends), self.steps, strict=True)
+        ]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class March:
@@ -134,17 +156,21 @@ def march(
     complementarity: Complementarity = "averaged",
     *,
     checked: bool = True,
+    steps_of: March | None = None,
 ) -> March | None:
     """March a problem from its horizon to now; None where `interrupt`, asked before every step, says so.
 
     With the `complementarity` "right-angle" every node has the plain condition of (11.65). A payoff outside its
-    obstacles is refused where `checked`.
+    obstacles is refused where `checked`. With `steps_of`, the march of a problem with the same segments, it takes
+    the same steps.
     """
     parts: list[SegmentMarch] = []
     after = payoff_of(problem, grid)
-    for start, end in problem.segments:
+    for k, (start, end) in enumerate(problem.segments):
         segment = Segment(problem, grid, start, end, complementarity)
-        part = _march_segment(segment, before(problem, grid, end, after, checked=checked), interrupt)
+        known = before(problem, grid, end, after, checked=checked)
+        mesh = time_mesh(segment) if steps_of is None else steps_of.parts[k].mesh
+        part = _march_segment(segment, known, mesh, interrupt)
         if part is None:
             return None
         parts.append(part)
@@ -154,7 +180,7 @@ def march(
 
 
 def _march_segment(
-    segment: Segment, known: Known, interrupt: Callable[[], bool] | None
+    segment: Segment, known: Known, mesh: Mesh, interrupt: Callable[[], bool] | None
 ) -> SegmentMarch | None:
     end = just_before(segment.end)
     moment = segment.at(end)
@@ -164,7 +190,7 @@ def _march_segment(
     instants, taken = [Instant(end, moment, values)], []
     rate: Vector | None = None
     system: StageSystem | None = None
-    for early, late, goes_on in time_mesh(segment):
+    for early, late, goes_on in mesh:
         if interrupt is not None and interrupt():
             return None
         stages: list[StageTaken] = []
@@ -199,13 +225,12 @@ def _march_segment(
     return SegmentMarch(segment, known, start, tuple(taken), tuple(instants), first)
 
 
-def time_mesh(segment: Segment) -> list[tuple[float, float, bool]]:
+def time_mesh(segment: Segment) -> Mesh:
     """Return (early, late) of each step, and whether it goes on smoothly from the one before.
 
     Steps end where the clock since the segment's end is (n/M)^2 of the whole. M is such that the first step, the
     shortest, is longer than the stage matrix needs in order to be an M-matrix (`_diffusion`), but in segments that are
-    too short for two steps. A time at which coefficients jump takes the place of the nearest end: a step far shorter
-    than its neighbours would cost two digits.
+    too short for two steps. A time at which coefficients jump or have a kink takes the place of an end, see `_roots`.
     """
     breaks = [time for time in segment.problem.diffusion.breaks if segment.start < time < segment.end]
     times, diffused, first = _clock(segment, breaks)
@@ -214,16 +239,41 @@ def time_mesh(segment: Segment) -> list[tuple[float, float, bool]]:
     # The number doubles from grid to grid in any case, so that their difference shows it.
     if not segment.is_constant:
         turns = max(1, _turns(segment.problem, segment.start, segment.end, middle))
-    steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * turns)
-    ends = np.interp(diffused[-1] * (np.arange(steps + 1) / steps) ** 2, diffused, times).tolist()
+    steps = max(_count(STEPS * math.sqrt(2.0 * first)), 2 * segment.grid.refined * max(turns, 1))
+    passed = np.interp(-np.array(breaks[::-1]), -times, diffused) / diffused[-1]
+    roots = _roots(steps, segment.grid.refined, np.sqrt(passed).tolist())
+    ends = np.interp(diffused[-1] * roots**2, diffused, times)
+    for root, time in zip(np.sqrt(passed), breaks[::-1], strict=True):
+        ends[np.argmin(np.abs(roots - root))] = time
     ends[0], ends[-1] = segment.end, segment.start
-    for time in breaks:
-        nearest = min(range(len(ends)), key=lambda k: abs(ends[k] - time))
+    return [(early, late, late not in breaks) for late, early in pairwise(ends.tolist())]
+
+
+def _roots(steps: int, refined: int, breaks: list[float]) -> Vector:
+    """Return the roots of the clock at the ends of about so many steps, 0 to 1, those of breaks among them.
+
+    A break takes the place of the nearest end of the coarsest grid's steps, or is added to them; these are cut into
+    equal parts whose number doubles from grid to grid. So the differences of grids fall as the order says, whatever
+    lies between the breaks, and tell the error.
+    """
+    if not breaks:
+        return np.arange(steps + 1) / steps
+    parts = 1
+    while parts < refined and steps % (2 * parts) == 0:
+        parts *= 2
+    coarse = steps // parts
+    ends = [k / coarse for k in range(coarse + 1)]
+    for root in breaks:
+        nearest = min(range(len(ends)), key=lambda k: abs(ends[k] - root))
         if 0 < nearest < len(ends) - 1 and ends[nearest] not in breaks:
-            ends[nearest] = time
+            ends[nearest] = root
         else:
-            ends = sorted({*ends, time}, reverse=True)
-    return [(early, late, late not in breaks) for late, early in pairwise(ends)]
+            ends = sorted({*ends, root})
+    found = [np.zeros(1)]
+    for left, right in pairwise(ends):
+        own = 2 ** math.floor(math.log2(max(parts * (right - left) * coarse / SHORTEST, 1.0)))
+        found.append(np.linspace(left, right, own + 1)[1:])
+    return np.concatenate(found)
 
 
 def _count(wanted: float) -> int:
@@ -231,6 +281,10 @@ def _count(wanted: float) -> int:
 
     It doubles exactly where the cells are halved, so that the differences of grids fall as the third order says.
     """
+    if not wanted < MOST_STEPS:
+        raise NumericalError(
+            "the steps would be too many: the diffusion is too small for the cells, or too large"
+        )
     power: int = 2 ** math.floor(math.log2(max(wanted, 4.0) / 4.0))
     return max(2, math.floor(ROUNDED * wanted / power) * power)
 
@@ -246,7 +300,8 @@ def _clock(segment: Segment, breaks: list[float]) -> tuple[Vector, Vector, float
         times = np.array([segment.end, segment.start])
     else:
         edges = [segment.end, *breaks[::-1], segment.start]
-        cuts = [np.linspace(late, early, PIECES + 1)[:-1] for late, early in pairwise(edges)]
+        pieces = max(FEWEST_PIECES, PIECES // (len(edges) - 1))
+        cuts = [np.linspace(late, early, pieces + 1)[:-1] for late, early in pairwise(edges)]
         times = np.append(np.concatenate(cuts), segment.start)
     middles = (times[1:] + times[:-1]) / 2.0
     contact = segment.at(float(middles[middles.size // 2])).contact

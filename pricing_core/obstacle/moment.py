@@ -23,6 +23,7 @@ ON_NODE = 1e-6  # cells from a node at which a kink counts as lying on it
 ROUNDING = (
     1e-12  # of the values' size: what rounding may make of equal obstacles, and of a slope that does not jump
 )
+DIFFERENCE_ROUNDING = 1e-15  # of the values' size: what rounding may make of a second difference
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +108,7 @@ class Segment:
     complementarity: Complementarity = "averaged"
     acting: tuple[Obstacle | None, Obstacle | None] = field(init=False)
     _known: Moment | None = field(init=False, default=None)
+    _known_kinks: dict[float, tuple[BoolVector, BoolVector]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         lower, upper = (
@@ -187,7 +189,7 @@ class Segment:
             if obstacle is not None:
                 values[k] = obstacle(self.grid.x, t)
                 income, size = self._income(obstacle, t, coefficients)
-                at_kinks, holding = self._kinks(obstacle, sign, t)
+                at_kinks, holding = self._kinks_once(obstacle, sign, t)
                 masses[k] = np.where(at_kinks | (-sign * income <= size), 0.0, -sign * income)
                 holds |= holding
         lower, upper = values
@@ -231,7 +233,16 @@ class Segment:
             early, late = max(t - change, self.start), min(t + change, np.nextafter(self.end, self.start))
             income = income + (obstacle(x, late) - obstacle(x, early)) / (late - early)
         size = ROUNDING * (np.abs(drift * first) + np.abs(rate * value) + np.abs(source))
+        size += DIFFERENCE_ROUNDING * diffusion * np.abs(value) / step**2
         return income, size
+
+    def _kinks_once(self, obstacle: Obstacle, sign: float, t: float) -> tuple[BoolVector, BoolVector]:
+        """Return what `_kinks` does, looked for once where the obstacle does not change."""
+        if not obstacle.is_constant:
+            return self._kinks(obstacle, sign, t)
+        if sign not in self._known_kinks:
+            self._known_kinks[sign] = self._kinks(obstacle, sign, t)
+        return self._known_kinks[sign]
 
     def _kinks(self, obstacle: Obstacle, sign: float, t: float) -> tuple[BoolVector, BoolVector]:
         """Return which nodes lie on a kink, and which of them on one that can hold V in a point."""

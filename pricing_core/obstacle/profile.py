@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pricing_core.arrays import BoolVector, Matrix, Vector
 from pricing_core.obstacle.ends import Held, measure
 from pricing_core.obstacle.grid import Grid
-from pricing_core.obstacle.moment import Moment
+from pricing_core.obstacle.moment import ROUNDING, Moment
 from pricing_core.obstacle.problem import ObstacleProblem
 
 POINTS = 6  # of the polynomials
@@ -77,10 +77,10 @@ class Profile:
         weights = np.zeros((x.size, n))
         index = self.grid.index(x)
         inside = (index >= 0.0) & (index <= n - 1.0)
-        for left, right in self._free_runs():
+        for left, right in self.free_runs():
             chosen = inside & (index >= left) & (index <= right)
             if chosen.any():
-                start, points, u = self._stencils(index[chosen], *self._free_nodes(left, right))
+                start, points, u = self._stencils(index[chosen], *self.free_nodes(left, right))
                 powers = u[:, None] ** np.arange(points)
                 weights[np.flatnonzero(chosen)[:, None], start[:, None] + np.arange(points)] = powers @ basis(
                     points
@@ -99,10 +99,10 @@ class Profile:
         """Return the derivatives of what is between the contact sets and beyond the ends."""
         last = self.grid.x.size - 1
         found = np.empty((3, x.size))
-        for left, right in self._free_runs():
+        for left, right in self.free_runs():
             inside = (index >= max(left, 0.0)) & (index <= min(right, float(last)))
             if inside.any():
-                found[:, inside] = self._polynomials(index[inside], *self._free_nodes(left, right))
+                found[:, inside] = self._polynomials(index[inside], *self.free_nodes(left, right))
         for outside, end, nodes in self._outsides(index):
             if outside.any():
                 found[:, outside] = self._beyond(x[outside], end, nodes)
@@ -114,14 +114,14 @@ class Profile:
         left, right = self.problem.ends
         return [(index < 0.0, left, [0, 1]), (index > last, right, [last, last - 1])]
 
-    def _free_nodes(self, left: float, right: float) -> tuple[int, int]:
+    def free_nodes(self, left: float, right: float) -> tuple[int, int]:
         """Return the first and the last node between two contact sets, or of all where there are too few."""
         last = self.grid.x.size - 1
         first = 0 if left < 0.0 else math.floor(left) + 1
         final = last if right > last else math.ceil(right) - 1
         return (0, last) if final - first + 1 < FEWEST_POINTS else (first, final)
 
-    def _free_runs(self) -> list[tuple[float, float]]:
+    def free_runs(self) -> list[tuple[float, float]]:
         """Return what the contact sets leave, in numbers of nodes."""
         runs, edge = [], -math.inf
         for left, right in sorted(pair for intervals in self.contacts for pair in intervals):
@@ -179,7 +179,11 @@ def contact_sets(moment: Moment, value: Vector, mass: Vector) -> tuple[Intervals
     side = contact.side(V, np.ones(V.size))
     distance = np.minimum(side.parameter(V, mass), 1.0)
     found = []
-    at_ends = value[[0, -1]] <= moment.lower_ends, value[[0, -1]] >= moment.upper_ends
+    ends = value[[0, -1]]
+    rounding = ROUNDING * np.maximum(
+        1.0, np.abs(ends)
+    )  # of the rule that makes an end's value from its neighbours'
+    at_ends = ends <= moment.lower_ends + rounding, ends >= moment.upper_ends - rounding
     for touching, sign, end in zip(contact.touching(V), (1.0, -1.0), at_ends, strict=True):
         near = side.averaged & (sign * side.c > 0.0)
         found.append(_intervals(touching, np.where(near, np.maximum(distance, 0.0), 1.0), end))

@@ -145,7 +145,8 @@ class ObstacleSolution:
         places = self._places
         if not self._walks:
             self._walks.extend(Walk.of(march, float(x)) for march in self._marches for x in places)
-        found = np.array([walk.derivative(direction) for walk in self._walks]).reshape(-1, places.size)
+        sides = neighbours(self.problem, direction)
+        found = np.array([walk.derivative(sides) for walk in self._walks]).reshape(-1, places.size)
         return ObstacleDerivative(*self._with_errors(found))
 
     def tangent(self, **direction: Any) -> ObstacleTangent:
@@ -164,7 +165,8 @@ class ObstacleSolution:
             As `derivative` does.
         """
         _check_direction(direction)
-        found = np.array([tangent(march, direction, self._places) for march in self._marches])
+        sides = neighbours(self.problem, direction)
+        found = np.array([tangent(march, sides, self._places) for march in self._marches])
         (value, error), (slope, slope_error), (curvature, curvature_error) = (
             self._with_errors(found[:, k]) for k in range(3)
         )
@@ -187,8 +189,8 @@ class ObstacleSolution:
         found = []
         for own, size in zip(self._marches, (SECOND_DIFFERENCE, 2.0 * SECOND_DIFFERENCE), strict=False):
             high, low = (
-                tangent(_again(problem, own), first, self._places)[0]
-                for problem in neighbours(self.problem, second, size)
+                tangent(march_again(problem, own), neighbours(problem, first), self._places)[0]
+                for problem in neighbours(self.problem, second, size).both
             )
             found.append((high - low) / (2.0 * size))
         return ObstacleDerivative(*self._with_errors(np.array(found)))
@@ -237,7 +239,7 @@ class ObstacleSolution:
         obstacle = self.problem.obstacles[which]
         for part in self._march.parts:
             if t == part.segment.end < self.problem.horizon:
-                return () if obstacle is None else _held_before(part, obstacle, (1.0, -1.0)[which])
+                return () if obstacle is None else held_before(part, obstacle, (1.0, -1.0)[which])
         before, after, share = self._around(t)
         first, second = (self._intervals(instant, which) for instant in (before, after))
         if len(first) != len(second):
@@ -268,7 +270,7 @@ class ObstacleSolution:
         return found
 
 
-def _held_before(part: SegmentMarch, obstacle: Obstacle, sign: float) -> Intervals:
+def held_before(part: SegmentMarch, obstacle: Obstacle, sign: float) -> Intervals:
     """Return where V is an obstacle just before the end of a segment, as intervals of x."""
     end, x = part.segment.end, part.segment.grid.x
     if not obstacle.acts_at(end):
@@ -295,9 +297,9 @@ def _check_direction(direction: Mapping[str, Any]) -> None:
         raise InvalidInputError("direction", Told("nothing"), f"one or several of {', '.join(NAMES)}")
 
 
-def _again(problem: ObstacleProblem, own: March) -> March:
-    """Return the march of a changed problem on the same grid."""
-    found = march(problem, own.grid, checked=False)
+def march_again(problem: ObstacleProblem, own: March) -> March:
+    """Return the march of a changed problem on the same grid, in the same steps."""
+    found = march(problem, own.grid, checked=False, steps_of=own)
     assert found is not None  # nothing interrupts it
     return found
 

@@ -38,7 +38,12 @@ PESSIMISM = (
 
 
 def solve(
-    problem: ObstacleProblem, at: ArrayLike, tolerance: float = 1e-6, deadline: float | None = None
+    problem: ObstacleProblem,
+    at: ArrayLike,
+    tolerance: float = 1e-6,
+    deadline: float | None = None,
+    *,
+    interrupt: Callable[[], bool] | None = None,
 ) -> ObstacleSolution:
     """Solve an obstacle problem at one or several places, now.
 
@@ -51,6 +56,8 @@ def solve(
         Money, above 0: the error estimate at which it is enough.
     deadline : float, optional
         Seconds.
+    interrupt : callable, optional
+        Asked before every step; True ends the work as a deadline does.
 
     Returns
     -------
@@ -90,7 +97,7 @@ def solve(
     flat = places.reshape(-1)
     chosen = choose_map(problem, flat)
     levels = Levels(chosen, flat, left_out(problem, chosen, flat))
-    status = levels.run(problem, tolerance, limit)
+    status = levels.run(problem, tolerance, lambda: limit() or (interrupt is not None and interrupt()))
     levels.keep_between_obstacles(problem)
     value, slope, curvature = (_shaped(places, row) for row in levels.derivatives)
     error_estimate = _shaped(places, levels.error_estimate)

@@ -155,7 +155,7 @@ def test_a_time_does_not_depend_on_the_other_times():
     times = np.array([0.0, 0.5, 0.9999]) * 35.0
     together = exercise_boundary(option, market, times)
     alone = exercise_boundary(option, market, times[-1:])
-    assert np.isnan(together.error_estimate).tolist() == [True, False, False]
+    assert np.isfinite(together.error_estimate).all()
     assert together.boundary[-1] == alone.boundary[0]
     assert np.all(np.diff(together.boundary) >= 0.0)
 

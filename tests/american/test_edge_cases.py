@@ -41,12 +41,11 @@ def test_puts_with_two_boundaries_meet_the_default_tolerance(case):
 RISING = {"times": [0.5, 1.0], "values": [0.01, 0.02]}
 
 
-def test_a_spot_without_measure_has_its_bounds_for_a_price():
+def test_a_put_on_a_spot_without_measure_is_worth_nothing():
     market = Market(1e30, RISING, 0.2, cash_dividends=[CashDividend(0.5, 1.0)])
     found = price(Option("put", 100.0, 1.0), market)
-    assert found.status == "tolerance_not_met"
-    assert 0.0 <= found.price - found.error_estimate <= 1e-9
-    assert found.price + found.error_estimate == pytest.approx(100.0)
+    assert (found.status, found.price) == ("ok", 0.0)
+    assert found.error_estimate <= 1e-9
 
 
 @needs_kernel
@@ -61,7 +60,7 @@ def test_a_spot_without_measure_has_its_bounds_for_a_price():
 def test_the_ends_of_the_promised_domain_have_an_honest_status(option, market):
     found = price(option, market, greeks="none", interrupt=lambda: False)
     assert found.status in ("ok", "tolerance_not_met")
-    assert found.price - found.error_estimate >= 0.0
+    assert found.price >= 0.0
     assert found.price + found.error_estimate <= 100.0 * (1.0 + 1e-12)
 
 

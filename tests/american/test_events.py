@@ -349,8 +349,8 @@ LOCAL = Market(
 @needs_kernel
 @pytest.mark.parametrize(
     ("contract", "method"),
-    [((PUT, LOCAL), "sdirk2")],
-    ids=["method of lines"],
+    [((PUT, LOCAL), "obstacle-march")],
+    ids=["in NumPy"],
 )
 def test_a_deadline_among_the_greeks_leaves_the_price(contract, method):
     alone, whole = Deadline(), Deadline()

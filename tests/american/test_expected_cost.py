@@ -26,14 +26,14 @@ def random_contracts(count):
 
 
 @needs_kernel
-def test_what_is_priced_together_is_priced_as_alone_or_left_to_the_method_of_lines():
+def test_what_is_priced_together_is_priced_as_alone_or_left_to_the_march():
     contracts = random_contracts(60)
     together = price_together(contracts, Book.of(contracts), [1e-5] * 60, "standard")
     assert sum(found is not None for found in together) > 50
     for (option, market), found in zip(contracts, together, strict=True):
         alone = price(option, market, tolerance=1e-5)
         if found is None:
-            assert alone.method == "sdirk2"
+            assert alone.method == "obstacle-march"
         else:
             assert (found.price, found.vega, found.status) == (alone.price, alone.vega, "ok")
 
@@ -51,7 +51,7 @@ def test_the_expected_cost_grows_with_what_makes_a_price_expensive():
     flat, many = Market(100.0, 0.05, 0.2), Market(100.0, 0.05, 0.2, cash_dividends=dividends)
     certain_first = Market(100.0, 0.05, PiecewiseConstant([0.5, 1.0], [0.0, 0.2]))
     books = [Book.of([(YEAR, market)]) for market in (flat, many, certain_first)]
-    engines = ["premium march", "obstacle march", "method of lines"]
+    engines = ["premium march", "compiled march", "obstacle march"]
     assert [first_engine(book) for book in books] == engines
     costs = [expected_seconds(book, 1e-6, "standard") for book in books]
     assert costs == sorted(costs)

@@ -60,7 +60,7 @@ def test_every_lcp_method_gives_the_same_price_on_the_same_grid(lcp_method, opti
     direct = price(option, market, method="lcs", resolution=resolution)
     other = price(option, market, method="lcs", lcp_method=lcp_method, resolution=resolution)
     assert other.price == pytest.approx(direct.price, abs=1e-8 * option.strike)
-    assert other.diagnostics.lcp_residual <= 1e-12
+    assert other.diagnostics.lcp_residual <= 1e-11
 
 
 @pytest.mark.parametrize("lcp_method", ["policy", "psor", "lemke"])
@@ -479,6 +479,6 @@ def test_a_contract_that_no_engine_prices_is_an_error_with_the_reason(put, marke
     def refuse(*arguments, **options):
         raise ArithmeticError("out of reach")
 
-    monkeypatch.setattr("pricing_core.american.engines.method_of_lines.engine.make_solver", refuse)
+    monkeypatch.setattr("pricing_core.american.engines.chapter.contract_problem", refuse)
     with pytest.raises(NumericalError, match="out of reach"):
         price(put, market, method="lcs")

@@ -247,7 +247,7 @@ def test_every_field_of_a_row_is_that_of_the_single_price(greeks):
 def test_a_row_whose_march_is_not_settled_is_priced_by_another_engine():
     row = ("put", "american", 60.9, 2.0, 0.15515858795, 1.5, 0.0813951507)
     found = price_many({**as_columns([row]), "strike": 100.0}, tolerance=1e-3)
-    assert found["method"][0] in ("obstacle-march", "sdirk2")
+    assert found["method"][0] == "obstacle-march"
     assert found["status"][0] == "ok"
     best = 100.0 * math.exp(-0.3103171759) - 60.9 * math.exp(
         -3.0
@@ -408,7 +408,7 @@ def test_a_row_with_events_that_has_no_price_says_why(monkeypatch):
     def refuse(*arguments, **options):
         raise ArithmeticError("out of reach")
 
-    monkeypatch.setattr("pricing_core.american.engines.method_of_lines.engine.make_solver", refuse)
+    monkeypatch.setattr("pricing_core.american.engines.obstacle_march.pricing.contract_problem", refuse)
     wide = {**COLUMNS, "option_type": "call", "volatility": [9.0, 0.3, 0.2, 0.2]}  # the general path's
     table = price_many({**wide, "cash_dividends": [[DIVIDEND], None, [DIVIDEND], None]}, tolerance=1e-3)
     assert (table["status"][0], table["message"][0]) == ("out_of_domain", "out of reach")
@@ -587,7 +587,7 @@ def test_a_method_asked_for_by_name_gives_what_price_gives(method):
     expected = [price(option, market, tolerance=1e-3, method=method, greeks="none") for option in options]
     assert table["price"].tolist() == [valuation.price for valuation in expected]
     assert table["method"].tolist() == [valuation.method for valuation in expected]
-    assert table["method"][0] == {"lcs": "sdirk2"}.get(method, method)
+    assert table["method"][0] == method
 
 
 def test_an_unknown_method_is_refused():

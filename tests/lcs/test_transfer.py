@@ -3,8 +3,9 @@ import pytest
 
 from pricing_core.lcs import LCS, relative_degree
 from pricing_core.lcs.exact_degree import exact_degree
+from pricing_core.obstacle import as_lcs
+from tests.obstacle.problems import PUT, option
 from tests.problems.lcs_problems import problems
-from tests.problems.segment_forms import CONTRACTS, segment_form
 
 
 @pytest.mark.parametrize("problem", problems(), ids=lambda p: p.name)
@@ -82,8 +83,7 @@ def test_numbers_too_long_for_exact_arithmetic_are_declined():
 
 
 def test_hundreds_of_pairs_are_settled_by_the_leading_markov_parameter():
-    form, values = segment_form(CONTRACTS["put"], 301)
-    system, _ = form.as_lcs(values)
+    system = as_lcs(option(PUT), 300).system
     assert system.shape[1] == 300
     assert relative_degree(system) == 1
 

@@ -1,6 +1,7 @@
 """Orders of convergence of the march: rows of (problem, where, true value, expected order)."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from pricing_core.american import Market, Option, price
 from pricing_core.obstacle import Diffusion, Event, Obstacle, ObstacleProblem
 from pricing_core.obstacle.grid import Grid
 from pricing_core.obstacle.interval import choose_map
-from pricing_core.obstacle.march import march
+from pricing_core.obstacle.march import march, time_mesh
+from pricing_core.obstacle.moment import Segment
 from tests.obstacle.problems import (
     AMERICAN_CAPPED_CALL,
     CALL,
@@ -153,3 +155,23 @@ def test_no_stage_of_a_step_lies_beyond_its_end():
         assert time in [instant.t for instant in part.instants]
         for step, end in zip(part.steps, part.instants[1:], strict=True):
             assert min(stage.t for stage in step.stages) >= end.t
+
+
+def test_steps_between_breaks_are_halved_from_grid_to_grid():
+    """Else the differences of grids, which tell the error, fall by chance where there are many breaks."""
+    breaks = np.sort(np.random.default_rng(3).uniform(0.0, 1.0, 12))
+
+    def volatility(x, t):
+        return np.full(x.shape, np.interp(t, breaks, np.where(np.arange(12) % 2, 0.15, 0.35)))
+
+    diffusion = Diffusion(volatility, 0.0, 0.05, breaks=breaks)
+    problem = ObstacleProblem(diffusion, PUT, 1.0, lower=PUT, ends=("exponential", "exponential"))
+    chosen = choose_map(problem, np.zeros(1))
+    meshes = [
+        np.array([early for early, _, _ in time_mesh(Segment(problem, Grid.of(chosen, refined), 0.0, 1.0))])
+        for refined in (4, 8, 16)
+    ]
+    assert all(np.isin(breaks, mesh).all() for mesh in meshes)
+    for coarse, fine in pairwise(meshes):
+        assert np.abs(coarse[:, None] - fine).min(axis=1).max() < 1e-12
+        assert coarse.size < fine.size <= 2 * coarse.size

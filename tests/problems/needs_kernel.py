@@ -4,5 +4,5 @@ import pytest
 
 from pricing_core import kernel_name
 
-# Without the kernel there is no premium march and no collocation, and the method of lines takes minutes for both.
+# Without the kernel there is no premium march and no collocation, and the march in NumPy takes minutes for both.
 needs_kernel = pytest.mark.skipif(kernel_name() != "rust", reason="needs the compiled engines")

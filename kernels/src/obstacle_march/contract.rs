@@ -2,6 +2,9 @@
 
 use super::surface::Local;
 
+/// By how much what is escrowed changes, in strikes, where nothing is paid.
+const SAME_ESCROW: f64 = 1e-12;
+
 /// An interval of time in which nothing happens, and what happens at its end.
 #[derive(Clone, Copy, Debug)]
 pub struct Segment {
@@ -86,6 +89,13 @@ impl Contract<'_> {
         let square = |number| local.at_time(number, x, of_segment).powi(2);
         let before = square(at.before);
         at.share.mul_add(square(at.behind) - before, before)
+    }
+
+    /// Whether neither the spot nor what exercise brings changes at the end of a segment that is not the last.
+    pub(super) fn goes_on(&self, number: usize) -> bool {
+        let (now, next) = (&self.segments[number], &self.segments[number + 1]);
+        let change = now.escrow - next.escrow_before_end(next.duration);
+        !now.drops() && change.abs() < SAME_ESCROW
     }
 
     /// Years from now to the end of a segment.

@@ -1,7 +1,7 @@
 //! What happens between two segments: from the value after it to what the first step of the segment before starts from.
 
 use super::contract::{Contract, Segment};
-use super::line::Line;
+use super::line::{Contact, Line};
 use super::mesh::Grid;
 use crate::lanes::normal::ln;
 use crate::lanes::vector::{Vector, LANES};
@@ -99,29 +99,44 @@ impl<'a> Before<'a> {
         }
     }
 
-    /// Fill in the values at the nodes, and append to the kinks, in numbers of nodes, those where exercise begins.
+    /// Fill in the values at the nodes, append to the kinks, in numbers of nodes, those where exercise begins, and return
+    /// where exercise brings more than waiting: of several intervals the one that is furthest from the near end.
     #[inline(always)]
+    #[must_use]
     pub fn fill<V: Vector>(
         &self,
         grid: &Grid,
         spots: &[f64],
         values: &mut [f64],
         kinks: &mut Kinks,
-    ) {
+    ) -> Contact {
         self.wait::<V>(grid, spots, values);
+        let mut exercised = Contact::NONE;
         if !self.exercise {
-            return;
+            return exercised;
         }
         let mut last_gain = 0.0;
         for (node, (value, &spot)) in values.iter_mut().zip(spots).enumerate() {
             let obstacle = self.obstacle(spot);
             let gain = obstacle - *value;
-            if node > 0 && (gain > 0.0) != (last_gain > 0.0) && gain - last_gain != 0.0 {
-                kinks.push(self.crossing(grid, node, last_gain, gain));
+            let (pays, paid) = (gain > 0.0, last_gain > 0.0);
+            let mut place = f64::NEG_INFINITY;
+            if node > 0 && pays != paid && gain - last_gain != 0.0 {
+                place = self.crossing(grid, node, last_gain, gain);
+                kinks.push(place);
+            }
+            if pays && !paid {
+                exercised = Contact {
+                    begin: place,
+                    end: f64::INFINITY,
+                };
+            } else if paid && !pays {
+                exercised.end = place;
             }
             last_gain = gain;
             *value = value.max(obstacle);
         }
+        exercised
     }
 
     /// Where between two nodes exercise and waiting bring the same.

@@ -21,6 +21,8 @@ use crate::lanes::vector::{Part, Vector, LANES};
 
 /// The nodes next to the end of a contact set that are looked at; where it moves further in a step, all are.
 const SKIPPED: f64 = 8.0;
+/// Cells next to an end of the grid in which no contact set is seen to end.
+const UNRESOLVED: f64 = 2.0;
 /// What a contact set's check may miss by rounding, in strikes.
 const ROUNDING: f64 = 1e-11;
 
@@ -34,11 +36,54 @@ pub struct Marched {
     /// The strike less what is escrowed.
     pub strike: f64,
     pub steps: usize,
+    /// Where exercise begins over time.
+    pub ends: Vec<End>,
     /// Whether every stage was solved.
     pub settled: bool,
     /// Where they are wanted, `V_tau` at the nodes, and the derivatives by the numbers of each segment.
     pub rates: Vec<f64>,
     pub by_segment: Vec<BySegment>,
+}
+
+/// Where the contact set ends at a time, ln S; not a number where it does not.
+#[derive(Clone, Copy, Debug)]
+pub struct End {
+    /// The number of the segment.
+    pub segment: usize,
+    /// Years to the end of the segment: 0 is just before what happens there.
+    pub years: f64,
+    /// The end next to the strike.
+    pub near: f64,
+    /// That further from it.
+    pub far: f64,
+    /// How far the former may move unseen: a cell where it is at a node, as where a step is too short for the grid.
+    pub unseen: f64,
+}
+
+impl End {
+    /// The ends of a contact set; what comes nearer to an end of the grid than it resolves goes on beyond it.
+    #[allow(clippy::cast_precision_loss)]
+    fn of(grid: &Grid, segment: usize, years: f64, contact: Contact) -> Self {
+        let place = |index: f64| {
+            let inside = index >= UNRESOLVED && index <= grid.cells as f64 - UNRESOLVED;
+            if inside {
+                grid.spot_at(index).ln()
+            } else {
+                f64::NAN
+            }
+        };
+        Self {
+            segment,
+            years,
+            near: place(contact.end),
+            far: place(contact.begin),
+            unseen: if contact.end.fract() == 0.0 {
+                grid.h
+            } else {
+                0.0
+            },
+        }
+    }
 }
 
 impl Marched {
@@ -157,6 +202,7 @@ struct March<'a, V> {
     last_kinks: [usize; LANES],
     newton: Newton<V>,
     contact: [Contact; LANES],
+    ends: Vec<Vec<End>>,
     record: Option<Record<V>>,
     /// Whether a lane's contract has not come to now yet.
     active: [bool; LANES],
@@ -201,6 +247,7 @@ impl<'a, V: Vector> March<'a, V> {
             newton: Newton::new(nodes),
             record,
             contact: [Contact::NONE; LANES],
+            ends: vec![Vec::new(); group.contracts.len()],
             active: [false; LANES],
             settled: [true; LANES],
         }
@@ -233,6 +280,8 @@ impl<'a, V: Vector> March<'a, V> {
                 let Some(step) = self.steps[lane].get(n).copied() else {
                     continue;
                 };
+                let (grid, years) = (&self.grids[lane], step.elapsed + step.dt);
+                self.ends[lane].push(End::of(grid, step.segment, years, self.contact[lane]));
                 if step.is_last && step.segment > 0 {
                     self.start(&mut terms, lane, step.segment - 1, false);
                 } else if step.is_last {
@@ -246,7 +295,7 @@ impl<'a, V: Vector> March<'a, V> {
     }
 
     /// The value of a lane now.
-    fn marched(&self, lane: usize) -> Marched {
+    fn marched(&mut self, lane: usize) -> Marched {
         let contract = &self.group.contracts[lane];
         let of = |nodes: &[V]| nodes.iter().map(|node| node.lane(lane)).collect();
         Marched {
@@ -255,6 +304,7 @@ impl<'a, V: Vector> March<'a, V> {
             contact: self.contact[lane],
             strike: contract.segments[0].strike_at_beginning(),
             steps: self.steps[lane].len(),
+            ends: std::mem::take(&mut self.ends[lane]),
             settled: self.settled[lane],
             rates: of(&self.rates[0]),
             by_segment: Vec::new(),
@@ -313,7 +363,11 @@ impl<'a, V: Vector> March<'a, V> {
         };
         let before = Before::new(&contract, number, after);
         let mut values = vec![0.0; grid.cells + 1];
-        before.fill::<V>(&grid, &self.spots[lane], &mut values, &mut kinks);
+        let mut held = before.fill::<V>(&grid, &self.spots[lane], &mut values, &mut kinks);
+        if !at_expiry && held.end == f64::NEG_INFINITY && contract.goes_on(number) {
+            held = contact;
+        }
+        self.ends[lane].push(End::of(&grid, number, 0.0, held));
         let begun = start_values(&before, &grid, &kinks, &values, &terms.at_end(lane));
         for (row, value) in self.begun.iter_mut().zip(&begun) {
             row[lane] = *value;

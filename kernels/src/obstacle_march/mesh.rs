@@ -58,6 +58,9 @@ impl Grid {
     }
 }
 
+/// Where the strike is as many standard deviations away nothing depends on what happens there.
+const FAR: f64 = 16.0;
+
 /// How far x comes: the spot and the strike, with what drifts and drops add, and the width beyond; and the standard
 /// deviation of ln S at expiry.
 fn reach(contract: &Contract, settings: &Settings) -> (f64, f64, f64) {
@@ -77,9 +80,13 @@ fn reach(contract: &Contract, settings: &Settings) -> (f64, f64, f64) {
         }
     }
     let deviation = variance.sqrt();
+    let far = FAR * deviation;
+    if low < far && high > -far {
+        (low, high) = (low.min(0.0), high.max(0.0));
+    }
     let (left, right) = (
-        low.min(0.0) - settings.width * deviation,
-        high.max(0.0) + (settings.width + deviation) * deviation,
+        low - settings.width * deviation,
+        high + (settings.width + deviation) * deviation,
     );
     if contract.sign > 0.0 {
         (left, right, deviation)
@@ -127,7 +134,9 @@ fn slowest(contract: &Contract, number: usize, grid: &Grid) -> f64 {
 }
 
 /// The number of steps wanted of a segment on a grid.
+#[allow(clippy::cast_precision_loss)]
 pub fn steps_wanted(contract: &Contract, number: usize, grid: &Grid, settings: &Settings) -> f64 {
     let spread = slowest(contract, number, grid) * contract.mesh[number].duration.sqrt();
-    settings.steps * spread / grid.h
+    let fewest = settings.fewest * grid.cells as f64;
+    (settings.steps * spread / grid.h).max(fewest)
 }

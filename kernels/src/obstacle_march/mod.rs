@@ -32,6 +32,7 @@ mod terms;
 mod walk_back;
 
 pub use contract::{Contract, Segment};
+pub use march::End;
 pub use settings::Settings;
 pub use solve::{solve, Changing, Found, Greeks, LOCAL};
 pub use surface::{Local, Surface};

@@ -11,6 +11,8 @@ pub struct Settings {
     pub steps: f64,
     /// By which the steps may be more when their number is rounded.
     pub rounded: f64,
+    /// The fewest steps of a segment over the cells, for who asks what happens between its ends.
+    pub fewest: f64,
 }
 
 /// Numbers for tests; those of the library are its own, and handed over.
@@ -22,6 +24,7 @@ impl Default for Settings {
             width: 5.5,
             steps: 1.4,
             rounded: 1.07,
+            fewest: 0.0,
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 
 use super::contract::{Contract, Segment};
-use super::march::{Group, Marched};
+use super::march::{End, Group, Marched};
 use super::mesh::Grid;
 use super::record::record_size;
 use super::settings::Settings;
@@ -91,6 +91,8 @@ pub struct Found {
     pub local: [Changing; LOCAL],
     /// Those by the numbers of each segment, where they are wanted.
     pub by_segment: Vec<[Changing; BySegment::COUNT]>,
+    /// Where exercise begins over time, from expiry to now, on the last grid but one and on the finest.
+    pub ends: [Vec<End>; 2],
 }
 
 /// The derivatives at the spot: the first two by x, the rate `V_tau` and its derivative by x, and those of the first by
@@ -143,11 +145,13 @@ struct Seen {
     exercised: bool,
     settled: bool,
     steps: usize,
+    ends: Vec<End>,
     by_segment: Vec<[f64; BySegment::COUNT]>,
 }
 
 impl Seen {
-    fn of(marched: &Marched, contract: &Contract) -> Self {
+    fn of(marched: &mut Marched, contract: &Contract) -> Self {
+        let ends = std::mem::take(&mut marched.ends);
         let (line, h) = (marched.line(), marched.grid.h);
         let at = |cells: f64| line.at((contract.x + cells * h).exp());
         let local = |cells: f64| local(marched, contract, contract.x + cells * h);
@@ -169,6 +173,7 @@ impl Seen {
             exercised: marched.contact.holds(index),
             settled: marched.settled,
             steps: marched.steps,
+            ends,
             by_segment: marched.by_segment.iter().map(BySegment::numbers).collect(),
         }
     }
@@ -279,9 +284,10 @@ impl<'a> Work<'a> {
         let cells = self.cells;
         self.cells *= 2;
         let mut seen = seen.into_iter();
-        let Some(own) = seen.next().filter(|own| own.settled) else {
+        let Some(mut own) = seen.next().filter(|own| own.settled) else {
             // The grid does not resolve the problem: nothing is taken from it, and those before it have no neighbour.
             (self.last, self.levels, self.differences) = (None, 0, [0.0; 2]);
+            self.found.ends = [Vec::new(), Vec::new()];
             return self.cells > MOST_CELLS;
         };
         let sides: Vec<Seen> = seen.collect();
@@ -301,6 +307,8 @@ impl<'a> Work<'a> {
         (found.cells, found.steps, found.levels) = (cells, own.steps, self.levels);
         found.settled = own.settled;
         found.exercised = own.exercised;
+        let [_, before] = std::mem::take(&mut found.ends);
+        found.ends = [before, std::mem::take(&mut own.ends)];
         found.met = self.levels >= self.caution.first_levels && found.error <= self.tolerance;
         self.last = Some(own);
         found.met || self.cells > MOST_CELLS
@@ -470,10 +478,10 @@ fn march_level(
                 record: group[0].record,
                 interrupt,
             });
-            let Some(marched) = marched else { return };
+            let Some(mut marched) = marched else { return };
             let seen: Vec<Seen> = group
                 .iter()
-                .zip(&marched)
+                .zip(&mut marched)
                 .map(|(job, marched)| Seen::of(marched, &chosen(job)))
                 .collect();
             if let Ok(mut results) = results.lock() {

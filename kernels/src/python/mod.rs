@@ -6,7 +6,6 @@ mod flat_options;
 mod interrupt;
 mod mode;
 mod obstacle_march;
-mod segment_march;
 mod sparse;
 mod strike_march;
 mod tridiagonal;
@@ -36,8 +35,6 @@ mod _kernels {
     use super::obstacle_march::{
         march_segments, MarchSettings, MarchedSegments, SegmentTable, VolatilitySurface,
     };
-    #[pymodule_export]
-    use super::segment_march::sweep_schedules;
     #[pymodule_export]
     use super::sparse::sparse_sweeps;
     #[pymodule_export]

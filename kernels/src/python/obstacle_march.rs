@@ -9,7 +9,8 @@ use pyo3::prelude::*;
 use super::arguments::{check_lengths, nonempty_group_starts, numbers};
 use super::interrupt::Question;
 use crate::obstacle_march::{
-    solve, BySegment, Changing, Contract, Found, Greeks, Local, Segment, Settings, Surface, LOCAL,
+    solve, BySegment, Changing, Contract, End, Found, Greeks, Local, Segment, Settings, Surface,
+    LOCAL,
 };
 
 /// A local volatility at nodes: at each time a monotone cubic in ln S, its square linear in time, flat outside.
@@ -191,19 +192,22 @@ impl SegmentTable {
 ///     Half the width in standard deviations.
 /// steps, rounded : float
 ///     Steps for each standard deviation of a segment and cell; by which they may be more when their number is rounded.
+/// fewest : float
+///     The fewest steps of a segment over the cells.
 #[pyclass(frozen, module = "pricing_core._kernels")]
 pub struct MarchSettings(Settings);
 
 #[pymethods]
 impl MarchSettings {
     #[new]
-    #[pyo3(signature = (*, cells, width, steps, rounded))]
-    fn new(cells: usize, width: f64, steps: f64, rounded: f64) -> Self {
+    #[pyo3(signature = (*, cells, width, steps, rounded, fewest))]
+    fn new(cells: usize, width: f64, steps: f64, rounded: f64, fewest: f64) -> Self {
         Self(Settings {
             cells,
             width,
             steps,
             rounded,
+            fewest,
         })
     }
 }
@@ -289,6 +293,25 @@ impl MarchedSegments {
     #[allow(clippy::cast_possible_wrap)]
     fn levels<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
         self.column(py, |one| one.levels as i64)
+    }
+
+    /// Where the contact set of a contract ends over time, on the last grid but one and on the finest: rows of the number
+    /// of the segment, the years to its end, ln(S/K) at the end next to the strike and at the other one, and how far the
+    /// former may be moved unseen, from expiry to now; not a number where there is none. A row of 0 years is just before what
+    /// happens at the segment's end.
+    fn ends<'py>(
+        &self,
+        py: Python<'py>,
+        contract: usize,
+    ) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+        let Some(found) = self.found.get(contract) else {
+            return Err(PyValueError::new_err("there is no such contract"));
+        };
+        #[allow(clippy::cast_precision_loss)]
+        let row = |end: &End| [end.segment as f64, end.years, end.near, end.far, end.unseen];
+        let rows = |ends: &Vec<End>| ends.iter().map(row).collect::<Vec<_>>().concat();
+        let matrix = |ends| PyArray1::from_vec(py, rows(ends)).reshape([ends.len(), 5]);
+        found.ends.iter().map(matrix).collect()
     }
 
     /// The first two derivatives by x, the rate `V_tau` and its derivative by x, the derivative of the first by a parallel

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pricing_core.american.advice.exercise_advice import BOUNDARY_TOLERANCE, INTERRUPTED, exercised
+from pricing_core.american.advice.exercise_advice import INTERRUPTED, boundaries_of, exercised
 from pricing_core.american.book.book import Book, Segments
 from pricing_core.american.book.prices import Prices
-from pricing_core.american.boundary import ExerciseBoundary
 from pricing_core.american.contracts.dates import DAYS_PER_YEAR
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.solve import boundary_of, solve
+from pricing_core.american.engines.solve import solve
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, NumericalError, PricingCoreError
 
@@ -69,26 +67,12 @@ def _advice(book: Book, exercise_now: bool, request: Request) -> tuple[float, fl
             raise NumericalError(INTERRUPTED)
 
     expiry = schedule.segments[-1].end
-    march, error = exercised(schedule, _boundaries(book, request, check), np.array([expiry]), check)
+    at_strike = replace(book, spot=book.strike + book.escrow_now(), reduction=None)
+    boundaries = boundaries_of(at_strike, request.interrupt, check)
+    march, error = exercised(schedule, boundaries, np.array([expiry]), check)
     probability = march.probability
     when = march.first_moment() / probability if probability > 0.0 else math.nan
     return probability, error, when, probability + march.at_expiry
-
-
-def _boundaries(
-    book: Book, request: Request, check: Callable[[], None]
-) -> Callable[[Vector], ExerciseBoundary]:
-    """Return what gives the boundary of a book of one contract at any times."""
-    at_strike = replace(book, spot=book.strike + book.escrow_now(), reduction=None)
-    asked = Request(np.array([BOUNDARY_TOLERANCE]), interrupt=request.interrupt)
-
-    def boundaries(times: Vector) -> ExerciseBoundary:
-        check()
-        there = boundary_of(at_strike, times, asked)
-        tau, other = np.maximum(book.expiry - times, 0.0), None if np.isnan(there.far).all() else there.far
-        return ExerciseBoundary(times, tau, there.near, other, there.error, "")
-
-    return boundaries
 
 
 def _cost_of_a_day(book: Book, found: Prices, request: Request) -> Vector:

@@ -10,22 +10,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from pricing_core.american.advice.cell_volatility import CellVolatility
 from pricing_core.american.advice.exercise_times import Exercised, exercise_without_spot
 from pricing_core.american.advice.region import Region, Span, parameters, times_in
 from pricing_core.american.contracts.schedule import Schedule, Segment
-from pricing_core.american.engines.method_of_lines.grid import Grid
-from pricing_core.american.engines.method_of_lines.level import make_solver
-from pricing_core.american.engines.method_of_lines.node_volatility import NodeVolatility
-from pricing_core.american.engines.method_of_lines.operators import spot_operator
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.stepping import SDIRK2
 
 CELLS_PER_STEP = 8  # Number of cells of the grid for each step of a span; chosen.
-TOLERANCE = 1e-7  # What may leave the grid, as for a price with this tolerance; chosen.
 SMALLEST_CELL = 1e-6  # Smallest distance of a node to the region, as a share of its cell; chosen.
 
 
@@ -40,14 +36,14 @@ class DensityMarch:
     count : int
         Number of steps of a span.
     shift : float
-        By how much every end of the region is moved, in ln(spot): for the error that the boundary's own error makes.
+        By how many of its errors every end of the region is moved: for the error that the boundary's own error makes.
     check : callable
         Called between the spans; may raise.
 
     Attributes
     ----------
-    grid : Grid
-        In units of the strike.
+    nodes : Vector, shape (N + 2,)
+        Spots in units of the strike.
     mass : Vector, shape (N + 2,)
         The mass at all nodes that has not been exercised.
     """
@@ -57,18 +53,25 @@ class DensityMarch:
     shift: float
     check: Callable[[], None]
     found: Exercised = field(default_factory=Exercised)
-    grid: Grid = field(init=False)
+    nodes: Vector = field(init=False)
     mass: Vector = field(init=False)
-    _volatility: NodeVolatility = field(init=False)
+    _volatility: CellVolatility = field(init=False)
     # What share of the cell around each node lay outside the region at the end of the last span.
     _outside: Vector = field(init=False)
 
     def __post_init__(self) -> None:
+        from pricing_core.american.engines.obstacle_march.contract_problem import (  # noqa: PLC0415  a price does without
+            contract_problem,
+            place_of,
+        )
+        from pricing_core.obstacle.interval import choose_map  # noqa: PLC0415
+
         schedule = self.schedule
         assert schedule.local is not None
-        self.grid = make_solver(schedule, TOLERANCE).span.grid(CELLS_PER_STEP * self.count, 0.0)
-        self._volatility = NodeVolatility.of(schedule.local, self.grid, schedule.strike)
-        self._outside = np.ones(self.grid.nodes.size)
+        whole = choose_map(contract_problem(schedule), np.array([place_of(schedule)]))
+        self.nodes = np.exp(np.linspace(whole.left, whole.right, CELLS_PER_STEP * self.count + 1))
+        self._volatility = CellVolatility.of(schedule.local, schedule.strike * self.nodes)
+        self._outside = np.ones(self.nodes.size)
         self.mass = self._split(np.array([schedule.spot / schedule.strike]), np.ones(1))
 
     def run(self, spans: list[list[Span]], regions: list[Region | None]) -> Exercised:
@@ -89,7 +92,7 @@ class DensityMarch:
 
     def pass_through(self, segment: Segment, span: Span) -> None:
         """Carry the masses at all nodes through a span."""
-        self._outside = np.ones(self.grid.nodes.size)
+        self._outside = np.ones(self.nodes.size)
         if span.exists:
             self._cut(span.start, span.region_at(0.0))
         mesh = parameters(self.count)
@@ -98,12 +101,12 @@ class DensityMarch:
         absorbed = np.zeros(self.count + 1)
         for step in range(self.count):
             middle = 0.5 * (mesh[step] + mesh[step + 1])
-            region = self._moved(span.region_at(middle)) if span.exists else None
+            region = span.region_at(middle).moved(self.shift) if span.exists else None
             excess = self._volatility.excess(weights[min(step, len(weights) - 1)])
             absorbed[step + 1] = self._step(segment, times[step + 1] - times[step], excess, region)
         if span.exists:
             # Who stands in the region at the end of the last step has met it before.
-            inside = self._share_inside(self._moved(span.region_at(1.0)))
+            inside = self._share_inside(span.region_at(1.0).moved(self.shift))
             absorbed[-1] += self._taken(inside)
             self._outside = 1.0 - inside
             self.found.flows.append((span.start, span.end, np.cumsum(absorbed)))
@@ -128,16 +131,20 @@ class DensityMarch:
 
     def _generator(self, segment: Segment, excess: Vector, region: Region | None) -> tuple[Vector, Vector]:
         """Return the rates down and up from every node, shape (N + 2,); the two ends are left by nobody."""
-        s, lower, upper = self.grid.nodes, np.zeros(excess.size + 2), np.zeros(excess.size + 2)
-        operator, _ = spot_operator(self.grid, segment, (), excess)
-        lower[1:-1], upper[1:-1] = operator.lower, operator.upper
+        s, lower, upper = self.nodes, np.zeros(excess.size + 2), np.zeros(excess.size + 2)
+        left, right = np.diff(s)[:-1], np.diff(s)[1:]
+        drift = (segment.rate - segment.dividend_yield) * s[1:-1]
+        diffusion = 0.5 * np.maximum(segment.volatility + excess, 0.0) ** 2 * s[1:-1] ** 2
+        # Raised where a cell is too coarse for the drift: no rate is negative (Il'in 1969).
+        half = 0.5 * np.abs(drift) * np.maximum(left, right)
+        coarse = half > diffusion
+        share = np.divide(half, diffusion, out=np.full(half.size, math.inf), where=diffusion > 0.0)
+        diffusion = np.where(coarse, (1.0 + 1e-12) * half / np.where(coarse, np.tanh(share), 1.0), diffusion)
+        lower[1:-1] = (2.0 * diffusion - drift * right) / (left * (left + right))
+        upper[1:-1] = (2.0 * diffusion + drift * left) / (right * (left + right))
         if region is None:
             return lower, upper
-        drift, strike = segment.rate - segment.dividend_yield, self.schedule.strike
-        left, right = np.diff(s)[:-1], np.diff(s)[1:]
-        twice = (
-            operator.lower * left**2 + operator.upper * right**2
-        )  # twice the diffusion, as the operator has it
+        carry, strike, twice = segment.rate - segment.dividend_yield, self.schedule.strike, 2.0 * diffusion
         for edge, above in ((region.high, True), (region.low, False)):
             if math.isinf(edge):
                 continue
@@ -149,19 +156,16 @@ class DensityMarch:
             cell = left[node - 1] if above else right[node - 1]
             near = max(abs(s[node] - place), SMALLEST_CELL * cell)
             down, up = (near, right[node - 1]) if above else (left[node - 1], near)
-            m, a = drift * s[node], twice[node - 1]
+            m, a = carry * s[node], twice[node - 1]
             lower[node], upper[node] = (
                 max(a - m * up, 0.0) / (down * (down + up)),
                 max(a + m * down, 0.0) / (up * (down + up)),
             )
         return lower, upper
 
-    def _moved(self, region: Region) -> Region:
-        return replace(region, low=region.low + self.shift, high=region.high + self.shift)
-
     def _inside(self, region: Region | None) -> BoolVector:
         """Tell which nodes lie in a region."""
-        s = self.grid.nodes
+        s = self.nodes
         if region is None:
             return np.zeros(s.size, dtype=bool)
         strike = self.schedule.strike
@@ -177,13 +181,13 @@ class DensityMarch:
 
     def _cut(self, time: float, region: Region) -> None:
         """Let those in a region exercise."""
-        gained = self._taken(self._share_inside(self._moved(region)))
+        gained = self._taken(self._share_inside(region.moved(self.shift)))
         if gained > 0.0:
             self.found.bursts.append((time, gained))
 
     def _share_inside(self, region: Region) -> Vector:
         """Return what share of the cell around each node lies in a region."""
-        s, strike = self.grid.nodes, self.schedule.strike
+        s, strike = self.nodes, self.schedule.strike
         edges = np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
         low, high = (
             math.copysign(math.inf, end) if math.isinf(end) else math.exp(end) / strike
@@ -196,7 +200,7 @@ class DensityMarch:
         """Let the spot drop, s -> max(s (1 - fraction) - amount, 0), before the segment `following`."""
         if segment.fraction <= 0.0 and segment.amount <= 0.0:
             return
-        places = self.grid.nodes * (1.0 - segment.fraction) - segment.amount / self.schedule.strike
+        places = self.nodes * (1.0 - segment.fraction) - segment.amount / self.schedule.strike
         lost = float(self.mass[places <= 0.0].sum())
         kept = places > 0.0
         self.mass = self._split(places[kept], self.mass[kept])
@@ -205,7 +209,7 @@ class DensityMarch:
 
     def _split(self, places: Vector, masses: Vector) -> Vector:
         """Return the masses at places between nodes on these nodes, with the same means."""
-        s = self.grid.nodes
+        s = self.nodes
         above = np.clip(np.searchsorted(s, places), 1, s.size - 1)
         share = np.clip((places - s[above - 1]) / (s[above] - s[above - 1]), 0.0, 1.0)
         low = np.bincount(above - 1, (1.0 - share) * masses, minlength=s.size)

@@ -14,6 +14,7 @@ from pricing_core.american.advice.cost_of_waiting import cost_of_waiting
 from pricing_core.american.advice.density_march import DensityMarch
 from pricing_core.american.advice.exercise_times import Exercised, ExerciseMarch
 from pricing_core.american.advice.region import Boundaries, Region, RegionFinder, Span
+from pricing_core.american.book.book import Book
 from pricing_core.american.boundary import ExerciseBoundary, exercise_boundary
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
@@ -22,6 +23,8 @@ from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE,
 from pricing_core.american.contracts.market import Market
 from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.american.contracts.times import checked_times
+from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.solve import boundary_of
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, NumericalError
 
@@ -145,11 +148,7 @@ def exercise_advice(
     if now or option.expiry == 0.0:
         found, error = _settled(option, market, exercised=now), 0.0
     else:
-
-        def boundaries(at: Vector) -> ExerciseBoundary:
-            check()
-            return exercise_boundary(option, market, at, tolerance=BOUNDARY_TOLERANCE, interrupt=interrupt)
-
+        boundaries = boundaries_of(Book.at_strike(option, market), interrupt, check)
         found, error = exercised(schedule, boundaries, chosen, check)
     probability = found.probability
     cumulative = np.minimum(found.cumulative(chosen), probability)
@@ -195,6 +194,20 @@ def _settled(option: Option, market: Market, *, exercised: bool) -> Exercised:
     return Exercised(at_expiry=float(gains), worthless=float(not gains))
 
 
+def boundaries_of(book: Book, interrupt: Callable[[], bool] | None, check: Callable[[], None]) -> Boundaries:
+    """Return what gives the boundary of a book of one contract, whose spot is the strike, at any times."""
+    asked = Request(np.array([BOUNDARY_TOLERANCE]), interrupt=interrupt)
+    found = boundary_of(book, asked)
+
+    def boundaries(times: Vector) -> ExerciseBoundary:
+        check()
+        there = found(times)
+        tau, other = np.maximum(book.expiry - times, 0.0), None if np.isnan(there.far).all() else there.far
+        return ExerciseBoundary(times, tau, there.near, other, there.error, "")
+
+    return boundaries
+
+
 def exercised(
     schedule: Schedule, boundaries: Boundaries, times: Vector, check: Callable[[], None]
 ) -> tuple[Exercised, float]:
@@ -221,15 +234,15 @@ def exercised(
     for segment in schedule.segments:
         spans.append(finder.spans(segment) if segment.exercisable else [Span(segment.start, segment.end)])
         regions.append(finder.at_end(segment) if segment.exercise_at_end and segment is not last else None)
-    errors = [span.error for part in spans for span in part]
-    errors += [region.error for region in regions if region is not None]
 
     def run(count: int, shift: float) -> Exercised:
         diffuses_locally = schedule.local is not None and schedule.spot > 0.0
         march = DensityMarch if diffuses_locally else ExerciseMarch
         return march(schedule, count, shift, check).run(spans, regions)
 
-    fine, coarse, moved = run(INTERVALS, 0.0), run(INTERVALS // 2, 0.0), run(INTERVALS // 2, max(errors))
+    # A region that becomes smaller: its end is steep where it falls to 0 before a dividend, and its error large.
+    outwards = -1.0 if schedule.is_put else 1.0
+    fine, coarse, moved = run(INTERVALS, 0.0), run(INTERVALS // 2, 0.0), run(INTERVALS // 2, outwards)
 
     def told(found: Exercised) -> Vector:
         return np.concatenate(

@@ -13,7 +13,6 @@ from pricing_core.american.advice.laws import REACH, Law, PointMass, resolved
 from pricing_core.american.advice.region import Region, Span, monotone_cubic, parameters, times_in
 from pricing_core.american.contracts.schedule import Schedule, Segment
 from pricing_core.arrays import Vector
-from pricing_core.errors import NumericalError
 
 NOBODY = 1e-15  # Largest mass that is not followed; chosen.
 STILL = 1e-9  # Smallest standard deviation of an increment that is not rounding, in ln(spot); chosen.
@@ -76,7 +75,7 @@ class ExerciseMarch:
     count : int
         Number of intervals of a span's mesh.
     shift : float
-        By how much every end of the region is moved, in ln(spot): for the error that the boundary's own error makes.
+        By how many of its errors every end of the region is moved: for the error that the boundary's own error makes.
     check : callable
         Called between the steps of the work; may raise.
     """
@@ -133,8 +132,8 @@ class ExerciseMarch:
         self._cut(span.start, region)
         laws, self.laws = self.laws, []
         for law in laws:
-            above = law.support[0] >= region.high + self.shift
-            edge = _shifted(span.high if above else span.low, self.shift)
+            above = law.support[0] >= region.moved(self.shift).high
+            edge = span.edge(above=above, errors=self.shift)
             passage = Passage(law, mean / length, segment.volatility, length, edge, self.check)
             if not above:
                 passage = passage.mirrored()
@@ -159,7 +158,8 @@ class ExerciseMarch:
 
     def _cut(self, time: float, region: Region) -> None:
         """Let those in a region exercise."""
-        low, high = region.low + self.shift, region.high + self.shift
+        region = region.moved(self.shift)
+        low, high = region.low, region.high
         before = math.fsum(law.mass for law in self.laws)
         parts = [law.between(*side) for law in self.laws for side in ((-math.inf, low), (high, math.inf))]
         self.laws = [law for law in parts if law is not None and law.mass > NOBODY]
@@ -212,9 +212,3 @@ def exercise_without_spot(schedule: Schedule, found: Exercised, mass: float, fir
         found.bursts.append((when, mass))
     else:
         found.at_expiry += mass
-
-
-def _shifted(edge: Callable[[Vector], Vector] | None, by: float) -> Callable[[Vector], Vector]:
-    if edge is None:
-        raise NumericalError("nobody stands on the open side of an exercise region")
-    return lambda parameter: edge(parameter) + by

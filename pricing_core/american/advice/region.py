@@ -13,9 +13,10 @@ import numpy as np
 from pricing_core.american.boundary import JUST_AFTER, ExerciseBoundary
 from pricing_core.american.contracts.schedule import Schedule, Segment
 from pricing_core.arrays import Vector
+from pricing_core.errors import NumericalError
 
 SCANNED = 32  # Number of times of a segment at which it is asked whether there is a region; chosen.
-UNKNOWN_ERROR = 1e-4  # Error of a boundary of the method of lines, as a share of it: see `exercise_boundary`.
+UNKNOWN_ERROR = 1e-4  # Error of a boundary that tells none, as a share of it; chosen.
 REFINED, REFINEMENTS = (
     16,
     3,
@@ -58,6 +59,11 @@ class Region:
     high: float
     error: float
 
+    def moved(self, errors: float) -> Region:
+        """Return the region with both ends moved by so many of its errors."""
+        by = errors * self.error
+        return Region(self.low + by, self.high + by, self.error)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Span:
@@ -69,15 +75,15 @@ class Span:
         Years from now.
     low, high : callable or None
         Ends of the region over the parameter of a mesh that is dense at both ends; None where there is no such end.
-    error : float
-        Estimated error of the ends, in ln(spot).
+    error : callable or None
+        Estimated error of the ends, in ln(spot), over the same; None where there is no region.
     """
 
     start: float
     end: float
     low: Callable[[Vector], Vector] | None = None
     high: Callable[[Vector], Vector] | None = None
-    error: float = 0.0
+    error: Callable[[Vector], Vector] | None = None
 
     @property
     def exists(self) -> bool:
@@ -89,7 +95,20 @@ class Span:
         place = np.array([parameter])
         low = -math.inf if self.low is None else float(self.low(place)[0])
         high = math.inf if self.high is None else float(self.high(place)[0])
-        return Region(low, high, self.error)
+        return Region(low, high, 0.0 if self.error is None else float(self.error(place)[0]))
+
+    def edge(self, *, above: bool, errors: float) -> Callable[[Vector], Vector]:
+        """Return the upper or the lower end of the region, moved by so many of its errors.
+
+        Raises
+        ------
+        NumericalError
+            There is no such end.
+        """
+        edge, error = self.high if above else self.low, self.error
+        if edge is None or error is None:
+            raise NumericalError("nobody stands on the open side of an exercise region")
+        return lambda parameter: edge(parameter) + errors * error(parameter)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +135,9 @@ class RegionFinder:
         if math.isnan(near[0]):
             return None
         low, high = (far[0], near[0]) if self.schedule.is_put else (near[0], far[0])
-        return Region(-math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high, error)
+        return Region(
+            -math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high, float(error[0])
+        )
 
     def spans(self, segment: Segment) -> list[Span]:
         """Return the spans of a segment in which exercise is allowed, in the order of time."""
@@ -150,7 +171,7 @@ class RegionFinder:
         near_edge = monotone_cubic(_filled(near))
         far_edge = None if np.isnan(far).all() else monotone_cubic(_filled(far))
         low, high = (far_edge, near_edge) if self.schedule.is_put else (near_edge, far_edge)
-        return Span(start, end, low, high, error)
+        return Span(start, end, low, high, monotone_cubic(_filled(error)))
 
     def _inside(self, start: float, end: float, mesh: Vector) -> Vector:
         """Return the times of a mesh, the first one just after what happens at the start."""
@@ -162,8 +183,8 @@ class RegionFinder:
     def _near(self, segment: Segment, times: Vector) -> Vector:
         return self._logarithms(segment, self.boundaries(times))[0]
 
-    def _logarithms(self, segment: Segment, found: ExerciseBoundary) -> tuple[Vector, Vector, float]:
-        """Return both ends in ln(spot), NaN where there is none, and the largest error of the near one."""
+    def _logarithms(self, segment: Segment, found: ExerciseBoundary) -> tuple[Vector, Vector, Vector]:
+        """Return both ends in ln(spot) and the error of the near one, NaN where there is none."""
         escrow = np.array([segment.escrow_at(time) for time in found.time.tolist()])
         nothing = np.full(found.time.size, math.nan)
         ends: Sequence[Vector] = (
@@ -172,9 +193,9 @@ class RegionFinder:
         )
         with np.errstate(invalid="ignore", divide="ignore"):
             near, far = (np.where(end > escrow, np.log(end - escrow), math.nan) for end in ends)
-            errors = found.error_estimate / (found.boundary - escrow)
-        usual = np.where(np.isnan(errors), UNKNOWN_ERROR, errors)[~np.isnan(near)]
-        return near, far, float(usual.max(initial=0.0))
+            errors = np.log1p(found.error_estimate / (found.boundary - escrow))
+        told = np.where(np.isnan(errors), UNKNOWN_ERROR, errors)
+        return near, far, np.where(np.isnan(near), math.nan, told)
 
 
 def _filled(values: Vector) -> Vector:

@@ -200,6 +200,12 @@ class Book:
         """Whether every contract has one segment, so that segments and contracts are the same rows."""
         return self.segments.end.size == self.spot.size
 
+    def deviation(self) -> Vector:
+        """Return the standard deviation of ln S at expiry, shape (n,); of a local volatility what stands for it."""
+        segments = self.segments
+        variance = segments.volatility**2 * segments.duration
+        return np.sqrt(variance if self.is_simple else np.add.reduceat(variance, self.first[:-1]))
+
     def has_events(self) -> BoolVector:
         """Tell which contracts have more than one segment, or a dividend at expiry, shape (n,)."""
         last = self.first[1:] - 1

@@ -9,6 +9,7 @@ from pricing_core.errors import InvalidInputError
 
 TimeMesh: TypeAlias = Literal["square-root", "cube-root", "uniform", "adaptive"]
 Scheme: TypeAlias = Literal["sdirk2", "implicit-euler", "crank-nicolson"]
+LCPMethod: TypeAlias = Literal["tridiagonal", "policy", "psor", "lemke"]
 
 LARGEST_STRETCHING = 10.0  # Largest stretching of a grid; chosen.
 SMALLEST_INTERVALS, SMALLEST_STEPS, MOST = 8, 4, 20_000  # Limits of a resolution; chosen.

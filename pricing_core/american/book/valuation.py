@@ -35,7 +35,7 @@ class Diagnostics:
     steps_taken : int
         Time steps of the finest solve.
     resolution : Resolution or None
-        The finest grid and steps; with lcp_residual and fitted, of the method of lines alone.
+        The finest grid and steps; with lcp_residual and fitted, of the chapter's road alone.
     lcp_residual : float
         Largest natural residual of the finest solve's complementarity problems, as a fraction of the strike.
     fitted : bool
@@ -90,8 +90,9 @@ class Valuation:
     status : str
         "ok", "tolerance_not_met" or "deadline".
     method : str
-        "premium-march"; "obstacle-march" with two boundaries or events; the time stepping of the method of lines; or
-        what took their place: "closed-form", "zero-volatility", "worthless-underlying", "expired", "none".
+        "premium-march"; "obstacle-march" with two boundaries or events; "lcs" and "crank-nicolson" where they are
+        asked for; or what took their place: "closed-form",
+        "zero-volatility", "worthless-underlying", "expired", "none".
     engine_version : str
     instruction_set : str
         "avx512", "avx2" or "portable", or "numpy" without the compiled kernel: the last digits depend on it.

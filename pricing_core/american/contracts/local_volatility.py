@@ -155,12 +155,6 @@ class LocalVolatility:
         with np.errstate(divide="ignore"):
             return _interpolated(np.log(self.spots), self.values, self.slopes, np.log(spots))
 
-    def mean_variance(self, start: float, end: float) -> Vector:
-        """Return the mean of sigma**2 from `start` to `end` (years) at the nodes of the spot, shape (n,)."""
-        weights = mean_weights(self.times, np.array([start]), np.array([end]))
-        mean: Vector = (weights @ self.values**2)[0]
-        return mean
-
     def extrapolated(self, spot: float, strike: float, expiry: float) -> str:
         """Return one sentence that names what lies outside the nodes, of a contract's spot, strike and expiry.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.special import ndtr
@@ -10,6 +11,9 @@ from scipy.special import ndtr
 from pricing_core.american.book.book import Book
 from pricing_core.arrays import BoolVector, Vector
 
+# Largest ratio of strike and boundary that is looked for, the number of spots tried in a round, and rounds; chosen.
+FURTHEST, TRIED, ROUNDS = 1e9, 257, 5
+ROUNDING = 1e-13  # By which a value may exceed what exercise brings and be the same; chosen.
 FAR = math.exp(15.0)  # Smallest ratio of spot and strike of options that may never reach the strike; chosen.
 
 
@@ -52,6 +56,56 @@ def certain_value(book: Book) -> Vector:
             spot[rows] = np.maximum(grown * (1.0 - segments.fraction[at]) - drops[at], 0.0)
             discount[rows] = d * np.exp(-rate * h)
     return np.maximum(np.maximum(best, sign * (strike - spot) * discount), 0.0)
+
+
+def certain_ends(book: Book, times: Vector) -> tuple[Vector, Vector]:
+    """Return the ends of the exercise region of one contract whose volatility is left out, (near, far), money, (m,).
+
+    Of several intervals it is the one next to the strike; NaN where there is no such end. At a time at which something
+    happens they are those just before it. Spots are tried from the strike on.
+    """
+    found = np.full((2, times.size), math.nan)
+    outermost = -book.sign.item(0) * math.log(FURTHEST)
+    for k, t in enumerate(times.tolist()):
+        left = _left_at(book, t)
+        escrow = left.escrow_now().item(0)
+        strike = left.strike.item(0) - escrow
+        if strike <= 0.0:
+            continue
+        begins = _first(left, strike, 0.0, outermost, exercised=True)
+        ends = _first(left, strike, begins, outermost, exercised=False)
+        found[:, k] = strike * np.exp([begins, ends]) + escrow
+    return found[0], found[1]
+
+
+def _first(book: Book, strike: float, start: float, end: float, *, exercised: bool) -> float:
+    """Return the first place between two, ln(S/strike), at which one contract is exercised at once, or is not."""
+    for _ in range(0 if math.isnan(start) else ROUNDS):
+        places = np.linspace(start, end, TRIED)
+        wanted = np.flatnonzero(_is_exercised(book, strike * np.exp(places)) == exercised)
+        if wanted.size == 0:
+            return math.nan
+        start, end = places[max(wanted[0] - 1, 0)], places[wanted[0]]
+    return math.nan if math.isnan(start) else end
+
+
+def _left_at(book: Book, t: float) -> Book:
+    """Return one contract as it is a time from now; what happens then is still to come."""
+    segments = book.segments
+    kept = segments.take(np.flatnonzero(segments.end >= t))
+    kept = replace(kept, start=np.maximum(kept.start - t, 0.0), end=kept.end - t)
+    return replace(book, first=np.array([0, kept.end.size]), segments=kept)
+
+
+def _is_exercised(book: Book, diffusing: Vector) -> BoolVector:
+    """Tell at which spots that diffuse one contract is exercised at once, shape (m,)."""
+    rows = book.take(np.zeros(diffusing.size, dtype=np.intp))
+    rows = replace(rows, spot=diffusing + book.escrow_now())
+    payoff = rows.payoff()
+    now = rows.first_segments()
+    allowed = now.exercisable | (now.exercise_at_end & (now.end == 0.0))
+    exercised: BoolVector = allowed & (payoff > 0.0) & (certain_value(rows) <= payoff * (1.0 + ROUNDING))
+    return exercised
 
 
 def uncertainty(book: Book) -> Vector:

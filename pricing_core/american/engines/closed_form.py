@@ -13,7 +13,7 @@ from pricing_core.american.book.prices import Prices, prices
 from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.certain import certain_value, is_far_out_of_the_money, uncertainty
 from pricing_core.american.engines.differences import plan_differences
-from pricing_core.american.engines.engine import Boundaries, Request
+from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.formulas import has_formula, may_exercise
 from pricing_core.american.engines.held import ROUNDING, held_theta
@@ -33,6 +33,7 @@ class ClosedForm:
     """Black, Scholes and Merton's formula, its limits, and the best time to exercise where nothing is uncertain."""
 
     name = "closed form"
+    method = "closed-form"
     least_error = 0.0
 
     def serves(self, book: Book) -> BoolVector:
@@ -45,7 +46,7 @@ class ClosedForm:
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Price by formula; certain contracts are settled where volatility adds at most a tenth of the tolerance."""
-        formula = has_formula(book) & (_deviation(book) >= SMALLEST_SPREAD) & (book.spot > 0.0)
+        formula = has_formula(book) & (book.deviation() >= SMALLEST_SPREAD) & (book.spot > 0.0)
         far = np.flatnonzero(is_far_out_of_the_money(book))  # where the formula rounds to a part of the spot
         formula[far] &= ~_is_certain(book.take(far))
         if every(formula):
@@ -54,8 +55,11 @@ class ClosedForm:
         certain = _on_certain_path(book, request)
         return certain.replaced(rows, _by_formula(book.take(rows), request.take(rows)))
 
-    def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
+    def boundary(self, book: Book, request: Request) -> BoundariesAt:
         """Return the limit at expiry, where early exercise never pays; of a certain contract the same at all times."""
+        return lambda times: self._boundary(book, times, request)
+
+    def _boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
         nothing, none = np.full(times.size, math.nan), np.zeros(times.size, dtype=bool)
         (near, far), expired = _certain_boundary(book), book.expiry[0] == 0.0
         if has_formula(book)[0] and not (expired and may_exercise(book)[0]):
@@ -68,13 +72,6 @@ class ClosedForm:
         return Boundaries(np.full(times.size, near[0]), np.full(times.size, far[0]), nothing, ~none)
 
 
-def _deviation(book: Book) -> Vector:
-    """Return the standard deviation of ln S at expiry, shape (n,)."""
-    segments = book.segments
-    variance = segments.volatility**2 * segments.duration
-    return np.sqrt(variance if book.is_simple else np.add.reduceat(variance, book.first[:-1]))
-
-
 def _uncertain_by(book: Book) -> Vector:
     """Return what the volatility may add to or take from the value, money, as if the spot were at least the strike.
 
@@ -85,7 +82,7 @@ def _uncertain_by(book: Book) -> Vector:
 
 def _is_certain(book: Book) -> BoolVector:
     """Tell contracts of which the certain path may be all that matters, at the largest tolerance."""
-    small, far = _deviation(book) <= LARGEST_UNCERTAINTY, is_far_out_of_the_money(book)
+    small, far = book.deviation() <= LARGEST_UNCERTAINTY, is_far_out_of_the_money(book)
     if some(small):
         rows = np.flatnonzero(small)
         part = book.take(rows)

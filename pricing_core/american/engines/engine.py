@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
@@ -73,12 +73,20 @@ class Boundaries(NamedTuple):
         return Boundaries(near, far, error, found.astype(bool))
 
 
+BoundariesAt: TypeAlias = Callable[[Vector], Boundaries]
+
+
 class Engine(Protocol):
     """A way to price contracts."""
 
     @property
     def name(self) -> str:
         """What the engine is called."""
+        ...
+
+    @property
+    def method(self) -> str:
+        """What results say of it, but for contracts that need no method."""
         ...
 
     @property
@@ -94,18 +102,11 @@ class Engine(Protocol):
         """Price contracts that the engine serves; those it gives up are not `settled`."""
         ...
 
-    def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
-        """Return the exercise boundary of a book of one contract that the engine serves.
+    def boundary(self, book: Book, request: Request) -> BoundariesAt:
+        """Return the exercise boundary of a book of one contract that the engine serves, as a function of time.
 
-        Parameters
-        ----------
-        times : Vector, shape (m,)
-            Years from now, increasing, 0 to expiry; at a time at which something happens the boundary is the one just
-            before it, at expiry the limit.
-
-        Raises
-        ------
-        NumericalError
-            The interrupt came before the end.
+        The function takes years from now, increasing, 0 to expiry, shape (m,); at a time at which something happens the
+        boundary is the one just before it, at expiry the limit. What serves all times is solved once.
+        It raises `NumericalError` where the interrupt came before the end.
         """
         ...

@@ -27,6 +27,7 @@ def priced(
     gamma: Vector,
     boundary: Vector,
     exercised: BoolVector,
+    theta: Vector | None = None,
     **others: Any,
 ) -> Prices:
     """Return the prices; in the exercise region they and their derivatives are the payoff's.
@@ -39,6 +40,8 @@ def priced(
         Money; in the exercise region value, delta and gamma are not read.
     exercised : bool array, shape (n,)
         Whether the spot lies in the closed exercise region.
+    theta : Vector, shape (n,), optional
+        Where it is not given it follows from the others.
     others
         Further columns of `Prices` by name. Derivatives by the parameters are not read in the exercise region; theta's
         error follows from those of the price, delta and gamma where they are given.
@@ -55,9 +58,9 @@ def priced(
         "error": np.maximum(error, missing),
         "delta": delta,
         "gamma": gamma,
-        "theta": others.pop("theta", by_value * value + by_delta * delta + by_gamma * gamma),
+        "theta": by_value * value + by_delta * delta + by_gamma * gamma if theta is None else theta,
     }
-    if "gamma_error" in others and "theta_error" not in others:
+    if "gamma_error" in others and theta is None:
         by_others = THETA_SHARE * np.maximum(
             np.abs(by_delta) * others["delta_error"], np.abs(by_gamma) * others["gamma_error"]
         )

@@ -12,9 +12,9 @@ from pricing_core.american.book.book import Book, Rows
 from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, LISTS, Prices, error_of, prices
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.closed_form import ClosedForm, has_boundary_elsewhere
-from pricing_core.american.engines.engine import Boundaries, Engine, Request
-from pricing_core.american.engines.method_of_lines import MethodOfLines
-from pricing_core.american.engines.obstacle_march import CompiledMarch
+from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Engine, Request
+from pricing_core.american.engines.hardly_diffusing import HardlyDiffusing
+from pricing_core.american.engines.obstacle_march import CompiledMarch, ObstacleMarch, leaves_out_the_strike
 from pricing_core.american.engines.premium_march import PremiumMarch
 from pricing_core.american.engines.price_bounds import lies_high, range_of
 from pricing_core.arrays import BoolVector, Vector, every, some
@@ -23,7 +23,7 @@ from pricing_core.kernel import warn_where_missing
 CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH = ClosedForm(), PremiumMarch(), CompiledMarch()
 # Those whose vega costs no more than a few prices: the search for a volatility asks them first.
 FAST_ENGINES: tuple[Engine, ...] = (CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH)
-ENGINES: tuple[Engine, ...] = (*FAST_ENGINES, MethodOfLines(control=COMPILED_MARCH))
+ENGINES: tuple[Engine, ...] = (*FAST_ENGINES, HardlyDiffusing(), ObstacleMarch())
 BOUNDS_ALONE = "of the price its bounds without arbitrage are known alone, between which it stands"
 
 
@@ -91,29 +91,32 @@ def _remembered(interrupt: Callable[[], bool]) -> Callable[[], bool]:
     return asked
 
 
-def boundary_of(
-    book: Book, times: Vector, request: Request, engines: Sequence[Engine] = ENGINES
-) -> Boundaries:
+def boundary_of(book: Book, request: Request, engines: Sequence[Engine] = ENGINES) -> BoundariesAt:
     """Return the exercise boundary of a book of one contract, at each time from the first engine that finds it.
 
-    Raises
-    ------
-    NumericalError
-        The interrupt came before the end.
+    The function that is returned raises `NumericalError` where the interrupt came before the end.
     """
     warn_where_missing()
+    asked = [engine.boundary(book, request) for engine in engines if engine.serves(book)[0]]
+    return lambda times: _boundaries_at(book, times, asked)
+
+
+def _boundaries_at(book: Book, times: Vector, asked: list[BoundariesAt]) -> Boundaries:
     nothing = np.full(times.size, np.nan)
     best = Boundaries(nothing, nothing, nothing, np.zeros(times.size, dtype=bool))
-    for engine in engines:
-        if engine.serves(book)[0] and not every(best.found):
-            best = best.completed_by(engine.boundary(book, times, request))
+    for boundary in asked:
+        if not every(best.found):
+            best = best.completed_by(boundary(times))
     best = best._replace(near=_where_exercise_pays(book, best.near))
     if not book.is_plain or book.is_local()[0]:
         return best
-    # Without events the boundary is monotone in time (Jaillet, Lamberton, Lapeyre 1990).
-    running = np.fmin if book.is_put[0] else np.fmax
-    monotone = running.accumulate(best.near[::-1])[::-1]
-    return best._replace(near=np.where(np.isnan(best.near), best.near, monotone))
+    # Without events the exercise region grows towards the expiry (Jaillet, Lamberton, Lapeyre 1990).
+    inwards, outwards = (np.fmin, np.fmax) if book.is_put[0] else (np.fmax, np.fmin)
+    near, far = (
+        np.where(np.isnan(end), end, running.accumulate(end[::-1])[::-1])
+        for end, running in ((best.near, inwards), (best.far, outwards))
+    )
+    return best._replace(near=near, far=far)
 
 
 def _where_exercise_pays(book: Book, boundary: Vector) -> Vector:
@@ -170,7 +173,7 @@ def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
     lost = (found.error > allowed[rows]) & (found.error >= most - least)
     inside = replace(found, value=np.clip(found.value, least, most))
     half = 0.5 * (most - least)[lost]
-    bounds = prices(half.size, value=least[lost] + half, error=half, message=BOUNDS_ALONE)
+    bounds = prices(half.size, value=least[lost] + half, error=half, method="none", message=BOUNDS_ALONE)
     return best.replaced(rows, inside.replaced(np.flatnonzero(lost), bounds))
 
 
@@ -220,13 +223,14 @@ def _with_boundaries(book: Book, best: Prices, request: Request, engines: Sequen
     unknown = best.settled & np.isnan(best.boundary)
     if not some(unknown):
         return best
-    rows = np.flatnonzero(unknown & has_boundary_elsewhere(book))
+    elsewhere = (best.method == COMPILED_MARCH.method) & leaves_out_the_strike(book)
+    rows = np.flatnonzero(unknown & (has_boundary_elsewhere(book) | elsewhere))
     if rows.size == 0:
         return best
     boundary = best.boundary.copy()
     for row in rows.tolist():
         at_strike = book.part(slice(row, row + 1))
         at_strike = replace(at_strike, spot=at_strike.strike)
-        found = boundary_of(at_strike, np.zeros(1), request.take(slice(row, row + 1)), engines)
+        found = boundary_of(at_strike, request.take(slice(row, row + 1)), engines)(np.zeros(1))
         boundary[row] = found.near[0]
     return replace(best, boundary=boundary)

@@ -113,7 +113,7 @@ def test_cost_of_waiting_is_the_multiplier_under_the_free_density(name):
     times = option.expiry * np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, 65)) ** 2
     level = exercise_boundary(option, market, times).boundary / option.strike
     march, losses = DensityMarch(schedule, 64, 0.0, lambda: None), []
-    s = march.grid.nodes
+    s = march.nodes
     lost = sign * (segment.rate - segment.dividend_yield * s)
     edges = np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
     for k, time in enumerate(times.tolist()):

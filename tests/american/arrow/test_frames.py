@@ -123,7 +123,7 @@ def test_what_looks_like_days_percent_or_cents_is_warned_about(
 
 
 def slow_contract() -> dict[str, Any]:
-    """Return a contract that takes the method of lines a good while."""
+    """Return a contract that takes the march of obstacle problems a good while."""
     return {"option_type": "put", "spot": 100.0, "strike": 100.0, "expiry": 30.0, "rate": -0.01,
             "dividend_yield": -0.02, "volatility": 0.1}  # fmt: skip
 

@@ -469,7 +469,7 @@ def test_boundaries_of_what_is_certain_or_never_exercised():
     times, request = np.array([0.0, 0.5, 1.0]), Request(np.array([1e-6]))
 
     def ends(option, market):
-        return ENGINE.boundary(Book.of([(option, market)]), times * option.expiry, request)
+        return ENGINE.boundary(Book.of([(option, market)]), request)(times * option.expiry)
 
     sure = ends(Option("put", 100.0, 1.0), Market(100.0, 0.03, 0.0, 0.06))
     assert sure.found.all()

@@ -268,7 +268,7 @@ def test_a_price_that_the_engine_cannot_give_ends_without_convergence(monkeypatc
         raise ArithmeticError
 
     monkeypatch.setattr("pricing_core.kernel.march_segments", None)
-    monkeypatch.setattr("pricing_core.american.engines.method_of_lines.engine.make_solver", refuse)
+    monkeypatch.setattr("pricing_core.american.engines.obstacle_march.pricing.contract_problem", refuse)
     general = Market(90.0, -0.02, 0.2, -0.05, cash_dividends=[CashDividend(0.5, 1.0)])  # two boundaries
     assert implied_volatility(PUT, general, 14.0).status == "no_convergence"
 

@@ -32,7 +32,7 @@ def test_the_forward_is_that_of_european_parity(time):
         "rate": {"times": [0.3, 1.0], "values": [0.02, 0.05]},
         "dividend_yield": 0.01,
         "borrow_rate": 0.005,
-        "volatility": 1e-3,
+        "volatility": 0.1,
         "cash_dividends": list(DIVIDENDS),
         "proportional_dividends": [{"time": 0.45, "fraction": 0.02}],
     }

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core import kernel
-from pricing_core.american.book.book import Book
+from pricing_core.american.book.book import Book, Segments
 from pricing_core.american.book.prices import Prices
 from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.differences import stored
-from pricing_core.american.engines.engine import Boundaries, Request
+from pricing_core.american.engines.engine import BoundariesAt, Request
 from pricing_core.american.engines.formulas import has_formula, may_exercise
 from pricing_core.american.engines.held import priced
 from pricing_core.american.engines.obstacle_march.march_book import march_book
@@ -24,36 +24,41 @@ from pricing_core.american.engines.obstacle_march.segment_greeks import (
     lacks_cuts,
     with_entries,
 )
-from pricing_core.arrays import BoolVector, Vector
+from pricing_core.arrays import BoolVector, Matrix, Vector
+from pricing_core.errors import NumericalError
 
 if TYPE_CHECKING:
     from pricing_core._kernels import MarchedSegments
+    from pricing_core.american.engines.obstacle_march.boundaries import Traces
 
-# Largest standard deviation of ln S at expiry, distance of the spot from the strike in such deviations, and drift of a
-# segment in its own: on a wider grid the ends' spots are too far apart for the equations' numbers; measured.
-LARGEST_DEVIATION, FURTHEST, LARGEST_DRIFT = 4.0, 30.0, 6.0
+# Largest standard deviation of ln S at expiry, and drift of a segment in its own: on a wider grid the ends' spots are
+# too far apart for the equations' numbers. A drift that is not large itself may be more deviations. Measured.
+LARGEST_DEVIATION, LARGEST_DRIFT, SMALL_DRIFT, LARGEST_SMALL_DRIFT = 4.0, 6.0, 2.0, 60.0
+LEAST_VOLATILITY = 1e-6  # Least volatility that is marched; chosen.
+# Standard deviations from the strike from which on no grid reaches it, but for those that are wide for other reasons.
+FURTHEST = 16.0
+
+# Fewest steps of a segment over the cells of the grid where boundaries are wanted between its ends; chosen.
+STEPS_OF_BOUNDARIES = 0.125
 
 
 class CompiledMarch:
     """Whatever happens before expiry, with constant coefficients in between or a local volatility."""
 
-    name = "obstacle march"
+    name = "compiled march"
+    method = "obstacle-march"
     least_error = 0.0
 
     def serves(self, book: Book) -> BoolVector:
-        """Tell contracts that diffuse in every segment, not too far for its grids."""
+        """Tell contracts that diffuse in every segment, not too far for the grids."""
         if kernel.march_segments is None:
             return np.zeros(book.count, dtype=bool)
         segments, spot = book.segments, book.spot - book.escrow_now()
         variance = segments.volatility**2 * segments.duration
-        deviation = np.sqrt(np.add.reduceat(variance, book.first[:-1]))
-        served = (book.expiry > 0.0) & (deviation <= LARGEST_DEVIATION)
-        drift = np.abs(segments.rate - segments.dividend_yield) * segments.duration
-        diffuses = (variance > 0.0) & (drift <= LARGEST_DRIFT * np.sqrt(variance))
+        served = (book.expiry > 0.0) & (book.deviation() <= LARGEST_DEVIATION)
+        diffuses = (variance > 0.0) & (segments.volatility >= least_volatility(segments))
         served &= np.logical_and.reduceat(diffuses, book.first[:-1])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            far = np.abs(np.log(spot / book.strike)) > FURTHEST * deviation
-        return served & (spot > 0.0) & ~far
+        return served & (spot > 0.0)
 
     def solve(self, book: Book, request: Request) -> Prices:
         """March to the tolerances, and walk back for the Greeks; of two grids the finer one's values extrapolated."""
@@ -91,11 +96,58 @@ class CompiledMarch:
             **columns,
         )
 
-    def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
-        """Return no boundary: one solve that keeps its contact sets tells those of all times."""
-        del book, request
-        nothing = np.full(times.size, math.nan)
-        return Boundaries(nothing, nothing, nothing, np.zeros(times.size, dtype=bool))
+    def boundary(self, book: Book, request: Request) -> BoundariesAt:
+        """Return both boundaries from one solve, or a few where they begin far from the strike."""
+        from pricing_core.american.engines.obstacle_march.boundaries import BoundariesOf  # noqa: PLC0415
+
+        return BoundariesOf(book, request, self._traces)
+
+    def _traces(self, book: Book, request: Request) -> Traces | None:
+        """Return the boundaries over time of a book of one contract, marched around its spot; None without any."""
+        from pricing_core.american.engines.obstacle_march.boundaries import Piece, Traces  # noqa: PLC0415
+
+        if not self.serves(book)[0]:
+            return None
+        found = march_book(book, request, fewest=STEPS_OF_BOUNDARIES)
+        if not found.settled[0]:
+            if request.is_interrupted():
+                raise NumericalError("the interrupt came before the boundary was found")
+            return None
+        schedule = book.schedule(0)
+
+        def pieces(ends: Matrix) -> tuple[Piece, ...]:
+            """Return the boundaries of one grid; what is just before a segment's end comes first of it."""
+            made = []
+            for k, segment in enumerate(schedule.segments if ends.size else ()):
+                held, *steps = ends[ends[:, 0] == k]
+                known = np.array(steps)[:, 1:] if segment.exercisable else np.zeros((0, 4))
+                span = segment.start, segment.end
+                made.append(
+                    Piece.of(
+                        schedule, span, segment.end - known[:, 0], known[:, 1:], tuple(held[2:].tolist())
+                    )
+                )
+            return tuple(made)
+
+        coarse, fine = map(pieces, found.ends(0))
+        return Traces(schedule, fine, coarse)
+
+
+def least_volatility(segments: Segments) -> Vector:
+    """Return the least volatility that is marched in each segment, at least its own, shape (m,)."""
+    drift = np.abs(segments.rate - segments.dividend_yield) * segments.duration
+    allowed = np.where(drift <= SMALL_DRIFT, LARGEST_SMALL_DRIFT, LARGEST_DRIFT)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.where(segments.duration > 0.0, drift / allowed / np.sqrt(segments.duration), 0.0)
+    return np.maximum(segments.volatility, np.maximum((1.0 + 1e-9) * least, LEAST_VOLATILITY))
+
+
+def leaves_out_the_strike(book: Book) -> BoolVector:
+    """Tell contracts that may be exercised now and whose grids may reach neither the strike nor a boundary near it."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        away = np.abs(np.log((book.spot - book.escrow_now()) / book.strike))
+    far: BoolVector = book.first_segments().exercisable & (away > FURTHEST * book.deviation())
+    return far
 
 
 def _by_parameters(book: Book, found: MarchedSegments, held: BoolVector, request: Request) -> dict[str, Any]:

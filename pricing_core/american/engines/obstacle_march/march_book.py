@@ -16,10 +16,11 @@ if TYPE_CHECKING:
     from pricing_core._kernels import MarchedSegments, VolatilitySurface
 
 
-def march_book(book: Book, request: Request) -> MarchedSegments:
+def march_book(book: Book, request: Request, *, fewest: float = 0.0) -> MarchedSegments:
     """March contracts with a volatility above 0 and a spot above what is escrowed, to their tolerances.
 
-    What is found is in strikes. What an interrupt leaves out is NaN.
+    What is found is in strikes. What an interrupt leaves out is NaN. `fewest` is the fewest steps of a segment over the
+    cells of the grid.
     """
     # Here, so that whoever prices without events does not load the general march.
     from pricing_core.obstacle.settings import CELLS, ROUNDED, STEPS, WIDTH  # noqa: PLC0415
@@ -43,7 +44,7 @@ def march_book(book: Book, request: Request) -> MarchedSegments:
         escrow=book.escrow() / strikes,
         local=_surfaces(book),
     )
-    settings = kernel.MarchSettings(cells=CELLS, width=WIDTH, steps=STEPS, rounded=ROUNDED)
+    settings = kernel.MarchSettings(cells=CELLS, width=WIDTH, steps=STEPS, rounded=ROUNDED, fewest=fewest)
     return kernel.march_segments(
         table,
         request.tolerance,

@@ -10,7 +10,7 @@ import numpy as np
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
 from pricing_core.american.contracts.tolerances import BOUNDARY_ACCURACY
-from pricing_core.american.engines.engine import Boundaries, Request
+from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.flat_options import is_flat, price_flat, puts_of
 from pricing_core.american.engines.premium_march.puts import solve_boundaries
@@ -21,6 +21,7 @@ class PremiumMarch:
     """One segment, one exercise boundary."""
 
     name = "premium march"
+    method = "premium-march"
     least_error = 0.0
 
     def serves(self, book: Book) -> BoolVector:
@@ -31,8 +32,11 @@ class PremiumMarch:
         """March the premiums of all contracts."""
         return price_flat(book, request, method="premium-march")
 
-    def boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
+    def boundary(self, book: Book, request: Request) -> BoundariesAt:
         """Return the boundary of marches to each of the times, refined until two agree."""
+        return lambda times: self._boundary(book, times, request)
+
+    def _boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
         schedule, nothing = book.schedule(0), np.full(times.size, math.nan)
         limit, far = region_at_expiry(schedule).boundaries(schedule)
         if not math.isnan(far):

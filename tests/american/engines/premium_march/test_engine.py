@@ -11,7 +11,7 @@ from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.prices import error_of
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.method_of_lines import MethodOfLines
+from pricing_core.american.engines.obstacle_march import ObstacleMarch
 from pricing_core.american.engines.premium_march import PremiumMarch
 from tests.problems.engines import solved
 from tests.problems.needs_kernel import needs_kernel
@@ -61,7 +61,7 @@ def test_what_the_march_gives_up_is_not_settled():
     assert found.settled.tolist() == [True, False, False]
     assert np.isnan(found.error).tolist() == [False, True, True]
     book = Book.of([(PUT, two_boundaries)])
-    ends = ENGINE.boundary(book, np.array([0.0, 0.5]), Request(np.array([1e-6])))
+    ends = ENGINE.boundary(book, Request(np.array([1e-6])))(np.array([0.0, 0.5]))
     assert not ends.found.any()
     assert np.isnan(ends.near).all()
 
@@ -109,12 +109,12 @@ def test_contracts_that_share_a_march_have_the_same_prices():
 def test_boundaries_are_within_their_stated_errors(option_type, tolerance):
     option, market = Option(option_type, 100.0, 2.0), Market(100.0, 0.04, 0.3, 0.06)
     book, times = Book.of([(option, market)]), np.array([0.0, 0.3, 1.0, 1.9, 1.999])
-    found, best = (ENGINE.boundary(book, times, Request(np.array([t]))) for t in (tolerance, 1e-8))
+    found, best = (ENGINE.boundary(book, Request(np.array([t])))(times) for t in (tolerance, 1e-8))
     assert found.found.all()
     assert np.isnan(found.far).all()
     assert np.all(np.abs(found.near - best.near) <= found.error + best.error)
     assert np.all(found.error <= 0.1 * math.sqrt(tolerance) * found.near)
-    limit = ENGINE.boundary(book, np.array([2.0]), Request(np.array([1e-6])))
+    limit = ENGINE.boundary(book, Request(np.array([1e-6])))(np.array([2.0]))
     assert limit.near[0] == pytest.approx(100.0 * (2.0 / 3.0 if option_type == "put" else 1.0), rel=1e-12)
     assert limit.error[0] == 0.0
 
@@ -127,13 +127,13 @@ def test_a_contract_cut_where_nothing_happens_is_not_served():
 def test_a_time_beyond_the_march_costs_itself_alone():
     """Far from expiry this put is beyond the march; close to it, it is not."""
     book = Book.of([(Option("put", 100.0, 35.0), Market(100.0, 0.05, 3.0))])
-    found = ENGINE.boundary(book, np.array([0.0, 0.5, 0.9999]) * 35.0, Request(np.array([1e-6])))
+    found = ENGINE.boundary(book, Request(np.array([1e-6])))(np.array([0.0, 0.5, 0.9999]) * 35.0)
     assert found.found.tolist() == [False, True, True]
 
 
 @pytest.mark.parametrize("earned_by", ["put", "call"])
 def test_contracts_that_earn_by_one_rate_alone_are_marched(earned_by):
-    """A put at r = 0 and q < 0, or a call at q = 0 and r < 0, against the method of lines; one boundary each."""
+    """A put at r = 0 and q < 0, or a call at q = 0 and r < 0, against the general march; one boundary each."""
     random = np.random.default_rng(23)
     costs = -np.exp(random.uniform(math.log(1e-4), math.log(0.15), 60))
     contracts = []
@@ -142,7 +142,7 @@ def test_contracts_that_earn_by_one_rate_alone_are_marched(earned_by):
         option = Option(earned_by, 100.0, math.exp(random.uniform(math.log(0.02), math.log(8.0))))
         contracts.append((option, Market(spot, rate, random.uniform(0.05, 0.8), dividend_yield)))
     marched = solved(ENGINE, *contracts, tolerance=1e-6)
-    other = solved(MethodOfLines(), *contracts, tolerance=1e-6)
+    other = solved(ObstacleMarch(), *contracts, tolerance=1e-6)
     assert marched.settled.all()
     assert (marched.error <= 1e-6 * 100.0).all()
     apart = np.abs(marched.value - other.value) / (marched.error + other.error)

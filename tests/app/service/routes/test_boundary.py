@@ -45,9 +45,9 @@ def test_no_boundary_is_null(client: TestClient, question: dict[str, Any]) -> No
 @pytest.mark.parametrize(
     ("changes", "method"),
     [
-        ({"cash_dividends": [{"time": 0.5, "amount": 2.0}]}, "method-of-lines"),
+        ({"cash_dividends": [{"time": 0.5, "amount": 2.0}]}, "obstacle-march"),
         ({"rate": 0.02, "dividend_yield": 0.05, "volatility": 0.1}, "premium-march"),
-        ({"rate": -0.01, "dividend_yield": -0.04, "volatility": 0.1}, "method-of-lines"),
+        ({"rate": -0.01, "dividend_yield": -0.04, "volatility": 0.1}, "obstacle-march"),
         (
             {
                 "rate": -0.01,
@@ -55,7 +55,7 @@ def test_no_boundary_is_null(client: TestClient, question: dict[str, Any]) -> No
                 "volatility": 0.1,
                 "cash_dividends": [{"time": 0.5, "amount": 2.0}],
             },
-            "method-of-lines",
+            "obstacle-march",
         ),
     ],
 )

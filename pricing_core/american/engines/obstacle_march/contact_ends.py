@@ -1,0 +1,134 @@
+"""Where contact sets of the march in NumPy end over time, and exercise boundaries now."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from pricing_core.american.contracts.schedule import Schedule
+from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.obstacle_march.boundaries import (
+    Piece,
+    Traces,
+    ends_of,
+    first_places,
+    quoted,
+)
+from pricing_core.american.engines.obstacle_march.contract_problem import GONE, contract_problem
+from pricing_core.obstacle import ObstacleSolution, solve
+from pricing_core.obstacle.march import March, SegmentMarch
+from pricing_core.obstacle.profile import Intervals
+from pricing_core.obstacle.solution import held_before
+
+GAP = 2.0  # Cells between two contact sets, or one and an end of the interval, that no grid resolves; chosen.
+# Tolerance of a solve that is asked where the boundary is, in strikes, where the price's own has not met it; chosen.
+ELSEWHERE = 1e-4
+
+
+def coefficient_jumps(schedule: Schedule) -> tuple[float, ...]:
+    """Return the ends of segments at which a curve jumps: from there on a boundary goes as the root of time."""
+    segments = schedule.segments
+    names = ("rate", "dividend_yield", "volatility", "exercisable")
+    return tuple(
+        before.end
+        for before, after in pairwise(segments)
+        if any(getattr(before, name) != getattr(after, name) for name in names)
+    )
+
+
+def traces_of(schedule: Schedule, found: ObstacleSolution) -> Traces:
+    """Trace the boundaries of a solution whose problem has segments that end where coefficients jump."""
+    fine, coarse = (_pieces(schedule, march) for march in (found.march, found.coarse))
+    return Traces(schedule, fine, coarse)
+
+
+def boundary_now(schedule: Schedule, found: ObstacleSolution, request: Request) -> float:
+    """Return the exercise boundary now, money, of two the one nearer the strike; NaN where there is none."""
+    if not schedule.segments[0].exercisable or found.march is None:
+        return math.nan
+    near = _near_now(schedule, found.march)
+    left, right = found.march.grid.x[[0, -1]].tolist()
+    for place in first_places(schedule):
+        if math.isnan(near) and not left < place < right and not request.is_interrupted():
+            there = replace(schedule, spot=schedule.strike * math.exp(place))
+            other = solve(contract_problem(there), place, ELSEWHERE, interrupt=request.interrupt)
+            near = math.nan if other.march is None else _near_now(schedule, other.march)
+    return near
+
+
+def _near_now(schedule: Schedule, march: March) -> float:
+    near, *_ = _ends(schedule, march, march.now.contacts[0])
+    return quoted(schedule, schedule.segments[0], 0.0, near)
+
+
+def _pieces(schedule: Schedule, march: March | None) -> tuple[Piece, ...]:
+    """Return the boundaries between the ends of segments, in the order of time."""
+    if march is None:
+        return ()
+    later = [None, *march.parts[:-1]]
+    return tuple(_piece(schedule, march, *pair) for pair in zip(march.parts, later, strict=True))[::-1]
+
+
+def _piece(schedule: Schedule, march: March, part: SegmentMarch, later: SegmentMarch | None) -> Piece:
+    obstacle, start, end = march.problem.lower, part.segment.start, part.segment.end
+    times, known = np.zeros(0), np.zeros((0, 3))
+    if part.segment.acting[0] is not None:
+        instants = part.instants[1:]
+        times = np.array([instant.t for instant in instants])
+        known = np.array([_ends(schedule, march, march.profile(one).contacts[0]) for one in instants])
+    # Rounding may hold a value of 0, which is not exercised.
+    segment = next((one for one in schedule.segments if end <= one.end), schedule.segments[-1])
+    kink = math.log(max(1.0 - segment.escrow_at(end) / schedule.strike, GONE))
+    held = () if obstacle is None else held_before(part, obstacle, 1.0)
+    pays = [pair for pair in held if (pair[0] < kink if schedule.is_put else pair[1] > kink)]
+    at_end = (*_two(schedule, tuple(pays)), 0.0)
+    if not pays and later is not None and segment.due == 0.0 and segment.fraction == 0.0:
+        at_end = _ends(schedule, march, later.first.contacts[0])  # the value goes on as it is
+    return Piece.of(schedule, (start, end), times, known, at_end)
+
+
+def _ends(schedule: Schedule, march: March, contacts: Intervals) -> tuple[float, float, float]:
+    """Return the ends of a contact set, in x, and how far the one nearer the strike may move unseen.
+
+    This is a cell where it is at a node, as where a step is too short for the grid.
+    """
+    near, far = _two(schedule, _places(march, contacts))
+    if math.isnan(near):
+        return near, far, 0.0
+    index = (max(contacts)[1] if schedule.is_put else min(contacts)[0]) // 1.0
+    left, right = march.grid.place(np.array([index, index + 1.0])).tolist()
+    return near, far, right - left if near == left else 0.0
+
+
+def _places(march: March, contacts: Intervals) -> Intervals:
+    """Return intervals of nodes as those of places, joined where less than `GAP` cells lie between two.
+
+    A node that the end of a contact set passes within a step leaves such a gap. What comes as near to an end of the
+    interval goes on beyond it.
+    """
+    last = march.grid.x.size - 1
+    joined: list[tuple[float, float]] = []
+    for left, right in contacts:
+        begins = joined.pop()[0] if joined and left - joined[-1][1] < GAP else left
+        joined.append((begins, right))
+    return tuple(
+        (
+            -math.inf if left < GAP else _place(march, left),
+            math.inf if right > last - GAP else _place(march, right),
+        )
+        for left, right in joined
+    )
+
+
+def _place(march: March, edge: float) -> float:
+    return edge if math.isinf(edge) else float(march.grid.place(np.array([edge]))[0])
+
+
+def _two(schedule: Schedule, intervals: Intervals) -> tuple[float, float]:
+    """Return the end nearer the strike and the other one of the contact set next to the strike; NaN without one."""
+    if not intervals:
+        return math.nan, math.nan
+    return ends_of(schedule, *(max(intervals) if schedule.is_put else min(intervals)))

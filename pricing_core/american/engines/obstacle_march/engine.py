@@ -1,0 +1,50 @@
+"""The engine of the march of obstacle problems: every contract.
+
+What it does is in `pricing.py`, which is imported where it is asked first: most books do without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.prices import Prices
+from pricing_core.american.engines.engine import BoundariesAt, Request
+from pricing_core.arrays import BoolVector
+
+
+@dataclass(frozen=True, slots=True)
+class ObstacleMarch:
+    """The engine for every contract: any events, any number of exercise boundaries, volatilities that are local."""
+
+    @property
+    def name(self) -> str:
+        """What the engine is called."""
+        return "obstacle march"
+
+    @property
+    def method(self) -> str:
+        """What results say of it."""
+        return "obstacle-march"
+
+    @property
+    def least_error(self) -> float:
+        """1e-6 strikes: below that the prices of the faster engines are as accurate as those of this one."""
+        return 1e-6
+
+    def serves(self, book: Book) -> BoolVector:
+        """Return True for every contract with time to expiry and a spot above 0."""
+        return (book.expiry > 0.0) & (book.spot > 0.0)
+
+    def solve(self, book: Book, request: Request) -> Prices:
+        """Price one contract after the other; what fails numerically has the status "out_of_domain"."""
+        from pricing_core.american.engines.obstacle_march.pricing import solve_book  # noqa: PLC0415
+
+        return solve_book(book, request)
+
+    def boundary(self, book: Book, request: Request) -> BoundariesAt:
+        """Return both boundaries from one solve, or a few where they begin far from the strike."""
+        from pricing_core.american.engines.obstacle_march.boundaries import BoundariesOf  # noqa: PLC0415
+        from pricing_core.american.engines.obstacle_march.pricing import solved_traces  # noqa: PLC0415
+
+        return BoundariesOf(book, request, solved_traces)

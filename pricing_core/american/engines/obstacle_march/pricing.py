@@ -1,0 +1,180 @@
+"""Books by the march of obstacle problems, one contract at a time.
+
+`contract_problem.py` states a contract as a problem of `pricing_core.obstacle`, `greeks.py` takes its derivatives and
+`contact_ends.py` its exercise boundaries.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.cuts import with_cuts
+from pricing_core.american.book.prices import Prices, concatenated, prices
+from pricing_core.american.book.ragged import Ragged
+from pricing_core.american.contracts.schedule import Schedule
+from pricing_core.american.engines.black_scholes import european_columns
+from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.held import priced
+from pricing_core.american.engines.obstacle_march.boundaries import Traces
+from pricing_core.american.engines.obstacle_march.contact_ends import (
+    boundary_now,
+    coefficient_jumps,
+    traces_of,
+)
+from pricing_core.american.engines.obstacle_march.contract_problem import contract_problem, place_of
+from pricing_core.american.engines.obstacle_march.greeks import by_parameters, by_place_and_time
+from pricing_core.american.engines.price_bounds import range_of
+from pricing_core.errors import NumericalError, PricingCoreError
+from pricing_core.obstacle import Obstacle, ObstacleProblem, ObstacleSolution, solve
+from pricing_core.obstacle.solution import march_again
+from pricing_core.obstacle.solve import GAIN
+
+FAILURES = (PricingCoreError, ArithmeticError, np.linalg.LinAlgError)
+# Factors of the error estimates of a local volatility, which is not smooth everywhere, of an obstacle that moves, and
+# where dividends are paid; calibrated.
+ROUGH_SHARE, PAYING_SHARE = 2.0, 3.0
+NEVER_MET = -1.0  # Value, in strikes, that no price falls to.
+
+
+def solve_book(book: Book, request: Request) -> Prices:
+    """Price one contract after the other; what fails numerically has the status "out_of_domain"."""
+    least, most = range_of(book)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
+        return concatenated(
+            [_one(book, row, request, (least.item(row), most.item(row))) for row in range(book.count)]
+        )
+
+
+def solved_traces(book: Book, request: Request) -> Traces:
+    """Return the boundaries over time of a book of one contract, solved around its spot.
+
+    Raises
+    ------
+    NumericalError
+        The interrupt came before the end, or no grid resolves the contract.
+    """
+    schedule = book.schedule(0)
+    try:
+        problem = contract_problem(schedule, coefficient_jumps(schedule))
+        found = solve(problem, place_of(schedule), request.tolerance.item(0), interrupt=request.interrupt)
+    except FAILURES as error:
+        raise NumericalError(f"the exercise boundary of this contract is out of reach: {error}") from error
+    if found.status == "deadline":
+        raise NumericalError("the interrupt came before the boundary was found")
+    return traces_of(schedule, found)
+
+
+def _one(book: Book, row: int, request: Request, within: tuple[float, float]) -> Prices:
+    """Price one contract, whatever happens."""
+    if request.is_interrupted():
+        return prices(1, status="deadline", method="none")
+    rows = slice(row, row + 1)
+    try:
+        return _priced(book.part(rows), request.take(rows), within)
+    except FAILURES as error:
+        return prices(1, status="out_of_domain", method="none", message=str(error))
+
+
+def _priced(book: Book, request: Request, within: tuple[float, float]) -> Prices:
+    """Price a book of one contract, `within` its bounds of no arbitrage."""
+    local, share = book.is_local().item(0), 1.0
+    if (book.drops() > 0.0).any():
+        share = PAYING_SHARE
+    elif local or book.escrow_now().item(0) > 0.0:
+        share = ROUGH_SHARE
+    greeks, extended = request.greeks != "none", request.greeks == "extended"
+    if greeks:  # whose derivatives want segments that end at every entry
+        book = _cut(book, extended=extended)
+    schedule = book.schedule(0)
+    cut = extended and _has_curves(book)
+    problem = contract_problem(schedule, _dividends(book) if greeks else (), cut=cut)
+    place, strike = place_of(schedule), schedule.strike
+    found = solve(problem, place, request.tolerance.item(0) / share, interrupt=request.interrupt)
+    european = _european(book, schedule, problem, found, request)
+    if found.march is None or found.coarse is None or math.isnan(found.value):
+        status = "deadline" if found.status == "deadline" else "out_of_domain"
+        return prices(
+            1, european=european, status=status, method="none", message="no grid resolves the contract"
+        )
+    exercised = bool(found.march.now.side(np.array([place]))[0] > 0)
+    columns: dict[str, Any] = by_place_and_time(book, schedule, found, extended=extended)
+    complete, late = True, found.status == "deadline"
+    if greeks:
+        derivatives = (
+            None if late else by_parameters(book, schedule, problem, found, request, held=not exercised)
+        )
+        complete = derivatives is not None
+        late = late or (not complete and request.is_interrupted())
+        columns |= derivatives or {}
+    message = ""
+    if local and schedule.local is not None:
+        surface, expiry = schedule.local.volatility, book.expiry.item(0)
+        message = surface.extrapolated(book.spot.item(0), strike, expiry)
+    return priced(
+        book,
+        message=message,
+        value=np.clip(np.array([strike * found.value]), *within),
+        european=np.array([european]),
+        error=np.array([strike * share * found.error_estimate]),
+        boundary=np.array([boundary_now(schedule, found, request)]),
+        exercised=np.array([exercised]),
+        complete=complete,
+        settled=not late,
+        status="deadline" if late else "ok",
+        method="obstacle-march",
+        steps=np.array([sum(found.march.steps)]),
+        solves=np.array([round(math.log2(found.march.grid.refined)) + 1]),
+        **columns,
+    )
+
+
+def _cut(book: Book, *, extended: bool) -> Book:
+    """Return contracts with segments that end at every dividend and every curve's time that is listed."""
+    listed = book.listed
+    lists = [listed.cash_dividends]
+    if extended:
+        lists += [listed.rate, listed.dividend_yield, listed.volatility]
+    if not any(column.values.size for column in lists):
+        return book
+    times = [sorted({t for column in lists for t in column.row(row)}) for row in range(book.count)]
+    return with_cuts(book, Ragged.of(times))
+
+
+def _dividends(book: Book) -> tuple[float, ...]:
+    """Return the ends of segments at which a dividend is listed."""
+    listed, ends = book.listed.cash_dividends.values, book.segments.end
+    return (
+        tuple(ends[np.abs(ends[:, None] - listed).min(axis=1) <= 1e-12 * ends[-1]].tolist())
+        if listed.size
+        else ()
+    )
+
+
+def _has_curves(book: Book) -> bool:
+    listed = book.listed
+    return any(column.values.size > 0 for column in (listed.rate, listed.dividend_yield, listed.volatility))
+
+
+def _european(
+    book: Book, schedule: Schedule, problem: ObstacleProblem, found: ObstacleSolution, request: Request
+) -> float:
+    """Return the price without early exercise, money: by the formula, or from the same grids; NaN where neither."""
+    if book.local is None and not (book.drops() != 0.0).any():
+        return float(european_columns(book, "none")["value"][0])
+    if found.march is None or found.coarse is None:
+        return math.nan
+    if problem.lower is None:
+        return schedule.strike * float(found.value)
+    if request.is_interrupted():
+        return math.nan
+    # An obstacle that is never met keeps the segments, and with them the steps.
+    own = problem.lower
+    held = replace(problem, lower=Obstacle(NEVER_MET, during=own.during, at=own.at))
+    place = np.array([place_of(schedule)])
+    fine, coarse = (march_again(held, own).now(place)[0] for own in (found.march, found.coarse))
+    return schedule.strike * max(float(fine + (fine - coarse) / (GAIN - 1.0)), 0.0)
