@@ -83,7 +83,7 @@ def _one(book: Book, row: int, request: Request, within: tuple[float, float]) ->
 def _priced(book: Book, request: Request, within: tuple[float, float]) -> Prices:
     """Price a book of one contract, `within` its bounds of no arbitrage."""
     local, share = book.is_local().item(0), 1.0
-    if (book.drops() > 0.0).any():
+    if ((book.drops() > 0.0) | (book.segments.fraction > 0.0)).any():
         share = PAYING_SHARE
     elif local or book.escrow_now().item(0) > 0.0:
         share = ROUGH_SHARE
