@@ -46,6 +46,7 @@ class SegmentTable:
         *,
         sign: Vector,
         x: Vector,
+        european: BoolVector,
         first: NDArray[np.int64],
         duration: Vector,
         rate: Vector,
@@ -62,6 +63,7 @@ class SegmentTable:
 class MarchedSegments:
     value: Vector
     error: Vector
+    european: Vector
     boundary: Vector
     exercised: BoolVector
     settled: BoolVector

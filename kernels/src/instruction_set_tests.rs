@@ -294,6 +294,7 @@ fn the_marches_agree_on_flat_puts_and_on_the_calls_that_they_are_with_everything
             x,
             segments,
             mesh: segments,
+            european: true,
             local: None,
         })
         .collect();

@@ -75,6 +75,8 @@ pub struct Contract<'a> {
     pub segments: &'a [Segment],
     /// Those that tell the grid and the steps: its own, or for a difference those of a contract next to it.
     pub mesh: &'a [Segment],
+    /// Whether the value without early exercise is wanted as well.
+    pub european: bool,
     /// The local volatility; what a segment's exceeds the number by that stands for it is added.
     pub local: Option<Local<'a>>,
 }

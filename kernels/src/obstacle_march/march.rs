@@ -187,7 +187,7 @@ struct March<'a, V> {
     /// The spot times the sign, at the nodes.
     signed: Vec<V>,
     /// V at the nodes, at the step's start and at the last stage.
-    begun: Vec<[f64; LANES]>,
+    begun: Vec<V>,
     values: Vec<V>,
     /// The rates at the step's start and of its stages.
     rates: [Vec<V>; 4],
@@ -235,7 +235,7 @@ impl<'a, V: Vector> March<'a, V> {
             steps,
             spots,
             signed,
-            begun: vec![[0.0; LANES]; nodes],
+            begun: array(),
             values: array(),
             rates: [array(), array(), array(), array()],
             base: array(),
@@ -264,7 +264,9 @@ impl<'a, V: Vector> March<'a, V> {
         }
         for l in count..LANES {
             for row in &mut self.begun {
-                row[l] = row[count - 1];
+                let mut lanes = row.lanes();
+                lanes[l] = lanes[count - 1];
+                *row = V::from_lanes(lanes);
             }
             terms.copy_lane(count - 1, l);
         }
@@ -370,7 +372,9 @@ impl<'a, V: Vector> March<'a, V> {
         self.ends[lane].push(End::of(&grid, number, 0.0, held));
         let begun = start_values(&before, &grid, &kinks, &values, &terms.at_end(lane));
         for (row, value) in self.begun.iter_mut().zip(&begun) {
-            row[lane] = *value;
+            let mut lanes = row.lanes();
+            lanes[lane] = *value;
+            *row = V::from_lanes(lanes);
         }
         if let Some(record) = &mut self.record {
             record.starts[lane][number] = Some(Start {
@@ -393,9 +397,7 @@ impl<'a, V: Vector> March<'a, V> {
         self.solve::<T, 2>(terms, &steps);
         self.solve::<T, 3>(terms, &steps);
         let first = self.first - 1;
-        for (begun, value) in self.begun[first..].iter_mut().zip(&self.values[first..]) {
-            *begun = value.lanes();
-        }
+        self.begun[first..].copy_from_slice(&self.values[first..]);
         self.rates.swap(0, 3);
     }
 
@@ -499,7 +501,7 @@ impl<'a, V: Vector> March<'a, V> {
         let base = &mut self.base[..last + 2];
         let (factor, eliminated) = (&self.elimination.factor[..=last], &mut self.left[..=last]);
         for i in self.first - 1..last + 2 {
-            let mut f = known[0][i].times_plus(weights[0], V::from_lanes(begun[i]));
+            let mut f = known[0][i].times_plus(weights[0], begun[i]);
             if N > 1 {
                 f = known[1][i].times_plus(weights[1], f);
             }

@@ -89,6 +89,7 @@ mod tests {
                 x: 0.0,
                 segments,
                 mesh: segments,
+                european: false,
                 local: None,
             };
             let found = &solved(&[contract], 1e-6)[0];
@@ -122,6 +123,7 @@ mod tests {
                 x: -0.05,
                 segments: &segments,
                 mesh: &segments,
+                european: false,
                 local: None,
             };
             let flat = Contract {
@@ -173,6 +175,7 @@ mod tests {
                 x: -0.03,
                 segments: own,
                 mesh: &segments,
+                european: false,
                 local: Some(local),
             };
             let group = Group {
@@ -236,6 +239,7 @@ mod tests {
                 x: 0.0,
                 segments,
                 mesh: segments,
+                european: false,
                 local: None,
             })
             .collect();
@@ -261,6 +265,7 @@ mod tests {
             x: 0.0,
             segments: &segments,
             mesh: &segments,
+            european: false,
             local: None,
         };
         let settings = Settings::default();

@@ -46,12 +46,19 @@ const MOVING: Caution = Caution {
     of_value: 4.0,
     of_derivatives: 2.0,
 };
+/// Cells from the exercise boundary within which the errors of the derivatives are multiplied once more, and by what, and
+/// that of the value where something happens before expiry. Calibrated.
+const NEAR: f64 = 4.0;
+const NEAR_DERIVATIVES: f64 = 3.0;
+const NEAR_VALUE: f64 = 2.0;
 /// The cells of the finest grid.
 const MOST_CELLS: usize = 4096;
 
 /// The step of the volatilities for second derivatives, a share of the smallest one: their error falls with its square,
 /// and rounding is divided by it.
 const VOLATILITY_STEP: f64 = 5e-3;
+/// So many marches are side by side at the price of one.
+const FEW: usize = 4;
 /// The largest record of a march, bytes; on finer grids the derivatives stay those of the grids before.
 const LARGEST_RECORD: usize = 3 << 24;
 
@@ -73,6 +80,8 @@ pub struct Found {
     pub value: f64,
     /// The estimate of the value's error.
     pub error: f64,
+    /// The value without early exercise, not a number where it is not wanted.
+    pub european: f64,
     /// The spot at which exercise begins, not a number where there is none.
     pub boundary: f64,
     /// Whether the spot is in contact with it.
@@ -120,6 +129,7 @@ impl Found {
         Self {
             value: f64::NAN,
             error: f64::NAN,
+            european: f64::NAN,
             boundary: f64::NAN,
             local: [Changing::NOTHING; LOCAL],
             by_segment: vec![[Changing::NOTHING; BySegment::COUNT]; segments],
@@ -177,6 +187,18 @@ impl Seen {
             by_segment: marched.by_segment.iter().map(BySegment::numbers).collect(),
         }
     }
+
+    /// Whether the spot is so near to where exercise begins that a few cells lie between.
+    fn is_near_boundary(&self, contract: &Contract) -> bool {
+        (self.boundary.ln() - contract.x).abs() < NEAR * self.h
+    }
+
+    /// How far the values lie apart from those on the grid before, at places around the spot, and the largest of that.
+    fn apart(&self, before: &Self) -> ([f64; AROUND.len()], f64) {
+        let apart = std::array::from_fn(|k| self.wide[k] - before.own[k]);
+        let largest = apart.iter().fold(0.0, |most: f64, one| most.max(one.abs()));
+        (apart, largest)
+    }
 }
 
 /// The first two derivatives by x, the rate `V_tau` and its derivative by x, at a place now.
@@ -211,11 +233,32 @@ struct Caution {
     of_derivatives: f64,
 }
 
+/// A contract without early exercise, and what its last march said.
+struct Held {
+    segments: Vec<Segment>,
+    last: Option<Seen>,
+}
+
+impl Held {
+    fn of(contract: &Contract) -> Self {
+        let mut segments = contract.segments.to_vec();
+        for segment in &mut segments {
+            (segment.exercisable, segment.exercise_at_end) = (false, false);
+        }
+        Self {
+            segments,
+            last: None,
+        }
+    }
+}
+
 /// A contract on its way to its tolerance.
 struct Work<'a> {
     contract: Contract<'a>,
     /// With higher and with lower volatilities, and by how much, where that is wanted.
     sides: Option<([Vec<Segment>; 2], f64)>,
+    /// Without early exercise, as long as that is wanted.
+    held: Option<Held>,
     tolerance: f64,
     /// The standard deviation of ln S at expiry.
     deviation: f64,
@@ -242,6 +285,7 @@ impl<'a> Work<'a> {
             };
             ([moved(step), moved(-step)], step)
         });
+        let held = contract.european.then(|| Held::of(&contract));
         let whole = Grid::new(&contract, 1, settings);
         let times = contract.local.map(|local| local.surface.times.len());
         let caution = match times {
@@ -252,6 +296,7 @@ impl<'a> Work<'a> {
         Self {
             contract,
             sides,
+            held,
             tolerance,
             deviation: whole.deviation,
             caution,
@@ -267,9 +312,13 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// The contracts to be marched: itself, and those with other volatilities on its grid.
+    /// The contracts to be marched: itself, that without early exercise, and those with other volatilities on its grid.
     fn contracts(&self) -> Vec<Contract<'_>> {
         let mut contracts = vec![self.contract];
+        contracts.extend(self.held.iter().map(|held| Contract {
+            segments: &held.segments,
+            ..self.contract
+        }));
         if let Some((sides, _)) = &self.sides {
             contracts.extend(sides.iter().map(|segments| Contract {
                 segments,
@@ -288,13 +337,20 @@ impl<'a> Work<'a> {
             // The grid does not resolve the problem: nothing is taken from it, and those before it have no neighbour.
             (self.last, self.levels, self.differences) = (None, 0, [0.0; 2]);
             self.found.ends = [Vec::new(), Vec::new()];
+            if let Some(held) = &mut self.held {
+                held.last = None;
+            }
             return self.cells > MOST_CELLS;
         };
-        let sides: Vec<Seen> = seen.collect();
         self.levels += 1;
+        if self.held.is_some() {
+            if let Some(seen) = seen.next() {
+                self.take_held(seen);
+            }
+        }
+        let sides: Vec<Seen> = seen.collect();
         if let Some(last) = self.last.take() {
-            let apart: [f64; AROUND.len()] = std::array::from_fn(|k| own.wide[k] - last.own[k]);
-            let largest = apart.iter().fold(0.0, |most: f64, one| most.max(one.abs()));
+            let (apart, largest) = own.apart(&last);
             let tilts = apart.windows(3).map(|three| (three[2] - three[0]).abs());
             self.differences = [largest, self.differences[0]];
             // The difference's slope by x, times the deviation of ln S at expiry.
@@ -331,11 +387,15 @@ impl<'a> Work<'a> {
         } else {
             geometric
         };
+        let mut caution = self.caution.of_value;
+        if self.contract.segments.len() > 1 && seen.is_near_boundary(&self.contract) {
+            caution *= NEAR_VALUE;
+        }
         let found = &mut self.found;
         found.value = seen.value + share * (seen.value - last.value);
         let rounding = 1e-13 * found.value.abs().max(1.0);
         let by_tilt = TILT_SHARE * tilt;
-        found.error = self.caution.of_value
+        found.error = caution
             * (last_difference * rest)
                 .max(before / PESSIMISM)
                 .max(by_tilt)
@@ -345,7 +405,10 @@ impl<'a> Work<'a> {
 
     /// Tell the derivatives and by how much they change from the last grid to this one.
     fn derive(&mut self, seen: &Seen, last: &Seen, share: f64) {
-        let factor = self.caution.of_derivatives;
+        let mut factor = self.caution.of_derivatives;
+        if seen.is_near_boundary(&self.contract) {
+            factor *= NEAR_DERIVATIVES;
+        }
         let best = |now: f64, before: f64, change: f64| Changing {
             value: now + share * (now - before),
             change: factor * change.max((now - before).abs()),
@@ -365,6 +428,23 @@ impl<'a> Work<'a> {
                 .map(|(now, before)| std::array::from_fn(|k| best(now[k], before[k], 0.0)))
                 .collect();
         }
+    }
+
+    /// Tell the value without early exercise, which is marched no further where that is accurate enough.
+    fn take_held(&mut self, seen: Seen) {
+        let Some(held) = &mut self.held else { return };
+        self.found.european = seen.value;
+        if let Some(last) = &held.last {
+            let (_, largest) = seen.apart(last);
+            let third = 1.0 / (GAIN - 1.0);
+            self.found.european += third * (seen.value - last.value);
+            let error = self.caution.of_value * MARGIN * third * largest;
+            if self.levels >= self.caution.first_levels && error <= self.tolerance {
+                self.held = None;
+                return;
+            }
+        }
+        held.last = Some(seen);
     }
 
     /// Tell the second derivatives in which the volatility takes part.
@@ -457,6 +537,12 @@ fn march_level(
                 record,
             };
             jobs.push((job, steps));
+        }
+    }
+    if jobs.len() <= FEW && jobs.iter().any(|(job, _)| job.record) {
+        // One narrow vector holds them all, and the walk back costs the same for each of its lanes.
+        for (job, _) in &mut jobs {
+            job.record = true;
         }
     }
     jobs.sort_by_key(|(job, steps)| (job.kind(), *steps));

@@ -18,6 +18,9 @@ pub struct Row<V> {
 
 /// The rows of a stage, one for each inner node.
 pub trait Rows<V>: Copy {
+    /// Whether all are alike.
+    const EVEN: bool;
+
     /// One of them.
     fn at(&self, row: usize) -> &Row<V>;
 }
@@ -27,6 +30,8 @@ pub trait Rows<V>: Copy {
 pub struct EvenRows<V>(pub Row<V>);
 
 impl<V: Copy> Rows<V> for EvenRows<V> {
+    const EVEN: bool = true;
+
     #[inline(always)]
     fn at(&self, _row: usize) -> &Row<V> {
         &self.0
@@ -38,6 +43,8 @@ impl<V: Copy> Rows<V> for EvenRows<V> {
 pub struct LocalRows<'t, V>(pub &'t [Row<V>]);
 
 impl<V: Copy> Rows<V> for LocalRows<'_, V> {
+    const EVEN: bool = false;
+
     #[inline(always)]
     fn at(&self, row: usize) -> &Row<V> {
         &self.0[row]
@@ -105,6 +112,9 @@ pub fn mass_of<V: Vector>([lower, middle, upper]: [V; 3], [before, at, after]: [
     upper.times_plus(after, middle.times_plus(at, lower * before))
 }
 
+/// How often it is looked whether the pivots change any more, in rows.
+const LOOKED_AT: usize = 8;
+
 /// What the elimination from the far end leaves of a stage's matrix: what the row above is multiplied by, the pivots, and
 /// one over these.
 pub struct Elimination<V> {
@@ -123,6 +133,13 @@ impl<V: Vector> Elimination<V> {
         }
     }
 
+    /// Whether a row has the pivot of the one behind it in all lanes.
+    #[inline(always)]
+    fn is_still(&self, row: usize) -> bool {
+        let change = self.inverse[row] - self.inverse[row + 1];
+        change.lanes().iter().all(|x| *x == 0.0)
+    }
+
     /// Eliminate down to a row.
     #[inline(always)]
     pub fn of<R: Rows<V>>(&mut self, stage: &Stage<R, V>, first: usize) {
@@ -137,6 +154,14 @@ impl<V: Vector> Elimination<V> {
             self.factor[i] = factor;
             self.pivot[i] = pivot;
             self.inverse[i] = one / pivot;
+            // With rows that are alike the pivots tend to a number, and stay at it to the last bit.
+            if R::EVEN && i % LOOKED_AT == 0 && i + 1 < last && self.is_still(i) {
+                let (factor, inverse) = (self.factor[i], self.inverse[i]);
+                self.factor[first..i].fill(factor);
+                self.pivot[first..i].fill(pivot);
+                self.inverse[first..i].fill(inverse);
+                break;
+            }
         }
     }
 }

@@ -73,6 +73,8 @@ struct OwnSurface {
 /// ----------
 /// sign, x : (n,) float
 ///     1 for a put and -1 for a call; ln(S/K) of the spot that diffuses.
+/// european : (n,) bool
+///     Whether the value without early exercise is wanted as well.
 /// first : (n + 1,) int
 ///     Where the segments of each contract begin, from now to expiry, and m.
 /// duration, rate, `dividend_yield`, volatility : (m,) float
@@ -90,6 +92,7 @@ struct OwnSurface {
 pub struct SegmentTable {
     sign: Vec<f64>,
     x: Vec<f64>,
+    european: Vec<bool>,
     first: Vec<usize>,
     segments: Vec<Segment>,
     local: Vec<Option<OwnSurface>>,
@@ -98,11 +101,12 @@ pub struct SegmentTable {
 #[pymethods]
 impl SegmentTable {
     #[new]
-    #[pyo3(signature = (*, sign, x, first, duration, rate, dividend_yield, volatility, exercisable, exercise_at_end, fraction, amount, escrow, local=None))]
+    #[pyo3(signature = (*, sign, x, european, first, duration, rate, dividend_yield, volatility, exercisable, exercise_at_end, fraction, amount, escrow, local=None))]
     #[allow(clippy::too_many_arguments, clippy::needless_pass_by_value)]
     fn new(
         sign: PyReadonlyArray1<'_, f64>,
         x: PyReadonlyArray1<'_, f64>,
+        european: PyReadonlyArray1<'_, bool>,
         first: PyReadonlyArray1<'_, i64>,
         duration: PyReadonlyArray1<'_, f64>,
         rate: PyReadonlyArray1<'_, f64>,
@@ -116,7 +120,8 @@ impl SegmentTable {
         local: Option<Vec<Option<GivenSurface<'_>>>>,
     ) -> PyResult<Self> {
         let (sign, x) = (numbers(&sign).into_owned(), numbers(&x).into_owned());
-        check_lengths(x.len(), &[sign.len()])?;
+        let european = numbers(&european).into_owned();
+        check_lengths(x.len(), &[sign.len(), european.len()])?;
         let columns = [
             numbers(&duration),
             numbers(&rate),
@@ -175,6 +180,7 @@ impl SegmentTable {
         Ok(Self {
             sign,
             x,
+            european,
             first,
             segments,
             local,
@@ -261,6 +267,12 @@ impl MarchedSegments {
     #[getter]
     fn error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.column(py, |one| one.error)
+    }
+
+    /// The value without early exercise, not a number where it is not wanted, (n,).
+    #[getter]
+    fn european<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |one| one.european)
     }
 
     /// The spot at which exercise begins, not a number without one, (n,).
@@ -368,6 +380,7 @@ pub fn march_segments(
                 x: table.x[k],
                 segments,
                 mesh: segments,
+                european: table.european[k],
                 local: table.local[k].as_ref().map(|own| Local {
                     surface: &own.surface,
                     log_strike: own.log_strike,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -66,7 +65,9 @@ class CompiledMarch:
             return self._solved(book, request)
 
     def _solved(self, book: Book, request: Request) -> Prices:
-        found = march_book(book, request)
+        held = book.european()
+        formula, may = has_formula(held), may_exercise(book)
+        found = march_book(book, request, european=may & ~formula)
         strike, escrow = book.strike, book.escrow_now()
         settled = found.settled & np.isfinite(found.value)
         columns, complete = by_spot(book, found), settled
@@ -77,7 +78,10 @@ class CompiledMarch:
                 del columns["charm"], columns["charm_error"]
             columns |= _by_parameters(book, found, settled & ~found.exercised, request)
             complete = settled & ~np.isnan(columns["vega"])
-        european = _european(book, found.value, request)
+        european = strike * np.where(may, found.european, found.value)
+        rows = np.flatnonzero(formula)
+        if rows.size:
+            european[rows] = european_columns(held.take(rows), "none")["value"]
         interrupted = request.is_interrupted()
         return priced(
             book,
@@ -163,20 +167,6 @@ def _by_parameters(book: Book, found: MarchedSegments, held: BoolVector, request
         again = march_book(cut, request.take(rows))
         columns |= stored(columns, rows, by_parameters(cut, again, extended=extended))
     return columns
-
-
-def _european(book: Book, value: Vector, request: Request) -> Vector:
-    """Return the values without early exercise, money, shape (n,): by formula, or marched as well."""
-    european = np.where(may_exercise(book), math.nan, book.strike * value)
-    held = book.european()
-    rows = np.flatnonzero(has_formula(held))
-    if rows.size:
-        european[rows] = european_columns(held.take(rows), "none")["value"]
-    rows = np.flatnonzero(np.isnan(european))
-    if rows.size:
-        without = march_book(held.take(rows), replace(request.take(rows), greeks="none"))
-        european[rows] = book.strike[rows] * without.value
-    return european
 
 
 def _outside(book: Book) -> str | NDArray[np.object_]:

@@ -11,16 +11,19 @@ from pricing_core import kernel
 from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.fields import GREEKS
 from pricing_core.american.engines.engine import Request
+from pricing_core.arrays import BoolVector
 
 if TYPE_CHECKING:
     from pricing_core._kernels import MarchedSegments, VolatilitySurface
 
 
-def march_book(book: Book, request: Request, *, fewest: float = 0.0) -> MarchedSegments:
+def march_book(
+    book: Book, request: Request, *, european: BoolVector | None = None, fewest: float = 0.0
+) -> MarchedSegments:
     """March contracts with a volatility above 0 and a spot above what is escrowed, to their tolerances.
 
-    What is found is in strikes. What an interrupt leaves out is NaN. `fewest` is the fewest steps of a segment over the
-    cells of the grid.
+    What is found is in strikes. What an interrupt leaves out is NaN. `european` tells which contracts are wanted
+    without early exercise as well, shape (n,), and `fewest` is the fewest steps of a segment over the cells.
     """
     # Here, so that whoever prices without events does not load the general march.
     from pricing_core.obstacle.settings import CELLS, ROUNDED, STEPS, WIDTH  # noqa: PLC0415
@@ -32,6 +35,7 @@ def march_book(book: Book, request: Request, *, fewest: float = 0.0) -> MarchedS
     table = kernel.SegmentTable(
         sign=book.sign,
         x=np.log((book.spot - book.escrow_now()) / book.strike),
+        european=np.zeros(book.count, dtype=bool) if european is None else european,
         first=book.first,
         duration=columns.duration,
         rate=columns.rate,

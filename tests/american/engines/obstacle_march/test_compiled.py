@@ -148,12 +148,12 @@ def test_an_interrupt_ends_the_march():
 
 def test_a_table_that_does_not_fit_is_refused():
     one = np.ones(1)
-    flags = np.ones(1, dtype=bool)
     columns = dict.fromkeys(
         ("sign", "x", "duration", "rate", "dividend_yield", "volatility", "fraction", "amount", "escrow"), one
     )
     first = np.array([0, 1])
-    kernel.SegmentTable(**columns, first=first, exercisable=flags, exercise_at_end=flags)
+    flags = dict.fromkeys(("european", "exercisable", "exercise_at_end"), np.ones(1, dtype=bool))
+    kernel.SegmentTable(**columns, first=first, **flags)
     for name, value, told in (
         ("volatility", np.zeros(1), "volatility and duration must be above 0"),
         ("x", np.array([np.inf]), "x must be finite"),
@@ -162,4 +162,4 @@ def test_a_table_that_does_not_fit_is_refused():
     ):
         given = columns | {"first": first} | {name: value}
         with pytest.raises(ValueError, match=told):
-            kernel.SegmentTable(**given, exercisable=flags, exercise_at_end=flags)
+            kernel.SegmentTable(**given, **flags)
