@@ -45,11 +45,10 @@ def price(
         Absolute error of the price as a fraction of the strike, 1e-8 to 1e-2.
     method : {"auto", "lcs", "crank-nicolson"}
         "auto" is, without events, the compiled march of the premium in a frame that moves with the exercise
-        boundary; where there are two boundaries, dividends at known times, curves, Bermudan dates or exercise windows
-        the march of the obstacle problem, compiled where the volatility is constant between events. "lcs" is the
-        chapter's road: the system (11.63) on a grid, stepped by SDIRK2, one complementarity problem a stage;
-        "crank-nicolson" is that stepped by Crank and Nicolson's method. Contracts with a closed formula are priced by
-        it in any case.
+        boundary; where there are two boundaries, dividends at known times, curves, Bermudan dates, exercise windows or
+        a local volatility the march of the obstacle problem. "lcs" is the chapter's road: the system (11.63) on a grid,
+        stepped by SDIRK2, one complementarity problem a stage; "crank-nicolson" is that stepped by Crank and Nicolson's
+        method. Contracts with a closed formula are priced by it in any case.
     lcp_method : {"tridiagonal", "policy", "psor", "lemke"}
         The solver of each stage's complementarity problem on the chapter's road; one other than "tridiagonal" takes
         "auto" there. The first two are policy iteration, whose linear systems are tridiagonal.
