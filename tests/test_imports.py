@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import pricing_core
+from tests.problems.needs_kernel import needs_kernel
 
 IMPORT = "import pricing_core.american"
 PRICE = """
@@ -34,18 +35,15 @@ def imported_by(code: str) -> set[str]:
     return set(found.stderr.split())
 
 
+# Without the kernel a price needs the general march in NumPy, and the splines of its grids.
 @pytest.mark.parametrize(
-    "code",
-    [
-        IMPORT,
-        PRICE.format(more=""),
-    ],
-    ids=["import", "price"],
+    "code", [IMPORT, pytest.param(PRICE.format(more=""), marks=needs_kernel)], ids=["import", "price"]
 )
 def test_the_option_engine_does_without_optimisers_tables_and_plots(code: str) -> None:
     assert imported_by(code).isdisjoint(ENGINE_NEEDS_NONE)
 
 
+@needs_kernel
 def test_the_price_command_does_without_tables_plots_and_the_service() -> None:
     assert imported_by(COMMAND).isdisjoint(COMMAND_NEEDS_NONE)
 
