@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.prices import Prices, concatenated, error_of, prices
+from pricing_core.american.book.prices import Prices, error_of, prices
 from pricing_core.american.book.resolution import MOST, LCPMethod, Resolution, Scheme
-from pricing_core.american.contracts.fields import SPOT
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.differences import STICKY, plan_differences, unchanged
@@ -24,10 +23,11 @@ from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Reque
 from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.held import priced
 from pricing_core.american.engines.nodal_run import NodalRun, nodal_grid, nodal_run
+from pricing_core.american.engines.obstacle_march.boundaries import quoted
 from pricing_core.american.engines.obstacle_march.contract_problem import contract_problem, place_of
-from pricing_core.american.engines.price_bounds import range_of
+from pricing_core.american.engines.obstacle_march.pricing import one_by_one
 from pricing_core.arrays import BoolVector, Vector
-from pricing_core.errors import NumericalError, PricingCoreError
+from pricing_core.errors import NumericalError
 from pricing_core.obstacle.as_lcs import NodalSolver
 
 # The first is policy iteration as well: its linear systems are tridiagonal, and solved by elimination.
@@ -37,7 +37,6 @@ SOLVERS: dict[LCPMethod, NodalSolver] = {
     "psor": "psor",
     "lemke": "lemke",
 }
-FAILURES = (PricingCoreError, ArithmeticError, np.linalg.LinAlgError)
 FIRST, DOUBLINGS = Resolution(128, 32), 5  # The first resolution and how often it is doubled at most; chosen.
 # Error of a solve over its distance to one with half the cells and steps: 4/3 at order 2, 2 at 1.
 ERROR_SHARE = 1.5
@@ -88,19 +87,7 @@ class Chapter:
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Price one contract after the other; what fails numerically has the status "out_of_domain"."""
-        least, most = range_of(book)
-        found = []
-        for row in range(book.count):
-            if request.is_interrupted():
-                found.append(prices(1, status="deadline", method="none"))
-                continue
-            rows, within = slice(row, row + 1), (least.item(row), most.item(row))
-            try:
-                with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
-                    found.append(self._priced(book.part(rows), request.take(rows), within))
-            except FAILURES as error:
-                found.append(prices(1, status="out_of_domain", method="none", message=str(error)))
-        return concatenated(found)
+        return one_by_one(book, request, self._priced)
 
     def boundary(self, book: Book, request: Request) -> BoundariesAt:
         """Return both boundaries from two solves, of which the second tells the error."""
@@ -188,13 +175,8 @@ class Chapter:
             columns = self._derivatives(book, schedule, fine, request, held=not exercised)
         european = self._european(book, schedule, fine, request)
         late = not columns["complete"] and request.is_interrupted()
-        local = schedule.local
-        message = ""
-        if local is not None:
-            message = local.volatility.extrapolated(book.spot.item(0), strike.item(0), book.expiry.item(0))
         return priced(
             book,
-            message=message,
             value=np.clip(strike * own[0], *within),
             european=np.array([european]),
             error=strike * differences[0],
@@ -281,6 +263,5 @@ class Chapter:
 def _money(schedule: Schedule, t: float, places: tuple[float, float]) -> tuple[float, float]:
     """Return the quoted spots at places; NaN where there is none."""
     segment = next((s for s in schedule.segments if t <= s.end), schedule.segments[-1])
-    spots = [schedule.strike * math.exp(place) + segment.escrow_at(t) for place in places]
-    near, far = (spot if 0.0 < spot <= SPOT.most else math.nan for spot in spots)
+    near, far = (quoted(schedule, segment, t, place) for place in places)
     return near, far

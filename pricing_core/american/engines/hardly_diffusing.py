@@ -43,7 +43,8 @@ class HardlyDiffusing:
     def solve(self, book: Book, request: Request) -> Prices:
         """Price with more volatility; what is found has its Greeks, which have no error estimates."""
         found = MARCH.solve(_raised(book), request)
-        least, most = certain_value(book), np.maximum(found.value + found.error, certain_value(book))
+        least = certain_value(book)
+        most = np.maximum(found.value + found.error, least)
         unknown: dict[str, Any] = {error_of(name): np.full(book.count, math.nan) for name in GREEKS}
         for name in GREEK_LISTS:
             own = getattr(found, name)

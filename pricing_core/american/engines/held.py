@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices, prices
@@ -31,6 +32,8 @@ def priced(
     **others: Any,
 ) -> Prices:
     """Return the prices; in the exercise region they and their derivatives are the payoff's.
+
+    Their message says what lies outside the nodes of a local volatility.
 
     What a held value lacks of a bound that it cannot be below counts as error.
 
@@ -76,6 +79,7 @@ def priced(
         european=european,
         boundary=boundary,
         exercised=exercised & (payoff > 0.0),
+        message=_outside_surface(book),
         **columns,
         **others,
     )
@@ -119,3 +123,14 @@ def _diffusing(book: Book) -> tuple[Vector, Vector]:
         escrow = book.escrow_now()
         spot, grown = spot - escrow, now.rate * escrow
     return spot, (now.rate - now.dividend_yield) * spot + grown
+
+
+def _outside_surface(book: Book) -> str | NDArray[np.object_]:
+    """Return what lies outside the nodes of each contract's local volatility, a sentence or nothing, shape (n,)."""
+    if book.local is None:
+        return ""
+    found = np.full(book.count, "", dtype=object)
+    for row in np.flatnonzero(book.is_local()).tolist():
+        surface = book.local[row].volatility
+        found[row] = surface.extrapolated(book.spot.item(row), book.strike.item(row), book.expiry.item(row))
+    return found

@@ -140,11 +140,10 @@ class Traces:
         nothing = np.full(times.size, math.nan)
         if not self.fine:
             return Ends(nothing, nothing, nothing)
-        own = self._money(self.fine, times)
         around = np.array([_piece_at(self.fine, t).around(t) for t in times.tolist()]).T
         with np.errstate(invalid="ignore"):
-            fine, coarse = (self._money(pieces, around.ravel())[:, 0] for pieces in (self.fine, self.coarse))
-        differences = np.abs(fine - coarse).reshape(around.shape)
+            fine, coarse = (self._money(pieces, around.ravel()) for pieces in (self.fine, self.coarse))
+        differences, own = np.abs(fine - coarse)[:, 0].reshape(around.shape), fine[: times.size]
         known = ~np.isnan(differences[0])
         error = (
             SHARE * np.where(known, np.fmax.reduce(differences, axis=0), own[:, 0]) + UNSEEN_SHARE * own[:, 2]

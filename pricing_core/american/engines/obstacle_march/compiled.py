@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pricing_core import kernel
 from pricing_core.american.book.book import Book, Segments
@@ -92,9 +91,8 @@ class CompiledMarch:
             exercised=found.exercised,
             settled=settled,
             complete=complete,
-            method="obstacle-march",
+            method=self.method,
             status=np.where(interrupted & ~complete, "deadline", "ok").astype(object),
-            message=_outside(book),
             steps=found.steps,
             solves=found.levels,
             **columns,
@@ -167,14 +165,3 @@ def _by_parameters(book: Book, found: MarchedSegments, held: BoolVector, request
         again = march_book(cut, request.take(rows))
         columns |= stored(columns, rows, by_parameters(cut, again, extended=extended))
     return columns
-
-
-def _outside(book: Book) -> str | NDArray[np.object_]:
-    """Return what lies outside the nodes of each contract's local volatility, a sentence or nothing, shape (n,)."""
-    if book.local is None:
-        return ""
-    found = np.full(book.count, "", dtype=object)
-    for row in np.flatnonzero(book.is_local()).tolist():
-        surface = book.local[row].volatility
-        found[row] = surface.extrapolated(book.spot.item(row), book.strike.item(row), book.expiry.item(row))
-    return found

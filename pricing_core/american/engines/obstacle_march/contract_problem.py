@@ -132,8 +132,11 @@ def _volatility(schedule: Schedule) -> float | Steps | SurfaceInTime | SurfaceNo
         return _steps([max(number, least) for number in numbers], segments)
     shift = _steps([number - local.reference for number in numbers], segments)
     surface = Surface(local, schedule.strike, shift)
-    same = (local.volatility.values == local.volatility.values[0]).all()
-    return SurfaceNow(surface) if same and not isinstance(shift, Steps) else SurfaceInTime(surface)
+    return (
+        SurfaceNow(surface)
+        if local.volatility.is_steady and not isinstance(shift, Steps)
+        else SurfaceInTime(surface)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -42,12 +43,33 @@ NEVER_MET = -1.0  # Value, in strikes, that no price falls to.
 
 
 def solve_book(book: Book, request: Request) -> Prices:
-    """Price one contract after the other; what fails numerically has the status "out_of_domain"."""
+    """Price one contract after the other."""
+    return one_by_one(book, request, _priced)
+
+
+def one_by_one(
+    book: Book, request: Request, priced_alone: Callable[[Book, Request, tuple[float, float]], Prices]
+) -> Prices:
+    """Price one contract after the other; what fails numerically has the status "out_of_domain".
+
+    Parameters
+    ----------
+    priced_alone : callable
+        Takes a book of one contract, its request and its bounds of no arbitrage.
+    """
     least, most = range_of(book)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
-        return concatenated(
-            [_one(book, row, request, (least.item(row), most.item(row))) for row in range(book.count)]
-        )
+    found = []
+    for row in range(book.count):
+        if request.is_interrupted():
+            found.append(prices(1, status="deadline", method="none"))
+            continue
+        rows, within = slice(row, row + 1), (least.item(row), most.item(row))
+        try:
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
+                found.append(priced_alone(book.part(rows), request.take(rows), within))
+        except FAILURES as error:
+            found.append(prices(1, status="out_of_domain", method="none", message=str(error)))
+    return concatenated(found)
 
 
 def solved_traces(book: Book, request: Request) -> Traces:
@@ -67,17 +89,6 @@ def solved_traces(book: Book, request: Request) -> Traces:
     if found.status == "deadline":
         raise NumericalError("the interrupt came before the boundary was found")
     return traces_of(schedule, found)
-
-
-def _one(book: Book, row: int, request: Request, within: tuple[float, float]) -> Prices:
-    """Price one contract, whatever happens."""
-    if request.is_interrupted():
-        return prices(1, status="deadline", method="none")
-    rows = slice(row, row + 1)
-    try:
-        return _priced(book.part(rows), request.take(rows), within)
-    except FAILURES as error:
-        return prices(1, status="out_of_domain", method="none", message=str(error))
 
 
 def _priced(book: Book, request: Request, within: tuple[float, float]) -> Prices:
@@ -111,13 +122,8 @@ def _priced(book: Book, request: Request, within: tuple[float, float]) -> Prices
         complete = derivatives is not None
         late = late or (not complete and request.is_interrupted())
         columns |= derivatives or {}
-    message = ""
-    if local and schedule.local is not None:
-        surface, expiry = schedule.local.volatility, book.expiry.item(0)
-        message = surface.extrapolated(book.spot.item(0), strike, expiry)
     return priced(
         book,
-        message=message,
         value=np.clip(np.array([strike * found.value]), *within),
         european=np.array([european]),
         error=np.array([strike * share * found.error_estimate]),
