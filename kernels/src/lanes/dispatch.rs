@@ -284,21 +284,21 @@ register! { avx2_single, __m256, f32, 8,
     };
 }
 
-vector!(Portable, PortableNarrow, Portable, false, f64, portable, 1, 16: 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15);
-vector!(PortableNarrow, PortableNarrow, PortableNarrow, false, f64, portable, 1, 4: 0 1 2 3);
+vector!(Portable, PortableNarrow, PortableNarrow, Portable, false, f64, portable, 1, 16: 0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15);
+vector!(PortableNarrow, PortableNarrow, PortableNarrow, PortableNarrow, false, f64, portable, 1, 4: 0 1 2 3);
 #[cfg(target_arch = "x86_64")]
-vector!(Avx512, Avx2Narrow, Avx512Single, false, std::arch::x86_64::__m512d, avx512, 8, 2: 0 1);
+vector!(Avx512, Avx2Narrow, Avx512, Avx512Single, false, std::arch::x86_64::__m512d, avx512, 8, 2: 0 1);
 #[cfg(target_arch = "x86_64")]
-vector!(Avx2, Avx2Narrow, Avx2Single, false, std::arch::x86_64::__m256d, avx2, 4, 4: 0 1 2 3);
+vector!(Avx2, Avx2Narrow, Avx2, Avx2Single, false, std::arch::x86_64::__m256d, avx2, 4, 4: 0 1 2 3);
 // One register of 256 bits serves AVX-512 as well, whose processors have both instruction sets.
 #[cfg(target_arch = "x86_64")]
-vector!(Avx2Narrow, Avx2Narrow, Avx2Narrow, false, std::arch::x86_64::__m256d, avx2, 4, 1: 0);
+vector!(Avx2Narrow, Avx2Narrow, Avx2Narrow, Avx2Narrow, false, std::arch::x86_64::__m256d, avx2, 4, 1: 0);
 
 // One register of 512 bits holds all numbers of single precision, so that a narrow vector would save little.
 #[cfg(target_arch = "x86_64")]
-vector!(Avx512Single, Avx512Single, Avx512Single, true, std::arch::x86_64::__m512, avx512_single, 16, 1: 0);
+vector!(Avx512Single, Avx512Single, Avx512Single, Avx512Single, true, std::arch::x86_64::__m512, avx512_single, 16, 1: 0);
 #[cfg(target_arch = "x86_64")]
-vector!(Avx2Single, Avx2Single, Avx2Single, true, std::arch::x86_64::__m256, avx2_single, 8, 2: 0 1);
+vector!(Avx2Single, Avx2Single, Avx2Single, Avx2Single, true, std::arch::x86_64::__m256, avx2_single, 8, 2: 0 1);
 
 /// Work that any vector type can do.
 pub trait Work {

@@ -21,6 +21,8 @@ pub trait Vector:
     const WIDTH: usize;
     /// The narrow vector of the same instruction set.
     type Narrow: Vector;
+    /// The vector of the same instruction set for long work with many arrays: the narrow one where registers are few.
+    type Roomy: Vector;
     /// As many numbers in single precision, for which `Single` and `Narrow` are itself; where there is no such vector, the
     /// same one.
     type Single: Vector;
@@ -61,6 +63,15 @@ pub trait Vector:
     /// Do a part of the work by `call` where registers are few, and in line where the whole is faster in one piece.
     fn apart<P: Part<Self>>(part: P) -> P::Result;
 
+    /// The same but for the number of one lane.
+    #[inline(always)]
+    #[must_use]
+    fn with_lane(self, lane: usize, x: f64) -> Self {
+        let mut lanes = self.lanes();
+        lanes[lane] = x;
+        Self::from_lanes(lanes)
+    }
+
     /// Zero in every lane.
     #[inline(always)]
     fn zero() -> Self {
@@ -90,7 +101,7 @@ pub trait Part<V> {
 
 /// Implement `Vector` for an array of registers from the operations on one; written out, for nothing here may remain a call.
 macro_rules! vector {
-    ($name:ident, $narrow:ident, $single:ident, $is_single:literal, $register:ty, $ops:ident, $width:literal, $count:literal: $($i:tt)*) => {
+    ($name:ident, $narrow:ident, $roomy:ident, $single:ident, $is_single:literal, $register:ty, $ops:ident, $width:literal, $count:literal: $($i:tt)*) => {
         #[derive(Clone, Copy)]
         pub struct $name([$register; $count]);
 
@@ -110,6 +121,7 @@ macro_rules! vector {
         impl Vector for $name {
             const WIDTH: usize = $width * $count;
             type Narrow = $narrow;
+            type Roomy = $roomy;
             type Single = $single;
             const IS_SINGLE: bool = $is_single;
 

@@ -288,6 +288,7 @@ impl<V: Vector> Terms<V> for LocalTerms<'_, V> {
     fn by_coefficients(
         &self,
         stage: &Stage<LocalRows<'_, V>, V>,
+        first_row: usize,
         weights: &[V],
         values: &[V],
         forces: &[V],
@@ -298,7 +299,7 @@ impl<V: Vector> Terms<V> for LocalTerms<'_, V> {
         let (mut by_diffusion, mut by_peclet) = (array(), array());
         let (mut by_slope, mut by_bend) = (array(), array());
         let mut mass = zero;
-        for row in 1..last {
+        for row in first_row..last {
             let own = self.diffusion[row];
             let weight = weights[row] * own;
             let f = [

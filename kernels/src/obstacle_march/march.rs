@@ -120,8 +120,8 @@ pub struct Group<'a> {
     pub contracts: Vec<Contract<'a>>,
     pub cells: usize,
     pub settings: Settings,
-    /// Whether derivatives by the coefficients and by what happens are wanted.
-    pub record: bool,
+    /// Of how many contracts, the first ones, derivatives by the coefficients and by what happens are wanted.
+    pub walked: usize,
     pub interrupt: Interrupt<'a>,
 }
 
@@ -131,10 +131,19 @@ impl Work for Group<'_> {
     #[inline(always)]
     fn run<V: Vector>(self) -> Self::Result {
         if self.contracts.len() <= V::Narrow::WIDTH {
-            V::Narrow::call(Marching(&self))
-        } else {
-            V::call(Marching(&self))
+            return V::Narrow::call(Marching(&self));
         }
+        let mut found = Vec::with_capacity(self.contracts.len());
+        for part in self.contracts.chunks(V::Roomy::WIDTH) {
+            let walked = self.walked.saturating_sub(found.len()).min(part.len());
+            let contracts = part.to_vec();
+            found.extend(V::Roomy::call(Marching(&Group {
+                contracts,
+                walked,
+                ..self
+            }))?);
+        }
+        Some(found)
     }
 }
 
@@ -197,6 +206,9 @@ struct March<'a, V> {
     elimination: Elimination<V>,
     /// The first node that is looked at: those before it are in contact in every lane, and stay so.
     first: usize,
+    /// The same of each lane, 1 where the holder may not exercise; and the first one that may leave a contact set.
+    own_first: [usize; LANES],
+    leaving: usize,
     /// The first node behind the last where exercise brings something in any lane.
     last_kink: usize,
     last_kinks: [usize; LANES],
@@ -228,7 +240,7 @@ impl<'a, V: Vector> March<'a, V> {
             std::array::from_fn(|l| last_gain(&group.contracts[lane(l)], &grids[l]));
         let segments = group.contracts.iter().map(|one| one.segments.len());
         let most = steps.iter().map(Vec::len).max().unwrap_or(0);
-        let record = group.record.then(|| Record::new(nodes, most, segments));
+        let record = (group.walked > 0).then(|| Record::new(nodes, most, segments));
         Self {
             group,
             grids,
@@ -242,6 +254,8 @@ impl<'a, V: Vector> March<'a, V> {
             left: array(),
             elimination: Elimination::new(nodes),
             first: 1,
+            own_first: [1; LANES],
+            leaving: 1,
             last_kink: last_kinks.iter().copied().max().unwrap_or(0),
             last_kinks,
             newton: Newton::new(nodes),
@@ -264,9 +278,7 @@ impl<'a, V: Vector> March<'a, V> {
         }
         for l in count..LANES {
             for row in &mut self.begun {
-                let mut lanes = row.lanes();
-                lanes[l] = lanes[count - 1];
-                *row = V::from_lanes(lanes);
+                *row = row.with_lane(l, row.lanes()[count - 1]);
             }
             terms.copy_lane(count - 1, l);
         }
@@ -319,17 +331,18 @@ impl<'a, V: Vector> March<'a, V> {
         let Some(record) = &self.record else {
             return Some(());
         };
+        let contracts = &self.group.contracts[..self.group.walked];
         let functionals: Vec<Functional> = found
             .iter()
-            .zip(&self.group.contracts)
+            .zip(contracts)
             .map(|(marched, contract)| Functional::of(&marched.line(), contract.x.exp()))
             .collect();
         let derivatives = V::call(WalkBack {
             march: Course {
-                contracts: &self.group.contracts,
+                contracts,
                 cells: self.group.cells,
                 grids: &self.grids,
-                steps: &self.steps,
+                steps: &self.steps[..contracts.len()],
                 spots: &self.spots,
                 signed: &self.signed,
                 last_kink: self.last_kink,
@@ -372,9 +385,7 @@ impl<'a, V: Vector> March<'a, V> {
         self.ends[lane].push(End::of(&grid, number, 0.0, held));
         let begun = start_values(&before, &grid, &kinks, &values, &terms.at_end(lane));
         for (row, value) in self.begun.iter_mut().zip(&begun) {
-            let mut lanes = row.lanes();
-            lanes[lane] = *value;
-            *row = V::from_lanes(lanes);
+            *row = row.with_lane(lane, *value);
         }
         if let Some(record) = &mut self.record {
             record.starts[lane][number] = Some(Start {
@@ -396,6 +407,9 @@ impl<'a, V: Vector> March<'a, V> {
         self.solve::<T, 1>(terms, &steps);
         self.solve::<T, 2>(terms, &steps);
         self.solve::<T, 3>(terms, &steps);
+        if let Some(record) = &mut self.record {
+            record.first.push(self.own_first);
+        }
         let first = self.first - 1;
         self.begun[first..].copy_from_slice(&self.values[first..]);
         self.rates.swap(0, 3);
@@ -411,15 +425,21 @@ impl<'a, V: Vector> March<'a, V> {
         clippy::cast_precision_loss
     )]
     fn skip(&mut self, n: usize) {
-        let mut own = [self.group.cells; LANES];
+        let cells = self.group.cells;
+        let mut own = [cells; LANES];
+        self.leaving = cells;
         for (lane, contract) in self.group.contracts.iter().enumerate() {
             let Some(step) = self.steps[lane].get(n) else {
                 continue;
             };
             let Contact { begin, end } = self.contact[lane];
-            let stays = contract.segments[step.segment].escrow == 0.0;
+            let segment = &contract.segments[step.segment];
+            let stays = segment.exercisable && segment.escrow == 0.0;
             let known = !step.is_first && stays && begin.is_infinite() && end > SKIPPED;
             own[lane] = if known { (end - SKIPPED) as usize } else { 1 }.max(1);
+            if segment.exercisable {
+                self.leaving = self.leaving.min(own[lane]);
+            }
         }
         let first = own.into_iter().min().unwrap_or(1);
         for rates in &mut self.rates {
@@ -427,13 +447,18 @@ impl<'a, V: Vector> March<'a, V> {
                 passed.fill(V::zero());
             }
         }
-        self.first = first;
-        let furthest = own.into_iter().filter(|own| *own < self.group.cells).max();
+        let furthest = own.into_iter().filter(|own| *own < cells).max();
         let begins = V::from_lanes(own.map(|own| own as f64));
         for i in first..furthest.unwrap_or(first) {
             let is_before = -begins.plus(-(i as f64));
             self.rates[0][i] = is_before.negative(V::zero(), self.rates[0][i]);
         }
+        (self.first, self.own_first) = (first, own);
+    }
+
+    /// Look at every node, whatever was known before.
+    fn look_everywhere(&mut self) {
+        (self.first, self.own_first, self.leaving) = (1, [1; LANES], 1);
     }
 
     /// Solve stage N of three: the right-hand side and the elimination from the far end, then the substitution from the
@@ -457,11 +482,11 @@ impl<'a, V: Vector> March<'a, V> {
                 for (wrong, worst) in wrong.iter_mut().zip(swept.worst.lanes()) {
                     *wrong &= worst <= -ROUNDING || worst.is_nan();
                 }
-                if self.first == 1 || !wrong.contains(&true) {
+                if self.leaving == 1 || !wrong.contains(&true) {
                     break (swept, wrong);
                 }
             }
-            self.first = 1;
+            self.look_everywhere();
             self.elimination.of(&stage, self.first);
         };
         self.newton.forget(wrong);
@@ -513,12 +538,12 @@ impl<'a, V: Vector> March<'a, V> {
         let mut left = V::zero();
         for i in (self.first..=last).rev() {
             let right = mass_of(stage.rows.at(i).mass, [base[i - 1], base[i], base[i + 1]]);
-            left = right - factor[i] * left; // the last factor is 0
+            left = factor[i].times_plus(left, right); // the last factor is 0
             eliminated[i] = left;
         }
     }
 
-    /// Substitute from the near end, or from `first`; None where the nodes before it are not in contact.
+    /// Substitute from the near end, or from `first`; None where a contact set ends before the node `leaving`.
     #[inline(always)]
     fn substitute<R: Rows<V>, const N: usize>(
         &mut self,
@@ -526,6 +551,7 @@ impl<'a, V: Vector> March<'a, V> {
         obstacle: &Obstacle<V>,
     ) -> Option<Swept<V>> {
         let (last, begin) = (self.group.cells - 1, self.first);
+        let leaving = self.leaving.min(last);
         let strike = obstacle.strike;
         let (left, signed) = (&self.left[..=last], &self.signed[..last + 2]);
         let (pivot, inverse) = (
@@ -560,6 +586,24 @@ impl<'a, V: Vector> March<'a, V> {
         rates[begin - 1] = (before - base[begin - 1]) * stage.inverse;
         let mut worst = zero;
         let mut i = begin;
+        // Below 0 where what lies before `leaving` is known to be in contact.
+        let mut known = one;
+        if leaving > 1 {
+            let is_known = |l: usize| self.active[l] && self.own_first[l] > 1;
+            known = V::from_lanes(std::array::from_fn(
+                |l| if is_known(l) { -1.0 } else { 1.0 },
+            ));
+            contact = known.negative(zero, V::all(f64::NEG_INFINITY));
+            held = known;
+            while i < leaving {
+                let share = -(stage.lower_of(i, last) * inverse[i]);
+                let free = share.times_plus(before, left[i] * inverse[i]);
+                before = known.negative(strike - signed[i], free);
+                values[i] = before;
+                rates[i] = (before - base[i]) * stage.inverse;
+                i += 1;
+            }
+        }
         while i <= last && held.lanes().iter().any(|x| *x < 0.0) {
             let lower = stage.lower_of(i, last);
             let rest = left[i] - lower * before;
@@ -577,14 +621,15 @@ impl<'a, V: Vector> March<'a, V> {
             let end = V::all(i as f64) - cell.distance;
             contact = near.negative(end, contact);
             held = near.negative(cell.held, one);
-            if i == begin && begin > 1 && held.lanes().iter().any(|x| *x >= 0.0) {
+            if i == leaving && known.negative(held, -one).lanes().iter().any(|x| *x >= 0.0) {
                 return None;
             }
             i += 1;
         }
         while i <= last {
-            let lower = stage.lower_of(i, last);
-            before = (left[i] - lower * before) * inverse[i];
+            // One operation from node to node: what each waits for is the one before it.
+            let share = -(stage.lower_of(i, last) * inverse[i]);
+            before = share.times_plus(before, left[i] * inverse[i]);
             if i < self.last_kink {
                 let (gain, rise) = obstacle.at(signed[i], stage.rows.at(i).half_inverse);
                 worst = worst.min(gain.min(rise).negative(zero, before - gain));

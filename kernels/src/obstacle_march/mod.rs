@@ -135,7 +135,7 @@ mod tests {
                     contracts: vec![contract],
                     cells: 64,
                     settings: Settings::default(),
-                    record: true,
+                    walked: 1,
                     interrupt: &never,
                 };
                 dispatch(group).expect("nothing interrupts")[0].clone()
@@ -153,7 +153,7 @@ mod tests {
     }
 
     /// On one grid, by the rate, the yield, the volatility and the amount of each segment, under a volatility that changes
-    /// with the place and the time.
+    /// with the place and the time; beside it the contract without early exercise, which looks at every node.
     #[test]
     fn derivatives_are_differences() {
         let mut segments = [segment(0.3), segment(0.5)];
@@ -169,7 +169,12 @@ mod tests {
             log_strike: 0.0,
             reference: 0.25,
         };
-        let marched = |sign: f64, own: &[Segment; 2], record: bool| {
+        let marched = |sign: f64, own: &[Segment; 2], walked: usize| {
+            let held = own.map(|one| Segment {
+                exercisable: false,
+                exercise_at_end: false,
+                ..one
+            });
             let contract = Contract {
                 sign,
                 x: -0.03,
@@ -179,10 +184,16 @@ mod tests {
                 local: Some(local),
             };
             let group = Group {
-                contracts: vec![contract],
+                contracts: vec![
+                    contract,
+                    Contract {
+                        segments: &held,
+                        ..contract
+                    },
+                ],
                 cells: 128,
                 settings: Settings::default(),
-                record,
+                walked,
                 interrupt: &never,
             };
             dispatch(group).expect("nothing interrupts")[0].clone()
@@ -194,7 +205,7 @@ mod tests {
             |one| &mut one.amount,
         ];
         for sign in [1.0, -1.0] {
-            let found = marched(sign, &segments, true);
+            let found = marched(sign, &segments, 1);
             for (k, own) in found.by_segment.iter().enumerate() {
                 for (name, number) in [0, 1, 2, 4].into_iter().zip(numbers) {
                     if name == 4 && k == 1 {
@@ -203,7 +214,7 @@ mod tests {
                     let moved = |by: f64| {
                         let mut other = segments;
                         *number(&mut other[k]) += by;
-                        marched(sign, &other, false).line().at((-0.03_f64).exp())
+                        marched(sign, &other, 0).line().at((-0.03_f64).exp())
                     };
                     let step = 1e-5;
                     let difference = (moved(step) - moved(-step)) / (2.0 * step);

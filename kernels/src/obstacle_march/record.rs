@@ -13,6 +13,8 @@ pub struct Record<V> {
     nodes: usize,
     /// At every stage how far the contact set reaches, in numbers of nodes; infinite where it was not asked.
     pub reach: Vec<[f64; LANES]>,
+    /// At every step the first inner node of each lane that was looked at; before it the rates at the start were 0.
+    pub first: Vec<[usize; LANES]>,
     /// By lane and by the segment's number.
     pub starts: Vec<Vec<Option<Start>>>,
 }
@@ -36,6 +38,7 @@ impl<V: Vector> Record<V> {
             rates: Vec::with_capacity(steps * nodes),
             nodes,
             reach: Vec::new(),
+            first: Vec::new(),
             starts: segments
                 .map(|count| (0..count).map(|_| None).collect())
                 .collect(),

@@ -471,7 +471,9 @@ struct Job {
     contract: usize,
     is_local: bool,
     cells: usize,
+    /// Whether its group is recorded, and whether it is walked back itself.
     record: bool,
+    walked: bool,
 }
 
 impl Job {
@@ -528,24 +530,25 @@ fn march_level(
         let steps = steps_of(&own[0], &Grid::new(&own[0], cells, &settings), &settings).len();
         let fits = record_size(cells, steps) <= LARGEST_RECORD;
         for contract in 0..own.len() {
-            let record = contract == 0 && greeks != Greeks::None && fits;
+            let walked = contract == 0 && greeks != Greeks::None && fits;
             let job = Job {
                 work,
                 contract,
                 is_local: own[0].local.is_some(),
                 cells,
-                record,
+                record: walked,
+                walked,
             };
             jobs.push((job, steps));
         }
     }
     if jobs.len() <= FEW && jobs.iter().any(|(job, _)| job.record) {
-        // One narrow vector holds them all, and the walk back costs the same for each of its lanes.
+        // One narrow vector holds them all.
         for (job, _) in &mut jobs {
             job.record = true;
         }
     }
-    jobs.sort_by_key(|(job, steps)| (job.kind(), *steps));
+    jobs.sort_by_key(|(job, steps)| (job.kind(), !job.walked, *steps));
     let groups: Vec<Vec<Job>> = jobs
         .chunk_by(|(a, _), (b, _)| a.kind() == b.kind())
         .flat_map(|same| same.chunks(LANES))
@@ -561,7 +564,7 @@ fn march_level(
                 contracts: group.iter().map(chosen).collect(),
                 cells: group[0].cells,
                 settings,
-                record: group[0].record,
+                walked: group.iter().filter(|job| job.walked).count(),
                 interrupt,
             });
             let Some(mut marched) = marched else { return };

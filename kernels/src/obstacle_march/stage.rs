@@ -115,8 +115,8 @@ pub fn mass_of<V: Vector>([lower, middle, upper]: [V; 3], [before, at, after]: [
 /// How often it is looked whether the pivots change any more, in rows.
 const LOOKED_AT: usize = 8;
 
-/// What the elimination from the far end leaves of a stage's matrix: what the row above is multiplied by, the pivots, and
-/// one over these.
+/// What the elimination from the far end leaves of a stage's matrix: how often a row takes in the one behind it, the
+/// pivots, and one over these.
 pub struct Elimination<V> {
     pub factor: Vec<V>,
     pub pivot: Vec<V>,
@@ -149,8 +149,9 @@ impl<V: Vector> Elimination<V> {
         self.pivot[last] = stage.last_diagonal;
         self.inverse[last] = one / stage.last_diagonal;
         for i in (first..last).rev() {
-            let factor = stage.rows.at(i).upper * self.inverse[i + 1];
-            let pivot = stage.rows.at(i).diagonal - factor * stage.lower_of(i + 1, last);
+            let factor = -(stage.rows.at(i).upper * self.inverse[i + 1]);
+            let behind = stage.lower_of(i + 1, last);
+            let pivot = factor.times_plus(behind, stage.rows.at(i).diagonal);
             self.factor[i] = factor;
             self.pivot[i] = pivot;
             self.inverse[i] = one / pivot;

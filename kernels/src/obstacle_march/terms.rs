@@ -36,11 +36,12 @@ pub trait Terms<V: Vector>: Clone {
     /// The derivatives of ln D by the volatility, and by a shift of it in ln S, at a node at the stage.
     fn log_diffusion_slopes(&self, node: usize) -> [V; 2];
 
-    /// The derivatives, by the rate, the dividend yield, the volatility and a shift of it, of the rows' sums, given their
-    /// weights, the values and (1 + a r) V less the base at the nodes.
+    /// The derivatives, by the rate, the dividend yield, the volatility and a shift of it, of the sums of the rows from
+    /// `first_row` on, given their weights, the values and (1 + a r) V less the base at the nodes.
     fn by_coefficients(
         &self,
         stage: &Stage<Self::Rows<'_>, V>,
+        first_row: usize,
         weights: &[V],
         values: &[V],
         forces: &[V],
@@ -264,6 +265,7 @@ impl<V: Vector> Terms<V> for EvenTerms {
     fn by_coefficients(
         &self,
         stage: &Stage<EvenRows<V>, V>,
+        first_row: usize,
         weights: &[V],
         values: &[V],
         forces: &[V],
@@ -271,8 +273,9 @@ impl<V: Vector> Terms<V> for EvenTerms {
         let zero = V::zero();
         let row = stage.rows.0;
         let (mut mass, mut second, mut first, mut tilt) = (zero, zero, zero, zero);
+        let (values, forces) = (&values[first_row - 1..], &forces[first_row - 1..]);
         let triples = values.windows(3).zip(forces.windows(3));
-        for (weight, (v, f)) in weights[1..].iter().zip(triples) {
+        for (weight, (v, f)) in weights[first_row..].iter().zip(triples) {
             mass = weight.times_plus(mass_of(row.mass, [v[0], v[1], v[2]]), mass);
             second = weight.times_plus(v[0] + v[2] - v[1].times(2.0), second);
             first = weight.times_plus(v[2] - v[0], first);

@@ -2,8 +2,8 @@
 //!
 //! The walk carries what a change of each number of the march would do to the value, from now to expiry. At each stage
 //! it solves the transposed system, in which a node's row is s times that of the equation and 1 - s times the identity,
-//! s its distance from the contact set in cells, 0 in it and 1 from one cell on. What is held fixed are the grid and the
-//! steps.
+//! s its distance from the contact set in cells, 0 in it and 1 from one cell on. What is held fixed are the grid, the
+//! steps and the nodes that a step has not looked at, for they are in contact and nothing depends on what was there.
 
 use super::contract::{Contract, Segment};
 use super::event::{hat, hat_weights, indices_after, points_of_hat, tilt, After, Before};
@@ -126,7 +126,7 @@ struct Walk<'w, 'a, V> {
     record: &'w Record<V>,
     functionals: &'w [Functional],
     /// The weights of V at the nodes at the step's end and at its start, and of the rates at its start and of its stages.
-    ended: Vec<[f64; LANES]>,
+    ended: Vec<V>,
     begun: Vec<V>,
     rates: [Vec<V>; 4],
     /// The weights of V at a stage, of its rows, and of what it starts from.
@@ -138,6 +138,8 @@ struct Walk<'w, 'a, V> {
     factor: Vec<V>,
     /// How far the nodes are from the contact set, in cells.
     distance: Vec<V>,
+    /// The first inner node that is looked at; the weights before it are 0.
+    first: usize,
     /// (1 + a r) V less the base of each stage.
     forces: [Vec<V>; 3],
     found: Vec<Vec<BySegment>>,
@@ -152,7 +154,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             march: part.march,
             record: part.record,
             functionals: part.functionals,
-            ended: vec![[0.0; LANES]; nodes],
+            ended: array(),
             begun: array(),
             rates: [array(), array(), array(), array()],
             direct: array(),
@@ -161,6 +163,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             known: array(),
             factor: array(),
             distance: array(),
+            first: 1,
             forces: [array(), array(), array()],
             found: contracts
                 .iter()
@@ -199,15 +202,35 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
     /// Take in what is asked of a lane.
     fn begin(&mut self, lane: usize) {
         self.clear_rates(lane);
-        for row in &mut self.ended {
-            row[lane] = 0.0;
-        }
+        self.first = 1;
+        let mut weights = vec![0.0; self.ended.len()];
         let asked = &self.functionals[lane];
         if let Some(reading) = &asked.reading {
-            add(&mut self.ended, lane, reading, 1.0);
+            let own = &reading.weights[..reading.points];
+            weights[reading.start..][..reading.points].copy_from_slice(own);
         }
+        self.set_ended(lane, &weights);
         let contract = &self.march.contracts[lane];
         self.by_strike_now(lane, 0, &contract.segments[0], asked.by_strike);
+    }
+
+    /// Take the weights of a lane's values at the end of the step to come.
+    #[inline(always)]
+    fn set_ended(&mut self, lane: usize, weights: &[f64]) {
+        for (row, weight) in self.ended.iter_mut().zip(weights) {
+            *row = row.with_lane(lane, *weight);
+        }
+    }
+
+    /// Look at no node before a given one: what has been asked of those that are passed depends on nothing.
+    fn pass(&mut self, first: usize) {
+        if first > self.first {
+            let arrays = self.rates.iter_mut().chain([&mut self.ended]);
+            for array in arrays {
+                array[self.first - 1..first].fill(V::zero());
+            }
+        }
+        self.first = first;
     }
 
     /// Nothing has been asked of a lane's rates.
@@ -234,44 +257,64 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
 
     /// Walk through a step of all lanes.
     #[inline(always)]
+    #[allow(clippy::cast_precision_loss)]
     fn step<T: Terms<V>>(&mut self, terms: &mut T, n: usize) {
         let steps = LaneSteps::<V>::at(n, self.march.contracts, self.march.steps);
         let a = steps.dt.times(GAMMA);
+        let own_first = &self.record.first[n][..self.march.contracts.len()];
+        let first = own_first.iter().copied().min().unwrap_or(1);
+        self.pass(first);
         self.march_again(n, &steps, a);
         // The rate of the last stage is that of the next step's start.
         self.rates.swap(0, 3);
-        self.rates[0].fill(V::zero());
-        self.begun.fill(V::zero());
-        for (direct, ended) in self.direct.iter_mut().zip(&self.ended) {
-            *direct = V::from_lanes(*ended);
-        }
+        let from = self.from();
+        self.rates[0][from..].fill(V::zero());
+        self.begun[from..].fill(V::zero());
+        self.direct[from..].copy_from_slice(&self.ended[from..]);
         for number in (0..3).rev() {
             let is_other = terms.set(number, &steps, number == 2);
             let stage = terms.stage(a);
             if is_other {
                 // The transposed elimination has the same pivots where nothing is in contact.
-                self.elimination.of(&stage, 1);
+                self.elimination.of(&stage, first);
             }
             let of_contact = self.stage(3 * n + number, number, terms, &stage, &steps);
             let values = self.record.stage(3 * n + number);
             let forces = &mut self.forces[number];
-            for (force, value) in forces.iter_mut().zip(values) {
-                *force = (stage.growth.plus(-1.0)).times_plus(*value, *force);
+            let more = stage.growth.plus(-1.0);
+            for (force, value) in forces[first - 1..].iter_mut().zip(&values[first - 1..]) {
+                *force = more.times_plus(*value, *force);
             }
-            let of_rows = terms.by_coefficients(&stage, &self.of_rows, values, forces);
+            let of_rows = terms.by_coefficients(&stage, first, &self.of_rows, values, forces);
             self.add_up(n, number, &steps, of_rows, &of_contact);
-            self.direct.fill(V::zero());
+            self.direct[from..].fill(V::zero());
         }
-        for (ended, begun) in self.ended.iter_mut().zip(&self.begun) {
-            *ended = begun.lanes();
+        self.ended[from..].copy_from_slice(&self.begun[from..]);
+        // The march began the step with rates of 0 in contact.
+        let cells = self.march.cells;
+        let furthest = own_first.iter().copied().filter(|own| *own < cells).max();
+        let begins = V::from_lanes(self.record.first[n].map(|own| own as f64));
+        for i in first..furthest.unwrap_or(first) {
+            let is_before = -begins.plus(-(i as f64));
+            self.rates[0][i] = is_before.negative(V::zero(), self.rates[0][i]);
+        }
+    }
+
+    /// The first node that is looked at.
+    fn from(&self) -> usize {
+        if self.first == 1 {
+            0
+        } else {
+            self.first
         }
     }
 
     /// Leave in `forces` V less the base of each stage of a step, which is the implicit weight times the stage's rate.
     #[inline(always)]
     fn march_again(&mut self, n: usize, steps: &LaneSteps<V>, a: V) {
+        let known = self.first - 1;
         if n > 0 {
-            self.begun.copy_from_slice(self.record.stage(3 * n - 1));
+            self.begun[known..].copy_from_slice(&self.record.stage(3 * n - 1)[known..]);
         }
         for (lane, own) in self.march.steps.iter().enumerate() {
             let Some(step) = own.get(n).filter(|step| step.is_first) else {
@@ -279,9 +322,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             };
             if let Some(start) = &self.record.starts[lane][step.segment] {
                 for (row, value) in self.begun.iter_mut().zip(&start.begun) {
-                    let mut lanes = row.lanes();
-                    lanes[lane] = *value;
-                    *row = V::from_lanes(lanes);
+                    *row = row.with_lane(lane, *value);
                 }
             }
         }
@@ -290,11 +331,17 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         for number in 0..3 {
             let weights = steps.weights(number);
             let values = self.record.stage(3 * n + number);
-            let (known, found) = self.forces.split_at_mut(number);
-            for (i, force) in found[0].iter_mut().enumerate() {
-                *force = values[i] - self.begun[i] - at_start[i] * weights[0];
-                for (before, weight) in known.iter().zip(&weights[1..]) {
-                    *force = *force - before[i] * (*weight * inverse);
+            let (before, found) = self.forces.split_at_mut(number);
+            let count = values.len();
+            let (begun, at_start) = (&self.begun[..count], &at_start[..count]);
+            let found = &mut found[0][..count];
+            for i in known..count {
+                found[i] = (-at_start[i]).times_plus(weights[0], values[i] - begun[i]);
+            }
+            for (before, weight) in before.iter().zip(&weights[1..]) {
+                let share = -(*weight * inverse);
+                for (force, before) in found[known..].iter_mut().zip(&before[known..]) {
+                    *force = before.times_plus(share, *force);
                 }
             }
         }
@@ -302,6 +349,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
 
     /// Walk through one stage: from the weights of its values and its rates to those of what it starts from.
     #[inline(always)]
+    #[allow(clippy::cast_precision_loss)]
     fn stage<T: Terms<V>>(
         &mut self,
         index: usize,
@@ -311,66 +359,91 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         steps: &LaneSteps<V>,
     ) -> OfContact<V> {
         let values = self.record.stage(index);
-        let last = self.march.cells - 1;
+        let (first, last) = (self.first, self.march.cells - 1);
+        let from = self.from();
         let (zero, one) = (V::zero(), V::all(1.0));
         let obstacle = terms.exercise().obstacle(steps.strikes[number]);
-        for (direct, rate) in self.direct.iter_mut().zip(&self.rates[number + 1]) {
+        let rates = &self.rates[number + 1][from..];
+        for (direct, rate) in self.direct[from..].iter_mut().zip(rates) {
             *direct = rate.times_plus(stage.inverse, *direct);
         }
         // The ends: linear in the spot, or in contact.
         let (q, p) = (stage.near_rule, stage.far_rule);
-        let (near_end, end) = (self.direct[0], self.direct[last + 1]);
-        let gap = values[0] - (obstacle.strike - self.march.signed[0]);
-        let touching = gap.abs().plus(-f64::MIN_POSITIVE).negative(one, zero);
-        let loose = one - touching;
+        let end = self.direct[last + 1];
         self.direct[last] = p.plus(1.0).times_plus(end, self.direct[last]);
-        self.direct[last - 1] = self.direct[last - 1] - p * end;
-        self.direct[1] = q.plus(1.0).times_plus(loose * near_end, self.direct[1]);
-        self.direct[2] = self.direct[2] - q * (loose * near_end);
+        self.direct[last - 1] = (-p).times_plus(end, self.direct[last - 1]);
+        let (mut near_end, mut touching) = (zero, one);
+        if first == 1 {
+            let gap = values[0] - (obstacle.strike - self.march.signed[0]);
+            touching = gap.abs().plus(-f64::MIN_POSITIVE).negative(one, zero);
+            near_end = self.direct[0];
+            let loose_end = (one - touching) * near_end;
+            self.direct[1] = q.plus(1.0).times_plus(loose_end, self.direct[1]);
+            self.direct[2] = (-q).times_plus(loose_end, self.direct[2]);
+        }
+        let loose = one - touching;
         let top = self.top_of_contact(index);
+        let reach = V::from_lanes(self.record.reach[index]);
         // The weights of the rows, the elimination from the far end.
         let (mut after, mut factor) = (zero, zero);
-        for i in (1..=last).rev() {
+        let direct = &self.direct[..last + 2];
+        let inverse = &self.elimination.inverse[..=last];
+        let (known, factors) = (&mut self.known[..=last], &mut self.factor[..=last]);
+        let free = (top + 1).max(first).max(3);
+        for i in (free..=last).rev() {
+            let [upper, _, low] = stage.column(i, last, loose);
+            after = (-(low * inverse[i])).times_plus(after, direct[i] * inverse[i]);
+            factor = -(upper * inverse[i]);
+            (known[i], factors[i]) = (after, factor);
+        }
+        for i in (first..free.min(last + 1)).rev() {
             let [upper, diagonal, low] = stage.column(i, last, loose);
-            let rest = self.direct[i] - low * after;
-            let mut pivot_inverse = self.elimination.inverse[i];
-            if i <= top {
-                let half_inverse = stage.rows.at(i).half_inverse;
-                let s = self.distance_of(index, i, &obstacle, half_inverse, values[i]);
-                self.distance[i] = s;
-                let pivot = s * (diagonal - low * factor) + stage.rows.at(i).spread * (one - s);
-                pivot_inverse = s / pivot;
-            }
+            let rest = (-low).times_plus(after, direct[i]);
+            let half_inverse = stage.rows.at(i).half_inverse;
+            let (gain, rise) = obstacle.at(self.march.signed[i], half_inverse);
+            let s = distance_of(gain, rise, values[i], reach.plus(1.0 - i as f64));
+            self.distance[i] = s;
+            let own = low.times_plus(factor, diagonal);
+            let pivot = s * own + stage.rows.at(i).spread * (one - s);
+            let pivot_inverse = s / pivot;
             after = rest * pivot_inverse;
-            factor = upper * pivot_inverse;
-            (self.known[i], self.factor[i]) = (after, factor);
+            factor = -(upper * pivot_inverse);
+            (known[i], factors[i]) = (after, factor);
+        }
+        let of_rows = &mut self.of_rows[..=last];
+        let mut found = zero;
+        for i in first..=last {
+            found = factors[i].times_plus(found, known[i]);
+            of_rows[i] = found;
         }
         // What the stage starts from: M transposed times the weights of the rows, less what the rates take of it.
-        let mut found = zero;
-        for i in 1..=last {
-            found = self.known[i] - self.factor[i] * found;
-            self.of_rows[i] = found;
-        }
         let weights = steps.weights(number);
-        let (known, own) = self.rates.split_at_mut(number + 1);
-        let mut taken = [zero; 3]; // what rows have given to the node before, at and behind the last one
-        for i in 0..=last + 1 {
-            let next = if i < last { i + 1 } else { 0 };
-            let row = if next > 0 { self.of_rows[next] } else { zero };
-            let mass = if next > 0 {
-                stage.rows.at(next).mass
-            } else {
-                [zero; 3]
-            };
-            // Row i + 1 gives to nodes i, i + 1 and i + 2.
-            let based = taken[0] + row * mass[0] - own[0][i] * stage.inverse;
-            taken = [taken[1] + row * mass[1], row * mass[2], zero];
-            self.begun[i] = self.begun[i] + based;
-            for (rates, weight) in known.iter_mut().zip(weights) {
-                rates[i] = weight.times_plus(based, rates[i]);
+        let (earlier, own) = self.rates.split_at_mut(number + 1);
+        let (own, begun) = (&mut own[0][..last + 2], &mut self.begun[..last + 2]);
+        // What rows have given to a node and to the one behind it; row i + 1 gives to nodes i, i + 1 and i + 2.
+        let mut taken = [zero; 2];
+        if from == first {
+            let [_, mass, after] = stage.rows.at(first).mass;
+            taken = [of_rows[first] * mass, of_rows[first] * after];
+        }
+        let based = &mut self.known[..last + 2];
+        for i in from..last {
+            let (row, mass) = (of_rows[i + 1], stage.rows.at(i + 1).mass);
+            based[i] = row.times_plus(mass[0], taken[0]);
+            taken = [row.times_plus(mass[1], taken[1]), row * mass[2]];
+        }
+        [based[last], based[last + 1]] = taken;
+        let minus = -stage.inverse;
+        for i in from..last + 2 {
+            let share = own[i].times_plus(minus, based[i]);
+            (based[i], begun[i]) = (share, begun[i] + share);
+            own[i] = zero;
+        }
+        for (rates, weight) in earlier.iter_mut().zip(weights) {
+            for (rate, based) in rates[from..].iter_mut().zip(&based[from..]) {
+                *rate = weight.times_plus(*based, *rate);
             }
         }
-        own[0].fill(zero);
         let mut sums = self.of_contact(terms, stage, &obstacle, top, loose);
         let pinned = near_end - stage.rows.at(1).lower * self.of_rows[1];
         sums.obstacle = touching.times_plus(pinned, sums.obstacle);
@@ -384,30 +457,11 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         clippy::cast_precision_loss
     )]
     fn top_of_contact(&self, index: usize) -> usize {
-        let reach = self.record.reach[index].iter().copied().fold(0.0, f64::max);
+        let own = &self.record.reach[index][..self.march.contracts.len()];
+        let reach = own.iter().copied().fold(0.0, f64::max);
         (reach.min(self.march.last_kink as f64) as usize + 1)
             .min(self.march.last_kink)
             .max(1)
-    }
-
-    /// The distance of the contact set from a node, in cells: 0 in it, 1 from one cell on.
-    #[inline(always)]
-    #[allow(clippy::cast_precision_loss)]
-    fn distance_of(
-        &self,
-        index: usize,
-        node: usize,
-        obstacle: &Obstacle<V>,
-        half_inverse: V,
-        value: V,
-    ) -> V {
-        let (zero, one) = (V::zero(), V::all(1.0));
-        let (gain, rise) = obstacle.at(self.march.signed[node], half_inverse);
-        let may = gain.min(rise);
-        let height = (value - gain) / rise.max(V::all(f64::MIN_POSITIVE));
-        let inside = height.max(zero).min(one).sqrt();
-        let reached = V::from_lanes(self.record.reach[index]).plus(1.0 - node as f64);
-        may.negative(one, (-reached).negative(inside, one))
     }
 
     /// What the nodes in contact, and those whose cells hold its ends, have to do with the obstacle, c and the volatility.
@@ -430,12 +484,16 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             volatility: zero,
             shift: zero,
         };
-        for i in 1..=top.min(last) {
+        for i in self.first..=top.min(last) {
             let (signed, half_inverse) = (self.march.signed[i], stage.rows.at(i).half_inverse);
             let rise = obstacle.at(signed, half_inverse).1;
             let s = self.distance[i];
             let [upper, diagonal, low] = stage.column(i, last, loose);
-            let before = if i > 1 { self.of_rows[i - 1] } else { zero };
+            let before = if i > self.first {
+                self.of_rows[i - 1]
+            } else {
+                zero
+            };
             let behind = if i < last { self.of_rows[i + 1] } else { zero };
             let rows = upper * before + diagonal * self.of_rows[i] + low * behind;
             let pushed = s.plus(-1.0).negative(self.direct[i] - rows, zero);
@@ -500,7 +558,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         };
         let contract = self.march.contracts[lane];
         let grid = self.march.grids[lane];
-        let weights: Vec<f64> = self.ended.iter().map(|row| row[lane]).collect();
+        let weights: Vec<f64> = self.ended.iter().map(|row| row.lane(lane)).collect();
         let after = match &start.later {
             None => After::Payoff,
             Some((values, contact)) => {
@@ -522,22 +580,23 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         found[number].amount += by.amount;
         found[number].fraction += by.fraction;
         found[number].escrow += by.escrow;
-        let by_later_strike = through.by_later_strike;
-        for (row, weight) in self.ended.iter_mut().zip(&through.later) {
-            row[lane] = *weight;
-        }
+        let (by_later_strike, later) = (through.by_later_strike, through.later);
+        self.first = 1;
+        self.set_ended(lane, &later);
         if let Some(later) = contract.segments.get(number + 1) {
             self.by_strike_now(lane, number + 1, later, by_later_strike);
         }
     }
 }
 
-/// Add a reading's weights to those of the nodes.
-fn add(weights: &mut [[f64; LANES]], lane: usize, reading: &Reading, factor: f64) {
-    let own = &reading.weights[..reading.points];
-    for (row, weight) in weights[reading.start..].iter_mut().zip(own) {
-        row[lane] += factor * weight;
-    }
+/// The distance of the contact set from a node, in cells: 0 in it, 1 from one cell on, and where `reached` is not above 0.
+#[inline(always)]
+fn distance_of<V: Vector>(gain: V, rise: V, value: V, reached: V) -> V {
+    let (zero, one) = (V::zero(), V::all(1.0));
+    let height = (value - gain) / rise.max(V::all(f64::MIN_POSITIVE));
+    let inside = height.max(zero).min(one).sqrt();
+    gain.min(rise)
+        .negative(one, (-reached).negative(inside, one))
 }
 
 /// The walk through what happens at the end of a segment, in one lane.
