@@ -607,7 +607,7 @@ impl<'a, V: Vector> March<'a, V> {
         while i <= last && held.lanes().iter().any(|x| *x < 0.0) {
             let lower = stage.lower_of(i, last);
             let rest = left[i] - lower * before;
-            let free = rest * inverse[i];
+            let free = (-(lower * inverse[i])).times_plus(before, left[i] * inverse[i]);
             let (gain, rise) = obstacle.at(signed[i], stage.rows.at(i).half_inverse);
             let may = gain.min(rise);
             worst = worst.min(held.negative(zero, may.negative(zero, free - gain)));

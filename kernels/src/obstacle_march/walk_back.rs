@@ -398,7 +398,6 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         }
         for i in (first..free.min(last + 1)).rev() {
             let [upper, diagonal, low] = stage.column(i, last, loose);
-            let rest = (-low).times_plus(after, direct[i]);
             let half_inverse = stage.rows.at(i).half_inverse;
             let (gain, rise) = obstacle.at(self.march.signed[i], half_inverse);
             let s = distance_of(gain, rise, values[i], reach.plus(1.0 - i as f64));
@@ -406,7 +405,7 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             let own = low.times_plus(factor, diagonal);
             let pivot = s * own + stage.rows.at(i).spread * (one - s);
             let pivot_inverse = s / pivot;
-            after = rest * pivot_inverse;
+            after = (-(low * pivot_inverse)).times_plus(after, direct[i] * pivot_inverse);
             factor = -(upper * pivot_inverse);
             (known[i], factors[i]) = (after, factor);
         }

@@ -10,7 +10,7 @@ use super::mesh_class::{classify, LOOSE_TOLERANCE_OF_PRICES};
 use super::work_items::{by_class, groups, run_count, Item};
 use crate::flat_options::{Puts, COLUMNS, DERIVATIVES, SECOND, VALUES};
 use crate::lanes::dispatch::Work;
-use crate::lanes::vector::{Vector, LANES};
+use crate::lanes::vector::{Part, Vector, LANES};
 
 /// The number of groups between two questions whether the work shall end; chosen: those that march too few steps to ask
 /// take less than a millisecond together.
@@ -72,7 +72,10 @@ impl Work for Task<'_> {
         for wanted in Wanted::of(&whole) {
             self.puts = wanted.of_puts(whole);
             let mut fresh: [Vec<Item>; STEPS.len()] = Default::default();
-            self.sort_into_levels::<V>(&mut fresh);
+            V::call(Sorting {
+                task: &self,
+                fresh: &mut fresh,
+            });
             wanted.choose(
                 &mut fresh,
                 &mut priced,
@@ -181,14 +184,17 @@ impl Task<'_> {
                         }
                         marched += 1;
                         let (pending, narrow) = (&mut pending, &mut work.narrow);
-                        let found = if items[0].class.is_single_at(level) {
-                            self.march::<V, _>(items, level, continues, pending, &mut work.single)
+                        if items[0].class.is_single_at(level) {
+                            let work = &mut work.single;
+                            V::call(Marching(self, items, level, continues, pending, work))?;
                         } else if run_count(items) <= V::Narrow::WIDTH {
-                            self.march::<V::Narrow, _>(items, level, continues, pending, narrow)
+                            V::Narrow::call(Marching(
+                                self, items, level, continues, pending, narrow,
+                            ))?;
                         } else {
-                            self.march::<V, _>(items, level, continues, pending, &mut work.wide)
-                        };
-                        found?;
+                            let work = &mut work.wide;
+                            V::call(Marching(self, items, level, continues, pending, work))?;
+                        }
                     }
                 }
             }
@@ -315,9 +321,9 @@ impl Task<'_> {
                         return None;
                     }
                     *side = if run_count(items) <= V::Narrow::WIDTH {
-                        premiums(puts, items, factor, level, &mut work.narrow)?
+                        V::Narrow::call(Premiums(puts, items, factor, level, &mut work.narrow))?
                     } else {
-                        premiums(puts, items, factor, level, &mut work.wide)?
+                        V::call(Premiums(puts, items, factor, level, &mut work.wide))?
                     };
                 }
                 for (item, (up, down)) in items.iter().zip(sides[0].iter().zip(&sides[1])) {
@@ -370,18 +376,55 @@ impl Task<'_> {
     }
 }
 
-/// The premiums of a group with another spread, as `Group::premiums`. None where the work is told to end.
-#[inline(always)]
-fn premiums<W: Vector>(
-    puts: Puts,
-    items: &[Item],
-    factor: f64,
-    level: usize,
-    work: &mut Workspace<W>,
-) -> Option<Vec<[f64; 2]>> {
-    let mut group = Group::<W, W>::new(puts, items, Some(factor), work);
-    group.march(level, items[0].class, None)?;
-    Some(group.premiums(level))
+/// `Task::sort_into_levels`. This and the parts below are functions of their own: all in one takes a minute to compile.
+struct Sorting<'s, 'a> {
+    task: &'s Task<'a>,
+    fresh: &'s mut [Vec<Item>; STEPS.len()],
+}
+
+impl<V: Vector> Part<V> for Sorting<'_, '_> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.task.sort_into_levels::<V>(self.fresh);
+    }
+}
+
+/// `Task::march`, in the order of its arguments.
+struct Marching<'m, 'a, S: Vector>(
+    &'m mut Task<'a>,
+    &'m [Item],
+    usize,
+    bool,
+    &'m mut Pending,
+    &'m mut Workspace<S>,
+);
+
+impl<W: Vector, S: Vector> Part<W> for Marching<'_, '_, S> {
+    type Result = Option<()>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Result {
+        let Self(task, items, level, continues, pending, work) = self;
+        task.march::<W, S>(items, level, continues, pending, work)
+    }
+}
+
+/// The premiums of a group of these puts with the spread times a factor on a level, as `Group::premiums`. None where the
+/// work is told to end.
+struct Premiums<'m, 'a, W: Vector>(Puts<'a>, &'m [Item], f64, usize, &'m mut Workspace<W>);
+
+impl<W: Vector> Part<W> for Premiums<'_, '_, W> {
+    type Result = Option<Vec<[f64; 2]>>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Result {
+        let Self(puts, items, factor, level, work) = self;
+        let mut group = Group::<W, W>::new(puts, items, Some(factor), work);
+        group.march(level, items[0].class, None)?;
+        Some(group.premiums(level))
+    }
 }
 
 /// Keep the derivatives by x and each parameter, where there is room for them.
