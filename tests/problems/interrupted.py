@@ -1,6 +1,7 @@
 """Interrupting what runs in the main thread, as the keyboard does."""
 
 import gc
+import math
 import signal
 import time
 from collections.abc import Callable
@@ -37,3 +38,14 @@ def seconds_until_interrupted(run: Callable[[], object], after: float) -> float:
         signal.signal(signal.SIGALRM, before)
         gc.enable()
     raise AssertionError("the run ended before it was interrupted")
+
+
+class Deadline:
+    """An interrupt that comes at the given time that it is asked, and counts how often it is."""
+
+    def __init__(self, at=math.inf):
+        self.at, self.asked = at, 0
+
+    def __call__(self):
+        self.asked += 1
+        return self.asked >= self.at

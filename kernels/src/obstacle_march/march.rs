@@ -442,9 +442,9 @@ impl<'a, V: Vector> March<'a, V> {
             }
         }
         let first = own.into_iter().min().unwrap_or(1);
-        for rates in &mut self.rates {
-            if let Some(passed) = rates.get_mut(self.first - 1..first) {
-                passed.fill(V::zero());
+        if first > self.first {
+            for rates in &mut self.rates {
+                rates[self.first - 1..first].fill(V::zero());
             }
         }
         let furthest = own.into_iter().filter(|own| *own < cells).max();

@@ -84,11 +84,22 @@ fn reach(contract: &Contract, settings: &Settings) -> (f64, f64, f64) {
     if low < far && high > -far {
         (low, high) = (low.min(0.0), high.max(0.0));
     }
-    let (left, right) = (
+    let (mut left, right) = (
         low - settings.width * deviation,
         high + (settings.width + deviation) * deviation,
     );
     if contract.sign > 0.0 {
+        // Where dividends may use up the spot a put is exercised at spots of the size of one of them.
+        let drops = || {
+            contract
+                .mesh
+                .iter()
+                .map(|one| one.amount)
+                .filter(|one| *one > 0.0)
+        };
+        if drops().sum::<f64>().ln() > left {
+            left = left.min(drops().fold(f64::INFINITY, f64::min).ln());
+        }
         (left, right, deviation)
     } else {
         (-right, -left, deviation)

@@ -283,4 +283,39 @@ mod tests {
         let found = solve(&[contract], &[1e-4], settings, Greeks::None, 1, &|| true);
         assert!(found[0].value.is_nan() && !found[0].settled);
     }
+
+    /// At the near end of an option that is not exercised: strike and spot discounted.
+    #[test]
+    fn the_end_of_the_grid_is_that_of_the_forward() {
+        let held = Segment {
+            exercisable: false,
+            exercise_at_end: false,
+            ..segment(1.0)
+        };
+        let segments = [held];
+        for sign in [1.0, -1.0] {
+            let contract = Contract {
+                sign,
+                x: 0.0,
+                segments: &segments,
+                mesh: &segments,
+                european: false,
+                local: None,
+            };
+            let group = Group {
+                contracts: vec![contract],
+                cells: 256,
+                settings: Settings::default(),
+                walked: 0,
+                interrupt: &never,
+            };
+            let marched = &dispatch(group).expect("nothing interrupts")[0];
+            for node in 0..8 {
+                let spot = marched.grid.spot(node) * (-held.dividend_yield).exp();
+                let forward = sign * ((-held.rate).exp() - spot);
+                let value = marched.values[node];
+                assert!((value - forward).abs() < 1e-8, "{node} {value} {forward}");
+            }
+        }
+    }
 }

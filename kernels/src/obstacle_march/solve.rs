@@ -51,6 +51,9 @@ const MOVING: Caution = Caution {
 const NEAR: f64 = 4.0;
 const NEAR_DERIVATIVES: f64 = 3.0;
 const NEAR_VALUE: f64 = 2.0;
+/// By what the error of a put's value is multiplied whose spot drops: its exercise boundary comes back from a spot of 0
+/// after each time. Calibrated.
+const RETURNING: f64 = 2.0;
 /// The cells of the finest grid.
 const MOST_CELLS: usize = 4096;
 
@@ -388,6 +391,10 @@ impl<'a> Work<'a> {
             geometric
         };
         let mut caution = self.caution.of_value;
+        let drops = self.contract.segments.iter().any(Segment::drops);
+        if drops && self.contract.sign > 0.0 {
+            caution *= RETURNING;
+        }
         if self.contract.segments.len() > 1 && seen.is_near_boundary(&self.contract) {
             caution *= NEAR_VALUE;
         }

@@ -25,6 +25,7 @@ from pricing_core.american.implied.black_spread import black_spread, black_time_
 from pricing_core.american.implied.volatility_search import search
 from pricing_core.american.implied.volatility_targets import Targets
 from pricing_core.errors import InvalidInputError
+from tests.problems.interrupted import Deadline
 from tests.problems.needs_kernel import needs_kernel
 
 COMPILED = kernel_name() == "rust"  # without it a price takes some hundred times as long
@@ -281,17 +282,13 @@ def test_an_interrupted_search_ends_without_convergence():
 
 
 def test_a_search_on_the_general_path_is_interrupted_in_the_midst_of_a_price():
-    asked = 0
-
-    def interrupt():
-        nonlocal asked
-        asked += 1
-        return asked >= 17  # one price asks about ten times
-
     market = Market(90.0, -0.02, 0.2, -0.05, cash_dividends=[CashDividend(0.5, 1.0)])  # two boundaries
-    found = implied_volatility(PUT, market, 14.0, interrupt=interrupt)
+    whole = Deadline()
+    assert implied_volatility(PUT, market, 14.0, interrupt=whole).status == "ok"
+    cut = Deadline(2 * whole.asked // 3)
+    found = implied_volatility(PUT, market, 14.0, interrupt=cut)
     assert (found.status, found.volatility) == ("no_convergence", None)
-    assert asked < 30
+    assert cut.asked < whole.asked
 
 
 def test_the_spread_of_a_time_value_is_found_at_any_moneyness():

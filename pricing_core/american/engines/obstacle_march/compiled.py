@@ -31,13 +31,10 @@ if TYPE_CHECKING:
 
 # Largest standard deviation of ln S at expiry, and drift of a segment in its own: on a wider grid the ends' spots are
 # too far apart for the equations' numbers. A drift that is not large itself may be more deviations. Measured.
-LARGEST_DEVIATION, LARGEST_DRIFT, SMALL_DRIFT, LARGEST_SMALL_DRIFT = 4.0, 6.0, 2.0, 60.0
+LARGEST_DEVIATION, LARGEST_DRIFT, SMALL_DRIFT, LARGEST_SMALL_DRIFT = 10.0, 6.0, 2.0, 60.0
 LEAST_VOLATILITY = 1e-6  # Least volatility that is marched; chosen.
 # Standard deviations from the strike from which on no grid reaches it, but for those that are wide for other reasons.
 FURTHEST = 16.0
-
-# Fewest steps of a segment over the cells of the grid where boundaries are wanted between its ends; chosen.
-STEPS_OF_BOUNDARIES = 0.125
 
 
 class CompiledMarch:
@@ -110,7 +107,7 @@ class CompiledMarch:
 
         if not self.serves(book)[0]:
             return None
-        found = march_book(book, request, fewest=STEPS_OF_BOUNDARIES)
+        found = march_book(book, request, boundaries=True)
         if not found.settled[0]:
             if request.is_interrupted():
                 raise NumericalError("the interrupt came before the boundary was found")

@@ -16,17 +16,25 @@ from pricing_core.arrays import BoolVector
 if TYPE_CHECKING:
     from pricing_core._kernels import MarchedSegments, VolatilitySurface
 
+# Half the width of a grid in standard deviations of ln S. At its ends prices are linear in the spot: widths from 3.5 on
+# change no price by more than 1e-8 strikes; boundaries are found where a grid reaches them. Measured.
+WIDTH, WIDTH_OF_BOUNDARIES = 4.5, 5.5
+CELLS = 5.8  # of the coarsest grid in two standard deviations; chosen
+STEPS_OF_BOUNDARIES = (
+    0.125  # the fewest steps of a segment over the cells, where those between its ends are asked for
+)
+
 
 def march_book(
-    book: Book, request: Request, *, european: BoolVector | None = None, fewest: float = 0.0
+    book: Book, request: Request, *, european: BoolVector | None = None, boundaries: bool = False
 ) -> MarchedSegments:
     """March contracts with a volatility above 0 and a spot above what is escrowed, to their tolerances.
 
     What is found is in strikes. What an interrupt leaves out is NaN. `european` tells which contracts are wanted
-    without early exercise as well, shape (n,), and `fewest` is the fewest steps of a segment over the cells.
+    without early exercise as well, shape (n,), and `boundaries` whether exercise boundaries over time are.
     """
     # Here, so that whoever prices without events does not load the general march.
-    from pricing_core.obstacle.settings import CELLS, ROUNDED, STEPS, WIDTH  # noqa: PLC0415
+    from pricing_core.obstacle.settings import ROUNDED, STEPS  # noqa: PLC0415
 
     assert kernel.march_segments is not None
     assert kernel.SegmentTable is not None
@@ -48,7 +56,14 @@ def march_book(
         escrow=book.escrow() / strikes,
         local=_surfaces(book),
     )
-    settings = kernel.MarchSettings(cells=CELLS, width=WIDTH, steps=STEPS, rounded=ROUNDED, fewest=fewest)
+    width = WIDTH_OF_BOUNDARIES if boundaries else WIDTH
+    settings = kernel.MarchSettings(
+        cells=round(width * CELLS),
+        width=width,
+        steps=STEPS,
+        rounded=ROUNDED,
+        fewest=STEPS_OF_BOUNDARIES if boundaries else 0.0,
+    )
     return kernel.march_segments(
         table,
         request.tolerance,
