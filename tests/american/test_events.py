@@ -332,7 +332,7 @@ def test_a_table_holds_what_single_prices_are():
 
 
 LOCAL = Market(
-    100.0, 0.05, LocalVolatility([0.0], [80.0, 125.0], [[12.6, 12.4]])
+    100.0, 0.05, LocalVolatility([0.0], [80.0, 125.0], [[14.9, 14.7]])
 )  # too wide for the compiled march
 
 

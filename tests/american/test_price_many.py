@@ -409,7 +409,7 @@ def test_a_row_with_events_that_has_no_price_says_why(monkeypatch):
         raise ArithmeticError("out of reach")
 
     monkeypatch.setattr("pricing_core.american.engines.obstacle_march.pricing.contract_problem", refuse)
-    wide = {**COLUMNS, "option_type": "call", "volatility": [9.0, 0.3, 0.2, 0.2]}  # the general path's
+    wide = {**COLUMNS, "option_type": "call", "volatility": [15.0, 0.3, 0.2, 0.2]}  # the general path's
     table = price_many({**wide, "cash_dividends": [[DIVIDEND], None, [DIVIDEND], None]}, tolerance=1e-3)
     assert (table["status"][0], table["message"][0]) == ("out_of_domain", "out of reach")
     assert np.isnan(table["price"]).tolist() == [True, False, False, False]

@@ -21,8 +21,6 @@ use crate::lanes::vector::{Part, Vector, LANES};
 
 /// The nodes next to the end of a contact set that are looked at; where it moves further in a step, all are.
 const SKIPPED: f64 = 8.0;
-/// Cells next to an end of the grid in which no contact set is seen to end.
-const UNRESOLVED: f64 = 2.0;
 /// What a contact set's check may miss by rounding, in strikes.
 const ROUNDING: f64 = 1e-11;
 
@@ -65,8 +63,7 @@ impl End {
     #[allow(clippy::cast_precision_loss)]
     fn of(grid: &Grid, segment: usize, years: f64, contact: Contact) -> Self {
         let place = |index: f64| {
-            let inside = index >= UNRESOLVED && index <= grid.cells as f64 - UNRESOLVED;
-            if inside {
+            if grid.resolves(index) {
                 grid.spot_at(index).ln()
             } else {
                 f64::NAN

@@ -52,12 +52,20 @@ impl Grid {
         (self.sign * self.h.mul_add(index, self.start)).exp()
     }
 
+    /// Whether a place, in numbers of nodes, is so far from the ends that a contact set's end is seen there.
+    #[allow(clippy::cast_precision_loss)]
+    pub fn resolves(&self, index: f64) -> bool {
+        index >= UNRESOLVED && index <= self.cells as f64 - UNRESOLVED
+    }
+
     /// The number of the node at a spot, also between nodes and beyond the ends; infinite at a spot of 0.
     pub fn index(&self, spot: f64) -> f64 {
         (self.sign * spot.ln() - self.start) / self.h
     }
 }
 
+/// Cells next to an end of the grid in which no contact set is seen to end.
+const UNRESOLVED: f64 = 2.0;
 /// Where the strike is as many standard deviations away nothing depends on what happens there.
 const FAR: f64 = 16.0;
 

@@ -178,7 +178,7 @@ impl Seen {
             local: local(0.0),
             own_local: BESIDE.map(local),
             wide_local: BESIDE.map(|cells| local(2.0 * cells)),
-            boundary: if end.is_finite() {
+            boundary: if marched.grid.resolves(end) {
                 marched.grid.spot_at(end)
             } else {
                 f64::NAN

@@ -21,8 +21,8 @@ from pricing_core.american.engines.obstacle_march import CompiledMarch, least_vo
 from pricing_core.arrays import BoolVector, Vector
 
 MARCH = CompiledMarch()
-DEVIATIONS = 4.0  # By which a boundary may be off that volatility moves; chosen.
 LARGEST_DEVIATION = 0.02  # Standard deviation of ln S at expiry up to which the spot hardly diffuses; chosen.
+DEVIATIONS = 4.0  # By which a boundary may be off that volatility moves; chosen.
 
 
 class HardlyDiffusing:
@@ -72,5 +72,4 @@ class HardlyDiffusing:
 
 def _raised(book: Book) -> Book:
     """Return the contracts with as much volatility as is marched, in each segment at least its own."""
-    segments = book.segments
-    return replace(book, segments=replace(segments, volatility=least_volatility(segments)))
+    return replace(book, segments=replace(book.segments, volatility=least_volatility(book)))

@@ -216,7 +216,7 @@ def test_theta_and_charm_know_what_a_curve_of_rates_does_to_the_discount():
         seen = replace(market, rate=PiecewiseConstant(times, RATES.values))
         return replace(option, expiry=1.0 - years), seen
 
-    assert found.theta == pytest.approx(richardson(later, 0.0), abs=1e-4)
+    assert found.theta == pytest.approx(richardson(later, 0.0, 1e-2), abs=1e-4)
     deltas = [price(*later(years), tolerance=1e-8).delta for years in (-0.01, 0.01)]
     assert found.charm == pytest.approx((deltas[1] - deltas[0]) / 0.02, abs=1e-4)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pricing_core import kernel
-from pricing_core.american.book.book import Book, Segments
+from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
 from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.differences import stored
@@ -29,9 +29,10 @@ if TYPE_CHECKING:
     from pricing_core._kernels import MarchedSegments
     from pricing_core.american.engines.obstacle_march.boundaries import Traces
 
-# Largest standard deviation of ln S at expiry, and drift of a segment in its own: on a wider grid the ends' spots are
-# too far apart for the equations' numbers. A drift that is not large itself may be more deviations. Measured.
-LARGEST_DEVIATION, LARGEST_DRIFT, SMALL_DRIFT, LARGEST_SMALL_DRIFT = 10.0, 6.0, 2.0, 60.0
+# Largest standard deviation of ln S at expiry, beyond which calls are lost in rounding; drift of a segment in its own,
+# and all that drifts and drops in the whole one, beyond which too few cells are left for what diffuses. Measured.
+LARGEST_DEVIATION, LARGEST_DRIFT, LARGEST_RANGE = 14.0, 60.0, 300.0
+LARGEST_DROP = 0.95  # of the spot, that is counted into its range; chosen
 LEAST_VOLATILITY = 1e-6  # Least volatility that is marched; chosen.
 # Standard deviations from the strike from which on no grid reaches it, but for those that are wide for other reasons.
 FURTHEST = 16.0
@@ -51,7 +52,7 @@ class CompiledMarch:
         segments, spot = book.segments, book.spot - book.escrow_now()
         variance = segments.volatility**2 * segments.duration
         served = (book.expiry > 0.0) & (book.deviation() <= LARGEST_DEVIATION)
-        diffuses = (variance > 0.0) & (segments.volatility >= least_volatility(segments))
+        diffuses = (variance > 0.0) & (segments.volatility >= least_volatility(book))
         served &= np.logical_and.reduceat(diffuses, book.first[:-1])
         return served & (spot > 0.0)
 
@@ -132,13 +133,17 @@ class CompiledMarch:
         return Traces(schedule, fine, coarse)
 
 
-def least_volatility(segments: Segments) -> Vector:
+def least_volatility(book: Book) -> Vector:
     """Return the least volatility that is marched in each segment, at least its own, shape (m,)."""
+    segments, first = book.segments, book.first[:-1]
     drift = np.abs(segments.rate - segments.dividend_yield) * segments.duration
-    allowed = np.where(drift <= SMALL_DRIFT, LARGEST_SMALL_DRIFT, LARGEST_DRIFT)
     with np.errstate(divide="ignore", invalid="ignore"):
-        least = np.where(segments.duration > 0.0, drift / allowed / np.sqrt(segments.duration), 0.0)
-    return np.maximum(segments.volatility, np.maximum((1.0 + 1e-9) * least, LEAST_VOLATILITY))
+        share = np.fmin(segments.fraction + book.drops() / book.per_segment(book.spot), LARGEST_DROP)
+        least = np.where(segments.duration > 0.0, drift / LARGEST_DRIFT / np.sqrt(segments.duration), 0.0)
+        reached = np.add.reduceat(drift - np.log1p(-share), first) / LARGEST_RANGE
+        of_whole = np.where(book.deviation() < reached, reached / np.sqrt(book.expiry), 0.0)
+    least = np.maximum((1.0 + 1e-9) * np.maximum(least, book.per_segment(of_whole)), LEAST_VOLATILITY)
+    return np.maximum(segments.volatility, least)
 
 
 def leaves_out_the_strike(book: Book) -> BoolVector:

@@ -5,6 +5,7 @@ What it does is in `pricing.py`, which is imported where it is asked first: most
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from pricing_core.american.book.book import Book
@@ -29,8 +30,8 @@ class ObstacleMarch:
 
     @property
     def least_error(self) -> float:
-        """1e-6 strikes: below that the prices of the faster engines are as accurate as those of this one."""
-        return 1e-6
+        """Infinite: prices of the faster engines are as accurate; this one is asked where there are none."""
+        return math.inf
 
     def serves(self, book: Book) -> BoolVector:
         """Return True for every contract with time to expiry and a spot above 0."""

@@ -38,7 +38,7 @@ from pricing_core.obstacle.solve import GAIN
 FAILURES = (PricingCoreError, ArithmeticError, np.linalg.LinAlgError)
 # Factors of the error estimates of a local volatility, which is not smooth everywhere, of an obstacle that moves, and
 # where dividends are paid; calibrated.
-ROUGH_SHARE, PAYING_SHARE = 2.0, 3.0
+ROUGH_SHARE, PAYING_SHARE = 2.0, 5.0
 NEVER_MET = -1.0  # Value, in strikes, that no price falls to.
 
 
