@@ -74,6 +74,8 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
         part, wanted = book.take(rows), request.take(rows)
     if best is None:
         best = prices(book.count)
+    if engines is ENGINES:  # who chooses an engine is told that it fails
+        best = _bounds_of_the_lost(book, best)
     best = _within_bounds(book, best, allowed)
     best = _with_status(best, allowed, interrupted=interrupted)
     return _completed(book, best, request, engines)
@@ -172,9 +174,24 @@ def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
     least, most = range_of(part)
     lost = (found.error > allowed[rows]) & (found.error >= most - least)
     inside = replace(found, value=np.clip(found.value, least, most))
-    half = 0.5 * (most - least)[lost]
-    bounds = prices(half.size, value=least[lost] + half, error=half, method="none", message=BOUNDS_ALONE)
+    bounds = _middle(least[lost], most[lost])
     return best.replaced(rows, inside.replaced(np.flatnonzero(lost), bounds))
+
+
+def _bounds_of_the_lost(book: Book, best: Prices) -> Prices:
+    """Return the prices with the middle of the bounds where every engine failed, and in the message why."""
+    rows = np.flatnonzero(best.status == "out_of_domain")
+    if rows.size == 0:
+        return best
+    least, most = range_of(book.take(rows))
+    known = np.isfinite(most - least)
+    rows, bounds = rows[known], _middle(least[known], most[known])
+    return best.replaced(rows, replace(bounds, message=bounds.message + ": " + best.message[rows]))
+
+
+def _middle(least: Vector, most: Vector) -> Prices:
+    half = 0.5 * (most - least)
+    return prices(half.size, value=least + half, error=half, method="none", message=BOUNDS_ALONE)
 
 
 def _with_status(best: Prices, allowed: Vector, *, interrupted: bool) -> Prices:

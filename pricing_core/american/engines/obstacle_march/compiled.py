@@ -143,7 +143,8 @@ def least_volatility(book: Book) -> Vector:
         reached = np.add.reduceat(drift - np.log1p(-share), first) / LARGEST_RANGE
         of_whole = np.where(book.deviation() < reached, reached / np.sqrt(book.expiry), 0.0)
     least = np.maximum((1.0 + 1e-9) * np.maximum(least, book.per_segment(of_whole)), LEAST_VOLATILITY)
-    return np.maximum(segments.volatility, least)
+    raised: Vector = np.maximum(segments.volatility, least)
+    return raised
 
 
 def leaves_out_the_strike(book: Book) -> BoolVector:
