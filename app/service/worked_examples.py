@@ -95,7 +95,7 @@ ANSWERS: Mapping[str, Any] = {
         "time": [0.5, 1.0],
         "cumulative_probability": [0.163747, 0.487361],
         "assignment_probability": [0.163747, 0.487361],
-        "cost_of_waiting": [0.0714597, 0.516831],
+        "cost_of_waiting": [0.0714273, 0.516831],
         "cost_error": [0.000154459, 6.80749e-05],
         "status": "ok",
         "method": "closed-form, obstacle-march, premium-march",

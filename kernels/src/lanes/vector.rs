@@ -11,6 +11,7 @@ pub const LANES: usize = 16;
 /// it finds of one is the same to the last bit.
 pub trait Vector:
     Copy
+    + 'static
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>

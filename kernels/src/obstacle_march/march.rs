@@ -117,7 +117,7 @@ pub struct Group<'a> {
     pub contracts: Vec<Contract<'a>>,
     pub cells: usize,
     pub settings: Settings,
-    /// Of how many contracts, the first ones, derivatives by the coefficients and by what happens are wanted.
+    /// The number of contracts, the first ones, whose derivatives by the coefficients and by what happens are wanted.
     pub walked: usize,
     pub interrupt: Interrupt<'a>,
 }
@@ -171,7 +171,7 @@ impl<V: Vector> Part<V> for Marching<'_, '_> {
 }
 
 /// The march with one kind of coefficients: work of its own, which keeps the stack of either small.
-struct Run<'a, T, V> {
+struct Run<'a, T, V: 'static> {
     march: March<'a, V>,
     terms: T,
 }
@@ -185,7 +185,7 @@ impl<T: Terms<V>, V: Vector> Part<V> for Run<'_, T, V> {
     }
 }
 
-struct March<'a, V> {
+struct March<'a, V: 'static> {
     group: &'a Group<'a>,
     grids: Vec<Grid>,
     steps: Vec<Vec<Step>>,
@@ -680,7 +680,7 @@ impl<'a, V: Vector> March<'a, V> {
 }
 
 /// The correction of a stage: work of its own, for it is rare and long.
-struct Correction<'m, 'a, R, V> {
+struct Correction<'m, 'a, R, V: 'static> {
     march: &'m mut March<'a, V>,
     stage: &'m Stage<R, V>,
     obstacle: &'m Obstacle<V>,

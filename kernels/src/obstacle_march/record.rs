@@ -1,11 +1,41 @@
 //! What a march leaves behind for the walk back.
 
+use std::any::Any;
+use std::cell::RefCell;
+
 use super::event::Kinks;
 use super::line::Contact;
 use crate::lanes::vector::{Vector, LANES};
 
+/// The largest array that a thread keeps for its next march, bytes: that of one contract to a usual tolerance. To get a
+/// fresh one from the system each time takes a sixth of the time of such a march and its walk.
+const LARGEST_KEPT: usize = 1 << 22;
+
+thread_local! {
+    static KEPT: RefCell<Vec<Box<dyn Any>>> = const { RefCell::new(Vec::new()) };
+}
+
+/// An empty array with room for so many numbers, one that was kept where there is one.
+fn array<V: 'static>(count: usize) -> Vec<V> {
+    let kept = KEPT.with_borrow_mut(|kept| {
+        let at = kept.iter().position(|one| one.is::<Vec<V>>())?;
+        kept.swap_remove(at).downcast::<Vec<V>>().ok()
+    });
+    let mut array = kept.map_or_else(Vec::new, |array| *array);
+    array.reserve_exact(count);
+    array
+}
+
+/// Keep an array that is done with.
+fn keep<V: 'static>(mut array: Vec<V>) {
+    if array.capacity() * size_of::<V>() <= LARGEST_KEPT {
+        array.clear();
+        KEPT.with_borrow_mut(|kept| kept.push(Box::new(array)));
+    }
+}
+
 /// The values at every stage, the rates at the start of every step, and what every segment started from.
-pub struct Record<V> {
+pub struct Record<V: 'static> {
     /// V at the nodes, stage by stage.
     values: Vec<V>,
     /// The rates at the nodes, step by step.
@@ -34,8 +64,8 @@ impl<V: Vector> Record<V> {
     /// Room for so many steps.
     pub fn new(nodes: usize, steps: usize, segments: impl Iterator<Item = usize>) -> Self {
         Self {
-            values: Vec::with_capacity(3 * steps * nodes),
-            rates: Vec::with_capacity(steps * nodes),
+            values: array(3 * steps * nodes),
+            rates: array(steps * nodes),
             nodes,
             reach: Vec::new(),
             first: Vec::new(),
@@ -64,6 +94,13 @@ impl<V: Vector> Record<V> {
     /// The rates at the start of a step.
     pub fn rates(&self, step: usize) -> &[V] {
         &self.rates[step * self.nodes..][..self.nodes]
+    }
+}
+
+impl<V: 'static> Drop for Record<V> {
+    fn drop(&mut self) {
+        keep(std::mem::take(&mut self.values));
+        keep(std::mem::take(&mut self.rates));
     }
 }
 

@@ -93,7 +93,7 @@ pub struct Course<'w, 'a, V> {
 }
 
 /// A walk back, and what each number of the march is worth.
-pub struct WalkBack<'w, 'a, T, V> {
+pub struct WalkBack<'w, 'a, T, V: 'static> {
     pub march: Course<'w, 'a, V>,
     pub terms: T,
     pub record: &'w Record<V>,
@@ -121,7 +121,7 @@ struct OfContact<V> {
     shift: V,
 }
 
-struct Walk<'w, 'a, V> {
+struct Walk<'w, 'a, V: 'static> {
     march: Course<'w, 'a, V>,
     record: &'w Record<V>,
     functionals: &'w [Functional],

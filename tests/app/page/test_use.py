@@ -132,7 +132,7 @@ def test_the_cross_hair_reads_the_price_at_the_spot(page: Page) -> None:
 def test_a_change_with_four_dividends_reaches_its_number_soon(page: Page) -> None:
     page.open(PUT | {"cash_dividends": DIVIDENDS})
     took = []
-    for digit in "123456789":
+    for digit in "1234":
         field = page.at("#strike")
         field.send_keys(Keys.END, "." if digit == "1" else digit)
         page.settled()
