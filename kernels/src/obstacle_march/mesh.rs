@@ -66,6 +66,8 @@ impl Grid {
 
 /// Cells next to an end of the grid in which no contact set is seen to end.
 const UNRESOLVED: f64 = 2.0;
+/// What a drop is of all of them where it tells how far a grid reaches.
+const LEAST_DROP: f64 = 0.01;
 /// Where the strike is as many standard deviations away nothing depends on what happens there.
 const FAR: f64 = 16.0;
 
@@ -98,15 +100,11 @@ fn reach(contract: &Contract, settings: &Settings) -> (f64, f64, f64) {
     );
     if contract.sign > 0.0 {
         // Where dividends may use up the spot a put is exercised at spots of the size of one of them.
-        let drops = || {
-            contract
-                .mesh
-                .iter()
-                .map(|one| one.amount)
-                .filter(|one| *one > 0.0)
-        };
-        if drops().sum::<f64>().ln() > left {
-            left = left.min(drops().fold(f64::INFINITY, f64::min).ln());
+        let drops = || contract.mesh.iter().map(|one| one.amount);
+        let total: f64 = drops().sum();
+        if total.ln() > left {
+            let felt = drops().filter(|one| *one > LEAST_DROP * total);
+            left = left.min(felt.fold(f64::INFINITY, f64::min).ln());
         }
         (left, right, deviation)
     } else {

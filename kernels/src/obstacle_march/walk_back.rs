@@ -444,8 +444,10 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
             }
         }
         let mut sums = self.of_contact(terms, stage, &obstacle, top, loose);
-        let pinned = near_end - stage.rows.at(1).lower * self.of_rows[1];
-        sums.obstacle = touching.times_plus(pinned, sums.obstacle);
+        if first == 1 {
+            let pinned = near_end - stage.rows.at(1).lower * self.of_rows[1];
+            sums.obstacle = touching.times_plus(pinned, sums.obstacle);
+        }
         sums
     }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -45,8 +45,7 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
     if book.reduction is not None:  # whose discount may be above 1
         largest = np.maximum(book.reduction.discount, 1.0)
         request = replace(request, tolerance=request.tolerance / largest)
-    if request.interrupt is not None:
-        request = replace(request, interrupt=_remembered(request.interrupt))
+    request = _asking_once(request)
     best: Prices | None = None
     allowed = request.tolerance * book.strike  # money
     rows, part, wanted = np.arange(book.count), book, request
@@ -81,16 +80,18 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
     return _completed(book, best, request, engines)
 
 
-def _remembered(interrupt: Callable[[], bool]) -> Callable[[], bool]:
-    """Return the interrupt with True as its answer once it has been true, whoever asks next."""
-    ended = False
+def _asking_once(request: Request) -> Request:
+    """Return the request with True as the answer of its interrupt once it has been true, whoever asks next."""
+    interrupt, ended = request.interrupt, False
+    if interrupt is None:
+        return request
 
     def asked() -> bool:
         nonlocal ended
         ended = ended or interrupt()
         return ended
 
-    return asked
+    return replace(request, interrupt=asked)
 
 
 def boundary_of(book: Book, request: Request, engines: Sequence[Engine] = ENGINES) -> BoundariesAt:
@@ -99,6 +100,7 @@ def boundary_of(book: Book, request: Request, engines: Sequence[Engine] = ENGINE
     The function that is returned raises `NumericalError` where the interrupt came before the end.
     """
     warn_where_missing()
+    request = _asking_once(request)
     asked = [engine.boundary(book, request) for engine in engines if engine.serves(book)[0]]
     return lambda times: _boundaries_at(book, times, asked)
 
