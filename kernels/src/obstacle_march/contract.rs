@@ -48,6 +48,15 @@ impl Segment {
         1.0 - self.escrow_before_end(self.duration)
     }
 
+    /// The same without exercise.
+    pub(super) fn held(self) -> Self {
+        Self {
+            exercisable: false,
+            exercise_at_end: false,
+            ..self
+        }
+    }
+
     /// Whether the spot drops at the end.
     pub(super) fn drops(&self) -> bool {
         self.fraction > 0.0 || self.amount > 0.0

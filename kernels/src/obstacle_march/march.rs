@@ -7,7 +7,7 @@ use super::line::{Contact, Line};
 use super::local_terms::LocalTerms;
 use super::mesh::Grid;
 use super::newton::{Newton, System};
-use super::record::{Record, Start};
+use super::record::{clear_before, Record, Start};
 use super::settings::Settings;
 use super::stage::{mass_of, Elimination, Obstacle, Rows, Stage};
 use super::start::start_values;
@@ -275,7 +275,7 @@ impl<'a, V: Vector> March<'a, V> {
         }
         for l in count..LANES {
             for row in &mut self.begun {
-                *row = row.with_lane(l, row.lanes()[count - 1]);
+                *row = row.with_lane(l, row.lane(count - 1));
             }
             terms.copy_lane(count - 1, l);
         }
@@ -416,11 +416,7 @@ impl<'a, V: Vector> March<'a, V> {
     ///
     /// In a lane that could begin later the rates before that are 0 as well, so that it does not depend on the others.
     #[inline(always)]
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss
-    )]
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     fn skip(&mut self, n: usize) {
         let cells = self.group.cells;
         let mut own = [cells; LANES];
@@ -444,12 +440,7 @@ impl<'a, V: Vector> March<'a, V> {
                 rates[self.first - 1..first].fill(V::zero());
             }
         }
-        let furthest = own.into_iter().filter(|own| *own < cells).max();
-        let begins = V::from_lanes(own.map(|own| own as f64));
-        for i in first..furthest.unwrap_or(first) {
-            let is_before = -begins.plus(-(i as f64));
-            self.rates[0][i] = is_before.negative(V::zero(), self.rates[0][i]);
-        }
+        clear_before(&mut self.rates[0], first, &own, cells);
         (self.first, self.own_first) = (first, own);
     }
 

@@ -40,7 +40,7 @@ pub use walk_back::BySegment;
 
 #[cfg(test)]
 mod tests {
-    use super::march::Group;
+    use super::march::{Group, Marched};
     use super::{solve, Contract, Found, Greeks, Local, Segment, Settings, Surface};
     use crate::interrupt::never;
     use crate::lanes::dispatch::{dispatch, forced, InstructionSet};
@@ -57,6 +57,29 @@ mod tests {
             amount: 0.0,
             escrow: 0.0,
         }
+    }
+
+    fn contract(sign: f64, x: f64, segments: &[Segment]) -> Contract<'_> {
+        Contract {
+            sign,
+            x,
+            segments,
+            mesh: segments,
+            european: false,
+            local: None,
+        }
+    }
+
+    /// The first of contracts that are marched side by side on a grid of so many cells, walked back or not.
+    fn marched(contracts: Vec<Contract>, cells: usize, walked: usize) -> Marched {
+        let group = Group {
+            contracts,
+            cells,
+            settings: Settings::default(),
+            walked,
+            interrupt: &never,
+        };
+        dispatch(group).expect("nothing interrupts")[0].clone()
     }
 
     fn solved(contracts: &[Contract], tolerance: f64) -> Vec<Found> {
@@ -84,14 +107,7 @@ mod tests {
             (-1.0, &paid[..], 0.080_357_57),
             (1.0, &two_boundaries[..], 0.027_445_32),
         ] {
-            let contract = Contract {
-                sign,
-                x: 0.0,
-                segments,
-                mesh: segments,
-                european: false,
-                local: None,
-            };
+            let contract = contract(sign, 0.0, segments);
             let found = &solved(&[contract], 1e-6)[0];
             assert!(found.met && found.settled);
             assert!(
@@ -118,28 +134,12 @@ mod tests {
             reference: 0.25,
         };
         for sign in [1.0, -1.0] {
-            let constant = Contract {
-                sign,
-                x: -0.05,
-                segments: &segments,
-                mesh: &segments,
-                european: false,
-                local: None,
-            };
+            let constant = contract(sign, -0.05, &segments);
             let flat = Contract {
                 local: Some(local),
                 ..constant
             };
-            let [even, uneven] = [constant, flat].map(|contract| {
-                let group = Group {
-                    contracts: vec![contract],
-                    cells: 64,
-                    settings: Settings::default(),
-                    walked: 1,
-                    interrupt: &never,
-                };
-                dispatch(group).expect("nothing interrupts")[0].clone()
-            });
+            let [even, uneven] = [constant, flat].map(|contract| marched(vec![contract], 64, 1));
             assert_eq!(even.steps, uneven.steps);
             for (one, other) in even.values.iter().zip(&uneven.values) {
                 assert!((one - other).abs() < 1e-12, "{one} {other}");
@@ -169,34 +169,14 @@ mod tests {
             log_strike: 0.0,
             reference: 0.25,
         };
-        let marched = |sign: f64, own: &[Segment; 2], walked: usize| {
-            let held = own.map(|one| Segment {
-                exercisable: false,
-                exercise_at_end: false,
-                ..one
-            });
-            let contract = Contract {
-                sign,
-                x: -0.03,
-                segments: own,
+        let march = |sign: f64, own: &[Segment; 2], walked: usize| {
+            let held = own.map(Segment::held);
+            let contracts = [own, &held].map(|of| Contract {
                 mesh: &segments,
-                european: false,
                 local: Some(local),
-            };
-            let group = Group {
-                contracts: vec![
-                    contract,
-                    Contract {
-                        segments: &held,
-                        ..contract
-                    },
-                ],
-                cells: 128,
-                settings: Settings::default(),
-                walked,
-                interrupt: &never,
-            };
-            dispatch(group).expect("nothing interrupts")[0].clone()
+                ..contract(sign, -0.03, of)
+            });
+            marched(contracts.to_vec(), 128, walked)
         };
         let numbers: [fn(&mut Segment) -> &mut f64; 4] = [
             |one| &mut one.rate,
@@ -205,7 +185,7 @@ mod tests {
             |one| &mut one.amount,
         ];
         for sign in [1.0, -1.0] {
-            let found = marched(sign, &segments, 1);
+            let found = march(sign, &segments, 1);
             for (k, own) in found.by_segment.iter().enumerate() {
                 for (name, number) in [0, 1, 2, 4].into_iter().zip(numbers) {
                     if name == 4 && k == 1 {
@@ -214,7 +194,7 @@ mod tests {
                     let moved = |by: f64| {
                         let mut other = segments;
                         *number(&mut other[k]) += by;
-                        marched(sign, &other, 0).line().at((-0.03_f64).exp())
+                        march(sign, &other, 0).line().at((-0.03_f64).exp())
                     };
                     let step = 1e-5;
                     let difference = (moved(step) - moved(-step)) / (2.0 * step);
@@ -245,14 +225,7 @@ mod tests {
         let contracts: Vec<Contract> = books
             .iter()
             .enumerate()
-            .map(|(k, segments)| Contract {
-                sign: if k % 3 == 0 { -1.0 } else { 1.0 },
-                x: 0.0,
-                segments,
-                mesh: segments,
-                european: false,
-                local: None,
-            })
+            .map(|(k, segments)| contract(if k % 3 == 0 { -1.0 } else { 1.0 }, 0.0, segments))
             .collect();
         let together = solved(&contracts, 1e-4);
         for (contract, beside) in contracts.iter().zip(&together) {
@@ -271,14 +244,7 @@ mod tests {
     #[test]
     fn an_interrupt_ends_the_work() {
         let segments = [segment(1.0)];
-        let contract = Contract {
-            sign: 1.0,
-            x: 0.0,
-            segments: &segments,
-            mesh: &segments,
-            european: false,
-            local: None,
-        };
+        let contract = contract(1.0, 0.0, &segments);
         let settings = Settings::default();
         let found = solve(&[contract], &[1e-4], settings, Greeks::None, 1, &|| true);
         assert!(found[0].value.is_nan() && !found[0].settled);
@@ -287,29 +253,10 @@ mod tests {
     /// At the near end of an option that is not exercised: strike and spot discounted.
     #[test]
     fn the_end_of_the_grid_is_that_of_the_forward() {
-        let held = Segment {
-            exercisable: false,
-            exercise_at_end: false,
-            ..segment(1.0)
-        };
-        let segments = [held];
+        let segments = [segment(1.0).held()];
+        let [held] = segments;
         for sign in [1.0, -1.0] {
-            let contract = Contract {
-                sign,
-                x: 0.0,
-                segments: &segments,
-                mesh: &segments,
-                european: false,
-                local: None,
-            };
-            let group = Group {
-                contracts: vec![contract],
-                cells: 256,
-                settings: Settings::default(),
-                walked: 0,
-                interrupt: &never,
-            };
-            let marched = &dispatch(group).expect("nothing interrupts")[0];
+            let marched = marched(vec![contract(sign, 0.0, &segments)], 256, 0);
             for node in 0..8 {
                 let spot = marched.grid.spot(node) * (-held.dividend_yield).exp();
                 let forward = sign * ((-held.rate).exp() - spot);

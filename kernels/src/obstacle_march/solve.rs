@@ -244,12 +244,8 @@ struct Held {
 
 impl Held {
     fn of(contract: &Contract) -> Self {
-        let mut segments = contract.segments.to_vec();
-        for segment in &mut segments {
-            (segment.exercisable, segment.exercise_at_end) = (false, false);
-        }
         Self {
-            segments,
+            segments: contract.segments.iter().map(|one| one.held()).collect(),
             last: None,
         }
     }
@@ -478,16 +474,8 @@ struct Job {
     contract: usize,
     is_local: bool,
     cells: usize,
-    /// Whether its group is recorded, and whether it is walked back itself.
-    record: bool,
+    /// Whether it is walked back.
     walked: bool,
-}
-
-impl Job {
-    /// What the jobs of a group have in common.
-    const fn kind(&self) -> (bool, usize, bool) {
-        (self.is_local, self.cells, self.record)
-    }
 }
 
 /// Solve every contract until its error estimate meets its tolerance, or to the finest grid, or until an interrupt ends
@@ -543,21 +531,17 @@ fn march_level(
                 contract,
                 is_local: own[0].local.is_some(),
                 cells,
-                record: walked,
                 walked,
             };
             jobs.push((job, steps));
         }
     }
-    if jobs.len() <= FEW && jobs.iter().any(|(job, _)| job.record) {
-        // One narrow vector holds them all.
-        for (job, _) in &mut jobs {
-            job.record = true;
-        }
-    }
-    jobs.sort_by_key(|(job, steps)| (job.kind(), !job.walked, *steps));
+    // What the jobs of a group have in common; few are one group, whether they are walked back or not.
+    let few = jobs.len() <= FEW;
+    let kind = |job: &Job| (job.is_local, job.cells, job.walked || few);
+    jobs.sort_by_key(|(job, steps)| (kind(job), !job.walked, *steps));
     let groups: Vec<Vec<Job>> = jobs
-        .chunk_by(|(a, _), (b, _)| a.kind() == b.kind())
+        .chunk_by(|(a, _), (b, _)| kind(a) == kind(b))
         .flat_map(|same| same.chunks(LANES))
         .map(|group| group.iter().map(|(job, _)| *job).collect())
         .collect();

@@ -9,7 +9,7 @@ use super::contract::{Contract, Segment};
 use super::event::{hat, hat_weights, indices_after, points_of_hat, tilt, After, Before};
 use super::line::{Line, Reading};
 use super::mesh::Grid;
-use super::record::{Record, Start};
+use super::record::{clear_before, Record, Start};
 use super::stage::{Elimination, Obstacle, Rows, Stage};
 use super::start::Window;
 use super::steps::{LaneSteps, Step};
@@ -257,12 +257,11 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
 
     /// Walk through a step of all lanes.
     #[inline(always)]
-    #[allow(clippy::cast_precision_loss)]
     fn step<T: Terms<V>>(&mut self, terms: &mut T, n: usize) {
         let steps = LaneSteps::<V>::at(n, self.march.contracts, self.march.steps);
         let a = steps.dt.times(GAMMA);
-        let own_first = &self.record.first[n][..self.march.contracts.len()];
-        let first = own_first.iter().copied().min().unwrap_or(1);
+        let walked = &self.record.first[n][..self.march.contracts.len()];
+        let first = walked.iter().copied().min().unwrap_or(1);
         self.pass(first);
         self.march_again(n, &steps, a);
         // The rate of the last stage is that of the next step's start.
@@ -291,13 +290,8 @@ impl<'w, 'a, V: Vector> Walk<'w, 'a, V> {
         }
         self.ended[from..].copy_from_slice(&self.begun[from..]);
         // The march began the step with rates of 0 in contact.
-        let cells = self.march.cells;
-        let furthest = own_first.iter().copied().filter(|own| *own < cells).max();
-        let begins = V::from_lanes(self.record.first[n].map(|own| own as f64));
-        for i in first..furthest.unwrap_or(first) {
-            let is_before = -begins.plus(-(i as f64));
-            self.rates[0][i] = is_before.negative(V::zero(), self.rates[0][i]);
-        }
+        let own_first = &self.record.first[n];
+        clear_before(&mut self.rates[0], first, own_first, self.march.cells);
     }
 
     /// The first node that is looked at.

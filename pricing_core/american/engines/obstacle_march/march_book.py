@@ -18,11 +18,9 @@ if TYPE_CHECKING:
 
 # Half the width of a grid in standard deviations of ln S. At its ends prices are linear in the spot: widths from 3.5 on
 # change no price by more than 1e-8 strikes; boundaries are found where a grid reaches them. Measured.
-WIDTH, WIDTH_OF_BOUNDARIES = 4.5, 5.5
-CELLS = 5.8  # of the coarsest grid in two standard deviations; chosen
-STEPS_OF_BOUNDARIES = (
-    0.125  # the fewest steps of a segment over the cells, where those between its ends are asked for
-)
+WIDTH_OF_PRICES = 4.5
+# The fewest steps of a segment over the cells, where boundaries between its ends are asked for; chosen.
+STEPS_OF_BOUNDARIES = 0.125
 
 
 def march_book(
@@ -34,7 +32,7 @@ def march_book(
     without early exercise as well, shape (n,), and `boundaries` whether exercise boundaries over time are.
     """
     # Here, so that whoever prices without events does not load the general march.
-    from pricing_core.obstacle.settings import ROUNDED, STEPS  # noqa: PLC0415
+    from pricing_core.obstacle.settings import CELLS, ROUNDED, STEPS, WIDTH  # noqa: PLC0415
 
     assert kernel.march_segments is not None
     assert kernel.SegmentTable is not None
@@ -56,9 +54,9 @@ def march_book(
         escrow=book.escrow() / strikes,
         local=_surfaces(book),
     )
-    width = WIDTH_OF_BOUNDARIES if boundaries else WIDTH
+    width = WIDTH if boundaries else WIDTH_OF_PRICES
     settings = kernel.MarchSettings(
-        cells=round(width * CELLS),
+        cells=round(CELLS * width / WIDTH),
         width=width,
         steps=STEPS,
         rounded=ROUNDED,
