@@ -9,6 +9,7 @@ from pricing_core.american import ExerciseAdvice, Valuation, ValueSurface
 from pricing_core.american.contracts.fields import GreeksUnits
 from pricing_core.american.contracts.result_fields import (
     ADVICE_FIELDS,
+    BOUNDARY_ERROR_FIELD,
     GREEK_ERROR_FIELDS,
     PRICE_FIELDS,
     SURFACE_FIELDS,
@@ -43,10 +44,11 @@ def advice_by_name(advice: ExerciseAdvice) -> dict[str, Any]:
 
 
 def price_by_name(valuation: Valuation, *, greek_errors: bool) -> dict[str, Any]:
-    """Return all outputs of a price by name, the errors of Greeks where they are wanted."""
+    """Return all outputs of a price by name, the errors of the boundary and of Greeks where they are wanted."""
     found = by_name(PRICE_FIELDS, valuation)
     if greek_errors:
         errors = valuation.greek_errors
+        found |= by_name([BOUNDARY_ERROR_FIELD], valuation)
         found |= {field.name: _plain(field, errors.get(field.of)) for field in GREEK_ERROR_FIELDS}
     return found
 

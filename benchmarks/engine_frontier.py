@@ -71,7 +71,7 @@ QUICK = Sizes(
     effort=Effort(
         tolerances=(1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8),
         single_rows=3,
-        single_tolerances=(1e-4, 1e-6),
+        single_tolerances=(1e-3, 1e-4),
         screened_rows=12,
         slow_rows=12,
     ),

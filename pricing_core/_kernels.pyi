@@ -65,6 +65,7 @@ class MarchedSegments:
     error: Vector
     european: Vector
     boundary: Vector
+    boundary_error: Vector
     exercised: BoolVector
     settled: BoolVector
     steps: NDArray[np.int64]

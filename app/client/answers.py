@@ -15,6 +15,7 @@ from pricing_core.american import ExerciseAdvice, ExerciseBoundary, ImpliedVolat
 from pricing_core.american.book.valuation import Diagnostics
 from pricing_core.american.contracts.result_fields import (
     ADVICE_FIELDS,
+    BOUNDARY_ERROR_FIELD,
     BOUNDARY_FIELDS,
     GREEK_ERROR_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
@@ -29,7 +30,7 @@ ARRAYS = ("list", "matrix", "flags")
 def valuation(response: httpx.Response) -> Valuation:
     """Return the answer of /v1/price, which was asked with greek_errors."""
     answer = _object(response)
-    found = _read(PRICE_FIELDS, answer)
+    found = _read((*PRICE_FIELDS, BOUNDARY_ERROR_FIELD), answer)
     errors = {field.of: error for field, error in zip(GREEK_ERROR_FIELDS, _values(answer), strict=True)}
     known = {name: error for name, error in errors.items() if error is not None}
     return Valuation(**found, greek_errors=known, diagnostics=Diagnostics())

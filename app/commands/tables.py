@@ -13,6 +13,7 @@ from app.result_values import advice_by_name, by_name, price_by_name
 from pricing_core.american import ExerciseAdvice, ExerciseBoundary, Greeks, ImpliedVolatility, Valuation
 from pricing_core.american.contracts.result_fields import (
     ADVICE_FIELDS,
+    BOUNDARY_ERROR_FIELD,
     BOUNDARY_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
     ResultField,
@@ -29,14 +30,15 @@ WIDEST = 1_000
 def print_valuation(valuation: Valuation, greeks: Greeks, *, greek_errors: bool) -> None:
     """Print one result per line with its unit; a missing number as a dash, a missing list or extended Greek not.
 
-    Errors of Greeks are a column of their own.
+    Errors of the exercise boundary and of Greeks are a column of their own.
     """
     shown = [
         field
         for field in price_fields(greeks)
         if getattr(valuation, field.name) is not None or (field.kind != "list" and field.given != "extended")
     ]
-    _print_results(shown, valuation, valuation.greek_errors if greek_errors else None)
+    errors = {BOUNDARY_ERROR_FIELD.of: valuation.boundary_error, **valuation.greek_errors}
+    _print_results(shown, valuation, errors if greek_errors else None)
 
 
 def valuation_json(valuation: Valuation, *, greek_errors: bool) -> str:
@@ -108,15 +110,16 @@ def _print_columns(outputs: Iterable[ResultField], values: Mapping[str, Any]) ->
 
 
 def _print_results(
-    outputs: Sequence[ResultField], found: object, greek_errors: Mapping[str, object] | None = None
+    outputs: Sequence[ResultField], found: object, errors: Mapping[str, object] | None = None
 ) -> None:
     columns = {
         "result": [field.name for field in outputs],
         "value": [_shown(getattr(found, field.name)) for field in outputs],
     }
-    if greek_errors is not None:
+    if errors is not None:
         columns["error"] = [
-            _shown(greek_errors.get(field.name)) if field.is_greek else "" for field in outputs
+            _shown(errors.get(field.name)) if field.is_greek or field.name in errors else ""
+            for field in outputs
         ]
     columns["unit"] = [field.unit for field in outputs]
     print_table(columns, zip(*columns.values(), strict=True))

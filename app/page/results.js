@@ -46,7 +46,7 @@ export function showPrice(answer, implied, optionType) {
 
 function adviceOn(answer, optionType) {
   if (answer.exercise_now) return "Exercise now: holding on is worth no more.";
-  if (answer.exercise_boundary === null) return "Hold: early exercise is not best at any spot now.";
+  if (answer.exercise_boundary === null) return "Hold: early exercise is not best at any spot within reach now.";
   return `Hold: exercise is best once the spot ${optionType === "call" ? "rises" : "falls"} to ${short(answer.exercise_boundary)}.`;
 }
 
@@ -62,8 +62,9 @@ function showTable(answer) {
     const value = answer[name];
     if (value === undefined || (value === null && name !== "exercise_boundary")) return [];
     const shownUnit = answer.greeks_units === "per_day_per_point" ? unitPerDay ?? unit : unit;
-    if (!Array.isArray(value)) return [row(name, words, value, answer[`${name}_error`], shownUnit)];
-    return value.map((entry, i) => row(`${name}.${i}`, `${words} ${i + 1}`, entry, answer[`${name}_error`]?.[i], shownUnit));
+    const error = answer[name === "exercise_boundary" ? "boundary_error" : `${name}_error`];
+    if (!Array.isArray(value)) return [row(name, words, value, error, shownUnit)];
+    return value.map((entry, i) => row(`${name}.${i}`, `${words} ${i + 1}`, entry, error?.[i], shownUnit));
   });
   place("numbers").tBodies[0].replaceChildren(...rows);
 }

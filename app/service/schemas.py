@@ -17,6 +17,7 @@ from app.service.contract_schema import (
 from pricing_core.american.contracts import fields
 from pricing_core.american.contracts.result_fields import (
     ADVICE_FIELDS,
+    BOUNDARY_ERROR_FIELD,
     BOUNDARY_FIELDS,
     GREEK_ERROR_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
@@ -135,7 +136,7 @@ PriceResponse = answer_model(
     "PriceResponse",
     "The value of the option, its sensitivities, and how far to trust them.",
     (*PRICE_FIELDS, UNITS_FIELD),
-    GREEK_ERROR_FIELDS,
+    (BOUNDARY_ERROR_FIELD, *GREEK_ERROR_FIELDS),
 )
 ImpliedVolatilityResponse = answer_model(
     "ImpliedVolatilityResponse",

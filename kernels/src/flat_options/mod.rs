@@ -9,5 +9,5 @@ mod puts;
 
 pub use options::{price_options, ErrorShares, Greeks, Options, Priced, Solver};
 pub use puts::{
-    Puts, Solved, COLUMNS, CROSS, DERIVATIVES, SECOND, SECOND_COLUMNS, SPOTS_AT_ONCE, VALUES,
+    Puts, Solved, COLUMNS, CROSS, DERIVATIVES, PLAIN, SECOND, SECOND_COLUMNS, SPOTS_AT_ONCE, VALUES,
 };

@@ -1,7 +1,7 @@
 //! American puts and calls without events: as puts in their dimensionless parameters, and what a solver finds of them in
 //! money.
 
-use super::puts::{Puts, Solved, COLUMNS, SECOND, SPOTS_AT_ONCE, VALUES};
+use super::puts::{Puts, Solved, COLUMNS, PLAIN, SECOND, SPOTS_AT_ONCE, VALUES};
 use crate::interrupt::Interrupt;
 
 /// The errors allowed to Greeks, in tolerances; chosen.
@@ -53,9 +53,9 @@ pub enum Greeks {
     Extended,
 }
 
-/// The names of the numbers found of each option, in order: without Greeks the first `PLAIN`, with the standard ones the
+/// The names of the numbers found of each option, in order: without Greeks the first `UNASKED`, with the standard ones the
 /// first `STANDARD`, with the extended ones all.
-pub const NAMES: [&str; 22] = [
+pub const NAMES: [&str; 23] = [
     "value",
     "european",
     "error",
@@ -63,6 +63,7 @@ pub const NAMES: [&str; 22] = [
     "gamma",
     "theta",
     "boundary",
+    "boundary_error",
     "vega",
     "rho",
     "dividend_rho",
@@ -79,15 +80,15 @@ pub const NAMES: [&str; 22] = [
     "volga_error",
     "charm_error",
 ];
-const PLAIN: usize = 7;
-const STANDARD: usize = 16;
+const UNASKED: usize = 8;
+const STANDARD: usize = 17;
 
 impl Greeks {
     /// The number of numbers found of each option.
     #[must_use]
     pub fn numbers(self) -> usize {
         match self {
-            Self::None => PLAIN,
+            Self::None => UNASKED,
             Self::Standard => STANDARD,
             Self::Extended => NAMES.len(),
         }
@@ -363,25 +364,27 @@ impl Row {
             -(self.rate - self.dividend_yield) * spot,
             -0.5 * (self.volatility * spot).powi(2),
         ];
+        let boundary = self.strike * self.choose(found.boundary, -found.boundary).exp();
         let mut numbers = [0.0; NAMES.len()];
-        numbers[..PLAIN].copy_from_slice(&[
+        numbers[..UNASKED].copy_from_slice(&[
             value,
             european,
             error,
             delta,
             gamma,
             theta[0] * value + theta[1] * delta + theta[2] * gamma,
-            self.strike * self.choose(found.boundary, -found.boundary).exp(),
+            boundary,
+            boundary * found.boundary_error,
         ]);
         if greeks != Greeks::None {
             let by_parameters = [4, 5, 6].map(|at| scale * found.values[at]);
-            numbers[PLAIN..10].copy_from_slice(&self.by_parameters(by_parameters));
+            numbers[UNASKED..11].copy_from_slice(&self.by_parameters(by_parameters));
             let errors = self.errors(found, shares);
-            numbers[10..12].copy_from_slice(&errors[..2]);
+            numbers[11..13].copy_from_slice(&errors[..2]);
             let by_others = larger(theta[1].abs() * errors[0], theta[2].abs() * errors[1]);
             let terms = larger(theta[0].abs() * error, by_others);
-            numbers[12] = shares.theta[0] * self.change_of_theta(found) + shares.theta[1] * terms;
-            numbers[13..STANDARD].copy_from_slice(&errors[2..]);
+            numbers[13] = shares.theta[0] * self.change_of_theta(found) + shares.theta[1] * terms;
+            numbers[14..STANDARD].copy_from_slice(&errors[2..]);
         }
         if greeks == Greeks::Extended {
             numbers[STANDARD..].copy_from_slice(&self.second_order(found, shares));
@@ -391,7 +394,7 @@ impl Row {
             numbers[2] = estimated;
             numbers[3] = self.choose(-1.0, 1.0);
             numbers[4..6].fill(0.0);
-            numbers[PLAIN..10].fill(0.0);
+            numbers[UNASKED..11].fill(0.0);
             numbers[STANDARD..].fill(0.0);
         }
         numbers[2] = larger(numbers[2], LEAST_ERROR * numbers[0]);
@@ -484,6 +487,7 @@ struct Found {
     values: [f64; VALUES],
     error: f64,
     boundary: f64,
+    boundary_error: f64,
     changes: [f64; 5],
     seconds: [f64; SECOND],
     second_changes: [f64; SECOND],
@@ -499,7 +503,8 @@ impl Found {
             values: std::array::from_fn(number),
             error: number(VALUES),
             boundary: number(VALUES + 1),
-            changes: std::array::from_fn(|k| number(VALUES + 2 + k)),
+            boundary_error: number(VALUES + 2),
+            changes: std::array::from_fn(|k| number(PLAIN + k)),
             seconds: std::array::from_fn(second),
             second_changes: std::array::from_fn(|k| second(SECOND + k)),
             exercised: solved.exercised[at],

@@ -10,9 +10,11 @@ pub const CROSS: usize = 3;
 
 /// The `VALUES` that are derivatives: of V/K by x, once and twice, and by rate, dividend and spread.
 pub const DERIVATIVES: [usize; 5] = [1, 2, 4, 5, 6];
-/// The number of numbers found for each spot: its `VALUES`, the error estimate of V/K, ln(S*/K), and how far the derivatives
-/// of the last two marches are apart.
-pub const COLUMNS: usize = VALUES + 2 + DERIVATIVES.len();
+/// The number of numbers found for each spot in any case: its `VALUES`, the error estimate of V/K, ln(S*/K), and the error
+/// estimate of that.
+pub const PLAIN: usize = VALUES + 3;
+/// Those, and how far the derivatives of the last two marches are apart.
+pub const COLUMNS: usize = PLAIN + DERIVATIVES.len();
 /// The number of second derivatives found for each spot where they are wanted: by x and each of rate, dividend and
 /// spread, and by spread twice.
 pub const SECOND: usize = CROSS + 1;
@@ -55,15 +57,15 @@ impl Puts<'_> {
         match (self.limits, self.spread_step) {
             (_, Some(_)) => COLUMNS + SECOND_COLUMNS,
             (Some(_), None) => COLUMNS,
-            (None, None) => VALUES + 2,
+            (None, None) => PLAIN,
         }
     }
 }
 
 /// The results, by spot; nothing of a spot that is not settled may be used.
 pub struct Solved {
-    /// For each spot `per_spot` numbers side by side: the `VALUES`, the error estimate of V/K, ln(S*/K), and where there are
-    /// limits, `COLUMNS` in all, the differences of the derivatives. Where there is a step of the spread `SECOND_COLUMNS` follow, not a number in the
+    /// For each spot `per_spot` numbers side by side: the first `PLAIN`, and where there are limits, `COLUMNS` in all, the
+    /// differences of the derivatives. Where there is a step of the spread `SECOND_COLUMNS` follow, not a number in the
     /// exercise region: the derivatives by x and each of rate, dividend and spread, and by spread twice, and how far each
     /// is apart in the last two marches.
     pub numbers: Vec<f64>,

@@ -54,6 +54,12 @@ const NEAR_VALUE: f64 = 2.0;
 /// By what the error of a put's value is multiplied whose spot drops: its exercise boundary comes back from a spot of 0
 /// after each time. Calibrated.
 const RETURNING: f64 = 2.0;
+/// What of the boundary's last difference and of that before counts as its error, and of the only one; and what of a cell
+/// does where there is only one, and where it may move unseen. Calibrated.
+const OF_BOUNDARY: [f64; 2] = [1.5, 0.75];
+const OF_FIRST_BOUNDARY: f64 = 3.0;
+const OF_FIRST_CELL: f64 = 0.03;
+const OF_UNSEEN: f64 = 0.25;
 /// The cells of the finest grid.
 const MOST_CELLS: usize = 4096;
 
@@ -87,6 +93,8 @@ pub struct Found {
     pub european: f64,
     /// The spot at which exercise begins, not a number where there is none.
     pub boundary: f64,
+    /// The estimate of its error.
+    pub boundary_error: f64,
     /// Whether the spot is in contact with it.
     pub exercised: bool,
     /// Whether the error meets the tolerance.
@@ -134,6 +142,7 @@ impl Found {
             error: f64::NAN,
             european: f64::NAN,
             boundary: f64::NAN,
+            boundary_error: f64::NAN,
             local: [Changing::NOTHING; LOCAL],
             by_segment: vec![[Changing::NOTHING; BySegment::COUNT]; segments],
             ..Self::default()
@@ -155,6 +164,8 @@ struct Seen {
     own_local: [[f64; 4]; BESIDE.len()],
     wide_local: [[f64; 4]; BESIDE.len()],
     boundary: f64,
+    /// How far the boundary may move unseen, as in `End`.
+    unseen: f64,
     exercised: bool,
     settled: bool,
     steps: usize,
@@ -169,7 +180,7 @@ impl Seen {
         let at = |cells: f64| line.at((contract.x + cells * h).exp());
         let local = |cells: f64| local(marched, contract, contract.x + cells * h);
         let index = marched.grid.index(contract.x.exp());
-        let end = marched.contact.end;
+        let now = End::of(&marched.grid, 0, 0.0, marched.contact);
         Self {
             h,
             value: at(0.0),
@@ -178,11 +189,8 @@ impl Seen {
             local: local(0.0),
             own_local: BESIDE.map(local),
             wide_local: BESIDE.map(|cells| local(2.0 * cells)),
-            boundary: if marched.grid.resolves(end) {
-                marched.grid.spot_at(end)
-            } else {
-                f64::NAN
-            },
+            boundary: now.near.exp(),
+            unseen: now.unseen,
             exercised: marched.contact.holds(index),
             settled: marched.settled,
             steps: marched.steps,
@@ -264,8 +272,9 @@ struct Work<'a> {
     caution: Caution,
     cells: usize,
     last: Option<Seen>,
-    /// The last two differences.
+    /// The last two differences of the value, and the last one of the boundary, not a number before there is one.
     differences: [f64; 2],
+    boundary_difference: f64,
     levels: usize,
     found: Found,
 }
@@ -302,6 +311,7 @@ impl<'a> Work<'a> {
             cells: first_cells(&whole, settings),
             last: None,
             differences: [0.0; 2],
+            boundary_difference: f64::NAN,
             levels: 0,
             found: Found::nothing(if greeks == Greeks::None {
                 0
@@ -335,6 +345,7 @@ impl<'a> Work<'a> {
         let Some(mut own) = seen.next().filter(|own| own.settled) else {
             // The grid does not resolve the problem: nothing is taken from it, and those before it have no neighbour.
             (self.last, self.levels, self.differences) = (None, 0, [0.0; 2]);
+            self.boundary_difference = f64::NAN;
             self.found.ends = [Vec::new(), Vec::new()];
             if let Some(held) = &mut self.held {
                 held.last = None;
@@ -418,6 +429,14 @@ impl<'a> Work<'a> {
         };
         let found = &mut self.found;
         found.boundary = best(seen.boundary, last.boundary, 0.0).value;
+        let difference = (seen.boundary - last.boundary).abs();
+        let before = std::mem::replace(&mut self.boundary_difference, difference);
+        found.boundary_error = OF_UNSEEN * seen.unseen * seen.boundary
+            + if before.is_nan() {
+                OF_FIRST_BOUNDARY * difference + OF_FIRST_CELL * seen.h * seen.boundary
+            } else {
+                (OF_BOUNDARY[0] * difference).max(OF_BOUNDARY[1] * before)
+            };
         for k in 0..4 {
             let beside = seen.wide_local.iter().zip(&last.own_local);
             let change = beside.map(|(a, b)| (a[k] - b[k]).abs()).fold(0.0, f64::max);

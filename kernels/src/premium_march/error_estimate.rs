@@ -18,6 +18,10 @@ const LONE_GAIN: f64 = 12.0;
 const BOUNDARY_GAIN: f64 = 4.0;
 /// The same at `ONE_STEP_CHECKED`; calibrated on random puts.
 const ONE_STEP_BOUNDARY_GAIN: f64 = 7.0;
+/// The share of the difference of M/2 and M/4 steps in the error estimate of ln(S*/K); calibrated on random puts.
+const FAR_SHARE_OF_BOUNDARY: f64 = 0.06;
+/// The share of the only difference where there is no third march; calibrated on random puts.
+const LONE_SHARE_OF_BOUNDARY: f64 = 4.0;
 /// The share of the difference of M and M/2 steps in the error estimate; calibrated on random puts.
 const NEAR_SHARE: f64 = 0.25;
 /// The share of the difference of M/2 and M/4 steps, about six times the other one; calibrated on random puts.
@@ -170,6 +174,17 @@ impl<V: Vector> Comparison<'_, V> {
             least = least.min(quarter.u.abs());
         }
         (-least).negative(error, error.max(spots.premium_bound()))
+    }
+
+    /// The error estimate of the extrapolant's ln(S*/K).
+    #[inline(always)]
+    pub fn boundary_error(&self, difference: &SpotEvaluation<V>) -> V {
+        let last = difference.boundary.abs();
+        if self.level < COARSEST_CHECKED {
+            return last.times(LONE_SHARE_OF_BOUNDARY);
+        }
+        let before = (self.half.boundary - self.quarter.boundary).abs();
+        before.times_plus(V::all(FAR_SHARE_OF_BOUNDARY), last)
     }
 
     /// `LARGEST_IN_TAIL` over M^3.

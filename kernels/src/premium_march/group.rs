@@ -16,10 +16,10 @@ use crate::flat_options::{Puts, CROSS, VALUES};
 use crate::lanes::vector::{Vector, LANES};
 
 /// The numbers of `EarlierMarches`.
-const KEPT: usize = 13;
+const KEPT: usize = 14;
 
-/// What the next level needs of the marches of a spot: the last evaluation without its tangents, u and `settled` of the
-/// one before, and the last tangents.
+/// What the next level needs of the marches of a spot: the last evaluation without its tangents, u, `settled` and boundary
+/// of the one before, and the last tangents.
 pub type EarlierMarches = [f64; KEPT];
 
 /// The lanes of each vector.
@@ -49,8 +49,9 @@ pub struct Found {
     pub differences: [[f64; LANES]; VALUES],
     /// The error estimate of V/K.
     pub error: [f64; LANES],
-    /// ln(S*/K).
+    /// ln(S*/K), and the error estimate of that.
     pub boundary: [f64; LANES],
+    pub boundary_error: [f64; LANES],
     /// The derivatives by x and each parameter, and how far they are apart in the last two marches.
     pub cross: [[[f64; LANES]; CROSS]; 2],
     /// The early exercise premium over K.
@@ -247,19 +248,20 @@ impl<V: Vector> Chunk<'_, V> {
             boundary: V::from_lanes(columns[3]),
             settled: V::from_lanes(columns[4]),
             tangents: [
-                V::from_lanes(columns[7]),
                 V::from_lanes(columns[8]),
                 V::from_lanes(columns[9]),
+                V::from_lanes(columns[10]),
             ],
             tangent_slopes: [
-                V::from_lanes(columns[10]),
                 V::from_lanes(columns[11]),
                 V::from_lanes(columns[12]),
+                V::from_lanes(columns[13]),
             ],
         };
         self.evaluations[1] = SpotEvaluation {
             u: V::from_lanes(columns[5]),
             settled: V::from_lanes(columns[6]),
+            boundary: V::from_lanes(columns[7]),
             ..SpotEvaluation::zero()
         };
     }
@@ -278,6 +280,7 @@ impl<V: Vector> Chunk<'_, V> {
             whole.settled,
             half.u,
             half.settled,
+            half.boundary,
             rate,
             dividend,
             spread,
@@ -320,6 +323,7 @@ impl<V: Vector> Chunk<'_, V> {
             differences: lanes_of(&differences),
             error: error.plus(rounding).lanes(),
             boundary: extrapolant.boundary.lanes(),
+            boundary_error: comparison.boundary_error(&difference).lanes(),
             cross: [nothing; 2],
             premium: self.spots.discounted(extrapolant.u).lanes(),
             european_by_spread_twice: [0.0; LANES],

@@ -8,7 +8,7 @@ use super::group::{EarlierMarches, Group, Outcome, Refinement};
 use super::mesh::STEPS;
 use super::mesh_class::{classify, LOOSE_TOLERANCE_OF_PRICES};
 use super::work_items::{by_class, groups, run_count, Item};
-use crate::flat_options::{Puts, COLUMNS, DERIVATIVES, SECOND, VALUES};
+use crate::flat_options::{Puts, COLUMNS, DERIVATIVES, PLAIN, SECOND, VALUES};
 use crate::lanes::dispatch::Work;
 use crate::lanes::vector::{Part, Vector, LANES};
 
@@ -355,7 +355,7 @@ impl Task<'_> {
         let numbers = self.numbers_of(item.spot);
         if !item.valued || outcome.settled {
             for (k, derivative) in DERIVATIVES.into_iter().enumerate() {
-                if let Some(apart) = numbers.get_mut(VALUES + 2 + k) {
+                if let Some(apart) = numbers.get_mut(PLAIN + k) {
                     *apart = found.differences[derivative][lane];
                     numbers[derivative] = found.values[derivative][lane];
                 }
@@ -368,7 +368,10 @@ impl Task<'_> {
         for (kept, value) in numbers.iter_mut().zip(&found.values) {
             *kept = value[lane];
         }
-        (numbers[VALUES], numbers[VALUES + 1]) = (found.error[lane], found.boundary[lane]);
+        let others = [&found.error, &found.boundary, &found.boundary_error];
+        for (kept, other) in numbers[VALUES..PLAIN].iter_mut().zip(others) {
+            *kept = other[lane];
+        }
         let at = item.spot - self.start;
         self.exercised[at] = outcome.exercised;
         self.settled[at] = outcome.settled;

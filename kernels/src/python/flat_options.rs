@@ -25,9 +25,9 @@ fn level(steps: usize) -> PyResult<usize> {
 /// (n,), and `limits`, (n, 7), the errors allowed in each of the values, or None to leave out the derivatives by the
 /// parameters. `fewest` and `most` bound the number of time steps of the finest march.
 ///
-/// Returns numbers, (n, 9): V/K, its first and second derivative by x, the European V/K, the derivatives of V/K by rate,
-/// dividend and spread at fixed x, the error estimate of V/K and ln(S*/K). With limits, (n, 14): how far the five
-/// derivatives are apart in the last two marches as well. With limits and `spread_step`, a share of the spread, (n, 22):
+/// Returns numbers, (n, 10): V/K, its first and second derivative by x, the European V/K, the derivatives of V/K by rate,
+/// dividend and spread at fixed x, the error estimate of V/K, ln(S*/K) and its error estimate. With limits, (n, 15): how far
+/// the five derivatives are apart in the last two marches as well. With limits and `spread_step`, a share of the spread, (n, 23):
 /// the derivatives by x and each of rate, dividend and spread, and by spread twice, and how far these four are apart, NaN
 /// where exercised. Then exercised, settled and
 /// steps, each (n,). Nothing of a spot that is not settled may be used. `interrupt`, a function or None, is asked every few

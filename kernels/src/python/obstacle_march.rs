@@ -281,6 +281,12 @@ impl MarchedSegments {
         self.column(py, |one| one.boundary)
     }
 
+    /// The estimate of its error, (n,).
+    #[getter]
+    fn boundary_error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.column(py, |one| one.boundary_error)
+    }
+
     /// Whether the spot is in the exercise region, (n,).
     #[getter]
     fn exercised<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {

@@ -29,6 +29,8 @@ class Prices:
         As in `Valuation`.
     boundary : Vector, shape (n,)
         The exercise boundary now; where there are two, the one nearer the strike.
+    boundary_error : Vector, shape (n,)
+        The estimated absolute error of the boundary; NaN where there is no boundary, or no estimate.
     dividend_sensitivities, rate_buckets, dividend_yield_buckets, volatility_buckets : Ragged
         One number for each entry that the contract lists (`Listed`), or none at all.
     delta_error, ..., charm_error, dividend_sensitivities_error, ... : Vector, shape (n,), or Ragged
@@ -65,6 +67,7 @@ class Prices:
     charm: Vector
     delta_sticky_moneyness: Vector
     boundary: Vector
+    boundary_error: Vector
     dividend_sensitivities: Ragged
     rate_buckets: Ragged
     dividend_yield_buckets: Ragged

@@ -81,7 +81,9 @@ class Valuation:
         The intrinsic value is positive and the spot lies in the closed exercise region.
     exercise_boundary : float or None
         S* now, where there are two the one nearer the strike (see `exercise_boundary` for both); None where
-        exercise is never optimal.
+        exercise is not optimal now, or only at spots more than 4.5 standard deviations of ln S away.
+    boundary_error : float or None
+        Estimated absolute error of the exercise boundary, money; None where there is none, or no estimate.
     error_estimate : float
         Estimated absolute error of the price, money.
     greek_errors : mapping of str to float or tuple of float
@@ -122,6 +124,7 @@ class Valuation:
     volatility_buckets: tuple[float, ...] | None
     exercise_now: bool
     exercise_boundary: float | None
+    boundary_error: float | None
     error_estimate: float | None
     greek_errors: Mapping[str, float | tuple[float, ...]] = field(hash=False)
     status: Status
@@ -135,7 +138,7 @@ class Valuation:
         lines = (
             [*self._known("price", "error_estimate"), f"status {self.status}", f"method {self.method}"],
             self._known("european_price", "early_exercise_premium", "intrinsic_value"),
-            [*self._known("exercise_boundary"), f"exercise_now {self.exercise_now}"],
+            [*self._known("exercise_boundary", "boundary_error"), f"exercise_now {self.exercise_now}"],
             self._known(*GREEKS),
             self._known(*GREEK_LISTS),
             [self.diagnostics.message] if self.diagnostics.message else [],
@@ -194,6 +197,7 @@ def valuation(
         volatility_buckets=greek_list(prices.volatility_buckets),
         exercise_now=bool(prices.exercised[row]),
         exercise_boundary=_present(prices.boundary.item(row)),
+        boundary_error=_present(prices.boundary_error.item(row)),
         error_estimate=_present(prices.error.item(row)),
         greek_errors=_greek_errors(prices, row) if greeks else {},
         status=prices.status[row],

@@ -285,7 +285,7 @@ GREEK_ERRORS = Field(
     "greek_errors",
     "flag",
     "",
-    "Whether the estimated error of each Greek comes with it, where there is one",
+    "Whether the estimated errors of the exercise boundary and of each Greek come with them, where there are any",
     default=False,
     example=True,
 )

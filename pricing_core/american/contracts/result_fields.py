@@ -92,7 +92,7 @@ PRICE_FIELDS = (
         "exercise_boundary",
         "number",
         "money",
-        "Spot at which to exercise now; of two, the one nearer the strike",
+        "Spot at which to exercise now; of two, the one nearer the strike; none where none is within reach",
         81.0,
     ),
     ResultField("error_estimate", "number", "money", "Estimated absolute error of the price", 2e-5),
@@ -170,6 +170,14 @@ def _error_field(greek: ResultField) -> ResultField:
     )
 
 
+BOUNDARY_ERROR_FIELD = ResultField(
+    "boundary_error",
+    "number",
+    "money",
+    "Estimated absolute error of exercise_boundary",
+    0.002,
+    of="exercise_boundary",
+)
 GREEK_ERROR_FIELDS = tuple(_error_field(field) for field in PRICE_FIELDS if field.is_greek)
 
 IMPLIED_VOLATILITY_FIELDS = (
@@ -372,7 +380,7 @@ def price_fields(
     columns : container of str, optional
         Names of the columns of a table of contracts: lists for an input that it does not have are left out.
     greek_errors : bool
-        Whether the errors of these Greeks follow.
+        Whether the errors of the exercise boundary and of these Greeks follow.
     advice : bool
         Whether advice on exercise follows.
 
@@ -390,7 +398,7 @@ def price_fields(
         field
         for field in (
             *PRICE_FIELDS,
-            *(GREEK_ERROR_FIELDS if greek_errors else ()),
+            *((BOUNDARY_ERROR_FIELD, *GREEK_ERROR_FIELDS) if greek_errors else ()),
             *(ADVICE_COLUMN_FIELDS if advice else ()),
         )
         if field.given in given and (columns is None or not field.per or field.per in columns)

@@ -14,6 +14,7 @@ from pricing_core.arrays import BoolVector, Vector
 # Largest ratio of strike and boundary that is looked for, the number of spots tried in a round, and rounds; chosen.
 FURTHEST, TRIED, ROUNDS = 1e9, 257, 5
 ROUNDING = 1e-13  # By which a value may exceed what exercise brings and be the same; chosen.
+BOUNDARY_DEVIATIONS = 4.0  # By which a boundary may be off that volatility moves; chosen.
 FAR = math.exp(15.0)  # Smallest ratio of spot and strike of options that may never reach the strike; chosen.
 
 
@@ -56,6 +57,12 @@ def certain_value(book: Book) -> Vector:
             spot[rows] = np.maximum(grown * (1.0 - segments.fraction[at]) - drops[at], 0.0)
             discount[rows] = d * np.exp(-rate * h)
     return np.maximum(np.maximum(best, sign * (strike - spot) * discount), 0.0)
+
+
+def moved_boundary(book: Book, boundary: Vector) -> Vector:
+    """Return by how much volatility may move boundaries that are known without it, money, shape (n,) as they are."""
+    moved: Vector = BOUNDARY_DEVIATIONS * book.deviation() * boundary
+    return moved
 
 
 def certain_ends(book: Book, times: Vector) -> tuple[Vector, Vector]:

@@ -169,6 +169,7 @@ class Chapter:
         place, strike, s = np.array([place_of(schedule)]), book.strike, math.exp(place_of(schedule))
         own, other = (run.now.derivatives(place)[:, 0] for run in (fine, coarse))
         differences = ERROR_SHARE * np.abs(own - other)
+        ends = np.array([_money(schedule, 0.0, run.ends[0.0])[0] for run in (fine, coarse)])
         exercised = bool(fine.now.side(place)[0] > 0)
         columns: dict[str, Any] = {"complete": True}
         if request.greeks != "none":
@@ -184,7 +185,8 @@ class Chapter:
             gamma=(own[2:3] - own[1:2]) / s**2 / strike,
             delta_error=differences[1:2] / s,
             gamma_error=(differences[2:3] + differences[1:2]) / s**2 / strike,
-            boundary=np.array([_money(schedule, 0.0, fine.ends[0.0])[0]]),
+            boundary=ends[:1],
+            boundary_error=ERROR_SHARE * np.abs(ends[:1] - ends[1:]),
             exercised=np.array([exercised]),
             settled=not late,
             status="deadline" if late else "ok",

@@ -11,7 +11,12 @@ import numpy as np
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices, prices
 from pricing_core.american.engines.black_scholes import european_columns
-from pricing_core.american.engines.certain import certain_value, is_far_out_of_the_money, uncertainty
+from pricing_core.american.engines.certain import (
+    certain_value,
+    is_far_out_of_the_money,
+    moved_boundary,
+    uncertainty,
+)
 from pricing_core.american.engines.differences import plan_differences
 from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
@@ -69,7 +74,9 @@ class ClosedForm:
         sure = expired or _uncertain_by(at_strike)[0] <= SURE_SHARE * request.tolerance[0] * book.strike[0]
         if not sure or book.has_events()[0]:
             return Boundaries(nothing, nothing, nothing, none)
-        return Boundaries(np.full(times.size, near[0]), np.full(times.size, far[0]), nothing, ~none)
+        error = np.zeros(1) if expired else moved_boundary(book, near)
+        near, far, error = (np.full(times.size, one[0]) for one in (near, far, error))
+        return Boundaries(near, far, error, ~none)
 
 
 def _uncertain_by(book: Book) -> Vector:
@@ -161,6 +168,7 @@ def _on_certain_path(book: Book, request: Request) -> Prices:
         gamma=gamma,
         theta=np.where(exercised | expired, 0.0, held_theta(book, value, delta, gamma)),
         boundary=near,
+        boundary_error=np.where(expired, 0.0, moved_boundary(book, near)),
         exercised=exercised,
         settled=certain | formula | expired,
         complete=True,

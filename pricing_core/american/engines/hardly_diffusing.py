@@ -15,14 +15,13 @@ import numpy as np
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, Prices, error_of
 from pricing_core.american.book.ragged import Ragged
-from pricing_core.american.engines.certain import certain_ends, certain_value
+from pricing_core.american.engines.certain import certain_ends, certain_value, moved_boundary
 from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Request
 from pricing_core.american.engines.obstacle_march import CompiledMarch, least_volatility
 from pricing_core.arrays import BoolVector, Vector
 
 MARCH = CompiledMarch()
 LARGEST_DEVIATION = 0.02  # Standard deviation of ln S at expiry up to which the spot hardly diffuses; chosen.
-DEVIATIONS = 4.0  # By which a boundary may be off that volatility moves; chosen.
 
 
 class HardlyDiffusing:
@@ -42,7 +41,8 @@ class HardlyDiffusing:
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Price with more volatility; what is found has its Greeks, which have no error estimates."""
-        found = MARCH.solve(_raised(book), request)
+        raised = _raised(book)
+        found = MARCH.solve(raised, request)
         least = certain_value(book)
         most = np.maximum(found.value + found.error, least)
         unknown: dict[str, Any] = {error_of(name): np.full(book.count, math.nan) for name in GREEKS}
@@ -55,6 +55,7 @@ class HardlyDiffusing:
             value=0.5 * (least + most),
             european=np.minimum(found.european, most),
             error=0.5 * (most - least),
+            boundary_error=found.boundary_error + moved_boundary(raised, found.boundary),
             method=np.full(book.count, self.method, dtype=object),
         )
 
@@ -64,8 +65,7 @@ class HardlyDiffusing:
 
         def at(times: Vector) -> Boundaries:
             near, far = certain_ends(book, times)
-            error = DEVIATIONS * book.deviation().item(0) * near
-            return Boundaries(near, far, error, np.ones(times.size, dtype=bool))
+            return Boundaries(near, far, moved_boundary(book, near), np.ones(times.size, dtype=bool))
 
         return at
 

@@ -246,10 +246,10 @@ def _with_boundaries(book: Book, best: Prices, request: Request, engines: Sequen
     rows = np.flatnonzero(unknown & (has_boundary_elsewhere(book) | elsewhere))
     if rows.size == 0:
         return best
-    boundary = best.boundary.copy()
+    boundary, error = best.boundary.copy(), best.boundary_error.copy()
     for row in rows.tolist():
         at_strike = book.part(slice(row, row + 1))
         at_strike = replace(at_strike, spot=at_strike.strike)
         found = boundary_of(at_strike, request.take(slice(row, row + 1)), engines)(np.zeros(1))
-        boundary[row] = found.near[0]
-    return replace(best, boundary=boundary)
+        boundary[row], error[row] = found.near[0], found.error[0]
+    return replace(best, boundary=boundary, boundary_error=error)

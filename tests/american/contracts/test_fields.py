@@ -38,6 +38,7 @@ from pricing_core.american.contracts import fields
 from pricing_core.american.contracts.fields import CONTRACT_FIELDS, INPUT_FIELDS, input_field
 from pricing_core.american.contracts.result_fields import (
     ADVICE_FIELDS,
+    BOUNDARY_ERROR_FIELD,
     BOUNDARY_FIELDS,
     GREEK_ERROR_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
@@ -84,7 +85,7 @@ def test_an_example_and_a_default_are_what_the_field_allows(field):
 
 
 def test_every_name_is_there_once():
-    prices = (*PRICE_FIELDS, *GREEK_ERROR_FIELDS)
+    prices = (*PRICE_FIELDS, BOUNDARY_ERROR_FIELD, *GREEK_ERROR_FIELDS)
     for table in (INPUT_FIELDS, prices, IMPLIED_VOLATILITY_FIELDS, BOUNDARY_FIELDS):
         assert len(set(by_name(table))) == len(table)
 
@@ -293,7 +294,7 @@ def test_the_limits_of_the_service_are_narrower():
 @pytest.mark.parametrize(
     ("model", "table"),
     [
-        (schemas.PriceResponse, (*PRICE_FIELDS, UNITS_FIELD, *GREEK_ERROR_FIELDS)),
+        (schemas.PriceResponse, (*PRICE_FIELDS, UNITS_FIELD, BOUNDARY_ERROR_FIELD, *GREEK_ERROR_FIELDS)),
         (schemas.ImpliedVolatilityResponse, (*IMPLIED_VOLATILITY_FIELDS, *PROVENANCE_FIELDS)),
         (schemas.BoundaryResponse, (*BOUNDARY_FIELDS, *PROVENANCE_FIELDS)),
         (schemas.AdviceResponse, (*ADVICE_FIELDS, *PROVENANCE_FIELDS)),

@@ -86,6 +86,7 @@ class CompiledMarch:
             european=european,
             error=np.where(settled, strike * found.error, math.nan),
             boundary=strike * found.boundary + escrow,
+            boundary_error=strike * found.boundary_error,
             exercised=found.exercised,
             settled=settled,
             complete=complete,

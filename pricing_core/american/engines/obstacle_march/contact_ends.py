@@ -11,6 +11,8 @@ import numpy as np
 from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.obstacle_march.boundaries import (
+    SHARE,
+    UNSEEN_SHARE,
     Piece,
     Traces,
     ends_of,
@@ -45,23 +47,28 @@ def traces_of(schedule: Schedule, found: ObstacleSolution) -> Traces:
     return Traces(schedule, fine, coarse)
 
 
-def boundary_now(schedule: Schedule, found: ObstacleSolution, request: Request) -> float:
-    """Return the exercise boundary now, money, of two the one nearer the strike; NaN where there is none."""
+def boundary_now(schedule: Schedule, found: ObstacleSolution, request: Request) -> tuple[float, float]:
+    """Return the exercise boundary now, of two the one nearer the strike, and its error, money; NaN without one."""
     if not schedule.segments[0].exercisable or found.march is None:
-        return math.nan
-    near = _near_now(schedule, found.march)
+        return math.nan, math.nan
+    near, error = _near_now(schedule, found)
     left, right = found.march.grid.x[[0, -1]].tolist()
     for place in first_places(schedule):
         if math.isnan(near) and not left < place < right and not request.is_interrupted():
             there = replace(schedule, spot=schedule.strike * math.exp(place))
             other = solve(contract_problem(there), place, ELSEWHERE, interrupt=request.interrupt)
-            near = math.nan if other.march is None else _near_now(schedule, other.march)
-    return near
+            near, error = _near_now(schedule, other)
+    return near, error
 
 
-def _near_now(schedule: Schedule, march: March) -> float:
-    near, *_ = _ends(schedule, march, march.now.contacts[0])
-    return quoted(schedule, schedule.segments[0], 0.0, near)
+def _near_now(schedule: Schedule, found: ObstacleSolution) -> tuple[float, float]:
+    near, error = math.nan, math.nan
+    for march in (found.coarse, found.march):
+        if march is not None:
+            before, (place, _, unseen) = near, _ends(schedule, march, march.now.contacts[0])
+            near = quoted(schedule, schedule.segments[0], 0.0, place)
+            error = SHARE * abs(near - before) + UNSEEN_SHARE * unseen * near
+    return near, error
 
 
 def _pieces(schedule: Schedule, march: March | None) -> tuple[Piece, ...]:

@@ -112,6 +112,7 @@ def _priced(book: Book, request: Request, within: tuple[float, float]) -> Prices
         return prices(
             1, european=european, status=status, method="none", message="no grid resolves the contract"
         )
+    boundary, boundary_error = boundary_now(schedule, found, request)
     exercised = bool(found.march.now.side(np.array([place]))[0] > 0)
     columns: dict[str, Any] = by_place_and_time(book, schedule, found, extended=extended)
     complete, late = True, found.status == "deadline"
@@ -127,7 +128,8 @@ def _priced(book: Book, request: Request, within: tuple[float, float]) -> Prices
         value=np.clip(np.array([strike * found.value]), *within),
         european=np.array([european]),
         error=np.array([strike * share * found.error_estimate]),
-        boundary=np.array([boundary_now(schedule, found, request)]),
+        boundary=np.array([boundary]),
+        boundary_error=np.array([boundary_error]),
         exercised=np.array([exercised]),
         complete=complete,
         settled=not late,

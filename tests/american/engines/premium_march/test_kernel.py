@@ -107,7 +107,7 @@ def test_a_row_that_is_not_finite_leaves_its_neighbours_alone(column: str) -> No
 def test_no_rows_make_empty_results() -> None:
     nothing = random_book(1, seed=13).take(np.zeros(0, dtype=np.intp))
     numbers, exercised, settled, steps = solve(nothing)
-    assert (numbers.shape, exercised.shape, settled.shape, steps.shape) == ((9, 0), (0,), (0,), (0,))
+    assert (numbers.shape, exercised.shape, settled.shape, steps.shape) == ((10, 0), (0,), (0,), (0,))
     boundary, found = kernel.march_boundaries(8, *nothing.puts, None)
     assert (boundary.shape, found.shape) == ((0,), (0,))
 
@@ -255,10 +255,10 @@ def test_second_derivatives_are_those_of_the_first_ones() -> None:
     held = settled & ~exercised & (book.x > numbers[8] + 0.2 * book.spread) & (book.rate > 0.02)
     assert held.sum() > count / 3
     for row, name, of, unit in (
-        (14, "rate", 1, book.spread),
-        (15, "dividend", 1, book.spread),
-        (16, "spread", 1, np.ones(count)),
-        (17, "spread", 6, np.ones(count)),
+        (15, "rate", 1, book.spread),
+        (16, "dividend", 1, book.spread),
+        (17, "spread", 1, np.ones(count)),
+        (18, "spread", 6, np.ones(count)),
     ):
         off = unit * np.abs(numbers[row] - difference(name, of))
         assert np.quantile(off[held], 0.9) < 1e-4

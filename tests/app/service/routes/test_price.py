@@ -136,7 +136,7 @@ def test_errors_of_greeks_are_keys_where_they_are_asked_for(
     question |= {"greeks": "extended", "cash_dividends": [{"time": 0.5, "amount": 1.0}]}
     assert client.post("/v1/price", json=question | {"greek_errors": False}).json().keys() == KEYS
     answer = client.post("/v1/price", json=question | {"greek_errors": True}).json()
-    assert answer.keys() == KEYS | {field.name for field in GREEK_ERROR_FIELDS}
+    assert answer.keys() == KEYS | {"boundary_error"} | {field.name for field in GREEK_ERROR_FIELDS}
     expected = ERRORS | {"dividend_sensitivities": [2e-5]}
     assert {f.of: answer[f.name] for f in GREEK_ERROR_FIELDS if answer[f.name] is not None} == expected
     assert answer["charm"] == 0.5
