@@ -46,6 +46,7 @@ class SegmentTable:
         *,
         sign: Vector,
         x: Vector,
+        owner: NDArray[np.int64],
         european: BoolVector,
         first: NDArray[np.int64],
         duration: Vector,

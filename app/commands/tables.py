@@ -37,8 +37,10 @@ def print_valuation(valuation: Valuation, greeks: Greeks, *, greek_errors: bool)
         for field in price_fields(greeks)
         if getattr(valuation, field.name) is not None or (field.kind != "list" and field.given != "extended")
     ]
-    errors = {BOUNDARY_ERROR_FIELD.of: valuation.boundary_error, **valuation.greek_errors}
-    _print_results(shown, valuation, errors if greek_errors else None)
+    errors = None
+    if greek_errors:
+        errors = {BOUNDARY_ERROR_FIELD.of: valuation.boundary_error, **valuation.greek_errors}
+    _print_results(shown, valuation, errors)
 
 
 def valuation_json(valuation: Valuation, *, greek_errors: bool) -> str:

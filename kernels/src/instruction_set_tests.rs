@@ -285,13 +285,19 @@ fn the_marches_agree_on_flat_puts_and_on_the_calls_that_they_are_with_everything
             ]
         })
         .collect();
-    let contracts: Vec<_> = PUTS
+    let places = PUTS.map(|put| [put[3], -put[3]]);
+    let contracts: Vec<_> = places
         .iter()
         .zip(&segments)
-        .flat_map(|(put, pair)| [(1.0, put[3], &pair[..1]), (-1.0, -put[3], &pair[1..])])
-        .map(|(sign, x, segments)| obstacle_march::Contract {
+        .flat_map(|(place, pair)| {
+            [
+                (1.0, &place[..1], &pair[..1]),
+                (-1.0, &place[1..], &pair[1..]),
+            ]
+        })
+        .map(|(sign, places, segments)| obstacle_march::Contract {
             sign,
-            x,
+            places,
             segments,
             mesh: segments,
             european: true,

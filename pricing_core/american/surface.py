@@ -89,7 +89,7 @@ def value_surface(
 ) -> ValueSurface:
     """Value the option at every pair of a time and a spot, just after what happens at that time.
 
-    Without events one solve per time serves all spots.
+    One solve per time serves all spots that are not far apart, and the solves of all times go side by side.
 
     Parameters
     ----------
@@ -137,7 +137,12 @@ def value_surface(
     books = [_seen_from_spots(*seen_later(option, market, t), spot) for t in time.tolist()]
     book = Book.concatenated(books or [Book.of([])])
     request = Request(
-        np.full(book.count, tolerance), greeks, share_solves=True, threads=workers, interrupt=interrupt
+        np.full(book.count, tolerance),
+        greeks,
+        share_solves=True,
+        by_rates=False,
+        threads=workers,
+        interrupt=interrupt,
     )
     found = _priced(book, request)
     shape = (time.size, spot.size)
@@ -194,7 +199,7 @@ def _seen_from_spots(option: Option, market: Market, spot: Vector) -> Book:
 
 
 def _priced(book: Book, request: Request) -> Prices:
-    """Return the prices; contracts without events that differ in the spot alone share their solves."""
+    """Return the prices; contracts that differ in the spot alone share their solves."""
     prices = solve(book, request)
     if "deadline" in prices.status or (not prices.complete.all() and request.is_interrupted()):
         raise NumericalError("interrupted before all values were found: allow more time")

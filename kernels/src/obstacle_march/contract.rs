@@ -78,8 +78,8 @@ impl Segment {
 pub struct Contract<'a> {
     /// 1 for a put, -1 for a call.
     pub sign: f64,
-    /// ln of the spot that diffuses.
-    pub x: f64,
+    /// ln of the spots that diffuse, of which the value is wanted; at least one.
+    pub places: &'a [f64],
     /// From now to expiry, at least one.
     pub segments: &'a [Segment],
     /// Those that tell the grid and the steps: its own, or for a difference those of a contract next to it.
@@ -91,6 +91,15 @@ pub struct Contract<'a> {
 }
 
 impl Contract<'_> {
+    /// The lowest and the highest of the places.
+    pub(super) fn span(&self) -> (f64, f64) {
+        self.places
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                (low.min(*x), high.max(*x))
+            })
+    }
+
     /// The square of the volatility at a time, years from now, and at x, given that of the segment.
     pub(super) fn variance(&self, time: f64, x: f64, of_segment: f64) -> f64 {
         let Some(local) = &self.local else {

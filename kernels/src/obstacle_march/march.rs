@@ -322,7 +322,7 @@ impl<'a, V: Vector> March<'a, V> {
         }
     }
 
-    /// Walk back from the values at the contracts' spots.
+    /// Walk back from the values at the contracts' first spots.
     #[inline(always)]
     fn walk_back<T: Terms<V>>(&self, terms: T, found: &mut [Marched]) -> Option<()> {
         let Some(record) = &self.record else {
@@ -332,7 +332,7 @@ impl<'a, V: Vector> March<'a, V> {
         let functionals: Vec<Functional> = found
             .iter()
             .zip(contracts)
-            .map(|(marched, contract)| Functional::of(&marched.line(), contract.x.exp()))
+            .map(|(marched, contract)| Functional::of(&marched.line(), contract.places[0].exp()))
             .collect();
         let derivatives = V::call(WalkBack {
             march: Course {

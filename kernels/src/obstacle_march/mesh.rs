@@ -71,22 +71,23 @@ const LEAST_DROP: f64 = 0.01;
 /// Where the strike is as many standard deviations away nothing depends on what happens there.
 const FAR: f64 = 16.0;
 
-/// How far x comes: the spot and the strike, with what drifts and drops add, and the width beyond; and the standard
+/// How far x comes: the spots and the strike, with what drifts and drops add, and the width beyond; and the standard
 /// deviation of ln S at expiry.
 fn reach(contract: &Contract, settings: &Settings) -> (f64, f64, f64) {
-    let (mut low, mut high, mut variance) = (contract.x, contract.x, 0.0);
+    let (lowest, highest) = contract.span();
+    let (mut low, mut high, mut variance) = (lowest, highest, 0.0);
     for (number, segment) in contract.mesh.iter().enumerate() {
         let spread = 2.0 * f64::sqrt(variance);
         let square = mean_variance(contract, number, low - spread, high + spread);
         let drift = segment.rate - segment.dividend_yield - 0.5 * square;
         variance += square * segment.duration;
-        low = (low + drift * segment.duration).min(contract.x);
-        high = (high + drift * segment.duration).max(contract.x);
+        low = (low + drift * segment.duration).min(lowest);
+        high = (high + drift * segment.duration).max(highest);
         if segment.drops() {
             let after = segment.after_drop(low.exp());
             low = low
                 .min(after.max(1e-12).ln())
-                .max(contract.x - 3.0 * variance.sqrt() - 1.0);
+                .max(lowest - 3.0 * variance.sqrt() - 1.0);
         }
     }
     let deviation = variance.sqrt();

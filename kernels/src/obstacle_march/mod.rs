@@ -59,10 +59,10 @@ mod tests {
         }
     }
 
-    fn contract(sign: f64, x: f64, segments: &[Segment]) -> Contract<'_> {
+    fn contract<'a>(sign: f64, places: &'a [f64], segments: &'a [Segment]) -> Contract<'a> {
         Contract {
             sign,
-            x,
+            places,
             segments,
             mesh: segments,
             european: false,
@@ -107,7 +107,7 @@ mod tests {
             (-1.0, &paid[..], 0.080_357_57),
             (1.0, &two_boundaries[..], 0.027_445_32),
         ] {
-            let contract = contract(sign, 0.0, segments);
+            let contract = contract(sign, &[0.0], segments);
             let found = &solved(&[contract], 1e-6)[0];
             assert!(found.met && found.settled);
             assert!(
@@ -134,7 +134,7 @@ mod tests {
             reference: 0.25,
         };
         for sign in [1.0, -1.0] {
-            let constant = contract(sign, -0.05, &segments);
+            let constant = contract(sign, &[-0.05], &segments);
             let flat = Contract {
                 local: Some(local),
                 ..constant
@@ -174,7 +174,7 @@ mod tests {
             let contracts = [own, &held].map(|of| Contract {
                 mesh: &segments,
                 local: Some(local),
-                ..contract(sign, -0.03, of)
+                ..contract(sign, &[-0.03], of)
             });
             marched(contracts.to_vec(), 128, walked)
         };
@@ -225,7 +225,7 @@ mod tests {
         let contracts: Vec<Contract> = books
             .iter()
             .enumerate()
-            .map(|(k, segments)| contract(if k % 3 == 0 { -1.0 } else { 1.0 }, 0.0, segments))
+            .map(|(k, segments)| contract(if k % 3 == 0 { -1.0 } else { 1.0 }, &[0.0], segments))
             .collect();
         let together = solved(&contracts, 1e-4);
         for (contract, beside) in contracts.iter().zip(&together) {
@@ -244,7 +244,7 @@ mod tests {
     #[test]
     fn an_interrupt_ends_the_work() {
         let segments = [segment(1.0)];
-        let contract = contract(1.0, 0.0, &segments);
+        let contract = contract(1.0, &[0.0], &segments);
         let settings = Settings::default();
         let found = solve(&[contract], &[1e-4], settings, Greeks::None, 1, &|| true);
         assert!(found[0].value.is_nan() && !found[0].settled);
@@ -256,7 +256,7 @@ mod tests {
         let segments = [segment(1.0).held()];
         let [held] = segments;
         for sign in [1.0, -1.0] {
-            let marched = marched(vec![contract(sign, 0.0, &segments)], 256, 0);
+            let marched = marched(vec![contract(sign, &[0.0], &segments)], 256, 0);
             for node in 0..8 {
                 let spot = marched.grid.spot(node) * (-held.dividend_yield).exp();
                 let forward = sign * ((-held.rate).exp() - spot);

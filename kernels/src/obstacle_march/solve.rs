@@ -115,9 +115,9 @@ pub struct Found {
     pub ends: [Vec<End>; 2],
 }
 
-/// The derivatives at the spot: the first two by x, the rate `V_tau` and its derivative by x, and those of the first by
-/// a parallel change of the volatilities and the second by that.
-pub const LOCAL: usize = 6;
+/// The derivatives at the spot: the first two by x, the rate `V_tau` and its derivative by x, that of the first by a parallel
+/// change of the volatilities, and the second and the first one by that.
+pub const LOCAL: usize = 7;
 
 /// A number of the finest grid, extrapolated where the differences let it be, and its last difference.
 #[derive(Clone, Copy, Debug, Default)]
@@ -174,12 +174,13 @@ struct Seen {
 }
 
 impl Seen {
-    fn of(marched: &mut Marched, contract: &Contract) -> Self {
+    /// What a march says around one of the contract's places; of the boundaries over time to the first that asks.
+    fn of(marched: &mut Marched, contract: &Contract, x: f64) -> Self {
         let ends = std::mem::take(&mut marched.ends);
         let (line, h) = (marched.line(), marched.grid.h);
-        let at = |cells: f64| line.at((contract.x + cells * h).exp());
-        let local = |cells: f64| local(marched, contract, contract.x + cells * h);
-        let index = marched.grid.index(contract.x.exp());
+        let at = |cells: f64| line.at((x + cells * h).exp());
+        let local = |cells: f64| local(marched, contract, x + cells * h);
+        let index = marched.grid.index(x.exp());
         let now = End::of(&marched.grid, 0, 0.0, marched.contact);
         Self {
             h,
@@ -200,8 +201,8 @@ impl Seen {
     }
 
     /// Whether the spot is so near to where exercise begins that a few cells lie between.
-    fn is_near_boundary(&self, contract: &Contract) -> bool {
-        (self.boundary.ln() - contract.x).abs() < NEAR * self.h
+    fn is_near_boundary(&self, x: f64) -> bool {
+        (self.boundary.ln() - x).abs() < NEAR * self.h
     }
 
     /// How far the values lie apart from those on the grid before, at places around the spot, and the largest of that.
@@ -244,44 +245,40 @@ struct Caution {
     of_derivatives: f64,
 }
 
-/// A contract without early exercise, and what its last march said.
-struct Held {
-    segments: Vec<Segment>,
-    last: Option<Seen>,
-}
-
-impl Held {
-    fn of(contract: &Contract) -> Self {
-        Self {
-            segments: contract.segments.iter().map(|one| one.held()).collect(),
-            last: None,
-        }
-    }
-}
-
-/// A contract on its way to its tolerance.
+/// A contract on its way to its tolerances.
 struct Work<'a> {
     contract: Contract<'a>,
     /// With higher and with lower volatilities, and by how much, where that is wanted.
     sides: Option<([Vec<Segment>; 2], f64)>,
-    /// Without early exercise, as long as that is wanted.
-    held: Option<Held>,
-    tolerance: f64,
+    /// Without early exercise.
+    held: Vec<Segment>,
     /// The standard deviation of ln S at expiry.
     deviation: f64,
     caution: Caution,
     cells: usize,
+    levels: usize,
+    places: Vec<Place>,
+}
+
+/// A place of a contract on its way to its tolerance.
+struct Place {
+    x: f64,
+    tolerance: f64,
     last: Option<Seen>,
+    /// What the last march without early exercise said, as long as that is wanted.
+    held: Option<Option<Seen>>,
     /// The last two differences of the value, and the last one of the boundary, not a number before there is one.
     differences: [f64; 2],
     boundary_difference: f64,
-    levels: usize,
     found: Found,
+    done: bool,
 }
 
 impl<'a> Work<'a> {
-    fn new(contract: Contract<'a>, tolerance: f64, settings: &Settings, greeks: Greeks) -> Self {
-        let sides = (greeks == Greeks::Extended).then(|| {
+    fn new(contract: Contract<'a>, tolerance: &[f64], settings: &Settings, greeks: Greeks) -> Self {
+        let is_walked = greeks != Greeks::None && contract.places.len() == 1;
+        let is_moved = greeks == Greeks::Extended || (greeks != Greeks::None && !is_walked);
+        let sides = is_moved.then(|| {
             let volatilities = contract.segments.iter().map(|one| one.volatility);
             let step = VOLATILITY_STEP * volatilities.fold(f64::INFINITY, f64::min);
             let moved = |by: f64| {
@@ -293,7 +290,6 @@ impl<'a> Work<'a> {
             };
             ([moved(step), moved(-step)], step)
         });
-        let held = contract.european.then(|| Held::of(&contract));
         let whole = Grid::new(&contract, 1, settings);
         let times = contract.local.map(|local| local.surface.times.len());
         let caution = match times {
@@ -301,33 +297,56 @@ impl<'a> Work<'a> {
             Some(1) => STEADY,
             Some(_) => MOVING,
         };
+        let segments = if is_walked {
+            contract.segments.len()
+        } else {
+            0
+        };
+        let places = contract.places.iter().zip(tolerance);
         Self {
             contract,
             sides,
-            held,
-            tolerance,
+            held: contract.segments.iter().map(|one| one.held()).collect(),
             deviation: whole.deviation,
             caution,
             cells: first_cells(&whole, settings),
-            last: None,
-            differences: [0.0; 2],
-            boundary_difference: f64::NAN,
             levels: 0,
-            found: Found::nothing(if greeks == Greeks::None {
-                0
-            } else {
-                contract.segments.len()
-            }),
+            places: places
+                .map(|(x, tolerance)| Place {
+                    x: *x,
+                    tolerance: *tolerance,
+                    last: None,
+                    held: contract.european.then_some(None),
+                    differences: [0.0; 2],
+                    boundary_difference: f64::NAN,
+                    found: Found::nothing(segments),
+                    done: false,
+                })
+                .collect(),
         }
+    }
+
+    /// Whether derivatives by the numbers of the segments are wanted: of one place alone.
+    fn is_walked(&self) -> bool {
+        self.places
+            .iter()
+            .any(|place| !place.found.by_segment.is_empty())
+    }
+
+    /// Whether the value without early exercise is still wanted.
+    fn is_held(&self) -> bool {
+        self.places.iter().any(|place| place.held.is_some())
     }
 
     /// The contracts to be marched: itself, that without early exercise, and those with other volatilities on its grid.
     fn contracts(&self) -> Vec<Contract<'_>> {
         let mut contracts = vec![self.contract];
-        contracts.extend(self.held.iter().map(|held| Contract {
-            segments: &held.segments,
-            ..self.contract
-        }));
+        if self.is_held() {
+            contracts.push(Contract {
+                segments: &self.held,
+                ..self.contract
+            });
+        }
         if let Some((sides, _)) = &self.sides {
             contracts.extend(sides.iter().map(|segments| Contract {
                 segments,
@@ -337,54 +356,81 @@ impl<'a> Work<'a> {
         contracts
     }
 
-    /// Take in the marches on the next grid; return whether they were the last.
-    fn take(&mut self, seen: Vec<Seen>) -> bool {
+    /// Take in what the marches on the next grid say at each place; return whether they were the last.
+    fn take(&mut self, seen: Vec<Vec<Seen>>) -> bool {
         let cells = self.cells;
         self.cells *= 2;
+        let is_held = self.is_held();
         let mut seen = seen.into_iter();
-        let Some(mut own) = seen.next().filter(|own| own.settled) else {
+        let own = seen.next().filter(|own| own.iter().all(|own| own.settled));
+        let Some(own) = own else {
             // The grid does not resolve the problem: nothing is taken from it, and those before it have no neighbour.
-            (self.last, self.levels, self.differences) = (None, 0, [0.0; 2]);
-            self.boundary_difference = f64::NAN;
-            self.found.ends = [Vec::new(), Vec::new()];
-            if let Some(held) = &mut self.held {
-                held.last = None;
+            self.levels = 0;
+            for place in self.places.iter_mut().filter(|place| !place.done) {
+                place.forget();
             }
             return self.cells > MOST_CELLS;
         };
         self.levels += 1;
-        if self.held.is_some() {
-            if let Some(seen) = seen.next() {
-                self.take_held(seen);
+        let held = if is_held { seen.next() } else { None };
+        let sides: Vec<Vec<Seen>> = seen.collect();
+        let (levels, caution) = (self.levels, self.caution);
+        for (k, (place, mut own)) in self.places.iter_mut().zip(own).enumerate() {
+            if place.done {
+                continue;
             }
+            if let Some(held) = &held {
+                place.take_held(&held[k], caution, levels);
+            }
+            if let Some(last) = place.last.take() {
+                let (apart, largest) = own.apart(&last);
+                let tilts = apart.windows(3).map(|three| (three[2] - three[0]).abs());
+                place.differences = [largest, place.differences[0]];
+                // The difference's slope by x, times the deviation of ln S at expiry.
+                let tilt = tilts.fold(0.0, f64::max) / (2.0 * 2.0 * own.h) * self.deviation;
+                let share = place.estimate(&own, &last, tilt, &self.contract, caution, levels);
+                place.derive(&own, &last, share, caution);
+            }
+            if let (Some((_, step)), [up, down]) = (&self.sides, &sides[..]) {
+                place.take_sides(&own, [&up[k], &down[k]], *step);
+            }
+            let found = &mut place.found;
+            (found.cells, found.steps, found.levels) = (cells, own.steps, levels);
+            found.settled = own.settled;
+            found.exercised = own.exercised;
+            let [_, before] = std::mem::take(&mut found.ends);
+            found.ends = [before, std::mem::take(&mut own.ends)];
+            found.met = levels >= caution.first_levels && found.error <= place.tolerance;
+            place.done = found.met;
+            place.last = Some(own);
         }
-        let sides: Vec<Seen> = seen.collect();
-        if let Some(last) = self.last.take() {
-            let (apart, largest) = own.apart(&last);
-            let tilts = apart.windows(3).map(|three| (three[2] - three[0]).abs());
-            self.differences = [largest, self.differences[0]];
-            // The difference's slope by x, times the deviation of ln S at expiry.
-            let tilt = tilts.fold(0.0, f64::max) / (2.0 * 2.0 * own.h) * self.deviation;
-            let share = self.estimate(&own, &last, tilt);
-            self.derive(&own, &last, share);
+        self.places.iter().all(|place| place.done) || self.cells > MOST_CELLS
+    }
+}
+
+impl Place {
+    /// Forget what the marches so far said, but for what was found.
+    fn forget(&mut self) {
+        (self.last, self.differences, self.boundary_difference) = (None, [0.0; 2], f64::NAN);
+        self.found.ends = [Vec::new(), Vec::new()];
+        if let Some(held) = &mut self.held {
+            *held = None;
         }
-        self.take_sides(&own, &sides);
-        let found = &mut self.found;
-        (found.cells, found.steps, found.levels) = (cells, own.steps, self.levels);
-        found.settled = own.settled;
-        found.exercised = own.exercised;
-        let [_, before] = std::mem::take(&mut found.ends);
-        found.ends = [before, std::mem::take(&mut own.ends)];
-        found.met = self.levels >= self.caution.first_levels && found.error <= self.tolerance;
-        self.last = Some(own);
-        found.met || self.cells > MOST_CELLS
     }
 
     /// Tell the value and its error; return the share of the last difference that extrapolates.
-    fn estimate(&mut self, seen: &Seen, last: &Seen, tilt: f64) -> f64 {
+    fn estimate(
+        &mut self,
+        seen: &Seen,
+        last: &Seen,
+        tilt: f64,
+        contract: &Contract,
+        caution: Caution,
+        levels: usize,
+    ) -> f64 {
         let [last_difference, before] = self.differences;
         let mut ratio = 0.5;
-        if self.levels > 2 {
+        if levels > 2 {
             let of = if before > 0.0 { before } else { 1.0 };
             ratio = (last_difference / of).clamp(0.0, SLOWEST);
         }
@@ -397,12 +443,12 @@ impl<'a> Work<'a> {
         } else {
             geometric
         };
-        let mut caution = self.caution.of_value;
-        let drops = self.contract.segments.iter().any(Segment::drops);
-        if drops && self.contract.sign > 0.0 {
+        let mut caution = caution.of_value;
+        let drops = contract.segments.iter().any(Segment::drops);
+        if drops && contract.sign > 0.0 {
             caution *= RETURNING;
         }
-        if self.contract.segments.len() > 1 && seen.is_near_boundary(&self.contract) {
+        if contract.segments.len() > 1 && seen.is_near_boundary(self.x) {
             caution *= NEAR_VALUE;
         }
         let found = &mut self.found;
@@ -418,9 +464,9 @@ impl<'a> Work<'a> {
     }
 
     /// Tell the derivatives and by how much they change from the last grid to this one.
-    fn derive(&mut self, seen: &Seen, last: &Seen, share: f64) {
-        let mut factor = self.caution.of_derivatives;
-        if seen.is_near_boundary(&self.contract) {
+    fn derive(&mut self, seen: &Seen, last: &Seen, share: f64, caution: Caution) {
+        let mut factor = caution.of_derivatives;
+        if seen.is_near_boundary(self.x) {
             factor *= NEAR_DERIVATIVES;
         }
         let best = |now: f64, before: f64, change: f64| Changing {
@@ -452,32 +498,29 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Tell the value without early exercise, which is marched no further where that is accurate enough.
-    fn take_held(&mut self, seen: Seen) {
-        let Some(held) = &mut self.held else { return };
+    /// Tell the value without early exercise, which is looked at no further where that is accurate enough.
+    fn take_held(&mut self, seen: &Seen, caution: Caution, levels: usize) {
+        let Some(last) = &mut self.held else { return };
         self.found.european = seen.value;
-        if let Some(last) = &held.last {
+        if let Some(last) = last {
             let (_, largest) = seen.apart(last);
             let third = 1.0 / (GAIN - 1.0);
             self.found.european += third * (seen.value - last.value);
-            let error = self.caution.of_value * MARGIN * third * largest;
-            if self.levels >= self.caution.first_levels && error <= self.tolerance {
+            let error = caution.of_value * MARGIN * third * largest;
+            if levels >= caution.first_levels && error <= self.tolerance {
                 self.held = None;
                 return;
             }
         }
-        held.last = Some(seen);
+        *last = Some(seen.clone());
     }
 
-    /// Tell the second derivatives in which the volatility takes part.
-    fn take_sides(&mut self, own: &Seen, sides: &[Seen]) {
-        let (Some((_, step)), [up, down]) = (&self.sides, sides) else {
-            return;
-        };
+    /// Tell the derivatives in which the volatility takes part, of one that changes everywhere alike.
+    fn take_sides(&mut self, own: &Seen, [up, down]: [&Seen; 2], step: f64) {
         let mixed = (up.local[0] - down.local[0]) / (2.0 * step);
         let second = (up.value + down.value - 2.0 * own.value) / (step * step);
-        for (k, now) in [mixed, second].into_iter().enumerate() {
-            let found = &mut self.found.local[4 + k];
+        let first = (up.value - down.value) / (2.0 * step);
+        for (found, now) in self.found.local[4..].iter_mut().zip([mixed, second, first]) {
             *found = Changing {
                 value: now,
                 change: (now - found.value).abs(),
@@ -497,8 +540,11 @@ struct Job {
     walked: bool,
 }
 
-/// Solve every contract until its error estimate meets its tolerance, or to the finest grid, or until an interrupt ends
-/// it all: what has not been solved then is not settled.
+/// Solve every contract until the error estimate at each of its places meets its tolerance, or to the finest grid, or until an
+/// interrupt ends it all: what has not been solved then is not settled.
+///
+/// `tolerance` has a number for each place of the contracts, in their order, and so has what is found. Of a contract with
+/// more than one place there are no derivatives by the numbers of its segments.
 #[must_use]
 pub fn solve(
     contracts: &[Contract],
@@ -510,12 +556,15 @@ pub fn solve(
 ) -> Vec<Found> {
     let mut works: Vec<Work> = contracts
         .iter()
-        .zip(tolerance)
-        .map(|(contract, tolerance)| Work::new(*contract, *tolerance, &settings, greeks))
+        .scan(tolerance, |left, contract| {
+            let (own, rest) = left.split_at(contract.places.len());
+            *left = rest;
+            Some(Work::new(*contract, own, &settings, greeks))
+        })
         .collect();
     let mut open: Vec<usize> = (0..works.len()).collect();
     while !open.is_empty() && !interrupt() {
-        let seen = march_level(&works, &open, settings, greeks, threads, interrupt);
+        let seen = march_level(&works, &open, settings, threads, interrupt);
         let Some(seen) = seen else { break };
         let mut still = Vec::new();
         for (place, seen) in open.into_iter().zip(seen) {
@@ -525,18 +574,19 @@ pub fn solve(
         }
         open = still;
     }
-    works.into_iter().map(|work| work.found).collect()
+    let places = works.into_iter().flat_map(|work| work.places);
+    places.map(|place| place.found).collect()
 }
 
-/// March every open work on its next grid; return what its contracts' marches say, None where an interrupt came.
+/// March every open work on its next grid; return what its contracts' marches say at each place, None where an interrupt
+/// came.
 fn march_level(
     works: &[Work],
     open: &[usize],
     settings: Settings,
-    greeks: Greeks,
     threads: usize,
     interrupt: Interrupt,
-) -> Option<Vec<Vec<Seen>>> {
+) -> Option<Vec<Vec<Vec<Seen>>>> {
     let contracts: Vec<Vec<Contract>> = open.iter().map(|at| works[*at].contracts()).collect();
     let mut jobs: Vec<(Job, usize)> = Vec::new();
     for (work, own) in contracts.iter().enumerate() {
@@ -544,7 +594,7 @@ fn march_level(
         let steps = steps_of(&own[0], &Grid::new(&own[0], cells, &settings), &settings).len();
         let fits = record_size(cells, steps) <= LARGEST_RECORD;
         for contract in 0..own.len() {
-            let walked = contract == 0 && greeks != Greeks::None && fits;
+            let walked = contract == 0 && works[open[work]].is_walked() && fits;
             let job = Job {
                 work,
                 contract,
@@ -564,7 +614,7 @@ fn march_level(
         .flat_map(|same| same.chunks(LANES))
         .map(|group| group.iter().map(|(job, _)| *job).collect())
         .collect();
-    let mut found: Vec<Vec<Option<Seen>>> =
+    let mut found: Vec<Vec<Option<Vec<Seen>>>> =
         contracts.iter().map(|own| vec![None; own.len()]).collect();
     let (queue, results) = (Mutex::new(groups), Mutex::new(&mut found));
     let working = || {
@@ -578,10 +628,14 @@ fn march_level(
                 interrupt,
             });
             let Some(mut marched) = marched else { return };
-            let seen: Vec<Seen> = group
+            let seen: Vec<Vec<Seen>> = group
                 .iter()
                 .zip(&mut marched)
-                .map(|(job, marched)| Seen::of(marched, &chosen(job)))
+                .map(|(job, marched)| {
+                    let contract = chosen(job);
+                    let places = contract.places.iter();
+                    places.map(|x| Seen::of(marched, &contract, *x)).collect()
+                })
                 .collect();
             if let Ok(mut results) = results.lock() {
                 for (job, seen) in group.iter().zip(seen) {

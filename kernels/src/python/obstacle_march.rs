@@ -67,12 +67,16 @@ struct OwnSurface {
     reference: f64,
 }
 
-/// Contracts, n of them with m segments in all, money in strikes.
+/// Contracts, n of them with m segments and p spots in all, money in strikes.
 ///
 /// Parameters
 /// ----------
-/// sign, x : (n,) float
-///     1 for a put and -1 for a call; ln(S/K) of the spot that diffuses.
+/// sign : (n,) float
+///     1 for a put and -1 for a call.
+/// x : (p,) float
+///     ln(S/K) of the spots that diffuse, of which the values are wanted.
+/// owner : (p,) int
+///     Which contract each of these belongs to; every contract has some.
 /// european : (n,) bool
 ///     Whether the value without early exercise is wanted as well.
 /// first : (n + 1,) int
@@ -91,7 +95,9 @@ struct OwnSurface {
 #[pyclass(frozen, module = "pricing_core._kernels")]
 pub struct SegmentTable {
     sign: Vec<f64>,
-    x: Vec<f64>,
+    /// The spots of each contract, and where each stands among all that were given.
+    places: Vec<Vec<f64>>,
+    given: Vec<Vec<usize>>,
     european: Vec<bool>,
     first: Vec<usize>,
     segments: Vec<Segment>,
@@ -101,11 +107,12 @@ pub struct SegmentTable {
 #[pymethods]
 impl SegmentTable {
     #[new]
-    #[pyo3(signature = (*, sign, x, european, first, duration, rate, dividend_yield, volatility, exercisable, exercise_at_end, fraction, amount, escrow, local=None))]
+    #[pyo3(signature = (*, sign, x, owner, european, first, duration, rate, dividend_yield, volatility, exercisable, exercise_at_end, fraction, amount, escrow, local=None))]
     #[allow(clippy::too_many_arguments, clippy::needless_pass_by_value)]
     fn new(
         sign: PyReadonlyArray1<'_, f64>,
         x: PyReadonlyArray1<'_, f64>,
+        owner: PyReadonlyArray1<'_, i64>,
         european: PyReadonlyArray1<'_, bool>,
         first: PyReadonlyArray1<'_, i64>,
         duration: PyReadonlyArray1<'_, f64>,
@@ -119,9 +126,21 @@ impl SegmentTable {
         escrow: PyReadonlyArray1<'_, f64>,
         local: Option<Vec<Option<GivenSurface<'_>>>>,
     ) -> PyResult<Self> {
-        let (sign, x) = (numbers(&sign).into_owned(), numbers(&x).into_owned());
+        let (sign, x, owner) = (numbers(&sign).into_owned(), numbers(&x), numbers(&owner));
         let european = numbers(&european).into_owned();
-        check_lengths(x.len(), &[sign.len(), european.len()])?;
+        let count = sign.len();
+        check_lengths(count, &[european.len()])?;
+        check_lengths(x.len(), &[owner.len()])?;
+        let (mut places, mut given) = (vec![Vec::new(); count], vec![Vec::new(); count]);
+        for (k, (x, owner)) in x.iter().zip(owner.iter()).enumerate() {
+            let owner = usize::try_from(*owner).ok().filter(|owner| *owner < count);
+            let owner = owner.ok_or_else(|| PyValueError::new_err("there is no such owner"))?;
+            places[owner].push(*x);
+            given[owner].push(k);
+        }
+        if places.iter().any(Vec::is_empty) {
+            return Err(PyValueError::new_err("every contract needs a spot"));
+        }
         let columns = [
             numbers(&duration),
             numbers(&rate),
@@ -138,7 +157,7 @@ impl SegmentTable {
             rows,
             &[&lengths[..], &[exercisable.len(), at_end.len()]].concat(),
         )?;
-        let first = nonempty_group_starts("first", &numbers(&first), x.len(), rows)?;
+        let first = nonempty_group_starts("first", &numbers(&first), count, rows)?;
         let segments: Vec<Segment> = (0..rows)
             .map(|k| Segment {
                 duration: columns[0][k],
@@ -164,7 +183,7 @@ impl SegmentTable {
             return Err(PyValueError::new_err("x must be finite"));
         }
         let local: Vec<Option<OwnSurface>> = match local {
-            None => x.iter().map(|_| None).collect(),
+            None => sign.iter().map(|_| None).collect(),
             Some(each) => each
                 .into_iter()
                 .map(|one| {
@@ -176,10 +195,11 @@ impl SegmentTable {
                 })
                 .collect(),
         };
-        check_lengths(x.len(), &[local.len()])?;
+        check_lengths(count, &[local.len()])?;
         Ok(Self {
             sign,
-            x,
+            places,
+            given,
             european,
             first,
             segments,
@@ -218,7 +238,7 @@ impl MarchSettings {
     }
 }
 
-/// What a march found of n contracts with m segments, money in strikes.
+/// What a march found at n spots, of contracts with m segments in all, money in strikes.
 #[pyclass(frozen, module = "pricing_core._kernels")]
 pub struct MarchedSegments {
     found: Vec<Found>,
@@ -333,21 +353,20 @@ impl MarchedSegments {
     }
 
     /// The first two derivatives by x, the rate `V_tau` and its derivative by x, the derivative of the first by a parallel
-    /// change of the volatilities and the second derivative by that, (n, 6).
+    /// change of the volatilities, and the second and the first derivative by that, (n, 7).
     #[getter]
     fn local<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         Self::matrix(py, self.locals(), LOCAL, |one| one.value)
     }
 
-    /// By how much these are others on the last two grids, (n, 6).
+    /// By how much these are others on the last two grids, (n, 7).
     #[getter]
     fn local_change<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         Self::matrix(py, self.locals(), LOCAL, |one| one.change)
     }
 
     /// The derivatives by rate, `dividend_yield`, volatility, fraction, amount and escrow of the segments and by a shift of the
-    /// local volatility in ln S, (m, 7), where
-    /// they are wanted.
+    /// local volatility in ln S, (m, 7), where they are wanted and contracts have one spot each.
     #[getter]
     fn by_segment<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         Self::matrix(py, self.segments(), BySegment::COUNT, |one| one.value)
@@ -360,7 +379,7 @@ impl MarchedSegments {
     }
 }
 
-/// March every contract until the error estimate of its value meets its tolerance, (n,), in strikes.
+/// March every contract until the error estimates of its values meet their tolerances, (p,), in strikes.
 ///
 /// `greeks` is 0 for none, 1 for the standard ones, 2 for the extended ones. `interrupt`, a function or None, is asked
 /// every few milliseconds whether the work shall end; what is not solved then is not a number.
@@ -376,14 +395,16 @@ pub fn march_segments(
     threads: usize,
     interrupt: Option<Py<PyAny>>,
 ) -> PyResult<MarchedSegments> {
-    let tolerance = numbers(&tolerance).into_owned();
-    check_lengths(table.x.len(), &[tolerance.len()])?;
-    let contracts: Vec<Contract> = (0..table.x.len())
+    let tolerance = numbers(&tolerance);
+    let order: Vec<usize> = table.given.iter().flatten().copied().collect();
+    check_lengths(order.len(), &[tolerance.len()])?;
+    let tolerance: Vec<f64> = order.iter().map(|k| tolerance[*k]).collect();
+    let contracts: Vec<Contract> = (0..table.sign.len())
         .map(|k| {
             let segments = &table.segments[table.first[k]..table.first[k + 1]];
             Contract {
                 sign: table.sign[k],
-                x: table.x[k],
+                places: &table.places[k],
                 segments,
                 mesh: segments,
                 european: table.european[k],
@@ -409,5 +430,8 @@ pub fn march_segments(
         )
     });
     question.result()?;
+    let mut placed: Vec<(usize, Found)> = order.into_iter().zip(found).collect();
+    placed.sort_by_key(|(given, _)| *given);
+    let found = placed.into_iter().map(|(_, found)| found).collect();
     Ok(MarchedSegments { found })
 }

@@ -26,6 +26,8 @@ class Request:
         "none" still lets an engine give delta, gamma and theta, which come free.
     share_solves : bool
         Whether contracts that differ in spot and strike alone may be priced from one solve.
+    by_rates : bool
+        Whether the Greeks by rates and dividends are wanted with the others; a shared march does not give them.
     threads : int
         How many an engine may use for one call of the kernel.
     interrupt : callable, optional
@@ -37,6 +39,7 @@ class Request:
     tolerance: Vector
     greeks: Greeks = "standard"
     share_solves: bool = False
+    by_rates: bool = True
     threads: int = 1
     interrupt: Callable[[], bool] | None = None
     deadline: Vector | None = None

@@ -17,6 +17,7 @@ from pricing_core.american.engines.closed_form import ClosedForm
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.flat_options import puts_of
 from pricing_core.american.engines.obstacle_march import ObstacleMarch
+from pricing_core.american.engines.perpetual import perpetual_boundary
 from pricing_core.american.engines.premium_march.puts import solve_boundaries
 from pricing_core.american.engines.solve import solve
 from tests.problems.needs_kernel import needs_kernel
@@ -105,10 +106,10 @@ def test_the_boundary_without_volatility_is_off_by_what_it_states(volatility):
     contract = Option("put", 100.0, 1.0), Market(100.0, 0.05, volatility, 0.01)
     book = Book.of([contract])
     found = ClosedForm().solve(book, Request(np.array([1e-3])))
-    (place,), _, (settled,) = solve_boundaries(puts_of(book), 1e-9)
-    off = abs(found.boundary.item(0) - 100.0 * np.exp(place))
-    assert settled
-    assert 0.0 < off <= found.boundary_error.item(0) == pytest.approx(400.0 * volatility)
+    # The boundary lies between the strike and that of the option without expiry.
+    share = perpetual_boundary(is_put=True, rate=0.05, dividend_yield=0.01, volatility=volatility)
+    assert found.boundary.item(0) == 100.0
+    assert 0.0 < 100.0 * (1.0 - share) <= found.boundary_error.item(0) == pytest.approx(400.0 * volatility)
 
 
 def test_what_is_sure_has_no_error_and_what_is_never_exercised_has_none():

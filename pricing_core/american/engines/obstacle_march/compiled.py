@@ -19,6 +19,7 @@ from pricing_core.american.engines.obstacle_march.march_book import march_book
 from pricing_core.american.engines.obstacle_march.segment_greeks import (
     by_parameters,
     by_spot,
+    by_volatility,
     lacks_cuts,
     with_entries,
 )
@@ -64,7 +65,8 @@ class CompiledMarch:
     def _solved(self, book: Book, request: Request) -> Prices:
         held = book.european()
         formula, may = has_formula(held), may_exercise(book)
-        found = march_book(book, request, european=may & ~formula)
+        shared = request.share_solves and not (request.by_rates and request.greeks != "none")
+        found = march_book(book, request, european=may & ~formula, share=shared)
         strike, escrow = book.strike, book.escrow_now()
         settled = found.settled & np.isfinite(found.value)
         columns, complete = by_spot(book, found), settled
@@ -73,7 +75,11 @@ class CompiledMarch:
         else:
             if request.greeks == "standard":
                 del columns["charm"], columns["charm_error"]
-            columns |= _by_parameters(book, found, settled & ~found.exercised, request)
+            columns |= (
+                by_volatility(book, found)
+                if shared
+                else _by_parameters(book, found, settled & ~found.exercised, request)
+            )
             complete = settled & ~np.isnan(columns["vega"])
         european = strike * np.where(may, found.european, found.value)
         rows = np.flatnonzero(formula)

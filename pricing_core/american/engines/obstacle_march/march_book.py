@@ -11,6 +11,7 @@ from pricing_core import kernel
 from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.fields import GREEKS
 from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.obstacle_march.shared_marches import shared_marches
 from pricing_core.arrays import BoolVector
 
 if TYPE_CHECKING:
@@ -24,12 +25,18 @@ STEPS_OF_BOUNDARIES = 0.125
 
 
 def march_book(
-    book: Book, request: Request, *, european: BoolVector | None = None, boundaries: bool = False
+    book: Book,
+    request: Request,
+    *,
+    european: BoolVector | None = None,
+    boundaries: bool = False,
+    share: bool = False,
 ) -> MarchedSegments:
     """March contracts with a volatility above 0 and a spot above what is escrowed, to their tolerances.
 
     What is found is in strikes. What an interrupt leaves out is NaN. `european` tells which contracts are wanted
-    without early exercise as well, shape (n,), and `boundaries` whether exercise boundaries over time are.
+    without early exercise as well, shape (n,), and `boundaries` whether exercise boundaries over time are. With `share`
+    contracts that differ in the spot alone are marched together, without derivatives by the numbers of segments.
     """
     # Here, so that whoever prices without events does not load the general march.
     from pricing_core.obstacle.settings import CELLS, ROUNDED, STEPS, WIDTH  # noqa: PLC0415
@@ -37,10 +44,15 @@ def march_book(
     assert kernel.march_segments is not None
     assert kernel.SegmentTable is not None
     assert kernel.MarchSettings is not None
+    x, owner = np.log((book.spot - book.escrow_now()) / book.strike), np.arange(book.count)
+    if share:
+        rows, owner = shared_marches(book)
+        book, european = book.take(rows), None if european is None else european[rows]
     columns, strikes = book.segments, book.per_segment(book.strike)
     table = kernel.SegmentTable(
         sign=book.sign,
-        x=np.log((book.spot - book.escrow_now()) / book.strike),
+        x=x,
+        owner=owner,
         european=np.zeros(book.count, dtype=bool) if european is None else european,
         first=book.first,
         duration=columns.duration,

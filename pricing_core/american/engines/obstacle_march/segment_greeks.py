@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 # by which it drops, these, and a shift of the local volatility in ln S.
 RATE, AMOUNT, ESCROW, SHIFT = CURVES.index("rate"), 4, 5, 6
 # The derivatives at the spot, in its order.
-BY_X, BY_X_TWICE, RATE_OF_CHANGE, RATE_BY_X, VOLATILITY_AND_X, VOLATILITY_TWICE = range(6)
+BY_X, BY_X_TWICE, RATE_OF_CHANGE, RATE_BY_X, VOLATILITY_AND_X, VOLATILITY_TWICE, VOLATILITY = range(7)
 # Amount of a dividend, in strikes, that changes no value by more than a billionth; chosen.
 NEXT_TO_NOTHING = 1e-9
 # The error of a Greek by a parameter over its change, and over what the changes of the derivatives by x tell of it: a
@@ -70,6 +70,23 @@ def by_spot(book: Book, found: MarchedSegments) -> Columns:
     }
 
 
+def by_volatility(book: Book, found: MarchedSegments) -> Columns:
+    """Return vega and its error as columns of `Prices`, of contracts that share a march."""
+    change = np.maximum(CHANGE_SHARE * found.local_change[:, VOLATILITY], _least_by_volatility(book, found))
+    return {"vega": book.strike * found.local[:, VOLATILITY], "vega_error": book.strike * change}
+
+
+def _least_by_volatility(book: Book, found: MarchedSegments) -> Vector:
+    """Return the least error of a derivative by the volatility, strikes, shape (n,).
+
+    sigma T V_xx is what a European option's vega is made of, sigma^2 T the variance.
+    """
+    least: Vector = (
+        BY_VOLATILITY * book.deviation() * np.sqrt(book.expiry) * found.local_change[:, BY_X_TWICE]
+    )
+    return least
+
+
 def by_parameters(book: Book, found: MarchedSegments, *, extended: bool) -> Columns:
     """Return the Greeks by the parameters, and their errors, as columns of `Prices`.
 
@@ -87,16 +104,13 @@ def by_parameters(book: Book, found: MarchedSegments, *, extended: bool) -> Colu
     total, change = (
         np.add.reduceat(numbers, book.first[:-1], axis=0) for numbers in (gradient.value, gradient.change)
     )
-    variance = np.add.reduceat(book.segments.volatility**2 * book.segments.duration, book.first[:-1])
     spot = (book.spot - book.escrow_now()) / book.strike
     by_x, by_x_twice = found.local_change[:, BY_X], found.local_change[:, BY_X_TWICE]
     by_rate = BY_RATES * book.expiry * by_x
-    # sigma T V_xx is what a European option's vega is made of, sigma^2 T the variance.
-    per_volatility = np.sqrt(variance * book.expiry)
     least = {
         "rate": by_rate,
         "dividend_yield": by_rate,
-        "volatility": BY_VOLATILITY * per_volatility * by_x_twice,
+        "volatility": _least_by_volatility(book, found),
     }
     columns: Columns = {}
     for k, name in enumerate(CURVES):
@@ -109,7 +123,7 @@ def by_parameters(book: Book, found: MarchedSegments, *, extended: bool) -> Colu
         columns |= _sticky_moneyness(book, found.exercised, delta, shift, least["volatility"])
     if extended:
         vanna, volga = found.local[:, VOLATILITY_AND_X], found.local[:, VOLATILITY_TWICE]
-        vanna_change, volga_change = found.local_change[:, VOLATILITY_AND_X:].T
+        vanna_change, volga_change = found.local_change[:, VOLATILITY_AND_X:VOLATILITY].T
         of_vanna = OF_VANNA * np.sqrt(book.expiry) * by_x_twice
         of_volga = OF_VOLGA * book.expiry * by_x_twice
         columns["vanna"] = vanna / spot

@@ -151,15 +151,16 @@ def test_a_table_that_does_not_fit_is_refused():
     columns = dict.fromkeys(
         ("sign", "x", "duration", "rate", "dividend_yield", "volatility", "fraction", "amount", "escrow"), one
     )
-    first = np.array([0, 1])
+    first, owner = np.array([0, 1]), np.array([0])
     flags = dict.fromkeys(("european", "exercisable", "exercise_at_end"), np.ones(1, dtype=bool))
-    kernel.SegmentTable(**columns, first=first, **flags)
+    kernel.SegmentTable(**columns, first=first, owner=owner, **flags)
     for name, value, told in (
         ("volatility", np.zeros(1), "volatility and duration must be above 0"),
         ("x", np.array([np.inf]), "x must be finite"),
         ("rate", np.ones(2), "the columns differ in length"),
         ("first", np.array([0, 2]), "first must have 2 entries"),
+        ("owner", np.array([1]), "there is no such owner"),
     ):
-        given = columns | {"first": first} | {name: value}
+        given = columns | {"first": first, "owner": owner} | {name: value}
         with pytest.raises(ValueError, match=told):
             kernel.SegmentTable(**given, **flags)
