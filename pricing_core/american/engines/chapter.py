@@ -265,5 +265,5 @@ class Chapter:
 def _money(schedule: Schedule, t: float, places: tuple[float, float]) -> tuple[float, float]:
     """Return the quoted spots at places; NaN where there is none."""
     segment = next((s for s in schedule.segments if t <= s.end), schedule.segments[-1])
-    near, far = (quoted(schedule, segment, t, place) for place in places)
+    near, far = quoted(schedule, segment, t, np.array(places)).tolist()
     return near, far

@@ -76,7 +76,7 @@ def test_errors_of_boundaries_of_flat_contracts_hold(tolerance):
 @needs_kernel
 @pytest.mark.parametrize("family", [DIVIDENDS, CURVE, ESCROWED, BELOW_ZERO])
 def test_errors_of_boundaries_of_contracts_with_events_hold(family):
-    chosen = contracts(family, 60)
+    chosen = contracts(family, 40)
     book = Book.of(chosen)
     known = [exercise_boundary(*one, times=[0.0], tolerance=1e-8) for one in chosen]
     true, errors = (

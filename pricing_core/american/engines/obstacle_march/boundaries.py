@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.fields import SPOT
@@ -24,6 +26,17 @@ SHARE, UNSEEN_SHARE = 1.25, 0.25
 # Tolerance of a solve that boundaries are wanted of over what is asked of a price, and the least one, in strikes;
 # chosen.
 BOUNDARY_SHARE, LEAST_TOLERANCE = 0.01, 1e-8
+
+
+class _Part(Protocol):
+    """A part of the life of an option."""
+
+    @property
+    def end(self) -> float:
+        """Years from now."""
+
+
+Part = TypeVar("Part", bound=_Part)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,7 +153,9 @@ class Traces:
         nothing = np.full(times.size, math.nan)
         if not self.fine:
             return Ends(nothing, nothing, nothing)
-        around = np.array([_piece_at(self.fine, t).around(t) for t in times.tolist()]).T
+        around = np.empty((len(AROUND) + 2, times.size))
+        for piece, rows in _by_end(self.fine, times):
+            around[:, rows] = piece.around(times[rows])
         with np.errstate(invalid="ignore"):
             fine, coarse = (self._money(pieces, around.ravel()) for pieces in (self.fine, self.coarse))
         differences, own = np.abs(fine - coarse)[:, 0].reshape(around.shape), fine[: times.size]
@@ -153,17 +168,20 @@ class Traces:
     def _money(self, pieces: tuple[Piece, ...], times: Vector) -> Matrix:
         """Return (near, far) at times, and how far the former may move unseen, money, shape (m, 3)."""
         found = np.full((times.size, 3), math.nan)
-        segments = self.schedule.segments
-        for row, t in enumerate(times.tolist() if pieces else ()):
-            segment = next((s for s in segments if t <= s.end), segments[-1])
-            *ends, unseen = _piece_at(pieces, t).at(t)
-            near, far = (quoted(self.schedule, segment, t, x) for x in ends)
-            found[row] = near, far, near * unseen
+        for piece, rows in _by_end(pieces, times):
+            found[rows] = piece.at(times[rows])
+        for segment, rows in _by_end(self.schedule.segments, times):
+            found[rows, :2] = quoted(self.schedule, segment, times[rows, None], found[rows, :2])
+        found[:, 2] *= found[:, 0]
         return found
 
 
-def _piece_at(pieces: tuple[Piece, ...], t: float) -> Piece:
-    return next((piece for piece in pieces if t <= piece.end), pieces[-1])
+def _by_end(parts: Sequence[Part], times: Vector) -> Iterator[tuple[Part, NDArray[np.intp]]]:
+    """Yield the parts of a life in order, and which of the times lie in each: up to its end, all others in the last."""
+    if parts:
+        of_times = np.searchsorted([part.end for part in parts[:-1]], times)
+        for number in np.unique(of_times).tolist():
+            yield parts[number], np.flatnonzero(of_times == number)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -218,40 +236,43 @@ class Piece:
             roots, known = np.append(0.0, roots), np.vstack([joined, known])
         return cls(start, end, roots, known, at_end)
 
-    def around(self, t: float) -> list[float]:
-        """Return times around one of the piece, itself the first, at which resolutions are compared."""
-        left = self.end - t
-        known = (
-            np.full(2, t) if self.roots.size == 0 else self.end - self.roots[self._beside(t, 2)][[0, -1]] ** 2
-        )
-        return [*np.maximum(t + AROUND * left, 0.0).tolist(), *known.tolist()]
+    def around(self, times: Vector) -> Matrix:
+        """Return times around each of the piece, itself the first, at which resolutions are compared, (8, m)."""
+        left = self.end - times
+        known = np.stack([times, times])
+        if self.roots.size:
+            known = self.end - self.roots[self._beside(times, 2)[:, [0, -1]].T] ** 2
+        return np.vstack([np.maximum(times + AROUND[:, None] * left, 0.0), known])
 
-    def at(self, t: float) -> tuple[float, float, float]:
-        """Return (near, far), in x, at a time of the piece, and how far the former may move unseen."""
-        if t == self.end:
-            return self.at_end
-        if self.roots.size == 0:
-            return math.nan, math.nan, 0.0
-        root, chosen = math.sqrt(max(self.end - t, 0.0)), self._beside(t, POINTS)
-        near, far = (_interpolated(self.roots[chosen], self.known[chosen, k], root) for k in range(2))
-        return near, far, float(self.known[self._beside(t, 2), 2].max())
+    def at(self, times: Vector) -> Matrix:
+        """Return (near, far), in x, at times of the piece, and how far the former may move unseen, shape (m, 3)."""
+        found = np.full((times.size, 3), math.nan)
+        if self.roots.size:
+            roots, chosen = np.sqrt(np.maximum(self.end - times, 0.0)), self._beside(times, POINTS)
+            for k in range(2):
+                found[:, k] = _interpolated(self.roots[chosen], self.known[chosen, k], roots)
+            found[:, 2] = self.known[self._beside(times, 2), 2].max(axis=1)
+        else:
+            found[:, 2] = 0.0
+        found[times == self.end] = self.at_end
+        return found
 
-    def _beside(self, t: float, count: int) -> slice:
-        """Return which of the roots are so many around that of a time."""
-        first = int(np.searchsorted(self.roots, math.sqrt(max(self.end - t, 0.0)))) - count // 2
-        first = min(max(first, 0), max(self.roots.size - count, 0))
-        return slice(first, first + count)
+    def _beside(self, times: Vector, count: int) -> NDArray[np.intp]:
+        """Return which of the roots are so many around those of times, shape (m, count) or all of them."""
+        first = np.searchsorted(self.roots, np.sqrt(np.maximum(self.end - times, 0.0))) - count // 2
+        first = np.minimum(np.maximum(first, 0), max(self.roots.size - count, 0))
+        return np.asarray(first[:, None] + np.arange(min(count, self.roots.size)))
 
 
-def _interpolated(roots: Vector, known: Vector, root: float) -> float:
-    """Return the polynomial through what is known; the nearest one where something is not."""
-    if not np.isfinite(known).all():
-        return float(known[np.argmin(np.abs(roots - root))])
-    found = 0.0
-    for k in range(roots.size):
-        others = np.delete(roots, k)
-        found += float(known[k] * np.prod((root - others) / (roots[k] - others)))
-    return found
+def _interpolated(roots: Matrix, known: Matrix, at: Vector) -> Vector:
+    """Return at (m,) roots the polynomials through (m, k) known values; the nearest one where something is not."""
+    found = np.zeros(at.size)
+    for j in range(roots.shape[1]):
+        others = np.delete(roots, j, axis=1)
+        weight = np.prod((at[:, None] - others) / (roots[:, j : j + 1] - others), axis=1)
+        found += weight * known[:, j]
+    nearest = np.abs(roots - at[:, None]).argmin(axis=1)
+    return np.where(np.isfinite(known).all(axis=1), found, known[np.arange(at.size), nearest])
 
 
 def ends_of(schedule: Schedule, lower: float, upper: float) -> tuple[float, float]:
@@ -262,9 +283,9 @@ def ends_of(schedule: Schedule, lower: float, upper: float) -> tuple[float, floa
     return near if math.isfinite(near) else math.nan, far if math.isfinite(far) else math.nan
 
 
-def quoted(schedule: Schedule, segment: Segment, t: float, place: float) -> float:
-    """Return the quoted spot at a place, money; NaN where there is none."""
-    if math.isnan(place):
-        return math.nan
-    spot = schedule.strike * math.exp(place) + segment.escrow_at(t)
-    return spot if 0.0 < spot <= SPOT.most else math.nan
+def quoted(schedule: Schedule, segment: Segment, times: Matrix | float, places: Matrix | float) -> Matrix:
+    """Return the quoted spots at places and times of a segment, money; NaN where there is none."""
+    years = np.maximum(segment.end - times, 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        spot = schedule.strike * np.exp(places) + segment.escrow * np.exp(-segment.rate * years)
+        return np.where((spot > 0.0) & (spot <= SPOT.most), spot, math.nan)

@@ -66,7 +66,7 @@ def _near_now(schedule: Schedule, found: ObstacleSolution) -> tuple[float, float
     for march in (found.coarse, found.march):
         if march is not None:
             before, (place, _, unseen) = near, _ends(schedule, march, march.now.contacts[0])
-            near = quoted(schedule, schedule.segments[0], 0.0, place)
+            near = quoted(schedule, schedule.segments[0], 0.0, place).item()
             error = SHARE * abs(near - before) + UNSEEN_SHARE * unseen * near
     return near, error
 

@@ -50,7 +50,7 @@ def test_a_shared_march_gives_what_marches_of_their_own_give(kind, market):
     book = ladder(Option(kind, 100.0, 1.0), market)
     shared = CompiledMarch().solve(book, surface_request(1e-6, book.count, share=True))
     alone = CompiledMarch().solve(
-        book, replace(surface_request(1e-8, book.count, share=False), by_rates=True)
+        book, replace(surface_request(1e-7, book.count, share=False), by_rates=True)
     )
     assert (shared.error <= 1e-4).all()
     assert shared.complete.all()
