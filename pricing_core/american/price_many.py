@@ -87,8 +87,9 @@ def price_many(
     threads : int, optional
         How many to use, >= 1; one by default. The results do not depend on it.
     share_solves : bool
-        Serve rows without events that differ in spot and strike alone from one solve: chains and ladders are priced
-        faster, to the same tolerance. Others are priced as without it.
+        Serve rows without events that differ in spot and strike alone from one solve, and without Greeks rows with
+        events that differ in the spot alone: chains and ladders are priced faster, to the same tolerance. Others are
+        priced as without it.
     deadline : float or array_like, shape (n,), optional
         Seconds that a row may take; one that takes longer has the status "deadline".
     advice : bool

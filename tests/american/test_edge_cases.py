@@ -98,14 +98,22 @@ def test_the_least_volatilities_have_all_their_greeks(rate, volatility):
         assert found.delta == pytest.approx(delta, abs=1e-9)
 
 
-def test_a_volatility_that_rises_from_next_to_nothing_is_followed():
-    rises = {"times": [0.5, 1.0], "values": [1e-300, 0.3]}
-    found = price(Option("put", 100.0, 1.0), Market(100.0, RISING, rises))
-    later = price(
-        Option("put", 100.0, 1.0), Market(100.0, RISING, {"times": [0.5, 1.0], "values": [1e-9, 0.3]})
+@needs_kernel
+@pytest.mark.parametrize("kind", ["put", "call"])
+@pytest.mark.parametrize("volatilities", [(1e-300, 0.3), (0.3, 0.0)])
+def test_a_time_without_volatility_is_the_limit_of_one_with_little(kind, volatilities):
+    def value(least):
+        curve = {"times": [0.5, 1.0], "values": [max(one, least) for one in volatilities]}
+        market = Market(97.0, RISING, curve, 0.03, cash_dividends=[(0.8, 1.5)])
+        return price(Option(kind, 100.0, 1.0), market, tolerance=1e-5)
+
+    found, little, more = value(0.0), value(0.01), value(0.02)
+    limit = little.price + (little.price - more.price) / 3.0  # the volatility's square counts
+    assert abs(found.price - limit) <= found.error_estimate + 2.0 * (
+        little.error_estimate + more.error_estimate
     )
-    assert found.price == pytest.approx(later.price, abs=found.error_estimate + later.error_estimate)
-    assert found.status == later.status
+    assert found.error_estimate <= 0.02
+    assert (found.method, found.status == "ok") == ("zero-volatility", found.error_estimate <= 1e-3)
 
 
 @pytest.mark.parametrize("exercise", ["american", "european"])

@@ -61,7 +61,7 @@ pub struct End {
 impl End {
     /// The ends of a contact set; what comes nearer to an end of the grid than it resolves goes on beyond it.
     #[allow(clippy::cast_precision_loss)]
-    pub fn of(grid: &Grid, segment: usize, years: f64, contact: Contact) -> Self {
+    pub(super) fn of(grid: &Grid, segment: usize, years: f64, contact: Contact) -> Self {
         let place = |index: f64| {
             if grid.resolves(index) {
                 grid.spot_at(index).ln()

@@ -265,8 +265,9 @@ struct Place {
     x: f64,
     tolerance: f64,
     last: Option<Seen>,
-    /// What the last march without early exercise said, as long as that is wanted.
-    held: Option<Option<Seen>>,
+    /// Whether the value without early exercise is still wanted, and what the last march without said.
+    is_held: bool,
+    held: Option<Seen>,
     /// The last two differences of the value, and the last one of the boundary, not a number before there is one.
     differences: [f64; 2],
     boundary_difference: f64,
@@ -316,7 +317,8 @@ impl<'a> Work<'a> {
                     x: *x,
                     tolerance: *tolerance,
                     last: None,
-                    held: contract.european.then_some(None),
+                    is_held: contract.european,
+                    held: None,
                     differences: [0.0; 2],
                     boundary_difference: f64::NAN,
                     found: Found::nothing(segments),
@@ -335,7 +337,7 @@ impl<'a> Work<'a> {
 
     /// Whether the value without early exercise is still wanted.
     fn is_held(&self) -> bool {
-        self.places.iter().any(|place| place.held.is_some())
+        self.places.iter().any(|place| place.is_held)
     }
 
     /// The contracts to be marched: itself, that without early exercise, and those with other volatilities on its grid.
@@ -413,9 +415,7 @@ impl Place {
     fn forget(&mut self) {
         (self.last, self.differences, self.boundary_difference) = (None, [0.0; 2], f64::NAN);
         self.found.ends = [Vec::new(), Vec::new()];
-        if let Some(held) = &mut self.held {
-            *held = None;
-        }
+        self.held = None;
     }
 
     /// Tell the value and its error; return the share of the last difference that extrapolates.
@@ -500,19 +500,21 @@ impl Place {
 
     /// Tell the value without early exercise, which is looked at no further where that is accurate enough.
     fn take_held(&mut self, seen: &Seen, caution: Caution, levels: usize) {
-        let Some(last) = &mut self.held else { return };
+        if !self.is_held {
+            return;
+        }
         self.found.european = seen.value;
-        if let Some(last) = last {
+        if let Some(last) = &self.held {
             let (_, largest) = seen.apart(last);
             let third = 1.0 / (GAIN - 1.0);
             self.found.european += third * (seen.value - last.value);
             let error = caution.of_value * MARGIN * third * largest;
             if levels >= caution.first_levels && error <= self.tolerance {
-                self.held = None;
+                self.is_held = false;
                 return;
             }
         }
-        *last = Some(seen.clone());
+        self.held = Some(seen.clone());
     }
 
     /// Tell the derivatives in which the volatility takes part, of one that changes everywhere alike.

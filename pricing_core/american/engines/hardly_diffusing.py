@@ -1,7 +1,10 @@
-"""Contracts whose spot drifts much further than it diffuses, between two values that are known.
+"""Contracts whose spot drifts much further than it diffuses, throughout or for some time.
 
-A price grows with the volatility (El Karoui, Jeanblanc-Picque, Shreve 1998, for American options on lognormal spots):
-it lies between the value without any and that with as much as the march of obstacle problems resolves.
+They are marched with as much volatility as the march of obstacle problems resolves. A price grows with the volatility
+(El Karoui, Jeanblanc-Picque, Shreve 1998, for American options on lognormal spots). Where the spot hardly diffuses at
+all it lies between the value without any volatility and the one found. Where it does so for some time only, the error
+is what twice as much volatility there would add: at least what the volatility has added, as that grows with the
+volatility or with its square.
 """
 
 from __future__ import annotations
@@ -13,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from pricing_core.american.book.book import Book
-from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, Prices, error_of
+from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, Prices, error_of, prices
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.certain import certain_ends, certain_value, moved_boundary
 from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Request
@@ -21,11 +24,14 @@ from pricing_core.american.engines.obstacle_march import CompiledMarch, least_vo
 from pricing_core.arrays import BoolVector, Vector
 
 MARCH = CompiledMarch()
+# Volatility of a time in which the spot hardly diffuses, over the least that is marched: with less the grids are too
+# coarse for it, with more it changes the price more. Measured.
+RAISED = 4.0, 8.0
 LARGEST_DEVIATION = 0.02  # Standard deviation of ln S at expiry up to which the spot hardly diffuses; chosen.
 
 
 class HardlyDiffusing:
-    """The middle of the value without volatility and that with more of it, and half their difference for an error."""
+    """The value with more volatility, or the middle between that and the one without any."""
 
     name = "hardly diffusing"
     method = "zero-volatility"
@@ -36,28 +42,17 @@ class HardlyDiffusing:
         own = MARCH.serves(book)
         if own.all():
             return ~own
-        narrow = (book.deviation() <= LARGEST_DEVIATION) & ~book.is_local() & (book.expiry > 0.0)
-        return ~own & narrow & MARCH.serves(_raised(book))
+        return ~own & ~book.is_local() & (book.expiry > 0.0) & MARCH.serves(_raised(book, 1.0))
 
     def solve(self, book: Book, request: Request) -> Prices:
-        """Price with more volatility; what is found has its Greeks, which have no error estimates."""
-        raised = _raised(book)
-        found = MARCH.solve(raised, request)
-        least = certain_value(book)
-        most = np.maximum(found.value + found.error, least)
-        unknown: dict[str, Any] = {error_of(name): np.full(book.count, math.nan) for name in GREEKS}
-        for name in GREEK_LISTS:
-            own = getattr(found, name)
-            unknown[error_of(name)] = Ragged(own.first, np.full(own.values.size, math.nan))
-        return replace(
-            found,
-            **unknown,
-            value=0.5 * (least + most),
-            european=np.minimum(found.european, most),
-            error=0.5 * (most - least),
-            boundary_error=found.boundary_error + moved_boundary(raised, found.boundary),
-            method=np.full(book.count, self.method, dtype=object),
-        )
+        """Price with more volatility; Greeks have error estimates where the spot diffuses for some time."""
+        narrow = book.deviation() <= LARGEST_DEVIATION
+        found = prices(book.count)
+        for rows, price in ((narrow, _hardly), (~narrow, _for_some_time)):
+            chosen = np.flatnonzero(rows)
+            if chosen.size:
+                found = found.replaced(chosen, price(book.take(chosen), request.take(chosen)))
+        return replace(found, method=np.full(book.count, self.method, dtype=object))
 
     def boundary(self, book: Book, request: Request) -> BoundariesAt:
         """Return the boundaries without volatility, which are off by some standard deviations of ln S at most."""
@@ -70,6 +65,50 @@ class HardlyDiffusing:
         return at
 
 
-def _raised(book: Book) -> Book:
-    """Return the contracts with as much volatility as is marched, in each segment at least its own."""
-    return replace(book, segments=replace(book.segments, volatility=least_volatility(book)))
+def _hardly(book: Book, request: Request) -> Prices:
+    """Return the middle of the values without volatility and with more of it, and half their difference for an error.
+
+    The Greeks are those with more volatility; they have no error estimates.
+    """
+    raised = _raised(book, 1.0)
+    found, least = MARCH.solve(raised, request), certain_value(book)
+    most = np.maximum(found.value + found.error, least)
+    unknown: dict[str, Any] = {error_of(name): np.full(book.count, math.nan) for name in GREEKS}
+    for name in GREEK_LISTS:
+        own = getattr(found, name)
+        unknown[error_of(name)] = Ragged(own.first, np.full(own.values.size, math.nan))
+    return replace(
+        found,
+        **unknown,
+        value=0.5 * (least + most),
+        european=np.minimum(found.european, most),
+        error=0.5 * (most - least),
+        boundary_error=found.boundary_error + moved_boundary(raised, found.boundary),
+    )
+
+
+def _for_some_time(book: Book, request: Request) -> Prices:
+    """Return what is found with more volatility, its errors larger by what twice as much of it changes."""
+    found, more = (MARCH.solve(_raised(book, factor), request) for factor in RAISED)
+    errors: dict[str, Any] = {
+        name: getattr(found, name) + getattr(more, name) + np.abs(getattr(more, of) - getattr(found, of))
+        for name, of in (
+            ("error", "value"),
+            ("boundary_error", "boundary"),
+            *((error_of(n), n) for n in GREEKS),
+        )
+    }
+    for of in GREEK_LISTS:
+        name, apart = error_of(of), np.abs(getattr(more, of).values - getattr(found, of).values)
+        own = getattr(found, name)
+        errors[name] = Ragged(own.first, own.values + getattr(more, name).values + apart)
+    return replace(
+        found, **errors, complete=found.complete & more.complete, settled=found.settled & more.settled
+    )
+
+
+def _raised(book: Book, factor: float) -> Book:
+    """Return the contracts with some times as much volatility as is marched where there is less."""
+    own, least = book.segments.volatility, least_volatility(book)
+    volatility = np.where(own < least, factor * least, own)
+    return replace(book, segments=replace(book.segments, volatility=volatility))

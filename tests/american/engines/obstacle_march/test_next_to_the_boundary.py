@@ -22,7 +22,7 @@ pytestmark = needs_kernel
 
 ENGINE = CompiledMarch()
 BEYOND = np.array([1e-4, 1e-3, 5e-3, 0.01, 0.03])  # the boundary, as shares of it
-CONTRACTS = 12
+CONTRACTS = 8
 GREEKS = ("delta", "gamma", "theta", "vega", "rho", "dividend_rho")
 LATER = 2e-4  # years
 
@@ -97,7 +97,7 @@ def test_prices_and_greeks_lie_within_their_estimates(tolerance, seed):
             claimed = getattr(found, error) + getattr(true, error) + 1e-9
             ratios.extend((np.abs(getattr(found, name) - getattr(true, name)) / claimed)[held].tolist())
     together = np.concatenate([*missed.values()])
-    assert together.size > 1_500
+    assert together.size > 1_000
     assert (np.array(missed["value"]) <= 1.0).mean() >= 0.99
     assert (together <= 1.0).mean() >= 0.99
     assert together.max() <= 7.0, {name: max(own) for name, own in missed.items()}
