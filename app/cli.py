@@ -567,7 +567,7 @@ def benchmark_command(
         ),
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="under a minute, to see that it works; the figures mean little")
+        bool, typer.Option("--quick", help="about a minute, to see that it works; the figures mean little")
     ] = False,
 ) -> None:
     """Measure accuracy against time, beside other methods, and write reports: HTML, Markdown, JSON, PNG."""
