@@ -3,9 +3,11 @@
 from pricing_core.american import Market, Option
 from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.fields import Greeks
-from pricing_core.american.expected_cost import expected_seconds
+from pricing_core.american.expected_cost import expected_seconds, first_engine
 
 CHEAP_SECONDS = 2e-3  # below which a question is answered at once; chosen
+# Cost of a surface with events at one time, in prices, where the kernel marches it; measured, typical.
+COMPILED, SURFACE_PRICES = "compiled march", 4.0
 BOUNDARY_PRICES = 3.0  # cost of a boundary in prices without Greeks; measured, typical
 # Cost of an advice: seconds for each segment, and boundaries; measured, typical.
 ADVICE_SECONDS, ADVICE_BOUNDARIES = 0.06, 5.0
@@ -18,11 +20,13 @@ def seconds_of_surface(
 ) -> float:
     """Return what a surface at so many times and spots is expected to cost.
 
-    Without events the spots at one time share a solve.
+    The spots at one time share a solve, or a few where they are far apart.
     """
     times, spots = points
     book = Book.at_strike(option, market)
-    solves = times if book.is_plain else times * spots
+    solves = float(times)
+    if not book.is_plain:
+        solves *= min(SURFACE_PRICES, spots) if first_engine(book) == COMPILED else spots
     return solves * expected_seconds(book, tolerance, greeks)
 
 
