@@ -107,7 +107,7 @@ def value_scenarios(
     group_by : sequence of str
         One row per group and scenario, by the values of these columns; `Groups` says what is summed.
     tolerance, greeks, share_solves, threads
-        As in `price_many`. With `share_solves` the contracts of a spot ladder come from one solve where that serves them.
+        As in `price_many`. With `share_solves` the contracts of a spot ladder come from one solve where it serves them.
 
     Returns
     -------
