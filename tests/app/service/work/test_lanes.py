@@ -127,6 +127,29 @@ def test_clients_take_turns_however_many_questions_each_has() -> None:
     assert begun == list("aabcabaa")
 
 
+def test_a_free_thread_goes_to_the_client_with_the_fewest_in_work() -> None:
+    begun: list[str] = []
+
+    async def scenario(lane: ExpensiveLane) -> None:
+        gates = {name: threading.Event() for name in ("first", "others")}
+
+        def work(name: str, gate: str) -> Callable[[Interrupt], None]:
+            return lambda _: (begun.append(name), gates[gate].wait(PATIENCE))[0]
+
+        asked = [("x", "first"), ("a", "others"), ("a", "others"), ("y", "others")]  # every thread is busy
+        asked += [("a", "others"), ("b", "others")]  # these wait, b longer behind
+        tasks = [asyncio.create_task(run(lane, work(*one), one[0], never())) for one in asked]
+        await are(lane, in_work=4, waiting=2)
+        gates["first"].set()
+        await are(lane, in_work=4, waiting=1)
+        gates["others"].set()
+        await asyncio.gather(*tasks)
+
+    in_a_lane(scenario, slots=4)
+    assert sorted(begun[:4]) == ["a", "a", "x", "y"]
+    assert begun[4:] == ["b", "a"]
+
+
 def test_the_interrupt_tells_when_the_deadline_has_passed() -> None:
     async def scenario(lane: ExpensiveLane) -> tuple[str, float]:
         asked = time.monotonic()
