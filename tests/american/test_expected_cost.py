@@ -51,7 +51,7 @@ def test_the_expected_cost_grows_with_what_makes_a_price_expensive():
     flat, many = Market(100.0, 0.05, 0.2), Market(100.0, 0.05, 0.2, cash_dividends=dividends)
     certain_first = Market(100.0, 0.05, PiecewiseConstant([0.5, 1.0], [0.0, 0.2]))
     books = [Book.of([(YEAR, market)]) for market in (flat, many, certain_first)]
-    engines = ["premium march", "compiled march", "obstacle march"]
+    engines = ["premium march", "compiled march", "hardly diffusing"]
     assert [first_engine(book) for book in books] == engines
     costs = [expected_seconds(book, 1e-6, "standard") for book in books]
     assert costs == sorted(costs)

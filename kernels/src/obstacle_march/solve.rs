@@ -119,6 +119,9 @@ pub struct Found {
 /// change of the volatilities, and the second and the first one by that.
 pub const LOCAL: usize = 7;
 
+/// The place of the volatility among the numbers of a segment.
+const VOLATILITY: usize = 2;
+
 /// A number of the finest grid, extrapolated where the differences let it be, and its last difference.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Changing {
@@ -495,6 +498,11 @@ impl Place {
             found.by_segment = pairs
                 .map(|(now, before)| std::array::from_fn(|k| best(now[k], before[k], 0.0)))
                 .collect();
+            let by_volatility = || found.by_segment.iter().map(|one| one[VOLATILITY]);
+            found.local[LOCAL - 1] = Changing {
+                value: by_volatility().map(|one| one.value).sum(),
+                change: by_volatility().map(|one| one.change).sum(),
+            };
         }
     }
 

@@ -138,7 +138,7 @@ class Valuation:
         lines = (
             [*self._known("price", "error_estimate"), f"status {self.status}", f"method {self.method}"],
             self._known("european_price", "early_exercise_premium", "intrinsic_value"),
-            [*self._known("exercise_boundary", "boundary_error"), f"exercise_now {self.exercise_now}"],
+            [*self._known("exercise_boundary"), f"exercise_now {self.exercise_now}"],
             self._known(*GREEKS),
             self._known(*GREEK_LISTS),
             [self.diagnostics.message] if self.diagnostics.message else [],

@@ -130,3 +130,12 @@ def test_a_surface_with_dividends_is_that_of_single_prices():
             assert np.max(np.abs(getattr(surface, name)[row] - expected)) <= 2e-3 * np.max(
                 np.abs(expected)
             ), name
+
+
+def test_a_surface_of_one_spot_needs_no_other_engine():
+    option, spots = Option("call", 100.0, 1.0), [100.0]
+    found = CompiledMarch().solve(
+        ladder(option, PLAIN, np.array(spots)), surface_request(1e-6, 1, share=True)
+    )
+    assert found.complete.all()
+    assert value_surface(option, PLAIN, spots=spots, times=[0.0]).vega[0, 0] == found.vega[0]
