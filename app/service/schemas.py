@@ -17,9 +17,8 @@ from app.service.contract_schema import (
 from pricing_core.american.contracts import fields
 from pricing_core.american.contracts.result_fields import (
     ADVICE_FIELDS,
-    BOUNDARY_ERROR_FIELD,
     BOUNDARY_FIELDS,
-    GREEK_ERROR_FIELDS,
+    ERROR_FIELDS,
     IMPLIED_VOLATILITY_FIELDS,
     PRICE_FIELDS,
     PROVENANCE_FIELDS,
@@ -136,7 +135,7 @@ PriceResponse = answer_model(
     "PriceResponse",
     "The value of the option, its sensitivities, and how far to trust them.",
     (*PRICE_FIELDS, UNITS_FIELD),
-    (BOUNDARY_ERROR_FIELD, *GREEK_ERROR_FIELDS),
+    ERROR_FIELDS,
 )
 ImpliedVolatilityResponse = answer_model(
     "ImpliedVolatilityResponse",

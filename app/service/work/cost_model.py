@@ -3,11 +3,12 @@
 from pricing_core.american import Market, Option
 from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.fields import Greeks
+from pricing_core.american.engines.solve import COMPILED_MARCH
 from pricing_core.american.expected_cost import expected_seconds, first_engine
 
 CHEAP_SECONDS = 2e-3  # below which a question is answered at once; chosen
 # Cost of a surface with events at one time, in prices, where the kernel marches it; measured, typical.
-COMPILED, SURFACE_PRICES = "compiled march", 4.0
+SURFACE_PRICES = 4.0
 BOUNDARY_PRICES = 3.0  # cost of a boundary in prices without Greeks; measured, typical
 # Cost of an advice: seconds for each segment, and boundaries; measured, typical.
 ADVICE_SECONDS, ADVICE_BOUNDARIES = 0.06, 5.0
@@ -26,7 +27,7 @@ def seconds_of_surface(
     book = Book.at_strike(option, market)
     solves = float(times)
     if not book.is_plain:
-        solves *= min(SURFACE_PRICES, spots) if first_engine(book) == COMPILED else spots
+        solves *= min(SURFACE_PRICES, spots) if first_engine(book) == COMPILED_MARCH.name else spots
     return solves * expected_seconds(book, tolerance, greeks)
 
 

@@ -253,7 +253,7 @@ struct Work<'a> {
     contract: Contract<'a>,
     /// With higher and with lower volatilities, and by how much, where that is wanted.
     sides: Option<([Vec<Segment>; 2], f64)>,
-    /// Without early exercise.
+    /// Without early exercise, where that is wanted.
     held: Vec<Segment>,
     /// The standard deviation of ln S at expiry.
     deviation: f64,
@@ -310,7 +310,11 @@ impl<'a> Work<'a> {
         Self {
             contract,
             sides,
-            held: contract.segments.iter().map(|one| one.held()).collect(),
+            held: if contract.european {
+                contract.segments.iter().map(|one| one.held()).collect()
+            } else {
+                Vec::new()
+            },
             deviation: whole.deviation,
             caution,
             cells: first_cells(&whole, settings),
@@ -378,14 +382,16 @@ impl<'a> Work<'a> {
         };
         self.levels += 1;
         let held = if is_held { seen.next() } else { None };
+        let mut held = held.into_iter().flatten();
         let sides: Vec<Vec<Seen>> = seen.collect();
         let (levels, caution) = (self.levels, self.caution);
         for (k, (place, mut own)) in self.places.iter_mut().zip(own).enumerate() {
+            let held = held.next();
             if place.done {
                 continue;
             }
-            if let Some(held) = &held {
-                place.take_held(&held[k], caution, levels);
+            if let Some(held) = held {
+                place.take_held(held, caution, levels);
             }
             if let Some(last) = place.last.take() {
                 let (apart, largest) = own.apart(&last);
@@ -507,7 +513,7 @@ impl Place {
     }
 
     /// Tell the value without early exercise, which is looked at no further where that is accurate enough.
-    fn take_held(&mut self, seen: &Seen, caution: Caution, levels: usize) {
+    fn take_held(&mut self, seen: Seen, caution: Caution, levels: usize) {
         if !self.is_held {
             return;
         }
@@ -522,7 +528,7 @@ impl Place {
                 return;
             }
         }
-        self.held = Some(seen.clone());
+        self.held = Some(seen);
     }
 
     /// Tell the derivatives in which the volatility takes part, of one that changes everywhere alike.

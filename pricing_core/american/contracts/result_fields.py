@@ -179,6 +179,7 @@ BOUNDARY_ERROR_FIELD = ResultField(
     of="exercise_boundary",
 )
 GREEK_ERROR_FIELDS = tuple(_error_field(field) for field in PRICE_FIELDS if field.is_greek)
+ERROR_FIELDS = (BOUNDARY_ERROR_FIELD, *GREEK_ERROR_FIELDS)  # beside that of the price
 
 IMPLIED_VOLATILITY_FIELDS = (
     ResultField(
@@ -398,7 +399,7 @@ def price_fields(
         field
         for field in (
             *PRICE_FIELDS,
-            *((BOUNDARY_ERROR_FIELD, *GREEK_ERROR_FIELDS) if greek_errors else ()),
+            *(ERROR_FIELDS if greek_errors else ()),
             *(ADVICE_COLUMN_FIELDS if advice else ()),
         )
         if field.given in given and (columns is None or not field.per or field.per in columns)

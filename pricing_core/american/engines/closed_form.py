@@ -74,7 +74,7 @@ class ClosedForm:
         sure = expired or _uncertain_by(at_strike)[0] <= SURE_SHARE * request.tolerance[0] * book.strike[0]
         if not sure or book.has_events()[0]:
             return Boundaries(nothing, nothing, nothing, none)
-        error = np.zeros(1) if expired else moved_boundary(book, near)
+        error = moved_boundary(book, near)
         near, far, error = (np.full(times.size, one[0]) for one in (near, far, error))
         return Boundaries(near, far, error, ~none)
 
@@ -168,7 +168,7 @@ def _on_certain_path(book: Book, request: Request) -> Prices:
         gamma=gamma,
         theta=np.where(exercised | expired, 0.0, held_theta(book, value, delta, gamma)),
         boundary=near,
-        boundary_error=np.where(expired, 0.0, moved_boundary(book, near)),
+        boundary_error=moved_boundary(book, near),
         exercised=exercised,
         settled=certain | formula | expired,
         complete=True,
