@@ -21,7 +21,7 @@ from app.commands.boundary_plot import (
 from pricing_core.american import ExerciseAdvice, Market, Option, exercise_boundary
 from pricing_core.american.advice.density_march import DensityMarch
 from pricing_core.american.advice.region import Span
-from pricing_core.american.contracts.schedule import Schedule, make_schedule
+from pricing_core.american.book.book import Book
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.extras import needs_extra
 from pricing_core.replacement import replacement
@@ -121,14 +121,14 @@ def _fan(option: Option, market: Market) -> tuple[Vector, Matrix]:
 
     They are exact without dividends in cash, and close to it with them: what diffuses after one is taken to keep order.
     """
-    schedule = make_schedule(option, market)
-    if schedule.local is not None:
-        return _fan_on_grid(schedule)
+    book = Book.of([(option, market)])
+    if book.local_terms() is not None:
+        return _fan_on_grid(book)
     score = np.array([[NormalDist().inv_cdf(share)] for share in FAN])
-    spot = np.full((len(FAN), 1), schedule.spot)
+    spot = np.full((len(FAN), 1), book.diffusing().item())
     variance = 0.0
     times, fan = [], []
-    for segment in schedule.segments:
+    for segment in book.segments_of():
         since = np.linspace(0.0, segment.duration, FAN_TIMES + 1)
         drift = (segment.rate - segment.dividend_yield - 0.5 * segment.volatility**2) * since
         wide = np.sqrt(variance + segment.volatility**2 * since) - math.sqrt(variance)
@@ -141,12 +141,12 @@ def _fan(option: Option, market: Market) -> tuple[Vector, Matrix]:
     return np.concatenate(times), np.concatenate(fan, axis=1)
 
 
-def _fan_on_grid(schedule: Schedule) -> tuple[Vector, Matrix]:
+def _fan_on_grid(book: Book) -> tuple[Vector, Matrix]:
     """Return the same of a local volatility, from the density of the spot on a grid."""
-    march, times, fan = DensityMarch(schedule, FAN_TIMES, 0.0, lambda: None), [], []
+    march, times, fan = DensityMarch(book, FAN_TIMES, 0.0, lambda: None), [], []
     march.count = 2  # steps of a part
-    spots = schedule.strike * march.nodes
-    for k, segment in enumerate(schedule.segments):
+    spots, segments = book.strike.item() * march.nodes, book.segments_of()
+    for k, segment in enumerate(segments):
         ends = np.linspace(segment.start, segment.end, FAN_TIMES + 1)
         for i, time in enumerate(ends.tolist()):
             if i > 0:
@@ -154,7 +154,7 @@ def _fan_on_grid(schedule: Schedule) -> tuple[Vector, Matrix]:
             below = np.cumsum(march.mass) - 0.5 * march.mass
             fan.append(np.interp(FAN, below / march.mass.sum(), spots) + segment.escrow_at(time))
         times.append(ends)
-        if segment is not schedule.segments[-1]:
+        if segment is not segments[-1]:
             march.pay(segment, k + 1)
-    fan[0] = np.full(len(FAN), schedule.spot + schedule.segments[0].escrow_at(0.0))
+    fan[0] = np.full(len(FAN), book.spot.item())
     return np.concatenate(times), np.array(fan).T

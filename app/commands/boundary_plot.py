@@ -7,8 +7,9 @@ from typing import BinaryIO
 import numpy as np
 
 from pricing_core.american import ExerciseBoundary, LocalVolatility, Market, Option, PiecewiseConstant
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.segments import Segment
 from pricing_core.american.contracts.carry import carry_yield
-from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.perpetual import perpetual_boundary
 from pricing_core.arrays import BoolVector, Vector
@@ -67,10 +68,11 @@ def limits_at_expiry(option: Option, market: Market) -> list[float]:
     >>> [round(limit, 9) for limit in limits_at_expiry(Option("call", 100.0, 1.0), market)]
     [200.0]
     """
-    schedule = _without_events(option, market)
-    if schedule is None or option.expiry == 0.0:
+    only = _only_segment(option, market)
+    if only is None or option.expiry == 0.0:
         return []
-    return [end for end in region_at_expiry(schedule).boundaries(schedule) if math.isfinite(end)]
+    ends = region_at_expiry(only, is_put=option.is_put).boundaries(option.strike, is_put=option.is_put)
+    return [end for end in ends if math.isfinite(end)]
 
 
 def _draw_curve(axes: Axes, time: Vector, boundary: Vector, label: str, style: str = "-") -> None:
@@ -138,23 +140,20 @@ def _draw_levels(axes: Axes, option: Option, levels: list[float]) -> None:
 
 def _perpetual_levels(option: Option, market: Market) -> list[float]:
     """Return the boundary of the option without expiry, if there is one and no event before the expiry."""
-    schedule = _without_events(option, market)
-    if schedule is None or schedule.local is not None:
+    now = _only_segment(option, market)
+    if now is None or isinstance(market.volatility, LocalVolatility):
         return []
-    now = schedule.segments[0]
     level = option.strike * perpetual_boundary(
         is_put=option.is_put, rate=now.rate, dividend_yield=now.dividend_yield, volatility=now.volatility
     )
     return [level] if math.isfinite(level) and level > 0.0 else []
 
 
-def _without_events(option: Option, market: Market) -> Schedule | None:
-    """Return the schedule of an option that may be exercised at any time, and of whose market nothing changes."""
-    due = math.fsum(dividend.amount for dividend in market.cash_dividends)
-    schedule = make_schedule(option, replace(market, spot=option.strike + due))
-    only = schedule.segments[0]
-    is_flat = len(schedule.segments) == 1 and only.due == only.fraction == 0.0
-    return schedule if is_flat and only.exercisable else None
+def _only_segment(option: Option, market: Market) -> Segment | None:
+    """Return the life of an option that may be exercised at any time, and of whose market nothing changes."""
+    book = Book.at_strike(option, market)
+    only = book.segments_of()[0]
+    return only if book.is_plain and only.exercisable else None
 
 
 def _draw_limits_at_expiry(axes: Axes, option: Option, market: Market, found: ExerciseBoundary) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 from benchmarks.problems.integral_equation import put_values, solve_put_boundary
 from pricing_core.american import Market, Option
 from pricing_core.american.contracts.fields import OptionType
-from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.arrays import Vector
 
 # Distance from the boundary, as a fraction of it, within which gamma is not compared: it jumps there.
@@ -38,11 +37,6 @@ class Problem:
     market: Market
     spots: Vector  # in strikes
     true: Outputs  # from the integral equation
-
-    @property
-    def schedule(self) -> Schedule:
-        """The contract as one segment, with its spot at the strike."""
-        return make_schedule(self.option, self.market)
 
     @property
     def boundary_times(self) -> Vector:

@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from pricing_core.american import Market, Option
-from pricing_core.american.contracts.schedule import Segment, make_schedule
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.segments import Segment
 from pricing_core.american.engines.black_scholes import ONE_OVER_SQRT_TWO_PI
 from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.perpetual import perpetual_boundary
@@ -64,10 +65,9 @@ def solve_put_boundary(market: Market, expiry: float) -> PutBoundary:
     NumericalError
         The fixed-point iteration does not converge.
     """
-    schedule = make_schedule(Option("put", 1.0, expiry), market)
-    (segment,) = schedule.segments
+    (segment,) = Book.of([(Option("put", 1.0, expiry), market)]).segments_of()
     rate, dividend_yield, volatility = segment.rate, segment.dividend_yield, segment.volatility
-    limit = math.exp(region_at_expiry(schedule).upper)
+    limit = math.exp(region_at_expiry(segment, is_put=True).upper)
     chebyshev = np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)  # the last belongs to tau = 0
     to_coefficients = np.linalg.inv(chebvander(chebyshev, DEGREE))
     system = _SystemA.discretise(segment, limit, expiry * (0.5 * (1.0 + chebyshev[:-1])) ** 2)

@@ -166,7 +166,7 @@ def _multiplier(option: Option, book: Book, found: Prices) -> Vector:
     if option.exercise != "american":
         return np.zeros(book.count)
     now = book.first_segments()
-    diffused = book.spot - book.escrow_now()
+    diffused = book.diffusing()
     slack = book.sign * (now.rate * book.strike - now.dividend_yield * diffused)
     discount = 1.0 if book.reduction is None else book.reduction.discount
     return np.where(found.exercised, discount * np.maximum(slack, 0.0), 0.0)

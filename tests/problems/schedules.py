@@ -1,6 +1,7 @@
 """A zoo of options with events, one of each kind that begins a contact set in its own way."""
 
 from pricing_core.american import Market, Option
+from pricing_core.american.book.book import Book
 
 QUARTERS = (0.125, 0.375, 0.625, 0.875)
 
@@ -101,3 +102,9 @@ CONTRACTS: dict[str, tuple[Option, Market]] = {
         Market(100.0, 0.05, 0.25, cash_dividends=cash(1.0)),
     ),
 }
+
+
+def terms_of(book: Book, row: int = 0) -> tuple[object, ...]:
+    """Return everything that a price of one of the contracts depends on but its reduction."""
+    numbers = (column.item(row) for column in (book.is_put, book.strike, book.diffusing()))
+    return (*numbers, book.segments_of(row), book.local_terms(row))

@@ -17,7 +17,7 @@ from app.service.work.cost_model import seconds_of_surface
 from app.service.work.lanes import Interrupt
 from app.service.work.route_limits import for_contract
 from pricing_core.american import Market, Option, ValueSurface, value_surface
-from pricing_core.american.contracts.schedule import make_schedule
+from pricing_core.american.book.book import Book
 from pricing_core.errors import InvalidInputError, Told
 
 router = APIRouter(tags=["pricing"])
@@ -43,7 +43,7 @@ async def post_surface(
     @functools.cache
     def contract() -> tuple[Option, Market]:
         option, market = question.contract({"spot": max(*question.spots, question.strike)})
-        pieces = len(make_schedule(option, market).segments)
+        pieces = Book.of([(option, market)]).segments.end.size
         if points[0] * points[1] * pieces > MOST_POINTS:
             count = Told(f"{points[0]} x {points[1]} x {pieces}")
             allowed = f"at most {MOST_POINTS} together: fewer times or spots"

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pricing_core.american.advice.exercise_advice import INTERRUPTED, boundaries_of, exercised
-from pricing_core.american.book.book import Book, Segments
+from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices
+from pricing_core.american.book.segments import Segments
 from pricing_core.american.contracts.dates import DAYS_PER_YEAR
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.solve import solve
@@ -54,22 +55,20 @@ def advice_columns(book: Book, found: Prices, request: Request) -> AdviceColumns
 
 def _advice(book: Book, exercise_now: bool, request: Request) -> tuple[float, float, float, float]:
     """Return probability, its error, expected time and probability of assignment of one contract."""
-    schedule = book.schedule(0)
     if exercise_now and book.expiry.item(0) > 0.0:
         return 1.0, 0.0, 0.0, 1.0
     if book.expiry.item(0) == 0.0:
         return 0.0, 0.0, math.nan, float(book.payoff().item(0) > 0.0)
-    if any(segment.volatility <= 0.0 for segment in schedule.segments):
+    if (book.segments.volatility <= 0.0).any():
         raise InvalidInputError("volatility", 0.0, "above 0 in advice on exercise")
 
     def check() -> None:
         if request.is_interrupted():
             raise NumericalError(INTERRUPTED)
 
-    expiry = schedule.segments[-1].end
-    at_strike = replace(book, spot=book.strike + book.escrow_now(), reduction=None)
+    at_strike = replace(book.diffusing_at(book.strike), reduction=None)
     boundaries = boundaries_of(at_strike, request.interrupt, check)
-    march, error = exercised(schedule, boundaries, np.array([expiry]), check)
+    march, error = exercised(book, boundaries, book.expiry, check)
     probability = march.probability
     when = march.first_moment() / probability if probability > 0.0 else math.nan
     return probability, error, when, probability + march.at_expiry

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pricing_core.american.book.segments import LocalTerms, Segment
 from pricing_core.american.contracts.local_volatility import mean_weights
-from pricing_core.american.contracts.schedule import LocalTerms, Segment
 from pricing_core.arrays import Matrix, Vector
 
 

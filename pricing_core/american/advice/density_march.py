@@ -17,7 +17,8 @@ import numpy as np
 from pricing_core.american.advice.cell_volatility import CellVolatility
 from pricing_core.american.advice.exercise_times import Exercised, exercise_without_spot
 from pricing_core.american.advice.region import Region, Span, parameters, times_in
-from pricing_core.american.contracts.schedule import Schedule, Segment
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.segments import Segment
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.stepping import SDIRK2
 
@@ -31,8 +32,8 @@ class DensityMarch:
 
     Parameters
     ----------
-    schedule : Schedule
-        With a local volatility.
+    book : Book
+        One contract, with a local volatility.
     count : int
         Number of steps of a span.
     shift : float
@@ -48,13 +49,14 @@ class DensityMarch:
         The mass at all nodes that has not been exercised.
     """
 
-    schedule: Schedule
+    book: Book
     count: int
     shift: float
     check: Callable[[], None]
     found: Exercised = field(default_factory=Exercised)
     nodes: Vector = field(init=False)
     mass: Vector = field(init=False)
+    _strike: float = field(init=False)
     _volatility: CellVolatility = field(init=False)
     # What share of the cell around each node lay outside the region at the end of the last span.
     _outside: Vector = field(init=False)
@@ -66,17 +68,17 @@ class DensityMarch:
         )
         from pricing_core.obstacle.interval import choose_map  # noqa: PLC0415
 
-        schedule = self.schedule
-        assert schedule.local is not None
-        whole = choose_map(contract_problem(schedule), np.array([place_of(schedule)]))
+        self._strike, local = self.book.strike.item(), self.book.local_terms()
+        assert local is not None
+        whole = choose_map(contract_problem(self.book), np.array([place_of(self.book)]))
         self.nodes = np.exp(np.linspace(whole.left, whole.right, CELLS_PER_STEP * self.count + 1))
-        self._volatility = CellVolatility.of(schedule.local, schedule.strike * self.nodes)
+        self._volatility = CellVolatility.of(local, self._strike * self.nodes)
         self._outside = np.ones(self.nodes.size)
-        self.mass = self._split(np.array([schedule.spot / schedule.strike]), np.ones(1))
+        self.mass = self._split(self.book.diffusing() / self.book.strike, np.ones(1))
 
     def run(self, spans: list[list[Span]], regions: list[Region | None]) -> Exercised:
         """Return how much of the mass is exercised at each time; arguments as in `ExerciseMarch.run`."""
-        segments = self.schedule.segments
+        segments = self.book.segments_of()
         for k, segment in enumerate(segments):
             for span in spans[k]:
                 self.check()
@@ -144,7 +146,7 @@ class DensityMarch:
         upper[1:-1] = (2.0 * diffusion + drift * left) / (right * (left + right))
         if region is None:
             return lower, upper
-        carry, strike, twice = segment.rate - segment.dividend_yield, self.schedule.strike, 2.0 * diffusion
+        carry, strike, twice = segment.rate - segment.dividend_yield, self._strike, 2.0 * diffusion
         for edge, above in ((region.high, True), (region.low, False)):
             if math.isinf(edge):
                 continue
@@ -168,7 +170,7 @@ class DensityMarch:
         s = self.nodes
         if region is None:
             return np.zeros(s.size, dtype=bool)
-        strike = self.schedule.strike
+        strike = self._strike
         low = math.exp(region.low) / strike if region.low > -math.inf else -1.0
         high = math.exp(region.high) / strike if region.high < math.inf else math.inf
         return np.asarray((s >= low) & (s <= high))
@@ -187,7 +189,7 @@ class DensityMarch:
 
     def _share_inside(self, region: Region) -> Vector:
         """Return what share of the cell around each node lies in a region."""
-        s, strike = self.nodes, self.schedule.strike
+        s, strike = self.nodes, self._strike
         edges = np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
         low, high = (
             math.copysign(math.inf, end) if math.isinf(end) else math.exp(end) / strike
@@ -200,12 +202,12 @@ class DensityMarch:
         """Let the spot drop, s -> max(s (1 - fraction) - amount, 0), before the segment `following`."""
         if segment.fraction <= 0.0 and segment.amount <= 0.0:
             return
-        places = self.nodes * (1.0 - segment.fraction) - segment.amount / self.schedule.strike
+        places = self.nodes * (1.0 - segment.fraction) - segment.amount / self._strike
         lost = float(self.mass[places <= 0.0].sum())
         kept = places > 0.0
         self.mass = self._split(places[kept], self.mass[kept])
         if lost > 0.0:
-            exercise_without_spot(self.schedule, self.found, lost, following)
+            exercise_without_spot(self.book, self.found, lost, following)
 
     def _split(self, places: Vector, masses: Vector) -> Vector:
         """Return the masses at places between nodes on these nodes, with the same means."""
@@ -217,10 +219,10 @@ class DensityMarch:
 
     def _expire(self, last: Segment) -> None:
         """Note who exercises at expiry; the cell of the strike is shared."""
-        level = self.schedule.strike - last.escrow_at(last.end)
+        level = self._strike - last.escrow_at(last.end)
         top = math.log(level) if level > 0.0 else -math.inf
         below = self._share_inside(Region(-math.inf, top, 0.0))
-        paying = below if self.schedule.is_put else 1.0 - below
+        paying = below if self.book.is_put.item() else 1.0 - below
         outside = np.maximum(self._outside, 1e-300)  # of those there, the others have exercised
         gained = float(self.mass @ np.clip((paying - (1.0 - self._outside)) / outside, 0.0, 1.0))
         left = float(self.mass.sum())

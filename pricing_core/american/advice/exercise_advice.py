@@ -21,7 +21,6 @@ from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.dates import DAYS_PER_YEAR
 from pricing_core.american.contracts.fields import DEFAULT_TOLERANCE, TOLERANCE, VOLATILITY
 from pricing_core.american.contracts.market import Market
-from pricing_core.american.contracts.schedule import Schedule, make_schedule
 from pricing_core.american.contracts.times import checked_times
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.solve import boundary_of
@@ -131,10 +130,10 @@ def exercise_advice(
     check_kind("option", option, Option, "an Option")
     check_kind("market", market, Market, "a Market")
     tolerance = TOLERANCE.check(tolerance)
-    schedule = make_schedule(option, market)
-    if any(segment.volatility <= 0.0 for segment in schedule.segments):
+    book = Book.of([(option, market)])
+    if (book.segments.volatility <= 0.0).any():
         raise InvalidInputError(VOLATILITY.name, 0.0, "above 0 in advice on exercise")
-    chosen = _chosen_times(option, schedule, times)
+    chosen = _chosen_times(option, book, times)
 
     def check() -> None:
         if interrupt is not None and interrupt():
@@ -149,7 +148,7 @@ def exercise_advice(
         found, error = _settled(option, market, exercised=now), 0.0
     else:
         boundaries = boundaries_of(Book.at_strike(option, market), interrupt, check)
-        found, error = exercised(schedule, boundaries, chosen, check)
+        found, error = exercised(book, boundaries, chosen, check)
     probability = found.probability
     cumulative = np.minimum(found.cumulative(chosen), probability)
     assigned = cumulative + np.where(chosen >= option.expiry, found.at_expiry, 0.0)
@@ -171,18 +170,19 @@ def exercise_advice(
     )
 
 
-def _chosen_times(option: Option, schedule: Schedule, times: ArrayLike | None) -> Vector:
+def _chosen_times(option: Option, book: Book, times: ArrayLike | None) -> Vector:
     if times is None:
-        return _default_times(option, schedule)
+        return _default_times(option, book)
     if isinstance(times, str) and times == DAILY:
         days = np.arange(1.0, DAYS_PER_YEAR * option.expiry)
         return np.append(days / DAYS_PER_YEAR, option.expiry)
     return checked_times(option, times)
 
 
-def _default_times(option: Option, schedule: Schedule) -> Vector:
+def _default_times(option: Option, book: Book) -> Vector:
     """Return the times at which something happens, and even steps to the expiry."""
-    events = [s.end for s in schedule.segments if s.due > 0.0 or s.fraction > 0.0 or not s.exercisable]
+    segments = book.segments
+    events = segments.end[(segments.due > 0.0) | (segments.fraction > 0.0) | ~segments.exercisable]
     return np.unique(np.concatenate([np.linspace(0.0, option.expiry, EVEN_STEPS + 1)[1:], events, [0.0]]))
 
 
@@ -209,7 +209,7 @@ def boundaries_of(book: Book, interrupt: Callable[[], bool] | None, check: Calla
 
 
 def exercised(
-    schedule: Schedule, boundaries: Boundaries, times: Vector, check: Callable[[], None]
+    book: Book, boundaries: Boundaries, times: Vector, check: Callable[[], None]
 ) -> tuple[Exercised, float]:
     """Return how much of the mass is exercised at each time, and the estimated error of the probabilities.
 
@@ -218,8 +218,8 @@ def exercised(
 
     Parameters
     ----------
-    schedule : Schedule
-        The schedule of a contract that is held now.
+    book : Book
+        One contract, which is held now.
     boundaries : callable
         Takes increasing times and returns an `ExerciseBoundary`.
     times : Vector, shape (m,)
@@ -227,21 +227,23 @@ def exercised(
     check : callable
         Called between the steps of the work; may raise.
     """
-    finder = RegionFinder(schedule, boundaries, INTERVALS)
-    last = schedule.segments[-1]
+    is_put, segments = book.is_put.item(), book.segments_of()
+    finder = RegionFinder(boundaries, INTERVALS, is_put=is_put)
     spans: list[list[Span]] = []
     regions: list[Region | None] = []
-    for segment in schedule.segments:
+    for segment in segments:
         spans.append(finder.spans(segment) if segment.exercisable else [Span(segment.start, segment.end)])
-        regions.append(finder.at_end(segment) if segment.exercise_at_end and segment is not last else None)
+        regions.append(
+            finder.at_end(segment) if segment.exercise_at_end and segment is not segments[-1] else None
+        )
 
     def run(count: int, shift: float) -> Exercised:
-        diffuses_locally = schedule.local is not None and schedule.spot > 0.0
+        diffuses_locally = book.local_terms() is not None and book.diffusing().item() > 0.0
         march = DensityMarch if diffuses_locally else ExerciseMarch
-        return march(schedule, count, shift, check).run(spans, regions)
+        return march(book, count, shift, check).run(spans, regions)
 
     # A region that becomes smaller: its end is steep where it falls to 0 before a dividend, and its error large.
-    outwards = -1.0 if schedule.is_put else 1.0
+    outwards = -1.0 if is_put else 1.0
     fine, coarse, moved = run(INTERVALS, 0.0), run(INTERVALS // 2, 0.0), run(INTERVALS // 2, outwards)
 
     def told(found: Exercised) -> Vector:

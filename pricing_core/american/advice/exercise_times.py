@@ -11,7 +11,8 @@ import numpy as np
 from pricing_core.american.advice.first_passage import Passage
 from pricing_core.american.advice.laws import REACH, Law, PointMass, resolved
 from pricing_core.american.advice.region import Region, Span, monotone_cubic, parameters, times_in
-from pricing_core.american.contracts.schedule import Schedule, Segment
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.segments import Segment
 from pricing_core.arrays import Vector
 
 NOBODY = 1e-15  # Largest mass that is not followed; chosen.
@@ -71,7 +72,8 @@ class ExerciseMarch:
 
     Parameters
     ----------
-    schedule : Schedule
+    book : Book
+        One contract.
     count : int
         Number of intervals of a span's mesh.
     shift : float
@@ -80,7 +82,7 @@ class ExerciseMarch:
         Called between the steps of the work; may raise.
     """
 
-    schedule: Schedule
+    book: Book
     count: int
     shift: float
     check: Callable[[], None]
@@ -97,11 +99,11 @@ class ExerciseMarch:
         regions : list of Region or None
             For each segment, just before what happens at its end; that of the last is not used.
         """
-        segments = self.schedule.segments
-        if self.schedule.spot > 0.0:
-            self.laws = [PointMass(math.log(self.schedule.spot), 1.0)]
+        segments, spot = self.book.segments_of(), self.book.diffusing().item()
+        if spot > 0.0:
+            self.laws = [PointMass(math.log(spot), 1.0)]
         else:
-            exercise_without_spot(self.schedule, self.found, 1.0, 0)
+            exercise_without_spot(self.book, self.found, 1.0, 0)
         for k, segment in enumerate(segments):
             self.check()
             for span in spans[k]:
@@ -180,29 +182,29 @@ class ExerciseMarch:
             self.laws = [law for law in parts if law is not None]
         lost = before - math.fsum(law.mass for law in self.laws)
         if lost > 0.0:
-            exercise_without_spot(self.schedule, self.found, lost, following)
+            exercise_without_spot(self.book, self.found, lost, following)
 
     def _expire(self, last: Segment) -> None:
         """Note who exercises at expiry."""
         left = math.fsum(law.mass for law in self.laws)
-        level = self.schedule.strike - last.escrow_at(last.end)
+        level = self.book.strike.item() - last.escrow_at(last.end)
         below = 0.0
         if level > 0.0:
             place, mean, spread = np.array([math.log(level)]), np.zeros(1), np.full(1, NO_SPREAD)
             below = min(math.fsum(float(law.below(place, mean, spread)[0]) for law in self.laws), left)
-        gained = below if self.schedule.is_put else left - below
+        gained = below if self.book.is_put.item() else left - below
         self.found.at_expiry += gained
         self.found.worthless += left - gained
 
 
-def exercise_without_spot(schedule: Schedule, found: Exercised, mass: float, first: int) -> None:
+def exercise_without_spot(book: Book, found: Exercised, mass: float, first: int) -> None:
     """Note when the mass whose spot is zero from the start of segment `first` on is exercised."""
-    if not schedule.is_put:
+    if not book.is_put.item():
         found.worthless += mass
         return
-    expiry = schedule.segments[-1].end
+    expiry = book.expiry.item()
     best, when, growth = math.inf, expiry, 0.0
-    for segment in schedule.segments[first:]:
+    for segment in book.segments_of()[first:]:
         if segment.exercisable and growth <= best:
             best, when = growth, segment.start
         growth += segment.rate * segment.duration

@@ -10,8 +10,8 @@ from typing import TypeAlias
 
 import numpy as np
 
+from pricing_core.american.book.segments import Segment
 from pricing_core.american.boundary import JUST_AFTER, ExerciseBoundary
-from pricing_core.american.contracts.schedule import Schedule, Segment
 from pricing_core.arrays import Vector
 from pricing_core.errors import NumericalError
 
@@ -117,16 +117,16 @@ class RegionFinder:
 
     Parameters
     ----------
-    schedule : Schedule
     boundaries : callable
         Takes increasing times and returns an `ExerciseBoundary`.
     count : int
         Number of intervals of the mesh of a span.
+    is_put : bool
     """
 
-    schedule: Schedule
     boundaries: Boundaries
     count: int
+    is_put: bool
 
     def at_end(self, segment: Segment) -> Region | None:
         """Return the region just before what happens at the end of a segment; None where there is none."""
@@ -134,7 +134,7 @@ class RegionFinder:
         near, far, error = self._logarithms(segment, found)
         if math.isnan(near[0]):
             return None
-        low, high = (far[0], near[0]) if self.schedule.is_put else (near[0], far[0])
+        low, high = (far[0], near[0]) if self.is_put else (near[0], far[0])
         return Region(
             -math.inf if math.isnan(low) else low, math.inf if math.isnan(high) else high, float(error[0])
         )
@@ -170,7 +170,7 @@ class RegionFinder:
         near, far, error = self._logarithms(segment, found)
         near_edge = monotone_cubic(_filled(near))
         far_edge = None if np.isnan(far).all() else monotone_cubic(_filled(far))
-        low, high = (far_edge, near_edge) if self.schedule.is_put else (near_edge, far_edge)
+        low, high = (far_edge, near_edge) if self.is_put else (near_edge, far_edge)
         return Span(start, end, low, high, monotone_cubic(_filled(error)))
 
     def _inside(self, start: float, end: float, mesh: Vector) -> Vector:

@@ -1,11 +1,11 @@
-"""Contracts in columns: every one a schedule of segments without events, with the events at their ends."""
+"""Contracts in columns: every one a sequence of segments without events, with the events at their ends."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from operator import attrgetter
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -13,57 +13,15 @@ from numpy.typing import NDArray
 
 from pricing_core.american.book.ragged import Ragged, gather, join_starts, starts
 from pricing_core.american.book.reduction import Reduction, engine_times
+from pricing_core.american.book.segments import LocalTerms, Segment, Segments, segment_rows
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.curves import times_of
 from pricing_core.american.contracts.market import Market
-from pricing_core.american.contracts.schedule import Schedule, Segment, make_schedule
 from pricing_core.arrays import BoolVector, Vector, every, some
+from pricing_core.errors import InvalidInputError
 
 Rows: TypeAlias = NDArray[np.intp]
 CURVES = ("rate", "dividend_yield", "volatility")  # the market's parameters that may be curves
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Segments:
-    """The segments of all contracts of a book in columns of shape (m,); units and meanings as in `Segment`.
-
-    Parameters
-    ----------
-    start, end : Vector
-        Years from now.
-    rate, dividend_yield, volatility : Vector
-    exercisable, exercise_at_end : bool array
-    fraction : Vector
-    due : Vector
-        Cash dividends at the end, money, in either dividend model.
-    """
-
-    start: Vector
-    end: Vector
-    rate: Vector
-    dividend_yield: Vector
-    volatility: Vector
-    exercisable: BoolVector
-    exercise_at_end: BoolVector
-    fraction: Vector
-    due: Vector
-
-    @property
-    def duration(self) -> Vector:
-        """Length of each segment in years, shape (m,)."""
-        return self.end - self.start
-
-    def take(self, chosen: NDArray[np.int64] | slice) -> Segments:
-        """Return the segments of these indices."""
-        return Segments(*(getattr(self, name)[chosen] for name in self.__slots__))
-
-    @classmethod
-    def concatenated(cls, parts: Sequence[Segments]) -> Segments:
-        """Return the segments of several books in one, in their order."""
-        return cls(*map(np.concatenate, zip(*map(_columns_of, parts), strict=True)))
-
-
-_columns_of = attrgetter(*Segments.__slots__)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +58,7 @@ class Listed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Book:
-    """Contracts, n of them, each a schedule of at least one segment; a contract without events has one.
+    """Contracts, n of them, each of at least one segment; a contract without events has one.
 
     Parameters
     ----------
@@ -147,28 +105,29 @@ class Book:
         InvalidInputError
             Escrowed dividends are worth the spot or more.
         """
-        schedules = [make_schedule(option, market) for option, market in contracts]
-        rows = [_columns_of(segment) for schedule in schedules for segment in schedule.segments]
-        columns = np.array(rows, dtype=np.float64).reshape(len(rows), len(Segments.__slots__)).T
-        start, end, rate, dividend_yield, volatility, exercisable, at_end, fraction, due = columns
+        local = [LocalTerms.of(*contract) for contract in contracts]
+        rows = [segment_rows(*contract, own) for contract, own in zip(contracts, local, strict=True)]
         terms = [
             (option.is_put, option.strike, market.spot, market.dividend_model == "escrowed")
             for option, market in contracts
         ]
         is_put, strike, spot, escrowed = np.array(terms, dtype=np.float64).reshape(len(terms), 4).T
-        return cls(
+        book = cls(
             is_put != 0.0,
             strike,
             spot,
             escrowed != 0.0,
-            starts(np.array([len(schedule.segments) for schedule in schedules], dtype=np.int64)),
-            Segments(
-                start, end, rate, dividend_yield, volatility, exercisable != 0.0, at_end != 0.0, fraction, due
-            ),
+            starts(np.array([len(own) for own in rows], dtype=np.int64)),
+            Segments.of_rows([row for own in rows for row in own]),
             _listed(contracts),
             Reduction.of(contracts),
-            _local_of(schedules),
+            _column_of(local),
         )
+        due = book.escrow_now()
+        for row in np.flatnonzero((due > 0.0) & (due >= spot)).tolist():
+            allowed = "worth less today than the spot in the escrowed model"
+            raise InvalidInputError("cash_dividends", due.item(row), allowed)
+        return book
 
     @classmethod
     def at_strike(cls, option: Option, market: Market) -> Book:
@@ -178,7 +137,11 @@ class Book:
         """
         due = math.fsum(dividend.amount for dividend in market.cash_dividends)
         book = cls.of([(option, replace(market, spot=option.strike + due))])
-        return replace(book, spot=option.strike + book.escrow_now())
+        return book.diffusing_at(book.strike)
+
+    def diffusing_at(self, spot: Vector) -> Book:
+        """Return the contracts with other spots that diffuse, money, shape (n,)."""
+        return replace(self, spot=spot + self.escrow_now())
 
     @property
     def count(self) -> int:
@@ -263,6 +226,10 @@ class Book:
         now = self.first_segments()
         return self.escrow()[self.first[:-1]] * np.exp(-now.rate * now.duration)
 
+    def diffusing(self) -> Vector:
+        """Return the spots that diffuse, money, shape (n,): in the escrowed model less what the dividends are worth."""
+        return self.spot - self.escrow_now()
+
     def drops(self) -> Vector:
         """Return the amounts by which the spot that diffuses drops at the ends of the segments, money, (m,)."""
         due = self.segments.due
@@ -335,7 +302,7 @@ class Book:
         volatility, slope = self.first_segments().volatility, np.zeros(self.count)
         if self.local is None:
             return volatility, slope
-        volatility, spot = volatility.copy(), self.spot - self.escrow_now()
+        volatility, spot = volatility.copy(), self.diffusing()
         for row in np.flatnonzero(self.is_local() & (spot > 0.0)).tolist():
             terms, place = self.local[row], spot.item(row)
             here = float(terms.volatility.at(0.0, place))
@@ -350,18 +317,25 @@ class Book:
         segments = replace(self.segments, volatility=self.per_segment(volatility))
         return replace(self, segments=segments, listed=listed, local=None)
 
-    def schedule(self, row: int) -> Schedule:
-        """Return one contract as a schedule."""
+    def with_surfaces_moved(self, by: float) -> Book:
+        """Return the contracts with the spots of their local volatilities moved by so much in ln S."""
+        assert self.local is not None
+        factor = math.exp(by)
+        moved = [terms and replace(terms, volatility=terms.volatility.moved(factor)) for terms in self.local]
+        return replace(self, local=_column_of(moved))
+
+    def local_terms(self, row: int = 0) -> LocalTerms | None:
+        """Return the local volatility of a contract, None where it has none."""
+        return None if self.local is None else self.local[row]
+
+    def segments_of(self, row: int = 0) -> tuple[Segment, ...]:
+        """Return the segments of a contract in the order of time."""
         alone = self if self.count == 1 else self.part(slice(row, row + 1))
-        escrowed, escrow = bool(self.escrowed[row]), alone.escrow().tolist()
-        columns = zip(*(getattr(alone.segments, name).tolist() for name in Segments.__slots__), strict=True)
-        segments = tuple(
-            Segment(*numbers, amount=0.0 if escrowed else numbers[-1], escrow=due)  # type: ignore[misc]
-            for numbers, due in zip(columns, escrow, strict=True)
-        )
-        spot = self.spot.item(row) - (segments[0].escrow_at(0.0) if escrowed else 0.0)
-        local = None if self.local is None else self.local[row]
-        return Schedule(bool(self.is_put[row]), self.strike.item(row), spot, segments, local)
+        columns = [getattr(alone.segments, name) for name in Segments.__slots__] + [
+            alone.drops(),
+            alone.escrow(),
+        ]
+        return tuple(itertools.starmap(Segment, zip(*(column.tolist() for column in columns), strict=True)))
 
 
 def _reduction_of(books: Sequence[Book]) -> Reduction | None:
@@ -379,12 +353,11 @@ def _local_of_books(books: Sequence[Book]) -> NDArray[np.object_] | None:
     )
 
 
-def _local_of(schedules: Sequence[Schedule]) -> NDArray[np.object_] | None:
-    found = [schedule.local for schedule in schedules]
-    if all(terms is None for terms in found):
+def _column_of(local: Sequence[LocalTerms | None]) -> NDArray[np.object_] | None:
+    if all(terms is None for terms in local):
         return None
-    column = np.empty(len(found), dtype=object)
-    column[:] = found
+    column = np.empty(len(local), dtype=object)
+    column[:] = local
     return column
 
 

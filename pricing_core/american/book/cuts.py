@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from pricing_core.american.book.book import Book, Rows, Segments
+from pricing_core.american.book.book import Book, Rows
 from pricing_core.american.book.ragged import Ragged, starts
-from pricing_core.american.contracts.schedule import SAME_TIME
+from pricing_core.american.book.segments import SAME_TIME, Segments
 from pricing_core.arrays import Vector
 
 

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pricing_core.american.book.book import Book, Listed, Rows, Segments
+from pricing_core.american.book.book import Book, Listed, Rows
 from pricing_core.american.book.column import Column
 from pricing_core.american.book.ragged import Ragged, starts
 from pricing_core.american.book.reduction import Reduction
+from pricing_core.american.book.segments import NEGLIGIBLE, SAME_TIME, Segments
 from pricing_core.american.contracts.fields import AMOUNT
-from pricing_core.american.contracts.schedule import NEGLIGIBLE, SAME_TIME
 from pricing_core.arrays import BoolVector, Vector
 
 
@@ -50,7 +50,7 @@ def read_dividend_rows(
 def _book(
     part: Mapping[str, NDArray[Any]], dividends: NDArray[np.int64], time: Vector, amount: Vector
 ) -> tuple[Book, BoolVector]:
-    """Return contracts with so many dividends each, and which of them `make_schedule` would make as well."""
+    """Return contracts with so many dividends each, and which of them `Book.of` would make as well."""
     counts = dividends + 1
     first = starts(counts)
     last = first[1:] - 1

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.american.book.array_column import ArrayColumn
-from pricing_core.american.book.book import Book, Listed, Rows, Segments
+from pricing_core.american.book.book import Book, Listed, Rows
 from pricing_core.american.book.column import MISSING, Column
 from pricing_core.american.book.columns import broadcast_columns
 from pricing_core.american.book.dividend_rows import read_dividend_rows
 from pricing_core.american.book.reduction import Reduction
+from pricing_core.american.book.segments import Segments
 from pricing_core.american.contracts.checks import check_kind
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.dates import DAYS_PER_YEAR, expiry_from_dates
@@ -28,7 +29,6 @@ from pricing_core.american.contracts.fields import (
 )
 from pricing_core.american.contracts.market import NEGLIGIBLE_RATE, Market
 from pricing_core.american.contracts.names import check_complete
-from pricing_core.american.contracts.schedule import make_schedule
 from pricing_core.american.contracts.tolerances import LARGEST_RATIO, check_moneyness
 from pricing_core.american.contracts.vocabulary import DATES, DEFAULTS, contract_from
 from pricing_core.arrays import BoolVector, Vector
@@ -193,7 +193,7 @@ def checked_contract(cells: Mapping[str, Any]) -> tuple[Option, Market]:
     option, market = contract_from({name: cell for name, cell in cells.items() if name != "tolerance"})
     check_moneyness(option, market.spot)
     if market.dividend_model == "escrowed":
-        make_schedule(option, market)  # refuses dividends that are worth more than the spot
+        Book.of([(option, market)])  # refuses dividends that are worth more than the spot
     return option, market
 
 

@@ -1,1 +1,1 @@
-"""What is priced: options, markets, their dates and dividends, and the schedule of events they make."""
+"""What is priced: options, markets, their dates and dividends."""

@@ -173,7 +173,7 @@ def _escrow_derivatives(book: Book, stock: Vector) -> tuple[Ragged, Vector]:
     sum of time x amount x e^{-int r}.
     """
     listed, segments = book.listed.cash_dividends, book.segments
-    delta = stock / (book.spot - book.escrow_now())
+    delta = stock / book.diffusing()
     integral, so_far = np.zeros(segments.end.size), np.zeros(book.count)
     for rows, at in book.by_place():
         so_far[rows] += (segments.rate * segments.duration)[at]
@@ -209,7 +209,7 @@ def _by_pieces(book: Book, stock: Vector, bond: Vector, by_variance: Vector) -> 
     """
     columns = {}
     by_integral = {"rate": bond, "dividend_yield": -stock, "volatility": by_variance}
-    delta = stock / (book.spot - book.escrow_now())
+    delta = stock / book.diffusing()
     for name in CURVES:
         times = getattr(book.listed, name)
         found = np.zeros(times.values.size)

@@ -25,7 +25,7 @@ def certain_value(book: Book) -> Vector:
     the best of both ends and that point.
     """
     segments, sign, strike = book.segments, book.sign, book.strike
-    spot, discount, best = book.spot - book.escrow_now(), np.ones(book.count), np.zeros(book.count)
+    spot, discount, best = book.diffusing(), np.ones(book.count), np.zeros(book.count)
     duration, escrow, drops = segments.duration, book.escrow(), book.drops()
     with np.errstate(all="ignore"):
         for rows, at in book.by_place():
@@ -107,7 +107,7 @@ def _left_at(book: Book, t: float) -> Book:
 def _is_exercised(book: Book, diffusing: Vector) -> BoolVector:
     """Tell at which spots that diffuse one contract is exercised at once, shape (m,)."""
     rows = book.take(np.zeros(diffusing.size, dtype=np.intp))
-    rows = replace(rows, spot=diffusing + book.escrow_now())
+    rows = rows.diffusing_at(diffusing)
     payoff = rows.payoff()
     now = rows.first_segments()
     allowed = now.exercisable | (now.exercise_at_end & (now.end == 0.0))

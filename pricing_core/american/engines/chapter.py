@@ -16,14 +16,12 @@ import numpy as np
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import Prices, error_of, prices
 from pricing_core.american.book.resolution import MOST, LCPMethod, Resolution, Scheme
-from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.differences import STICKY, plan_differences, unchanged
 from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Request
-from pricing_core.american.engines.exercise_region import region_at_expiry
 from pricing_core.american.engines.held import priced
 from pricing_core.american.engines.nodal_run import NodalRun, nodal_grid, nodal_run
-from pricing_core.american.engines.obstacle_march.boundaries import quoted
+from pricing_core.american.engines.obstacle_march.boundaries import limit_at_expiry, quoted
 from pricing_core.american.engines.obstacle_march.contract_problem import contract_problem, place_of
 from pricing_core.american.engines.obstacle_march.pricing import one_by_one
 from pricing_core.arrays import BoolVector, Vector
@@ -94,27 +92,27 @@ class Chapter:
         return lambda times: self._boundary(book, times, request)
 
     def _boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
-        schedule = replace(book.schedule(0), spot=book.strike.item(0))
+        book = book.diffusing_at(book.strike)
         fine = self.resolution or replace(FIRST.refined().refined(), scheme=self._scheme)
         ends = []
         for resolution in (fine, fine.coarsened() or fine.refined()):
-            run = self._run(schedule, resolution, request, times=times)
+            run = self._run(book, resolution, request, times=times)
             if run is None:
                 raise NumericalError("the interrupt came before the boundary was found")
             ends.append(
-                np.array([_money(schedule, t, run.ends.get(t, (math.nan, math.nan))) for t in times.tolist()])
+                np.array([_money(book, t, run.ends.get(t, (math.nan, math.nan))) for t in times.tolist()])
             )
         near, far, error = ends[0][:, 0], ends[0][:, 1], ERROR_SHARE * np.abs(ends[0][:, 0] - ends[1][:, 0])
-        last, at_expiry = schedule.segments[-1], times >= schedule.segments[-1].end
-        if at_expiry.any() and not (last.due > 0.0 or last.fraction > 0.0):
-            near[at_expiry], far[at_expiry] = region_at_expiry(schedule).boundaries(schedule)
+        at_expiry, limit = times >= book.expiry, limit_at_expiry(book)
+        if limit is not None and at_expiry.any():
+            near[at_expiry], far[at_expiry] = limit.boundaries(book.strike.item(), is_put=book.is_put.item())
             error[at_expiry] = 0.0
         return Boundaries(near, far, error, np.ones(times.size, dtype=bool))
 
     def _run(
-        self, schedule: Schedule, resolution: Resolution, request: Request, times: Vector | None = None
+        self, book: Book, resolution: Resolution, request: Request, times: Vector | None = None
     ) -> NodalRun | None:
-        problem, place = contract_problem(schedule), place_of(schedule)
+        problem, place = contract_problem(book), place_of(book)
         grid = nodal_grid(problem, place, resolution)
         solver = SOLVERS[self.lcp_method]
         stops = () if times is None else tuple(times.tolist())
@@ -124,19 +122,18 @@ class Chapter:
             resolution,
             self._scheme,
             solver,
-            is_put=schedule.is_put,
+            is_put=book.is_put.item(),
             times=stops,
             interrupt=request.interrupt,
         )
 
     def _priced(self, book: Book, request: Request, within: tuple[float, float]) -> Prices:
-        schedule = book.schedule(0)
         runs: list[NodalRun] = []
         resolution = self.resolution or replace(FIRST, scheme=self._scheme)
         tolerance, error = request.tolerance.item(0), math.inf
-        place = np.array([place_of(schedule)])
+        place = np.array([place_of(book)])
         while True:
-            found = self._run(schedule, resolution, request)
+            found = self._run(book, resolution, request)
             if found is None:
                 break
             runs.append(found)
@@ -149,32 +146,29 @@ class Chapter:
             resolution = resolution.refined()
         fine, coarse = (runs[-1], runs[-2]) if len(runs) > 1 else (runs[0] if runs else None, None)
         if fine is not None and self.resolution is not None:
-            coarse = self._run(schedule, resolution.coarsened() or resolution.refined(), request)
+            coarse = self._run(book, resolution.coarsened() or resolution.refined(), request)
         if fine is None or coarse is None:
             return prices(1, status="deadline", method="none")
-        return self._answer(
-            book, schedule, fine, coarse, request, within, solves=len(runs) + (len(runs) == 1)
-        )
+        return self._answer(book, fine, coarse, request, within, solves=len(runs) + (len(runs) == 1))
 
     def _answer(
         self,
         book: Book,
-        schedule: Schedule,
         fine: NodalRun,
         coarse: NodalRun,
         request: Request,
         within: tuple[float, float],
         solves: int,
     ) -> Prices:
-        place, strike, s = np.array([place_of(schedule)]), book.strike, math.exp(place_of(schedule))
+        place, strike, s = np.array([place_of(book)]), book.strike, math.exp(place_of(book))
         own, other = (run.now.derivatives(place)[:, 0] for run in (fine, coarse))
         differences = ERROR_SHARE * np.abs(own - other)
-        ends = np.array([_money(schedule, 0.0, run.ends[0.0])[0] for run in (fine, coarse)])
+        ends = np.array([_money(book, 0.0, run.ends[0.0])[0] for run in (fine, coarse)])
         exercised = bool(fine.now.side(place)[0] > 0)
         columns: dict[str, Any] = {"complete": True}
         if request.greeks != "none":
-            columns = self._derivatives(book, schedule, fine, request, held=not exercised)
-        european = self._european(book, schedule, fine, request)
+            columns = self._derivatives(book, fine, request, held=not exercised)
+        european = self._european(book, fine, request)
         late = not columns["complete"] and request.is_interrupted()
         return priced(
             book,
@@ -199,11 +193,9 @@ class Chapter:
             **columns,
         )
 
-    def _again(
-        self, schedule: Schedule, like: NodalRun, request: Request, *, held: bool = False
-    ) -> NodalRun | None:
+    def _again(self, book: Book, like: NodalRun, request: Request, *, held: bool = False) -> NodalRun | None:
         """Return a run of a contract that differs little on the same grid and in the same steps."""
-        problem = contract_problem(schedule)
+        problem = contract_problem(book)
         if held:
             problem = replace(problem, lower=None)
         solver = SOLVERS[self.lcp_method]
@@ -213,45 +205,42 @@ class Chapter:
             like.resolution,
             self._scheme,
             solver,
-            is_put=schedule.is_put,
+            is_put=book.is_put.item(),
             interrupt=request.interrupt,
         )
 
-    def _european(self, book: Book, schedule: Schedule, fine: NodalRun, request: Request) -> float:
+    def _european(self, book: Book, fine: NodalRun, request: Request) -> float:
         if book.local is None and not (book.drops() != 0.0).any():
             return float(european_columns(book, "none")["value"][0])
-        found = self._again(schedule, fine, request, held=True)
+        found = self._again(book, fine, request, held=True)
         if found is None:
             return math.nan
-        return schedule.strike * max(float(found.now(np.array([place_of(schedule)]))[0]), 0.0)
+        return book.strike.item() * max(float(found.now(np.array([place_of(book)]))[0]), 0.0)
 
-    def _derivatives(
-        self, book: Book, schedule: Schedule, fine: NodalRun, request: Request, *, held: bool
-    ) -> dict[str, Any]:
+    def _derivatives(self, book: Book, fine: NodalRun, request: Request, *, held: bool) -> dict[str, Any]:
         """Return the derivatives by the parameters: differences of the prices of bumped contracts."""
-        extended, local = request.greeks == "extended", schedule.local
+        extended, local = request.greeks == "extended", book.local_terms()
         if not held:
             columns = unchanged(book, extended=extended) | {"complete": True}
             return columns if local is None else columns | {STICKY: -book.sign}
         plan = plan_differences(book, extended=extended)
         value, delta = np.full((2, plan.book.count), math.nan)
         for row in range(plan.book.count):
-            bumped = plan.book.schedule(row)
-            if bumped.spot <= 0.0:
+            bumped = plan.book.part(slice(row, row + 1))
+            if bumped.diffusing().item() <= 0.0:
                 continue
             found = self._again(bumped, fine, request)
             if found is None:
                 break
             x = place_of(bumped)
             at = found.now.derivatives(np.array([x]))[:, 0]
-            value[row], delta[row] = bumped.strike * at[0], at[1] / math.exp(x)
+            value[row], delta[row] = bumped.strike.item() * at[0], at[1] / math.exp(x)
         columns = plan.columns(value, delta) | {"complete": not bool(np.isnan(value).any())}
         if local is None or not columns["complete"]:
             return columns
-        place, sides = np.array([place_of(schedule)]), []
+        place, sides = np.array([place_of(book)]), []
         for by in (SURFACE_STEP, -SURFACE_STEP):
-            terms = replace(local, volatility=local.volatility.moved(math.exp(by)))
-            found = self._again(replace(schedule, local=terms), fine, request)
+            found = self._again(book.with_surfaces_moved(by), fine, request)
             sides.append(math.nan if found is None else float(found.now(place)[0]))
         by_surface = (sides[0] - sides[1]) / (2.0 * SURFACE_STEP)
         own = float(fine.now.derivatives(place)[1, 0]) / math.exp(float(place[0]))
@@ -262,8 +251,9 @@ class Chapter:
         return columns | {"complete": not math.isnan(by_surface)}
 
 
-def _money(schedule: Schedule, t: float, places: tuple[float, float]) -> tuple[float, float]:
+def _money(book: Book, t: float, places: tuple[float, float]) -> tuple[float, float]:
     """Return the quoted spots at places; NaN where there is none."""
-    segment = next((s for s in schedule.segments if t <= s.end), schedule.segments[-1])
-    near, far = quoted(schedule, segment, t, np.array(places)).tolist()
+    segments = book.segments_of()
+    segment = next((s for s in segments if t <= s.end), segments[-1])
+    near, far = quoted(book.strike.item(), segment, t, np.array(places)).tolist()
     return near, far

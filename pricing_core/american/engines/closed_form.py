@@ -185,7 +185,8 @@ def _certain_boundary(book: Book) -> tuple[Vector, Vector]:
     """
     near, far = np.full((2, book.count), math.nan)
     for row in np.flatnonzero(may_exercise(book)).tolist():
-        schedule = book.schedule(row)
-        near[row], far[row] = region_at_expiry(schedule).boundaries(schedule)
+        strike, is_put = book.strike.item(row), book.is_put.item(row)
+        region = region_at_expiry(book.segments_of(row)[-1], is_put=is_put)
+        near[row], far[row] = region.boundaries(strike, is_put=is_put)
     expired = book.expiry == 0.0
     return np.where(expired, book.strike, near), np.where(expired, math.nan, far)

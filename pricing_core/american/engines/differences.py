@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pricing_core.american.book.book import CURVES, Book, Listed, Rows
 from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.ragged import Ragged, starts
-from pricing_core.american.contracts.schedule import SAME_TIME
+from pricing_core.american.book.segments import SAME_TIME
 from pricing_core.arrays import BoolVector, Vector
 
 VOLATILITY_SHARE = 0.005  # Step of a volatility as a share of the contract's smallest one; calibrated.

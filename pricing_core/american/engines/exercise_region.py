@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from pricing_core.american.book.segments import Segment
 from pricing_core.american.contracts.fields import SPOT
-from pricing_core.american.contracts.schedule import Schedule, Segment
 
 LARGEST_EXPONENT = 700.0  # Largest exponent of e that does not overflow.
 
@@ -26,24 +26,24 @@ class ExerciseRegion:
         """Whether x lies in the closed region."""
         return self.lower <= x <= self.upper
 
-    def boundaries(self, schedule: Schedule) -> tuple[float, float]:
+    def boundaries(self, strike: float, *, is_put: bool) -> tuple[float, float]:
         """Return S*, the boundary nearer the strike, and the other one, in money; NaN where there is none."""
         if self.lower > self.upper:
             return math.nan, math.nan
-        ends = (self.upper, self.lower) if schedule.is_put else (self.lower, self.upper)
-        near, far = (schedule.strike * math.exp(min(end, LARGEST_EXPONENT)) for end in ends)
+        ends = (self.upper, self.lower) if is_put else (self.lower, self.upper)
+        near, far = (strike * math.exp(min(end, LARGEST_EXPONENT)) for end in ends)
         return near if near <= SPOT.most else math.nan, far if 0.0 < far <= SPOT.most else math.nan
 
 
 EMPTY_REGION = ExerciseRegion(math.inf, -math.inf)
 
 
-def region_at_expiry(schedule: Schedule) -> ExerciseRegion:
-    """Return the limit of the exercise region just before expiry in ln(S/K), where nothing happens at expiry.
+def region_at_expiry(last: Segment, *, is_put: bool) -> ExerciseRegion:
+    """Return the limit of the exercise region just before expiry in ln(S/K), of a contract with this last segment.
 
-    Where the holder may not exercise all through the last segment, that is wherever the payoff is positive.
+    It is right where nothing happens at expiry. Where the holder may not exercise all through the last segment, it is
+    wherever the payoff is positive.
     """
-    last, is_put = schedule.segments[-1], schedule.is_put
     if last.exercisable:
         return earning_region(last, is_put=is_put)
     return ExerciseRegion(-math.inf, 0.0) if is_put else ExerciseRegion(0.0, math.inf)

@@ -78,7 +78,7 @@ def bounds_of(book: Book) -> PriceBounds:
     """
     segments, sign, K, count = book.segments, book.sign, book.strike, book.count
     lower, european_lower = certain_value(book), certain_value(book.european())
-    start = book.spot - book.escrow_now()
+    start = book.diffusing()
     spot, held = start.copy(), np.where(book.is_put, 0.0, start)
     discount, share, upper = np.ones(count), np.ones(count), np.zeros(count)
     duration, escrow, drops = segments.duration, book.escrow(), book.drops()

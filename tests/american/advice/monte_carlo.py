@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pricing_core.american import Market, Option, exercise_boundary
-from pricing_core.american.contracts.schedule import make_schedule
+from pricing_core.american.book.book import Book
 from pricing_core.arrays import Vector
 
 JUST_AFTER = 1e-9
@@ -36,13 +36,14 @@ def simulate(option: Option, market: Market, paths: int, steps: int, seed: int) 
     Who meets the boundary in a step does so at any time of it, equally likely.
     """
     random, within = np.random.default_rng(seed), np.random.default_rng([seed, 1])
-    schedule = make_schedule(option, market)
-    place = np.full(paths, math.log(schedule.spot))
+    book = Book.of([(option, market)])
+    segments, local = book.segments_of(), book.local_terms()
+    place = np.full(paths, math.log(book.diffusing().item()))
     when = np.full(paths, math.inf)
     alive = np.ones(paths, dtype=bool)
     american = option.exercise == "american"
-    for segment in schedule.segments:
-        last = segment is schedule.segments[-1]
+    for segment in segments:
+        last = segment is segments[-1]
         share = np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, steps + 1)) ** 2
         times = np.minimum(segment.start + segment.duration * share, segment.end)
         asked = times.copy()
@@ -58,7 +59,7 @@ def simulate(option: Option, market: Market, paths: int, steps: int, seed: int) 
             if dt <= 0.0:
                 continue
             half = random.standard_normal(paths // 2)
-            before, volatility = place, _volatility(schedule, segment, 0.5 * (times[i] + times[i + 1]), place)
+            before, volatility = place, _volatility(local, segment, 0.5 * (times[i] + times[i + 1]), place)
             drift = segment.rate - segment.dividend_yield - 0.5 * volatility**2
             place = before + drift * dt + volatility * math.sqrt(dt) * np.concatenate([half, -half])
             chance = random.random(paths)
@@ -79,17 +80,17 @@ def simulate(option: Option, market: Market, paths: int, steps: int, seed: int) 
         spot = np.exp(place) * (1.0 - segment.fraction) - segment.amount
         gone = spot <= 0.0
         place = np.log(np.where(gone, 1e-300, spot))
-    strike = option.strike - schedule.segments[-1].escrow_at(option.expiry)
+    strike = option.strike - segments[-1].escrow_at(option.expiry)
     gains = alive & ((np.exp(place) < strike) if option.is_put else (np.exp(place) > strike))
     return Simulated(when, float(gains.mean()), float((alive & ~gains).mean()))
 
 
-def _volatility(schedule, segment, time: float, place: Vector) -> Vector | float:
+def _volatility(local, segment, time: float, place: Vector) -> Vector | float:
     """Return the volatility of every path in a step, that of the place where it begins."""
-    if schedule.local is None:
+    if local is None:
         return segment.volatility
     nodes = np.linspace(place.min(), place.max(), 4001)  # a linear interpolant is near enough, and fast
-    return np.interp(place, nodes, schedule.local.volatility.at(time, np.exp(nodes)))
+    return np.interp(place, nodes, local.volatility.at(time, np.exp(nodes)))
 
 
 def _take(place: Vector, when: Vector, alive: Vector, low: float, high: float, time: float) -> None:

@@ -16,7 +16,7 @@ from pricing_core.american import (
 )
 from pricing_core.american.advice.density_march import DensityMarch
 from pricing_core.american.advice.region import Span
-from pricing_core.american.contracts.schedule import make_schedule
+from pricing_core.american.book.book import Book
 from tests.american.advice.monte_carlo import simulate
 from tests.problems.needs_kernel import needs_kernel
 
@@ -108,11 +108,11 @@ def test_displaced_diffusion_is_exercised_when_the_flat_option_is(strike, shift)
 def test_cost_of_waiting_is_the_multiplier_under_the_free_density(name):
     """Who does not exercise loses r K - q S (a put) per year as long as exercise is optimal: the premium, to expiry."""
     option, market = CASES[name]
-    schedule = make_schedule(option, market)
-    (segment,), sign = schedule.segments, 1.0 if option.is_put else -1.0
+    book = Book.of([(option, market)])
+    (segment,), sign = book.segments_of(), 1.0 if option.is_put else -1.0
     times = option.expiry * np.sin(0.5 * np.pi * np.linspace(0.0, 1.0, 65)) ** 2
     level = exercise_boundary(option, market, times).boundary / option.strike
-    march, losses = DensityMarch(schedule, 64, 0.0, lambda: None), []
+    march, losses = DensityMarch(book, 64, 0.0, lambda: None), []
     s = march.nodes
     lost = sign * (segment.rate - segment.dividend_yield * s)
     edges = np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])

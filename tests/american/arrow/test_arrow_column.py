@@ -11,8 +11,8 @@ import pytest
 from pricing_core.american import contract_from
 from pricing_core.american.arrow.arrow_column import ArrowColumn
 from pricing_core.american.arrow.price_batch import contract_columns
-from pricing_core.american.book.book import Segments
 from pricing_core.american.book.reading import ReadBook, read_book, read_columns
+from pricing_core.american.book.segments import Segments
 from pricing_core.american.contracts.fields import COLUMN_FIELDS, input_field
 from pricing_core.american.pricing_settings import PricingSettings
 

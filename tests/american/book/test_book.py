@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from pricing_core.american import Market, Option
-from pricing_core.american.book.book import Book, Segments
-from pricing_core.american.contracts.schedule import Schedule, make_schedule
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.segments import Segments
 from pricing_core.errors import InvalidInputError
 from tests.problems.random_events import random_contracts
-from tests.problems.schedules import CONTRACTS
+from tests.problems.schedules import CONTRACTS, terms_of
 
 PLAIN = [
     (Option("put", 100.0, 1.0), Market(90.0, 0.05, 0.2)),
@@ -65,16 +65,25 @@ def test_a_dividend_at_expiry_makes_no_segment_but_is_an_event():
     assert not book.is_plain
 
 
-def test_the_schedules_of_a_book_are_those_of_its_contracts():
+def test_every_contract_of_a_book_is_what_it_is_alone():
     book = Book.of(EVERYTHING)
     for row, contract in enumerate(EVERYTHING):
-        expected, found = make_schedule(*contract), book.schedule(row)
-        assert (found.is_put, found.strike) == (expected.is_put, expected.strike)
-        assert found.spot == pytest.approx(expected.spot, rel=1e-15)
-        assert len(found.segments) == len(expected.segments)
-        for mine, its in zip(found.segments, expected.segments, strict=True):
-            assert replace(mine, escrow=0.0) == replace(its, escrow=0.0)
-            assert mine.escrow == pytest.approx(its.escrow, rel=1e-14)
+        assert terms_of(book, row) == terms_of(Book.of([contract]))
+
+
+def test_the_escrow_of_a_segment_is_the_worth_of_the_dividends_to_come():
+    book = Book.of(EVERYTHING)
+    for row in np.flatnonzero(book.escrowed).tolist():
+        segments = book.segments_of(row)
+        growth = np.append(0.0, np.cumsum([s.rate * s.duration for s in segments]))
+        for k, segment in enumerate(segments):
+            later = zip(segments[k:], growth[k + 1 :], strict=True)
+            worth = math.fsum(s.due * math.exp(growth[k + 1] - grown) for s, grown in later)
+            assert segment.escrow == pytest.approx(worth, rel=1e-14)
+            assert segment.amount == 0.0
+            assert segment.escrow_at(segment.start) == pytest.approx(
+                worth * math.exp(growth[k] - growth[k + 1]), rel=1e-14
+            )
 
 
 def test_what_is_listed_is_what_the_market_lists_whatever_counts():
@@ -148,7 +157,8 @@ def test_an_escrow_is_what_the_dividends_still_due_are_worth():
     assert book.escrow_now() == pytest.approx([now, 0.0], rel=1e-14)
     assert book.drops().tolist() == [0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 3.0, 0.0]
     assert book.segments.due.tolist() == [2.0, 0.0, 3.0, 0.0] * 2
-    assert book.schedule(0).spot == pytest.approx(100.0 - now)
+    assert book.diffusing() == pytest.approx([100.0 - now, 100.0])
+    assert book.diffusing_at(np.array([50.0, 60.0])).spot == pytest.approx([50.0 + now, 60.0])
 
 
 def test_escrowed_dividends_worth_the_spot_are_refused():
@@ -189,8 +199,3 @@ def test_an_empty_book_is_a_book():
     assert book.count == 0
     assert book.payoff().shape == book.escrow_now().shape == book.expiry.shape == (0,)
     assert list(book.by_place()) == []
-
-
-def test_a_schedule_is_a_plain_value():
-    assert isinstance(Book.of(PLAIN).schedule(1), Schedule)
-    assert Book.of(PLAIN).schedule(1) == make_schedule(*PLAIN[1])

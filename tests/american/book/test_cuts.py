@@ -5,7 +5,7 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.ragged import Ragged
 from tests.problems.random_events import random_contracts
-from tests.problems.schedules import CONTRACTS
+from tests.problems.schedules import CONTRACTS, terms_of
 
 CONTRACT = CONTRACTS["put, quarterly dividends"]
 
@@ -42,7 +42,7 @@ def test_every_contract_has_its_own_cuts():
     assert np.diff(found.first).tolist() == [4, 5, 4]
     for row, cuts in enumerate([(0.25, 0.75), (), (0.1,)]):
         alone = with_cuts(book.take(np.array([row])), Ragged.of([cuts]))
-        assert found.schedule(row) == alone.schedule(0)
+        assert terms_of(found, row) == terms_of(alone)
 
 
 def test_a_cut_contract_is_the_same_contract():
@@ -56,7 +56,7 @@ def test_a_cut_contract_is_the_same_contract():
     assert found.expiry.tolist() == book.expiry.tolist()
     np.testing.assert_allclose(found.escrow_now(), book.escrow_now(), rtol=1e-13)
     for row in range(book.count):
-        whole, parts = book.schedule(row).segments, found.schedule(row).segments
+        whole, parts = book.segments_of(row), found.segments_of(row)
         assert {s.end for s in whole} <= {s.end for s in parts}
         for part in parts:
             owner = next(s for s in whole if part.end <= s.end)

@@ -6,10 +6,11 @@ import pytest
 from pricing_core.american import contract_from
 from pricing_core.american.book import reading
 from pricing_core.american.book.array_column import ArrayColumn
-from pricing_core.american.book.book import Book, Segments
+from pricing_core.american.book.book import Book
 from pricing_core.american.book.columns import as_objects
 from pricing_core.american.book.dividend_rows import read_dividend_rows
 from pricing_core.american.book.reading import checked_contract, read_book
+from pricing_core.american.book.segments import Segments
 from pricing_core.american.contracts.fields import CASH_DIVIDENDS
 
 ROW = {"option_type": "put", "spot": 95.0, "strike": 100.0, "expiry": 1.0, "rate": 0.05, "volatility": 0.25}

@@ -10,8 +10,8 @@ import pytest
 from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, price
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.reading import ReadBook, read_book
-from pricing_core.american.contracts.schedule import make_schedule
 from pricing_core.errors import InvalidInputError
+from tests.problems.schedules import terms_of
 
 ROW = {
     "option_type": "put",
@@ -60,9 +60,14 @@ def assert_only_the_middle_row_is_missing(read: ReadBook) -> None:
         assert np.isfinite(numbers(read, name)).all()
 
 
-def schedules(read: ReadBook) -> dict[int, object]:
+def contracts_of(read: ReadBook) -> dict[int, object]:
     """Return the contracts that were read, by row of the table."""
-    return {row: read.book.schedule(place) for place, row in enumerate(read.rows.tolist())}
+    return {row: terms_of(read.book, place) for place, row in enumerate(read.rows.tolist())}
+
+
+def expected_of(contracts: dict[int, tuple[Option, Market]]) -> dict[int, object]:
+    """Return the same of contracts that were made one by one."""
+    return {row: terms_of(Book.of([contract])) for row, contract in contracts.items()}
 
 
 BAD_CELLS = [
@@ -186,8 +191,8 @@ def test_scalars_are_repeated_and_defaults_filled_in():
     assert numbers(read, "dividend_yield").tolist() == [0.0, 0.0]
     assert read.tolerance.tolist() == [1e-4, 1e-4]
     option = Option("call", 100.0, 1.0)
-    expected = {row: make_schedule(option, Market(spot, 0.05, 0.2)) for row, spot in enumerate((90.0, 100.0))}
-    assert schedules(read) == expected
+    contracts = {row: (option, Market(spot, 0.05, 0.2)) for row, spot in enumerate((90.0, 100.0))}
+    assert contracts_of(read) == expected_of(contracts)
 
 
 def test_a_column_of_texts_and_numbers_of_many_types_is_read():
@@ -287,7 +292,7 @@ THREE = {**ROW, "spot": [90.0, 100.0, 110.0]}
 
 
 def assert_same_contracts(read: ReadBook, other: ReadBook) -> None:
-    assert schedules(read) == schedules(other)
+    assert contracts_of(read) == contracts_of(other)
     np.testing.assert_array_equal(numbers(read, "tolerance"), numbers(other, "tolerance"))
 
 
@@ -368,7 +373,7 @@ def test_rows_with_and_without_events_stand_in_one_book():
         3: (Option("put", 90.0, 1.0), Market(100.0, 0.05, 0.2, 0.02, (CashDividend(0.5, 1.0),))),
         4: (Option("put", 90.0, 1.0), market),
     }
-    assert schedules(read) == {row: make_schedule(*contract) for row, contract in contracts.items()}
+    assert contracts_of(read) == expected_of(contracts)
     assert numbers(read, "tolerance").tolist() == [1e-3, 1e-3, 1e-4, 1e-3, 1e-5]
     listed = Book.of([contracts[row] for row in read.rows.tolist()]).listed
     for name in ("cash_dividends", "rate", "dividend_yield", "volatility"):
@@ -383,10 +388,8 @@ def test_one_list_of_dividends_serves_all_rows(dividends):
     read = read_book({**THREE, "cash_dividends": dividends}, 1e-6)
     market = Market(100.0, 0.05, 0.2, 0.02, (CashDividend(0.5, 1.0),))
     option = Option("put", 90.0, 1.0)
-    expected = {
-        row: make_schedule(option, replace(market, spot=spot)) for row, spot in enumerate(THREE["spot"])
-    }
-    assert schedules(read) == expected
+    contracts = {row: (option, replace(market, spot=spot)) for row, spot in enumerate(THREE["spot"])}
+    assert contracts_of(read) == expected_of(contracts)
 
 
 @pytest.mark.parametrize("times", [[0.5, 0.25, 1.0], (0.25, 0.5, 1.0), np.array([0.25, 0.5, 1.0])])

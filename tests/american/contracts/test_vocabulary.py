@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pricing_core.american import CashDividend, Market, Option, PiecewiseConstant, ProportionalDividend
-from pricing_core.american.contracts.schedule import make_schedule
+from pricing_core.american.book.book import Book
 from pricing_core.american.contracts.vocabulary import NAMES, OPTIONAL, contract_from
 from pricing_core.errors import InvalidInputError
 
@@ -121,7 +121,7 @@ def test_a_dividend_before_the_valuation_has_gone_already():
 
 def test_a_dividend_of_the_far_future_is_after_expiry_and_no_fault():
     _, market = contract_from({**DATED, "cash_dividends": [{"ex_date": "9999-01-01", "amount": 1.0}]})
-    assert len(make_schedule(Option("put", 100.0, 1.0), market).segments) == 1
+    assert Book.of([(Option("put", 100.0, 1.0), market)]).is_simple
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pricing_core.american import Market, Option
-from pricing_core.american.contracts.schedule import make_schedule
+from pricing_core.american.book.book import Book
 from pricing_core.american.engines.exercise_region import (
     EMPTY_REGION,
     ExerciseRegion,
@@ -12,13 +12,10 @@ from pricing_core.american.engines.exercise_region import (
     region_at_expiry,
 )
 
-PUT = make_schedule(Option("put", 100.0, 1.0), Market(100.0, 0.05, 0.2))
-CALL = make_schedule(Option("call", 100.0, 1.0), Market(100.0, 0.05, 0.2))
-
 
 def limits(option, market):
-    schedule = make_schedule(option, market)
-    return region_at_expiry(schedule).boundaries(schedule)
+    last = Book.of([(option, market)]).segments_of()[-1]
+    return region_at_expiry(last, is_put=option.is_put).boundaries(option.strike, is_put=option.is_put)
 
 
 @pytest.mark.parametrize(
@@ -67,9 +64,8 @@ def test_where_exercise_earns_is_where_the_payoff_grows_faster_than_interest(opt
     """r K - q S for a put, the negative for a call, at spots where the payoff is positive."""
     rng = np.random.default_rng(1)
     for rate, dividend_yield in rng.uniform(-0.1, 0.1, (200, 2)).tolist():
-        segment = make_schedule(
-            Option(option_type, 1.0, 1.0), Market(1.0, rate, 0.2, dividend_yield)
-        ).segments[0]
+        contract = Option(option_type, 1.0, 1.0), Market(1.0, rate, 0.2, dividend_yield)
+        (segment,) = Book.of([contract]).segments_of()
         region = earning_region(segment, is_put=option_type == "put")
         s = np.exp(rng.uniform(-3.0, 3.0, 50))
         sign = 1.0 if option_type == "put" else -1.0
@@ -85,13 +81,13 @@ def test_an_interval_holds_its_ends():
 
 def test_the_end_nearer_the_strike_comes_first():
     region = ExerciseRegion(math.log(0.5), math.log(0.8))
-    assert region.boundaries(PUT) == pytest.approx((80.0, 50.0))
-    assert region.boundaries(CALL) == pytest.approx((50.0, 80.0))
-    assert EMPTY_REGION.boundaries(PUT) == pytest.approx((math.nan, math.nan), nan_ok=True)
+    assert region.boundaries(100.0, is_put=True) == pytest.approx((80.0, 50.0))
+    assert region.boundaries(100.0, is_put=False) == pytest.approx((50.0, 80.0))
+    assert EMPTY_REGION.boundaries(100.0, is_put=True) == pytest.approx((math.nan, math.nan), nan_ok=True)
 
 
 @pytest.mark.parametrize("largest", [math.inf, 650.0])
 def test_a_boundary_beyond_all_money_is_none(largest):
     """Spots above 1e30 are not priced, and e to more than 709 would overflow."""
-    assert math.isnan(ExerciseRegion(0.0, largest).boundaries(CALL)[1])
-    assert math.isnan(ExerciseRegion(largest, math.inf).boundaries(CALL)[0])
+    assert math.isnan(ExerciseRegion(0.0, largest).boundaries(100.0, is_put=False)[1])
+    assert math.isnan(ExerciseRegion(largest, math.inf).boundaries(100.0, is_put=False)[0])

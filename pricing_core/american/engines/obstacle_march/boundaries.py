@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core.american.book.book import Book
+from pricing_core.american.book.segments import Segment
 from pricing_core.american.contracts.fields import SPOT
-from pricing_core.american.contracts.schedule import Schedule, Segment
 from pricing_core.american.engines.engine import Boundaries, Request
-from pricing_core.american.engines.exercise_region import earning_region, region_at_expiry
+from pricing_core.american.engines.exercise_region import ExerciseRegion, earning_region, region_at_expiry
 from pricing_core.arrays import Matrix, Vector
 
 POINTS = 4  # of the polynomials in the root of time through a boundary at the ends of steps
@@ -57,21 +57,30 @@ class Ends:
         )
 
 
-def first_places(schedule: Schedule) -> tuple[float, ...]:
+def first_places(book: Book) -> tuple[float, ...]:
     """Return the places to look at for boundaries: the strike, and where the boundary begins before expiry."""
-    for segment in reversed(schedule.segments):
+    strike, is_put = book.strike.item(), book.is_put.item()
+    for segment in reversed(book.segments_of()):
         if segment.exercisable:
-            near, _ = earning_region(segment, is_put=schedule.is_put).boundaries(schedule)
-            if not math.isnan(near) and near / schedule.strike > 0.0 and near != schedule.strike:
-                return 0.0, math.log(near / schedule.strike)
+            near, _ = earning_region(segment, is_put=is_put).boundaries(strike, is_put=is_put)
+            if not math.isnan(near) and near / strike > 0.0 and near != strike:
+                return 0.0, math.log(near / strike)
     return (0.0,)
 
 
-def far_place(schedule: Schedule) -> float:
+def _far_place(book: Book) -> float:
     """Return where the end further from the strike begins before expiry, in x; NaN where there is none."""
-    region = region_at_expiry(schedule)
-    far = region.lower if schedule.is_put else region.upper
+    is_put = book.is_put.item()
+    region = region_at_expiry(book.segments_of()[-1], is_put=is_put)
+    far = region.lower if is_put else region.upper
     return far if region.lower <= region.upper and math.isfinite(far) else math.nan
+
+
+def limit_at_expiry(book: Book) -> ExerciseRegion | None:
+    """Return the limit of the exercise region of one contract before expiry; None where a dividend is paid then."""
+    last = book.segments_of()[-1]
+    pays = last.due > 0.0 or last.fraction > 0.0
+    return None if pays else region_at_expiry(last, is_put=book.is_put.item())
 
 
 @dataclass(slots=True, eq=False)
@@ -101,31 +110,28 @@ class BoundariesOf:
             return self._at(times)
 
     def _at(self, times: Vector) -> Boundaries:
-        schedule = self.book.schedule(0)
         nothing = np.full(times.size, math.nan)
         best, is_solved = Ends(nothing, nothing, nothing), False
-        places = first_places(schedule)
-        for place in (*places, far_place(schedule)):
+        places = first_places(self.book)
+        for place in (*places, _far_place(self.book)):
             ends = best.near if place in places else best.far
             if math.isnan(place) or not np.isnan(ends).any():
                 continue
             traces = self._traces(place)
             if traces is not None:
                 best, is_solved = best.completed_by(traces.at(times)), True
-        last = schedule.segments[-1]
-        at_expiry = times >= last.end
-        if at_expiry.any() and not (last.due > 0.0 or last.fraction > 0.0):
-            near, far = region_at_expiry(schedule).boundaries(schedule)
+        at_expiry, limit = times >= self.book.expiry, limit_at_expiry(self.book)
+        if limit is not None and at_expiry.any():
+            near, far = limit.boundaries(self.book.strike.item(), is_put=self.book.is_put.item())
             best.near[at_expiry], best.far[at_expiry], best.error[at_expiry] = near, far, 0.0
         return Boundaries(best.near, best.far, best.error, np.full(times.size, is_solved))
 
     def _traces(self, place: float) -> Traces | None:
         """Return the boundaries of the solve around a place, ln(S/K) of the spot that diffuses."""
         if place not in self._found:
-            spot = self.book.strike * math.exp(place) + self.book.escrow_now()
             tolerance = np.maximum(BOUNDARY_SHARE * self.request.tolerance, LEAST_TOLERANCE)
             own = replace(self.request, tolerance=tolerance, greeks="none")
-            self._found[place] = self.solved(replace(self.book, spot=spot), own)
+            self._found[place] = self.solved(self.book.diffusing_at(self.book.strike * math.exp(place)), own)
         return self._found[place]
 
 
@@ -135,12 +141,13 @@ class Traces:
 
     Parameters
     ----------
-    schedule : Schedule
+    book : Book
+        The contract alone.
     fine, coarse : tuple of Piece, in the order of time
         Without any where no such grid was finished.
     """
 
-    schedule: Schedule
+    book: Book
     fine: tuple[Piece, ...]
     coarse: tuple[Piece, ...]
 
@@ -170,8 +177,8 @@ class Traces:
         found = np.full((times.size, 3), math.nan)
         for piece, rows in _by_end(pieces, times):
             found[rows] = piece.at(times[rows])
-        for segment, rows in _by_end(self.schedule.segments, times):
-            found[rows, :2] = quoted(self.schedule, segment, times[rows, None], found[rows, :2])
+        for segment, rows in _by_end(self.book.segments_of(), times):
+            found[rows, :2] = quoted(self.book.strike.item(), segment, times[rows, None], found[rows, :2])
         found[:, 2] *= found[:, 0]
         return found
 
@@ -210,7 +217,7 @@ class Piece:
     @classmethod
     def of(
         cls,
-        schedule: Schedule,
+        book: Book,
         span: tuple[float, float],
         times: Vector,
         known: Matrix,
@@ -222,11 +229,9 @@ class Piece:
         same boundaries.
         """
         start, end = span
-        last = schedule.segments[-1]
-        at_end = (held[0], held[1], held[2])
-        if end >= last.end and not (last.due > 0.0 or last.fraction > 0.0):
-            region = region_at_expiry(schedule)
-            at_end = (*ends_of(schedule, region.lower, region.upper), 0.0)
+        at_end, limit = (held[0], held[1], held[2]), limit_at_expiry(book)
+        if limit is not None and end >= book.expiry.item():
+            at_end = (*ends_of(limit.lower, limit.upper, is_put=book.is_put.item()), 0.0)
         # Where the boundary stays at a node the last time is nearest to when it leaves it.
         stays = (known[:-1, 2] > 0.0) & (known[:-1, 0] == known[1:, 0])
         moves = np.append(~stays, True)[: times.size]
@@ -275,17 +280,17 @@ def _interpolated(roots: Matrix, known: Matrix, at: Vector) -> Vector:
     return np.where(np.isfinite(known).all(axis=1), found, known[np.arange(at.size), nearest])
 
 
-def ends_of(schedule: Schedule, lower: float, upper: float) -> tuple[float, float]:
+def ends_of(lower: float, upper: float, *, is_put: bool) -> tuple[float, float]:
     """Return the end nearer the strike and the other one of an interval of places; NaN without one."""
     if lower > upper:
         return math.nan, math.nan
-    near, far = (upper, lower) if schedule.is_put else (lower, upper)
+    near, far = (upper, lower) if is_put else (lower, upper)
     return near if math.isfinite(near) else math.nan, far if math.isfinite(far) else math.nan
 
 
-def quoted(schedule: Schedule, segment: Segment, times: Matrix | float, places: Matrix | float) -> Matrix:
+def quoted(strike: float, segment: Segment, times: Matrix | float, places: Matrix | float) -> Matrix:
     """Return the quoted spots at places and times of a segment, money; NaN where there is none."""
     years = np.maximum(segment.end - times, 0.0)
     with np.errstate(over="ignore", invalid="ignore"):
-        spot = schedule.strike * np.exp(places) + segment.escrow * np.exp(-segment.rate * years)
+        spot = strike * np.exp(places) + segment.escrow * np.exp(-segment.rate * years)
         return np.where((spot > 0.0) & (spot <= SPOT.most), spot, math.nan)

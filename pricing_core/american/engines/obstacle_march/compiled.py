@@ -50,7 +50,7 @@ class CompiledMarch:
         """Tell contracts that diffuse in every segment, not too far for the grids."""
         if kernel.march_segments is None:
             return np.zeros(book.count, dtype=bool)
-        segments, spot = book.segments, book.spot - book.escrow_now()
+        segments, spot = book.segments, book.diffusing()
         variance = segments.volatility**2 * segments.duration
         served = (book.expiry > 0.0) & (book.deviation() <= LARGEST_DEVIATION)
         diffuses = (variance > 0.0) & (segments.volatility >= least_volatility(book))
@@ -120,24 +120,21 @@ class CompiledMarch:
             if request.is_interrupted():
                 raise NumericalError("the interrupt came before the boundary was found")
             return None
-        schedule = book.schedule(0)
 
         def pieces(ends: Matrix) -> tuple[Piece, ...]:
             """Return the boundaries of one grid; what is just before a segment's end comes first of it."""
             made = []
-            for k, segment in enumerate(schedule.segments if ends.size else ()):
+            for k, segment in enumerate(book.segments_of() if ends.size else ()):
                 held, *steps = ends[ends[:, 0] == k]
                 known = np.array(steps)[:, 1:] if segment.exercisable else np.zeros((0, 4))
                 span = segment.start, segment.end
                 made.append(
-                    Piece.of(
-                        schedule, span, segment.end - known[:, 0], known[:, 1:], tuple(held[2:].tolist())
-                    )
+                    Piece.of(book, span, segment.end - known[:, 0], known[:, 1:], tuple(held[2:].tolist()))
                 )
             return tuple(made)
 
         coarse, fine = map(pieces, found.ends(0))
-        return Traces(schedule, fine, coarse)
+        return Traces(book, fine, coarse)
 
 
 def least_volatility(book: Book) -> Vector:
@@ -157,7 +154,7 @@ def least_volatility(book: Book) -> Vector:
 def leaves_out_the_strike(book: Book) -> BoolVector:
     """Tell contracts that may be exercised now and whose grids may reach neither the strike nor a boundary near it."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        away = np.abs(np.log((book.spot - book.escrow_now()) / book.strike))
+        away = np.abs(np.log(book.diffusing() / book.strike))
     far: BoolVector = book.first_segments().exercisable & (away > FURTHEST * book.deviation())
     return far
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from pricing_core.american.contracts.schedule import Schedule
+from pricing_core.american.book.book import Book
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.obstacle_march.boundaries import (
     SHARE,
@@ -30,82 +29,83 @@ GAP = 2.0  # Cells between two contact sets, or one and an end of the interval, 
 ELSEWHERE = 1e-4
 
 
-def coefficient_jumps(schedule: Schedule) -> tuple[float, ...]:
+def coefficient_jumps(book: Book) -> tuple[float, ...]:
     """Return the ends of segments at which a curve jumps: from there on a boundary goes as the root of time."""
-    segments = schedule.segments
     names = ("rate", "dividend_yield", "volatility", "exercisable")
     return tuple(
         before.end
-        for before, after in pairwise(segments)
+        for before, after in pairwise(book.segments_of())
         if any(getattr(before, name) != getattr(after, name) for name in names)
     )
 
 
-def traces_of(schedule: Schedule, found: ObstacleSolution) -> Traces:
+def traces_of(book: Book, found: ObstacleSolution) -> Traces:
     """Trace the boundaries of a solution whose problem has segments that end where coefficients jump."""
-    fine, coarse = (_pieces(schedule, march) for march in (found.march, found.coarse))
-    return Traces(schedule, fine, coarse)
+    fine, coarse = (_pieces(book, march) for march in (found.march, found.coarse))
+    return Traces(book, fine, coarse)
 
 
-def boundary_now(schedule: Schedule, found: ObstacleSolution, request: Request) -> tuple[float, float]:
+def boundary_now(book: Book, found: ObstacleSolution, request: Request) -> tuple[float, float]:
     """Return the exercise boundary now, of two the one nearer the strike, and its error, money; NaN without one."""
-    if not schedule.segments[0].exercisable or found.march is None:
+    if not book.segments.exercisable.item(0) or found.march is None:
         return math.nan, math.nan
-    near, error = _near_now(schedule, found)
+    near, error = _near_now(book, found)
     left, right = found.march.grid.x[[0, -1]].tolist()
-    for place in first_places(schedule):
+    for place in first_places(book):
         if math.isnan(near) and not left < place < right and not request.is_interrupted():
-            there = replace(schedule, spot=schedule.strike * math.exp(place))
+            there = book.diffusing_at(book.strike * math.exp(place))
             other = solve(contract_problem(there), place, ELSEWHERE, interrupt=request.interrupt)
-            near, error = _near_now(schedule, other)
+            near, error = _near_now(book, other)
     return near, error
 
 
-def _near_now(schedule: Schedule, found: ObstacleSolution) -> tuple[float, float]:
+def _near_now(book: Book, found: ObstacleSolution) -> tuple[float, float]:
     near, error = math.nan, math.nan
+    strike, is_put, (now, *_) = book.strike.item(), book.is_put.item(), book.segments_of()
     for march in (found.coarse, found.march):
         if march is not None:
-            before, (place, _, unseen) = near, _ends(schedule, march, march.now.contacts[0])
-            near = quoted(schedule, schedule.segments[0], 0.0, place).item()
+            before, (place, _, unseen) = near, _ends(march, march.now.contacts[0], is_put=is_put)
+            near = quoted(strike, now, 0.0, place).item()
             error = SHARE * abs(near - before) + UNSEEN_SHARE * unseen * near
     return near, error
 
 
-def _pieces(schedule: Schedule, march: March | None) -> tuple[Piece, ...]:
+def _pieces(book: Book, march: March | None) -> tuple[Piece, ...]:
     """Return the boundaries between the ends of segments, in the order of time."""
     if march is None:
         return ()
     later = [None, *march.parts[:-1]]
-    return tuple(_piece(schedule, march, *pair) for pair in zip(march.parts, later, strict=True))[::-1]
+    return tuple(_piece(book, march, *pair) for pair in zip(march.parts, later, strict=True))[::-1]
 
 
-def _piece(schedule: Schedule, march: March, part: SegmentMarch, later: SegmentMarch | None) -> Piece:
+def _piece(book: Book, march: March, part: SegmentMarch, later: SegmentMarch | None) -> Piece:
+    is_put, segments = book.is_put.item(), book.segments_of()
     obstacle, start, end = march.problem.lower, part.segment.start, part.segment.end
     times, known = np.zeros(0), np.zeros((0, 3))
     if part.segment.acting[0] is not None:
         instants = part.instants[1:]
         times = np.array([instant.t for instant in instants])
-        known = np.array([_ends(schedule, march, march.profile(one).contacts[0]) for one in instants])
+        known = np.array([_ends(march, march.profile(one).contacts[0], is_put=is_put) for one in instants])
     # Rounding may hold a value of 0, which is not exercised.
-    segment = next((one for one in schedule.segments if end <= one.end), schedule.segments[-1])
-    kink = math.log(max(1.0 - segment.escrow_at(end) / schedule.strike, GONE))
+    segment = next((one for one in segments if end <= one.end), segments[-1])
+    kink = math.log(max(1.0 - segment.escrow_at(end) / book.strike.item(), GONE))
     held = () if obstacle is None else held_before(part, obstacle, 1.0)
-    pays = [pair for pair in held if (pair[0] < kink if schedule.is_put else pair[1] > kink)]
-    at_end = (*_two(schedule, tuple(pays)), 0.0)
+    pays = [pair for pair in held if (pair[0] < kink if is_put else pair[1] > kink)]
+    at_end = (*_two(tuple(pays), is_put=is_put), 0.0)
     if not pays and later is not None and segment.due == 0.0 and segment.fraction == 0.0:
-        at_end = _ends(schedule, march, later.first.contacts[0])  # the value goes on as it is
-    return Piece.of(schedule, (start, end), times, known, at_end)
+        at_end = _ends(march, later.first.contacts[0], is_put=is_put)  # the value goes on as it is
+    return Piece.of(book, (start, end), times, known, at_end)
 
 
-def _ends(schedule: Schedule, march: March, contacts: Intervals) -> tuple[float, float, float]:
+def _ends(march: March, contacts: Intervals, *, is_put: bool) -> tuple[float, float, float]:
     """Return the ends of a contact set, in x, and how far the one nearer the strike may move unseen.
 
     This is a cell where it is at a node, as where a step is too short for the grid.
     """
-    near, far = _two(schedule, _places(march, contacts))
+    near, far = _two(_places(march, contacts), is_put=is_put)
     if math.isnan(near):
         return near, far, 0.0
-    index = (max(contacts)[1] if schedule.is_put else min(contacts)[0]) // 1.0
+    index = (max(contacts)[1] if is_put else min(contacts)[0]) // 1.0
     left, right = march.grid.place(np.array([index, index + 1.0])).tolist()
     return near, far, right - left if near == left else 0.0
 
@@ -134,8 +134,8 @@ def _place(march: March, edge: float) -> float:
     return edge if math.isinf(edge) else float(march.grid.place(np.array([edge]))[0])
 
 
-def _two(schedule: Schedule, intervals: Intervals) -> tuple[float, float]:
+def _two(intervals: Intervals, *, is_put: bool) -> tuple[float, float]:
     """Return the end nearer the strike and the other one of the contact set next to the strike; NaN without one."""
     if not intervals:
         return math.nan, math.nan
-    return ends_of(schedule, *(max(intervals) if schedule.is_put else min(intervals)))
+    return ends_of(*(max(intervals) if is_put else min(intervals)), is_put=is_put)

@@ -11,14 +11,18 @@ from bisect import bisect_right
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
-from pricing_core.american.contracts.schedule import LocalTerms, Schedule, Segment
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.segments import LocalTerms, Segment
 from pricing_core.arrays import Matrix, Vector
 from pricing_core.obstacle import Diffusion, Event, Obstacle, ObstacleProblem
 from pricing_core.obstacle.functions import Given
 from pricing_core.obstacle.settings import WIDTH
+
+Life: TypeAlias = tuple[Segment, ...]  # the segments of a contract in the order of time
 
 # Smallest volatility of the problem, per sqrt(year), as a share of the largest one: the equation wants one above 0.
 # What it adds to a price is of the size of its square.
@@ -31,15 +35,13 @@ TABLES = 8  # Number of grids whose local volatilities are remembered.
 BELOW_DIVIDENDS = 3.0
 
 
-def place_of(schedule: Schedule) -> float:
-    """Return x now."""
-    return math.log(schedule.spot) - math.log(schedule.strike)
+def place_of(book: Book) -> float:
+    """Return x of a book of one contract now."""
+    return math.log(book.diffusing().item()) - math.log(book.strike.item())
 
 
-def contract_problem(
-    schedule: Schedule, dividends: Collection[float] = (), *, cut: bool = False
-) -> ObstacleProblem:
-    """Return the problem of a contract with time to expiry and a spot above 0.
+def contract_problem(book: Book, dividends: Collection[float] = (), *, cut: bool = False) -> ObstacleProblem:
+    """Return the problem of a book of one contract, with time to expiry and a spot above 0.
 
     Contracts whose segments are cut alike have problems whose segments are, so that they may be neighbours
     (`pricing_core.obstacle.direction.Neighbours`).
@@ -51,26 +53,25 @@ def contract_problem(
     cut : bool
         Whether steps end at the end of every segment, for neighbours whose coefficients jump there.
     """
-    segments = schedule.segments
-    volatility = _volatility(schedule)
+    segments, local = book.segments_of(), book.local_terms()
+    is_put, strike = book.is_put.item(), book.strike.item()
+    volatility = _volatility(segments, local, strike)
     carry = _steps([segment.rate - segment.dividend_yield for segment in segments], segments)
     return ObstacleProblem(
         Diffusion(
             volatility,
             _drift(carry, volatility),
             _steps([segment.rate for segment in segments], segments),
-            breaks=_breaks(schedule, cut=cut),
+            breaks=_breaks(segments, local, cut=cut),
         ),
-        _payoff(schedule.is_put),
+        _payoff(is_put),
         segments[-1].end,
-        lower=_obstacle(schedule),
+        lower=_obstacle(segments, strike, is_put=is_put),
         events=[
-            event
-            for segment in segments
-            for event in _events(segment, schedule.strike, segment.end in dividends)
+            event for segment in segments for event in _events(segment, strike, segment.end in dividends)
         ],
-        interval=(_left_end(schedule), None),
-        ends=("exponential", "linear" if schedule.is_put else "exponential"),  # a put tends to 0
+        interval=(_left_end(segments, local, strike, book.diffusing().item() / strike), None),
+        ends=("exponential", "linear" if is_put else "exponential"),  # a put tends to 0
     )
 
 
@@ -97,7 +98,7 @@ class Steps:
         return np.full(x.shape, self.at(t))
 
 
-def _steps(numbers: list[float], segments: tuple[Segment, ...]) -> float | Steps:
+def _steps(numbers: list[float], segments: Life) -> float | Steps:
     """Return numbers of segments as a function, or as a number where they are all the same."""
     if len(set(numbers)) == 1:
         return numbers[0]
@@ -108,9 +109,8 @@ def _at(number: float | Steps, t: float) -> float:
     return number.at(t) if isinstance(number, Steps) else number
 
 
-def _breaks(schedule: Schedule, *, cut: bool) -> list[float]:
+def _breaks(segments: Life, local: LocalTerms | None, *, cut: bool) -> list[float]:
     """Return the times at which coefficients jump, and those at which a local volatility is not smooth."""
-    segments, local = schedule.segments, schedule.local
     found = {a.end for a, b in pairwise(segments) if cut or _changes(a, b)}
     if local is not None:
         inside = [t for t in local.volatility.times.tolist() if 0.0 < t < segments[-1].end]
@@ -123,15 +123,16 @@ def _changes(before: Segment, after: Segment) -> bool:
     return any(getattr(before, name) != getattr(after, name) for name in names)
 
 
-def _volatility(schedule: Schedule) -> float | Steps | SurfaceInTime | SurfaceNow:
+def _volatility(
+    segments: Life, local: LocalTerms | None, strike: float
+) -> float | Steps | SurfaceInTime | SurfaceNow:
     """Return the volatility as a number or a function, above 0."""
-    segments, local = schedule.segments, schedule.local
     numbers = [segment.volatility for segment in segments]
     if local is None:
         least = LEAST_VOLATILITY * max(numbers)
         return _steps([max(number, least) for number in numbers], segments)
     shift = _steps([number - local.reference for number in numbers], segments)
-    surface = Surface(local, schedule.strike, shift)
+    surface = Surface(local, strike, shift)
     return (
         SurfaceNow(surface)
         if local.volatility.is_steady and not isinstance(shift, Steps)
@@ -229,9 +230,9 @@ def _payoff(is_put: bool) -> Obstacle:
     return Obstacle(lambda x: np.maximum(np.expm1(x), 0.0), kinks=[0.0])
 
 
-def _obstacle(schedule: Schedule) -> Obstacle | None:
+def _obstacle(segments: Life, strike: float, *, is_put: bool) -> Obstacle | None:
     """Return what exercise brings and when it is allowed; None where it never is."""
-    segments, sign = schedule.segments, 1.0 if schedule.is_put else -1.0
+    sign = 1.0 if is_put else -1.0
     allowed = [segment for segment in segments if segment.exercisable]
     start, end = (allowed[0].start, allowed[-1].end) if allowed else (math.inf, -math.inf)
     dates = [s.end for s in segments if s.exercise_at_end and not start <= s.end <= end]
@@ -241,9 +242,9 @@ def _obstacle(schedule: Schedule) -> Obstacle | None:
     always = len(allowed) == len(segments)
     at = None if always or not dates else dates
     if not any(segment.escrow > 0.0 for segment in segments):
-        own = _payoff(schedule.is_put)
+        own = _payoff(is_put)
         return Obstacle(own.value, own.kinks, during=window, at=at)
-    escrow = Escrow.of(schedule)
+    escrow = Escrow.of(segments, strike)
 
     def value(x: Vector, t: float) -> Vector:
         return np.maximum(-sign * (np.expm1(x) + escrow.at(t)), 0.0)
@@ -270,11 +271,9 @@ class Escrow:
     rates: tuple[float, ...]
 
     @classmethod
-    def of(cls, schedule: Schedule) -> Escrow:
-        """Return the escrow of a schedule."""
-        ends, values, rates = zip(
-            *((s.end, s.escrow / schedule.strike, s.rate) for s in schedule.segments), strict=True
-        )
+    def of(cls, segments: Life, strike: float) -> Escrow:
+        """Return the escrow of a contract."""
+        ends, values, rates = zip(*((s.end, s.escrow / strike, s.rate) for s in segments), strict=True)
         return cls(ends, values, rates)
 
     def at(self, t: float) -> float:
@@ -298,18 +297,16 @@ def _ruin(segment: Segment) -> Event:
     return Event(segment.end, lambda x: np.full(x.shape, math.log(GONE)))
 
 
-def _left_end(schedule: Schedule) -> float | None:
+def _left_end(segments: Life, own: LocalTerms | None, strike: float, spot: float) -> float | None:
     """Return the left end of the interval where dividends may use the spot up; None where they do not.
 
     There the place falls without bound, so that the interval cannot be chosen by how far it comes.
     """
-    segments, strike = schedule.segments, schedule.strike
     amounts = [segment.amount / strike for segment in segments if segment.amount > 0.0]
     if not amounts:
         return None
-    own = schedule.local
     most = max(s.volatility for s in segments) if own is None else float(own.volatility.values.max())
-    deviation, spot, variance = 0.0, schedule.spot / strike, 0.0
+    variance = 0.0
     lowest = math.log(spot)
     for segment in segments:
         volatility = segment.volatility if own is None else most

@@ -16,7 +16,6 @@ import numpy as np
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.prices import error_of
 from pricing_core.american.book.ragged import Ragged
-from pricing_core.american.contracts.schedule import LocalTerms, Schedule
 from pricing_core.american.engines.differences import (
     DIVIDENDS,
     STICKY,
@@ -47,14 +46,12 @@ AROUND = np.array([-0.7, 0.0, 0.7])
 BY_PLACE, BY_TIME, BY_PARAMETER, BY_PARAMETERS = 1.0, 2.0, 2.5, 4.0
 
 
-def by_place_and_time(
-    book: Book, schedule: Schedule, found: ObstacleSolution, *, extended: bool
-) -> dict[str, Any]:
+def by_place_and_time(book: Book, found: ObstacleSolution, *, extended: bool) -> dict[str, Any]:
     """Return delta, gamma, theta and charm of a contract that is held, with their errors, as columns of money."""
     fine, coarse = found.march, found.coarse
     assert fine is not None
     assert coarse is not None
-    place, strike = place_of(schedule), schedule.strike
+    place, strike = place_of(book), book.strike.item()
     x, s = np.array([place]), math.exp(place)
     around = np.clip(
         x + AROUND * coarse.grid.map.size / coarse.grid.refined, *coarse.grid.x[[0, -1]].tolist()
@@ -75,7 +72,7 @@ def by_place_and_time(
     bend_error = (discount * found.error_estimate + rate_error + abs(drift) * slope_error) / D
     gamma, gamma_error = (bend - slope) / s**2, (bend_error + slope_error) / s**2
     delta, delta_error = slope / s, slope_error / s
-    grown = schedule.segments[0].rate * book.escrow_now().item(0) / strike  # A' of the escrowed model
+    grown = book.segments.rate.item(0) * book.escrow_now().item() / strike  # A' of the escrowed model
     columns = {
         "delta": delta,
         "delta_error": delta_error,
@@ -94,7 +91,6 @@ def by_place_and_time(
 
 def by_parameters(
     book: Book,
-    schedule: Schedule,
     problem: ObstacleProblem,
     found: ObstacleSolution,
     request: Request,
@@ -102,21 +98,23 @@ def by_parameters(
     held: bool,
 ) -> dict[str, Any] | None:
     """Return the derivatives by the parameters as columns of money, with their errors; None where interrupted."""
-    extended, strike = request.greeks == "extended", schedule.strike
+    extended, strike = request.greeks == "extended", book.strike.item()
     columns = unchanged(book, extended=extended)
     columns |= {error_of(name): _copied(column) for name, column in columns.items()}
     local = book.is_local().item(0)
     if not held:
         return columns | ({STICKY: -book.sign} if local else {})
     marches = [march for march in (found.march, found.coarse) if march is not None]
-    place, cut = place_of(schedule), bool(problem.diffusion.breaks)
+    place, cut = place_of(book), bool(problem.diffusion.breaks)
     walks = [Walk.of(march, place) for march in marches]
     slopes = [float(march.now.derivatives(np.array([place]))[1, 0]) for march in marches]
     for planned in plan_directions(book, extended=extended):
         if request.is_interrupted():
             return None
         sides = _sides(planned, problem, cut=cut)
-        by_place = _central(planned, [side.schedule(0).spot for side in planned.sides]) / schedule.spot
+        by_place = (
+            _central(planned, [side.diffusing().item() for side in planned.sides]) / math.exp(place) / strike
+        )
         values = [
             walk.derivative(sides) + slope * by_place for walk, slope in zip(walks, slopes, strict=True)
         ]
@@ -125,7 +123,7 @@ def by_parameters(
             column = columns[name]
             (column.values if isinstance(column, Ragged) else column)[planned.entry] = strike * number
     if local:
-        columns |= _sticky(book, schedule, walks, found, cut=cut)
+        columns |= _sticky(book, walks, found, cut=cut)
     if extended:
         second = _second_order(book, marches, place, request)
         if second is None:
@@ -137,9 +135,8 @@ def by_parameters(
 def _sides(planned: PlannedDirection, problem: ObstacleProblem, *, cut: bool) -> Neighbours:
     """Return the problems of the bumped contracts; they share all but an event where only that differs."""
     high, low = planned.sides
-    schedules = [side.schedule(0) for side in planned.sides]
     times = [event.time for event in problem.events]
-    own = [contract_problem(schedule, times, cut=cut) for schedule in schedules]
+    own = [contract_problem(side, times, cut=cut) for side in planned.sides]
     if planned.kind == DIVIDENDS and not high.escrowed[0]:
         (changed,) = high.segments.end[high.segments.due != low.segments.due].tolist()
         own = [
@@ -159,29 +156,20 @@ def _central(planned: PlannedDirection, numbers: list[float]) -> float:
     return (numbers[0] - numbers[1]) / (2.0 * planned.step)
 
 
-def _sticky(
-    book: Book, schedule: Schedule, walks: list[Walk], found: ObstacleSolution, *, cut: bool
-) -> dict[str, Any]:
+def _sticky(book: Book, walks: list[Walk], found: ObstacleSolution, *, cut: bool) -> dict[str, Any]:
     """Return the delta of a surface that moves with the spot."""
-    assert schedule.local is not None
     times = [event.time for event in found.problem.events]
     high, low = (
-        contract_problem(replace(schedule, local=_moved(schedule.local, by)), times, cut=cut)
-        for by in (SURFACE_STEP, -SURFACE_STEP)
+        contract_problem(book.with_surfaces_moved(by), times, cut=cut) for by in (SURFACE_STEP, -SURFACE_STEP)
     )
     sides = Neighbours(high, low, SURFACE_STEP)
     values = [walk.derivative(sides) for walk in walks]
     share = book.strike / book.spot
-    delta = float(found.slope) * math.exp(-place_of(schedule))
+    delta = float(found.slope) * math.exp(-place_of(book))
     return {
         STICKY: delta + share * values[0],
         error_of(STICKY): share * BY_PARAMETER * abs(values[0] - values[-1]),
     }
-
-
-def _moved(local: LocalTerms, by: float) -> LocalTerms:
-    """Return a local volatility with its spots moved by so much in ln S."""
-    return replace(local, volatility=local.volatility.moved(math.exp(by)))
 
 
 def _second_order(book: Book, marches: list[March], place: float, request: Request) -> dict[str, Any] | None:
@@ -207,7 +195,7 @@ def _second_order(book: Book, marches: list[March], place: float, request: Reque
 
 def _problem(book: Book, like: March) -> ObstacleProblem:
     times = [event.time for event in like.problem.events]
-    return contract_problem(book.schedule(0), times, cut=bool(like.problem.diffusion.breaks))
+    return contract_problem(book, times, cut=bool(like.problem.diffusion.breaks))
 
 
 def _vega_tangent(book: Book, march: March, x: Vector) -> Matrix:

@@ -44,7 +44,7 @@ def march_book(
     assert kernel.march_segments is not None
     assert kernel.SegmentTable is not None
     assert kernel.MarchSettings is not None
-    x, owner = np.log((book.spot - book.escrow_now()) / book.strike), np.arange(book.count)
+    x, owner = np.log(book.diffusing() / book.strike), np.arange(book.count)
     if share:
         rows, owner = shared_marches(book)
         book, european = book.take(rows), None if european is None else european[rows]

@@ -17,7 +17,6 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.prices import Prices, concatenated, prices
 from pricing_core.american.book.ragged import Ragged
-from pricing_core.american.contracts.schedule import Schedule
 from pricing_core.american.engines.black_scholes import european_columns
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.held import priced
@@ -80,15 +79,14 @@ def solved_traces(book: Book, request: Request) -> Traces:
     NumericalError
         The interrupt came before the end, or no grid resolves the contract.
     """
-    schedule = book.schedule(0)
     try:
-        problem = contract_problem(schedule, coefficient_jumps(schedule))
-        found = solve(problem, place_of(schedule), request.tolerance.item(0), interrupt=request.interrupt)
+        problem = contract_problem(book, coefficient_jumps(book))
+        found = solve(problem, place_of(book), request.tolerance.item(0), interrupt=request.interrupt)
     except FAILURES as error:
         raise NumericalError(f"the exercise boundary of this contract is out of reach: {error}") from error
     if found.status == "deadline":
         raise NumericalError("the interrupt came before the boundary was found")
-    return traces_of(schedule, found)
+    return traces_of(book, found)
 
 
 def _priced(book: Book, request: Request, within: tuple[float, float]) -> Prices:
@@ -101,25 +99,22 @@ def _priced(book: Book, request: Request, within: tuple[float, float]) -> Prices
     greeks, extended = request.greeks != "none", request.greeks == "extended"
     if greeks:  # whose derivatives want segments that end at every entry
         book = _cut(book, extended=extended)
-    schedule = book.schedule(0)
     cut = extended and _has_curves(book)
-    problem = contract_problem(schedule, _dividends(book) if greeks else (), cut=cut)
-    place, strike = place_of(schedule), schedule.strike
+    problem = contract_problem(book, _dividends(book) if greeks else (), cut=cut)
+    place, strike = place_of(book), book.strike.item()
     found = solve(problem, place, request.tolerance.item(0) / share, interrupt=request.interrupt)
-    european = _european(book, schedule, problem, found, request)
+    european = _european(book, problem, found, request)
     if found.march is None or found.coarse is None or math.isnan(found.value):
         status = "deadline" if found.status == "deadline" else "out_of_domain"
         return prices(
             1, european=european, status=status, method="none", message="no grid resolves the contract"
         )
-    boundary, boundary_error = boundary_now(schedule, found, request)
+    boundary, boundary_error = boundary_now(book, found, request)
     exercised = bool(found.march.now.side(np.array([place]))[0] > 0)
-    columns: dict[str, Any] = by_place_and_time(book, schedule, found, extended=extended)
+    columns: dict[str, Any] = by_place_and_time(book, found, extended=extended)
     complete, late = True, found.status == "deadline"
     if greeks:
-        derivatives = (
-            None if late else by_parameters(book, schedule, problem, found, request, held=not exercised)
-        )
+        derivatives = None if late else by_parameters(book, problem, found, request, held=not exercised)
         complete = derivatives is not None
         late = late or (not complete and request.is_interrupted())
         columns |= derivatives or {}
@@ -168,21 +163,19 @@ def _has_curves(book: Book) -> bool:
     return any(column.values.size > 0 for column in (listed.rate, listed.dividend_yield, listed.volatility))
 
 
-def _european(
-    book: Book, schedule: Schedule, problem: ObstacleProblem, found: ObstacleSolution, request: Request
-) -> float:
+def _european(book: Book, problem: ObstacleProblem, found: ObstacleSolution, request: Request) -> float:
     """Return the price without early exercise, money: by the formula, or from the same grids; NaN where neither."""
     if book.local is None and not (book.drops() != 0.0).any():
         return float(european_columns(book, "none")["value"][0])
     if found.march is None or found.coarse is None:
         return math.nan
     if problem.lower is None:
-        return schedule.strike * float(found.value)
+        return book.strike.item() * float(found.value)
     if request.is_interrupted():
         return math.nan
     # An obstacle that is never met keeps the segments, and with them the steps.
     own = problem.lower
     held = replace(problem, lower=Obstacle(NEVER_MET, during=own.during, at=own.at))
-    place = np.array([place_of(schedule)])
+    place = np.array([place_of(book)])
     fine, coarse = (march_again(held, own).now(place)[0] for own in (found.march, found.coarse))
-    return schedule.strike * max(float(fine + (fine - coarse) / (GAIN - 1.0)), 0.0)
+    return book.strike.item() * max(float(fine + (fine - coarse) / (GAIN - 1.0)), 0.0)

@@ -17,7 +17,7 @@ from pricing_core.american.book.book import CURVES, Book
 from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.prices import error_of
 from pricing_core.american.book.ragged import Ragged
-from pricing_core.american.contracts.schedule import SAME_TIME
+from pricing_core.american.book.segments import SAME_TIME
 from pricing_core.american.engines.differences import BUCKETS, DIVIDENDS, PARALLEL, STICKY
 from pricing_core.arrays import BoolVector, Vector
 
@@ -51,7 +51,7 @@ def by_spot(book: Book, found: MarchedSegments) -> Columns:
 
     In the escrowed model V(t, S) = F(t, S - A(t)), with A' = r A what the dividends due are worth.
     """
-    spot = (book.spot - book.escrow_now()) / book.strike
+    spot = book.diffusing() / book.strike
     grown = book.first_segments().rate * book.escrow_now()
     value, change = found.local, found.local_change
     delta, delta_error = value[:, BY_X] / spot, change[:, BY_X] / spot
@@ -104,7 +104,7 @@ def by_parameters(book: Book, found: MarchedSegments, *, extended: bool) -> Colu
     total, change = (
         np.add.reduceat(numbers, book.first[:-1], axis=0) for numbers in (gradient.value, gradient.change)
     )
-    spot = (book.spot - book.escrow_now()) / book.strike
+    spot = book.diffusing() / book.strike
     by_x, by_x_twice = found.local_change[:, BY_X], found.local_change[:, BY_X_TWICE]
     by_rate = BY_RATES * book.expiry * by_x
     least = {
@@ -198,7 +198,7 @@ def _through_escrow(book: Book, found: MarchedSegments, gradient: _Changing) -> 
     discount = np.exp(-segments.rate * segments.duration)
     escrow = book.escrow() / book.per_segment(book.strike)
     fall = segments.duration * discount * escrow  # of what the escrow is worth, by the rate
-    spot = (book.spot - book.escrow_now()) / book.strike
+    spot = book.diffusing() / book.strike
     by_escrow, by_escrow_change = -found.local[:, BY_X] / spot, found.local_change[:, BY_X] / spot
     for places, everywhere in book.by_place():
         escrowed = book.escrowed[places]

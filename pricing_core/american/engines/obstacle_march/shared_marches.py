@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pricing_core.american.book.book import Book, Rows, Segments
+from pricing_core.american.book.book import Book, Rows
+from pricing_core.american.book.segments import Segments
 
 # Standard deviations of ln S over which spots share a march: its grid reaches as many further. Chosen.
 REACH = 4.0
@@ -18,7 +19,7 @@ def shared_marches(book: Book) -> tuple[Rows, Rows]:
     segments = np.column_stack([getattr(book.segments, name) for name in Segments.__slots__])
     terms = np.column_stack([book.is_put, book.strike, book.escrowed])
     with np.errstate(divide="ignore"):
-        x = np.log(book.spot - book.escrow_now())
+        x = np.log(book.diffusing())
     order, widths = np.argsort(x, kind="stable"), REACH * book.deviation()
     owner = np.empty(book.count, dtype=np.int64)
     chosen: list[int] = []

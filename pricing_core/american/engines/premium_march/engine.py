@@ -37,8 +37,8 @@ class PremiumMarch:
         return lambda times: self._boundary(book, times, request)
 
     def _boundary(self, book: Book, times: Vector, request: Request) -> Boundaries:
-        schedule, nothing = book.schedule(0), np.full(times.size, math.nan)
-        limit, far = region_at_expiry(schedule).boundaries(schedule)
+        nothing, strike, is_put = np.full(times.size, math.nan), book.strike.item(), book.is_put.item()
+        limit, far = region_at_expiry(book.segments_of()[-1], is_put=is_put).boundaries(strike, is_put=is_put)
         if not math.isnan(far):
             return Boundaries(nothing, nothing, nothing, np.zeros(times.size, dtype=bool))
         tau = np.maximum(book.expiry[0] - times, 0.0)
@@ -48,7 +48,7 @@ class PremiumMarch:
         accuracy = BOUNDARY_ACCURACY * math.sqrt(request.tolerance[0])
         places, relative, found[later] = solve_boundaries(puts, accuracy, request.interrupt)
         with np.errstate(over="ignore"):  # in those that were not found
-            near[later] = schedule.strike * np.exp(places if schedule.is_put else -places)
+            near[later] = strike * np.exp(places if is_put else -places)
         error[later] = relative * near[later]
         return Boundaries(near, nothing, error, found)
 

@@ -5,7 +5,6 @@ import pytest
 
 from pricing_core.american import LocalVolatility, Market, Option
 from pricing_core.american.book.book import Book
-from pricing_core.american.contracts.schedule import make_schedule
 from pricing_core.american.engines.differences import plan_directions
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.obstacle_march.contract_problem import contract_problem, place_of
@@ -23,8 +22,8 @@ from tests.problems.schedules import CONTRACTS
 
 def value_of(option, market, tolerance=1e-6):
     """Return the price and its error estimate, money."""
-    schedule = make_schedule(option, market)
-    found = solve(contract_problem(schedule), place_of(schedule), tolerance)
+    book = Book.of([(option, market)])
+    found = solve(contract_problem(book), place_of(book), tolerance)
     return option.strike * found.value, option.strike * found.error_estimate
 
 
@@ -79,15 +78,13 @@ def test_a_put_waits_for_a_dividend_larger_than_the_spot():
 )
 def test_derivatives_by_bumped_contracts_are_differences_of_marches(name):
     book = Book.of([CONTRACTS[name]])
-    schedule = book.schedule(0)
-    problem, place = contract_problem(schedule), place_of(schedule)
+    problem, place = contract_problem(book), place_of(book)
     grid = Grid.of(choose_map(problem, np.array([place])), 4)
     found = march(problem, grid)
     walk, slope = Walk.of(found, place), found.now.derivatives(np.array([place]))[1, 0]
     for planned in plan_directions(book, extended=False):
-        schedules = [side.schedule(0) for side in planned.sides]
-        places = [place_of(side) for side in schedules]
-        sides = Neighbours(*map(contract_problem, schedules), planned.step)
+        places = [place_of(side) for side in planned.sides]
+        sides = Neighbours(*map(contract_problem, planned.sides), planned.step)
         derivative = walk.derivative(sides) + slope * sides.difference(*places)
         values = [
             march_again(side, found).now(np.array([x]))[0] for side, x in zip(sides.both, places, strict=True)

@@ -12,7 +12,8 @@ import pytest
 
 from benchmarks.obstacle_march import random_book
 from pricing_core.american import Market, Option, PiecewiseConstant
-from pricing_core.american.book.book import Book, Segments
+from pricing_core.american.book.book import Book
+from pricing_core.american.book.segments import Segments
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.obstacle_march import CompiledMarch
 from tests.problems.needs_kernel import needs_kernel
