@@ -10,7 +10,7 @@ from app.main import create_app
 from app.settings import Settings
 from tests.problems.eventually import eventually
 
-ROUNDS, LENGTH = 8, 1 << 20
+ROUNDS, LENGTH = 4, 1 << 20
 BODIES = {
     "a chain of too many cells": ("/v1/chain?rate=0", "text/csv", b"," * (4 * LENGTH)),
     "a chain that is no table": (

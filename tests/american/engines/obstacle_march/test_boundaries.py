@@ -79,7 +79,7 @@ def test_boundaries_of_many_contracts_lie_within_their_estimates(engine):
 
 @needs_kernel
 def test_both_engines_find_the_same_boundaries():
-    for number in range(12):
+    for number in range(6):
         option, market = contract(number)
         book = Book.at_strike(option, market)
         ends = book.segments.end

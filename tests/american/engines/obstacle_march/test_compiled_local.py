@@ -121,7 +121,7 @@ def random_contracts(rng: np.random.Generator, count: int) -> Book:
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-5])
 def test_estimates_hold(tolerance: float) -> None:
     """The estimate is at least what the price moves by to much finer grids, in all but two of a hundred."""
-    book = random_contracts(np.random.default_rng(7), 100)
+    book = random_contracts(np.random.default_rng(7), 50)
     march = CompiledMarch()
     found, finer = (
         march.solve(book, Request(np.full(book.count, tol), "none")) for tol in (tolerance, tolerance / 100.0)

@@ -362,7 +362,7 @@ def wide_puts(count: int, seed: int) -> tuple[Puts, Vector]:
 
 
 def test_stated_errors_are_honest_on_a_wide_book():
-    puts, strike = wide_puts(10_000, seed=20)
+    puts, strike = wide_puts(4_000, seed=20)
     truth = solve_puts(puts, np.full(puts.x.size, 1e-10), limits=None)
     assert truth.settled.all()
     for tolerance in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7):
