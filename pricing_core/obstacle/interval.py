@@ -9,11 +9,11 @@ from scipy.special import ndtr
 
 from pricing_core.arrays import Vector
 from pricing_core.errors import InvalidInputError, Told
+from pricing_core.march_settings import CELLS, LEAST_CELLS, MOST_COARSE_CELLS, WIDTH
 from pricing_core.obstacle.ends import Held, measure
 from pricing_core.obstacle.grid import GridMap, grid_map
 from pricing_core.obstacle.moment import holds_in_a_point
 from pricing_core.obstacle.problem import ObstacleProblem
-from pricing_core.obstacle.settings import CELLS, LEAST_CELLS, MOST_COARSE_CELLS, WIDTH
 
 LARGEST_EXPONENT = 600.0  # Largest x of an end behind which V goes on as e^x, which overflows at 709; chosen.
 PLACES = 65  # at which the volatility is looked at

@@ -13,11 +13,7 @@ import numpy as np
 
 from pricing_core.arrays import BoolVector, Vector
 from pricing_core.errors import NumericalError
-from pricing_core.obstacle.grid import Grid
-from pricing_core.obstacle.moment import ROUNDING, Complementarity, Moment, Segment
-from pricing_core.obstacle.problem import ObstacleProblem, just_before
-from pricing_core.obstacle.profile import Profile, contact_sets
-from pricing_core.obstacle.settings import (
+from pricing_core.march_settings import (
     CLOCK_SHARE,
     FEWEST_PIECES,
     PIECES,
@@ -26,6 +22,10 @@ from pricing_core.obstacle.settings import (
     SHORTEST,
     STEPS,
 )
+from pricing_core.obstacle.grid import Grid
+from pricing_core.obstacle.moment import ROUNDING, Complementarity, Moment, Segment
+from pricing_core.obstacle.problem import ObstacleProblem, just_before
+from pricing_core.obstacle.profile import Profile, contact_sets
 from pricing_core.obstacle.stage import StageSystem, Values, solve_stage
 from pricing_core.obstacle.transfer import Known, Start, before, payoff_of
 from pricing_core.stepping import ESDIRK3, SDIRK3, Tableau

@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from pricing_core.arrays import Matrix, Vector, as_number, as_real_array, check_type
 from pricing_core.errors import InvalidInputError, IterationLimitError
 from pricing_core.lcp.time_limit import TimeLimit
+from pricing_core.march_settings import MOST_CELLS
 from pricing_core.obstacle.grid import Grid, GridMap
 from pricing_core.obstacle.interval import choose_map, left_out
 from pricing_core.obstacle.march import March, march
 from pricing_core.obstacle.problem import ObstacleProblem
 from pricing_core.obstacle.profile import DIFFERENCE
-from pricing_core.obstacle.settings import MOST_CELLS
 from pricing_core.obstacle.solution import ObstacleSolution, Status
 
 GAIN = 8.0  # of a grid of half the cell: the order is three

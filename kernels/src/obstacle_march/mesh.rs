@@ -68,6 +68,10 @@ impl Grid {
 const UNRESOLVED: f64 = 2.0;
 /// What a drop is of all of them where it tells how far a grid reaches.
 const LEAST_DROP: f64 = 0.01;
+/// How far the grid goes on below the least of them, in deviations and at most in ln S: there a put no longer depends on the
+/// spot, which the line beyond the grid's end goes on with.
+const BELOW_DROPS: f64 = 3.0;
+const FURTHEST_BELOW: f64 = 1.0;
 /// Where the strike is as many standard deviations away nothing depends on what happens there.
 const FAR: f64 = 16.0;
 
@@ -105,7 +109,8 @@ fn reach(contract: &Contract, settings: &Settings) -> (f64, f64, f64) {
         let total: f64 = drops().sum();
         if total.ln() > left {
             let felt = drops().filter(|one| *one > LEAST_DROP * total);
-            left = left.min(felt.fold(f64::INFINITY, f64::min).ln());
+            let below = (BELOW_DROPS * deviation).min(FURTHEST_BELOW);
+            left = left.min(felt.fold(f64::INFINITY, f64::min).ln() - below);
         }
         (left, right, deviation)
     } else {

@@ -14,6 +14,10 @@ const PATIENCE: usize = 20;
 /// What a last iteration may still change in the distances, in cells: it leaves an error of its square.
 const SETTLED: f64 = 1e-4;
 
+/// What a distance may still change a value by, in strikes, however far it moves: next to nothing is earned or lost by exercise
+/// there, and rounding alone may move it for ever.
+const UNFELT: f64 = 1e-14;
+
 /// The arrays of the method.
 pub struct Newton<V> {
     /// The values that were found.
@@ -254,7 +258,9 @@ impl<V: Vector> Newton<V> {
             let inside = self.inside[i];
             let (gain, rise) = obstacle.at(*signed, stage.rows.at(i).half_inverse);
             let now = gain.min(rise).negative(inside, s.max(zero).min(one));
-            moved = moved.max((now - inside).abs());
+            let drift = (now - inside).abs();
+            let felt = (drift * rise).plus(-UNFELT);
+            moved = moved.max(felt.negative(zero, drift));
         }
         moved
     }

@@ -499,17 +499,27 @@ impl Place {
                 found.local[k] = best(seen.local[k], last.local[k], change);
             }
         }
-        if !seen.by_segment.is_empty() && seen.by_segment.len() == last.by_segment.len() {
+        let walked = !seen.by_segment.is_empty();
+        if walked && seen.by_segment.len() == last.by_segment.len() {
             let pairs = seen.by_segment.iter().zip(&last.by_segment);
             found.by_segment = pairs
                 .map(|(now, before)| std::array::from_fn(|k| best(now[k], before[k], 0.0)))
                 .collect();
-            let by_volatility = || found.by_segment.iter().map(|one| one[VOLATILITY]);
-            found.local[LOCAL - 1] = Changing {
-                value: by_volatility().map(|one| one.value).sum(),
-                change: by_volatility().map(|one| one.change).sum(),
-            };
+        } else if !walked && !last.by_segment.is_empty() && found.by_segment[0][0].value.is_nan() {
+            // One grid alone was walked back, the others were too large: nothing tells the errors.
+            let change = f64::NAN;
+            let only = last.by_segment.iter();
+            found.by_segment = only
+                .map(|one| one.map(|value| Changing { value, change }))
+                .collect();
+        } else {
+            return;
         }
+        let by_volatility = || found.by_segment.iter().map(|one| one[VOLATILITY]);
+        found.local[LOCAL - 1] = Changing {
+            value: by_volatility().map(|one| one.value).sum(),
+            change: by_volatility().map(|one| one.change).sum(),
+        };
     }
 
     /// Tell the value without early exercise, which is looked at no further where that is accurate enough.

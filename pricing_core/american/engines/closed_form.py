@@ -70,7 +70,7 @@ class ClosedForm:
         if has_formula(book)[0] and not (expired and may_exercise(book)[0]):
             at_expiry = np.where(times == book.expiry[0], near, math.nan)
             return Boundaries(at_expiry, nothing, nothing, ~none)
-        at_strike = replace(book, spot=book.strike)
+        at_strike = book.diffusing_at(book.strike)
         sure = expired or _uncertain_by(at_strike)[0] <= SURE_SHARE * request.tolerance[0] * book.strike[0]
         if not sure or book.has_events()[0]:
             return Boundaries(nothing, nothing, nothing, none)
@@ -109,7 +109,7 @@ def has_boundary_elsewhere(book: Book) -> BoolVector:
     diffuses: BoolVector = (book.spot == 0.0) | is_far_out_of_the_money(book)
     if not some(diffuses):
         return diffuses
-    at_strike = replace(book, spot=book.strike)
+    at_strike = book.diffusing_at(book.strike)
     diffuses &= ~has_formula(book) & (_uncertain_by(at_strike) > LARGEST_UNCERTAINTY * book.strike)
     return diffuses
 

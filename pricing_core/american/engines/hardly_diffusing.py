@@ -38,11 +38,11 @@ class HardlyDiffusing:
     least_error = 0.0
 
     def serves(self, book: Book) -> BoolVector:
-        """Tell contracts that would be marched with more volatility, and are not with their own."""
-        own = MARCH.serves(book)
-        if own.all():
-            return ~own
-        return ~own & ~book.is_local() & (book.expiry > 0.0) & MARCH.serves(_raised(book, 1.0))
+        """Tell contracts that are marched with more volatility, and with their own not at all or on no grid maybe."""
+        wanted = ~MARCH.serves(book) | (book.deviation() <= LARGEST_DEVIATION)
+        if not wanted.any():
+            return wanted
+        return wanted & ~book.is_local() & (book.expiry > 0.0) & MARCH.serves(_raised(book, 1.0))
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Price with more volatility; Greeks have error estimates where the spot diffuses for some time."""
@@ -72,6 +72,10 @@ def _hardly(book: Book, request: Request) -> Prices:
     """
     raised = _raised(book, 1.0)
     found, least = MARCH.solve(raised, request), certain_value(book)
+    for factor in RAISED:
+        rows = np.flatnonzero(~found.settled)
+        if rows.size:
+            found = found.replaced(rows, MARCH.solve(_widened(book.take(rows), factor), request.take(rows)))
     most = np.maximum(found.value + found.error, least)
     unknown: dict[str, Any] = {error_of(name): np.full(book.count, math.nan) for name in GREEKS}
     for name in GREEK_LISTS:
@@ -105,6 +109,11 @@ def _for_some_time(book: Book, request: Request) -> Prices:
     return replace(
         found, **errors, complete=found.complete & more.complete, settled=found.settled & more.settled
     )
+
+
+def _widened(book: Book, factor: float) -> Book:
+    """Return the contracts with some times as much volatility as is marched."""
+    return replace(book, segments=replace(book.segments, volatility=factor * least_volatility(book)))
 
 
 def _raised(book: Book, factor: float) -> Book:

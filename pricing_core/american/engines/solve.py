@@ -24,6 +24,7 @@ CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH = ClosedForm(), PremiumMarch(), Compi
 # Those whose vega costs no more than a few prices: the search for a volatility asks them first.
 FAST_ENGINES: tuple[Engine, ...] = (CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH)
 ENGINES: tuple[Engine, ...] = (*FAST_ENGINES, HardlyDiffusing(), ObstacleMarch())
+UNRESOLVED = "no grid resolves the contract"
 BOUNDS_ALONE = "of the price its bounds without arbitrage are known alone, between which it stands"
 
 
@@ -73,7 +74,7 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
         part, wanted = book.take(rows), request.take(rows)
     if best is None:
         best = prices(book.count)
-    if engines is ENGINES:  # who chooses an engine is told that it fails
+    if engines is ENGINES and not interrupted:  # who chooses an engine is told that it fails
         best = _bounds_of_the_lost(book, best)
     best = _within_bounds(book, best, allowed)
     best = _with_status(best, allowed, interrupted=interrupted)
@@ -182,13 +183,14 @@ def _within_bounds(book: Book, best: Prices, allowed: Vector) -> Prices:
 
 def _bounds_of_the_lost(book: Book, best: Prices) -> Prices:
     """Return the prices with the middle of the bounds where every engine failed, and in the message why."""
-    rows = np.flatnonzero(best.status == "out_of_domain")
+    rows = np.flatnonzero((best.status == "out_of_domain") | ((best.status == "ok") & np.isnan(best.value)))
     if rows.size == 0:
         return best
     least, most = range_of(book.take(rows))
     known = np.isfinite(most - least)
     rows, bounds = rows[known], _middle(least[known], most[known])
-    return best.replaced(rows, replace(bounds, message=bounds.message + ": " + best.message[rows]))
+    reasons = np.where(best.message[rows] == "", UNRESOLVED, best.message[rows])
+    return best.replaced(rows, replace(bounds, message=bounds.message + ": " + reasons))
 
 
 def _middle(least: Vector, most: Vector) -> Prices:
@@ -246,10 +248,10 @@ def _with_boundaries(book: Book, best: Prices, request: Request, engines: Sequen
     rows = np.flatnonzero(unknown & (has_boundary_elsewhere(book) | elsewhere))
     if rows.size == 0:
         return best
+    part = book.take(rows)
+    at_strike = replace(part.diffusing_at(part.strike), reduction=None)
+    asked = replace(request.take(rows), greeks="none", share_solves=False)
+    found = solve(at_strike, asked, engines=engines)
     boundary, error = best.boundary.copy(), best.boundary_error.copy()
-    for row in rows.tolist():
-        at_strike = book.part(slice(row, row + 1))
-        at_strike = replace(at_strike, spot=at_strike.strike)
-        found = boundary_of(at_strike, request.take(slice(row, row + 1)), engines)(np.zeros(1))
-        boundary[row], error[row] = found.near[0], found.error[0]
+    boundary[rows], error[rows] = found.boundary, found.boundary_error
     return replace(best, boundary=boundary, boundary_error=error)

@@ -30,9 +30,11 @@ if TYPE_CHECKING:
     from pricing_core._kernels import MarchedSegments
     from pricing_core.american.engines.obstacle_march.boundaries import Traces
 
-# Largest standard deviation of ln S at expiry, beyond which calls are lost in rounding; drift of a segment in its own,
-# and all that drifts and drops in the whole one, beyond which too few cells are left for what diffuses. Measured.
-LARGEST_DEVIATION, LARGEST_DRIFT, LARGEST_RANGE = 14.0, 60.0, 300.0
+# Largest standard deviation of ln S at expiry, beyond which the spots of a grid overflow.
+LARGEST_DEVIATION = 150.0
+# Largest drift of a segment in its own deviations, and of all that drifts and drops in the whole one, beyond which too
+# few cells are left for what diffuses. Measured.
+LARGEST_DRIFT, LARGEST_RANGE = 60.0, 300.0
 LARGEST_DROP = 0.95  # of the spot, that is counted into its range; chosen
 LEAST_VOLATILITY = 1e-6  # Least volatility that is marched; chosen.
 # Standard deviations from the strike from which on no grid reaches it, but for those that are wide for other reasons.

@@ -18,9 +18,9 @@ import numpy as np
 from pricing_core.american.book.book import Book
 from pricing_core.american.book.segments import LocalTerms, Segment
 from pricing_core.arrays import Matrix, Vector
+from pricing_core.march_settings import WIDTH
 from pricing_core.obstacle import Diffusion, Event, Obstacle, ObstacleProblem
 from pricing_core.obstacle.functions import Given
-from pricing_core.obstacle.settings import WIDTH
 
 Life: TypeAlias = tuple[Segment, ...]  # the segments of a contract in the order of time
 

@@ -13,6 +13,9 @@ from pricing_core.american.book.prices import Prices
 from pricing_core.american.engines.engine import BoundariesAt, Request
 from pricing_core.arrays import BoolVector
 
+# Largest standard deviation of ln S at expiry: beyond it rounding takes more and more of calls, and grids many seconds.
+LARGEST_DEVIATION = 14.0
+
 
 @dataclass(frozen=True, slots=True)
 class ObstacleMarch:
@@ -34,8 +37,8 @@ class ObstacleMarch:
         return math.inf
 
     def serves(self, book: Book) -> BoolVector:
-        """Return True for every contract with time to expiry and a spot above 0."""
-        return (book.expiry > 0.0) & (book.spot > 0.0)
+        """Tell contracts with time to expiry and a spot above 0 that is not lost in what rounding leaves of it."""
+        return (book.expiry > 0.0) & (book.spot > 0.0) & (book.deviation() <= LARGEST_DEVIATION)
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Price one contract after the other; what fails numerically has the status "out_of_domain"."""

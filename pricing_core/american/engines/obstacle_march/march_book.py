@@ -13,6 +13,7 @@ from pricing_core.american.contracts.fields import GREEKS
 from pricing_core.american.engines.engine import Request
 from pricing_core.american.engines.obstacle_march.shared_marches import shared_marches
 from pricing_core.arrays import BoolVector
+from pricing_core.march_settings import CELLS, ROUNDED, STEPS, WIDTH
 
 if TYPE_CHECKING:
     from pricing_core._kernels import MarchedSegments, VolatilitySurface
@@ -38,9 +39,6 @@ def march_book(
     without early exercise as well, shape (n,), and `boundaries` whether exercise boundaries over time are. With `share`
     contracts that differ in the spot alone are marched together, without derivatives by the numbers of segments.
     """
-    # Here, so that whoever prices without events does not load the general march.
-    from pricing_core.obstacle.settings import CELLS, ROUNDED, STEPS, WIDTH  # noqa: PLC0415
-
     assert kernel.march_segments is not None
     assert kernel.SegmentTable is not None
     assert kernel.MarchSettings is not None

@@ -67,6 +67,30 @@ def test_an_escrowed_call_with_a_large_dividend_after_a_small_one():
     assert found.value[0] == pytest.approx(0.8991, abs=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("expiry", "rate", "volatility", "dividends"),
+    [
+        (198.0, -8e-6, 0.003, [(32.0, 25.6), (61.7, 28.0), (62.0, 52.0), (157.0, 39.0), (192.0, 12.5)]),
+        (0.0042, 0.0037, 0.23, [(0.0008, 40.0), (0.0027, 35.0), (0.0039, 34.0), (0.004195, 5.7)]),
+        (2.0, 0.05, 0.4, [(0.2, 60.0), (0.9, 130.0), (1.9, 4.0)]),
+    ],
+)
+def test_a_european_put_whose_spot_is_used_up_is_worth_the_discounted_strike(
+    expiry, rate, volatility, dividends
+):
+    """The spot falls to 0 with a probability next to 1."""
+    spot = 107.0 if expiry != 2.0 else 40.0
+    contract = (
+        Option("put", 100.0, expiry, "european"),
+        Market(spot, rate, volatility, cash_dividends=dividends),
+    )
+    found = solved(ENGINE, contract, tolerance=1e-7)
+    assert found.value[0] == pytest.approx(
+        100.0 * np.exp(-rate * expiry), abs=max(3.0 * found.error[0], 1e-4)
+    )
+    assert found.error[0] <= 1e-3
+
+
 def test_a_put_beyond_a_boundary_that_two_engines_put_elsewhere():
     """73.42028 by differences on 2,048 nodes: not exercised."""
     market = Market(26.58404959, 0.0237627188, 0.0813081456, 0.0866609149)

@@ -1,4 +1,4 @@
-"""The numbers of the march, in one place."""
+"""The numbers of the march of obstacle problems, in NumPy and in the kernel."""
 
 from __future__ import annotations
 
