@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.measuring.timing import Task, least_seconds
-from pricing_core.american.engines.flat_options import Puts
+from pricing_core.american.engines.premium_march.flat_contracts import Puts
 from pricing_core.american.engines.premium_march.puts import MOST_STEPS, PutValues, solve_puts
 
 STEP_COUNTS = (8, 16, 32, 64, 128)  # each with the marches of half and a quarter of the steps

@@ -1,10 +1,9 @@
 //! The engines on each instruction set that this machine has, against each other and against known values.
 
-use crate::flat_options::{self, Puts, Solved};
 use crate::interrupt::never;
 use crate::lanes::dispatch::{forced, InstructionSet};
 use crate::obstacle_march;
-use crate::premium_march::{self, march_boundaries, solve_puts};
+use crate::premium_march::{march_boundaries, solve_puts, Puts, Solved, COLUMNS, STEPS, VALUES};
 
 /// The largest difference between two instruction sets in values and their derivatives, in strikes: fused products and
 /// other orders of sums differ by rounding, which the derivatives magnify; 1e-13 is attained.
@@ -77,7 +76,7 @@ fn puts_by(
     let (rate, dividend, spread, x) = (column(0), column(1), column(2), column(3));
     let count = rows.len();
     let first: Vec<usize> = (0..=count).collect();
-    let limits = vec![1.0; flat_options::VALUES * count];
+    let limits = vec![1.0; VALUES * count];
     let puts = Puts {
         rate: &rate,
         dividend: &dividend,
@@ -87,7 +86,7 @@ fn puts_by(
         tolerance: &vec![tolerance; count],
         limits: Some(&limits),
         spread_step: Some(0.2),
-        levels: (2, premium_march::STEPS.len() - 1),
+        levels: (2, STEPS.len() - 1),
         interrupt: &never,
     };
     on(set, || {
@@ -134,8 +133,8 @@ fn marches_agree_on_every_instruction_set() {
         let found = puts(set, &PUTS, 1e-6);
         assert_eq!(found.settled, expected.settled);
         for (found, expected) in found.rows().into_iter().zip(expected.rows()) {
-            let (numbers, second) = found.split_at(flat_options::COLUMNS);
-            let (expected, expected_second) = expected.split_at(flat_options::COLUMNS);
+            let (numbers, second) = found.split_at(COLUMNS);
+            let (expected, expected_second) = expected.split_at(COLUMNS);
             assert_agree(numbers, expected, (set, portable));
             assert_agree_to(SECOND_AGREEMENT, second, expected_second, (set, portable));
         }
@@ -183,7 +182,7 @@ fn prices(set: InstructionSet, rows: &[[f64; 4]], tolerance: f64) -> (Vec<f64>, 
         tolerance: &vec![tolerance; rows.len()],
         limits: None,
         spread_step: None,
-        levels: (0, premium_march::STEPS.len() - 1),
+        levels: (0, STEPS.len() - 1),
         interrupt: &never,
     };
     on(set, || {

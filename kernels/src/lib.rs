@@ -7,8 +7,7 @@
 //! - The flow of a mode of a linear complementarity system up to its first event, and the signs that select the next:
 //!   `taylor_step`, `enter`, `initial_signs`, `leading_signs`.
 //! - `march_strikes`: options of all strikes of an expiry under one local volatility, on one grid.
-//! - `flat_options`: American options in a flat market as puts in three numbers, and their prices and Greeks in money.
-//! - `premium_march`: American puts in a flat market, by a march of their early exercise premium.
+//! - `premium_march`: American options in a flat market, by a march of the early exercise premium of puts.
 //! - `obstacle_march`: options with whatever happens to them, by one march with averaged complementarity.
 //!
 //! The engines run sixteen numbers side by side (`lanes`), with the instruction set that the processor has. Nothing here
@@ -18,7 +17,6 @@ mod brennan_schwartz;
 mod equilibration;
 mod error;
 mod first_crossing;
-pub mod flat_options;
 mod growing_basic_set;
 #[cfg(test)]
 mod instruction_set_tests;

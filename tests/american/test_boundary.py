@@ -179,6 +179,24 @@ def test_a_boundary_that_begins_at_no_spot_is_none(strike):
     assert np.all(np.isnan(found.boundary) | (found.boundary <= strike))
 
 
+@needs_kernel
+@pytest.mark.parametrize("spot", [150.0, 310.0, 2000.0])
+@pytest.mark.parametrize(
+    ("option_type", "amounts", "model"),
+    [("put", (0.6, 0.6), "spot"), ("put", (0.3, 0.3), "escrowed"), ("call", (4.0, 4.0), "spot")],
+)
+def test_a_price_far_from_the_boundary_tells_the_same_boundary(option_type, amounts, model, spot):
+    """Its march around the spot, many deviations away, reaches no boundary: one around the strike is asked."""
+    dividends = [CashDividend(0.9, amounts[0]), CashDividend(1.7, amounts[1])]
+    market = Market(spot, 0.04, 0.02, 0.03, cash_dividends=dividends, dividend_model=model)
+    option = Option(option_type, 100.0, 2.0)
+    found = price(option, market, tolerance=1e-6, greeks="none")
+    expected = exercise_boundary(option, market, [0.0])
+    assert found.exercise_boundary is not None
+    allowed = found.boundary_error + expected.error_estimate[0]
+    assert found.exercise_boundary == pytest.approx(expected.boundary[0], abs=allowed)
+
+
 def test_a_put_on_a_spot_that_hardly_moves_after_it_moved_far_has_no_boundary_above_the_strike():
     """The grid's cells are a seventh of the spot wide: an end of the region is known to within one of them."""
     market = Market(

@@ -4,7 +4,7 @@ use super::contracts::Contracts;
 use super::grid_values::Workspace;
 use super::march::march;
 use super::mesh_class::classify;
-use crate::flat_options::Puts;
+use super::puts::Puts;
 use crate::lanes::dispatch::{dispatch, Work};
 use crate::lanes::vector::{Vector, LANES};
 

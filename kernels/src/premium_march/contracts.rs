@@ -1,6 +1,6 @@
 //! The parameters of sixteen puts side by side.
 
-use crate::flat_options::Puts;
+use super::puts::Puts;
 use crate::lanes::normal::ln;
 use crate::lanes::vector::{Vector, LANES};
 

@@ -1,8 +1,8 @@
 //! The extrapolant of marches with M, M/2 and M/4 time steps, and its error estimate.
 
 use super::mesh::STEPS;
+use super::puts::VALUES;
 use super::spot_evaluation::{SpotEvaluation, Spots};
-use crate::flat_options::VALUES;
 use crate::lanes::vector::{Vector, LANES};
 
 /// The first level whose extrapolant rests on three marches: with fewer steps there is no march with a quarter of them.

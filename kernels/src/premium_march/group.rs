@@ -10,9 +10,9 @@ use super::grid_values::Workspace;
 use super::march::{march, Marched};
 use super::mesh::Mesh;
 use super::mesh_class::MeshClass;
+use super::puts::{Puts, CROSS, VALUES};
 use super::spot_evaluation::{SpotEvaluation, Spots};
 use super::work_items::Item;
-use crate::flat_options::{Puts, CROSS, VALUES};
 use crate::lanes::vector::{Vector, LANES};
 
 /// The numbers of `EarlierMarches`.

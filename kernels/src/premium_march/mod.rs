@@ -85,6 +85,8 @@ mod march;
 mod mesh;
 mod mesh_class;
 mod obstacle;
+mod options;
+mod puts;
 mod refinement;
 mod runge_kutta_step;
 mod solve;
@@ -97,19 +99,6 @@ mod work_items;
 
 pub use boundaries::march_boundaries;
 pub use mesh::STEPS;
+pub use options::{price_options, Greeks, Options};
+pub use puts::{Puts, Solved, COLUMNS, VALUES};
 pub use solve::solve_puts;
-
-use crate::flat_options::{ErrorShares, Solver};
-
-/// The march of the premium: its finest marches have 2 to 384 steps, 4 or more where derivatives are wanted.
-pub const PREMIUM_MARCH: Solver = Solver {
-    solve_puts,
-    levels: (0, STEPS.len() - 1),
-    shares: &ErrorShares {
-        changes: [0.47, 0.5, 0.76, 0.7, 0.5],
-        values: [0.37, 0.6, 1.4, 1.3, 0.5],
-        cross_changes: 0.5,
-        cross_values: [1.0, 1.0, 0.4],
-        theta: [0.0, 1.0],
-    },
-};

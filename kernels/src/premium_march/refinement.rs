@@ -7,8 +7,8 @@ use super::grid_values::Workspace;
 use super::group::{EarlierMarches, Group, Outcome, Refinement};
 use super::mesh::STEPS;
 use super::mesh_class::{classify, LOOSE_TOLERANCE_OF_PRICES};
+use super::puts::{Puts, COLUMNS, DERIVATIVES, PLAIN, SECOND, VALUES};
 use super::work_items::{by_class, groups, run_count, Item};
-use crate::flat_options::{Puts, COLUMNS, DERIVATIVES, PLAIN, SECOND, VALUES};
 use crate::lanes::dispatch::Work;
 use crate::lanes::vector::{Part, Vector, LANES};
 

@@ -2,8 +2,8 @@
 
 use std::sync::Mutex;
 
+use super::puts::{Puts, Solved, SPOTS_AT_ONCE};
 use super::refinement::Task;
-use crate::flat_options::{Puts, Solved, SPOTS_AT_ONCE};
 use crate::lanes::dispatch::dispatch;
 
 /// The smallest number of spots that is worth a thread of its own; chosen.

@@ -6,7 +6,7 @@ use super::grid_values::Workspace;
 use super::interpolation::Interpolation;
 use super::march::Marched;
 use super::mesh::Mesh;
-use crate::flat_options::{CROSS, VALUES};
+use super::puts::{CROSS, VALUES};
 use crate::lanes::normal::{exp, expm1, weighted_normal, ONE_OVER_SQRT_TWO_PI};
 use crate::lanes::vector::{Vector, LANES};
 

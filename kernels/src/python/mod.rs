@@ -2,10 +2,10 @@
 
 mod arguments;
 mod dense;
-mod flat_options;
 mod interrupt;
 mod mode;
 mod obstacle_march;
+mod premium_march;
 mod sparse;
 mod strike_march;
 mod tridiagonal;
@@ -26,8 +26,6 @@ mod _kernels {
     #[pymodule_export]
     use super::dense::{equilibrate, lemke};
     #[pymodule_export]
-    use super::flat_options::{march_boundaries, price_options, solve_puts};
-    #[pymodule_export]
     use super::instruction_set;
     #[pymodule_export]
     use super::mode::{enter_mode, initial_signs, leading_signs, taylor_step};
@@ -35,6 +33,8 @@ mod _kernels {
     use super::obstacle_march::{
         march_segments, MarchSettings, MarchedSegments, SegmentTable, VolatilitySurface,
     };
+    #[pymodule_export]
+    use super::premium_march::{march_boundaries, price_options, solve_puts};
     #[pymodule_export]
     use super::sparse::sparse_sweeps;
     #[pymodule_export]

@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from pricing_core.american.book.book import Book
 from pricing_core.american.book.segments import Segment
 from pricing_core.american.contracts.fields import SPOT
+from pricing_core.arrays import Vector
 
 LARGEST_EXPONENT = 700.0  # Largest exponent of e that does not overflow.
 
@@ -66,3 +70,21 @@ def earning_region(segment: Segment, *, is_put: bool) -> ExerciseRegion:
     else:
         lower, upper = -math.inf, math.log(earned / paid) if 0.0 < earned < paid else 0.0
     return ExerciseRegion(lower, upper) if is_put else ExerciseRegion(-upper, -lower)
+
+
+def limits_before_expiry(book: Book) -> Vector:
+    """Return where exercise boundaries begin before expiry other than at the strike, of two the one nearer the strike.
+
+    Spots that diffuse, money, shape (n,), of the last segment that has such a limit; NaN where none has.
+    """
+    return np.array([_limit(book, row) for row in range(book.count)], dtype=np.float64)
+
+
+def _limit(book: Book, row: int) -> float:
+    strike, is_put = book.strike.item(row), book.is_put.item(row)
+    for segment in reversed(book.segments_of(row)):
+        if segment.exercisable:
+            near, _ = earning_region(segment, is_put=is_put).boundaries(strike, is_put=is_put)
+            if near > 0.0 and near != strike:
+                return near
+    return math.nan

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,6 +14,7 @@ from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, LISTS, Prices
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.closed_form import ClosedForm, has_boundary_elsewhere
 from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Engine, Request
+from pricing_core.american.engines.exercise_region import limits_before_expiry
 from pricing_core.american.engines.hardly_diffusing import HardlyDiffusing
 from pricing_core.american.engines.obstacle_march import CompiledMarch, ObstacleMarch, leaves_out_the_strike
 from pricing_core.american.engines.premium_march import PremiumMarch
@@ -47,6 +49,11 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
         largest = np.maximum(book.reduction.discount, 1.0)
         request = replace(request, tolerance=request.tolerance / largest)
     request = _asking_once(request)
+    return _completed(book, _solved(book, request, engines), request, engines)
+
+
+def _solved(book: Book, request: Request, engines: Sequence[Engine]) -> Prices:
+    """Return what the engines find, within the bounds of no arbitrage."""
     best: Prices | None = None
     allowed = request.tolerance * book.strike  # money
     rows, part, wanted = np.arange(book.count), book, request
@@ -69,7 +76,7 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
         best = _together(best, book.count, rows, found, allowed)
         done = best.settled & best.complete & (best.error <= allowed)
         if every(done):
-            return _completed(book, _within_bounds(book, best, allowed), request, engines)
+            return _within_bounds(book, best, allowed)
         rows = np.flatnonzero(~(done | (best.status != "ok")))
         part, wanted = book.take(rows), request.take(rows)
     if best is None:
@@ -77,8 +84,7 @@ def solve(book: Book, request: Request, *, engines: Sequence[Engine] = ENGINES) 
     if engines is ENGINES and not interrupted:  # who chooses an engine is told that it fails
         best = _bounds_of_the_lost(book, best)
     best = _within_bounds(book, best, allowed)
-    best = _with_status(best, allowed, interrupted=interrupted)
-    return _completed(book, best, request, engines)
+    return _with_status(best, allowed, interrupted=interrupted)
 
 
 def _asking_once(request: Request) -> Request:
@@ -248,10 +254,15 @@ def _with_boundaries(book: Book, best: Prices, request: Request, engines: Sequen
     rows = np.flatnonzero(unknown & (has_boundary_elsewhere(book) | elsewhere))
     if rows.size == 0:
         return best
-    part = book.take(rows)
-    at_strike = replace(part.diffusing_at(part.strike), reduction=None)
+    part = replace(book.take(rows), reduction=None)
     asked = replace(request.take(rows), greeks="none", share_solves=False)
-    found = solve(at_strike, asked, engines=engines)
+    near, error_of_near = np.full((2, rows.size), math.nan)
+    for spot in (part.strike, limits_before_expiry(part)):
+        missing = np.flatnonzero(np.isnan(near) & ~np.isnan(spot))
+        if missing.size:
+            there = part.take(missing).diffusing_at(spot[missing])
+            found = _solved(there, asked.take(missing), engines)
+            near[missing], error_of_near[missing] = found.boundary, found.boundary_error
     boundary, error = best.boundary.copy(), best.boundary_error.copy()
-    boundary[rows], error[rows] = found.boundary, found.boundary_error
+    boundary[rows], error[rows] = near, error_of_near
     return replace(best, boundary=boundary, boundary_error=error)

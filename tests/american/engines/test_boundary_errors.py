@@ -15,9 +15,9 @@ from pricing_core.american import (
 from pricing_core.american.book.book import Book
 from pricing_core.american.engines.closed_form import ClosedForm
 from pricing_core.american.engines.engine import Request
-from pricing_core.american.engines.flat_options import puts_of
 from pricing_core.american.engines.obstacle_march import ObstacleMarch
 from pricing_core.american.engines.perpetual import perpetual_boundary
+from pricing_core.american.engines.premium_march.flat_contracts import puts_of
 from pricing_core.american.engines.premium_march.puts import solve_boundaries
 from pricing_core.american.engines.solve import solve
 from tests.problems.needs_kernel import needs_kernel

@@ -14,7 +14,11 @@ from pricing_core.american.book.book import Book
 from pricing_core.american.book.segments import Segment
 from pricing_core.american.contracts.fields import SPOT
 from pricing_core.american.engines.engine import Boundaries, Request
-from pricing_core.american.engines.exercise_region import ExerciseRegion, earning_region, region_at_expiry
+from pricing_core.american.engines.exercise_region import (
+    ExerciseRegion,
+    limits_before_expiry,
+    region_at_expiry,
+)
 from pricing_core.arrays import Matrix, Vector
 
 POINTS = 4  # of the polynomials in the root of time through a boundary at the ends of steps
@@ -59,13 +63,8 @@ class Ends:
 
 def first_places(book: Book) -> tuple[float, ...]:
     """Return the places to look at for boundaries: the strike, and where the boundary begins before expiry."""
-    strike, is_put = book.strike.item(), book.is_put.item()
-    for segment in reversed(book.segments_of()):
-        if segment.exercisable:
-            near, _ = earning_region(segment, is_put=is_put).boundaries(strike, is_put=is_put)
-            if not math.isnan(near) and near / strike > 0.0 and near != strike:
-                return 0.0, math.log(near / strike)
-    return (0.0,)
+    moneyness = (limits_before_expiry(book) / book.strike).item()
+    return (0.0, math.log(moneyness)) if moneyness > 0.0 else (0.0,)
 
 
 def _far_place(book: Book) -> float:

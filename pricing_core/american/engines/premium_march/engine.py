@@ -12,7 +12,7 @@ from pricing_core.american.book.prices import Prices
 from pricing_core.american.contracts.tolerances import BOUNDARY_ACCURACY
 from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Request
 from pricing_core.american.engines.exercise_region import region_at_expiry
-from pricing_core.american.engines.flat_options import is_flat, price_flat, puts_of
+from pricing_core.american.engines.premium_march.flat_contracts import is_flat, price_flat, puts_of
 from pricing_core.american.engines.premium_march.puts import solve_boundaries
 from pricing_core.arrays import BoolVector, Vector
 
@@ -30,7 +30,7 @@ class PremiumMarch:
 
     def solve(self, book: Book, request: Request) -> Prices:
         """March the premiums of all contracts."""
-        return price_flat(book, request, method="premium-march")
+        return price_flat(book, request, method=self.method)
 
     def boundary(self, book: Book, request: Request) -> BoundariesAt:
         """Return the boundary of marches to each of the times, refined until two agree."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pricing_core import kernel
-from pricing_core.american.engines.flat_options import Puts
+from pricing_core.american.engines.premium_march.flat_contracts import Puts
 from pricing_core.arrays import BoolVector, Matrix, Vector
 
 FEWEST_STEPS, MOST_STEPS = 4, 384  # Limits of the number of time steps of a put's finest march; calibrated.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pricing_core.american import price_many
-from pricing_core.american.engines.flat_options import Puts
+from pricing_core.american.engines.premium_march.flat_contracts import Puts
 from pricing_core.american.engines.premium_march.puts import solve_puts
 from pricing_core.arrays import BoolVector, Matrix, Vector
 from tests.problems.needs_kernel import needs_kernel

@@ -7,8 +7,7 @@ use pyo3::types::PyDict;
 
 use super::arguments::{check_lengths, nonempty_group_starts, numbers};
 use super::interrupt::Question;
-use crate::flat_options::{self, Greeks, Options, Puts, VALUES};
-use crate::premium_march::{self, PREMIUM_MARCH, STEPS};
+use crate::premium_march::{self, Greeks, Options, Puts, STEPS, VALUES};
 
 /// The place of a number of time steps in `STEPS`.
 fn level(steps: usize) -> PyResult<usize> {
@@ -172,9 +171,7 @@ pub fn price_options<'py>(
     };
     let question = Question::new(interrupt);
     let found = py.detach(|| {
-        flat_options::price_options(PREMIUM_MARCH, options, greeks, shared, threads, &|| {
-            question.is_ended()
-        })
+        premium_march::price_options(options, greeks, shared, threads, &|| question.is_ended())
     });
     question.result()?;
     let by_name = PyDict::new(py);

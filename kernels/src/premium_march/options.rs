@@ -1,7 +1,12 @@
-//! American puts and calls without events: as puts in their dimensionless parameters, and what a solver finds of them in
-//! money.
+//! American puts and calls in a flat market: as puts in their dimensionless parameters, and what the march finds of them
+//! in money.
+//!
+//! Three numbers are left of a put: r T, q T and sigma sqrt(T). A call is the put with spot and strike, and rate and yield,
+//! exchanged.
 
+use super::mesh::STEPS;
 use super::puts::{Puts, Solved, COLUMNS, PLAIN, SECOND, SPOTS_AT_ONCE, VALUES};
+use super::solve::solve_puts;
 use crate::interrupt::Interrupt;
 
 /// The errors allowed to Greeks, in tolerances; chosen.
@@ -13,34 +18,16 @@ const LEAST_ERROR: f64 = 4e-16;
 /// The step of the difference for volga, as a share of the volatility; calibrated.
 const SPREAD_STEP: f64 = 0.002;
 
-/// How the errors of derivatives follow from what a solver says; shares of a change are of that from one solve to the next,
-/// shares of the value's error of that over the spread, or over its square.
-pub struct ErrorShares {
-    /// For the derivatives by x, by x twice, by rate, dividend and spread, of the change.
-    pub changes: [f64; 5],
-    /// For the same, of the value's error; see `OVER_SQUARE`.
-    pub values: [f64; 5],
-    /// For vanna, volga and charm, of the change.
-    pub cross_changes: f64,
-    /// For vanna, volga and charm, of the value's error.
-    pub cross_values: [f64; 3],
-    /// For theta, of its change, and of the largest error of its terms.
-    pub theta: [f64; 2],
-}
-
-/// Whether the share of the value's error is over the square of the spread.
+/// The errors of the derivatives by x, by x twice, by rate, dividend and spread: shares of their change from one march to
+/// the next, and of the value's error over the spread, or over its square; calibrated on random puts.
+const OF_CHANGES: [f64; 5] = [0.47, 0.5, 0.76, 0.7, 0.5];
+const OF_VALUES: [f64; 5] = [0.37, 0.6, 1.4, 1.3, 0.5];
 const OVER_SQUARE: [bool; 5] = [false, true, true, true, false];
-
-/// A solver of puts, and the errors of what it finds.
-#[derive(Clone, Copy)]
-pub struct Solver {
-    /// Solves puts on so many threads.
-    pub solve_puts: fn(Puts, usize) -> Solved,
-    /// The smallest and the largest level of the finest solve of a put.
-    pub levels: (usize, usize),
-    /// Calibrated on random puts.
-    pub shares: &'static ErrorShares,
-}
+/// The same of vanna, volga and charm.
+const OF_CROSS_CHANGES: f64 = 0.5;
+const OF_CROSS_VALUES: [f64; 3] = [1.0, 1.0, 0.4];
+/// The levels of the finest march of a put: 2 to 384 steps, 4 or more where derivatives are wanted.
+const LEVELS: (usize, usize) = (0, STEPS.len() - 1);
 
 /// Which Greeks are found.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -153,7 +140,6 @@ pub struct Priced {
 /// Price options to their tolerances. With `shared` rows that differ in spot and strike alone share their solves.
 #[must_use]
 pub fn price_options(
-    solver: Solver,
     options: Options,
     greeks: Greeks,
     shared: bool,
@@ -178,9 +164,9 @@ pub fn price_options(
             last = Some(put);
         }
         columns.first.push(columns.x.len());
-        let found = (solver.solve_puts)(columns.as_puts(greeks, solver.levels, interrupt), threads);
+        let found = solve_puts(columns.as_puts(greeks, interrupt), threads);
         for (place, at) in (start..).take(found.steps.len()).map(row_of).enumerate() {
-            priced.keep(at, &options.row(at), &found, place, greeks, solver.shares);
+            priced.keep(at, &options.row(at), &found, place, greeks);
         }
     }
     priced
@@ -229,12 +215,7 @@ impl Columns {
         }
     }
 
-    fn as_puts<'a>(
-        &'a self,
-        greeks: Greeks,
-        levels: (usize, usize),
-        interrupt: Interrupt<'a>,
-    ) -> Puts<'a> {
+    fn as_puts<'a>(&'a self, greeks: Greeks, interrupt: Interrupt<'a>) -> Puts<'a> {
         Puts {
             rate: &self.rate,
             dividend: &self.dividend,
@@ -244,7 +225,7 @@ impl Columns {
             tolerance: &self.tolerance,
             limits: self.limits.as_deref(),
             spread_step: (greeks == Greeks::Extended).then_some(SPREAD_STEP),
-            levels,
+            levels: LEVELS,
             interrupt,
         }
     }
@@ -344,7 +325,7 @@ impl Row {
     }
 
     /// What is found of the option; see `NAMES`. `error` is the estimated error of v.
-    fn numbers(&self, found: &Found, greeks: Greeks, shares: &ErrorShares) -> [f64; NAMES.len()] {
+    fn numbers(&self, found: &Found, greeks: Greeks) -> [f64; NAMES.len()] {
         let (scale, spot) = (self.scale(), self.spot);
         let [v, by_x, by_xx, european, ..] = found.values.map(|value| scale * value);
         let least = european.max(self.payoff());
@@ -379,15 +360,15 @@ impl Row {
         if greeks != Greeks::None {
             let by_parameters = [4, 5, 6].map(|at| scale * found.values[at]);
             numbers[UNASKED..11].copy_from_slice(&self.by_parameters(by_parameters));
-            let errors = self.errors(found, shares);
+            let errors = self.errors(found);
             numbers[11..13].copy_from_slice(&errors[..2]);
             let by_others = larger(theta[1].abs() * errors[0], theta[2].abs() * errors[1]);
             let terms = larger(theta[0].abs() * error, by_others);
-            numbers[13] = shares.theta[0] * self.change_of_theta(found) + shares.theta[1] * terms;
+            numbers[13] = terms;
             numbers[14..STANDARD].copy_from_slice(&errors[2..]);
         }
         if greeks == Greeks::Extended {
-            numbers[STANDARD..].copy_from_slice(&self.second_order(found, shares));
+            numbers[STANDARD..].copy_from_slice(&self.second_order(found));
         }
         if found.exercised {
             numbers[0] = self.payoff();
@@ -424,14 +405,8 @@ impl Row {
         ]
     }
 
-    /// How far theta changed from one solve to the next.
-    fn change_of_theta(&self, found: &Found) -> f64 {
-        let terms = self.aging().into_iter().zip(&found.changes[2..]);
-        self.scale() * terms.map(|(by, change)| by * change).sum::<f64>().abs()
-    }
-
     /// The errors of delta, gamma, vega, rho and dividend rho.
-    fn errors(&self, found: &Found, shares: &ErrorShares) -> [f64; 5] {
+    fn errors(&self, found: &Found) -> [f64; 5] {
         let scale = self.scale();
         let spread = self.volatility * self.root;
         let value = scale * (found.error + ROUNDING);
@@ -442,7 +417,7 @@ impl Row {
             } else {
                 over_spread
             };
-            shares.changes[k] * scale * found.changes[k].abs() + shares.values[k] * of_value
+            OF_CHANGES[k] * scale * found.changes[k].abs() + OF_VALUES[k] * of_value
         });
         let [vega, rho, dividend_rho] = self.by_parameters(parameters);
         let delta = self.choose(by_x, value + by_x) / self.spot;
@@ -453,7 +428,7 @@ impl Row {
     /// Vanna, volga and charm, and their errors.
     ///
     /// A call's delta is v - `v_x`, v being the put with spot and strike exchanged, and x its ln(K/S).
-    fn second_order(&self, found: &Found, shares: &ErrorShares) -> [f64; 6] {
+    fn second_order(&self, found: &Found) -> [f64; 6] {
         let (scale, spread) = (self.scale(), self.volatility * self.root);
         let value = found.error + ROUNDING;
         let aging = self.aging();
@@ -469,14 +444,14 @@ impl Row {
             of_delta(by_volatility, by, by_x),
             self.expiry * found.seconds[3],
             -of_delta(aging, by, by_x),
-            shares.cross_changes * of_delta(by_volatility, changes, changes_by_x).abs()
-                + shares.cross_values[0] * self.root * value / spread.powi(2) / self.spot,
+            OF_CROSS_CHANGES * of_delta(by_volatility, changes, changes_by_x).abs()
+                + OF_CROSS_VALUES[0] * self.root * value / spread.powi(2) / self.spot,
             self.expiry
-                * (shares.cross_changes * found.second_changes[3].abs()
-                    + shares.cross_values[1] * value / spread.powi(2)
+                * (OF_CROSS_CHANGES * found.second_changes[3].abs()
+                    + OF_CROSS_VALUES[1] * value / spread.powi(2)
                     + volga_rounding),
-            shares.cross_changes * of_delta(aging, changes, changes_by_x).abs()
-                + shares.cross_values[2] * value / spread / (self.expiry * self.spot),
+            OF_CROSS_CHANGES * of_delta(aging, changes, changes_by_x).abs()
+                + OF_CROSS_VALUES[2] * value / spread / (self.expiry * self.spot),
         ]
         .map(|number| scale * number)
     }
@@ -525,21 +500,13 @@ impl Priced {
     }
 
     /// Keep what was found of a put, in the money of the row of its option.
-    fn keep(
-        &mut self,
-        at: usize,
-        row: &Row,
-        solved: &Solved,
-        place: usize,
-        greeks: Greeks,
-        shares: &ErrorShares,
-    ) {
+    fn keep(&mut self, at: usize, row: &Row, solved: &Solved, place: usize, greeks: Greeks) {
         self.steps[at] = solved.steps[place];
         if !solved.settled[place] {
             return;
         }
         let found = Found::of(solved, place);
-        let numbers = row.numbers(&found, greeks, shares);
+        let numbers = row.numbers(&found, greeks);
         for ((_, column), number) in self.columns.iter_mut().zip(numbers) {
             column[at] = number;
         }
