@@ -14,8 +14,8 @@ const PATIENCE: usize = 20;
 /// What a last iteration may still change in the distances, in cells: it leaves an error of its square.
 const SETTLED: f64 = 1e-4;
 
-/// What a distance may still change a value by, in strikes, however far it moves: next to nothing is earned or lost by exercise
-/// there, and rounding alone may move it for ever.
+/// What a distance may still change a value by, as a share of the strike and of what exercise brings, however far it moves: next
+/// to nothing is earned or lost by exercise there, and rounding alone may move it for ever.
 const UNFELT: f64 = 1e-14;
 
 /// The arrays of the method.
@@ -259,7 +259,8 @@ impl<V: Vector> Newton<V> {
             let (gain, rise) = obstacle.at(*signed, stage.rows.at(i).half_inverse);
             let now = gain.min(rise).negative(inside, s.max(zero).min(one));
             let drift = (now - inside).abs();
-            let felt = (drift * rise).plus(-UNFELT);
+            let unfelt = gain.abs().plus(1.0).times(UNFELT);
+            let felt = drift * rise - unfelt;
             moved = moved.max(felt.negative(zero, drift));
         }
         moved
