@@ -2,7 +2,8 @@
 
 They are marched with as much volatility as the march of obstacle problems resolves. A price grows with the volatility
 (El Karoui, Jeanblanc-Picque, Shreve 1998, for American options on lognormal spots). Where the spot hardly diffuses at
-all it lies between the value without any volatility and the one found. Where it does so for some time only, the error
+all it lies between the value without any volatility and the one found, with four and eight times as much where no grid
+resolves that. Where it does so for some time only, the error
 is what twice as much volatility there would add: at least what the volatility has added, as that grows with the
 volatility or with its square.
 """
