@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pricing_core.american.book.ragged import Ragged, gather, join_starts, starts
 from pricing_core.american.book.reduction import Reduction, engine_times
-from pricing_core.american.book.segments import LocalTerms, Segment, Segments, segment_rows
+from pricing_core.american.book.segments import LocalTerms, Segment, Segments, columns_of, segment_rows
 from pricing_core.american.contracts.contract import Option
 from pricing_core.american.contracts.curves import times_of
 from pricing_core.american.contracts.market import Market
@@ -123,10 +123,11 @@ class Book:
             Reduction.of(contracts),
             _column_of(local),
         )
-        due = book.escrow_now()
-        for row in np.flatnonzero((due > 0.0) & (due >= spot)).tolist():
-            allowed = "worth less today than the spot in the escrowed model"
-            raise InvalidInputError("cash_dividends", due.item(row), allowed)
+        if some(book.escrowed):
+            due = book.escrow_now()
+            for row in np.flatnonzero((due > 0.0) & (due >= spot)).tolist():
+                allowed = "worth less today than the spot in the escrowed model"
+                raise InvalidInputError("cash_dividends", due.item(row), allowed)
         return book
 
     @classmethod
@@ -331,10 +332,7 @@ class Book:
     def segments_of(self, row: int = 0) -> tuple[Segment, ...]:
         """Return the segments of a contract in the order of time."""
         alone = self if self.count == 1 else self.part(slice(row, row + 1))
-        columns = [getattr(alone.segments, name) for name in Segments.__slots__] + [
-            alone.drops(),
-            alone.escrow(),
-        ]
+        columns = (*columns_of(alone.segments), alone.drops(), alone.escrow())
         return tuple(itertools.starmap(Segment, zip(*(column.tolist() for column in columns), strict=True)))
 
 

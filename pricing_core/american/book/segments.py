@@ -67,7 +67,7 @@ class Segments:
     @classmethod
     def concatenated(cls, parts: Sequence[Segments]) -> Segments:
         """Return the segments of several books in one, in their order."""
-        return cls(*map(np.concatenate, zip(*map(_columns_of, parts), strict=True)))
+        return cls(*map(np.concatenate, zip(*map(columns_of, parts), strict=True)))
 
     @classmethod
     def of_rows(cls, rows: Sequence[Row]) -> Segments:
@@ -78,7 +78,7 @@ class Segments:
         return cls(start, end, rate, dividend_yield, volatility, *allowed, fraction, due)
 
 
-_columns_of = attrgetter(*Segments.__slots__)
+columns_of = attrgetter(*Segments.__slots__)
 Row: TypeAlias = tuple[
     float, float, float, float, float, bool, bool, float, float
 ]  # the columns of `Segments`

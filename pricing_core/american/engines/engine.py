@@ -13,6 +13,8 @@ from pricing_core.american.book.prices import Prices
 from pricing_core.american.contracts.fields import Greeks
 from pricing_core.arrays import BoolVector, Vector
 
+UNRESOLVED = "no grid resolves the contract"  # what the message of a price says then
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Request:

@@ -3,9 +3,8 @@
 They are marched with as much volatility as the march of obstacle problems resolves. A price grows with the volatility
 (El Karoui, Jeanblanc-Picque, Shreve 1998, for American options on lognormal spots). Where the spot hardly diffuses at
 all it lies between the value without any volatility and the one found, with four and eight times as much where no grid
-resolves that. Where it does so for some time only, the error
-is what twice as much volatility there would add: at least what the volatility has added, as that grows with the
-volatility or with its square.
+resolves that. Where it does so for some time only, the error is what twice as much volatility there would add: at least
+what the volatility has added, as that grows with the volatility or with its square.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ class HardlyDiffusing:
         wanted = ~MARCH.serves(book) | (book.deviation() <= LARGEST_DEVIATION)
         if not wanted.any():
             return wanted
-        return wanted & ~book.is_local() & (book.expiry > 0.0) & MARCH.serves(_raised(book, 1.0))
+        return wanted & ~book.is_local() & (book.expiry > 0.0) & MARCH.serves(_widened(book, 1.0))
 
     def solve(self, book: Book, request: Request) -> Prices:
         """Price with more volatility; Greeks have error estimates where the spot diffuses for some time."""
@@ -71,7 +70,7 @@ def _hardly(book: Book, request: Request) -> Prices:
 
     The Greeks are those with more volatility; they have no error estimates.
     """
-    raised = _raised(book, 1.0)
+    raised = _widened(book, 1.0)
     found, least = MARCH.solve(raised, request), certain_value(book)
     for factor in RAISED:
         rows = np.flatnonzero(~found.settled)

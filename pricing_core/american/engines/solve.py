@@ -13,7 +13,7 @@ from pricing_core.american.book.book import Book, Rows
 from pricing_core.american.book.prices import GREEK_LISTS, GREEKS, LISTS, Prices, error_of, prices
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.closed_form import ClosedForm, has_boundary_elsewhere
-from pricing_core.american.engines.engine import Boundaries, BoundariesAt, Engine, Request
+from pricing_core.american.engines.engine import UNRESOLVED, Boundaries, BoundariesAt, Engine, Request
 from pricing_core.american.engines.exercise_region import limits_before_expiry
 from pricing_core.american.engines.hardly_diffusing import HardlyDiffusing
 from pricing_core.american.engines.obstacle_march import CompiledMarch, ObstacleMarch, leaves_out_the_strike
@@ -26,7 +26,6 @@ CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH = ClosedForm(), PremiumMarch(), Compi
 # Those whose vega costs no more than a few prices: the search for a volatility asks them first.
 FAST_ENGINES: tuple[Engine, ...] = (CLOSED_FORM, PREMIUM_MARCH, COMPILED_MARCH)
 ENGINES: tuple[Engine, ...] = (*FAST_ENGINES, HardlyDiffusing(), ObstacleMarch())
-UNRESOLVED = "no grid resolves the contract"
 BOUNDS_ALONE = "of the price its bounds without arbitrage are known alone, between which it stands"
 
 

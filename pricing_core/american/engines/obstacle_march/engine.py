@@ -1,4 +1,4 @@
-"""The engine of the march of obstacle problems: every contract.
+"""The engine of the march of obstacle problems in NumPy.
 
 What it does is in `pricing.py`, which is imported where it is asked first: most books do without it.
 """
@@ -19,7 +19,7 @@ LARGEST_DEVIATION = 14.0
 
 @dataclass(frozen=True, slots=True)
 class ObstacleMarch:
-    """The engine for every contract: any events, any number of exercise boundaries, volatilities that are local."""
+    """The engine for what the kernel does not take: any events, any number of boundaries, local volatilities."""
 
     @property
     def name(self) -> str:
@@ -37,7 +37,7 @@ class ObstacleMarch:
         return math.inf
 
     def serves(self, book: Book) -> BoolVector:
-        """Tell contracts with time to expiry and a spot above 0 that is not lost in what rounding leaves of it."""
+        """Tell contracts with time to expiry, a spot above 0 and a deviation at which calls keep their digits."""
         return (book.expiry > 0.0) & (book.spot > 0.0) & (book.deviation() <= LARGEST_DEVIATION)
 
     def solve(self, book: Book, request: Request) -> Prices:

@@ -112,9 +112,8 @@ def by_parameters(
         if request.is_interrupted():
             return None
         sides = _sides(planned, problem, cut=cut)
-        by_place = (
-            _central(planned, [side.diffusing().item() for side in planned.sides]) / math.exp(place) / strike
-        )
+        spots = [side.diffusing().item() for side in planned.sides]
+        by_place = _central(planned, spots) / book.diffusing().item()
         values = [
             walk.derivative(sides) + slope * by_place for walk, slope in zip(walks, slopes, strict=True)
         ]

@@ -18,7 +18,7 @@ from pricing_core.american.book.cuts import with_cuts
 from pricing_core.american.book.prices import Prices, concatenated, prices
 from pricing_core.american.book.ragged import Ragged
 from pricing_core.american.engines.black_scholes import european_columns
-from pricing_core.american.engines.engine import Request
+from pricing_core.american.engines.engine import UNRESOLVED, Request
 from pricing_core.american.engines.held import priced
 from pricing_core.american.engines.obstacle_march.boundaries import Traces
 from pricing_core.american.engines.obstacle_march.contact_ends import (
@@ -106,9 +106,7 @@ def _priced(book: Book, request: Request, within: tuple[float, float]) -> Prices
     european = _european(book, problem, found, request)
     if found.march is None or found.coarse is None or math.isnan(found.value):
         status = "deadline" if found.status == "deadline" else "out_of_domain"
-        return prices(
-            1, european=european, status=status, method="none", message="no grid resolves the contract"
-        )
+        return prices(1, european=european, status=status, method="none", message=UNRESOLVED)
     boundary, boundary_error = boundary_now(book, found, request)
     exercised = bool(found.march.now.side(np.array([place]))[0] > 0)
     columns: dict[str, Any] = by_place_and_time(book, found, extended=extended)

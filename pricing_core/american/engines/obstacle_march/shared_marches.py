@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pricing_core.american.book.book import Book, Rows
-from pricing_core.american.book.segments import Segments
+from pricing_core.american.book.segments import columns_of
 
 # Standard deviations of ln S over which spots share a march: its grid reaches as many further. Chosen.
 REACH = 4.0
@@ -16,7 +16,7 @@ def shared_marches(book: Book) -> tuple[Rows, Rows]:
 
     Spots that lie far from each other have marches of their own.
     """
-    segments = np.column_stack([getattr(book.segments, name) for name in Segments.__slots__])
+    segments = np.column_stack(columns_of(book.segments))
     terms = np.column_stack([book.is_put, book.strike, book.escrowed])
     with np.errstate(divide="ignore"):
         x = np.log(book.diffusing())
